@@ -1,0 +1,1 @@
+"""The contract between Plateau's processes: jobs, slices, states, queue, blobs and EXR files."""

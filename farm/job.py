@@ -1,0 +1,103 @@
+"""A job, its curve and its events, as every process and every user sees them."""
+
+from datetime import datetime
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from farm.spec import JobSpec
+from farm.states import JobState
+
+
+class _Record(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class WatchedValue(_Record):
+    """What a rule said at a point of the curve."""
+
+    value: float | None = Field(description="the number that the rule watches")
+    stop: bool = Field(description="whether the rule would have stopped here")
+
+
+class CurvePoint(_Record):
+    """One evaluation: the merged image at `spp`, judged."""
+
+    spp: int = Field(description="samples per pixel in the merged image")
+    visible_pixels: int = Field(
+        description="pixels that differ visibly from the first image of the curve"
+    )
+    visible_fraction: float = Field(description="the same over all pixels, in [0, 1]")
+    slope: float | None = Field(
+        description="least-squares slope of visible_pixels over spp; null before the window is full"
+    )
+    estimate_pixels: float | None = Field(
+        description="half-buffer estimate: pixels seen to differ from the converged image"
+    )
+    estimate_fraction: float | None = Field(description="the same over all pixels, in [0, 1]")
+    non_finite_pixels: int = Field(0, description="pixels with a NaN or an infinity")
+    at: datetime = Field(description="when it was evaluated, by Redis's clock")
+    rules: dict[str, WatchedValue] = Field(
+        default_factory=dict, description="the stopping rule and each watched one"
+    )
+
+
+class Job(_Record):
+    """A job: one image on its way to where more samples change nothing that a person sees."""
+
+    id: str
+    name: str = Field(description="the name of the scene's file")
+    state: JobState
+    reason: str = Field(description="why the job is in this state, in words")
+    spec: JobSpec
+    scene_sha256: str
+    variant: str | None = Field(description="Mitsuba variant, pinned by the first lease")
+    width: int | None = Field(description="film width in pixels")
+    height: int | None = Field(description="film height in pixels")
+    spp: int = Field(description="samples per pixel in the merged image")
+    committed_spp: int = Field(description="samples per pixel in the ledger, merged or not")
+    points: int = Field(description="points of the curve")
+    visible_pixels: int | None = None
+    visible_fraction: float | None = None
+    slope: float | None = None
+    estimate_pixels: float | None = None
+    estimate_fraction: float | None = None
+    verdict: dict[str, float | None] | None = Field(
+        None, description="the numbers of the rule that fired"
+    )
+    samples_saved: int = Field(
+        0, description="samples (not spp) that a converged job did not need of its cap"
+    )
+    machine_s: float = Field(description="seconds that render children spent on the job")
+    notes: tuple[str, ...] = Field((), description="what the farm changed in the scene")
+    created_at: datetime
+    started_at: datetime | None = None
+    ended_at: datetime | None = None
+    finished_at: datetime | None = Field(
+        None, description="when the final images were written and everything else was cleared"
+    )
+
+
+class Event(_Record):
+    """Something that happened to a job; `id` orders events and resumes a stream of them."""
+
+    id: str
+    type: str = Field(description="state, point, slice or finished")
+    data: dict[str, object]
+    at: datetime
+
+
+class Worker(_Record):
+    """A worker as its last heartbeat described it."""
+
+    id: str
+    host: str
+    pid: int
+    variants: tuple[str, ...] = Field(description="what it can render with, best first")
+    threads: int
+    job: str | None = Field(description="the job it renders, if any")
+    slice: int | None
+    slices_done: int
+    samples_per_s: float | None = Field(description="rate over its last slice")
+    last_error: str | None
+    started_at: datetime
+    seen_at: datetime

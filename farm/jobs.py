@@ -1,0 +1,257 @@
+"""Jobs in Redis: creating, reading, listing and cancelling them."""
+
+import json
+import secrets
+from collections.abc import Iterator
+from dataclasses import dataclass
+from datetime import datetime, timezone
+from typing import Any, Final
+
+import redis
+
+from farm import keys
+from farm.errors import IllegalTransition, JobNotFound
+from farm.job import CurvePoint, Event, Job, Worker
+from farm.redis_link import unavailable_as_farm_error
+from farm.scripts import Scripts
+from farm.spec import JobSpec
+from farm.states import JobState
+
+#: The first event of a job has a greater id than this.
+BEFORE_ALL_EVENTS: Final = "0-0"
+
+
+def moment(milliseconds: str | int | float) -> datetime:
+    """A time of Redis's clock as an aware datetime in UTC."""
+    return datetime.fromtimestamp(float(milliseconds) / 1000, timezone.utc)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Created:
+    """What became of a request to create a job."""
+
+    job: Job
+    repeated: bool  #: the idempotency key was known: this is the job that it made then
+    conflict: bool  #: it was known for another request
+
+
+class Jobs:
+    """All jobs. Every method raises `StoreUnavailable` when Redis is away."""
+
+    def __init__(self, client: redis.Redis) -> None:
+        self._redis = client
+        self._scripts = Scripts(client)
+
+    def create(
+        self,
+        spec: JobSpec,
+        *,
+        name: str,
+        scene_sha256: str,
+        idempotency_key: str = "",
+        digest: str = "",
+    ) -> Created:
+        """Create a job, `queued`; the same idempotency key creates it once."""
+        fields: dict[str, str | int] = {
+            "name": name,
+            "spec": spec.model_dump_json(),
+            "scene_sha256": scene_sha256,
+            "asked_variant": spec.variant,
+            "slice_spp": spec.slice_spp,
+            "batch": spec.batch or "",
+            "planned": 0,
+            "ready": 0,
+            "committed": 0,
+            "spp": 0,
+            "points": 0,
+            "machine_ms": 0,
+        }
+        flat = [item for pair in fields.items() for item in pair]
+        outcome, job_id = self._scripts.run(
+            "create", secrets.token_hex(6), idempotency_key, digest, spec.priority, *flat
+        )
+        return Created(
+            job=self.get(job_id), repeated=outcome == "repeated", conflict=outcome == "conflict"
+        )
+
+    def get(self, job_id: str) -> Job:
+        """The job, or `JobNotFound`."""
+        with unavailable_as_farm_error():
+            fields = self._redis.hgetall(keys.job(job_id))
+        if not fields:
+            raise JobNotFound(job_id)
+        return _job(fields)
+
+    def page(self, *, before: int | None = None, limit: int = 50) -> tuple[list[Job], int | None]:
+        """Jobs, newest first, below the number `before`, and the number to go on from."""
+        with unavailable_as_farm_error():
+            rows = self._redis.zrevrangebyscore(
+                keys.JOBS,
+                f"({before}" if before is not None else "+inf",
+                "-inf",
+                start=0,
+                num=limit,
+                withscores=True,
+            )
+            pipe = self._redis.pipeline(transaction=False)
+            for job_id, _ in rows:
+                pipe.hgetall(keys.job(job_id))
+            jobs = [_job(fields) for fields in pipe.execute() if fields]
+        return jobs, int(rows[-1][1]) if len(rows) == limit else None
+
+    def search(
+        self,
+        *,
+        state: JobState | None = None,
+        batch: str | None = None,
+        before: int | None = None,
+        limit: int = 50,
+    ) -> tuple[list[Job], int | None]:
+        """As `page`, of one state or one batch; reads pages until `limit` jobs are found."""
+        found: list[Job] = []
+        while True:
+            jobs, before = self.page(before=before, limit=limit)
+            found += [
+                job
+                for job in jobs
+                if state in {None, job.state} and batch in {None, job.spec.batch}
+            ]
+            if before is None or len(found) >= limit:
+                break
+        if len(found) > limit:
+            found = found[:limit]
+            before = self._number(found[-1].id)
+        return found, before
+
+    def curve(self, job_id: str) -> list[CurvePoint]:
+        """The points of the job's curve, by rising spp."""
+        with unavailable_as_farm_error():
+            entries = self._redis.xrange(keys.job(job_id, "curve"))
+        return [curve_point(fields["point"]) for _, fields in entries]
+
+    def events(self, job_id: str, after: str = BEFORE_ALL_EVENTS) -> list[Event]:
+        """What happened to the job since the event `after`."""
+        with unavailable_as_farm_error():
+            entries = self._redis.xrange(keys.job(job_id, "events"), min=f"({after}")
+        return [event(event_id, fields) for event_id, fields in entries]
+
+    def story(self, job_id: str) -> tuple[str, ...]:
+        """Each transition of the job in words, with its time and its cause."""
+        return tuple(
+            f"{happening.at:%Y-%m-%d %H:%M:%S} {happening.data['to']}: {happening.data['reason']}"
+            for happening in self.events(job_id)
+            if happening.type == "state"
+        )
+
+    def cancel(self, job_id: str, reason: str = "cancelled by a user") -> Job:
+        """Cancel the job; cancelling it again is harmless.
+
+        Raises
+        ------
+        JobNotFound
+            There is no such job.
+        IllegalTransition
+            It has already ended otherwise.
+        """
+        outcome, *state = self._scripts.run("end", job_id, "", JobState.CANCELLED, reason, "")
+        if outcome == "illegal":
+            if state == ["missing"]:
+                raise JobNotFound(job_id)
+            raise IllegalTransition(job_id, state[0], "cancelled", self.story(job_id))
+        return self.get(job_id)
+
+    def ledger(self, job_id: str) -> dict[int, dict[str, Any]]:
+        """Each committed slice's record, by index, in order."""
+        with unavailable_as_farm_error():
+            records = self._redis.hgetall(keys.job(job_id, "ledger"))
+        return {int(index): json.loads(records[index]) for index in sorted(records, key=int)}
+
+    def workers(self, within_s: float = 15.0) -> list[Worker]:
+        """The workers whose heartbeat was heard within so many seconds."""
+        with unavailable_as_farm_error():
+            now = self.now_ms()
+            alive = self._redis.zrangebyscore(keys.WORKERS, now - within_s * 1000, "+inf")
+            pipe = self._redis.pipeline(transaction=False)
+            for worker_id in alive:
+                pipe.hgetall(keys.worker(worker_id))
+            return [
+                Worker(**json.loads(fields["about"]), seen_at=moment(fields["seen_at"]))
+                for fields in pipe.execute()
+                if fields
+            ]
+
+    def now_ms(self) -> int:
+        """Redis's clock in milliseconds: the only one that counts."""
+        seconds, microseconds = self._redis.time()
+        return int(seconds) * 1000 + int(microseconds) // 1000
+
+    def remember_scene(self, sha256: str, summary: dict[str, Any]) -> None:
+        """Note that the blob store holds this scene."""
+        with unavailable_as_farm_error():
+            self._redis.hsetnx(keys.SCENES, sha256, json.dumps(summary))
+
+    def scenes(self) -> Iterator[dict[str, Any]]:
+        """The scenes that the blob store holds, with their summaries."""
+        with unavailable_as_farm_error():
+            scenes = self._redis.hgetall(keys.SCENES)
+        for sha256, summary in scenes.items():
+            yield {"sha256": sha256, **json.loads(summary)}
+
+    def ping(self) -> None:
+        """Return if Redis answers; raise `StoreUnavailable` otherwise."""
+        with unavailable_as_farm_error():
+            self._redis.ping()
+
+    def _number(self, job_id: str) -> int | None:
+        with unavailable_as_farm_error():
+            score = self._redis.zscore(keys.JOBS, job_id)
+        return None if score is None else int(score)
+
+
+def curve_point(text: str) -> CurvePoint:
+    """A point as `append_point` stored it."""
+    point = json.loads(text)
+    return CurvePoint(**{**point, "at": moment(point["at"])})
+
+
+def event(event_id: str, fields: dict[str, str]) -> Event:
+    """An event as the scripts' `announce` stored it."""
+    data = json.loads(fields["data"])
+    if fields["type"] == "point":
+        data = curve_point(fields["data"]).model_dump(mode="json")
+    return Event(id=event_id, type=fields["type"], data=data, at=moment(fields["at"]))
+
+
+def _job(fields: dict[str, str]) -> Job:
+    spec = JobSpec.model_validate_json(fields["spec"])
+    latest = json.loads(fields.get("latest", "{}"))
+    spp, width, height = int(fields["spp"]), fields.get("width"), fields.get("height")
+    saved = 0
+    if fields["state"] == JobState.CONVERGED and width and height:
+        saved = (spec.max_spp - spp) * int(width) * int(height)
+    times = {
+        name: moment(fields[name])
+        for name in ("created_at", "started_at", "ended_at", "finished_at")
+        if name in fields
+    }
+    judged = ("visible_pixels", "visible_fraction", "slope", "estimate_pixels", "estimate_fraction")
+    return Job(
+        id=fields["id"],
+        name=fields["name"],
+        state=JobState(fields["state"]),
+        reason=fields["reason"],
+        spec=spec,
+        scene_sha256=fields["scene_sha256"],
+        variant=fields.get("variant"),
+        width=int(width) if width else None,
+        height=int(height) if height else None,
+        spp=spp,
+        committed_spp=int(fields["committed"]) * spec.slice_spp,
+        points=int(fields["points"]),
+        **{name: latest.get(name) for name in judged},
+        verdict=json.loads(fields["verdict"]) if "verdict" in fields else None,
+        samples_saved=saved,
+        machine_s=int(fields["machine_ms"]) / 1000,
+        notes=tuple(json.loads(fields.get("notes", "[]"))),
+        **times,
+    )

@@ -1,0 +1,71 @@
+-- Give a worker its next slice: highest priority first, then the job with the fewest leased spp,
+-- then the older one. A worker keeps to the scene that it has loaded while its turn lasts.
+-- ARGV: worker, its variants as JSON (best first), loaded job or '', '1' while its turn lasts,
+--       lease in ms, most tries
+-- Returns JSON {job, entry, index, tries, variant, spec, scene}, 'none', or 'again' (a job was
+-- poisoned instead).
+local worker, variants, loaded, in_turn = ARGV[1], cjson.decode(ARGV[2]), ARGV[3], ARGV[4] == '1'
+local lease_ms, most_tries = ARGV[5], tonumber(ARGV[6])
+
+local function variant_for(asked, pinned)
+  local wanted = pinned or asked
+  if wanted == 'auto' then return variants[1] end
+  for _, variant in ipairs(variants) do
+    if variant == wanted then return variant end
+  end
+end
+
+local function candidate(id)
+  local job = redis.call('HMGET', job_key(id), 'state', 'ready', 'asked_variant', 'variant',
+                         'slice_spp', 'number')
+  local variant = variant_for(job[3], job[4] or nil)
+  if job[1] == 'paused' or not variant then return nil end
+  local slices = job_key(id, 'slices')
+  local leased = redis.call('XPENDING', slices, GROUP)[1]
+  local stale = leased > 0 and redis.call('XPENDING', slices, GROUP, 'IDLE', lease_ms, '-', '+', 1)[1]
+  if tonumber(job[2]) == 0 and not stale then return nil end
+  return {id = id, variant = variant, stale = stale, state = job[1],
+          leased_spp = leased * job[5], number = tonumber(job[6])}
+end
+
+local function before(a, b)
+  if a.leased_spp ~= b.leased_spp then return a.leased_spp < b.leased_spp end
+  return a.number < b.number
+end
+
+local chosen, priority
+local open = redis.call('ZREVRANGE', OPEN, 0, -1, 'WITHSCORES')
+for i = 1, #open, 2 do
+  if chosen and open[i + 1] ~= priority then break end
+  local job = candidate(open[i])
+  if job then
+    if job.id == loaded and in_turn then job.leased_spp = -1 end
+    if not chosen or before(job, chosen) then chosen = job end
+    priority = open[i + 1]
+  end
+end
+if not chosen then return 'none' end
+
+local id, slices = chosen.id, job_key(chosen.id, 'slices')
+local entry
+if chosen.stale then
+  entry = redis.call('XCLAIM', slices, GROUP, worker, lease_ms, chosen.stale[1])[1]
+  if chosen.stale[2] ~= 'nobody' then
+    local causes = note_death(id, entry[2][2], 'worker ' .. chosen.stale[2] .. ' was lost')
+    if #causes >= most_tries then
+      poison(id, entry[2][2], causes)
+      return 'again'
+    end
+  end
+else
+  entry = redis.call('XREADGROUP', 'GROUP', GROUP, worker, 'COUNT', 1, 'STREAMS', slices, '>')[1][2][1]
+  redis.call('HINCRBY', job_key(id), 'ready', -1)
+end
+if redis.call('HSETNX', job_key(id), 'variant', chosen.variant) == 1 then
+  redis.call('HSET', job_key(id), 'started_at', now())
+end
+if chosen.state == 'queued' then move(id, 'rendering', 'rendering with ' .. chosen.variant) end
+local job = redis.call('HMGET', job_key(id), 'spec', 'scene_sha256')
+local _, tries = holds(id, entry[1], worker)
+return cjson.encode({job = id, entry = entry[1], index = tonumber(entry[2][2]), tries = tries,
+                     variant = chosen.variant, spec = job[1], scene = job[2]})

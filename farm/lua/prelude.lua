@@ -1,0 +1,64 @@
+-- Shared by every script; farm/scripts.py puts the key names and the table of moves before it.
+
+local function now()  -- milliseconds by Redis's clock, as text: Lua would print 1.7e+12
+  local time = redis.call('TIME')
+  return string.format('%.0f', time[1] * 1000 + math.floor(time[2] / 1000))
+end
+
+local function announce(id, type, data)
+  redis.call('XADD', job_key(id, 'events'), '*', 'type', type, 'at', now(), 'data', data)
+end
+
+-- Move a job along the table. Returns true, or false and the state that forbids it.
+local function move(id, target, reason)
+  local state = redis.call('HGET', job_key(id), 'state')
+  if not state then return false, 'missing' end
+  if not MOVES[state][target] then return false, state end
+  redis.call('HSET', job_key(id), 'state', target, 'reason', reason)
+  announce(id, 'state', cjson.encode({from = state, to = target, reason = reason}))
+  return true, state
+end
+
+-- Move a job to an end: what is not committed is withdrawn, and everyone is told.
+local function end_job(id, target, reason)
+  local moved, state = move(id, target, reason)
+  if not moved then return false, state end
+  redis.call('HSET', job_key(id), 'ended_at', now(), 'ready', 0)
+  redis.call('DEL', job_key(id, 'slices'), job_key(id, 'deaths'))
+  redis.call('ZREM', OPEN, id)
+  redis.call('PUBLISH', WAKE_WORKERS, 'ended ' .. id)
+  redis.call('PUBLISH', WAKE_MONITORS, id)
+  return true, state
+end
+
+-- Does this worker hold the lease on this entry of the job's stream?
+local function holds(id, entry, worker)
+  if redis.call('EXISTS', job_key(id, 'slices')) == 0 then return false end
+  local pending = redis.call('XPENDING', job_key(id, 'slices'), GROUP, entry, entry, 1)
+  return pending[1] ~= nil and pending[1][2] == worker, pending[1] and pending[1][4]
+end
+
+-- Put a leased slice back: nobody holds it, and the next worker may take it at once.
+local function put_back(id, entry, tries)
+  redis.call('XCLAIM', job_key(id, 'slices'), GROUP, 'nobody', 0, entry,
+             'IDLE', 86400000, 'RETRYCOUNT', tries, 'JUSTID')
+  redis.call('PUBLISH', WAKE_WORKERS, 'planned')
+end
+
+-- Note why a worker died on a slice; returns all causes so far.
+local function note_death(id, index, cause)
+  local causes = cjson.decode(redis.call('HGET', job_key(id, 'deaths'), index) or '[]')
+  causes[#causes + 1] = cause
+  redis.call('HSET', job_key(id, 'deaths'), index, cjson.encode(causes))
+  return causes
+end
+
+local function poison(id, index, causes)
+  end_job(id, 'failed', string.format('slice %s was given to %d workers and none survived it: %s',
+                                      index, #causes, table.concat(causes, '; ')))
+end
+
+-- Is this the token of the monitor that owns the job?
+local function owned(id, token)
+  return redis.call('GET', job_key(id, 'owner')) == token
+end

@@ -1,0 +1,159 @@
+"""The queue as a worker sees it: lease a slice, keep the lease, commit it or give it back."""
+
+import json
+from dataclasses import dataclass
+from enum import Enum
+
+import redis
+from pydantic import BaseModel, ConfigDict
+
+from farm import keys
+from farm.redis_link import unavailable_as_farm_error
+from farm.scripts import Scripts
+from farm.spec import JobSpec
+from farm.states import MAX_TRIES
+
+
+@dataclass(frozen=True, kw_only=True)
+class Lease:
+    """One slice, this worker's until it commits, gives it back, or stops renewing it."""
+
+    job_id: str
+    entry: str  #: the entry of the job's stream
+    index: int
+    tries: int  #: how often the slice was leased, this time included
+    variant: str
+    spec: JobSpec
+    scene_sha256: str
+
+
+class SliceRecord(BaseModel):
+    """A slice's line in the ledger."""
+
+    model_config = ConfigDict(frozen=True)
+
+    index: int
+    spp: int
+    first_seed: int
+    last_seed: int
+    blob: str  #: the partial's key in the blob store
+    sha256: str  #: of the partial's bytes
+    worker: str
+    render_s: float
+
+
+class Committed(str, Enum):
+    """The queue's answer to a commit."""
+
+    COMMITTED = "committed"
+    DUPLICATE = "duplicate"  #: the ledger has this slice: harmless, the partial can go
+    LOST = "lost"  #: the lease ran out and another worker has the slice
+    ENDED = "ended"  #: the job has ended
+    OVERLAP = "overlap"  #: its seeds are in the ledger under another slice: a bug, refused
+
+
+class SliceQueue:
+    """The slices of all jobs, for one worker. Methods raise `StoreUnavailable`."""
+
+    def __init__(self, client: redis.Redis, worker_id: str, lease_s: float) -> None:
+        self._redis = client
+        self._scripts = Scripts(client)
+        self._worker = worker_id
+        self._lease_ms = round(lease_s * 1000)
+
+    def lease(
+        self, variants: tuple[str, ...], loaded_job: str | None, *, in_turn: bool
+    ) -> Lease | None:
+        """The next slice for this worker, or None where there is nothing to do.
+
+        `variants` are what it can render with, best first. While `in_turn`, it keeps to the job
+        whose scene it has loaded.
+        """
+        answer = "again"
+        while answer == "again":
+            answer = self._scripts.run(
+                "lease",
+                self._worker,
+                json.dumps(variants),
+                loaded_job or "",
+                int(in_turn),
+                self._lease_ms,
+                MAX_TRIES,
+            )
+        if answer == "none":
+            return None
+        found = json.loads(answer)
+        return Lease(
+            job_id=found["job"],
+            entry=found["entry"],
+            index=found["index"],
+            tries=found["tries"],
+            variant=found["variant"],
+            spec=JobSpec.model_validate_json(found["spec"]),
+            scene_sha256=found["scene"],
+        )
+
+    def commit(
+        self,
+        lease: Lease,
+        record: SliceRecord,
+        *,
+        width: int,
+        height: int,
+        notes: tuple[str, ...],
+    ) -> Committed:
+        """Enter the slice into the ledger, if the lease still holds; safe to repeat."""
+        return Committed(
+            self._scripts.run(
+                "commit",
+                lease.job_id,
+                lease.entry,
+                self._worker,
+                lease.index,
+                record.model_dump_json(),
+                record.first_seed,
+                record.last_seed,
+                round(record.render_s * 1000),
+                width,
+                height,
+                json.dumps(notes),
+            )
+        )
+
+    def died(self, lease: Lease, cause: str, machine_s: float) -> str:
+        """Say that the render child died on the slice; the third death fails the job."""
+        answer: str = self._scripts.run(
+            "died",
+            lease.job_id,
+            lease.entry,
+            self._worker,
+            lease.index,
+            cause,
+            MAX_TRIES,
+            round(machine_s * 1000),
+        )
+        return answer
+
+    def hand_back(self, lease: Lease, machine_s: float = 0.0) -> None:
+        """Give the slice back untouched, for the next worker to take at once."""
+        self._scripts.run(
+            "hand_back", lease.job_id, lease.entry, self._worker, round(machine_s * 1000)
+        )
+
+    def fail(self, lease: Lease, reason: str) -> None:
+        """Fail the job: its scene cannot be rendered by anyone."""
+        self._scripts.run("fail", lease.job_id, lease.entry, self._worker, reason)
+
+    def heartbeat(self, about: dict[str, object], leases: tuple[Lease, ...]) -> set[str]:
+        """Say that the worker lives and renew its leases; returns jobs to stop rendering."""
+        pairs = [item for lease in leases for item in (lease.job_id, lease.entry)]
+        return set(self._scripts.run("heartbeat", self._worker, json.dumps(about), *pairs))
+
+    def leave(self) -> None:
+        """Sign off."""
+        self._scripts.run("leave", self._worker)
+
+    def ended(self, job_id: str) -> bool:
+        """Whether the job has ended, or is not known at all."""
+        with unavailable_as_farm_error():
+            return self._redis.zscore(keys.OPEN, job_id) is None

@@ -1,0 +1,109 @@
+"""What a user asks for: the specification of a job, checked field by field."""
+
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+Variant = Literal["auto", "scalar_rgb", "llvm_ad_rgb", "cuda_ad_rgb"]
+
+
+class _Spec(BaseModel):
+    """Frozen, and unknown fields are refused."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class ViewSpec(_Spec):
+    """The display and the distance at which the image is judged."""
+
+    exposure_ev: float = Field(0.0, ge=-30, le=30, description="exposure in EV (powers of two)")
+    white_luminance: float = Field(100.0, gt=0, le=20_000, description="display white in cd/m²")
+    field_of_view_deg: float = Field(
+        45.0, gt=0, lt=180, description="angle under which the image's width is seen, in degrees"
+    )
+    primaries: Literal["rec709", "adobe1998"] = Field(
+        "rec709", description="the display's RGB primaries"
+    )
+
+
+class FixedSpec(_Spec):
+    """Stop at a number of samples, whatever the image looks like (algorithm 4.1)."""
+
+    name: Literal["fixed"] = "fixed"
+    spp: int = Field(10_000, gt=0, description="samples per pixel at which to stop")
+
+
+class ReverseSpec(_Spec):
+    """Stop when the difference to the first image has reached its plateau (algorithm 4.4)."""
+
+    name: Literal["reverse"] = "reverse"
+    window: int = Field(5, ge=2, le=1000, description="points of the curve in the regression")
+    epsilon: float = Field(
+        0.1, gt=0, description="slope, in visible pixels per spp at 512×512, at which to stop"
+    )
+
+
+RuleSpec = Annotated[FixedSpec | ReverseSpec, Field(discriminator="name")]
+
+
+class JobSpec(_Spec):
+    """A job: how one image is sampled, judged and stopped."""
+
+    step: int = Field(100, gt=0, description="spp between two evaluations of the rule")
+    slice_spp: int = Field(25, gt=0, le=4096, description="spp of one slice, the unit of work")
+    max_spp: int = Field(10_000, gt=0, le=1_000_000, description="cap: the job is exhausted there")
+    time_limit_s: float | None = Field(
+        None, gt=0, description="seconds from its first slice after which the job is exhausted"
+    )
+    priority: int = Field(0, ge=-1000, le=1000, description="higher is served first")
+    batch: str | None = Field(
+        None, min_length=1, max_length=100, description="a name that groups jobs"
+    )
+    variant: Variant = Field(
+        "auto", description="Mitsuba variant; auto takes the best of the first worker"
+    )
+    seed: int = Field(
+        0, ge=0, lt=4096, description="another seed draws samples independent of all others"
+    )
+    sensor: int = Field(0, ge=0, le=1000, description="index of the scene's sensor")
+    parameters: dict[str, str | int | float | bool] = Field(
+        default_factory=dict, description="values for the scene's $parameters, as mitsuba -D"
+    )
+    rule: RuleSpec = Field(default_factory=ReverseSpec, description="the rule that ends the job")
+    watch: tuple[RuleSpec, ...] = Field(
+        (), max_length=16, description="rules that are evaluated and reported, and stop nothing"
+    )
+    view: ViewSpec = Field(default_factory=ViewSpec, description="how the image is looked at")
+
+    @model_validator(mode="after")
+    def _consistent(self) -> "JobSpec":
+        if self.step % self.slice_spp:
+            raise ValueError(
+                f"step must be a multiple of slice_spp, so that an evaluation falls on a whole "
+                f"number of slices: {self.step} is not a multiple of {self.slice_spp}"
+            )
+        if self.max_spp % self.slice_spp:
+            raise ValueError(
+                f"max_spp must be a multiple of slice_spp: "
+                f"{self.max_spp} is not a multiple of {self.slice_spp}"
+            )
+        names = [rule.name for rule in (self.rule, *self.watch)]
+        if len(set(names)) < len(names):
+            raise ValueError("each rule may be named once, as the rule or under watch")
+        return self
+
+    @property
+    def max_slices(self) -> int:
+        """The number of slices at the cap."""
+        return self.max_spp // self.slice_spp
+
+    def parameter_strings(self) -> dict[str, str]:
+        """`parameters` as Mitsuba reads them: text, with lower-case booleans."""
+        return {
+            name: str(value).lower() if isinstance(value, bool) else str(value)
+            for name, value in self.parameters.items()
+        }
+
+    def evaluates_at(self, spp: int) -> bool:
+        """Whether the rule is evaluated when `spp` samples per pixel are merged."""
+        return spp > 0 and (spp % self.step == 0 or spp == self.max_spp)

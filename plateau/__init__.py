@@ -1,0 +1,1 @@
+"""Plateau's front door: the command line and the Python client."""

@@ -1,0 +1,1 @@
+"""Renders slices: a supervisor that never imports Mitsuba, and a render child that does."""
