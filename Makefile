@@ -1,0 +1,35 @@
+# Two commands are enough on a fresh machine: `make demo` and `make test`.
+.PHONY: demo test test-long check bench setup clean
+.DEFAULT_GOAL := help
+
+BIN := .venv/bin
+
+help:  ## Show this list
+	@grep -hE '^[a-z%-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 16
+
+setup:  ## Make .venv with everything pinned, and find an LLVM
+	@bash deploy/setup.sh
+
+demo: setup  ## Render scenes/box until it has converged; results in ./demo
+	$(BIN)/plateau render scenes/box -o demo
+
+test: setup  ## Run every test that a newcomer's machine can run
+	$(BIN)/python -m pytest
+
+test-long: setup  ## The long forms of the statistical tests
+	$(BIN)/python -m pytest -m long
+
+check: setup  ## Style, types and the import law: what CI runs before the tests
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+bench: setup  ## Run every benchmark; results in bench/results
+	@for file in bench/*.py; do $(BIN)/python -m bench.$$(basename $$file .py) || exit 1; done
+
+bench-%: setup  ## Run one benchmark, bench/NAME.py
+	$(BIN)/python -m bench.$*
+
+clean:  ## Remove .venv and caches
+	rm -rf .venv .mypy_cache .ruff_cache .pytest_cache .import_linter_cache demo

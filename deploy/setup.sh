@@ -1,0 +1,72 @@
+#!/usr/bin/env bash
+# Makes .venv with the pinned dependencies and looks for an LLVM that Mitsuba can use.
+# `make` calls it; it may be run again at any time, and does only what is missing.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+say() { printf '%s\n' "setup: $*" >&2; }
+
+is_root_on_debian() { [ "$(id -u)" = 0 ] && command -v apt-get >/dev/null; }
+
+apt_install() {
+  say "installing $* with apt-get"
+  if ! DEBIAN_FRONTEND=noninteractive apt-get install -y -qq "$@" >/dev/null 2>&1; then
+    apt-get update -qq >/dev/null 2>&1 || true
+    DEBIAN_FRONTEND=noninteractive apt-get install -y -qq "$@" >/dev/null
+  fi
+}
+
+find_python() {
+  # Every candidate is run: a version manager's shim may exist without its Python.
+  local candidate
+  for candidate in ${PYTHON:-} python3.12 python3.11 python3.10 python3; do
+    if "$candidate" -c 'import sys; sys.exit(not (3, 10) <= sys.version_info < (3, 13))' 2>/dev/null
+    then echo "$candidate"; return; fi
+  done
+  for candidate in ${PYTHON:-} python3; do  # newer ones need a redis-server on the PATH
+    if "$candidate" -c 'import sys; sys.exit(sys.version_info < (3, 10))' 2>/dev/null
+    then echo "$candidate"; return; fi
+  done
+  say "no Python 3.10 or newer was found; install one, or name it: make PYTHON=/path/to/python3"
+  return 1
+}
+
+make_venv() {
+  local python; python=$(find_python)
+  say "making .venv with $("$python" --version)"
+  if ! "$python" -m venv --clear .venv 2>/dev/null; then
+    if ! is_root_on_debian; then
+      say "this Python cannot make virtual environments; on Debian or Ubuntu: apt install python3-venv"
+      return 1
+    fi
+    apt_install python3-venv
+    "$python" -m venv --clear .venv
+  fi
+  .venv/bin/python -m pip install -q --disable-pip-version-check -c constraints.txt uv
+  .venv/bin/uv pip install -q --python .venv/bin/python -c constraints.txt -e '.[dev]'
+}
+
+variant() { .venv/bin/python -m plateau doctor --json | .venv/bin/python -c \
+  'import json, sys; print(json.load(sys.stdin)["variant"])' || echo scalar_rgb; }
+
+find_llvm() {
+  [ "$(variant)" = scalar_rgb ] || return 0
+  if is_root_on_debian; then
+    local package
+    apt-get update -qq >/dev/null 2>&1 || true
+    for package in $(apt-cache search --names-only '^libllvm[0-9]+$' | cut -d' ' -f1 | sort -rV); do
+      [ "${package#libllvm}" -ge 17 ] || break  # older ones abort or are refused
+      if apt_install "$package" && [ "$(variant)" != scalar_rgb ]; then return 0; fi
+    done
+  fi
+  say "no usable LLVM: rendering goes on with scalar_rgb, at about a third of the speed." \
+      "To mend it install LLVM 17 or newer (Debian: apt install libllvm19; macOS: brew install llvm)."
+}
+
+# What .venv was made from; when that changes, it is made again.
+wanted=$(cat pyproject.toml constraints.txt | cksum)
+if [ "$(cat .venv/made-from 2>/dev/null)" != "$wanted" ]; then
+  make_venv
+  find_llvm
+  echo "$wanted" > .venv/made-from
+fi

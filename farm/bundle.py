@@ -1,0 +1,228 @@
+"""Scenes as they are uploaded: checked without Mitsuba, and unpacked.
+
+An upload is a Mitsuba XML file, or a zip of one with its meshes and textures. It is guilty until
+checked. The API checks it before it stores it, and a worker checks it again before it unpacks it;
+neither runs Mitsuba for that, and neither reads a mesh.
+
+There is no list of allowed plugins: what a plugin makes of its values is Mitsuba's business, in a
+child process. What is refused is what reaches beyond the bundle (paths, links, libraries that
+Mitsuba would load) or costs more than it should (bombs, include cycles, huge films).
+"""
+
+import os
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import IO, BinaryIO, Literal
+
+from farm.bundle_archive import Archive
+from farm.bundle_entry import SCENE_XML, find_entry
+from farm.bundle_rules import CODES, BundleError, BundleLimits
+from farm.bundle_tree import Kind, Parts
+from farm.scene_walk import read_scene
+
+__all__ = [
+    "CODES",
+    "BundleError",
+    "BundleLimits",
+    "SceneSummary",
+    "inspect_bundle",
+    "unpack_bundle",
+]
+
+_ZIP_MAGIC = b"PK"
+#: Space, and the bytes of a byte order mark or of half an ASCII character in UTF-16.
+_NOT_TEXT = b" \t\r\n\0\xef\xbb\xbf\xff\xfe"
+_COPY_BYTES = 2**20
+_DEFAULT_LIMITS = BundleLimits()
+
+
+@dataclass(frozen=True)
+class SceneSummary:
+    """What a check learned of an upload."""
+
+    #: a single XML file, or a zip
+    kind: Literal["xml", "zip"]
+    #: the scene's XML, by its name in the bundle
+    entry: str
+    #: number of files in the bundle, and their size in bytes when unpacked
+    files: int
+    bytes_unpacked: int
+    #: size of the image in pixels: the film of the chosen sensor, or its crop window
+    width: int
+    height: int
+    #: number of sensors
+    sensors: int
+    #: the scene's parameters with their defaults
+    parameters: dict[str, str] = field(default_factory=dict)
+
+
+def inspect_bundle(
+    source: Path | BinaryIO,
+    *,
+    parameters: Mapping[str, str] | None = None,
+    sensor: int = 0,
+    limits: BundleLimits = _DEFAULT_LIMITS,
+) -> SceneSummary:
+    """Return what an upload holds, having checked all that can be checked without Mitsuba.
+
+    Parameters
+    ----------
+    source : Path or seekable binary file
+        The upload. A file is read from its start and left open.
+    parameters : mapping of str to str, optional
+        The job's values for the scene's `$parameters`.
+    sensor : int
+        Index of the sensor whose image is wanted.
+    limits : BundleLimits
+        What is allowed.
+
+    Raises
+    ------
+    BundleError
+        Where anything is wrong; its code is one of `CODES`.
+
+    Notes
+    -----
+    Sizes are those that the archive declares; `unpack_bundle` finds out whether they are true.
+    """
+    with _opened(source) as stream:
+        bundle = _bundle(stream, limits)
+        entry = _entry(bundle, limits)
+        scene = read_scene(bundle, entry, parameters or {}, limits)
+    scene.parameters.check_all_used()
+    width, height = scene.cast.image_size(sensor, limits)
+    return SceneSummary(
+        kind="zip" if isinstance(bundle, Archive) else "xml",
+        entry=bundle.label(entry),
+        files=len(bundle.files),
+        bytes_unpacked=sum(bundle.files.values()),
+        width=width,
+        height=height,
+        sensors=len(scene.cast.sensors),
+        parameters=scene.parameters.defaults,
+    )
+
+
+def unpack_bundle(
+    source: Path | BinaryIO, folder: Path, limits: BundleLimits = _DEFAULT_LIMITS
+) -> str:
+    """Return the name of the scene's XML below `folder`, having unpacked an upload there.
+
+    The archive's directory is checked as `inspect_bundle` does, and what is read is checked
+    against what it declared. The scene's XML is not read: call `inspect_bundle` for that.
+
+    Parameters
+    ----------
+    source : Path or seekable binary file
+        The upload.
+    folder : Path
+        Made if it is not there; has to be empty. After an error it holds part of the bundle.
+    limits : BundleLimits
+        What is allowed.
+
+    Raises
+    ------
+    BundleError
+        Where anything is wrong; its code is one of `CODES`.
+    FileExistsError
+        Where the folder is not empty.
+    """
+    folder.mkdir(mode=0o755, parents=True, exist_ok=True)
+    if any(folder.iterdir()):
+        raise FileExistsError(f"{folder} is not empty")
+    with _opened(source) as stream:
+        bundle = _bundle(stream, limits)
+        entry = _entry(bundle, limits)
+        for path in sorted(bundle.folders - {()}):
+            made = folder.joinpath(*path)
+            made.mkdir()
+            made.chmod(0o755)
+        for path, declared_bytes in sorted(bundle.files.items()):
+            with bundle.open(path) as packed:
+                written_bytes = _write(packed, folder.joinpath(*path), declared_bytes)
+            if written_bytes != declared_bytes:
+                raise BundleError(
+                    "zip-malformed",
+                    f"the archive says that it has {declared_bytes} bytes, which is not so",
+                    file=bundle.label(path),
+                )
+    return bundle.label(entry)
+
+
+class _LoneXml:
+    """A bundle that is one XML file."""
+
+    remedy = (
+        "is not in the upload, which is a single XML file; send a zip of the scene and its files "
+        "(`plateau render` and `plateau submit` make one)"
+    )
+
+    def __init__(self, stream: BinaryIO, size: int) -> None:
+        self._stream = stream
+        self.files: dict[Parts, int] = {(SCENE_XML,): size}
+        self.folders: set[Parts] = {()}
+
+    def kind(self, path: Parts) -> Kind | None:
+        return "file" if path in self.files else "folder" if path in self.folders else None
+
+    def label(self, path: Parts) -> str:
+        return "/".join(path)
+
+    def absolute(self, reference: str) -> Parts | None:  # noqa: ARG002 - none stays inside
+        return None
+
+    @contextmanager
+    def open(self, path: Parts) -> Iterator[IO[bytes]]:  # noqa: ARG002 - there is but one
+        self._stream.seek(0)
+        yield self._stream
+
+
+def _bundle(stream: BinaryIO, limits: BundleLimits) -> Archive | _LoneXml:
+    """Return the upload as files and folders, having checked its size and its directory."""
+    size = stream.seek(0, os.SEEK_END)
+    stream.seek(0)
+    if size == 0:
+        raise BundleError("empty", "the upload is empty; send a Mitsuba XML, or a zip of one")
+    if size > limits.max_bytes:
+        raise BundleError(
+            "too-large", f"the upload has {size} bytes; {limits.max_bytes} are allowed"
+        )
+    beginning = stream.read(1024)
+    if beginning.startswith(_ZIP_MAGIC):
+        return Archive(stream, size, limits)
+    # With or without a mark of its encoding, in one byte or two: XML starts with a bracket.
+    if not beginning.translate(None, _NOT_TEXT).startswith(b"<"):
+        raise BundleError(
+            "not-a-scene",
+            "the upload is neither XML nor a zip; send a Mitsuba XML, or a zip of one",
+        )
+    return _LoneXml(stream, size)
+
+
+def _entry(bundle: Archive | _LoneXml, limits: BundleLimits) -> Parts:
+    return find_entry(bundle, limits) if isinstance(bundle, Archive) else (SCENE_XML,)
+
+
+def _write(packed: IO[bytes], path: Path, declared_bytes: int) -> int:
+    """Return how many bytes were written to a new file: one more than declared at the most."""
+    written_bytes = 0
+    # Exclusive and never through a link: whatever is there was not put there by this bundle.
+    handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW, 0o644)
+    with os.fdopen(handle, "wb") as file:
+        os.fchmod(file.fileno(), 0o644)
+        while chunk := packed.read(min(_COPY_BYTES, declared_bytes - written_bytes + 1)):
+            written_bytes += file.write(chunk)
+            if written_bytes > declared_bytes:
+                break
+    return written_bytes
+
+
+@contextmanager
+def _opened(source: Path | BinaryIO) -> Iterator[BinaryIO]:
+    if isinstance(source, Path):
+        with source.open("rb") as stream:
+            yield stream
+    else:
+        yield source

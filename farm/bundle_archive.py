@@ -1,0 +1,252 @@
+"""A zip archive that is believed in nothing: names, sizes, kinds and contents are all checked.
+
+Only Python's `zipfile` reads an archive here, for the check and for unpacking alike, so that the
+two cannot disagree on what it holds. Nothing is read into memory beyond the archive's directory,
+whose size is bounded before it is read.
+"""
+
+import stat
+import struct
+import unicodedata
+import zipfile
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import IO, BinaryIO, cast
+
+from farm.bundle_rules import MIB, BundleError, BundleLimits
+from farm.bundle_tree import Kind, Parts, is_absolute, leaves_upwards
+
+#: One component of a name on every common file system, in bytes.
+_MAX_COMPONENT_BYTES = 255
+#: A directory record is 46 bytes, a name and extra fields; real ones stay far below this.
+_DIRECTORY_BYTES_PER_ENTRY = 512
+#: Unicode's categories of what cannot be seen: controls, formats, surrogates, separators.
+_CONTROL_CHARACTERS = ("Cc", "Cf", "Cs", "Zl", "Zp")
+_ENCRYPTED = 0x1 | 0x40 | 0x2000
+_UTF8_NAME = 0x800
+_METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
+#: Damage, as `zipfile` reports it: in an archive's directory and headers, and in an entry's data.
+_BAD_DATA = (zipfile.BadZipFile, zlib.error, EOFError)
+_BAD_HEADER = (*_BAD_DATA, struct.error, NotImplementedError, UnicodeError, OSError)
+#: Mitsuba looks for plugins/NAME.so in the scene's folders before its own (tried with 3.9.1), and
+#: `dlopen` runs code: a bundle that could hold a library could do anything.
+_LIBRARIES = (".so", ".dll", ".dylib")
+
+
+class Archive:
+    """The files and folders of a zip whose directory has passed every check.
+
+    Parameters
+    ----------
+    stream : BinaryIO
+        The archive, seekable; it stays open as long as this is used.
+    size : int
+        Its size in bytes.
+    limits : BundleLimits
+        What it may hold.
+
+    Raises
+    ------
+    BundleError
+        Where it breaks a rule.
+    """
+
+    remedy = "is not in the bundle; add it, or correct the reference"
+
+    def __init__(self, stream: BinaryIO, size: int, limits: BundleLimits) -> None:
+        self._limits = limits
+        bounded = _BoundedReads(stream, max(limits.max_entries * _DIRECTORY_BYTES_PER_ENTRY, MIB))
+        try:
+            self._zip = zipfile.ZipFile(cast("BinaryIO", bounded))
+        except _BAD_HEADER as error:
+            raise BundleError("zip-malformed", f"the archive cannot be read: {error}") from error
+        infos = self._zip.infolist()
+        if not infos:
+            raise BundleError("empty", "the archive holds no files; add the scene's XML")
+        if len(infos) > limits.max_entries:
+            raise BundleError(
+                "too-many-entries",
+                f"the archive has {len(infos)} entries; {limits.max_entries} are allowed",
+            )
+        #: files with their unpacked size in bytes, as the archive declares it
+        self.files: dict[Parts, int] = {}
+        self._infos: dict[Parts, zipfile.ZipInfo] = {}
+        self.folders: set[Parts] = {()}
+        self._seen: dict[str, str] = {}
+        for info in infos:
+            self._admit(info)
+        self._refuse_files_as_folders()
+        unpacked_bytes = sum(self.files.values())
+        if unpacked_bytes > limits.max_unpacked_bytes:
+            raise BundleError(
+                "zip-bomb",
+                f"the archive unpacks to {unpacked_bytes} bytes; "
+                f"{limits.max_unpacked_bytes} are allowed",
+            )
+        if sum(info.compress_size for info in infos) > size:
+            raise BundleError("zip-bomb", "the archive's entries overlap; pack it again")
+
+    def kind(self, path: Parts) -> Kind | None:
+        """Return what lies at a path, or None where nothing does."""
+        return "file" if path in self.files else "folder" if path in self.folders else None
+
+    def label(self, path: Parts) -> str:
+        """Return the path as people should read it."""
+        return "/".join(path)
+
+    def absolute(self, reference: str) -> Parts | None:  # noqa: ARG002 - none stays inside
+        """Return None: nothing absolute lies in a bundle."""
+        return None
+
+    @contextmanager
+    def open(self, path: Parts) -> Iterator[IO[bytes]]:
+        """Open a file for reading; damage found on the way is a `BundleError`."""
+        name = self.label(path)
+        try:
+            stream = self._zip.open(self._infos[path])
+        except _BAD_HEADER as error:
+            raise _damaged(name, error) from error
+        with stream:
+            try:
+                yield stream
+            except _BAD_DATA as error:
+                raise _damaged(name, error) from error
+
+    def _admit(self, info: zipfile.ZipInfo) -> None:
+        """Take an entry into the tree, or refuse it."""
+        name = _decoded_name(info)
+        is_folder = name.endswith("/")
+        path = _checked_name(name.removesuffix("/"), self._limits)
+        folded = _folded(path)
+        if folded in self._seen:
+            other = self._seen[folded]
+            raise BundleError(
+                "duplicate-entry",
+                "the archive holds it twice"
+                if other == name
+                else f"its name differs from {other!r} in case alone; rename one",
+                file=name,
+            )
+        self._seen[folded] = name
+        _check_type(info, name, is_folder=is_folder)
+        _check_contents(info, name, self._limits)
+        if is_folder:
+            self.folders.add(path)
+        else:
+            self.files[path] = info.file_size
+            self._infos[path] = info
+        self.folders.update(path[:depth] for depth in range(len(path)))
+
+    def _refuse_files_as_folders(self) -> None:
+        folders = {_folded(path) for path in self.folders}
+        for path in self.files:
+            if _folded(path) in folders:
+                name = self.label(path)
+                raise BundleError("duplicate-entry", "it is a file and a folder", file=name)
+
+
+def _damaged(name: str, error: Exception) -> BundleError:
+    return BundleError("zip-malformed", f"it cannot be unpacked: {error}", file=name)
+
+
+def _folded(path: Parts) -> str:
+    """Return what a path is to a file system that ignores case and composes accents."""
+    return unicodedata.normalize("NFC", "/".join(path).casefold())
+
+
+class _BoundedReads:
+    """A file that refuses to be read in one huge piece, as `zipfile` reads a zip's directory."""
+
+    def __init__(self, stream: BinaryIO, max_read_bytes: int) -> None:
+        self._stream = stream
+        self._max_read_bytes = max_read_bytes
+        self.seek = stream.seek
+        self.tell = stream.tell
+
+    def seekable(self) -> bool:
+        return True
+
+    def read(self, size: int = -1) -> bytes:
+        if size > self._max_read_bytes:
+            raise BundleError(
+                "too-many-entries",
+                f"the archive's directory takes {size} bytes; "
+                f"{self._max_read_bytes} are allowed, so it has too many entries",
+            )
+        return self._stream.read(self._max_read_bytes if size < 0 else size)
+
+
+def _decoded_name(info: zipfile.ZipInfo) -> str:
+    """Return an entry's name as it stands in the archive, before `zipfile` tidies it up."""
+    if info.flag_bits & _UTF8_NAME:
+        return info.orig_filename
+    # Several archivers write UTF-8 without saying so; zipfile then reads it as code page 437.
+    try:
+        return info.orig_filename.encode("cp437").decode("utf-8")
+    except UnicodeError:
+        raise BundleError(
+            "entry-name", "its name is not UTF-8; rename it, or pack again", file=info.filename
+        ) from None
+
+
+def _checked_name(name: str, limits: BundleLimits) -> Parts:
+    """Return the components of a name that is safe on every operating system."""
+    shown = ascii(name[:100])
+    if is_absolute(name) or leaves_upwards(name):
+        raise BundleError("path-escape", f"the entry {shown} leaves the bundle; pack it again")
+    path = tuple(name.split("/"))
+    if any(component in ("", ".") for component in path):
+        raise BundleError("entry-name", f"the entry {shown} has an empty component")
+    if any(c in "\\:" or unicodedata.category(c) in _CONTROL_CHARACTERS for c in name):
+        raise BundleError(
+            "entry-name",
+            f"the entry {shown} has a backslash, a colon or a control character; rename it",
+        )
+    if len(name.encode()) > limits.max_name_bytes or any(
+        len(component.encode()) > _MAX_COMPONENT_BYTES for component in path
+    ):
+        raise BundleError(
+            "entry-name",
+            f"the name of the entry {shown}… is too long; {limits.max_name_bytes} bytes are "
+            f"allowed, and {_MAX_COMPONENT_BYTES} of each folder or file",
+        )
+    if len(path) - 1 > limits.max_folder_depth:
+        raise BundleError(
+            "entry-name", f"{shown} lies under more than {limits.max_folder_depth} folders"
+        )
+    if path[-1].casefold().endswith(_LIBRARIES):
+        raise BundleError(
+            "native-code", "it is a shared library; a bundle may hold data alone", file=name
+        )
+    return path
+
+
+def _check_type(info: zipfile.ZipInfo, name: str, *, is_folder: bool) -> None:
+    """Refuse whatever is neither a plain file nor a folder."""
+    mode = info.external_attr >> 16
+    expected = (0, stat.S_IFDIR) if is_folder else (0, stat.S_IFREG)
+    if stat.S_IFMT(mode) not in expected:
+        what = "a link" if stat.S_ISLNK(mode) else "neither a plain file nor a folder"
+        raise BundleError("entry-type", f"it is {what}; put the file itself there", file=name)
+    if is_folder and info.file_size:
+        raise BundleError("entry-type", "it is a folder with contents", file=name)
+
+
+def _check_contents(info: zipfile.ZipInfo, name: str, limits: BundleLimits) -> None:
+    """Refuse an entry that is encrypted, oddly packed, or too good to be true."""
+    if info.flag_bits & _ENCRYPTED:
+        raise BundleError("zip-encrypted", "it is encrypted; pack without a password", file=name)
+    # zipfile bounds what one read of a deflated entry may yield, and of no other method.
+    if info.compress_type not in _METHODS:
+        raise BundleError("zip-method", "it is not deflated or stored; pack it again", file=name)
+    if (
+        info.file_size > limits.ratio_floor_bytes
+        and info.file_size > limits.max_ratio * info.compress_size
+    ):
+        raise BundleError(
+            "zip-bomb",
+            f"it unpacks from {info.compress_size} to {info.file_size} bytes; "
+            f"a ratio of {limits.max_ratio:g} is allowed",
+            file=name,
+        )

@@ -1,0 +1,101 @@
+"""Which XML of a bundle is the scene."""
+
+from dataclasses import dataclass, field
+
+from farm.bundle_archive import Archive
+from farm.bundle_rules import BundleError, BundleLimits
+from farm.bundle_tree import EscapeError, Parts, find
+from farm.scene_parameters import Parameters
+from farm.scene_xml import XmlBudget, read_elements
+
+#: The name that settles it.
+SCENE_XML = "scene.xml"
+#: What macOS adds to an archive beside the real files.
+_MACOS_FOLDER = "__MACOSX"
+
+
+def find_entry(archive: Archive, limits: BundleLimits) -> Parts:
+    """Return the scene's XML in an archive.
+
+    Of the XML files whose root is `<scene>` and that no other includes: `scene.xml` at the top, or
+    in the one folder at the top; otherwise the one that lies at the shallowest level. A job's
+    parameters have no say, so that one bundle is one scene.
+
+    Raises
+    ------
+    BundleError
+        Where there is none (`not-a-scene`) or more than one at that level (`ambiguous-scene`).
+    """
+    files = sorted(path for path in archive.files if path[0] != _MACOS_FOLDER)
+    documents = [path for path in files if path[-1].casefold().endswith(".xml")]
+    if documents == [(SCENE_XML,)]:
+        return documents[0]
+    budget = XmlBudget(limits)
+    skims = {path: _skim(archive, path, budget) for path in documents}
+    scenes = [path for path, skim in skims.items() if skim.root == "scene"]
+    if not scenes:
+        raise BundleError(
+            "not-a-scene",
+            "the archive has no Mitsuba scene: an .xml file that starts with <scene>",
+        )
+    included = {path for skim in skims.values() for path in skim.includes}
+    # Where each includes another there is a cycle; reading the scene will say which.
+    candidates = [path for path in scenes if path not in included] or scenes
+    tops = {path[0] for path in files}
+    named = {(SCENE_XML,)} | {(top, SCENE_XML) for top in tops if len(tops) == 1}
+    for path in sorted(named.intersection(candidates), key=len):
+        return path
+    shallowest = min(len(path) for path in candidates)
+    candidates = [path for path in candidates if len(path) == shallowest]
+    if len(candidates) > 1:
+        shown = ", ".join(archive.label(path) for path in candidates[:5])
+        raise BundleError(
+            "ambiguous-scene",
+            f"{len(candidates)} files could be the scene ({shown}); "
+            f"name the right one {SCENE_XML} and put it at the top",
+        )
+    return candidates[0]
+
+
+@dataclass
+class _Skim:
+    """What one XML file shows by itself, without the job's parameters."""
+
+    root: str | None = None
+    includes: set[Parts] = field(default_factory=set)
+
+
+def _skim(archive: Archive, document: Parts, budget: XmlBudget) -> _Skim:
+    """Return an XML file's root and what it includes, as far as it can be read and followed."""
+    skim = _Skim()
+    name = archive.label(document)
+    folders = [document[:-1]]
+    parameters = Parameters({})
+
+    def start(tag: str, raw: dict[str, str], line: int) -> None:
+        skim.root = skim.root or tag
+        if tag not in ("default", "include", "path"):
+            return
+        try:
+            attributes = {key: parameters.substitute(text, name, line) for key, text in raw.items()}
+            if tag == "default":
+                parameters.add_default(attributes.get("name", ""), attributes.get("value", ""))
+                return
+            found = find(
+                archive, folders, attributes.get("filename") or attributes.get("value", "")
+            )
+        except (BundleError, EscapeError):
+            return  # Reading the scene will complain of it, if the scene reads this file at all.
+        if tag == "include" and found.path is not None:
+            skim.includes.add(found.path)
+        elif tag == "path" and found.path is not None:
+            folders.insert(0, found.path)
+
+    try:
+        with archive.open(document) as stream:
+            read_elements(stream, name, budget, start, lambda: None)
+    except BundleError as error:
+        # A broken file beside the scene does no harm, unless reading it costs too much.
+        if error.code == "xml-too-large":
+            raise
+    return skim

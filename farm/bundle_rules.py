@@ -1,0 +1,94 @@
+"""What an uploaded scene may be: its limits, and the one error that refuses it."""
+
+from dataclasses import dataclass
+
+MIB = 2**20
+GIB = 2**30
+
+#: Every code that a `BundleError` may carry, and what it stands for. Clients switch on these.
+CODES = {
+    "ambiguous-scene": "several XML files of the bundle could be the scene",
+    "bad-parameter": "a job parameter's name or value is malformed",
+    "duplicate-entry": "two entries have one name, or names that differ in case alone",
+    "empty": "the upload holds nothing",
+    "entry-name": "an entry's name is malformed, too long or nested too deep",
+    "entry-type": "an entry is a link, a device or some other special file",
+    "film-size": "the film is empty, not a whole number of pixels, or too large",
+    "include-cycle": "an XML file includes itself, directly or through others",
+    "include-depth": "includes are nested too deep",
+    "missing-file": "a referenced file or folder is not in the bundle",
+    "native-code": "an entry is a shared library, which Mitsuba would load as a plugin",
+    "no-sensor": "the scene has no sensor of that index",
+    "not-a-scene": "the upload is neither a Mitsuba XML nor a zip that holds one",
+    "path-escape": "an entry or a reference leaves the bundle",
+    "plugin-name": "a plugin's type is a path, not a name",
+    "too-large": "the upload is too large",
+    "too-many-entries": "the archive has too many entries",
+    "undefined-parameter": "the scene uses a $parameter that has neither value nor default",
+    "unpackable-path": "a scene to be packed names a file by an absolute path or across a link",
+    "unknown-parameter": "a job parameter is not one of the scene's",
+    "xml-depth": "XML elements are nested too deep",
+    "xml-encoding": "an XML file is not UTF-8",
+    "xml-entity": "an XML file has a document type declaration or entities",
+    "xml-malformed": "an XML file is not well-formed",
+    "xml-too-large": "the scene's XML is too long or has too many elements",
+    "zip-bomb": "the archive unpacks to more than is allowed, or claims to",
+    "zip-encrypted": "an entry is encrypted",
+    "zip-malformed": "the archive is damaged",
+    "zip-method": "an entry is compressed by a method other than deflate",
+}
+
+
+@dataclass(frozen=True)
+class BundleLimits:
+    """What one upload may cost before it is refused; each limit is inclusive."""
+
+    #: size of the upload, in bytes
+    max_bytes: int = 2 * GIB
+    #: entries of the archive, folders included
+    max_entries: int = 10_000
+    #: sum of all entries when unpacked, in bytes
+    max_unpacked_bytes: int = 8 * GIB
+    #: unpacked over packed size of one entry, where it unpacks to more than `ratio_floor_bytes`
+    max_ratio: float = 200.0
+    #: an entry that unpacks to no more than this may have any ratio, in bytes
+    ratio_floor_bytes: int = MIB
+    #: an entry's name, in bytes of UTF-8; one component of it may have 255
+    max_name_bytes: int = 1024
+    #: folders above an entry
+    max_folder_depth: int = 32
+    #: XML of the whole scene, in bytes, an included file counted each time that it is included
+    max_xml_bytes: int = 64 * MIB
+    #: elements inside one another in one XML file
+    max_xml_depth: int = 64
+    #: elements of the whole scene, an included file counted each time that it is included
+    max_xml_elements: int = 500_000
+    #: includes inside one another, as in Mitsuba
+    max_include_depth: int = 15
+    #: pixels of the film
+    max_pixels: int = 2**26
+
+
+class BundleError(ValueError):
+    """An upload is refused: says what is wrong, where, and what to do about it.
+
+    Parameters
+    ----------
+    code : str
+        One of `CODES`: stable, for programs.
+    message : str
+        What is wrong and what to do, for people.
+    file : str, optional
+        The file in the bundle that is at fault.
+    line : int, optional
+        The line of that file, from 1.
+    """
+
+    def __init__(
+        self, code: str, message: str, *, file: str | None = None, line: int | None = None
+    ) -> None:
+        where = "" if file is None else f"{file}: " if line is None else f"{file}, line {line}: "
+        super().__init__(where + message)
+        self.code = code
+        self.file = file
+        self.line = line

@@ -1,0 +1,97 @@
+"""Files by name inside a bundle, and the one way in which a reference is followed among them."""
+
+from collections.abc import Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from typing import IO, Literal, Protocol
+
+Parts = tuple[str, ...]
+Kind = Literal["file", "folder"]
+
+
+class Tree(Protocol):
+    """Files and folders by their path from a root: a bundle, or a disk that is to be packed."""
+
+    #: what a missing file is missing from, and what to do about it, for error messages
+    remedy: str
+
+    def kind(self, path: Parts) -> Kind | None:
+        """Return what lies at a path, or None where nothing does."""
+
+    def open(self, path: Parts) -> AbstractContextManager[IO[bytes]]:
+        """Open a file for reading."""
+
+    def label(self, path: Parts) -> str:
+        """Return the path as people should read it."""
+
+    def absolute(self, reference: str) -> Parts | None:
+        """Return where an absolute reference leads, or None where those lead out of the tree."""
+
+
+@dataclass(frozen=True)
+class Found:
+    """Where a reference led."""
+
+    #: the file or folder; None where there is nothing
+    path: Parts | None
+    kind: Kind | None
+    #: every folder that was stood in on the way, in candidates that led nowhere too
+    visited: frozenset[Parts]
+
+
+class EscapeError(Exception):
+    """A reference leaves the tree."""
+
+
+def is_absolute(reference: str) -> bool:
+    """Return whether a reference starts at a root or a drive, on any operating system."""
+    return reference[:1] in ("/", "\\") or (reference[:1].isalpha() and reference[1:2] == ":")
+
+
+def leaves_upwards(reference: str) -> bool:
+    """Return whether a reference has a `..` component, on any operating system."""
+    return ".." in reference.replace("\\", "/").split("/")
+
+
+def find(tree: Tree, bases: Sequence[Parts], reference: str) -> Found:
+    """Return the first thing that a reference names, seen from each base folder in turn.
+
+    Mitsuba takes the first candidate that exists, so a candidate that leaves the tree ahead of
+    the first hit is refused even though a later one would do: on the machine that renders,
+    something may lie there.
+
+    Raises
+    ------
+    EscapeError
+        Where a candidate leaves the tree.
+    """
+    if is_absolute(reference):
+        absolute = tree.absolute(reference)
+        if absolute is None:
+            raise EscapeError
+        return Found(absolute, tree.kind(absolute), frozenset())
+    visited: set[Parts] = set()
+    for base in bases:
+        path = _follow(tree, base, reference, visited)
+        kind = None if path is None else tree.kind(path)
+        if kind is not None:
+            return Found(path, kind, frozenset(visited))
+    return Found(None, None, frozenset(visited))
+
+
+def _follow(tree: Tree, base: Parts, reference: str, visited: set[Parts]) -> Parts | None:
+    """Return where one candidate leads, walking as the kernel does: `nowhere/..` is nowhere."""
+    here = base
+    for component in reference.split("/"):
+        if component in ("", "."):
+            continue
+        if tree.kind(here) != "folder":
+            return None
+        visited.add(here)
+        if component == "..":
+            if not here:
+                raise EscapeError
+            here = here[:-1]
+        else:
+            here = (*here, component)
+    return here

@@ -1,0 +1,171 @@
+"""Reading Mitsuba's XML element by element, without entities, within bounds.
+
+Mitsuba reads XML with pugixml, which overlooks much that is malformed. The scene that is checked
+must be the scene that is rendered, so what the two readers could understand differently is
+refused: document types, entities, other encodings than UTF-8, and anything not well-formed.
+"""
+
+import re
+from collections.abc import Callable
+from typing import IO
+from xml.sax import SAXParseException
+from xml.sax.handler import ContentHandler
+from xml.sax.xmlreader import AttributesImpl, InputSource, Locator
+
+from defusedxml.common import DefusedXmlException
+from defusedxml.expatreader import DefusedExpatParser
+
+from farm.bundle_rules import BundleError, BundleLimits
+
+_DECLARED_ENCODING = re.compile(rb"""^<\?xml[^>]*?encoding\s*=\s*["']([^"']*)["']""")
+_UTF8_NAMES = (b"utf-8", b"utf8", b"us-ascii", b"ascii")
+_BOM = b"\xef\xbb\xbf"
+
+#: Called with an element's name, its attributes and its line.
+StartElement = Callable[[str, dict[str, str], int], None]
+EndElement = Callable[[], None]
+
+
+class XmlBudget:
+    """How much XML may still be read for one scene.
+
+    It spans all of a scene's files and counts a file each time that it is included: includes
+    inside includes can multiply a small bundle without end.
+    """
+
+    def __init__(self, limits: BundleLimits) -> None:
+        self.max_depth = limits.max_xml_depth
+        self._limits = limits
+        self._bytes = 0
+        self._elements = 0
+
+    def spend_bytes(self, count: int, file: str) -> None:
+        """Count bytes read, or raise `BundleError` where there are too many."""
+        self._bytes += count
+        if self._bytes > self._limits.max_xml_bytes:
+            raise BundleError(
+                "xml-too-large",
+                f"the scene has more than {self._limits.max_xml_bytes} bytes of XML, each include "
+                f"counted every time; put geometry into mesh files",
+                file=file,
+            )
+
+    def spend_element(self, file: str, line: int) -> None:
+        """Count an element, or raise `BundleError` where there are too many."""
+        self._elements += 1
+        if self._elements > self._limits.max_xml_elements:
+            raise BundleError(
+                "xml-too-large",
+                f"the scene has more than {self._limits.max_xml_elements} elements, each include "
+                f"counted every time",
+                file=file,
+                line=line,
+            )
+
+
+def read_elements(
+    stream: IO[bytes], name: str, budget: XmlBudget, start: StartElement, end: EndElement
+) -> None:
+    """Call `start` and `end` for every element of an XML file, in document order.
+
+    Parameters
+    ----------
+    stream : file of bytes
+        The XML.
+    name : str
+        What to call the file in errors.
+    budget : XmlBudget
+        What reading it may cost, and how deep elements may be nested.
+    start : callable
+        Called with name, attributes and line (from 1) as an element starts.
+    end : callable
+        Called as an element ends.
+
+    Raises
+    ------
+    BundleError
+        With a code that starts with `xml-`; and whatever `start` and `end` raise.
+    """
+    parser = DefusedExpatParser(forbid_dtd=True)
+    parser.setContentHandler(_Handler(name, budget, start, end))
+    source = InputSource(name)
+    source.setByteStream(_CheckedBytes(stream, name, budget))
+    # Given here, the encoding overrules whatever the file declares.
+    source.setEncoding("utf-8")
+    try:
+        parser.parse(source)
+    except DefusedXmlException as error:
+        raise BundleError(
+            "xml-entity",
+            "document types and entities are refused; take the <!DOCTYPE …> out",
+            file=name,
+            line=parser.getLineNumber(),
+        ) from error
+    except SAXParseException as error:
+        raise BundleError(
+            "xml-malformed",
+            f"it is not well-formed XML: {error.getMessage()}",
+            file=name,
+            line=error.getLineNumber(),
+        ) from error
+
+
+class _CheckedBytes:
+    """A file's bytes, read on for as long as they are UTF-8 by declaration and not too many."""
+
+    def __init__(self, stream: IO[bytes], name: str, budget: XmlBudget) -> None:
+        self._stream = stream
+        self._name = name
+        self._budget = budget
+        self._is_at_start = True
+
+    def read(self, size: int = -1, /) -> bytes:
+        chunk = self._stream.read(size)
+        if self._is_at_start:
+            self._check_encoding(chunk)
+            self._is_at_start = False
+        self._budget.spend_bytes(len(chunk), self._name)
+        return chunk
+
+    def close(self) -> None:
+        """Leave the file open: it belongs to whoever opened it."""
+
+    def _check_encoding(self, beginning: bytes) -> None:
+        declared = _DECLARED_ENCODING.match(beginning.removeprefix(_BOM))
+        wide = beginning.startswith((b"\xff\xfe", b"\xfe\xff")) or b"\0" in beginning[:4]
+        if wide or (declared and declared[1].lower() not in _UTF8_NAMES):
+            raise BundleError(
+                "xml-encoding", "it is not UTF-8; save it as UTF-8", file=self._name, line=1
+            )
+
+
+class _Handler(ContentHandler):
+    """Hands elements on, with their lines, and bounds how deep they are nested."""
+
+    def __init__(self, name: str, budget: XmlBudget, start: StartElement, end: EndElement) -> None:
+        super().__init__()
+        self._name = name
+        self._budget = budget
+        self._depth = 0
+        self._start = start
+        self._end = end
+
+    def setDocumentLocator(self, locator: Locator) -> None:  # noqa: N802 - SAX's name
+        self._place = locator
+
+    def startElement(self, name: str, attrs: AttributesImpl) -> None:  # noqa: N802 - SAX's name
+        line = self._place.getLineNumber() or 0
+        self._budget.spend_element(self._name, line)
+        self._depth += 1
+        if self._depth > self._budget.max_depth:
+            raise BundleError(
+                "xml-depth",
+                f"elements are nested more than {self._budget.max_depth} deep",
+                file=self._name,
+                line=line,
+            )
+        self._start(name, dict(attrs.items()), line)
+
+    def endElement(self, name: str) -> None:  # noqa: ARG002, N802 - SAX's name
+        self._depth -= 1
+        self._end()

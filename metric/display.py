@@ -1,0 +1,216 @@
+"""What a screen shows of an image: the display model in front of the metric.
+
+An image is an ``(H, W, 3)`` float32 array of linear radiance (or of code values, when the view has
+a gamma). A `View` says how it is shown; the functions here follow the light from there: displayed
+RGB, CIE XYZ, luminance, and the CIELAB coordinates a* and b*.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+#: An image, (H, W, 3) float32.
+Image: TypeAlias = NDArray[np.float32]
+#: One number for each pixel, (H, W) float32, or a stack of such planes, (N, H, W).
+Plane: TypeAlias = NDArray[np.float32]
+#: True or false for each pixel, (H, W).
+Mask: TypeAlias = NDArray[np.bool_]
+
+Primaries = Literal["rec709", "adobe1998"]
+
+#: Linear RGB to CIE XYZ under D65, one row each for X, Y and Z.
+RGB_TO_XYZ: Mapping[Primaries, NDArray[np.float32]] = MappingProxyType(
+    {
+        # ITU-R BT.709 and IEC 61966-2-1 (sRGB) share these.
+        "rec709": np.array(
+            [[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]],
+            dtype=np.float32,
+        ),
+        # Adobe RGB (1998) to the digits that Yee's program takes, so that counts can be compared.
+        "adobe1998": np.array(
+            [
+                [0.576700, 0.185556, 0.188212],
+                [0.297361, 0.627355, 0.0752847],
+                [0.0270328, 0.0706879, 0.991248],
+            ],
+            dtype=np.float32,
+        ),
+    }
+)
+
+#: Exposures beyond this would leave float32's range, where black times infinity is no number.
+EXPOSURE_LIMIT_EV = 100
+
+#: CIE 15:2004, where the cube root of CIELAB gives way to a straight line.
+LAB_EPSILON = 216 / 24389
+LAB_KAPPA = 24389 / 27
+
+
+@dataclass(frozen=True, kw_only=True)
+class View:
+    """How an image is shown and seen: the screen, and how far from it the eye is.
+
+    Raises
+    ------
+    ValueError
+        If a parameter lies outside its domain.
+    """
+
+    #: Exposure in stops, -100 to 100: displayed light is the image times 2 to this power.
+    exposure_ev: float = 0.0
+    #: Luminance of the screen's white in cd/m², above 0.
+    white_luminance: float = 100.0
+    #: Horizontal angle that the image fills, in degrees, between 0 and 180.
+    field_of_view_deg: float = 45.0
+    #: The screen's primaries, in which the image's channels are given.
+    primaries: Primaries = "rec709"
+    #: Power from the image's values to linear light, above 0: 1 for rendered radiance.
+    gamma: float = 1.0
+    #: Whether to leave out the chromatic test and judge luminance alone.
+    luminance_only: bool = False
+
+    def __post_init__(self) -> None:
+        if not abs(self.exposure_ev) <= EXPOSURE_LIMIT_EV:
+            raise ValueError(
+                f"exposure_ev must lie between -{EXPOSURE_LIMIT_EV} and {EXPOSURE_LIMIT_EV}, "
+                f"not {self.exposure_ev}"
+            )
+        if not (math.isfinite(self.white_luminance) and self.white_luminance > 0):
+            raise ValueError(f"white_luminance must be above 0 cd/m², not {self.white_luminance}")
+        if not 0 < self.field_of_view_deg < 180:
+            raise ValueError(
+                f"field_of_view_deg must lie between 0 and 180, not {self.field_of_view_deg}"
+            )
+        if self.primaries not in RGB_TO_XYZ:
+            known = ", ".join(get_args(Primaries))
+            raise ValueError(f"primaries must be one of {known}, not {self.primaries!r}")
+        if not (math.isfinite(self.gamma) and self.gamma > 0):
+            raise ValueError(f"gamma must be above 0, not {self.gamma}")
+
+
+def as_image(image: NDArray[Any]) -> Image:
+    """Return the array as an image: float32, checked to be (H, W, 3) with at least one pixel."""
+    image = np.asarray(image)
+    if image.ndim != 3 or image.shape[2] != 3 or image.size == 0:
+        raise ValueError(f"an image must have shape (H, W, 3), not {image.shape}")
+    return image.astype(np.float32, copy=False)
+
+
+def finite_pixels(image: Image) -> Mask:
+    """Return, for each pixel, whether all three channels are finite.
+
+    Examples
+    --------
+    >>> image = np.zeros((1, 2, 3), np.float32)
+    >>> image[0, 1, 2] = np.nan
+    >>> finite_pixels(image).tolist()
+    [[True, False]]
+    """
+    red, green, blue = np.moveaxis(image, -1, 0)
+    finite: Mask = np.isfinite(red) & np.isfinite(green) & np.isfinite(blue)
+    return finite
+
+
+def displayed(image: Image, view: View) -> Image:
+    """Return the linear RGB that the screen shows, (H, W, 3), float32 in [0, 1].
+
+    Values are raised to the view's gamma, scaled by 2^EV and clipped to what a screen can show.
+    Negative values, which filters with negative lobes make, show as black.
+
+    Examples
+    --------
+    >>> image = np.full((1, 1, 3), [-0.5, 0.25, 3.0], np.float32)
+    >>> displayed(image, View(exposure_ev=1)).ravel().tolist()
+    [0.0, 0.5, 1.0]
+    """
+    # Planar memory behind the usual shape: every later step reads one whole channel at a time.
+    planes = np.maximum(np.moveaxis(image, -1, 0), np.float32(0), order="C")
+    # A value too large for float32 becomes infinite, and the clip makes it white.
+    with np.errstate(over="ignore"):
+        if view.gamma != 1:
+            np.power(planes, np.float32(view.gamma), out=planes)
+        if view.exposure_ev != 0:
+            np.multiply(planes, np.exp2(np.float32(view.exposure_ev)), out=planes)
+    np.minimum(planes, np.float32(1), out=planes)
+    return np.moveaxis(planes, 0, -1)
+
+
+def tristimulus(rgb: Image, primaries: Primaries) -> Plane:
+    """Return CIE X, Y and Z of linear RGB, (3, H, W), relative to a white of Y = 1.
+
+    Examples
+    --------
+    >>> white = np.ones((1, 1, 3), np.float32)
+    >>> [round(float(v), 4) for v in tristimulus(white, "rec709").ravel()]
+    [0.9505, 1.0, 1.089]
+    """
+    red, green, blue = np.moveaxis(rgb, -1, 0)
+    xyz: Plane = np.empty((3, *red.shape), np.float32)
+    term = np.empty_like(red)
+    for plane, (r, g, b) in zip(xyz, RGB_TO_XYZ[primaries], strict=True):
+        np.multiply(red, r, out=plane)
+        plane += np.multiply(green, g, out=term)
+        plane += np.multiply(blue, b, out=term)
+    return xyz
+
+
+def opponent_chroma(xyz: Plane, primaries: Primaries) -> Plane:
+    """Return CIELAB a* (green to red) and b* (blue to yellow) as (2, H, W), float32.
+
+    The white point is the primaries' own, the matrix applied to (1, 1, 1).
+
+    References
+    ----------
+    CIE 15:2004, Colorimetry, section 8.2.1.
+
+    Examples
+    --------
+    >>> red = np.array([1, 0, 0], np.float32).reshape(1, 1, 3)
+    >>> a, b = opponent_chroma(tristimulus(red, "rec709"), "rec709")
+    >>> round(float(a[0, 0])), round(float(b[0, 0]))
+    (80, 67)
+    """
+    white = RGB_TO_XYZ[primaries].sum(axis=1, dtype=np.float32)
+    ratio = xyz / white[:, np.newaxis, np.newaxis]
+    # A rounded power rather than the exact cube root, as in the program the goldens come from.
+    response = np.power(ratio, np.float32(1 / 3))
+    straight = ratio <= LAB_EPSILON
+    response[straight] = (LAB_KAPPA * ratio[straight] + 16) / 116
+    chroma: Plane = np.empty((2, *xyz.shape[1:]), np.float32)
+    np.subtract(response[0], response[1], out=chroma[0])
+    np.subtract(response[1], response[2], out=chroma[1])
+    chroma[0] *= 500
+    chroma[1] *= 200
+    return chroma
+
+
+def encode_srgb(image: NDArray[Any], exposure_ev: float = 0.0) -> NDArray[np.uint8]:
+    """Return a linear Rec. 709 image as 8-bit sRGB for people to look at, (H, W, 3) uint8.
+
+    NaN shows as black, infinity as white.
+
+    References
+    ----------
+    IEC 61966-2-1:1999.
+
+    Examples
+    --------
+    >>> encode_srgb(np.full((1, 1, 3), 0.214, np.float32)).ravel().tolist()
+    [127, 127, 127]
+    """
+    linear = displayed(as_image(image), View(exposure_ev=exposure_ev))
+    linear = np.nan_to_num(linear, copy=False, nan=0.0)
+    encoded = np.where(
+        linear <= 0.0031308, 12.92 * linear, 1.055 * np.power(linear, np.float32(1 / 2.4)) - 0.055
+    )
+    bytes_: NDArray[np.uint8] = np.rint(encoded * 255).astype(np.uint8, order="C")
+    return bytes_

@@ -1,0 +1,133 @@
+"""What every stopping rule is given, what it answers, and what it keeps.
+
+A rule is told the story one evaluation at a time. It may keep earlier images and counts; all that
+it keeps is in its `Memory`, so that a monitor that takes over a job goes on to the same verdicts.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, ClassVar, TypeAlias
+
+from metric.estimate import Estimate, Half, half_buffer_estimate
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from metric.display import Image
+    from metric.vdp import Percept, VisibleDifferences
+
+#: What json can write and read back without loss.
+Json: TypeAlias = "dict[str, Json] | list[Json] | str | int | float | bool | None"
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """What is known at one evaluation. Work that several rules need is done once, when asked for.
+
+    Raises
+    ------
+    ValueError
+        If there is no sample, or the halves do not add up to the whole.
+    """
+
+    #: Samples per pixel in the merged image.
+    spp: int
+    #: The merged image: (H, W, 3) float32 linear radiance.
+    image: Image
+    #: The even- and the odd-indexed slices apart; None while there are not two of them.
+    halves: tuple[Half, Half] | None
+    #: The predictor, under the view in which to judge.
+    metric: VisibleDifferences
+
+    def __post_init__(self) -> None:
+        if self.spp < 1:
+            raise ValueError(f"an evaluation needs at least 1 spp, not {self.spp}")
+        if self.halves is not None and sum(half.spp for half in self.halves) != self.spp:
+            even, odd = self.halves
+            raise ValueError(f"halves of {even.spp} and {odd.spp} spp do not make {self.spp} spp")
+
+    @property
+    def pixels(self) -> int:
+        """How many pixels the image has."""
+        height, width = self.percept.shape
+        return height * width
+
+    @cached_property
+    def percept(self) -> Percept:
+        """The merged image, prepared for comparison."""
+        return self.metric.percept(self.image)
+
+    @cached_property
+    def estimate(self) -> Estimate | None:
+        """The half-buffer estimate; None where there are no halves."""
+        if self.halves is None:
+            return None
+        return half_buffer_estimate(self.metric, self.image, self.halves, percept=self.percept)
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What a rule makes of the evidence."""
+
+    #: Whether to stop rendering.
+    stop: bool
+    #: The number that the rule watches; None where it has none yet.
+    value: float | None
+    #: Every number behind the verdict, by name.
+    numbers: dict[str, float | None]
+    #: The verdict in plain words, numbers included.
+    reason: str
+
+
+@dataclass(frozen=True, eq=False)
+class Memory:
+    """What of a rule must outlive its process, and nothing more."""
+
+    #: Counts and the like; `json` writes and reads it without loss.
+    numbers: dict[str, Json] = field(default_factory=dict)
+    #: Images by name, (H, W, 3) float32.
+    images: dict[str, NDArray[np.float32]] = field(default_factory=dict)
+
+
+@dataclass(kw_only=True)
+class Rule(ABC):
+    """A stopping rule: a dataclass whose fields are its parameters, checked on construction."""
+
+    #: How a job names the rule.
+    name: ClassVar[str]
+
+    @abstractmethod
+    def judge(self, evidence: Evidence) -> Verdict:
+        """Return the verdict on this evidence, and remember what later ones need.
+
+        Evaluations come in order of spp, one image size and one view throughout.
+
+        Raises
+        ------
+        ValueError
+            If they do not.
+        """
+
+    @abstractmethod
+    def memory(self) -> Memory:
+        """Return what the rule must keep: recalled by a fresh rule, later verdicts are the same."""
+
+    @abstractmethod
+    def recall(self, memory: Memory) -> None:
+        """Take up where the rule that gave this memory left off.
+
+        Raises
+        ------
+        ValueError
+            If it is not the memory of such a rule.
+        """
+
+
+def require_whole_number(name: str, value: object, *, least: int) -> None:
+    """Raise ValueError unless the parameter is a whole number, at least so large."""
+    if isinstance(value, bool) or not isinstance(value, int) or value < least:
+        raise ValueError(f"{name} must be a whole number of at least {least}, not {value!r}")

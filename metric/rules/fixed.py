@@ -1,0 +1,50 @@
+"""Algorithm 4.1 of the paper: stop at a fixed number of samples, whatever the image looks like."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+from metric.rules.base import Memory, Rule, Verdict, require_whole_number
+
+if TYPE_CHECKING:
+    from metric.rules.base import Evidence
+
+
+@dataclass(kw_only=True)
+class Fixed(Rule):
+    """Stops when the image has as many samples per pixel as asked for. Remembers nothing.
+
+    References
+    ----------
+    N. Takouachet, S. Delepoulle and C. Renaud, A perceptual stopping condition for global
+    illumination computations, SCCG 2007, algorithm 4.1 (cap 10000).
+    """
+
+    name: ClassVar[str] = "fixed"
+
+    #: The cap, in samples per pixel.
+    spp: int = 10_000
+
+    def __post_init__(self) -> None:
+        require_whole_number("spp", self.spp, least=1)
+
+    def judge(self, evidence: Evidence) -> Verdict:
+        """Return whether the cap is reached; the value is the spp."""
+        stop = evidence.spp >= self.spp
+        words = "reached" if stop else "not yet reached"
+        return Verdict(
+            stop=stop,
+            value=float(evidence.spp),
+            numbers={"spp": float(evidence.spp), "cap": float(self.spp)},
+            reason=f"the fixed {self.spp} spp are {words}: {evidence.spp} spp",
+        )
+
+    def memory(self) -> Memory:
+        """Return nothing: the evidence alone decides."""
+        return Memory()
+
+    def recall(self, memory: Memory) -> None:
+        """Check that there is nothing to recall."""
+        if memory.numbers or memory.images:
+            raise ValueError("not a memory of the rule 'fixed', which remembers nothing")

@@ -1,0 +1,181 @@
+"""Algorithm 4.4 of the paper, the reverse comparison, after which Plateau is named.
+
+The first image stays the reference. The more the merged image improves, the more it differs from
+that first, noisy one; when the count of visible pixels has climbed to its plateau, more samples
+change nothing that a person could see.
+
+The first image is part of every later one: samples are added and never restarted. Against an
+independent reference the curve would fall.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from metric.display import Image, as_image
+from metric.rules.base import Memory, Rule, Verdict, require_whole_number
+from metric.vdp import COLOUR_LUMINANCE
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from metric.rules.base import Evidence, Json
+    from metric.vdp import Percept
+
+#: The image size for which the paper's ε is taken to hold.
+EPSILON_PIXELS = 512 * 512
+
+
+@dataclass(kw_only=True)
+class Reverse(Rule):
+    """Stops when the curve of D(I_first, I_n) over n has levelled off.
+
+    I_first is the image of the first evaluation. The slope is that of a least-squares line through
+    the last `window` points (n, D), n > first; the rule stops when it is at most ε. The comparison
+    of I_first with itself is no point of the curve: the paper's window is rendered after the
+    reference, and its 0, known before looking, would only tilt the first line.
+
+    Notes
+    -----
+    The paper gives ε no unit. Here it is visible pixels per sample per pixel at 512×512, and it
+    scales with the pixel count: an image of W×H pixels stops at a slope of
+    ``epsilon`` · W·H / 512². So the same noise stops at the same spp at any size.
+
+    References
+    ----------
+    N. Takouachet, S. Delepoulle and C. Renaud, A perceptual stopping condition for global
+    illumination computations, SCCG 2007, section 4.4 (N = 5, ε = 0.1, step and I_first 100 spp).
+    """
+
+    name: ClassVar[str] = "reverse"
+
+    #: N: how many points the line is laid through, 2 or more.
+    window: int = 5
+    #: ε: visible pixels per spp at 512×512, 0 or more.
+    epsilon: float = 0.1
+
+    _first_spp: int | None = field(default=None, init=False, repr=False, compare=False)
+    _first_image: Image | None = field(default=None, init=False, repr=False, compare=False)
+    _first_percept: Percept | None = field(default=None, init=False, repr=False, compare=False)
+    #: The last `window` points of the curve: spp and visible pixels.
+    _points: list[tuple[int, int]] = field(
+        default_factory=list, init=False, repr=False, compare=False
+    )
+
+    def __post_init__(self) -> None:
+        require_whole_number("window", self.window, least=2)
+        if not (math.isfinite(self.epsilon) and self.epsilon >= 0):
+            raise ValueError(f"epsilon must be 0 or more, not {self.epsilon}")
+
+    def judge(self, evidence: Evidence) -> Verdict:
+        """Return whether the curve has levelled off; the value is its slope."""
+        # The first image becomes the reference; every later one makes a point of the curve.
+        reference, first_spp = self._reference(evidence)
+        difference = evidence.metric.compare(reference, evidence.percept)
+        if evidence.spp > first_spp:
+            self._points = [*self._points, (evidence.spp, difference.count)][-self.window :]
+
+        # The line, as soon as there are points enough.
+        slope = least_squares_slope(self._points) if len(self._points) == self.window else None
+        epsilon = self.epsilon * evidence.pixels / EPSILON_PIXELS
+        return Verdict(
+            stop=slope is not None and slope <= epsilon,
+            value=slope,
+            numbers={
+                "visible_pixels": float(difference.count),
+                "visible_fraction": difference.fraction,
+                "slope": slope,
+                "epsilon": epsilon,
+                "window": float(self.window),
+                "first_spp": float(first_spp),
+                "non_finite_pixels": float(difference.non_finite),
+            },
+            reason=self._reason(evidence, slope, epsilon),
+        )
+
+    def memory(self) -> Memory:
+        """Return the first image, its spp, and the last points of the curve."""
+        if self._first_image is None:
+            return Memory()
+        points: list[Json] = [[spp, pixels] for spp, pixels in self._points]
+        return Memory(
+            {"first_spp": self._first_spp, "points": points}, {"first": self._first_image}
+        )
+
+    def recall(self, memory: Memory) -> None:
+        """Take up the first image and the points of an earlier rule of the same window."""
+        self._first_spp, self._first_image, self._first_percept, self._points = None, None, None, []
+        if memory.numbers or memory.images:
+            self._first_spp, self._first_image, self._points = self._parse(memory)
+
+    def _reference(self, evidence: Evidence) -> tuple[Percept, int]:
+        """Return the percept and the spp of the first image, which this one is if none was."""
+        if self._first_image is None or self._first_spp is None:
+            self._first_spp = evidence.spp
+            # A copy: the monitor may go on adding to its own.
+            self._first_image = as_image(evidence.image).copy()
+            self._first_percept = evidence.percept
+            return self._first_percept, self._first_spp
+        newest = self._points[-1][0] if self._points else self._first_spp
+        if evidence.spp <= newest:
+            raise ValueError(f"{evidence.spp} spp came after {newest} spp: the curve only goes on")
+        if self._first_percept is None:
+            self._first_percept = evidence.metric.percept(self._first_image)
+        return self._first_percept, self._first_spp
+
+    def _parse(self, memory: Memory) -> tuple[int, Image, list[tuple[int, int]]]:
+        match memory.numbers:
+            case {"first_spp": int(first_spp), "points": list(rows)} if "first" in memory.images:
+                points = [(spp, pixels) for row in rows for spp, pixels in _point(row)]
+                if len(points) == len(rows) <= self.window:
+                    return first_spp, as_image(memory.images["first"]).copy(), points
+        raise ValueError(f"not a memory of the rule 'reverse' with a window of {self.window}")
+
+    def _reason(self, evidence: Evidence, slope: float | None, epsilon: float) -> str:
+        if not self._points:
+            return f"the image at {self._first_spp} spp is the first, against which others are seen"
+        if slope is None:
+            return f"the curve has {len(self._points)} of the {self.window} points of a slope"
+        if not any(pixels for _, pixels in self._points):
+            return (
+                f"nothing was visible against the image at {self._first_spp} spp "
+                f"on any of the last {self.window} points, slope 0: {_why_invisible(evidence)}"
+            )
+        measured = f"slope {slope:.4g} visible pixels per spp over the last {self.window} points"
+        if slope <= epsilon:
+            return f"the curve has levelled off: {measured}, at most ε = {epsilon:.4g}"
+        return f"the curve still climbs: {measured}, above ε = {epsilon:.4g}"
+
+
+def least_squares_slope(points: Sequence[tuple[int, int]]) -> float:
+    """Return the slope of the least-squares line through (x, y) points, in float64.
+
+    Examples
+    --------
+    >>> least_squares_slope([(100, 10), (200, 30), (300, 20)])
+    0.05
+    """
+    x, y = np.asarray(points, dtype=np.float64).T
+    x -= x.mean()
+    return float(x @ (y - y.mean()) / (x @ x))
+
+
+def _point(row: Json) -> list[tuple[int, int]]:
+    """Return the point in a row of a memory, or none if it is something else."""
+    match row:
+        case [int(spp), int(pixels)]:
+            return [(spp, pixels)]
+        case _:
+            return []
+
+
+def _why_invisible(evidence: Evidence) -> str:
+    """Return, in words, why no noise of this image was seen from the start."""
+    brightest = float(evidence.percept.levels[evidence.metric.adaptation_level].max())
+    if brightest < COLOUR_LUMINANCE:
+        return f"the image is so dark (at most {brightest:.3g} cd/m²) that its noise cannot be seen"
+    return "the first image already looked like the present one"

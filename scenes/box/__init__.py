@@ -1,0 +1,1 @@
+"""The paper's first family: a closed box under a ceiling light."""

@@ -1,0 +1,130 @@
+"""Builds the box: `python -m scenes.box.build` writes scene.xml and meshes/.
+
+A room of our own, 2.4 wide, 2 high and 2.2 deep, open towards the camera: an ochre wall, a teal
+wall, a tall block, a low plinth with a glossy ball on it, and one rectangle of white light in the
+ceiling. It is of the kind that Goral et al. (1984, doi:10.1145/800031.808601) made the test of
+global illumination, with none of the data of Cornell's.
+"""
+
+from pathlib import Path
+
+from scenes.box.mesh import Mesh, ball, block, quads
+
+HERE = Path(__file__).parent
+
+#: Radiance of the light, in the units of the image: what is 1 there is white at EV 0.
+BRIGHT = 20.0  # BOX 1
+DIM = 2.0  # BOX 2
+
+# The room: x to the right, y up, z towards the camera.
+X, Y, Z = 1.2, 2.0, 1.1
+
+
+def meshes() -> dict[str, Mesh]:
+    """Return the meshes by file name."""
+    return {
+        "room.ply": quads(
+            ((-X, 0, Z), (X, 0, Z), (X, 0, -Z), (-X, 0, -Z)),  # floor
+            ((-X, Y, -Z), (X, Y, -Z), (X, Y, Z), (-X, Y, Z)),  # ceiling
+            ((-X, 0, -Z), (X, 0, -Z), (X, Y, -Z), (-X, Y, -Z)),  # back
+        ),
+        "left.ply": quads(((-X, 0, Z), (-X, 0, -Z), (-X, Y, -Z), (-X, Y, Z))),
+        "right.ply": quads(((X, 0, -Z), (X, 0, Z), (X, Y, Z), (X, Y, -Z))),
+        # Turns by whole-number triangles (5-12-13 and 7-24-25) need no sine.
+        "block.ply": block((-0.5, -0.38), (0.6, 1.18, 0.6), (12 / 13, 5 / 13)),
+        "plinth.ply": block((0.5, 0.22), (0.68, 0.34, 0.68), (24 / 25, -7 / 25)),
+        "ball.ply": ball((0.5, 0.34 + 0.27, 0.22), 0.27, subdivisions=2),
+    }
+
+
+def scene_xml() -> str:
+    """Return the scene's XML."""
+    return f"""\
+<?xml version="1.0" encoding="utf-8"?>
+<!-- Built by scenes/box/build.py; change it there.
+
+     BOX 1, the bright one: intensity = {BRIGHT:g} (the default).
+     BOX 2, the dim one:    intensity = {DIM:g}. -->
+<scene version="3.0.0">
+    <default name="width" value="256"/>
+    <default name="height" value="256"/>
+    <default name="intensity" value="{BRIGHT:g}"/>
+    <default name="max_depth" value="8"/>
+
+    <integrator type="path">
+        <integer name="max_depth" value="$max_depth"/>
+    </integrator>
+
+    <sensor type="perspective">
+        <float name="fov" value="27.5"/>
+        <transform name="to_world">
+            <lookat origin="0, 1.0, 5.1" target="0, 1.0, 0" up="0, 1, 0"/>
+        </transform>
+        <sampler type="independent"/>
+        <film type="hdrfilm">
+            <integer name="width" value="$width"/>
+            <integer name="height" value="$height"/>
+            <rfilter type="box"/>
+        </film>
+    </sensor>
+
+    <bsdf type="twosided" id="white">
+        <bsdf type="diffuse"><rgb name="reflectance" value="0.74, 0.72, 0.68"/></bsdf>
+    </bsdf>
+    <bsdf type="twosided" id="ochre">
+        <bsdf type="diffuse"><rgb name="reflectance" value="0.64, 0.29, 0.07"/></bsdf>
+    </bsdf>
+    <bsdf type="twosided" id="teal">
+        <bsdf type="diffuse"><rgb name="reflectance" value="0.07, 0.32, 0.38"/></bsdf>
+    </bsdf>
+    <bsdf type="roughplastic" id="glaze">
+        <rgb name="diffuse_reflectance" value="0.70, 0.12, 0.10"/>
+        <float name="alpha" value="0.2"/>
+    </bsdf>
+
+{_shape("room", "white")}
+{_shape("left", "ochre")}
+{_shape("right", "teal")}
+{_shape("block", "white")}
+{_shape("plinth", "white")}
+{_shape("ball", "glaze")}
+
+    <!-- The light: 0.8 by 0.6, a hair below the ceiling, facing down. -->
+    <shape type="rectangle" id="light">
+        <transform name="to_world">
+            <scale x="0.4" y="0.3"/>
+            <rotate x="1" angle="90"/>
+            <translate y="{Y - 0.002:g}"/>
+        </transform>
+        <emitter type="area">
+            <rgb name="radiance" value="$intensity"/>
+        </emitter>
+    </shape>
+</scene>
+"""
+
+
+def _shape(name: str, bsdf: str) -> str:
+    return f"""\
+    <shape type="ply" id="{name}">
+        <string name="filename" value="meshes/{name}.ply"/>
+        <ref id="{bsdf}"/>
+    </shape>"""
+
+
+def files() -> dict[str, bytes]:
+    """Return every file of the scene by its path in the scene's folder."""
+    built = {f"meshes/{name}": mesh.to_ply() for name, mesh in meshes().items()}
+    return {"scene.xml": scene_xml().encode("utf-8"), **built}
+
+
+def write(folder: Path) -> None:
+    """Write the scene into a folder."""
+    for name, content in files().items():
+        path = folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(content)
+
+
+if __name__ == "__main__":
+    write(HERE)

@@ -1,0 +1,150 @@
+"""Small meshes, and how they are written as binary PLY.
+
+Only sums, products and square roots go into a vertex, all of which IEEE 754 rounds in one way, so
+that every machine builds the same bytes.
+"""
+
+import math
+import struct
+from dataclasses import dataclass
+
+Vector = tuple[float, float, float]
+Face = tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """Vertices, faces that run counter-clockwise seen from outside, and normals where smooth."""
+
+    vertices: tuple[Vector, ...]
+    faces: tuple[Face, ...]
+    normals: tuple[Vector, ...] = ()
+
+    def to_ply(self) -> bytes:
+        """Return the mesh as little-endian binary PLY."""
+        properties = ["x", "y", "z"] + (["nx", "ny", "nz"] if self.normals else [])
+        header = "\n".join(
+            [
+                "ply",
+                "format binary_little_endian 1.0",
+                f"element vertex {len(self.vertices)}",
+                *(f"property float {name}" for name in properties),
+                f"element face {len(self.faces)}",
+                "property list uchar int vertex_indices",
+                "end_header\n",
+            ]
+        )
+        normals = self.normals or ((),) * len(self.vertices)
+        rows = [
+            struct.pack(f"<{len(properties)}f", *vertex, *normal)
+            for vertex, normal in zip(self.vertices, normals, strict=True)
+        ]
+        rows += [struct.pack(f"<B{len(face)}i", len(face), *face) for face in self.faces]
+        return header.encode("ascii") + b"".join(rows)
+
+
+def quads(*corners: tuple[Vector, Vector, Vector, Vector]) -> Mesh:
+    """Return flat rectangles, each by its four corners; they share no vertex."""
+    vertices = tuple(corner for quad in corners for corner in quad)
+    faces = tuple(
+        triangle
+        for first in range(0, len(vertices), 4)
+        for triangle in ((first, first + 1, first + 2), (first, first + 2, first + 3))
+    )
+    return Mesh(vertices, faces)
+
+
+def block(centre: tuple[float, float], size: Vector, turn: tuple[float, float]) -> Mesh:
+    """Return a cuboid that stands on the floor.
+
+    Parameters
+    ----------
+    centre : (x, z)
+        Where it stands.
+    size : (width, height, depth)
+        Its edges.
+    turn : (cosine, sine)
+        How far it is turned about the vertical.
+    """
+    cosine, sine = turn
+    half_width, height, half_depth = size[0] / 2, size[1], size[2] / 2
+
+    def corner(x: int, y: int, z: int) -> Vector:
+        along, across = x * half_width, z * half_depth
+        return (
+            centre[0] + cosine * along + sine * across,
+            y * height,
+            centre[1] - sine * along + cosine * across,
+        )
+
+    a, b, c, d = corner(-1, 0, 1), corner(1, 0, 1), corner(1, 0, -1), corner(-1, 0, -1)
+    e, f, g, h = corner(-1, 1, 1), corner(1, 1, 1), corner(1, 1, -1), corner(-1, 1, -1)
+    return quads((a, b, f, e), (b, c, g, f), (c, d, h, g), (d, a, e, h), (e, f, g, h), (d, c, b, a))
+
+
+def ball(centre: Vector, radius: float, subdivisions: int) -> Mesh:
+    """Return a sphere of triangles with smooth normals: an icosahedron, subdivided."""
+    golden = (1 + math.sqrt(5)) / 2
+    points: list[Vector] = []
+    for one in (-1.0, 1.0):
+        for phi in (-golden, golden):
+            points += [(0.0, one, phi), (one, phi, 0.0), (phi, 0.0, one)]
+    points = [_unit(point) for point in points]
+    faces = _icosahedron_faces(points)
+    for _ in range(subdivisions):
+        faces = _subdivide(points, faces)
+    vertices = tuple(
+        (
+            centre[0] + radius * point[0],
+            centre[1] + radius * point[1],
+            centre[2] + radius * point[2],
+        )
+        for point in points
+    )
+    return Mesh(vertices, tuple(faces), tuple(points))
+
+
+def _icosahedron_faces(points: list[Vector]) -> list[Face]:
+    """Return all triples of neighbours, turned outwards."""
+    count = len(points)
+    near = [[_dot(points[i], points[j]) > 0.4 for j in range(count)] for i in range(count)]
+    faces: list[Face] = []
+    for i in range(count):
+        for j in range(i + 1, count):
+            for k in range(j + 1, count):
+                if near[i][j] and near[j][k] and near[k][i]:
+                    outwards = _dot(points[i], _cross(points[j], points[k])) > 0
+                    faces.append((i, j, k) if outwards else (i, k, j))
+    return faces
+
+
+def _subdivide(points: list[Vector], faces: list[Face]) -> list[Face]:
+    """Return each face as four, having added the middles of its edges to the points."""
+    middles: dict[tuple[int, int], int] = {}
+
+    def middle(i: int, j: int) -> int:
+        edge = (min(i, j), max(i, j))
+        if edge not in middles:
+            p, q = points[edge[0]], points[edge[1]]
+            middles[edge] = len(points)
+            points.append(_unit((p[0] + q[0], p[1] + q[1], p[2] + q[2])))
+        return middles[edge]
+
+    finer: list[Face] = []
+    for i, j, k in faces:
+        ij, jk, ki = middle(i, j), middle(j, k), middle(k, i)
+        finer += [(i, ij, ki), (ij, j, jk), (ki, jk, k), (ij, jk, ki)]
+    return finer
+
+
+def _dot(p: Vector, q: Vector) -> float:
+    return p[0] * q[0] + p[1] * q[1] + p[2] * q[2]
+
+
+def _cross(p: Vector, q: Vector) -> Vector:
+    return (p[1] * q[2] - p[2] * q[1], p[2] * q[0] - p[0] * q[2], p[0] * q[1] - p[1] * q[0])
+
+
+def _unit(p: Vector) -> Vector:
+    length = math.sqrt(_dot(p, p))
+    return (p[0] / length, p[1] / length, p[2] / length)

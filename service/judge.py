@@ -1,0 +1,103 @@
+"""Judges a job's merged image: the rule that ends it, the rules it watches, and the curve."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from farm.spec import JobSpec
+from metric import (
+    Evidence,
+    Half,
+    Memory,
+    Percept,
+    Rule,
+    Verdict,
+    View,
+    VisibleDifferences,
+    create_rule,
+)
+from service.merge import Merge
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """One evaluation: the point of the curve, and what the job's own rule said."""
+
+    point: dict[str, object]
+    verdict: Verdict
+
+
+class Judge:
+    """The rules of one job, with what they remember.
+
+    The curve is always that of the reverse comparison, whatever rule ends the job: where neither
+    the rule nor a watched one is `reverse`, one with the paper's parameters is kept beside them.
+    """
+
+    def __init__(self, spec: JobSpec) -> None:
+        self._metric = VisibleDifferences(View(**spec.view.model_dump()))
+        self._own = spec.rule.name
+        self._rules: dict[str, Rule] = {
+            rule.name: create_rule(**rule.model_dump()) for rule in (spec.rule, *spec.watch)
+        }
+        self._shown = tuple(self._rules)
+        if "reverse" not in self._rules:
+            self._rules["reverse"] = create_rule("reverse")
+
+    def judge(self, merge: Merge) -> Judgement:
+        """Evaluate every rule on the merged image; once for each evaluation, in order of spp."""
+        halves = merge.halves()
+        evidence = Evidence(
+            spp=merge.spp,
+            image=merge.image(),
+            halves=None if halves is None else (Half(*halves[0]), Half(*halves[1])),
+            metric=self._metric,
+        )
+        verdicts = {name: rule.judge(evidence) for name, rule in self._rules.items()}
+        curve = verdicts["reverse"].numbers
+        estimate = evidence.estimate
+        point: dict[str, object] = {
+            "spp": merge.spp,
+            "visible_pixels": int(curve["visible_pixels"] or 0),
+            "visible_fraction": curve["visible_fraction"],
+            "slope": curve["slope"],
+            "estimate_pixels": None if estimate is None else estimate.pixels,
+            "estimate_fraction": None if estimate is None else estimate.fraction,
+            "non_finite_pixels": int(curve["non_finite_pixels"] or 0),
+            "rules": {
+                name: {"value": verdicts[name].value, "stop": verdicts[name].stop}
+                for name in self._shown
+            },
+        }
+        return Judgement(point, verdicts[self._own])
+
+    def visible_map(self, merge: Merge) -> NDArray[np.bool_] | None:
+        """Where the merged image differs visibly from the first one of the curve."""
+        first = self._rules["reverse"].memory().images.get("first")
+        if first is None:
+            return None
+        percepts: list[Percept] = [self._metric.percept(image) for image in (first, merge.image())]
+        return self._metric.compare(*percepts).visible
+
+    def memory(self) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+        """What the rules must remember across a restart: numbers, and images by name."""
+        memories = {name: rule.memory() for name, rule in self._rules.items()}
+        numbers = {name: memory.numbers for name, memory in memories.items()}
+        images = {
+            f"{name}:{image}": pixels
+            for name, memory in memories.items()
+            for image, pixels in memory.images.items()
+        }
+        return numbers, images
+
+    def recall(self, numbers: dict[str, Any], images: dict[str, NDArray[Any]]) -> None:
+        """Take up what `memory` gave."""
+        for name, rule in self._rules.items():
+            own = {
+                image.removeprefix(f"{name}:"): pixels
+                for image, pixels in images.items()
+                if image.startswith(f"{name}:")
+            }
+            rule.recall(Memory(numbers[name], own))

@@ -1,0 +1,134 @@
+"""The monitor: owns jobs while they run, and ends them.
+
+Any number of monitors may run. Each takes the jobs that nobody owns and keeps its ownership alive
+from a thread of its own, so that a long evaluation does not cost it a job.
+"""
+
+import logging
+import random
+import threading
+import time
+from typing import Final
+
+from farm import keys
+from farm.blobs import Blobs
+from farm.errors import FenceLost, IllegalTransition, StoreUnavailable
+from farm.jobs import Jobs
+from farm.ownership import Ownership, Ownerships
+from farm.redis_link import connect
+from farm.settings import Settings
+from farm.states import JobState
+from farm.wake import Wake
+from service.job_run import JobRun
+
+_LOG = logging.getLogger(__name__)
+
+_IDLE_S: Final = 0.5  #: between two looks at the jobs, where no hint came
+_CENSUS_S: Final = 2.0  #: between two counts of the workers
+
+
+class Monitor:
+    """One monitor."""
+
+    def __init__(self, settings: Settings, store: Blobs) -> None:
+        if settings.redis_url is None:
+            raise ValueError("a monitor needs redis_url")
+        client = connect(settings.redis_url)
+        self._blobs = store
+        self._jobs = Jobs(client)
+        self._owners = Ownerships(client, settings.lease_s)
+        self._wake = Wake(client, keys.WAKE_MONITORS)
+        self._lease_s = settings.lease_s
+        self._owned: dict[str, Ownership] = {}
+        self._runs: dict[str, JobRun] = {}
+        self._workers = 0
+        self._counted_at = float("-inf")
+
+    def run(self, stop: threading.Event) -> None:
+        """Run jobs until `stop` is set; then leave them to the next monitor."""
+        over = threading.Event()
+        renewer = threading.Thread(target=self._keep_owning, args=(over,), daemon=True)
+        renewer.start()
+        try:
+            while not stop.is_set():
+                try:
+                    self._look()
+                    self._wake.wait(_IDLE_S)
+                except StoreUnavailable as error:
+                    _LOG.warning("%s", error)
+                    stop.wait(random.uniform(0.5, 1.5))
+        finally:
+            over.set()
+            renewer.join()
+            self._disown()
+
+    def _look(self) -> None:
+        """Take the jobs that nobody owns, and bring each of ours forward."""
+        for job_id in self._owners.unfinished() - self._owned.keys():
+            owned = self._owners.acquire(job_id)
+            if owned is not None:
+                self._owned[job_id] = owned
+        look_ahead = self._look_ahead()
+        for owned in tuple(self._owned.values()):
+            if self._advance(owned, look_ahead):
+                del self._owned[owned.job_id]
+                self._runs.pop(owned.job_id, None)
+
+    def _advance(self, owned: Ownership, look_ahead: int) -> bool:
+        """Bring one job forward; returns whether we have done with it."""
+        try:
+            run = self._runs.get(owned.job_id)
+            if run is None:
+                run = JobRun(owned, self._jobs, self._owners, self._blobs)
+                self._runs[owned.job_id] = run
+            return run.advance(look_ahead)
+        except FenceLost as lost:
+            _LOG.warning("%s", lost)
+            return True
+        except StoreUnavailable:
+            raise
+        except Exception as error:  # noqa: BLE001  (one job's trouble must not hurt the others)
+            _LOG.exception("job %s cannot go on", owned.job_id)
+            return self._give_up(owned, f"the merge cannot go on: {error}")
+
+    def _give_up(self, owned: Ownership, reason: str) -> bool:
+        """Fail the job; where it had ended before, leave it without its last results."""
+        try:
+            self._owners.end(owned, JobState.FAILED, reason)
+        except FenceLost:
+            return True
+        except IllegalTransition:
+            self._owners.finish(owned)
+            return True
+        return False
+
+    def _look_ahead(self) -> int:
+        """So many slices are planned beyond the merged ones.
+
+        Enough for each worker to render one and to find the next waiting, and one in the merge.
+        """
+        if time.monotonic() > self._counted_at + _CENSUS_S:
+            self._workers = len(self._jobs.workers(self._lease_s))
+            self._counted_at = time.monotonic()
+        return 2 * max(1, self._workers) + 1
+
+    def _keep_owning(self, over: threading.Event) -> None:
+        while not over.wait(self._lease_s / 3):
+            owned = tuple(self._owned.values())
+            try:
+                self._owners.renew(owned)
+            except StoreUnavailable as error:
+                _LOG.warning("ownership was not renewed: %s", error)
+
+    def _disown(self) -> None:
+        try:
+            self._owners.disown(tuple(self._owned.values()))
+        except StoreUnavailable as error:
+            _LOG.warning("%s", error)
+
+
+def run(settings: Settings, stop: threading.Event) -> None:
+    """Run one monitor against ``settings.redis_url`` and ``settings.blobs`` until `stop` is set."""
+    if settings.blobs is None:
+        raise ValueError("a monitor needs blobs")
+    Monitor(settings, Blobs(settings.blobs)).run(stop)

@@ -1,0 +1,196 @@
+"""RFC 9457 problem details: every error of the API has a stable type and says what to do."""
+
+import logging
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+from fastapi import FastAPI, Request
+from fastapi.exceptions import RequestValidationError
+from fastapi.responses import JSONResponse
+from pydantic import BaseModel, ConfigDict, Field
+from starlette.exceptions import HTTPException
+
+from farm.errors import IllegalTransition, JobNotFound, StoreUnavailable
+
+MEDIA_TYPE: Final = "application/problem+json"
+
+#: When a client may try again while Redis or the blob store is away, in seconds.
+_RETRY_AFTER_S: Final = 2
+
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class ProblemType:
+    """One kind of problem: the last part of its `type`, its status and its title."""
+
+    slug: str
+    status: int
+    title: str
+
+    @property
+    def uri(self) -> str:
+        """The problem's ``type``; the API answers it with what the type means."""
+        return f"/problems/{self.slug}"
+
+
+MALFORMED_REQUEST: Final = ProblemType("malformed-request", 400, "The request cannot be read")
+FOREIGN_HOST: Final = ProblemType("foreign-host", 403, "This service answers this machine only")
+FOREIGN_ORIGIN: Final = ProblemType("foreign-origin", 403, "Other web sites may not call this API")
+UNKNOWN_PATH: Final = ProblemType("unknown-path", 404, "There is nothing here")
+UNKNOWN_JOB: Final = ProblemType("unknown-job", 404, "There is no such job")
+NO_IMAGE_YET: Final = ProblemType("no-image-yet", 404, "The job has no image yet")
+METHOD_NOT_ALLOWED: Final = ProblemType("method-not-allowed", 405, "Not by this method")
+CANNOT_CANCEL: Final = ProblemType("cannot-cancel", 409, "The job has already ended")
+UPLOAD_TOO_LARGE: Final = ProblemType("upload-too-large", 413, "The upload is too large")
+NOT_MULTIPART: Final = ProblemType("not-multipart", 415, "The body is not multipart/form-data")
+INVALID_REQUEST: Final = ProblemType("invalid-request", 422, "A part of the request is not valid")
+INVALID_SPEC: Final = ProblemType("invalid-spec", 422, "The job's spec is not valid")
+NO_SCENE: Final = ProblemType("no-scene", 422, "The request brings no scene")
+UNKNOWN_SCENE: Final = ProblemType("unknown-scene", 422, "No such scene is stored")
+BROKEN_SCENE: Final = ProblemType("broken-scene", 422, "The scene cannot be taken")
+KEY_REUSED: Final = ProblemType(
+    "idempotency-key-reused", 422, "The idempotency key was used for another request"
+)
+INTERNAL_ERROR: Final = ProblemType("internal-error", 500, "The service failed")
+STORE_UNAVAILABLE: Final = ProblemType("store-unavailable", 503, "Redis or the blob store is away")
+
+#: Every type, by its slug.
+TYPES: Final[dict[str, ProblemType]] = {
+    value.slug: value for value in tuple(globals().values()) if isinstance(value, ProblemType)
+}
+
+#: What a bare status that the framework raises is called here.
+_BY_STATUS: Final = {
+    400: MALFORMED_REQUEST,
+    404: UNKNOWN_PATH,
+    405: METHOD_NOT_ALLOWED,
+}
+
+
+class FieldError(BaseModel):
+    """One field that was refused."""
+
+    field: str = Field(description="the field's name, with dots where it is nested")
+    message: str
+
+
+class ProblemDetails(BaseModel):
+    """A problem as RFC 9457 describes it; some types carry more members."""
+
+    model_config = ConfigDict(extra="allow")
+
+    type: str = Field(description="what kind of problem it is: stable, for programs")
+    title: str = Field(description="the kind in words")
+    status: int
+    detail: str = Field(description="what happened, and what to do about it")
+    instance: str = Field(description="the path that was asked for")
+
+
+class Problem(HTTPException):
+    """Raised by a route to answer with a problem.
+
+    Parameters
+    ----------
+    kind
+        Its type.
+    detail
+        What happened and what to do, in a sentence for people.
+    headers
+        Headers of the response.
+    members
+        More members of the problem, for programs.
+    """
+
+    def __init__(
+        self,
+        kind: ProblemType,
+        detail: str,
+        *,
+        headers: Mapping[str, str] | None = None,
+        **members: object,
+    ) -> None:
+        super().__init__(kind.status, detail, dict(headers) if headers else None)
+        self.kind = kind
+        self.members = members
+
+    def response(self, path: str) -> JSONResponse:
+        """The response for a request to `path`."""
+        body = {
+            "type": self.kind.uri,
+            "title": self.kind.title,
+            "status": self.kind.status,
+            "detail": self.detail,
+            "instance": path,
+            **self.members,
+        }
+        return JSONResponse(body, self.kind.status, self.headers, MEDIA_TYPE)
+
+
+def documented(*kinds: ProblemType) -> dict[int | str, dict[str, Any]]:
+    """The ``responses`` of a route that may answer with these problems, for OpenAPI."""
+    statuses: dict[int | str, dict[str, Any]] = {}
+    for kind in (*kinds, STORE_UNAVAILABLE):
+        line = f"`{kind.uri}`: {kind.title.lower()}"
+        known = statuses.setdefault(
+            kind.status, {"model": ProblemDetails, "content": {MEDIA_TYPE: {}}, "description": ""}
+        )
+        known["description"] = "; ".join(filter(None, (known["description"], line)))
+    return statuses
+
+
+def add_problem_handlers(app: FastAPI) -> None:
+    """Answer every error with a problem: our own, the framework's and the unexpected."""
+
+    @app.exception_handler(HTTPException)
+    def answer_http(request: Request, error: HTTPException) -> JSONResponse:
+        return _from_http(request, error).response(request.url.path)
+
+    @app.exception_handler(RequestValidationError)
+    def answer_invalid(request: Request, error: RequestValidationError) -> JSONResponse:
+        fields = [
+            FieldError(field=str(one["loc"][-1]), message=one["msg"]) for one in error.errors()
+        ]
+        detail = "; ".join(f"{field.field}: {field.message}" for field in fields)
+        problem = Problem(INVALID_REQUEST, detail, errors=[one.model_dump() for one in fields])
+        return problem.response(request.url.path)
+
+    @app.exception_handler(JobNotFound)
+    def answer_unknown_job(request: Request, error: JobNotFound) -> JSONResponse:
+        detail = f"{error}; GET /v1/jobs lists those there are"
+        return Problem(UNKNOWN_JOB, detail).response(request.url.path)
+
+    @app.exception_handler(IllegalTransition)
+    def answer_illegal(request: Request, error: IllegalTransition) -> JSONResponse:
+        detail = f"job {error.job_id} is {error.state}; only a job that has not ended can be"
+        problem = Problem(
+            CANNOT_CANCEL, f"{detail} {error.target}", state=error.state, story=error.story
+        )
+        return problem.response(request.url.path)
+
+    @app.exception_handler(StoreUnavailable)
+    def answer_unavailable(request: Request, error: StoreUnavailable) -> JSONResponse:
+        _log.warning("%s %s: %s", request.method, request.url.path, error)
+        headers = {"Retry-After": str(_RETRY_AFTER_S)}
+        problem = Problem(STORE_UNAVAILABLE, f"{error}; try again shortly", headers=headers)
+        return problem.response(request.url.path)
+
+    @app.exception_handler(Exception)
+    def answer_unexpected(request: Request, _: Exception) -> JSONResponse:
+        detail = "an error that Plateau did not expect; the API's log has the details"
+        return Problem(INTERNAL_ERROR, detail).response(request.url.path)
+
+
+def _from_http(request: Request, error: HTTPException) -> Problem:
+    if isinstance(error, Problem):
+        return error
+    kind = _BY_STATUS.get(error.status_code)
+    if kind is None:
+        kind = ProblemType("http-error", error.status_code, str(error.detail))
+    details = {
+        UNKNOWN_PATH: f"nothing is served at {request.url.path}; /docs lists what is",
+        METHOD_NOT_ALLOWED: f"{request.url.path} does not take {request.method}; "
+        f"/docs says what it takes",
+    }
+    return Problem(kind, details.get(kind, str(error.detail)), headers=error.headers)

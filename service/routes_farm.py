@@ -1,0 +1,47 @@
+"""Routes for the farm itself: workers, scenes, health, and what a problem's type means."""
+
+from typing import Annotated
+
+from fastapi import APIRouter, Depends
+
+from service import problems
+from service.parts import Parts, parts
+from service.problems import TYPES, Problem, documented
+from service.views import Health, ProblemTypeView, Scenes, SceneView, Workers
+
+router = APIRouter(tags=["farm"])
+
+
+@router.get("/v1/workers", responses=documented())
+def workers(farm: Annotated[Parts, Depends(parts)]) -> Workers:
+    """List the workers that live, and what each renders."""
+    return Workers(workers=farm.jobs.workers())
+
+
+@router.get("/v1/scenes", responses=documented())
+def scenes(farm: Annotated[Parts, Depends(parts)]) -> Scenes:
+    """List the stored scenes; a job can be made from one by its SHA-256."""
+    return Scenes(scenes=[SceneView(**scene) for scene in farm.jobs.scenes()])
+
+
+@router.get("/healthz")
+def live() -> Health:
+    """Say that the API runs, whatever else is away."""
+    return Health()
+
+
+@router.get("/readyz", responses=documented())
+def ready(farm: Annotated[Parts, Depends(parts)]) -> Health:
+    """Say that the API can work: Redis and the blob store answer."""
+    farm.jobs.ping()
+    farm.blobs.exists("scenes/none")
+    return Health()
+
+
+@router.get("/problems/{slug}", responses=documented(problems.UNKNOWN_PATH))
+def problem_type(slug: str) -> ProblemTypeView:
+    """Say what a problem's `type` means."""
+    kind = TYPES.get(slug)
+    if kind is None:
+        raise Problem(problems.UNKNOWN_PATH, f"there is no problem type {slug!r}")
+    return ProblemTypeView(type=kind.uri, status=kind.status, title=kind.title)

@@ -1,0 +1,134 @@
+"""Routes that create, show, list and cancel jobs."""
+
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Depends, Path, Query, Response
+
+from farm.states import JobState
+from service import problems
+from service.parts import Parts, parts
+from service.problems import documented
+from service.uploads import Submission, create_job, submission
+from service.views import JobPage, JobView, Slices, SliceView, job_view
+
+router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
+
+JobId = Annotated[str, Path(description="the job's `id`")]
+
+_SUBMISSION: dict[str, Any] = {
+    "requestBody": {
+        "required": True,
+        "content": {
+            "multipart/form-data": {
+                "schema": {
+                    "type": "object",
+                    "properties": {
+                        "scene": {
+                            "type": "string",
+                            "format": "binary",
+                            "description": "a Mitsuba 3 XML, or a zip of one with its meshes and "
+                            "textures",
+                        },
+                        "scene_sha256": {
+                            "type": "string",
+                            "pattern": "^[0-9a-f]{64}$",
+                            "description": "instead of `scene`: one that is already stored",
+                        },
+                        "spec": {"$ref": "#/components/schemas/JobSpec"},
+                    },
+                },
+                "encoding": {"spec": {"contentType": "application/json"}},
+            }
+        },
+    },
+    "parameters": [
+        {
+            "name": "Idempotency-Key",
+            "in": "header",
+            "required": False,
+            "schema": {"type": "string", "maxLength": 255},
+            "description": "a request repeated with the same key within a day makes one job",
+        }
+    ],
+}
+
+
+@router.post(
+    "",
+    status_code=201,
+    openapi_extra=_SUBMISSION,
+    responses={
+        201: {"headers": {"Location": {"schema": {"type": "string"}}}},
+        **documented(
+            problems.MALFORMED_REQUEST,
+            problems.UPLOAD_TOO_LARGE,
+            problems.NOT_MULTIPART,
+            problems.INVALID_REQUEST,
+            problems.INVALID_SPEC,
+            problems.NO_SCENE,
+            problems.UNKNOWN_SCENE,
+            problems.BROKEN_SCENE,
+            problems.KEY_REUSED,
+        ),
+    },
+)
+def submit(
+    response: Response,
+    asked: Annotated[Submission, Depends(submission)],
+    farm: Annotated[Parts, Depends(parts)],
+) -> JobView:
+    """Submit a scene: it is checked, stored once, and queued as a new job.
+
+    `spec` may be left out, as may any of its fields. Answers 201 with the job; the header
+    `Idempotency-Replayed: true` says that the key's first request had made it already.
+    """
+    created = create_job(asked, farm.jobs, farm.blobs, farm.limits)
+    response.headers["Location"] = f"/v1/jobs/{created.job.id}"
+    if created.repeated:
+        response.headers["Idempotency-Replayed"] = "true"
+    return job_view(created.job)
+
+
+@router.get("", responses=documented(problems.INVALID_REQUEST))
+def page(
+    farm: Annotated[Parts, Depends(parts)],
+    state: Annotated[JobState | None, Query(description="only jobs in this state")] = None,
+    batch: Annotated[str | None, Query(description="only jobs of this batch")] = None,
+    cursor: Annotated[
+        str | None, Query(pattern=r"^\d{1,15}$", description="`next_cursor` of the page before")
+    ] = None,
+    limit: Annotated[int, Query(ge=1, le=200, description="most jobs on the page")] = 50,
+) -> JobPage:
+    """List jobs, newest first."""
+    before = None if cursor is None else int(cursor)
+    found, after = farm.jobs.search(state=state, batch=batch, before=before, limit=limit)
+    return JobPage(
+        jobs=[job_view(job) for job in found], next_cursor=None if after is None else str(after)
+    )
+
+
+@router.get("/{job_id}", responses=documented(problems.UNKNOWN_JOB))
+def show(job_id: JobId, farm: Annotated[Parts, Depends(parts)]) -> JobView:
+    """Show a job: its state and why, what is merged, and what the eye would see of the rest."""
+    return job_view(farm.job(job_id))
+
+
+@router.post(
+    "/{job_id}/cancel",
+    status_code=202,
+    responses=documented(problems.UNKNOWN_JOB, problems.CANNOT_CANCEL),
+)
+def cancel(job_id: JobId, farm: Annotated[Parts, Depends(parts)]) -> JobView:
+    """Cancel a job. Its state changes at once; workers stop within a pass, about a second.
+
+    What is merged by then is kept and written as its image. Cancelling it again is harmless; a
+    job that ended otherwise answers 409 with its state.
+    """
+    return job_view(farm.jobs.cancel(farm.job(job_id).id))
+
+
+@router.get("/{job_id}/slices", responses=documented(problems.UNKNOWN_JOB))
+def slices(job_id: JobId, farm: Annotated[Parts, Depends(parts)]) -> Slices:
+    """Show the ledger: each committed slice with its seeds, its worker and its time."""
+    ledger = farm.jobs.ledger(farm.job(job_id).id)
+    return Slices(slices=[SliceView(**record) for record in ledger.values()])

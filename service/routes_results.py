@@ -1,0 +1,199 @@
+"""Routes for what a job has come to: its curve, its events and its images."""
+
+import csv
+import io
+import json
+from collections.abc import AsyncIterator, Iterator
+from itertools import chain
+from typing import Annotated, Final
+
+from fastapi import APIRouter, Depends, Header, Query, Request, Response
+from fastapi.responses import PlainTextResponse, StreamingResponse
+from starlette.concurrency import run_in_threadpool
+
+from farm import blobs as blob_names
+from farm.job import CurvePoint, Event
+from farm.jobs import BEFORE_ALL_EVENTS
+from service import problems
+from service.parts import Parts, parts
+from service.problems import Problem, documented
+from service.routes_jobs import JobId
+from service.views import Curve
+
+router = APIRouter(prefix="/v1/jobs/{job_id}", tags=["results"])
+
+_CSV: Final = "text/csv"
+_FIGURES: Final = tuple(
+    name for name in CurvePoint.model_fields if name not in {"rules", "non_finite_pixels", "at"}
+)
+_EVENT_ID: Final = r"^\d{1,20}-\d{1,20}$"
+#: Proxies close a connection that is silent for longer, commonly after 30 or 60 s.
+_HEARTBEAT_S: Final = 15.0
+_RECONNECT_MS: Final = 1000
+
+#: The images of a job, as they are stored and served.
+IMAGES: Final = {
+    "image.png": "image/png",
+    "image.exr": "image/x-exr",
+    "difference.png": "image/png",
+}
+
+
+def curve_csv(points: list[CurvePoint]) -> str:
+    """The points as CSV: the figures, the time, then each rule's value and verdict."""
+    rules = sorted({name for point in points for name in point.rules})
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    header = [*_FIGURES, "non_finite_pixels", "at"]
+    writer.writerow([*header, *chain(*((f"{rule}_value", f"{rule}_stop") for rule in rules))])
+    for point in points:
+        row = [*(getattr(point, name) for name in header[:-1]), point.at.isoformat()]
+        for rule in rules:
+            said = point.rules.get(rule)
+            row += [said.value, str(said.stop).lower()] if said else [None, None]
+        writer.writerow(row)
+    return text.getvalue()
+
+
+@router.get(
+    "/curve",
+    response_model=Curve,
+    responses={200: {"content": {_CSV: {}}}, **documented(problems.UNKNOWN_JOB)},
+)
+def curve(
+    job_id: JobId,
+    farm: Annotated[Parts, Depends(parts)],
+    accept: Annotated[str, Header(include_in_schema=False)] = "*/*",
+) -> Curve | Response:
+    """Show the curve: each evaluation of the merged image, as JSON, or as CSV by `Accept`."""
+    points = farm.jobs.curve(farm.job(job_id).id)
+    if _CSV in accept:
+        return PlainTextResponse(curve_csv(points), media_type=_CSV)
+    return Curve(points=points)
+
+
+@router.get(
+    "/curve.csv",
+    response_class=PlainTextResponse,
+    responses={200: {"content": {_CSV: {}}}, **documented(problems.UNKNOWN_JOB)},
+)
+def curve_as_csv(job_id: JobId, farm: Annotated[Parts, Depends(parts)]) -> Response:
+    """Show the curve as CSV."""
+    points = farm.jobs.curve(farm.job(job_id).id)
+    return PlainTextResponse(curve_csv(points), media_type=_CSV)
+
+
+@router.get(
+    "/events",
+    response_class=StreamingResponse,
+    responses={
+        200: {"content": {"text/event-stream": {}}},
+        204: {"description": "the job is finished and everything of it was already received"},
+        **documented(problems.UNKNOWN_JOB, problems.INVALID_REQUEST),
+    },
+)
+async def events(
+    request: Request,
+    job_id: JobId,
+    last_event_id: Annotated[
+        str | None, Header(pattern=_EVENT_ID, description="go on after this event")
+    ] = None,
+    after: Annotated[
+        str, Query(pattern=_EVENT_ID, description="the same, where a header cannot be set")
+    ] = BEFORE_ALL_EVENTS,
+) -> Response:
+    """Stream what happens to a job as Server-Sent Events, from its beginning on.
+
+    `state` (from, to, reason), `point` (a point of the curve), `slice` (index, worker) and, once
+    all results are written, `finished`, after which the stream ends. An event's `id` resumes the
+    stream.
+    """
+    farm = parts(request)
+    start = last_event_id or after
+    job = await run_in_threadpool(farm.job, job_id)
+    if job.finished_at is not None and not await run_in_threadpool(farm.jobs.events, job.id, start):
+        return Response(status_code=204)
+    return StreamingResponse(
+        _frames(farm, job.id, start),
+        media_type="text/event-stream",
+        headers={"Cache-Control": "no-store", "X-Accel-Buffering": "no"},
+    )
+
+
+async def _frames(farm: Parts, job_id: str, after: str) -> AsyncIterator[str]:
+    yield f"retry: {_RECONNECT_MS}\n\n"
+    async for batch in farm.hub.events(job_id, after, idle_s=_HEARTBEAT_S):
+        yield "".join(map(frame, batch)) or ": still here\n\n"
+
+
+def frame(event: Event) -> str:
+    """The event as a frame of a Server-Sent Events stream; its data has its time as ``at``."""
+    data = json.dumps({"at": event.at.isoformat(), **event.data})
+    return f"id: {event.id}\nevent: {event.type}\ndata: {data}\n\n"
+
+
+def _image(name: str, job_id: str, farm: Parts) -> Response:
+    job = farm.job(job_id)
+    chunks = farm.blobs.chunks(blob_names.result(job.id, name))
+    try:
+        first = next(chunks, b"")
+    except FileNotFoundError as error:
+        raise _no_image(job.state.ended, job.id, job.state.value, job.reason) from error
+    return StreamingResponse(
+        _joined(first, chunks),
+        media_type=IMAGES[name],
+        headers={
+            # It changes while the job runs.
+            "Cache-Control": "no-cache",
+            "Content-Disposition": f'inline; filename="{job.id}-{name}"',
+        },
+    )
+
+
+def _joined(first: bytes, rest: Iterator[bytes]) -> Iterator[bytes]:
+    yield first
+    yield from rest
+
+
+def _no_image(ended: bool, job_id: str, state: str, reason: str) -> Problem:
+    if ended:
+        detail = f"job {job_id} is {state} and left no image: {reason}"
+    else:
+        detail = (
+            f"job {job_id} is {state}; its first image comes with the first point of its curve, "
+            f"which GET /v1/jobs/{job_id}/events announces"
+        )
+    return Problem(problems.NO_IMAGE_YET, detail, state=state)
+
+
+_IMAGE_PROBLEMS: Final = documented(problems.UNKNOWN_JOB, problems.NO_IMAGE_YET)
+
+
+@router.get(
+    "/image.png",
+    response_class=StreamingResponse,
+    responses={200: {"content": {"image/png": {}}}, **_IMAGE_PROBLEMS},
+)
+def image_png(job_id: JobId, farm: Annotated[Parts, Depends(parts)]) -> Response:
+    """Show the merged image as the job's display shows it: the newest, in the end the final one."""
+    return _image("image.png", job_id, farm)
+
+
+@router.get(
+    "/image.exr",
+    response_class=StreamingResponse,
+    responses={200: {"content": {"image/x-exr": {}}}, **_IMAGE_PROBLEMS},
+)
+def image_exr(job_id: JobId, farm: Annotated[Parts, Depends(parts)]) -> Response:
+    """Show the merged image as linear radiance, float32."""
+    return _image("image.exr", job_id, farm)
+
+
+@router.get(
+    "/difference.png",
+    response_class=StreamingResponse,
+    responses={200: {"content": {"image/png": {}}}, **_IMAGE_PROBLEMS},
+)
+def difference_png(job_id: JobId, farm: Annotated[Parts, Depends(parts)]) -> Response:
+    """Show where the merged image differs visibly from the first image of the curve."""
+    return _image("difference.png", job_id, farm)

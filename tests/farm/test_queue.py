@@ -1,0 +1,264 @@
+"""Slices are leased, kept, committed, given back and lost; each counts once."""
+
+import time
+from dataclasses import dataclass
+
+import pytest
+import redis
+
+from farm import keys
+from farm.errors import FenceLost
+from farm.job import Job
+from farm.jobs import Jobs
+from farm.ownership import Ownership, Ownerships
+from farm.queue import Committed, Lease, SliceQueue, SliceRecord
+from farm.spec import JobSpec
+from farm.states import JobState
+
+LEASE_S = 0.15
+VARIANTS = ("llvm_ad_rgb", "scalar_rgb")
+
+
+@dataclass
+class Farm:
+    """One Redis, one monitor's ownerships and any number of workers."""
+
+    client: redis.Redis
+
+    def __post_init__(self) -> None:
+        self.jobs = Jobs(self.client)
+        self.owners = Ownerships(self.client, lease_s=15)
+
+    def worker(self, name: str) -> SliceQueue:
+        return SliceQueue(self.client, name, LEASE_S)
+
+    def job(self, slices: int = 4, **spec: object) -> tuple[Job, Ownership]:
+        job = self.jobs.create(JobSpec(**spec), name="box", scene_sha256="00").job
+        owned = self.owners.acquire(job.id)
+        assert owned is not None
+        self.owners.plan(owned, range(slices))
+        return job, owned
+
+
+@pytest.fixture
+def farm(client: redis.Redis) -> Farm:
+    return Farm(client)
+
+
+def lease(worker: SliceQueue, loaded: str | None = None, *, in_turn: bool = False) -> Lease:
+    found = worker.lease(VARIANTS, loaded, in_turn=in_turn)
+    assert found is not None
+    return found
+
+
+def commit(worker: SliceQueue, held: Lease, *, first_seed: int | None = None) -> Committed:
+    first = 10 * held.index if first_seed is None else first_seed
+    record = SliceRecord(
+        index=held.index,
+        spp=25,
+        first_seed=first,
+        last_seed=first + 2,
+        blob=f"partial-{held.index}",
+        sha256="00",
+        worker="w",
+        render_s=1.5,
+    )
+    return worker.commit(held, record, width=8, height=4, notes=("a note",))
+
+
+def test_slices_come_in_order_and_the_first_lease_starts_the_job(farm: Farm) -> None:
+    job, _ = farm.job(slices=3)
+    worker = farm.worker("w")
+    assert [lease(worker).index for _ in range(3)] == [0, 1, 2]
+    assert worker.lease(VARIANTS, None, in_turn=False) is None
+    started = farm.jobs.get(job.id)
+    assert (started.state, started.variant) == (JobState.RENDERING, "llvm_ad_rgb")
+    assert started.started_at is not None
+
+
+def test_planning_the_same_slices_again_plans_none(farm: Farm) -> None:
+    job, owned = farm.job(slices=3)
+    farm.owners.plan(owned, range(3))
+    farm.owners.plan(owned, range(1, 4))
+    assert farm.client.xlen(keys.job(job.id, "slices")) == 4
+
+
+def test_a_commit_enters_the_ledger_once(farm: Farm) -> None:
+    job, _ = farm.job()
+    worker = farm.worker("w")
+    held = lease(worker)
+    # When the answer to a commit was lost and it is sent again
+    assert [commit(worker, held), commit(worker, held)] == [
+        Committed.COMMITTED,
+        Committed.DUPLICATE,
+    ]
+    # Then the ledger has the slice once, and its machine time once
+    after = farm.jobs.get(job.id)
+    assert (after.committed_spp, after.machine_s) == (25, 1.5)
+    assert (after.width, after.height, after.notes) == (8, 4, ("a note",))
+    assert list(farm.jobs.ledger(job.id)) == [0]
+
+
+def test_a_lease_that_is_not_renewed_goes_to_another_worker(farm: Farm) -> None:
+    farm.job(slices=1)
+    slow, quick = farm.worker("slow"), farm.worker("quick")
+    first = lease(slow)
+    assert quick.lease(VARIANTS, None, in_turn=False) is None
+    time.sleep(LEASE_S)
+    second = lease(quick)
+    assert (second.index, second.tries) == (first.index, 2)
+    # The zombie comes back: its commit is refused, and so is its heartbeat
+    assert commit(slow, first) is Committed.LOST
+    assert slow.heartbeat({}, (first,)) == {first.job_id}
+    assert commit(quick, second) is Committed.COMMITTED
+
+
+def test_heartbeats_keep_a_lease(farm: Farm) -> None:
+    farm.job(slices=1)
+    worker, other = farm.worker("w"), farm.worker("other")
+    held = lease(worker)
+    for _ in range(4):
+        time.sleep(LEASE_S / 2)
+        assert worker.heartbeat({}, (held,)) == set()
+        assert other.lease(VARIANTS, None, in_turn=False) is None
+    assert commit(worker, held) is Committed.COMMITTED
+
+
+def test_a_slice_handed_back_is_taken_at_once_and_counts_no_try(farm: Farm) -> None:
+    farm.job(slices=1)
+    worker, other = farm.worker("w"), farm.worker("other")
+    for _ in range(5):
+        worker.hand_back(lease(worker))
+    assert lease(other).tries == 1
+
+
+def test_the_third_death_on_a_slice_poisons_the_job(farm: Farm) -> None:
+    job, _ = farm.job(slices=2)
+    assert farm.worker("a").died(lease(farm.worker("a")), "SIGSEGV", 1.0) == "put back"
+    lease(farm.worker("b"))  # dies without a word
+    time.sleep(LEASE_S)
+    held = lease(farm.worker("c"))
+    assert held.tries == 3
+    assert farm.worker("c").died(held, "SIGABRT", 1.0) == "poisoned"
+    failed = farm.jobs.get(job.id)
+    assert failed.state is JobState.FAILED
+    for cause in ("slice 0", "SIGSEGV", "worker b was lost", "SIGABRT"):
+        assert cause in failed.reason
+    assert failed.machine_s == 2.0
+
+
+def test_three_silent_deaths_poison_the_job_too(farm: Farm) -> None:
+    job, _ = farm.job(slices=1)
+    for name in "abc":
+        lease(farm.worker(name))
+        time.sleep(LEASE_S)
+    assert farm.worker("d").lease(VARIANTS, None, in_turn=False) is None
+    assert "worker c was lost" in farm.jobs.get(job.id).reason
+
+
+def test_overlapping_seeds_are_refused(farm: Farm) -> None:
+    farm.job()
+    worker = farm.worker("w")
+    first, second = lease(worker), lease(worker)
+    assert commit(worker, first, first_seed=10) is Committed.COMMITTED
+    assert commit(worker, second, first_seed=8) is Committed.OVERLAP
+    assert commit(worker, second, first_seed=12) is Committed.OVERLAP
+    assert commit(worker, second, first_seed=13) is Committed.COMMITTED
+
+
+def test_cancelling_withdraws_everything_at_once(farm: Farm) -> None:
+    job, owned = farm.job()
+    worker = farm.worker("w")
+    held = lease(worker)
+    assert farm.jobs.cancel(job.id).state is JobState.CANCELLED
+    assert farm.jobs.cancel(job.id).state is JobState.CANCELLED  # again is harmless
+    assert not farm.client.exists(keys.job(job.id, "slices"))
+    assert worker.lease(VARIANTS, None, in_turn=False) is None
+    assert worker.heartbeat({}, (held,)) == {job.id}
+    assert commit(worker, held) is Committed.ENDED
+    farm.owners.plan(owned, range(8))
+    assert not farm.client.exists(keys.job(job.id, "slices"))
+
+
+def test_the_higher_priority_goes_first(farm: Farm) -> None:
+    farm.job(priority=0)
+    urgent, _ = farm.job(priority=5)
+    worker = farm.worker("w")
+    assert [lease(worker).job_id for _ in range(4)] == [urgent.id] * 4
+    assert lease(worker).job_id != urgent.id
+
+
+def test_equal_jobs_share_the_workers(farm: Farm) -> None:
+    one, _ = farm.job()
+    two, _ = farm.job()
+    given = [lease(farm.worker(name)).job_id for name in "abcd"]
+    assert given == [one.id, two.id, one.id, two.id]
+
+
+def test_a_worker_keeps_to_its_scene_while_its_turn_lasts(farm: Farm) -> None:
+    one, _ = farm.job()
+    two, _ = farm.job()
+    worker = farm.worker("w")
+    assert lease(worker).job_id == one.id
+    assert lease(worker, one.id, in_turn=True).job_id == one.id
+    assert lease(worker, one.id, in_turn=False).job_id == two.id
+
+
+def test_a_job_stays_with_its_variant(farm: Farm) -> None:
+    farm.job(variant="scalar_rgb")
+    fast, slow = farm.worker("fast"), farm.worker("slow")
+    assert fast.lease(("llvm_ad_rgb",), None, in_turn=False) is None
+    found = slow.lease(("scalar_rgb",), None, in_turn=False)
+    assert found is not None
+    assert found.variant == "scalar_rgb"
+    pinned, _ = farm.job()
+    assert lease(fast).job_id == pinned.id or lease(fast).job_id == pinned.id
+    assert farm.jobs.get(pinned.id).variant == "llvm_ad_rgb"
+
+
+def test_a_monitor_that_lost_its_job_can_write_nothing(farm: Farm) -> None:
+    # Given a monitor whose ownership has run out, and another that took over
+    job, old = farm.job()
+    farm.client.delete(keys.job(job.id, "owner"))
+    new = farm.owners.acquire(job.id)
+    assert new is not None
+    assert new.token != old.token
+    # Then the old one's writes are all refused
+    for write in (
+        lambda: farm.owners.plan(old, range(9)),
+        lambda: farm.owners.append_point(old, 100, {"spp": 100}),
+        lambda: farm.owners.save(old, checkpoint="x"),
+        lambda: farm.owners.end(old, JobState.CONVERGED, "x"),
+        lambda: farm.owners.finish(old),
+    ):
+        with pytest.raises(FenceLost):
+            write()
+    assert farm.owners.renew((old, new)) == {job.id}
+    assert farm.jobs.get(job.id).points == 0
+
+
+def test_a_point_of_the_curve_is_there_once(farm: Farm) -> None:
+    job, owned = farm.job()
+    point = {
+        "visible_pixels": 3,
+        "visible_fraction": 0.1,
+        "slope": None,
+        "estimate_pixels": 1 / 3,
+        "estimate_fraction": 0.1,
+    }
+    for spp in (100, 200, 200, 100):
+        farm.owners.append_point(owned, spp, {"spp": spp, **point})
+    assert [point.spp for point in farm.jobs.curve(job.id)] == [100, 200]
+    assert farm.jobs.curve(job.id)[0].estimate_pixels == 1 / 3  # to the last bit
+    assert [event.type for event in farm.jobs.events(job.id)].count("point") == 2
+    assert farm.jobs.get(job.id).spp == 200
+
+
+def test_the_ledger_is_read_as_a_prefix(farm: Farm) -> None:
+    job, _ = farm.job(slices=4)
+    worker = farm.worker("w")
+    held = [lease(worker) for _ in range(4)]
+    for index in (0, 1, 3):
+        commit(worker, held[index])
+    assert [record.index for record in farm.owners.committed(job.id, range(0, 4))] == [0, 1]
+    assert [record.index for record in farm.owners.committed(job.id, range(3, 8))] == [3]

@@ -1,0 +1,57 @@
+"""A job's specification: sane defaults, and everything wrong is refused by name."""
+
+from typing import Any
+
+import pytest
+from pydantic import ValidationError
+
+from farm.spec import JobSpec
+
+
+def test_the_default_is_the_papers_rule() -> None:
+    spec = JobSpec()
+    assert (spec.rule.name, spec.rule.window, spec.rule.epsilon) == ("reverse", 5, 0.1)
+    assert (spec.step, spec.max_spp, spec.max_slices) == (100, 10_000, 400)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        ({"stepp": 100}, "stepp"),
+        ({"step": 90}, "multiple of slice_spp"),
+        ({"max_spp": 110}, "multiple of slice_spp"),
+        ({"max_spp": 0}, "max_spp"),
+        ({"seed": 4096}, "seed"),
+        ({"time_limit_s": float("nan")}, "time_limit_s"),
+        ({"variant": "gpu_rgb"}, "variant"),
+        ({"rule": {"name": "hunch"}}, "rule"),
+        ({"rule": {"name": "reverse", "window": 1}}, "window"),
+        ({"rule": {"name": "fixed", "epsilon": 1}}, "epsilon"),
+        ({"watch": [{"name": "reverse"}]}, "may be named once"),
+        ({"view": {"white_luminance": 0}}, "white_luminance"),
+        ({"view": {"field_of_view_deg": 180}}, "field_of_view_deg"),
+    ],
+)
+def test_what_is_wrong_is_named(wrong: dict[str, Any], words: str) -> None:
+    with pytest.raises(ValidationError, match=words):
+        JobSpec.model_validate(wrong)
+
+
+def test_evaluations_fall_on_each_step_and_on_the_cap() -> None:
+    spec = JobSpec(step=50, slice_spp=25, max_spp=125)
+    assert [spp for spp in range(0, 126, 25) if spec.evaluates_at(spp)] == [50, 100, 125]
+
+
+def test_parameters_are_written_as_mitsuba_reads_them() -> None:
+    spec = JobSpec(parameters={"width": 64, "hide": True, "scale": 0.5, "name": "a b"})
+    assert spec.parameter_strings() == {
+        "width": "64",
+        "hide": "true",
+        "scale": "0.5",
+        "name": "a b",
+    }
+
+
+def test_a_spec_survives_its_json() -> None:
+    spec = JobSpec(parameters={"width": 64, "light": 1.5}, watch=[{"name": "fixed", "spp": 50}])
+    assert JobSpec.model_validate_json(spec.model_dump_json()) == spec

@@ -1,0 +1,108 @@
+"""The half-buffer estimate against noise of which the truth is known.
+
+All noise is Gaussian and independent, with fixed seeds: the tests cannot fail by chance. A flat
+grey is the estimate's worst case, since the truth then masks nothing while the halves' noise does.
+"""
+
+import numpy as np
+import pytest
+
+from metric import Half, View, VisibleDifferences, half_buffer_estimate
+
+METRIC = VisibleDifferences(View())
+TRUTH = np.full((128, 128, 3), 0.35, np.float32)
+
+
+def render(seed, even_spp, odd_spp, sigma, truth=TRUTH):
+    """A merged image and its halves, of samples with this standard deviation."""
+    generator = np.random.default_rng(seed)
+    halves = tuple(
+        Half(truth + (sigma / spp**0.5 * generator.standard_normal(truth.shape)).astype("f4"), spp)
+        for spp in (even_spp, odd_spp)
+    )
+    total = sum(half.spp * half.mean.astype(np.float64) for half in halves)
+    return (total / (even_spp + odd_spp)).astype(np.float32), halves
+
+
+def visible_fraction(reference, test):
+    return METRIC.compare(METRIC.percept(reference), METRIC.percept(test)).fraction
+
+
+@pytest.mark.parametrize(
+    ("sigma", "low", "high"), [(0.05, 0.5, 0.7), (0.1, 0.7, 0.9), (0.2, 0.85, 0.95), (0.5, 0.95, 1)]
+)
+@pytest.mark.parametrize(("even_spp", "odd_spp"), [(50, 50), (60, 40), (80, 20)])
+def test_it_is_near_the_truth_and_optimistic(sigma, low, high, even_spp, odd_spp):
+    image, halves = render(1, even_spp, odd_spp, sigma)
+    truth = visible_fraction(TRUTH, image)
+    assert low < half_buffer_estimate(METRIC, image, halves).fraction / truth < high
+
+
+@pytest.mark.parametrize("sigma", [0.1, 0.2, 0.5])
+def test_on_a_texture_that_masks_by_itself_the_bias_is_gone(sigma):
+    grain = np.random.default_rng(8).uniform(0.15, 0.55, (128, 128, 1)).astype(np.float32)
+    truth = np.broadcast_to(grain, TRUTH.shape)
+    image, halves = render(9, 50, 50, sigma, truth)
+    ratio = half_buffer_estimate(METRIC, image, halves).fraction / visible_fraction(truth, image)
+    assert ratio == pytest.approx(1, abs=0.05)
+
+
+def test_unequal_halves_make_no_difference_but_would_without_the_scaling():
+    image, halves = render(2, 50, 50, 0.1)
+    equal = half_buffer_estimate(METRIC, image, halves).fraction
+
+    image, halves = render(2, 90, 10, 0.1)
+    scaled = half_buffer_estimate(METRIC, image, halves).fraction
+    unscaled = np.mean([visible_fraction(half.mean, image) for half in halves])
+
+    # Of 16384 pixels a quarter is visible: one standard error of the fraction is 0.0034.
+    assert abs(scaled - equal) < 0.015
+    assert abs(unscaled - equal) > 0.1
+
+
+def test_it_falls_as_samples_are_added():
+    fractions = []
+    for spp in (25, 100, 400, 1600):
+        image, halves = render(3, spp, spp, 0.2)
+        fractions.append(half_buffer_estimate(METRIC, image, halves).fraction)
+    assert fractions == sorted(fractions, reverse=True)
+    assert fractions[0] > 0.5
+    assert fractions[-1] < 0.05
+
+
+def test_pixels_and_fraction_agree_and_the_halves_can_be_exchanged():
+    image, halves = render(4, 60, 40, 0.1)
+    estimate = half_buffer_estimate(METRIC, image, halves)
+    assert estimate.fraction == estimate.pixels / (128 * 128)
+    assert half_buffer_estimate(METRIC, image, halves[::-1]) == estimate
+
+
+def test_without_noise_nothing_is_visible():
+    estimate = half_buffer_estimate(METRIC, TRUTH, (Half(TRUTH, 3), Half(TRUTH, 2)))
+    assert estimate.pixels == 0
+
+
+@pytest.mark.parametrize("spp", [(5, 5), (6, 4)])
+def test_a_pixel_that_is_not_finite_counts_as_visible(spp):
+    bad = TRUTH.copy()
+    bad[3, 4] = [np.nan, np.inf, 1]
+    estimate = half_buffer_estimate(METRIC, bad, (Half(bad, spp[0]), Half(TRUTH, spp[1])))
+    assert estimate.pixels == 1
+
+
+def test_a_percept_at_hand_changes_nothing():
+    image, halves = render(5, 40, 60, 0.1)
+    prepared = half_buffer_estimate(METRIC, image, halves, percept=METRIC.percept(image))
+    assert prepared == half_buffer_estimate(METRIC, image, halves)
+
+
+@pytest.mark.parametrize("spp", [(5, 5), (6, 4)])
+def test_halves_of_another_size_are_refused(spp):
+    small = TRUTH[:64]
+    with pytest.raises(ValueError, match="a half has shape"):
+        half_buffer_estimate(METRIC, TRUTH, (Half(small, spp[0]), Half(small, spp[1])))
+
+
+def test_a_half_without_samples_is_refused():
+    with pytest.raises(ValueError, match="at least 1 spp"):
+        Half(TRUTH, 0)

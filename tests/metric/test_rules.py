@@ -1,0 +1,119 @@
+"""What all rules have in common, and the simplest of them."""
+
+import json
+
+import numpy as np
+import pytest
+
+from metric import (
+    RULES,
+    Evidence,
+    Fixed,
+    Half,
+    Memory,
+    Reverse,
+    View,
+    VisibleDifferences,
+    create_rule,
+)
+
+METRIC = VisibleDifferences(View())
+GREY = np.full((8, 8, 3), 0.35, np.float32)
+
+
+def evidence(spp, halves=None):
+    return Evidence(spp, GREY, halves, METRIC)
+
+
+class TestCreateRule:
+    def test_a_rule_is_named_and_takes_the_papers_values(self):
+        assert create_rule("reverse") == Reverse(window=5, epsilon=0.1)
+        assert create_rule("fixed") == Fixed(spp=10_000)
+
+    def test_parameters_are_handed_on(self):
+        assert create_rule("reverse", window=8, epsilon=0.5) == Reverse(window=8, epsilon=0.5)
+
+    def test_an_unknown_rule_is_answered_with_the_known_ones(self):
+        with pytest.raises(ValueError, match="no rule 'revers'; the rules are fixed, reverse"):
+            create_rule("revers")
+
+    def test_an_unknown_parameter_is_answered_with_the_known_ones(self):
+        with pytest.raises(ValueError, match="no parameter 'windw'; it has window, epsilon"):
+            create_rule("reverse", windw=5)
+
+    def test_a_rules_own_state_is_no_parameter(self):
+        with pytest.raises(ValueError, match="no parameter '_points'"):
+            create_rule("reverse", _points=[])
+
+    @pytest.mark.parametrize(
+        ("name", "parameter", "value"),
+        [
+            ("fixed", "spp", 0),
+            ("fixed", "spp", 2.5),
+            ("fixed", "spp", True),
+            ("reverse", "window", 1),
+            ("reverse", "window", 5.0),
+            ("reverse", "window", "5"),
+            ("reverse", "epsilon", -0.1),
+            ("reverse", "epsilon", float("nan")),
+            ("reverse", "epsilon", float("inf")),
+            ("reverse", "epsilon", "0.1"),
+        ],
+    )
+    def test_a_value_out_of_its_domain_is_refused(self, name, parameter, value):
+        with pytest.raises(ValueError, match=f"{parameter}|'{name}'"):
+            create_rule(name, **{parameter: value})
+
+
+@pytest.mark.parametrize("name", RULES)
+class TestEveryRule:
+    def test_it_goes_by_its_name(self, name):
+        assert RULES[name].name == name
+        assert type(create_rule(name)) is RULES[name]
+
+    def test_a_rule_that_was_told_nothing_remembers_nothing(self, name):
+        memory = create_rule(name).memory()
+        assert (memory.numbers, memory.images) == ({}, {})
+        create_rule(name).recall(memory)
+
+    def test_its_verdict_and_memory_can_be_written_as_json(self, name):
+        rule = create_rule(name)
+        verdict = rule.judge(evidence(100))
+        assert json.loads(json.dumps(verdict.numbers)) == verdict.numbers
+        assert json.loads(json.dumps(rule.memory().numbers)) == rule.memory().numbers
+        assert verdict.reason
+
+    def test_a_memory_of_something_else_is_refused(self, name):
+        with pytest.raises(ValueError, match=f"not a memory of the rule '{name}'"):
+            create_rule(name).recall(Memory({"something": "else"}))
+
+
+class TestFixed:
+    def test_it_stops_when_the_cap_is_reached(self):
+        rule = Fixed(spp=300)
+        verdicts = [rule.judge(evidence(spp)) for spp in (100, 200, 300, 400)]
+        assert [verdict.stop for verdict in verdicts] == [False, False, True, True]
+        assert [verdict.value for verdict in verdicts] == [100, 200, 300, 400]
+        assert verdicts[0].reason == "the fixed 300 spp are not yet reached: 100 spp"
+        assert verdicts[2].reason == "the fixed 300 spp are reached: 300 spp"
+
+
+class TestEvidence:
+    def test_the_percept_and_the_estimate_are_worked_out_once(self):
+        seen = evidence(10, (Half(GREY, 6), Half(GREY, 4)))
+        assert seen.percept is seen.percept
+        assert seen.estimate is seen.estimate
+        assert seen.estimate is not None
+        assert seen.estimate.pixels == 0
+        assert seen.pixels == 64
+
+    def test_without_halves_there_is_no_estimate(self):
+        assert evidence(10).estimate is None
+
+    def test_halves_that_are_not_the_whole_are_refused(self):
+        with pytest.raises(ValueError, match="halves of 6 and 5 spp do not make 10 spp"):
+            evidence(10, (Half(GREY, 6), Half(GREY, 5)))
+
+    def test_an_evaluation_without_samples_is_refused(self):
+        with pytest.raises(ValueError, match="at least 1 spp"):
+            evidence(0)

@@ -1,0 +1,170 @@
+import numpy as np
+import pytest
+
+from metric import View, VisibleDifferences, visible_differences
+
+
+@pytest.fixture
+def noise():
+    """Two noisy images of one grey, which the metric calls partly visible."""
+    generator = np.random.default_rng(20070401)
+    return tuple(
+        (0.35 + 0.02 * generator.standard_normal((48, 64, 3))).astype(np.float32) for _ in range(2)
+    )
+
+
+def grey(height, width, value=0.35):
+    return np.full((height, width, 3), value, np.float32)
+
+
+def test_an_image_does_not_differ_from_itself(noise):
+    difference = visible_differences(noise[0], noise[0].copy())
+    assert difference.count == 0
+    assert difference.fraction == 0
+    assert not difference.visible.any()
+
+
+def test_it_is_symmetric(noise):
+    one, other = visible_differences(*noise), visible_differences(*noise[::-1])
+    assert 0 < one.count < one.visible.size
+    assert np.array_equal(one.visible, other.visible)
+
+
+def test_the_map_the_count_and_the_fraction_agree(noise):
+    difference = visible_differences(*noise)
+    assert difference.visible.shape == (48, 64)
+    assert difference.visible.dtype == bool
+    assert difference.count == difference.visible.sum()
+    assert difference.fraction == difference.count / (48 * 64)
+    assert difference.non_finite == 0
+
+
+@pytest.mark.parametrize("value", [0.05, 0.95])
+def test_a_patch_is_seen_where_it_is_whether_darker_or_brighter(value):
+    reference, test = grey(64, 64), grey(64, 64)
+    test[20:30, 40:45] = value
+    visible = visible_differences(reference, test).visible
+    assert visible[20:30, 40:45].all()
+    assert visible.sum() == 50
+
+
+def test_more_noise_is_more_visible():
+    pattern = np.random.default_rng(3).standard_normal((64, 64, 3)).astype(np.float32)
+    counts = [
+        visible_differences(grey(64, 64), grey(64, 64) + np.float32(sigma) * pattern).count
+        for sigma in (0.001, 0.01, 0.03, 0.1)
+    ]
+    assert counts == sorted(set(counts))
+    assert counts[0] == 0
+
+
+def test_a_brighter_screen_shows_more(noise):
+    dim, bright = (
+        visible_differences(*noise, View(white_luminance=luminance)).count
+        for luminance in (20, 100)
+    )
+    assert dim == 0
+    assert bright > 0
+
+
+def test_in_the_dark_colour_is_not_judged(noise):
+    # 7 EV down, the grey of 35 cd/m² is under 10 and only luminance counts.
+    dark = View(exposure_ev=-7)
+    dark_luminance_only = View(exposure_ev=-7, luminance_only=True)
+    assert visible_differences(*noise, View()).count > visible_differences(*noise, dark).count
+    assert np.array_equal(
+        visible_differences(*noise, dark).visible,
+        visible_differences(*noise, dark_luminance_only).visible,
+    )
+
+
+def test_a_colour_of_equal_luminance_shows_unless_luminance_alone_is_judged():
+    reference, test = grey(32, 32, 0.5), grey(32, 32, 0.5)
+    red, green = np.float32(0.2126), np.float32(0.7152)
+    test[8:16, 8:16, 0] += np.float32(0.2)
+    test[8:16, 8:16, 1] -= np.float32(0.2) * red / green
+    assert visible_differences(reference, test).count == 64
+    assert visible_differences(reference, test, View(luminance_only=True)).count == 0
+
+
+class TestNonFinitePixels:
+    @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+    @pytest.mark.parametrize("which", ["reference", "test", "both"])
+    def test_they_are_counted_and_visible_and_poison_nothing_else(self, noise, value, which):
+        reference, test = noise[0].copy(), noise[1].copy()
+        bad, black = [], []
+        for image, name in ((reference, "reference"), (test, "test")):
+            bad.append(image.copy())
+            black.append(image.copy())
+            if which in (name, "both"):
+                bad[-1][20, 30, 1] = value
+                black[-1][20, 30] = 0
+
+        difference = visible_differences(*bad)
+
+        assert difference.non_finite == 1
+        assert difference.visible[20, 30]
+        # Everywhere else it is as if the pixel were black.
+        expected = visible_differences(*black).visible
+        expected[20, 30] = True
+        assert np.array_equal(difference.visible, expected)
+
+    def test_a_pixel_that_is_bad_in_both_counts_once(self, noise):
+        bad = [image.copy() for image in noise]
+        bad[0][0, 0], bad[1][0, 0], bad[1][5, 5] = np.nan, np.inf, np.nan
+        assert visible_differences(*bad).non_finite == 2
+
+    def test_the_images_given_are_left_alone(self, noise):
+        bad = noise[0].copy()
+        bad[0, 0] = np.nan
+        visible_differences(bad, noise[1])
+        assert np.isnan(bad[0, 0]).all()
+
+    def test_nothing_but_nan_is_all_visible(self):
+        difference = visible_differences(grey(4, 4, np.nan), grey(4, 4))
+        assert (difference.count, difference.non_finite, difference.fraction) == (16, 16, 1.0)
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (1, 5), (5, 1), (2, 2), (3, 1), (1, 64)])
+def test_tiny_images_are_judged_too(shape):
+    black, white = grey(*shape, 0.0), grey(*shape, 1.0)
+    assert visible_differences(black, white).count == shape[0] * shape[1]
+    assert visible_differences(white, white).count == 0
+
+
+def test_extreme_radiance_is_clipped_without_a_warning():
+    assert visible_differences(grey(8, 8, 1e30), grey(8, 8, 1.0)).count == 0
+    assert visible_differences(grey(8, 8, -1e30), grey(8, 8, 0.0)).count == 0
+    assert visible_differences(grey(8, 8, 1.0), grey(8, 8, 0.0), View(exposure_ev=100)).count == 64
+
+
+def test_other_dtypes_give_the_same(noise):
+    double = [image.astype(np.float64) for image in noise]
+    assert visible_differences(*double).count == visible_differences(*noise).count
+
+
+def test_images_of_different_size_are_refused_with_both_sizes():
+    with pytest.raises(ValueError, match="4×6 and 6×4 pixels"):
+        visible_differences(grey(6, 4), grey(4, 6))
+
+
+def test_what_is_no_image_is_refused():
+    with pytest.raises(ValueError, match=r"\(H, W, 3\)"):
+        visible_differences(np.zeros((4, 4)), np.zeros((4, 4)))
+
+
+def test_percepts_of_different_views_are_not_compared():
+    near, far = VisibleDifferences(View()), VisibleDifferences(View(field_of_view_deg=20))
+    with pytest.raises(ValueError, match="field_of_view_deg=20"):
+        near.compare(near.percept(grey(4, 4)), far.percept(grey(4, 4)))
+
+
+@pytest.mark.parametrize(("field_of_view_deg", "level"), [(17, 5), (45, 6), (60, 7), (120, 7)])
+def test_the_adaptation_level_follows_the_field_of_view(field_of_view_deg, level):
+    assert VisibleDifferences(View(field_of_view_deg=field_of_view_deg)).adaptation_level == level
+
+
+def test_the_width_in_degrees_is_that_of_a_flat_screen():
+    assert VisibleDifferences(View(field_of_view_deg=45)).width_deg == pytest.approx(
+        47.465, abs=5e-4
+    )

@@ -1,0 +1,246 @@
+"""The monitor brings a job to its end, whatever happens to it on the way."""
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import redis
+
+from farm import blobs, keys
+from farm.exr import decode_image
+from farm.job import CurvePoint, Job
+from farm.states import JobState
+from service import job_run
+from tests.support.noise_farm import SIZE, NoiseFarm, noise_film
+
+QUICK = {"step": 20, "slice_spp": 10, "max_spp": 4000}
+
+
+@pytest.fixture
+def farm(client: redis.Redis, redis_url: str, tmp_path: Path) -> NoiseFarm:
+    return NoiseFarm(client, redis_url, tmp_path)
+
+
+def until(condition: Callable[[], bool], seconds: float = 20) -> None:
+    deadline = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < deadline, "waited in vain"
+        time.sleep(0.01)
+
+
+def work(farm: NoiseFarm, job: Job, *, until_points: int | None = None) -> Job:
+    """Commit slices as they are planned, until the job is finished or has so many points."""
+
+    def step() -> bool:
+        lease = farm.lease()
+        if lease is not None:
+            farm.commit(lease)
+        now = farm.jobs.get(job.id)
+        if until_points is not None:
+            return now.points >= until_points
+        return now.finished_at is not None
+
+    until(step)
+    return farm.jobs.get(job.id)
+
+
+def judged(curve: list[CurvePoint]) -> list[dict[str, object]]:
+    return [point.model_dump(exclude={"at"}) for point in curve]
+
+
+def test_a_noisy_ramp_converges(farm: NoiseFarm) -> None:
+    job = farm.submit(**QUICK, watch=[{"name": "fixed", "spp": 100}])
+    with farm.monitor():
+        done = work(farm, job)
+    # It ended by the rule, below the cap, and says so with its numbers
+    assert done.state is JobState.CONVERGED
+    assert "levelled off" in done.reason
+    assert done.verdict is not None
+    assert done.spp < done.spec.max_spp
+    assert done.samples_saved == (4000 - done.spp) * SIZE[0] * SIZE[1]
+    # The curve has a point at each step, and where the watched rule would have stopped
+    curve = farm.jobs.curve(job.id)
+    assert [point.spp for point in curve] == list(range(20, done.spp + 1, 20))
+    assert [point.rules["fixed"].stop for point in curve] == [p.spp >= 100 for p in curve]
+    assert curve[-1].rules["reverse"].stop
+    # The image is the sum of the prefix
+    films = sum(noise_film(i, 10, 1.0).astype(np.float64) for i in range(done.spp // 10))
+    image = decode_image(farm.store.get(blobs.result(job.id, "image.exr")))
+    np.testing.assert_array_equal(image, (films[..., :3] / films[..., 3:]).astype(np.float32))
+    # And nothing else is left
+    assert farm.store.names(blobs.partials(job.id)) == []
+    assert farm.store.names(blobs.checkpoints(job.id)) == []
+    assert farm.jobs.events(job.id)[-1].type == "finished"
+
+
+def test_the_order_of_commits_does_not_matter(farm: NoiseFarm) -> None:
+    results = []
+    for backwards in (False, True):
+        job = farm.submit(**QUICK)
+        with farm.monitor():
+
+            def step(job: Job = job, backwards: bool = backwards) -> bool:
+                leases = []
+                while (lease := farm.lease()) is not None:
+                    leases.append(lease)
+                for lease in leases[::-1] if backwards else leases:
+                    farm.commit(lease)
+                return farm.jobs.get(job.id).finished_at is not None
+
+            until(step)
+        results.append(
+            (
+                judged(farm.jobs.curve(job.id)),
+                decode_image(farm.store.get(blobs.result(job.id, "image.exr"))).tobytes(),
+            )
+        )
+    assert results[0] == results[1]
+
+
+def test_another_monitor_takes_over_and_changes_nothing(
+    farm: NoiseFarm, client: redis.Redis, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(job_run, "_CHECKPOINT_S", 0.0)
+    undisturbed = farm.submit(**QUICK)
+    with farm.monitor():
+        expected = work(farm, undisturbed)
+    # Given a job whose monitor goes away again and again
+    disturbed = farm.submit(**QUICK)
+    points = 0
+    while farm.jobs.get(disturbed.id).finished_at is None:
+        with farm.monitor():
+            points += 3
+            work(farm, disturbed, until_points=min(points, expected.points))
+            if points >= expected.points:
+                work(farm, disturbed)
+    # Then its curve and its image are those of the other
+    assert judged(farm.jobs.curve(disturbed.id)) == judged(farm.jobs.curve(undisturbed.id))
+    images = [
+        decode_image(farm.store.get(blobs.result(job.id, "image.exr")))
+        for job in (undisturbed, disturbed)
+    ]
+    np.testing.assert_array_equal(*images)
+    assert int(client.get(keys.job(disturbed.id, "fence"))) > 2  # it did change hands
+
+
+def test_results_are_written_though_the_monitor_died_after_the_verdict(
+    farm: NoiseFarm, client: redis.Redis
+) -> None:
+    job = farm.submit(**QUICK)
+    with farm.monitor():
+        done = work(farm, job)
+    again = farm.submit(**QUICK)
+    with farm.monitor():
+        work(farm, again, until_points=done.points - 1)
+    # Given a job that has ended with more in its ledger than was judged, and no results yet
+    client.hset(keys.job(again.id), mapping={"state": "converged", "spp": 40})
+    with farm.monitor():
+        until(lambda: farm.jobs.get(again.id).finished_at is not None)
+    # Then the image is the one that was judged
+    films = sum(noise_film(i, 10, 1.0).astype(np.float64) for i in range(4))
+    image = decode_image(farm.store.get(blobs.result(again.id, "image.exr")))
+    np.testing.assert_array_equal(image, (films[..., :3] / films[..., 3:]).astype(np.float32))
+
+
+def test_a_job_that_does_not_converge_is_exhausted_at_its_cap(farm: NoiseFarm) -> None:
+    farm.sigma = 30
+    job = farm.submit(step=20, slice_spp=10, max_spp=130)
+    with farm.monitor():
+        done = work(farm, job)
+    assert done.state is JobState.EXHAUSTED
+    assert "cap of 130 spp" in done.reason
+    assert done.samples_saved == 0
+    assert [point.spp for point in farm.jobs.curve(job.id)] == [20, 40, 60, 80, 100, 120, 130]
+
+
+def test_a_time_limit_exhausts_a_job_and_keeps_its_samples(farm: NoiseFarm) -> None:
+    job = farm.submit(**QUICK, time_limit_s=0.5)
+    with farm.monitor():
+        until(lambda: (lease := farm.lease()) is not None and bool(farm.commit(lease)))
+        until(lambda: farm.jobs.get(job.id).finished_at is not None)
+    done = farm.jobs.get(job.id)
+    assert (done.state, done.spp) == (JobState.EXHAUSTED, 10)
+    assert "time limit of 0.5 s" in done.reason
+    assert farm.store.exists(blobs.result(job.id, "image.png"))
+
+
+def test_a_cancelled_job_keeps_what_was_rendered(farm: NoiseFarm) -> None:
+    job = farm.submit(**QUICK)
+    with farm.monitor():
+        work(farm, job, until_points=2)
+        assert farm.jobs.cancel(job.id).state is JobState.CANCELLED
+        until(lambda: farm.jobs.get(job.id).finished_at is not None)
+    assert farm.jobs.get(job.id).spp >= 40
+    assert farm.store.exists(blobs.result(job.id, "image.exr"))
+    assert farm.lease() is None
+
+
+def test_a_corrupted_partial_fails_its_job_and_no_other(farm: NoiseFarm) -> None:
+    with farm.monitor():
+        bad = farm.submit(**QUICK, priority=1)
+        until(lambda: (lease := farm.lease()) is not None and bool(spoil(farm, lease)))
+        until(lambda: farm.jobs.get(bad.id).finished_at is not None)
+        good = work(farm, farm.submit(**QUICK))
+    assert farm.jobs.get(bad.id).state is JobState.FAILED
+    assert "not what its worker uploaded" in farm.jobs.get(bad.id).reason
+    assert good.state is JobState.CONVERGED
+
+
+def spoil(farm: NoiseFarm, lease) -> bool:  # noqa: ANN001
+    """Change the partial between its upload and its commit."""
+    put = farm.store.put
+    try:
+        farm.store.put = lambda name, content: put(name, content[:-1] + b"?")  # type: ignore[method-assign]
+        farm.commit(lease)
+    finally:
+        farm.store.put = put  # type: ignore[method-assign]
+    return True
+
+
+def test_slices_of_two_sizes_fail_the_job(farm: NoiseFarm) -> None:
+    job = farm.submit(**QUICK)
+    with farm.monitor():
+        sizes = iter([(4, 4, 4), (5, 4, 4)])
+
+        def step() -> bool:
+            lease = farm.lease()
+            if lease is not None:
+                farm.commit(lease, np.ones(next(sizes), np.float32))
+            return farm.jobs.get(job.id).state.ended
+
+        until(step)
+    assert "slice 1 is 4×5 pixels" in farm.jobs.get(job.id).reason
+
+
+def test_a_black_image_stops_and_says_why(farm: NoiseFarm) -> None:
+    job = farm.submit(**QUICK)
+    black = np.zeros((*SIZE, 4), np.float32)
+    black[..., 3] = 10
+    with farm.monitor():
+
+        def step() -> bool:
+            lease = farm.lease()
+            if lease is not None:
+                farm.commit(lease, black)
+            return farm.jobs.get(job.id).finished_at is not None
+
+        until(step)
+    done = farm.jobs.get(job.id)
+    assert done.state is JobState.CONVERGED
+    assert "nothing was visible" in done.reason
+
+
+def test_work_in_flight_is_bounded(farm: NoiseFarm, client: redis.Redis) -> None:
+    job = farm.submit(**QUICK)
+    with farm.monitor():
+        until(lambda: client.xlen(keys.job(job.id, "slices")) > 0)
+        held = farm.lease()  # slice 0 is never committed, so nothing can be merged
+        assert held is not None
+        for _ in range(10):
+            lease = farm.lease()
+            if lease is not None:
+                farm.commit(lease)
+            time.sleep(0.05)
+    assert int(client.hget(keys.job(job.id), "planned")) <= 3

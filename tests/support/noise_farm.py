@@ -1,0 +1,95 @@
+"""A farm without Mitsuba: real Redis, real blobs, real EXRs, slices of synthetic noise.
+
+The monitor cannot tell: it sees partials in the ledger. Every slice is a pure function of its
+index, as a rendered one is.
+"""
+
+import hashlib
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import redis
+
+from farm import blobs
+from farm.blobs import Blobs
+from farm.exr import Partial, Pixels, encode_partial
+from farm.job import Job
+from farm.jobs import Jobs
+from farm.queue import Committed, Lease, SliceQueue, SliceRecord
+from farm.settings import Settings
+from farm.spec import JobSpec
+from service.monitor import Monitor
+
+SIZE = (24, 32)  # height, width
+
+
+def noise_film(index: int, spp: int, sigma: float) -> Pixels:
+    """A slice of a grey ramp with noise of standard deviation `sigma` per sample."""
+    rng = np.random.default_rng(index)
+    ramp = np.linspace(0.2, 0.8, SIZE[1], dtype=np.float32)[None, :, None]
+    colour = ramp + rng.normal(0, sigma / spp**0.5, (*SIZE, 3))
+    return np.concatenate([colour * spp, np.full((*SIZE, 1), spp)], axis=-1).astype(np.float32)
+
+
+class NoiseFarm:
+    """Everything of a farm but Mitsuba."""
+
+    def __init__(self, client: redis.Redis, url: str, folder: Path, sigma: float = 1.0) -> None:
+        self.jobs = Jobs(client)
+        self.store = Blobs(str(folder / "blobs"))
+        self.settings = Settings(redis_url=url, blobs=str(folder / "blobs"), lease_s=1.0)
+        self.queue = SliceQueue(client, "noise", 60)
+        self.sigma = sigma
+
+    def submit(self, **spec: object) -> Job:
+        return self.jobs.create(
+            JobSpec.model_validate(spec), name="noise", scene_sha256="00"
+        ).job
+
+    @contextmanager
+    def monitor(self) -> Iterator[Monitor]:
+        """A monitor in a thread; left to itself at the end, as if it had been stopped."""
+        stop = threading.Event()
+        monitor = Monitor(self.settings, self.store)
+        thread = threading.Thread(target=monitor.run, args=(stop,))
+        thread.start()
+        try:
+            yield monitor
+        finally:
+            stop.set()
+            thread.join()
+
+    def lease(self) -> Lease | None:
+        return self.queue.lease(("scalar_rgb",), None, in_turn=False)
+
+    def commit(self, lease: Lease, film: Pixels | None = None) -> Committed:
+        spp = lease.spec.slice_spp
+        partial = Partial(
+            job_id=lease.job_id,
+            index=lease.index,
+            first_seed=lease.index,
+            last_seed=lease.index,
+            spp=spp,
+            variant=lease.variant,
+            scene_sha256=lease.scene_sha256,
+            pixels=noise_film(lease.index, spp, self.sigma) if film is None else film,
+        )
+        content = encode_partial(partial)
+        name = blobs.partial(lease.job_id, lease.index, "noise")
+        self.store.put(name, content)
+        record = SliceRecord(
+            index=lease.index,
+            spp=spp,
+            first_seed=lease.index,
+            last_seed=lease.index,
+            blob=name,
+            sha256=hashlib.sha256(content).hexdigest(),
+            worker="noise",
+            render_s=0.01,
+        )
+        return self.queue.commit(
+            lease, record, width=SIZE[1], height=SIZE[0], notes=()
+        )

@@ -1,0 +1,131 @@
+"""The render child: the process that hosts Mitsuba, and may die of it.
+
+It speaks JSON lines over the socket that it inherits. Requests::
+
+    {"do": "load", "id": 1, "folder": …, "entry": …, "parameters": {…}, "sensor": 0}
+    {"do": "render", "id": 2, "passes": [[spp, seed], …], "into": FILE}
+    {"do": "cancel", "id": 2}              at the end of its pass; too late is harmless
+
+and answers::
+
+    {"is": "ready"}                        once, when Mitsuba is imported
+    {"is": "loaded", "width": …, "height": …, "notes": […]}
+    {"is": "pass"}                         after each pass, so that a hang is noticed
+    {"is": "rendered", "render_s": …}      the sum of the passes is in FILE, as .npy
+    {"is": "cancelled"}
+    {"is": "scene-error", "message": …}    Mitsuba's words
+
+The end of the stream is the end of the child, in the middle of a pass too: it never outlives its
+supervisor.
+"""
+
+import argparse
+import contextlib
+import json
+import os
+import queue
+import resource
+import socket
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, TextIO
+
+import numpy as np
+
+from worker.errors import SceneError
+
+
+class Requests:
+    """Requests as they come in, read by a thread of their own so that a cancel overtakes."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+        self._waiting: queue.SimpleQueue[dict[str, Any]] = queue.SimpleQueue()
+        self.cancelled_id = 0
+        threading.Thread(target=self._read, daemon=True).start()
+
+    def _read(self) -> None:
+        with contextlib.suppress(OSError):
+            for line in self._stream:
+                request = json.loads(line)
+                if request["do"] == "cancel":
+                    self.cancelled_id = request["id"]
+                else:
+                    self._waiting.put(request)
+        os._exit(0)  # whatever the other threads are doing
+
+    def __iter__(self) -> Iterator[dict[str, Any]]:
+        while True:
+            yield self._waiting.get()
+
+
+def main() -> None:
+    """Serve requests until the supervisor closes the socket."""
+    parser = argparse.ArgumentParser(description="Plateau's render child; started by the worker.")
+    parser.add_argument("--socket", type=int, required=True)
+    parser.add_argument("--variant", required=True)
+    parser.add_argument("--threads", type=int, required=True)
+    parser.add_argument("--memory-bytes", type=int, default=0)
+    arguments = parser.parse_args()
+    _limit(arguments.memory_bytes)
+
+    connection = socket.socket(fileno=arguments.socket)
+    requests = Requests(connection.makefile("r", encoding="utf-8"))
+    answers = connection.makefile("w", encoding="utf-8")
+
+    def answer(what: str, **details: object) -> None:
+        answers.write(json.dumps({"is": what, **details}) + "\n")
+        answers.flush()
+
+    # Imported here: it takes a second, and the supervisor's death must be noticed meanwhile.
+    from worker.renderer import Renderer
+
+    renderer = Renderer(arguments.variant, arguments.threads)
+    answer("ready")
+    for request in requests:
+        try:
+            if request["do"] == "load":
+                os.chdir(request["folder"])
+                scene = renderer.load(
+                    Path(request["folder"]),
+                    request["entry"],
+                    request["parameters"],
+                    request["sensor"],
+                )
+                answer("loaded", width=scene.width, height=scene.height, notes=scene.notes)
+            else:
+                seconds = _render(renderer, request, requests, answer)
+                if seconds is None:
+                    answer("cancelled")
+                else:
+                    answer("rendered", render_s=seconds)
+        except SceneError as error:
+            answer("scene-error", message=str(error))
+
+
+def _render(
+    renderer: Any, request: dict[str, Any], requests: Requests, answer: Any
+) -> float | None:
+    """Sum the passes, in order, in float64, into the file; None where a cancel came between."""
+    started = time.monotonic()
+    total = np.zeros(())
+    for spp, seed in request["passes"]:
+        if requests.cancelled_id == request["id"]:
+            return None
+        total = total + renderer.render_pass(spp, seed).astype(np.float64)
+        answer("pass")
+    np.save(request["into"], total.astype(np.float32), allow_pickle=False)
+    return time.monotonic() - started
+
+
+def _limit(memory_bytes: int) -> None:
+    """Bound what a scene can make this process take."""
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    if memory_bytes:
+        resource.setrlimit(resource.RLIMIT_AS, (memory_bytes, memory_bytes))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,216 @@
+"""The supervisor's side of a render child: start it, ask it, and see it die."""
+
+import contextlib
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from farm.seeds import Pass
+from numpy.typing import NDArray
+
+from farm.processes import die_with_parent
+from worker.errors import SceneError
+
+#: Only these reach the child: no credentials, nothing of Redis or the blob store.
+_PASSED_ON: Final = ("PATH", "LANG", "LC_ALL", "PYTHONPATH", "VIRTUAL_ENV", "LD_LIBRARY_PATH")
+
+#: A cancelled render that goes on for so long is ended by force.
+CANCEL_GRACE_S: Final = 2.0
+
+_START_TIMEOUT_S: Final = 120.0
+_POLL_S: Final = 0.05
+_LAST_WORDS_BYTES: Final = 1000
+
+
+class ChildDied(Exception):
+    """The render child is gone; the message says how, with its last words."""
+
+
+class Cancelled(Exception):
+    """The request was cancelled; the child may be gone with it."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ChildLimits:
+    """What a render child may take."""
+
+    threads: int
+    memory_bytes: int  #: 0 for no limit
+    load_timeout_s: float
+    pass_timeout_s: float
+
+
+@dataclass(frozen=True)
+class Loaded:
+    """A scene that the child has loaded."""
+
+    width: int
+    height: int
+    notes: tuple[str, ...]
+
+
+class RenderChild:
+    """A child process with Mitsuba in it, kept alive between slices.
+
+    Every request raises `ChildDied` when the process ends or does not answer in time (its whole
+    process group is killed then), and `SceneError` with Mitsuba's words. After `cancel`, called
+    from another thread, the request under way raises `Cancelled`.
+    """
+
+    def __init__(
+        self, variant: str, llvm_library: str | None, limits: ChildLimits, home: Path
+    ) -> None:
+        self.variant = variant
+        self._limits = limits
+        self._request_id = 0
+        self._cancelled_at: float | None = None
+        self._lock = threading.Lock()
+        self._words = tempfile.TemporaryFile()  # noqa: SIM115  (read when the child is dead)
+        home.mkdir(parents=True, exist_ok=True)
+        environment = {name: os.environ[name] for name in _PASSED_ON if name in os.environ}
+        environment["HOME"] = str(home)  # Dr.Jit keeps compiled kernels there
+        if llvm_library is not None:
+            environment["DRJIT_LIBLLVM_PATH"] = llvm_library
+        ours, theirs = socket.socketpair()
+        with theirs:
+            self._process = subprocess.Popen(
+                [
+                    sys.executable,
+                    "-m",
+                    "worker.child",
+                    f"--socket={theirs.fileno()}",
+                    f"--variant={variant}",
+                    f"--threads={limits.threads}",
+                    f"--memory-bytes={limits.memory_bytes}",
+                ],
+                env=environment,
+                pass_fds=[theirs.fileno()],
+                stdin=subprocess.DEVNULL,
+                stdout=self._words,
+                stderr=self._words,
+                start_new_session=True,
+                preexec_fn=die_with_parent(signal.SIGKILL),
+            )
+        self._socket = ours
+        self._socket.settimeout(_POLL_S)
+        self._received = b""
+        self._expect(_START_TIMEOUT_S, "starting")
+
+    @property
+    def pid(self) -> int:
+        """The child's process id."""
+        return self._process.pid
+
+    def load(self, folder: Path, entry: str, parameters: dict[str, str], sensor: int) -> Loaded:
+        """Load a scene, which takes the place of the one before."""
+        self._ask(
+            {
+                "do": "load",
+                "folder": str(folder),
+                "entry": entry,
+                "parameters": parameters,
+                "sensor": sensor,
+            }
+        )
+        answer = self._expect(self._limits.load_timeout_s, "loading the scene")
+        return Loaded(answer["width"], answer["height"], tuple(answer["notes"]))
+
+    def render(self, passes: tuple[Pass, ...], folder: Path) -> tuple[NDArray[np.float32], float]:
+        """The summed film of these passes, (height, width, 4) float32, and the seconds it took."""
+        file = folder / "film.npy"
+        self._ask(
+            {"do": "render", "passes": [[one.spp, one.seed] for one in passes], "into": str(file)}
+        )
+        while True:
+            answer = self._expect(self._limits.pass_timeout_s, "rendering a pass")
+            if answer["is"] == "rendered":
+                break
+        film: NDArray[np.float32] = np.load(file, allow_pickle=False)
+        file.unlink()
+        return film, answer["render_s"]
+
+    def cancel(self) -> None:
+        """Cancel the request under way: at the end of its pass, or by force soon after."""
+        with self._lock:
+            if self._cancelled_at is None:
+                self._cancelled_at = time.monotonic()
+                self._send({"do": "cancel", "id": self._request_id})
+
+    @property
+    def alive(self) -> bool:
+        """Whether there is a process to ask."""
+        return self._process.poll() is None
+
+    def kill(self) -> None:
+        """End the child and all that it has started."""
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(self._process.pid, signal.SIGKILL)
+        self._process.wait()
+        self._socket.close()
+
+    def _ask(self, request: dict[str, Any]) -> None:
+        with self._lock:
+            self._cancelled_at = None
+            self._request_id += 1
+            self._send({**request, "id": self._request_id})
+
+    def _send(self, request: dict[str, Any]) -> None:
+        with contextlib.suppress(OSError):  # it is gone then, and the next read says how
+            self._socket.sendall(json.dumps(request).encode() + b"\n")
+
+    def _expect(self, timeout_s: float, doing: str) -> dict[str, Any]:
+        """The next answer to the request; errors as the class says."""
+        deadline = time.monotonic() + timeout_s
+        while b"\n" not in self._received:
+            now, cancelled_at = time.monotonic(), self._cancelled_at
+            if cancelled_at is not None and now > cancelled_at + CANCEL_GRACE_S:
+                self.kill()
+                raise Cancelled
+            if now > deadline:
+                self.kill()
+                raise ChildDied(f"{doing} took longer than {timeout_s:g} s")
+            self._receive(doing)
+        line, _, self._received = self._received.partition(b"\n")
+        answer: dict[str, Any] = json.loads(line)
+        if answer["is"] == "scene-error":
+            raise SceneError(answer["message"])
+        if answer["is"] == "cancelled":
+            raise Cancelled
+        return answer
+
+    def _receive(self, doing: str) -> None:
+        """Read what has come; `ChildDied` at the end of the stream."""
+        try:
+            chunk = self._socket.recv(65536)
+        except TimeoutError:
+            return
+        except OSError:
+            chunk = b""
+        if not chunk:
+            status = self._process.wait()
+            self.kill()  # its group may live on
+            raise ChildDied(f"the render child {_how(status)} while {doing}{self._last_words()}")
+        self._received += chunk
+
+    def _last_words(self) -> str:
+        self._words.seek(0, os.SEEK_END)
+        self._words.seek(max(0, self._words.tell() - _LAST_WORDS_BYTES))
+        words = self._words.read().decode(errors="replace").strip()
+        return f": {words}" if words else ""
+
+
+def _how(status: int) -> str:
+    """How a process ended, in words, by its return code."""
+    if status >= 0:
+        return f"exited with {status}"
+    return f"was ended by {signal.Signals(-status).name}"

@@ -1,0 +1,209 @@
+"""Turns a scene file into the scene that the farm renders: parse, adapt, instantiate.
+
+The farm needs three things that a scene may have otherwise, and changes them between Mitsuba's
+parser and its plugins: the ``independent`` sampler (other samplers repeat their patterns from pass
+to pass), a float32 RGB ``hdrfilm`` (partials are added up), and an integrator whose samples depend
+on nothing but the seed. What was changed is said in notes; the film's size, crop window and
+reconstruction filter stay. Part of the render child: imports Mitsuba.
+"""
+
+from __future__ import annotations
+
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import mitsuba as mi
+
+from farm.bundle_rules import BundleLimits
+from farm.seeds import SCALAR_BLOCK
+from worker.errors import SceneError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Mapping
+
+#: The film's parameters that the farm sets; the image is the same, its container is ours.
+_FILM = {"file_format": "openexr", "pixel_format": "rgb", "component_format": "float32"}
+
+#: Integrator parameters that would make a pass depend on time or split it behind our back.
+_IMPURE = {
+    "samples_per_pass": "passes are the farm's business",
+    "timeout": "a pass cut short is not the same pass twice",
+}
+
+
+@dataclass(frozen=True)
+class PreparedScene:
+    """A scene ready to render.
+
+    Attributes
+    ----------
+    scene, sensor, film, integrator : Mitsuba objects
+        The scene, the chosen sensor, its film and the scene's integrator.
+    width, height : int
+        Pixels of the film's crop window (the whole film where it has none).
+    notes : tuple of str
+        What was changed in the scene, a sentence each.
+    """
+
+    scene: Any
+    sensor: Any
+    film: Any
+    integrator: Any
+    width: int
+    height: int
+    notes: tuple[str, ...]
+
+
+def prepare(
+    variant: str, folder: Path, entry: str, parameters: Mapping[str, str], sensor: int
+) -> PreparedScene:
+    """Return the scene of `entry` in `folder`, adapted to the farm and instantiated.
+
+    Parameters
+    ----------
+    variant : str
+        The Mitsuba variant in use.
+    folder : Path
+        The scene's bundle; relative file names start here or beside `entry`.
+    entry : str
+        The scene's XML file, relative to `folder`.
+    parameters : mapping of str to str
+        Values for the scene's ``$parameters``, as Mitsuba's ``-D``.
+    sensor : int
+        Index of the sensor to render.
+
+    Raises
+    ------
+    SceneError
+        Mitsuba refuses the scene, or the farm cannot render it.
+    """
+    _resolve_files_in(folder, (folder / entry).parent)
+    config = mi.parser.ParserConfig(variant)
+    with scene_errors(folder):
+        state = mi.parser.parse_file(config, str(folder / entry), **parameters)
+        mi.parser.transform_all(config, state)
+        notes = _adapt(variant, list(state.nodes))
+        scene = mi.parser.instantiate(config, state)
+    return _check(scene, sensor, notes)
+
+
+@contextmanager
+def scene_errors(folder: Path | None = None) -> Iterator[None]:
+    """Turn what Mitsuba raises into `SceneError`, save for a lack of memory, which passes.
+
+    Parameters
+    ----------
+    folder : Path, optional
+        Where this machine keeps the scene; messages are told without it.
+    """
+    try:
+        yield
+    except (RuntimeError, TypeError, ValueError) as error:
+        message = str(error)
+        if "memory" in message.lower():
+            raise MemoryError(message) from error
+        for prefix in (folder, folder.resolve()) if folder else ():
+            message = message.replace(f"{prefix}/", "")
+        raise SceneError(message) from error
+
+
+def _resolve_files_in(*folders: Path) -> None:
+    """Look files up in these folders and in Mitsuba's own data, and nowhere else."""
+    resolver = mi.file_resolver().__class__()
+    for folder in dict.fromkeys((*folders, Path(mi.__file__).parent)):
+        resolver.append(str(folder))
+    mi.set_file_resolver(resolver)
+
+
+def _adapt(variant: str, nodes: list[Any]) -> tuple[str, ...]:
+    """Edit the parsed scene in place; return what was changed, a sentence each, none twice."""
+    kinds = {node.type for node in nodes}
+    for kind, name in ((mi.ObjectType.Sensor, "sensor"), (mi.ObjectType.Integrator, "integrator")):
+        # Mitsuba would invent one, and the person would get an image that they never described.
+        if kind not in kinds:
+            raise SceneError(f"the scene has no {name}")
+    notes: list[str] = []
+    for node in nodes:
+        if node.type == mi.ObjectType.Sampler:
+            notes += _adapt_sampler(node)
+        elif node.type == mi.ObjectType.Film:
+            notes += _adapt_film(node.props)
+        elif node.type == mi.ObjectType.Integrator:
+            notes += _adapt_integrator(variant, node.props)
+    return tuple(dict.fromkeys(notes))
+
+
+def _adapt_sampler(node: Any) -> Iterable[str]:
+    was = node.props.plugin_name()
+    had_seed = node.props.has_property("seed")
+    # A new one: the old sampler's other parameters mean nothing to the independent sampler.
+    properties = mi.Properties("independent")
+    properties.set_id(node.props.id())
+    node.props = properties
+    if was != "independent":
+        yield f"the scene's '{was}' sampler was replaced by 'independent'"
+    if had_seed:
+        yield "the sampler's own seed was dropped: the job's seed counts"
+
+
+def _adapt_film(properties: Any) -> Iterable[str]:
+    if properties.plugin_name() != "hdrfilm":
+        raise SceneError(
+            f"the farm renders to an 'hdrfilm', and the scene's film is a "
+            f"'{properties.plugin_name()}'"
+        )
+    for name, value in _FILM.items():
+        properties[name] = value
+    if properties.has_property("sample_border"):
+        if properties["sample_border"]:
+            yield "the film's sample_border was switched off"
+        # It would enlarge the area that is sampled, and with it the seeds that a pass uses.
+        properties["sample_border"] = False
+
+
+def _adapt_integrator(variant: str, properties: Any) -> Iterable[str]:
+    for name, why in _IMPURE.items():
+        if properties.has_property(name):
+            properties.remove_property(name)
+            yield f"the integrator's {name} was dropped: {why}"
+    if variant.startswith("scalar"):
+        # Left alone, Mitsuba shrinks the blocks of small films as threads are added, and a
+        # block's place in the film decides its seed.
+        if properties.has_property("block_size") and properties["block_size"] != SCALAR_BLOCK:
+            yield f"the integrator's block_size was set to {SCALAR_BLOCK}"
+        properties["block_size"] = SCALAR_BLOCK
+
+
+def _check(scene: Any, index: int, notes: tuple[str, ...]) -> PreparedScene:
+    """Return the scene's parts, having refused what the farm cannot render."""
+    if not isinstance(scene, mi.Scene):
+        raise SceneError("the file describes a part of a scene, not a <scene>")
+    sensors = scene.sensors()
+    if index >= len(sensors):
+        count = len(sensors)
+        raise SceneError(f"there is no sensor {index}: the scene has {count}, counted from 0")
+    integrator = scene.integrator()
+    if not isinstance(integrator, mi.SamplingIntegrator):
+        raise SceneError(
+            f"the integrator '{_name(integrator)}' does not sample pixel by pixel, "
+            "so that its images cannot be added up by weight"
+        )
+    if integrator.aov_names():
+        channels = ", ".join(integrator.aov_names())
+        raise SceneError(
+            f"the integrator '{_name(integrator)}' writes more than an image ({channels}): "
+            "render with the integrator inside it"
+        )
+    film = sensors[index].film()
+    width, height = (int(size) for size in film.crop_size())
+    if not 0 < width * height <= BundleLimits().max_pixels:
+        raise SceneError(
+            f"the film is {width}×{height}: it needs 1 to {BundleLimits().max_pixels} pixels"
+        )
+    return PreparedScene(scene, sensors[index], film, integrator, width, height, notes)
+
+
+def _name(instance: Any) -> str:
+    return str(instance.class_name())
