@@ -18,11 +18,13 @@ from service import problems
 from service.parts import Parts, parts
 from service.problems import Problem, documented
 from service.routes_jobs import JobId
-from service.views import Curve
+from service.views import Curve, Happened
 
 router = APIRouter(prefix="/v1/jobs/{job_id}", tags=["results"])
 
 _CSV: Final = "text/csv"
+_JSON: Final = "application/json"
+_SSE: Final = "text/event-stream"
 _FIGURES: Final = tuple(
     name for name in CurvePoint.model_fields if name not in {"rules", "non_finite_pixels", "at"}
 )
@@ -87,7 +89,7 @@ def curve_as_csv(job_id: JobId, farm: Annotated[Parts, Depends(parts)]) -> Respo
     "/events",
     response_class=StreamingResponse,
     responses={
-        200: {"content": {"text/event-stream": {}}},
+        200: {"model": Happened, "content": {_SSE: {}}},
         204: {"description": "the job is finished and everything of it was already received"},
         **documented(problems.UNKNOWN_JOB, problems.INVALID_REQUEST),
     },
@@ -101,21 +103,25 @@ async def events(
     after: Annotated[
         str, Query(pattern=_EVENT_ID, description="the same, where a header cannot be set")
     ] = BEFORE_ALL_EVENTS,
+    accept: Annotated[str, Header(include_in_schema=False)] = _SSE,
 ) -> Response:
     """Stream what happens to a job as Server-Sent Events, from its beginning on.
 
     `state` (from, to, reason), `point` (a point of the curve), `slice` (index, worker) and, once
     all results are written, `finished`, after which the stream ends. An event's `id` resumes the
-    stream.
+    stream. With `Accept: application/json`, what has happened so far.
     """
     farm = parts(request)
     start = last_event_id or after
     job = await run_in_threadpool(farm.job, job_id)
+    if _JSON in accept and _SSE not in accept:
+        happened = Happened(events=await run_in_threadpool(farm.jobs.events, job.id, start))
+        return Response(happened.model_dump_json(), media_type=_JSON)
     if job.finished_at is not None and not await run_in_threadpool(farm.jobs.events, job.id, start):
         return Response(status_code=204)
     return StreamingResponse(
         _frames(farm, job.id, start),
-        media_type="text/event-stream",
+        media_type=_SSE,
         headers={"Cache-Control": "no-store", "X-Accel-Buffering": "no"},
     )
 

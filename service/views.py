@@ -2,7 +2,7 @@
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from farm.job import CurvePoint, Job, Worker
+from farm.job import CurvePoint, Event, Job, Worker
 
 
 class JobView(Job):
@@ -27,6 +27,12 @@ class Curve(BaseModel):
     """The curve of a job."""
 
     points: list[CurvePoint] = Field(description="by rising spp")
+
+
+class Happened(BaseModel):
+    """What has happened to a job so far."""
+
+    events: list[Event] = Field(description="in their order")
 
 
 class SliceView(BaseModel):

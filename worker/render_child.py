@@ -3,6 +3,7 @@
 import contextlib
 import json
 import os
+import selectors
 import signal
 import socket
 import subprocess
@@ -102,7 +103,8 @@ class RenderChild:
                 preexec_fn=die_with_parent(signal.SIGKILL),
             )
         self._socket = ours
-        self._socket.settimeout(_POLL_S)
+        self._readable = selectors.DefaultSelector()
+        self._readable.register(ours, selectors.EVENT_READ)
         self._received = b""
         self._expect(_START_TIMEOUT_S, "starting")
 
@@ -156,7 +158,9 @@ class RenderChild:
         with contextlib.suppress(ProcessLookupError):
             os.killpg(self._process.pid, signal.SIGKILL)
         self._process.wait()
+        self._readable.close()
         self._socket.close()
+        self._words.close()
 
     def _ask(self, request: dict[str, Any]) -> None:
         with self._lock:
@@ -190,16 +194,16 @@ class RenderChild:
 
     def _receive(self, doing: str) -> None:
         """Read what has come; `ChildDied` at the end of the stream."""
+        if not self._readable.select(_POLL_S):
+            return
         try:
             chunk = self._socket.recv(65536)
-        except TimeoutError:
-            return
         except OSError:
             chunk = b""
         if not chunk:
-            status = self._process.wait()
+            how, words = _how(self._process.wait()), self._last_words()
             self.kill()  # its group may live on
-            raise ChildDied(f"the render child {_how(status)} while {doing}{self._last_words()}")
+            raise ChildDied(f"the render child {how} while {doing}{words}")
         self._received += chunk
 
     def _last_words(self) -> str:

@@ -32,6 +32,11 @@ _IMPURE = {
     "timeout": "a pass cut short is not the same pass twice",
 }
 
+_NO_WEIGHTS = "the integrator '{}' does not sample pixel by pixel: its films have no weights to add"
+
+#: Names that Mitsuba's parser keeps for its own arguments.
+_UNPASSABLE = {"config", "filename"}
+
 
 @dataclass(frozen=True)
 class PreparedScene:
@@ -79,6 +84,8 @@ def prepare(
     SceneError
         Mitsuba refuses the scene, or the farm cannot render it.
     """
+    for name in _UNPASSABLE & parameters.keys():
+        raise SceneError(f"a parameter named {name!r} cannot be handed to Mitsuba: rename it")
     _resolve_files_in(folder, (folder / entry).parent)
     config = mi.parser.ParserConfig(variant)
     with scene_errors(folder):
@@ -111,10 +118,11 @@ def scene_errors(folder: Path | None = None) -> Iterator[None]:
 
 def _resolve_files_in(*folders: Path) -> None:
     """Look files up in these folders and in Mitsuba's own data, and nowhere else."""
-    resolver = mi.file_resolver().__class__()
+    core: Any = mi  # whose stubs know nothing of file resolvers
+    resolver = core.FileResolver()
     for folder in dict.fromkeys((*folders, Path(mi.__file__).parent)):
         resolver.append(str(folder))
-    mi.set_file_resolver(resolver)
+    core.set_file_resolver(resolver)
 
 
 def _adapt(variant: str, nodes: list[Any]) -> tuple[str, ...]:
@@ -164,6 +172,8 @@ def _adapt_film(properties: Any) -> Iterable[str]:
 
 
 def _adapt_integrator(variant: str, properties: Any) -> Iterable[str]:
+    if properties.plugin_name() == "ptracer":
+        raise SceneError(_NO_WEIGHTS.format("ptracer"))
     for name, why in _IMPURE.items():
         if properties.has_property(name):
             properties.remove_property(name)
@@ -186,10 +196,7 @@ def _check(scene: Any, index: int, notes: tuple[str, ...]) -> PreparedScene:
         raise SceneError(f"there is no sensor {index}: the scene has {count}, counted from 0")
     integrator = scene.integrator()
     if not isinstance(integrator, mi.SamplingIntegrator):
-        raise SceneError(
-            f"the integrator '{_name(integrator)}' does not sample pixel by pixel, "
-            "so that its images cannot be added up by weight"
-        )
+        raise SceneError(_NO_WEIGHTS.format(_name(integrator)))
     if integrator.aov_names():
         channels = ", ".join(integrator.aov_names())
         raise SceneError(

@@ -30,8 +30,8 @@ def meshes() -> dict[str, Mesh]:
         ),
         "left.ply": quads(((-X, 0, Z), (-X, 0, -Z), (-X, Y, -Z), (-X, Y, Z))),
         "right.ply": quads(((X, 0, -Z), (X, 0, Z), (X, Y, Z), (X, Y, -Z))),
-        # Turns by whole-number triangles (5-12-13 and 7-24-25) need no sine.
-        "block.ply": block((-0.5, -0.38), (0.6, 1.18, 0.6), (12 / 13, 5 / 13)),
+        # Turns by whole-number triangles (3-4-5 and 7-24-25) need no sine.
+        "block.ply": block((-0.48, -0.36), (0.6, 1.24, 0.6), (4 / 5, 3 / 5)),
         "plinth.ply": block((0.5, 0.22), (0.68, 0.34, 0.68), (24 / 25, -7 / 25)),
         "ball.ply": ball((0.5, 0.34 + 0.27, 0.22), 0.27, subdivisions=2),
     }

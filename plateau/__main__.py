@@ -1,0 +1,5 @@
+"""``python -m plateau``."""
+
+from plateau.cli import main
+
+main()

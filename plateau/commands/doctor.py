@@ -1,0 +1,147 @@
+"""`plateau doctor`: what works on this machine, and why not what does not."""
+
+import json
+import os
+import platform
+import secrets
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from urllib.parse import urlsplit
+
+from farm.blobs import Blobs
+from farm.embedded import find_redis_server
+from farm.errors import StoreUnavailable
+from farm.jobs import Jobs
+from farm.redis_link import connect
+from farm.settings import Settings
+from plateau.exits import ExitCode
+from worker.variants import Probe, VariantChoice, choose
+
+
+@dataclass(frozen=True)
+class Check:
+    """One thing that was looked at."""
+
+    name: str
+    detail: str
+    ok: bool = True
+    needed: bool = False  #: whether nothing can be rendered without it
+
+
+def doctor(*, as_json: bool) -> int:
+    """Look at everything and print what was found; returns the exit code."""
+    settings = Settings()
+    choice = choose(settings.cache, every=True)
+    checks = [*_machine(), *_stores(settings), *_folders(settings), *_variants(choice)]
+    can_render = all(check.ok for check in checks if check.needed)
+    if as_json:
+        found = {
+            "can_render": can_render,
+            "variant": choice.variant,
+            "why": choice.why,
+            "checks": [asdict(check) for check in checks],
+            "settings": _shown(settings),
+        }
+        print(json.dumps(found, indent=2))
+    else:
+        _print(checks, choice, settings, can_render=can_render)
+    return ExitCode.OK if can_render else ExitCode.FAILED
+
+
+def _machine() -> Iterator[Check]:
+    version = platform.python_version()
+    supported = sys.version_info >= (3, 10)
+    yield Check("Python", f"{version}, {sys.executable}", ok=supported, needed=True)
+    cores = len(os.sched_getaffinity(0))
+    yield Check("cores", f"{cores} of {platform.machine()}")
+
+
+def _stores(settings: Settings) -> Iterator[Check]:
+    binary = find_redis_server()
+    if binary is None:
+        detail = "no redis-server: apt install redis-server, or use Python 3.10–3.12"
+    else:
+        detail = f"{_redis_version(binary)}, {binary}"
+    yield Check("embedded Redis", detail, ok=binary is not None, needed=settings.redis_url is None)
+    if settings.redis_url is not None:
+        where = _without_password(settings.redis_url)
+        try:
+            Jobs(connect(settings.redis_url)).ping()
+            yield Check("Redis", f"{where} answers", needed=True)
+        except (StoreUnavailable, ValueError) as error:
+            yield Check("Redis", f"{where}: {error}", ok=False, needed=True)
+    where = settings.blobs or str(settings.data / "blobs")
+    name = f"doctor/{secrets.token_hex(8)}"
+    try:
+        blobs = Blobs(where)
+        blobs.put(name, b"can be written")
+        blobs.get(name)
+        blobs.delete(name)
+        yield Check("blob store", f"{where} can be written", needed=True)
+    except Exception as error:  # noqa: BLE001  (a store's URL may fail in any way)
+        yield Check("blob store", f"{where}: {error}", ok=False, needed=True)
+
+
+def _folders(settings: Settings) -> Iterator[Check]:
+    for name, folder in (("data folder", settings.data), ("cache folder", settings.cache)):
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            problem = "" if os.access(folder, os.W_OK) else "cannot be written"
+        except OSError as error:
+            problem = error.strerror or str(error)
+        yield Check(name, f"{folder}: {problem or 'can be written'}", ok=not problem, needed=True)
+
+
+def _variants(choice: VariantChoice) -> Iterator[Check]:
+    variants = {probe.variant for probe in choice.tried}
+    if "cuda_ad_rgb" not in variants:
+        yield Check("CUDA", "no driver was found", ok=False)
+    if "llvm_ad_rgb" not in variants:
+        detail = "no library was found; libllvm19 (apt install libllvm19) makes it 3 times as fast"
+        yield Check("LLVM", detail, ok=False)
+    for probe in choice.tried:
+        yield Check(_name(probe), probe.detail, ok=probe.ok)
+    works = any(probe.ok for probe in choice.tried)
+    yield Check("a worker takes", choice.why, ok=works, needed=True)
+
+
+def _name(probe: Probe) -> str:
+    return probe.variant if probe.library is None else f"{probe.variant}, {probe.library}"
+
+
+def _redis_version(binary: Path) -> str:
+    answer = subprocess.run(
+        [binary, "--version"], capture_output=True, text=True, timeout=10, check=False
+    ).stdout
+    words = [word.removeprefix("v=") for word in answer.split() if word.startswith("v=")]
+    return words[0] if words else "of unknown version"
+
+
+def _without_password(url: str) -> str:
+    password = urlsplit(url).password
+    return url.replace(f":{password}@", ":***@") if password else url
+
+
+def _shown(settings: Settings) -> dict[str, object]:
+    shown: dict[str, object] = settings.model_dump(mode="json")
+    if settings.redis_url is not None:
+        shown["redis_url"] = _without_password(settings.redis_url)
+    return shown
+
+
+def _print(
+    checks: list[Check], choice: VariantChoice, settings: Settings, *, can_render: bool
+) -> None:
+    for check in checks:
+        mark = "ok" if check.ok else "NO" if check.needed else "–"
+        print(f"{mark:<4}{check.name}: {check.detail}")
+    print("\nsettings (set by PLATEAU_… in the environment)")
+    for name, value in _shown(settings).items():
+        print(f"    PLATEAU_{name.upper()} = {'' if value is None else value}")
+    verdict = (
+        f"scenes are rendered with {choice.variant}" if can_render else "nothing can be rendered"
+    )
+    print(f"\n{verdict}")

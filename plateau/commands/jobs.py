@@ -1,0 +1,142 @@
+"""`plateau submit | watch | show | list | cancel`: talk to a running service."""
+
+import json
+import sys
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+
+from farm.job import Job
+from farm.settings import Settings
+from farm.spec import JobSpec
+from farm.states import JobState
+from plateau import words
+from plateau.client import Client
+from plateau.commands.render import EXIT_CODES
+from plateau.errors import CommandFailed
+from plateau.follow import follow
+from plateau.outputs import summary_json, write_results
+from plateau.progress import progress_on
+from service.views import JobView
+
+_PAGE = 100
+
+
+def submit(scene: Path, spec: JobSpec, *, url: str | None, as_json: bool) -> None:
+    """Submit a scene; prints the job's id."""
+    with _client(url) as client:
+        job = client.submit(scene, spec)
+    print(job.model_dump_json(indent=2) if as_json else job.id)
+
+
+def watch(job_id: str, out: Path | None, *, url: str | None, as_json: bool) -> int:
+    """Follow a job to its end; returns the exit code."""
+    with _client(url) as client:
+        try:
+            job = follow(client, job_id, progress_on(Console(stderr=True)), lambda: None)
+        except KeyboardInterrupt:
+            print(f"plateau: not watching any more; job {job_id} goes on", file=sys.stderr)
+            raise
+        if out is None:
+            about = summary_json(job, client.curve(job_id), [])
+        else:
+            about = write_results(client, job, out)
+    if as_json:
+        print(json.dumps(about, indent=2))
+    else:
+        print(words.summary(job))
+        if about["files"]:
+            print(f"{'files:':<9}{', '.join(about['files'])}")
+    return EXIT_CODES[job.state]
+
+
+def show(job_id: str, *, url: str | None, as_json: bool) -> None:
+    """Print a job, its story and its links."""
+    with _client(url) as client:
+        job = client.job(job_id)
+        story = [one for one in client.happened(job_id) if one.type == "state"]
+    if as_json:
+        print(job.model_dump_json(indent=2))
+        return
+    print(f"{'job:':<9}{job.id} ({job.name})")
+    print(words.summary(job))
+    print("story:")
+    for one in story:
+        print(f"  {one.at:%Y-%m-%d %H:%M:%S} UTC  {one.data['to']}: {one.data['reason']}")
+    print("links:")
+    for name, path in job.links.items():
+        print(f"  {name:<15}{client.url}{path}")
+
+
+def list_jobs(
+    *, state: str | None, batch: str | None, limit: int, url: str | None, as_json: bool
+) -> None:
+    """Print jobs, newest first."""
+    jobs: list[JobView] = []
+    cursor = None
+    with _client(url) as client:
+        while len(jobs) < limit:
+            page = client.jobs(
+                state=_state(state),
+                batch=batch,
+                cursor=cursor,
+                limit=min(limit - len(jobs), _PAGE),
+            )
+            jobs += page.jobs
+            cursor = page.next_cursor
+            if cursor is None:
+                break
+    if as_json:
+        print(json.dumps([job.model_dump(mode="json") for job in jobs], indent=2))
+    elif not jobs:
+        print("no jobs", file=sys.stderr)
+    else:
+        _print_table(jobs)
+
+
+def cancel(job_id: str, *, url: str | None, as_json: bool) -> None:
+    """Cancel a job."""
+    with _client(url) as client:
+        job = client.cancel(job_id)
+    print(job.model_dump_json(indent=2) if as_json else f"{job.id} {job.state.value}")
+
+
+def _client(url: str | None) -> Client:
+    return Client(url or Settings().url, patience_s=0.0)
+
+
+def _state(name: str | None) -> JobState | None:
+    try:
+        return None if name is None else JobState(name)
+    except ValueError:
+        states = ", ".join(state.value for state in JobState)
+        raise CommandFailed(f"there is no state {name!r}; the states are {states}") from None
+
+
+def _print_table(jobs: list[JobView]) -> None:
+    console = Console()
+    table = Table(box=None, padding=(0, 2, 0, 0), header_style="bold")
+    for column in ("id", "state", "spp", "visible", "wall", "created (UTC)", "batch", "scene"):
+        table.add_column(column, no_wrap=True)
+    for job in jobs:
+        table.add_row(*_row(job))
+    if console.is_terminal:
+        console.print(table)
+    else:  # whole lines, for grep and cut
+        for job in jobs:
+            print("\t".join(_row(job)))
+
+
+def _row(job: Job) -> tuple[str, ...]:
+    visible = "–" if job.visible_fraction is None else f"{100 * job.visible_fraction:.3g} %"
+    return (
+        job.id,
+        job.state.value,
+        f"{job.spp}/{job.spec.max_spp}",
+        visible,
+        words.duration(words.wall_s(job)) if job.state.ended else "–",
+        f"{job.created_at:%Y-%m-%d %H:%M:%S}",
+        job.spec.batch or "–",
+        job.name,
+    )

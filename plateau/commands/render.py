@@ -1,0 +1,128 @@
+"""`plateau render`: one scene, from nothing to its results, in one process tree."""
+
+import json
+import shutil
+import sys
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Final
+
+from rich.console import Console
+
+from farm.bundle import inspect_bundle
+from farm.settings import Settings
+from farm.spec import JobSpec
+from farm.states import JobState
+from plateau import words
+from plateau.client import ApiError, Client
+from plateau.data_folder import DataFolder, is_in_use
+from plateau.exits import ExitCode
+from plateau.follow import follow
+from plateau.interrupts import Interrupts
+from plateau.outputs import write_results
+from plateau.packing import pack
+from plateau.progress import Progress, progress_on
+from plateau.tree import Tree
+from service.views import JobView
+
+_PREFIX: Final = "plateau-render-"
+_MOST_DEATHS: Final = 3
+#: The tree starts a dead API again; that takes a few seconds.
+_PATIENCE_S: Final = 60.0
+
+#: How a job's end becomes an exit code.
+EXIT_CODES: Final = {
+    JobState.CONVERGED: ExitCode.OK,
+    JobState.EXHAUSTED: ExitCode.OK,
+    JobState.CANCELLED: ExitCode.CANCELLED,
+    JobState.FAILED: ExitCode.FAILED,
+}
+
+
+def render(
+    scene: Path, out: Path, spec: JobSpec, *, workers: int, threads: int | None, as_json: bool
+) -> int:
+    """Render the scene until its job has ended, and write its results; returns the exit code."""
+    # What can be refused is refused before anything is started.
+    with pack(scene, spec.parameter_strings()) as packed:
+        inspect_bundle(packed.file, parameters=spec.parameter_strings(), sensor=spec.sensor)
+    out.mkdir(parents=True, exist_ok=True)
+
+    asked = Settings()
+    settings = asked.model_copy(
+        update={"redis_url": None, "blobs": None, "threads": threads or asked.threads}
+    )
+    shown = progress_on(Console(stderr=True))
+    with Interrupts() as interrupts, _temporary_data() as data:
+        try:
+            with (
+                Tree(
+                    settings,
+                    data,
+                    interrupts,
+                    workers=workers,
+                    host="127.0.0.1",
+                    port=0,
+                    tell=shown.note,
+                    most_deaths=_MOST_DEATHS,
+                ) as tree,
+                Client(tree.url, patience_s=_PATIENCE_S) as client,
+            ):
+                job = _run(client, scene, spec, tree, interrupts, shown)
+                about = write_results(client, job, out)
+        except KeyboardInterrupt:
+            return interrupts.exit_code
+
+    if as_json:
+        print(json.dumps(about, indent=2))
+    else:
+        print(words.summary(job))
+        print(f"{'files:':<9}{', '.join(about['files'])}")
+    if job.state is JobState.FAILED:
+        print(f"plateau: the job failed: {job.reason}", file=sys.stderr)
+    return interrupts.exit_code if interrupts.asked.is_set() else EXIT_CODES[job.state]
+
+
+def _run(
+    client: Client,
+    scene: Path,
+    spec: JobSpec,
+    tree: Tree,
+    interrupts: Interrupts,
+    shown: Progress,
+) -> JobView:
+    """The job, submitted and followed to its end; the first interrupt cancels it."""
+    job = client.submit(scene, spec)
+    cancelled = False
+
+    def tick() -> None:
+        nonlocal cancelled
+        tree.check()
+        if interrupts.insisted.is_set():
+            raise KeyboardInterrupt
+        if interrupts.asked.is_set() and not cancelled:
+            cancelled = True
+            shown.note("cancelling; what is rendered is still written; Ctrl-C again leaves at once")
+            try:
+                client.cancel(job.id)
+            except ApiError as error:
+                if error.slug != "cannot-cancel":  # it ended a moment ago
+                    raise
+
+    return follow(client, job.id, shown, tick)
+
+
+@contextmanager
+def _temporary_data() -> Iterator[DataFolder]:
+    """A data folder that is removed at the end, as are those of trees that were killed."""
+    temporary = Path(tempfile.gettempdir())
+    for left in temporary.glob(f"{_PREFIX}*"):
+        if not is_in_use(left):
+            shutil.rmtree(left, ignore_errors=True)
+    with (
+        tempfile.TemporaryDirectory(prefix=_PREFIX, ignore_cleanup_errors=True) as folder,
+        DataFolder(Path(folder)) as data,
+    ):
+        yield data

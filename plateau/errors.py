@@ -1,0 +1,25 @@
+"""What may go wrong with a command: said in one line, without a traceback."""
+
+from typing import Final
+
+from farm.bundle import BundleError
+from farm.errors import FarmError
+from plateau.client import ClientError
+from plateau.data_folder import InUse
+from plateau.tree import TreeFailed
+
+
+class CommandFailed(Exception):
+    """A command cannot do what was asked; the message says why and what to do."""
+
+
+#: Errors whose message is all that a user needs.
+EXPECTED: Final = (
+    BundleError,
+    ClientError,
+    CommandFailed,
+    FarmError,
+    InUse,
+    OSError,
+    TreeFailed,
+)

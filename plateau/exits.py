@@ -1,0 +1,14 @@
+"""Exit codes of the command line; `plateau --help` lists them."""
+
+from enum import IntEnum
+
+
+class ExitCode(IntEnum):
+    """What a command's exit code means."""
+
+    OK = 0  #: done; a job that was waited for has converged or is exhausted
+    FAILED = 1  #: it could not be done, or the job failed; standard error says why
+    USAGE = 2  #: the command line is not right
+    CANCELLED = 4  #: the job that was waited for was cancelled
+    INTERRUPTED = 130  #: Ctrl-C, as shells count signals
+    TERMINATED = 143  #: SIGTERM

@@ -1,0 +1,52 @@
+"""Follow a job to its end, showing what happens."""
+
+import queue
+import threading
+from collections.abc import Callable
+from typing import Final
+
+from farm.job import Event
+from plateau.client import Client
+from plateau.progress import Progress
+from service.views import JobView
+
+_TICK_S: Final = 0.2
+
+
+def follow(client: Client, job_id: str, shown: Progress, tick: Callable[[], None]) -> JobView:
+    """The job once it is finished; `tick` is called a few times a second, in this thread.
+
+    Raises
+    ------
+    ClientError
+        The job is not known, or the service is gone for longer than the client is patient.
+    """
+    happened: queue.SimpleQueue[Event | Exception | None] = queue.SimpleQueue()
+
+    def listen() -> None:
+        try:
+            for event in client.events(job_id):
+                happened.put(event)
+            happened.put(None)
+        except Exception as error:  # noqa: BLE001  (raised below, in the other thread)
+            happened.put(error)
+
+    threading.Thread(target=listen, name="events", daemon=True).start()
+    with shown:
+        shown.job(client.job(job_id))
+        while True:
+            tick()
+            try:
+                item = happened.get(timeout=_TICK_S)
+            except queue.Empty:
+                shown.refresh()
+                continue
+            if isinstance(item, Exception):
+                raise item
+            if item is None:
+                job = client.job(job_id)
+                shown.job(job)
+                return job
+            shown.event(item)
+            if happened.empty():
+                shown.job(client.job(job_id))

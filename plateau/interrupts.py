@@ -1,0 +1,52 @@
+"""Ctrl-C and its kin, counted: the first asks, the second insists."""
+
+import signal
+import threading
+from types import FrameType, TracebackType
+from typing import Any, Final
+
+_SIGNALS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+
+class Interrupts:
+    """Within its context, signals that end a process are counted and end nothing.
+
+    Attributes
+    ----------
+    asked
+        Set by the first signal.
+    insisted
+        Set by the second.
+    """
+
+    def __init__(self) -> None:
+        self.asked = threading.Event()
+        self.insisted = threading.Event()
+        self._first: int = signal.SIGINT
+        self._before: dict[int, Any] = {}
+
+    @property
+    def exit_code(self) -> int:
+        """The exit code of a process that the first signal ended, as shells count."""
+        return 128 + self._first
+
+    def __enter__(self) -> "Interrupts":
+        for number in _SIGNALS:
+            self._before[number] = signal.signal(number, self._count)
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
+
+    def _count(self, number: int, _: FrameType | None) -> None:
+        if self.asked.is_set():
+            self.insisted.set()
+        else:
+            self._first = number
+            self.asked.set()

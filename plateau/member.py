@@ -1,0 +1,125 @@
+"""One process of the tree: started, watched, started again, stopped."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Final
+
+from farm.processes import die_with_parent
+
+_BACKOFF_S: Final = 0.5
+_LONGEST_BACKOFF_S: Final = 30.0
+#: A process that lived for so long had started well.
+_WELL_S: Final = 30.0
+_LOG_BYTES: Final = 10_000_000
+_LAST_WORDS_BYTES: Final = 2000
+
+
+class Member:
+    """A ``python -m plateau …`` in a session of its own, with a log file.
+
+    Parameters
+    ----------
+    name
+        What it is called, in messages and as its log.
+    arguments
+        Its command and options.
+    environment
+        Variables beside those of this process.
+    logs
+        Folder of its log.
+    inherited
+        File descriptors that it holds as long as it lives.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        arguments: tuple[str, ...],
+        *,
+        environment: dict[str, str],
+        logs: Path,
+        inherited: tuple[int, ...] = (),
+    ) -> None:
+        self.name = name
+        self.arguments = arguments
+        self.log = logs / f"{name}.log"
+        self.deaths = 0  #: in a row, each soon after its start
+        self._environment = environment
+        self._inherited = inherited
+        self._process: subprocess.Popen[bytes] | None = None
+        self._started_at = 0.0
+        self._start_after = 0.0
+
+    @property
+    def pid(self) -> int | None:
+        """Its process id; None where it never ran."""
+        return self._process.pid if self._process else None
+
+    def start(self, *, passed: tuple[int, ...] = (), more: tuple[str, ...] = ()) -> None:
+        """Start it, for once with these descriptors and arguments too."""
+        if self.log.exists() and self.log.stat().st_size > _LOG_BYTES:
+            self.log.replace(self.log.with_suffix(".log.1"))
+        with self.log.open("ab") as log:
+            # A session of its own: a Ctrl-C in the terminal reaches the tree's root alone.
+            self._process = subprocess.Popen(
+                [sys.executable, "-m", "plateau", *self.arguments, *more],
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=log,
+                env={**os.environ, **self._environment},
+                start_new_session=True,
+                pass_fds=(*self._inherited, *passed),
+                preexec_fn=die_with_parent(),
+            )
+        self._started_at = time.monotonic()
+
+    def has_died(self) -> str | None:
+        """How the process ended, once for each time that it did; None while it runs."""
+        if self._process is None or self._process.poll() is None:
+            return None
+        status, self._process = self._process.returncode, None
+        lived_s = time.monotonic() - self._started_at
+        self.deaths = 1 if lived_s > _WELL_S else self.deaths + 1
+        backoff_s = min(_BACKOFF_S * 2 ** (self.deaths - 1), _LONGEST_BACKOFF_S)
+        self._start_after = time.monotonic() + backoff_s
+        return f"{self.name} {describe_exit(status)}"
+
+    def start_if_due(self) -> None:
+        """Start it again where it died and has waited long enough."""
+        if self._process is None and time.monotonic() >= self._start_after:
+            self.start()
+
+    def ask_to_stop(self) -> None:
+        """Send SIGTERM."""
+        if self._process is not None and self._process.poll() is None:
+            self._process.terminate()
+
+    def is_running(self) -> bool:
+        """Whether it runs."""
+        return self._process is not None and self._process.poll() is None
+
+    def kill(self) -> None:
+        """End it by force, with all that it started in its session."""
+        if self._process is not None and self._process.poll() is None:
+            os.killpg(self._process.pid, signal.SIGKILL)
+            self._process.wait()
+
+    def last_words(self) -> str:
+        """The end of its log."""
+        if not self.log.exists():
+            return ""
+        with self.log.open("rb") as log:
+            log.seek(max(0, self.log.stat().st_size - _LAST_WORDS_BYTES))
+            lines = log.read().decode(errors="replace").splitlines()
+        return "\n".join(f"  {line}" for line in lines[-15:])
+
+
+def describe_exit(status: int) -> str:
+    """A process's exit status in words."""
+    if status >= 0:
+        return f"ended with exit code {status}"
+    return f"was ended by {signal.Signals(-status).name}"

@@ -1,0 +1,55 @@
+"""The files that a job leaves with its user."""
+
+import json
+from pathlib import Path
+from typing import Any, Final
+
+from farm.job import CurvePoint
+from plateau import words
+from plateau.client import ApiError, Client
+from plateau.plot import plot_curve
+from service.views import JobView
+
+_IMAGES: Final = ("image.exr", "image.png", "difference.png")
+
+
+def write_results(client: Client, job: JobView, folder: Path) -> dict[str, Any]:
+    """Write all that is known of an ended job into a folder; returns the summary as JSON.
+
+    These are ``image.exr``, ``image.png`` and ``difference.png``, where the job has an image;
+    ``curve.csv`` and ``curve.png``, where its curve has points; ``summary.txt`` and
+    ``summary.json``.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    files = [folder / name for name in _IMAGES if _download(client, job.id, name, folder / name)]
+    points = client.curve(job.id)
+    if points:
+        files += [folder / "curve.csv", folder / "curve.png"]
+        (folder / "curve.csv").write_text(client.curve_csv(job.id))
+        plot_curve(job, points, folder / "curve.png")
+    files += [folder / "summary.txt", folder / "summary.json"]
+    (folder / "summary.txt").write_text(words.summary(job) + "\n")
+    about = summary_json(job, points, files)
+    (folder / "summary.json").write_text(json.dumps(about, indent=2) + "\n")
+    return about
+
+
+def summary_json(job: JobView, points: list[CurvePoint], files: list[Path]) -> dict[str, Any]:
+    """The job, its curve, how much it saved and the files that were written, as JSON values."""
+    return {
+        **job.model_dump(mode="json"),
+        "saved_fraction": words.saved_fraction(job),
+        "wall_s": words.wall_s(job),
+        "curve": [point.model_dump(mode="json") for point in points],
+        "files": [str(path) for path in files],
+    }
+
+
+def _download(client: Client, job_id: str, name: str, path: Path) -> bool:
+    try:
+        client.download(job_id, name, path)
+    except ApiError as error:
+        if error.slug == "no-image-yet":
+            return False
+        raise
+    return True

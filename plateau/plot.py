@@ -1,0 +1,91 @@
+"""The curve as a picture: visible pixels over spp, and what is left to see."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from farm.job import CurvePoint, Job
+from farm.states import JobState
+from plateau import words
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+_CURVE: Final = "#1f6f8b"
+_LINE: Final = "#d1495b"
+_ESTIMATE: Final = "#6b4e9b"
+_STOP: Final = "#5a5a5a"
+_DPI: Final = 150
+
+
+def plot_curve(job: Job, points: list[CurvePoint], path: Path) -> None:
+    """Write the curve as a PNG file of 1200 × 900 pixels.
+
+    Above, the pixels that differ visibly from the first image, with the regression line over the
+    last window and its slope against the rule's; below, on a logarithmic axis, the half-buffer
+    estimate of those that still differ from the converged image.
+    """
+    # Matplotlib takes a second to import; only those who plot wait for it.
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(8, 6), layout="constrained")
+    FigureCanvasAgg(figure)
+    above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
+    figure.suptitle(f"{Path(job.name).stem}: {_outcome(job)}", x=0.01, ha="left", fontweight="bold")
+    _draw_visible(above, job, points)
+    _draw_estimate(below, points)
+    below.set_xlabel("samples per pixel (spp)")
+    for axes in (above, below):
+        axes.grid(visible=True, color="#e3e3e3", linewidth=0.8)
+        axes.set_axisbelow(True)
+        axes.spines[["top", "right"]].set_visible(False)
+        axes.margins(x=0.02)
+        if job.state.ended:
+            axes.axvline(job.spp, color=_STOP, linewidth=1, linestyle=(0, (4, 3)))
+    figure.savefig(path, dpi=_DPI)
+
+
+def _outcome(job: Job) -> str:
+    if job.state is JobState.CONVERGED:
+        saved = words.percent(words.saved_fraction(job))
+        return f"converged at {job.spp:,} spp, {saved} of the cap saved"
+    return f"{job.state.value} at {job.spp:,} spp"
+
+
+def _draw_visible(axes: "Axes", job: Job, points: list[CurvePoint]) -> None:
+    spp = np.array([point.spp for point in points], dtype=np.float64)
+    visible = np.array([point.visible_pixels for point in points], dtype=np.float64)
+    axes.plot(spp, visible, "o-", color=_CURVE, markersize=4, label="visible pixels")
+    axes.set_ylabel("pixels that differ visibly\nfrom the first image")
+    axes.yaxis.set_major_formatter(lambda value, _: f"{value:,.0f}")
+    axes.set_ylim(bottom=0, top=max(1.0, 1.12 * visible.max()))
+    slope = points[-1].slope
+    if slope is not None:
+        window = words.rule_window(job)
+        last_spp, last_visible = spp[-window:], visible[-window:]
+        line = last_visible.mean() + slope * (last_spp - last_spp.mean())
+        stop = words.stop_slope(job)
+        aim = "" if stop is None else f", stops at {stop:.3g}"
+        label = f"last {window} points: slope {slope:.3g} px/spp{aim}"
+        axes.plot(last_spp, line, color=_LINE, linewidth=5, alpha=0.5, zorder=1, label=label)
+    if points[-1].visible_fraction > 0:
+        pixels = points[-1].visible_pixels / points[-1].visible_fraction
+        share = axes.twinx()
+        share.set_ylim(0, 100 * axes.get_ylim()[1] / pixels)
+        share.set_ylabel("% of the image")
+        share.spines[["top", "left"]].set_visible(False)
+        share.spines["right"].set_color("#c0c0c0")
+    axes.legend(loc="lower right", framealpha=1, edgecolor="none")
+
+
+def _draw_estimate(axes: "Axes", points: list[CurvePoint]) -> None:
+    known = [(point.spp, point.estimate_pixels) for point in points if point.estimate_pixels]
+    axes.set_ylabel("still visible\n(half-buffer estimate)")
+    if known:
+        spp, estimate = zip(*known, strict=True)
+        axes.plot(spp, estimate, "s-", color=_ESTIMATE, markersize=3.5)
+        axes.set_yscale("log")
+    else:
+        axes.text(0.5, 0.5, "no estimate above 0", transform=axes.transAxes, ha="center")

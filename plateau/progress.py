@@ -1,0 +1,193 @@
+"""Progress of a job: live on a terminal, a line for each point of the curve elsewhere."""
+
+from abc import ABC, abstractmethod
+from collections import deque
+from datetime import datetime, timezone
+from types import TracebackType
+from typing import Final
+
+from rich.console import Console, Group
+from rich.live import Live
+from rich.progress_bar import ProgressBar
+from rich.table import Table
+from rich.text import Text
+
+from farm.job import CurvePoint, Event, Job
+from plateau import words
+
+#: The rate is that of the slices of the last so many seconds.
+_RATE_S: Final = 20.0
+_SPARKS: Final = "▁▂▃▄▅▆▇█"
+_SPARK_COLUMNS: Final = 48
+
+
+class Progress(ABC):
+    """What is shown of a job while it runs; a context, left when it has ended."""
+
+    def __init__(self) -> None:
+        self._job: Job | None = None
+        self._points: list[CurvePoint] = []
+        self._slices: deque[datetime] = deque()
+
+    def __enter__(self) -> "Progress":
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """Leave what was shown."""
+        self.refresh()
+
+    def job(self, job: Job) -> None:
+        """Take up the job as it stands."""
+        self._job = job
+        self.refresh()
+
+    def event(self, event: Event) -> None:
+        """Take up something that happened."""
+        if event.type == "slice":
+            self._slices.append(event.at)
+            while (event.at - self._slices[0]).total_seconds() > _RATE_S:
+                self._slices.popleft()
+        elif event.type == "point":
+            self._points.append(CurvePoint.model_validate(event.data))
+
+    @abstractmethod
+    def note(self, text: str) -> None:
+        """Show a line that stays."""
+
+    @abstractmethod
+    def refresh(self) -> None:
+        """Show time passing."""
+
+    def _msamples_per_s(self) -> float | None:
+        """The render rate over the last slices, in millions of samples a second."""
+        if self._job is None or self._job.width is None or self._job.height is None:
+            return None
+        if len(self._slices) < 2:
+            return None
+        seconds = (self._slices[-1] - self._slices[0]).total_seconds()
+        samples = self._job.width * self._job.height * self._job.spec.slice_spp
+        return (len(self._slices) - 1) * samples / seconds / 1e6 if seconds > 0 else None
+
+    def _figures(self, job: Job) -> list[str]:
+        """Visible pixels, slope, half-buffer estimate and rate, as far as they are known."""
+        figures = [f"visible {words.pixels(job.visible_pixels, job.visible_fraction)}"]
+        if job.slope is not None:
+            stop = words.stop_slope(job)
+            aim = "" if stop is None else f" (stops at {stop:.3g})"
+            figures.append(f"slope {job.slope:.3g} px/spp{aim}")
+        if job.estimate_pixels is not None:
+            left = words.pixels(job.estimate_pixels, job.estimate_fraction)
+            figures.append(f"half-buffer {left}")
+        rate = self._msamples_per_s()
+        if rate is not None:
+            figures.append(f"{rate:.2f} Msamples/s")
+        return figures
+
+
+class PlainProgress(Progress):
+    """A line for each change of state and each point of the curve."""
+
+    def __init__(self, console: Console) -> None:
+        super().__init__()
+        self._console = console
+        self._said_state = ""
+        self._said_points = 0
+
+    def note(self, text: str) -> None:
+        """Print a line."""
+        self._console.print(text, markup=False, highlight=False, soft_wrap=True)
+
+    def job(self, job: Job) -> None:
+        """Print what is new."""
+        super().job(job)
+        if job.state.value != self._said_state and not job.state.ended:
+            self.note(f"{job.state.value}: {job.reason}")
+            self._said_state = job.state.value
+        if job.points > self._said_points and job.visible_pixels is not None:
+            self._said_points = job.points
+            figures = [*self._figures(job), words.duration(words.wall_s(job, _now()))]
+            self.note(f"{job.spp:>6} spp  {'  '.join(figures)}")
+
+    def refresh(self) -> None:
+        """Print nothing: time alone is no news."""
+
+
+class LiveProgress(Progress):
+    """A few lines that change in place."""
+
+    def __init__(self, console: Console) -> None:
+        super().__init__()
+        # No thread of its own: the process tree's processes are started from this one.
+        self._live = Live(console=console, auto_refresh=False)
+
+    def __enter__(self) -> "LiveProgress":
+        self._live.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """Leave the last lines where they are."""
+        self._live.stop()
+
+    def note(self, text: str) -> None:
+        """Print a line above the others."""
+        self._live.console.print(text, markup=False, highlight=False)
+
+    def refresh(self) -> None:
+        """Draw the lines again."""
+        if self._job is not None:
+            self._live.update(self._lines(self._job), refresh=True)
+
+    def _lines(self, job: Job) -> Group:
+        size = "" if job.width is None else f" · {job.width}×{job.height}"
+        variant = "" if job.variant is None else f" · {job.variant}"
+        head = Table.grid(expand=True)
+        head.add_column(ratio=1)
+        head.add_column(justify="right")
+        head.add_row(
+            Text.assemble((job.name, "bold"), f"  {job.state.value}{variant}{size}"),
+            words.duration(words.wall_s(job, _now())),
+        )
+        spp = max(job.spp, job.committed_spp) if not job.state.ended else job.spp
+        bar = Table.grid(padding=(0, 2), expand=True)
+        bar.add_column(ratio=1)
+        bar.add_column(justify="right", no_wrap=True)
+        bar.add_row(
+            ProgressBar(total=job.spec.max_spp, completed=spp),
+            f"{spp:,} of at most {job.spec.max_spp:,} spp",
+        )
+        lines: list[Table | Text] = [head, bar]
+        if job.visible_pixels is None:
+            lines.append(Text(job.reason, style="dim"))
+        else:
+            lines.append(Text("   ".join(self._figures(job))))
+        if len(self._points) > 1:
+            lines.append(Text(sparkline([one.visible_pixels for one in self._points]), "cyan"))
+        return Group(*lines)
+
+
+def progress_on(console: Console) -> Progress:
+    """The progress that suits the console."""
+    if console.is_terminal and not console.is_dumb_terminal:
+        return LiveProgress(console)
+    return PlainProgress(console)
+
+
+def sparkline(values: list[int]) -> str:
+    """The values as a row of bars, from 0 to the highest; the newest where they are too many."""
+    values = values[-_SPARK_COLUMNS:]
+    top = max(*values, 1)
+    return "".join(_SPARKS[value * (len(_SPARKS) - 1) // top] for value in values)
+
+
+def _now() -> datetime:
+    return datetime.now(timezone.utc)

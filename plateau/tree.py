@@ -1,0 +1,192 @@
+"""The process tree of `plateau render` and `plateau up`: Redis, API, monitor and workers."""
+
+import os
+import select
+import time
+from collections.abc import Callable
+from types import TracebackType
+from typing import Final
+
+from farm.embedded import EmbeddedRedis
+from farm.settings import Settings
+from plateau.data_folder import DataFolder
+from plateau.interrupts import Interrupts
+from plateau.member import Member
+
+_API_START_S: Final = 60.0
+#: A stopping worker tries for 20 s to commit what it has.
+_STOP_S: Final = {"worker": 25.0, "monitor": 10.0, "api": 8.0}
+_HURRIED_S: Final = 2.0
+_TICK_S: Final = 0.05
+
+
+class TreeFailed(Exception):
+    """A process of the tree died and will not be started again."""
+
+
+class Tree:
+    """Every process that Plateau needs on one machine; none outlives the context.
+
+    A process that dies is started again, after a pause that grows. All of it runs in the thread
+    that enters the context, which must be the main one: the kernel ends the processes with it.
+
+    Parameters
+    ----------
+    settings
+        Where `redis_url` or `blobs` is unset, the data folder is used.
+    data
+        The data folder, locked.
+    interrupts
+        Once it was asked, starting is given up; once it was insisted, stopping is by force.
+    workers
+        Number of workers; they share the machine's cores.
+    host, port
+        Where the API listens; port 0 takes a free one.
+    tell
+        Takes a line about what was started again.
+    most_deaths
+        A process that dies so often in a row, each time within 30 s of its start, fails the
+        tree; None to try for ever.
+
+    Raises
+    ------
+    TreeFailed
+        By `check`, and on entering, where the API does not start.
+    KeyboardInterrupt
+        On entering: the interrupts were asked.
+    """
+
+    def __init__(
+        self,
+        settings: Settings,
+        data: DataFolder,
+        interrupts: Interrupts,
+        *,
+        workers: int,
+        host: str,
+        port: int,
+        tell: Callable[[str], None],
+        most_deaths: int | None,
+    ) -> None:
+        self.url = ""
+        self.blobs = settings.blobs or str(data.blobs.absolute())
+        self.redis_url = settings.redis_url or ""
+        self._settings = settings
+        self._data = data
+        self._interrupts = interrupts
+        self._workers = workers
+        self._listen = (host, port)
+        self._tell = tell
+        self._most_deaths = most_deaths
+        self._redis: EmbeddedRedis | None = None
+        self._members: list[Member] = []
+
+    def __enter__(self) -> "Tree":
+        try:
+            self._start()
+        except BaseException:
+            self.stop()
+            raise
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.stop()
+
+    def check(self) -> None:
+        """Start again what has died; to be called a few times a second."""
+        if self._redis is not None and self._redis.process.poll() is not None:
+            self._tell("the embedded Redis is gone; starting everything again")
+            self._listen = (self._listen[0], int(self.url.rpartition(":")[2]))
+            self.stop()
+            self._start()
+        for member in self._members:
+            cause = member.has_died()
+            if cause is not None:
+                self._bury(member, cause)
+            member.start_if_due()
+
+    def stop(self) -> None:
+        """Stop workers, monitor, API and Redis, in this order; by force what does not stop."""
+        for role in ("worker", "monitor", "api"):
+            ones = [member for member in self._members if member.name.startswith(role)]
+            for member in ones:
+                member.ask_to_stop()
+            started = time.monotonic()
+            while any(member.is_running() for member in ones):
+                hurried = self._interrupts.insisted.is_set()
+                if time.monotonic() - started > (_HURRIED_S if hurried else _STOP_S[role]):
+                    break
+                time.sleep(_TICK_S)
+            for member in ones:
+                member.kill()
+        self._members = []
+        if self._redis is not None:
+            self._redis.stop()
+            self._redis = None
+
+    def _start(self) -> None:
+        if self._settings.redis_url is None:
+            self._redis = EmbeddedRedis(self._data.redis)
+            self.redis_url = self._redis.url
+        api = self._member("api", ("api", "--host", self._listen[0]))
+        others = [self._member("monitor", ("monitor",))]
+        others += [
+            self._member(f"worker-{number}", ("worker",), self._share_of_threads())
+            for number in range(1, self._workers + 1)
+        ]
+        self._members = [api, *others]
+        reads, writes = os.pipe()
+        try:
+            api.start(
+                passed=(writes,), more=("--port", str(self._listen[1]), "--ready-fd", str(writes))
+            )
+        finally:
+            os.close(writes)
+        for member in others:
+            member.start()
+        self.url = self._wait_for_api(api, reads)
+        api.arguments += ("--port", self.url.rpartition(":")[2])
+        self._data.note_url(self.url)
+
+    def _member(
+        self, name: str, arguments: tuple[str, ...], environment: dict[str, str] | None = None
+    ) -> Member:
+        return Member(
+            name,
+            arguments,
+            environment={
+                "PLATEAU_REDIS_URL": self.redis_url,
+                "PLATEAU_BLOBS": self.blobs,
+                **(environment or {}),
+            },
+            logs=self._data.logs,
+            inherited=(self._data.lock_fd,),
+        )
+
+    def _share_of_threads(self) -> dict[str, str]:
+        share = max(1, len(os.sched_getaffinity(0)) // self._workers)
+        return {"PLATEAU_THREADS": str(self._settings.threads or share)}
+
+    def _wait_for_api(self, api: Member, reads: int) -> str:
+        """The URL that the API writes into its end of the pipe once it answers."""
+        deadline = time.monotonic() + _API_START_S
+        with os.fdopen(reads) as pipe:
+            while not select.select([pipe], [], [], _TICK_S)[0]:
+                if self._interrupts.asked.is_set():
+                    raise KeyboardInterrupt
+                if time.monotonic() > deadline:
+                    raise TreeFailed(f"the API did not start; its log:\n{api.last_words()}")
+            url = pipe.readline().strip()
+        if not url:  # it died, and its end was closed
+            raise TreeFailed(f"the API did not start; its log:\n{api.last_words()}")
+        return url
+
+    def _bury(self, member: Member, cause: str) -> None:
+        if self._most_deaths is not None and member.deaths >= self._most_deaths:
+            raise TreeFailed(f"{cause}; its log:\n{member.last_words()}")
+        self._tell(f"{cause}; starting it again (its log: {member.log})")

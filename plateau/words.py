@@ -1,0 +1,85 @@
+"""Figures in words, as progress and summaries show them."""
+
+import math
+from datetime import datetime
+from typing import Final
+
+from farm.job import Job
+from farm.spec import ReverseSpec
+from farm.states import JobState
+from metric.rules.reverse import EPSILON_PIXELS
+
+_MINUTE_S: Final = 60
+_HOUR_S: Final = 3600
+
+
+def duration(seconds: float) -> str:
+    """Seconds as people say them: ``4.2 s``, ``3 min 20 s``, ``2 h 05 min``."""
+    if seconds < _MINUTE_S - 0.05:
+        return f"{seconds:.1f} s"
+    whole = round(seconds)
+    if whole < _HOUR_S:
+        return f"{whole // 60} min {whole % 60} s"
+    return f"{whole // 3600} h {whole % 3600 // 60:02d} min"
+
+
+def percent(fraction: float) -> str:
+    """A fraction as a percentage, rounded down: it says 100 only where it is."""
+    tenths = math.floor(fraction * 1000 + 1e-9)
+    return f"{tenths // 10} %" if tenths % 10 == 0 else f"{tenths / 10:.1f} %"
+
+
+def pixels(count: float | None, fraction: float | None) -> str:
+    """A number of pixels and its share of the image."""
+    if count is None or fraction is None:
+        return "–"
+    return f"{count:,.0f} px ({100 * fraction:.3g} %)"
+
+
+def rule_window(job: Job) -> int:
+    """How many points of the curve the slope is taken over."""
+    reverse = [rule for rule in (job.spec.rule, *job.spec.watch) if isinstance(rule, ReverseSpec)]
+    return (reverse[0] if reverse else ReverseSpec()).window
+
+
+def stop_slope(job: Job) -> float | None:
+    """The slope at which the job's rule stops, in visible pixels per spp of its own image."""
+    if not isinstance(job.spec.rule, ReverseSpec) or job.width is None or job.height is None:
+        return None
+    return job.spec.rule.epsilon * job.width * job.height / EPSILON_PIXELS
+
+
+def wall_s(job: Job, now: datetime | None = None) -> float:
+    """Seconds from the job's creation until its results were written, or until now."""
+    end = job.finished_at or job.ended_at or now
+    return (end - job.created_at).total_seconds() if end else 0.0
+
+
+def saved_fraction(job: Job) -> float:
+    """The share of its cap that a converged job did not need; 0 for any other."""
+    if job.state is not JobState.CONVERGED:
+        return 0.0
+    return 1 - job.spp / job.spec.max_spp
+
+
+def summary(job: Job) -> str:
+    """What became of an ended job, in a few lines."""
+    rows = [("state", job.state.value), ("reason", job.reason)]
+    if job.width is not None:
+        rows.append(("image", f"{job.width}×{job.height}, {job.variant}, scene {job.name}"))
+    share = job.spp / job.spec.max_spp
+    rows.append(("samples", f"{job.spp:,} of at most {job.spec.max_spp:,} spp ({percent(share)})"))
+    if job.state is JobState.CONVERGED:
+        saved = f"{percent(saved_fraction(job))} of the cap, {job.samples_saved:,} samples"
+        rows.append(("saved", saved))
+    if job.visible_pixels is not None:
+        seen = pixels(job.visible_pixels, job.visible_fraction)
+        rows.append(("visible", f"{seen} differ visibly from the first image of the curve"))
+    if job.estimate_pixels is not None:
+        left = pixels(job.estimate_pixels, job.estimate_fraction)
+        rows.append(
+            ("left", f"{left} still differ visibly from the converged image, by half buffers")
+        )
+    rows.append(("time", f"{duration(wall_s(job))}; machine time {duration(job.machine_s)}"))
+    rows += [("note", note) for note in job.notes]
+    return "\n".join(f"{name + ':':<9}{text}" for name, text in rows)

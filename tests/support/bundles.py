@@ -1,0 +1,63 @@
+"""Scenes and archives for the tests of bundles."""
+
+import io
+import stat
+import warnings
+import zipfile
+from collections.abc import Callable, Mapping
+
+PLY = b"""ply
+format ascii 1.0
+element vertex 3
+property float x
+property float y
+property float z
+element face 1
+property list uchar int vertex_indices
+end_header
+0 0 0
+1 0 0
+0 1 0
+3 0 1 2
+"""
+SENSOR = '<sensor type="perspective"/>'
+
+
+def scene(*body: str, sensor: str = SENSOR) -> bytes:
+    """A scene with a sensor, one line for each part of its body, which starts on line 2."""
+    lines = [f'<scene version="3.0.0">{sensor}', *body, "</scene>"]
+    return "\n".join(lines).encode()
+
+
+def mesh(filename: str) -> str:
+    return f'<shape type="ply"><string name="filename" value="{filename}"/></shape>'
+
+
+def include(filename: str) -> str:
+    return f'<include filename="{filename}"/>'
+
+
+def zipped(
+    files: Mapping[str | zipfile.ZipInfo, bytes | str] | list[tuple[str, bytes]],
+    method: int = zipfile.ZIP_DEFLATED,
+    forge: Callable[[list[zipfile.ZipInfo]], None] | None = None,
+) -> io.BytesIO:
+    """An archive; `forge` may change its directory before that is written."""
+    stream = io.BytesIO()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # zipfile warns of duplicates
+        with zipfile.ZipFile(stream, "w", method) as archive:
+            for name, content in files if isinstance(files, list) else files.items():
+                archive.writestr(name, content)
+            if forge:
+                forge(archive.filelist)
+    stream.seek(0)
+    return stream
+
+
+def link(name: str, kind: int = stat.S_IFLNK) -> zipfile.ZipInfo:
+    """An entry that is a link, or another kind of special file."""
+    info = zipfile.ZipInfo(name)
+    info.create_system = 3
+    info.external_attr = (kind | 0o777) << 16
+    return info

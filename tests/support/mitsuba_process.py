@@ -1,0 +1,64 @@
+"""A process with the real renderer in it: a process can only ever use one Mitsuba variant."""
+
+import multiprocessing
+import os
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import AbstractContextManager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+# Mitsuba is imported in the process alone: the tests' own must be able to die of nothing.
+if TYPE_CHECKING:
+    from worker.renderer import LoadedScene, Renderer
+
+_renderer: "Renderer"
+
+
+class MitsubaProcess(AbstractContextManager["MitsubaProcess"]):
+    """Hands calls to a `worker.renderer.Renderer` of its own, exceptions included."""
+
+    def __init__(self, variant: str, llvm_library: str | None = None, threads: int = 2) -> None:
+        self.variant = variant
+        self._pool = ProcessPoolExecutor(
+            1,
+            mp_context=multiprocessing.get_context("spawn"),
+            initializer=_start,
+            initargs=(variant, llvm_library, threads),
+        )
+
+    def load(
+        self, folder: Path, entry: str = "scene.xml", sensor: int = 0, **parameters: object
+    ) -> "LoadedScene":
+        strings = {name: str(value) for name, value in parameters.items()}
+        return self.call(_load, folder, entry, strings, sensor)
+
+    def render_pass(self, spp: int, seed: int) -> NDArray[np.float32]:
+        return self.call(_render_pass, spp, seed)
+
+    def call(self, function: Callable[..., Any], *arguments: object) -> Any:
+        """Call a module-level function in the process."""
+        return self._pool.submit(function, *arguments).result(timeout=120)
+
+    def __exit__(self, *_: object) -> None:
+        self._pool.shutdown()
+
+
+def _start(variant: str, llvm_library: str | None, threads: int) -> None:
+    global _renderer  # noqa: PLW0603
+    if llvm_library is not None:
+        os.environ["DRJIT_LIBLLVM_PATH"] = llvm_library
+    from worker.renderer import Renderer
+
+    _renderer = Renderer(variant, threads)
+
+
+def _load(folder: Path, entry: str, parameters: dict[str, str], sensor: int) -> "LoadedScene":
+    return _renderer.load(folder, entry, parameters, sensor)
+
+
+def _render_pass(spp: int, seed: int) -> NDArray[np.float32]:
+    return _renderer.render_pass(spp, seed)

@@ -1,0 +1,126 @@
+"""The render child renders, can be cancelled, and dies without taking anyone along."""
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import psutil
+import pytest
+
+from farm.seeds import Pass
+from worker.errors import SceneError
+from worker.render_child import CANCEL_GRACE_S, Cancelled, ChildDied, ChildLimits, RenderChild
+
+BOX = Path(__file__).parents[2] / "scenes" / "box"
+LIMITS = ChildLimits(threads=2, memory_bytes=8 << 30, load_timeout_s=60, pass_timeout_s=60)
+SMALL = {"width": "16", "height": "12"}
+LONG = (Pass(1024, 0),) * 1000  # more than anybody waits for
+
+
+@pytest.fixture
+def child(tmp_path: Path) -> Iterator[RenderChild]:
+    child = RenderChild("scalar_rgb", None, LIMITS, tmp_path / "home")
+    yield child
+    child.kill()
+
+
+def test_it_sums_the_passes_of_a_slice(child: RenderChild, tmp_path: Path) -> None:
+    scene = child.load(BOX, "scene.xml", SMALL, 0)
+    assert (scene.width, scene.height) == (16, 12)
+    one, _ = child.render((Pass(2, 7),), tmp_path)
+    other, _ = child.render((Pass(1, 8),), tmp_path)
+    both, render_s = child.render((Pass(2, 7), Pass(1, 8)), tmp_path)
+    assert both.shape == (12, 16, 4)
+    assert render_s > 0
+    expected = (one.astype(np.float64) + other.astype(np.float64)).astype(np.float32)
+    np.testing.assert_array_equal(both, expected)
+    np.testing.assert_array_equal(both[..., 3], 3)  # a box filter's weights are the spp
+    assert list(tmp_path.glob("*.npy")) == []
+
+
+def test_a_scene_error_leaves_the_child_alive(child: RenderChild, tmp_path: Path) -> None:
+    with pytest.raises(SceneError, match="nonsense"):
+        child.load(BOX, "scene.xml", {**SMALL, "nonsense": "1"}, 0)
+    child.load(BOX, "scene.xml", SMALL, 0)
+    child.render((Pass(1, 0),), tmp_path)
+
+
+def test_a_cancel_ends_the_render_after_its_pass(child: RenderChild, tmp_path: Path) -> None:
+    child.load(BOX, "scene.xml", SMALL, 0)
+    threading.Timer(0.3, child.cancel).start()
+    started = time.monotonic()
+    with pytest.raises(Cancelled):
+        child.render((Pass(1, 0),) * 100_000, tmp_path)
+    assert time.monotonic() - started < 0.3 + CANCEL_GRACE_S
+    # Then the child is alive, and the next request is not cancelled with it
+    assert child.alive
+    child.render((Pass(1, 0),), tmp_path)
+
+
+def test_a_pass_that_outlasts_a_cancel_is_ended_by_force(
+    child: RenderChild, tmp_path: Path
+) -> None:
+    child.load(BOX, "scene.xml", {"width": "256", "height": "256"}, 0)
+    threading.Timer(0.3, child.cancel).start()
+    with pytest.raises(Cancelled):
+        child.render(LONG, tmp_path)
+    assert not child.alive
+
+
+def test_a_hanging_pass_is_killed(tmp_path: Path) -> None:
+    limits = ChildLimits(threads=2, memory_bytes=0, load_timeout_s=60, pass_timeout_s=0.5)
+    child = RenderChild("scalar_rgb", None, limits, tmp_path / "home")
+    child.load(BOX, "scene.xml", {"width": "256", "height": "256"}, 0)
+    with pytest.raises(ChildDied, match=r"rendering a pass took longer than 0\.5 s"):
+        child.render(LONG, tmp_path)
+    assert not psutil.pid_exists(child.pid)
+
+
+def test_a_death_is_told_with_its_signal(child: RenderChild, tmp_path: Path) -> None:
+    child.load(BOX, "scene.xml", {"width": "256", "height": "256"}, 0)
+    threading.Timer(0.3, os.kill, (child.pid, signal.SIGSEGV)).start()
+    with pytest.raises(ChildDied, match="SIGSEGV while rendering a pass"):
+        child.render(LONG, tmp_path)
+
+
+def test_a_scene_that_wants_too_much_memory_costs_its_child(tmp_path: Path) -> None:
+    limits = ChildLimits(threads=1, memory_bytes=1 << 30, load_timeout_s=60, pass_timeout_s=60)
+    child = RenderChild("scalar_rgb", None, limits, tmp_path / "home")
+    with pytest.raises(ChildDied, match=r"(?i)memory|bad_alloc|SIGABRT"):
+        child.load(BOX, "scene.xml", {"width": "8192", "height": "8192"}, 0)
+        child.render((Pass(1, 0),), tmp_path)
+    child.kill()
+
+
+def test_it_knows_no_secrets(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PLATEAU_REDIS_URL", "redis://:swordfish@host")
+    monkeypatch.setenv("AWS_SECRET_ACCESS_KEY", "swordfish")
+    child = RenderChild("scalar_rgb", None, LIMITS, tmp_path / "home")
+    environment = psutil.Process(child.pid).environ()
+    child.kill()
+    assert "swordfish" not in " ".join(environment.values())
+    assert not [name for name in environment if name.startswith(("PLATEAU", "AWS"))]
+
+
+def test_it_does_not_outlive_a_supervisor_that_is_killed(tmp_path: Path) -> None:
+    program = (
+        "import sys, time; from pathlib import Path\n"
+        "from worker.render_child import ChildLimits, RenderChild\n"
+        "limits = ChildLimits(threads=1, memory_bytes=0, load_timeout_s=60, pass_timeout_s=60)\n"
+        "print(RenderChild('scalar_rgb', None, limits, Path(sys.argv[1])).pid, flush=True)\n"
+        "time.sleep(60)"
+    )
+    supervisor = subprocess.Popen(
+        [sys.executable, "-c", program, str(tmp_path)], stdout=subprocess.PIPE, text=True
+    )
+    assert supervisor.stdout is not None
+    child = psutil.Process(int(supervisor.stdout.readline()))
+    supervisor.kill()
+    supervisor.communicate()
+    child.wait(5)

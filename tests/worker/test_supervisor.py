@@ -1,0 +1,243 @@
+"""A worker renders what it leases, and nothing that happens to it is lost or counted twice."""
+
+import hashlib
+import os
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import psutil
+import pytest
+import redis
+
+from farm import blobs, keys
+from farm.blobs import Blobs
+from farm.exr import decode_partial
+from farm.job import Job
+from farm.jobs import Jobs
+from farm.ownership import Ownership, Ownerships
+from farm.seeds import SeedSchedule
+from farm.settings import Settings
+from farm.spec import JobSpec
+from farm.states import JobState
+from worker.supervisor import Supervisor
+from worker.variants import VariantChoice
+
+SCALAR = VariantChoice("scalar_rgb", None, "asked for by the test", ())
+SCENE = """<scene version="3.0.0">
+  <default name="size" value="16"/>
+  <integrator type="{integrator}"/>
+  <sensor type="perspective">
+    <film type="hdrfilm">
+      <integer name="width" value="$size"/><integer name="height" value="$size"/>
+      <rfilter type="box"/>
+    </film>
+    <sampler type="multijitter"/>
+  </sensor>
+  <shape type="sphere"><transform name="to_world"><translate z="4"/></transform>
+    <bsdf type="diffuse"/></shape>
+  <emitter type="constant"/>
+</scene>"""
+
+
+class Bench:
+    """A job's surroundings: a monitor's part played through the farm's own interface."""
+
+    def __init__(self, client: redis.Redis, url: str, store: Blobs, folder: Path) -> None:
+        self.client, self.store = client, store
+        self.jobs, self.owners = Jobs(client), Ownerships(client, 60)
+        self.settings = Settings(
+            redis_url=url, cache=folder / "cache", threads=2, heartbeat_s=0.2, lease_s=1.0
+        )
+
+    def job(self, slices: int, scene: str = "", **spec: object) -> tuple[Job, Ownership]:
+        content = (scene or SCENE.format(integrator="path")).encode()
+        sha256 = hashlib.sha256(content).hexdigest()
+        self.store.put(blobs.scene(sha256), content)
+        job = self.jobs.create(
+            JobSpec.model_validate({"slice_spp": 5, "step": 10, **spec}),
+            name="ball",
+            scene_sha256=sha256,
+        ).job
+        owned = self.owners.acquire(job.id)
+        assert owned is not None
+        self.owners.plan(owned, range(slices))
+        return job, owned
+
+    @contextmanager
+    def worker(self) -> Iterator[Supervisor]:
+        stop = threading.Event()
+        worker = Supervisor(self.settings, SCALAR, self.store)
+        thread = threading.Thread(target=worker.run, args=(stop,))
+        thread.start()
+        try:
+            yield worker
+        finally:
+            stop.set()
+            thread.join(30)
+            assert not thread.is_alive()
+
+    def hashes(self, job: Job) -> list[str]:
+        return [record["sha256"] for record in self.jobs.ledger(job.id).values()]
+
+
+@pytest.fixture
+def bench(client: redis.Redis, redis_url: str, store: Blobs, tmp_path: Path) -> Bench:
+    return Bench(client, redis_url, store, tmp_path)
+
+
+def until(condition: Callable[[], object], seconds: float = 30) -> None:
+    deadline = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < deadline, "waited in vain"
+        time.sleep(0.01)
+
+
+def the_child() -> psutil.Process:
+    (child,) = (
+        process
+        for process in psutil.Process().children()
+        if "worker.child" in process.cmdline()
+    )
+    return child
+
+
+def test_it_renders_what_is_planned(bench: Bench) -> None:
+    job, _ = bench.job(slices=3, seed=2)
+    with bench.worker() as worker:
+        until(lambda: len(bench.jobs.ledger(job.id)) == 3)
+        until(lambda: bench.jobs.workers()[0].slices_done == 3)
+        assert bench.jobs.workers()[0].id == worker.id
+    # The ledger has each slice, its seeds as the schedule has them, and who did it
+    schedule = SeedSchedule("scalar_rgb", 16, 16, 5, 10_000, job_seed=2)
+    for index, record in bench.jobs.ledger(job.id).items():
+        assert (record["first_seed"], record["last_seed"]) == schedule.seed_range(index)
+        assert (record["spp"], record["worker"]) == (5, worker.id)
+        # And the partial is in the blob store, with the same in its header
+        content = bench.store.get(record["blob"])
+        assert hashlib.sha256(content).hexdigest() == record["sha256"]
+        partial = decode_partial(content)
+        assert (partial.job_id, partial.index, partial.spp) == (job.id, index, 5)
+        assert partial.pixels.shape == (16, 16, 4)
+        np.testing.assert_array_equal(partial.pixels[..., 3], 5)
+    now = bench.jobs.get(job.id)
+    assert (now.width, now.height, now.variant) == (16, 16, "scalar_rgb")
+    assert now.notes == ("the scene's 'multijitter' sampler was replaced by 'independent'",)
+    # It has signed off, and its child is gone
+    assert bench.jobs.workers() == []
+    assert not [p for p in psutil.Process().children() if "worker.child" in p.cmdline()]
+
+
+def test_a_killed_child_costs_a_try_and_no_sample(bench: Bench) -> None:
+    spec = {"parameters": {"size": 128}}
+    undisturbed, _ = bench.job(slices=4, **spec)
+    with bench.worker():
+        until(lambda: len(bench.jobs.ledger(undisturbed.id)) == 4)
+        disturbed, _ = bench.job(slices=4, **spec)
+        until(lambda: bench.jobs.get(disturbed.id).state is JobState.RENDERING)
+        the_child().send_signal(signal.SIGKILL)
+        until(lambda: len(bench.jobs.ledger(disturbed.id)) == 4)
+    a, b = (
+        [decode_partial(bench.store.get(r["blob"])).pixels for r in bench.jobs.ledger(j).values()]
+        for j in (undisturbed.id, disturbed.id)
+    )
+    np.testing.assert_array_equal(a, b)
+
+
+@pytest.mark.parametrize(
+    ("scene", "spec", "words"),
+    [
+        (SCENE.format(integrator="no-such-plugin"), {}, "no-such-plugin"),
+        (SCENE.format(integrator="path"), {"parameters": {"wrong": 1}}, "wrong"),
+        (SCENE.format(integrator="path"), {"sensor": 3}, "no sensor 3"),
+        (SCENE.format(integrator="path"), {"parameters": {"size": 0}}, "0"),
+        (
+            SCENE.format(integrator="path"),
+            {"parameters": {"size": 2048}, "slice_spp": 1, "max_spp": 10_000},
+            "distinct seeds",
+        ),
+        ("<scene version='3.0.0'><nonsense/></scene>", {}, "nonsense"),
+        ("no scene at all", {}, "neither XML nor a zip"),
+    ],
+)
+def test_a_bad_scene_fails_its_job_in_words_and_the_next_job_runs(
+    bench: Bench, scene: str, spec: dict[str, object], words: str
+) -> None:
+    bad, _ = bench.job(slices=2, scene=scene, **spec)
+    with bench.worker():
+        until(lambda: bench.jobs.get(bad.id).state.ended)
+        good, _ = bench.job(slices=1)
+        until(lambda: len(bench.jobs.ledger(good.id)) == 1)
+    failed = bench.jobs.get(bad.id)
+    assert failed.state is JobState.FAILED
+    assert words in failed.reason
+    assert str(bench.settings.cache) not in failed.reason
+
+
+def test_a_scene_that_kills_its_child_fails_after_three_tries(bench: Bench) -> None:
+    job, _ = bench.job(slices=1, parameters={"size": 512}, slice_spp=4096, step=4096, max_spp=8192)
+    with bench.worker():
+        for _ in range(3):
+            until(lambda: [p for p in psutil.Process().children() if "worker.child" in p.cmdline()])
+            child = the_child()
+            until(lambda child=child: child.cpu_times().user > 0.5)
+            child.send_signal(signal.SIGSEGV)
+            until(lambda child=child: not child.is_running())  # the supervisor reaps it
+        until(lambda: bench.jobs.get(job.id).state is JobState.FAILED)
+    assert bench.jobs.get(job.id).reason.count("SIGSEGV") == 3
+
+
+def test_a_missing_scene_fails_the_job(bench: Bench) -> None:
+    job, _ = bench.job(slices=1)
+    bench.store.delete(blobs.scene(job.scene_sha256))
+    with bench.worker():
+        until(lambda: bench.jobs.get(job.id).state is JobState.FAILED)
+    assert "has no scene" in bench.jobs.get(job.id).reason
+
+
+def test_a_cancelled_job_frees_the_worker_at_once(bench: Bench, client: redis.Redis) -> None:
+    job, _ = bench.job(slices=2, parameters={"size": 256}, slice_spp=1000, step=1000)
+    with bench.worker() as worker:
+        until(lambda: bench.jobs.get(job.id).state is JobState.RENDERING)
+        time.sleep(0.5)
+        bench.jobs.cancel(job.id)
+        started = time.monotonic()
+        until(lambda: worker._rendering is None)
+        assert time.monotonic() - started < 4  # a pass, and the grace before force
+        next_job, _ = bench.job(slices=1)
+        until(lambda: len(bench.jobs.ledger(next_job.id)) == 1)
+    assert bench.jobs.ledger(job.id) == {}
+    assert not client.exists(keys.job(job.id, "slices"))
+    assert bench.store.names(blobs.partials(job.id)) == []
+
+
+def test_a_stopped_worker_hands_its_slice_back(bench: Bench) -> None:
+    job, _ = bench.job(slices=1, parameters={"size": 256}, slice_spp=1000, step=1000)
+    with bench.worker():
+        until(lambda: bench.jobs.get(job.id).state is JobState.RENDERING)
+        time.sleep(0.3)
+    # The slice can be leased at once, and no try was counted
+    from farm.queue import SliceQueue
+
+    found = SliceQueue(bench.client, "next", 60).lease(("scalar_rgb",), None, in_turn=False)
+    assert found is not None
+    assert (found.index, found.tries) == (0, 1)
+
+
+def test_a_redis_that_is_away_for_a_while_costs_nothing(
+    bench: Bench, embedded_redis: object
+) -> None:
+    job, owned = bench.job(slices=6, parameters={"size": 128})
+    pid = embedded_redis.process.pid  # type: ignore[attr-defined]
+    with bench.worker():
+        until(lambda: len(bench.jobs.ledger(job.id)) >= 1)
+        os.kill(pid, signal.SIGSTOP)
+        time.sleep(0.5)
+        os.kill(pid, signal.SIGCONT)
+        until(lambda: len(bench.jobs.ledger(job.id)) == 6)
+    assert bench.jobs.get(job.id).state is JobState.RENDERING
+    assert list(bench.jobs.ledger(job.id)) == list(range(6))

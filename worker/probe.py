@@ -1,0 +1,26 @@
+"""Renders one small image in a Mitsuba variant and prints OK: ``python -m worker.probe VARIANT``.
+
+A process of its own, since an LLVM that does not suit the machine aborts it.
+"""
+
+import resource
+import sys
+
+
+def main(variant: str) -> None:
+    """Render a small Cornell box with a path tracer; any failure ends the process."""
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))  # an abort is expected here: no core file
+    import mitsuba as mi
+    import numpy as np
+
+    mi.set_variant(variant)
+    scene = mi.cornell_box()
+    scene["sensor"]["film"].update(width=16, height=16)
+    image = np.array(mi.render(mi.load_dict(scene), spp=4, seed=1))
+    if not (np.isfinite(image).all() and image.mean() > 0):
+        raise SystemExit("the image is black or not finite")
+    print("OK")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1])
