@@ -50,9 +50,10 @@ class Verdict:
 
     def __str__(self) -> str:
         law = ", ".join(f"{m}: {ratio:.4f}" for m, ratio in self.law.items())
+        largest = np.abs(self.pairs).max()
         return (
             f"variance of m merged slices over independence: {law} (1 ± {self.law_bound:.4f}); "
-            f"largest |r| of a pair: {np.abs(self.pairs).max():.4f} (± {self.correlation_bound:.4f})"
+            f"largest |r| of a pair: {largest:.4f} (0 ± {self.correlation_bound:.4f})"
         )
 
 

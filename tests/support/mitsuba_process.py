@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import psutil
 from numpy.typing import NDArray
 
 # Mitsuba is imported in the process alone: the tests' own must be able to die of nothing.
@@ -48,7 +49,7 @@ class MitsubaProcess(AbstractContextManager["MitsubaProcess"]):
 
 
 def _start(variant: str, llvm_library: str | None, threads: int) -> None:
-    global _renderer  # noqa: PLW0603
+    global _renderer
     if llvm_library is not None:
         os.environ["DRJIT_LIBLLVM_PATH"] = llvm_library
     from worker.renderer import Renderer
@@ -62,3 +63,13 @@ def _load(folder: Path, entry: str, parameters: dict[str, str], sensor: int) -> 
 
 def _render_pass(spp: int, seed: int) -> NDArray[np.float32]:
     return _renderer.render_pass(spp, seed)
+
+
+def developed() -> NDArray[np.float32]:
+    """The image that Mitsuba makes of the film of the last pass."""
+    return np.array(_renderer._prepared.film.develop())  # type: ignore[union-attr]
+
+
+def resident_bytes() -> int:
+    """The memory that the process has in use."""
+    return psutil.Process().memory_info().rss

@@ -1,0 +1,41 @@
+"""A cancel is seen at once, and frees the workers within a pass."""
+
+from tests.support.real_farm import RealFarm, until
+from worker.render_child import CANCEL_GRACE_S
+
+
+def test_a_cancel_frees_the_workers_and_leaves_nothing(farm: RealFarm) -> None:
+    farm.start("monitor")
+    farm.workers(2)
+    until(lambda: len(farm.client.workers()) == 2)
+    job = farm.submit(parameters={"width": 192, "height": 192}, max_spp=10_000)
+    until(lambda: farm.client.job(job.id).spp >= 100)
+    until(lambda: all(worker.job == job.id for worker in farm.client.workers()))
+    # When it is cancelled
+    assert farm.client.cancel(job.id).state == "cancelled"
+    # Then its workers are at the next job within a pass
+    following = farm.submit(
+        parameters={"width": 16, "height": 16},
+        slice_spp=1,
+        step=1,
+        max_spp=4,
+        rule={"name": "fixed", "spp": 4},
+    )
+    done = farm.client.wait(following.id)
+    ended_at, started_at = farm.client.job(job.id).ended_at, done.started_at
+    assert ended_at is not None
+    assert started_at is not None
+    assert (started_at - ended_at).total_seconds() < CANCEL_GRACE_S + 3
+    # And nothing of it is left in the queue or among the blobs but its image
+    farm.client.wait(job.id)
+    client = farm.jobs._redis
+    assert not client.exists(f"plateau:job:{job.id}:slices")
+    assert not client.zscore("plateau:jobs:open", job.id)
+    assert sorted(path.name for path in (farm.blobs / "jobs" / job.id).rglob("*.*")) == [
+        "difference.png",
+        "image.exr",
+        "image.png",
+    ]
+    # Cancelling it again is harmless
+    assert farm.client.cancel(job.id).state == "cancelled"
+    assert done.state == "converged"

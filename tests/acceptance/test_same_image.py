@@ -1,0 +1,156 @@
+"""The image and the curve do not depend on who rendered them, nor on who died on the way."""
+
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import psutil
+import pytest
+
+from farm.exr import Pixels
+from farm.seeds import SeedSchedule
+from service.views import JobView
+from tests.support.real_farm import BOX, RealFarm, until
+from worker.variants import choose
+
+SIZE = 48
+SPEC = {
+    "parameters": {"width": SIZE, "height": SIZE},
+    "step": 40,
+    "slice_spp": 20,
+    "max_spp": 1200,
+    "rule": {"name": "reverse", "window": 5, "epsilon": 4.0},
+}
+Victims = dict[str, list[subprocess.Popen[bytes]]]
+Outcome = tuple[JobView, list[dict[str, object]], Pixels]
+
+
+def outcome(farm: RealFarm, job: JobView) -> Outcome:
+    done = farm.client.wait(job.id)
+    return done, farm.curve(job), farm.image(job)
+
+
+def assert_same(one: Outcome, other: Outcome) -> None:
+    assert (one[0].state, one[0].spp) == (other[0].state, other[0].spp)
+    assert one[1] == other[1]
+    assert one[2].tobytes() == other[2].tobytes()
+
+
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory: pytest.TempPathFactory, cache: Path) -> Outcome:
+    """One worker, nothing happens."""
+    with RealFarm(tmp_path_factory.mktemp("undisturbed"), cache) as farm:
+        farm.start("monitor")
+        farm.workers(1)
+        return outcome(farm, farm.submit(**SPEC))
+
+
+def test_it_converges_below_the_cap(undisturbed: Outcome) -> None:
+    job, curve, _ = undisturbed
+    assert (job.state, job.variant is not None) == ("converged", True)
+    assert job.spp < 1200
+    assert [point["spp"] for point in curve] == list(range(40, job.spp + 1, 40))
+    assert all(point["estimate_pixels"] is not None for point in curve)
+
+
+@pytest.mark.parametrize("workers", [2, 3])
+def test_more_workers_make_the_same_image(
+    farm: RealFarm, undisturbed: Outcome, workers: int
+) -> None:
+    farm.start("monitor")
+    farm.workers(workers)
+    until(lambda: len(farm.client.workers()) == workers)
+    job = farm.submit(**SPEC)
+    assert_same(outcome(farm, job), undisturbed)
+    # And all of them had a hand in it
+    rendered_by = {part.worker for part in farm.client.slices(job.id)}
+    assert len(rendered_by) == workers
+
+
+def test_it_is_what_mitsuba_renders_in_one_process(undisturbed: Outcome, cache: Path) -> None:
+    job, _, image = undisturbed
+    schedule = SeedSchedule(str(job.variant), SIZE, SIZE, 20, 1200)
+    passes = [[tuple(one) for one in schedule.passes(index)] for index in range(job.spp // 20)]
+    program = """
+import sys, json, numpy as np
+from pathlib import Path
+from worker.renderer import Renderer
+variant, size, passes, into = json.loads(sys.stdin.read())
+renderer = Renderer(variant, threads=2)
+renderer.load(Path(sys.argv[1]), "scene.xml", {"width": str(size), "height": str(size)}, 0)
+total = np.zeros(())
+for slice_ in passes:
+    film = 0.0
+    for spp, seed in slice_:
+        film = film + renderer.render_pass(spp, seed).astype(np.float64)
+    total = total + film.astype(np.float32).astype(np.float64)
+np.save(into, (total[..., :3] / total[..., 3:]).astype(np.float32))
+"""
+    library = choose(cache).llvm_library
+    into = cache / "in-one-process.npy"
+    subprocess.run(
+        [sys.executable, "-c", program, str(BOX)],
+        input=json.dumps([job.variant, SIZE, passes, str(into)]),
+        text=True,
+        check=True,
+        env={**os.environ, **({"DRJIT_LIBLLVM_PATH": library} if library else {})},
+    )
+    np.testing.assert_array_equal(np.load(into), image)
+
+
+def kill_the_render_child(farm: RealFarm, victims: Victims) -> None:
+    for worker in victims["worker"]:
+        for child in psutil.Process(worker.pid).children():
+            child.kill()
+
+
+def kill_a_worker(farm: RealFarm, victims: Victims) -> None:
+    farm.kill(victims["worker"].pop())
+    victims["worker"] += farm.workers(1)
+
+
+def kill_the_monitor(farm: RealFarm, victims: Victims) -> None:
+    farm.kill(victims["monitor"].pop())
+    victims["monitor"].append(farm.start("monitor"))
+
+
+def stop_a_worker_longer_than_its_lease(farm: RealFarm, victims: Victims) -> None:
+    zombie = victims["worker"][0]
+    os.kill(zombie.pid, signal.SIGSTOP)
+    time.sleep(3)
+    os.kill(zombie.pid, signal.SIGCONT)
+
+
+@pytest.mark.parametrize(
+    "fault",
+    [
+        kill_the_render_child,
+        kill_a_worker,
+        kill_the_monitor,
+        stop_a_worker_longer_than_its_lease,
+    ],
+)
+def test_a_death_in_the_middle_changes_nothing(
+    farm: RealFarm, undisturbed: Outcome, fault: Callable[..., None]
+) -> None:
+    victims = {"monitor": [farm.start("monitor")], "worker": farm.workers(2)}
+    until(lambda: len(farm.client.workers()) == 2)
+    job = farm.submit(**SPEC)
+    # Given a job in the middle of its work, at no particular moment
+    until(lambda: farm.client.job(job.id).points >= 2)
+    time.sleep(random.Random(os.getpid()).uniform(0, 0.3))
+    assert farm.client.job(job.id).state == "rendering"
+    # When something dies
+    fault(farm, victims)
+    # Then nothing is different in the end
+    assert_same(outcome(farm, job), undisturbed)
+    ledger = farm.client.slices(job.id)
+    assert sorted(part.index for part in ledger) == [part.index for part in ledger]
+    assert len({part.index for part in ledger}) == len(ledger)

@@ -1,0 +1,40 @@
+"""A real API on an ephemeral port, in a thread of the test's process."""
+
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import uvicorn
+
+from farm.blobs import Blobs
+from farm.jobs import Jobs
+from farm.redis_link import connect
+from service.api import listen, url_of
+from service.app import create_app
+from service.event_hub import EventHub
+
+LARGEST_UPLOAD = 3_000_000
+
+
+@contextmanager
+def live_api(redis_url: str, store: Blobs, *, port: int = 0) -> Iterator[str]:
+    """The URL of an API over this Redis and this store; it is stopped on leaving."""
+    listener = listen("127.0.0.1", port)
+    url = url_of(listener)
+    hub = EventHub(redis_url)
+    app = create_app(
+        jobs=Jobs(connect(redis_url)), blobs=store, hub=hub, max_upload_bytes=LARGEST_UPLOAD
+    )
+    config = uvicorn.Config(app, log_level="critical", timeout_graceful_shutdown=2)
+    server = uvicorn.Server(config)
+    # The socket listens before the loop runs: whoever connects now waits a moment.
+    listener.listen()
+    thread = threading.Thread(target=server.run, args=([listener],), daemon=True)
+    thread.start()
+    try:
+        yield url
+    finally:
+        hub.stop_watching()
+        server.should_exit = True
+        thread.join(10)
+        assert not thread.is_alive(), "the API did not stop"

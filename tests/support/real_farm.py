@@ -1,0 +1,109 @@
+"""A real farm in real processes: Redis, API, monitor and workers, each one to be killed."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from types import TracebackType
+
+import psutil
+
+from farm.embedded import EmbeddedRedis
+from farm.exr import Pixels, decode_image
+from farm.job import CurvePoint
+from farm.jobs import Jobs
+from farm.redis_link import connect
+from farm.spec import JobSpec
+from plateau.client import Client
+from service.views import JobView
+
+BOX = Path(__file__).parents[2] / "scenes" / "box"
+
+
+class RealFarm:
+    """Starts processes as a user would: ``python -m plateau …`` with settings by environment."""
+
+    def __init__(self, folder: Path, cache: Path, **settings: str) -> None:
+        self.redis = EmbeddedRedis(folder / "redis")
+        self.environment = {
+            **os.environ,
+            "PLATEAU_REDIS_URL": self.redis.url,
+            "PLATEAU_BLOBS": str(folder / "blobs"),
+            "PLATEAU_CACHE": str(cache),
+            "PLATEAU_THREADS": "1",
+            # So that a killed process is missed soon.
+            "PLATEAU_HEARTBEAT_S": "0.5",
+            "PLATEAU_LEASE_S": "2",
+            **settings,
+        }
+        self.blobs = folder / "blobs"
+        self.jobs = Jobs(connect(self.redis.url))
+        self.processes: list[subprocess.Popen[bytes]] = []
+        self.client = Client(self._start_api())
+
+    def __enter__(self) -> "RealFarm":
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.client.close()
+        left = psutil.Process().children(recursive=True)
+        for process in self.processes:
+            process.send_signal(signal.SIGTERM)
+        codes = {process.wait(30) for process in self.processes if process.poll() is None}
+        self.redis.stop()
+        assert codes <= {0}, "a process did not stop cleanly"
+        _, alive = psutil.wait_procs(left, timeout=10)
+        assert not alive, f"left behind: {alive}"
+
+    def start(self, *arguments: str, passed: tuple[int, ...] = ()) -> subprocess.Popen[bytes]:
+        process = subprocess.Popen(
+            [sys.executable, "-m", "plateau", *arguments],
+            env=self.environment,
+            pass_fds=passed,
+            start_new_session=True,
+        )
+        self.processes.append(process)
+        return process
+
+    def workers(self, count: int) -> list[subprocess.Popen[bytes]]:
+        return [self.start("worker") for _ in range(count)]
+
+    def kill(self, process: subprocess.Popen[bytes]) -> None:
+        """Kill a process outright; what it started must die by itself."""
+        process.kill()
+        process.wait()
+        self.processes.remove(process)
+
+    def submit(self, scene: Path = BOX, **spec: object) -> JobView:
+        return self.client.submit(scene, JobSpec.model_validate(spec))
+
+    def image(self, job: JobView) -> Pixels:
+        return decode_image(self.client.image(job.id, "image.exr"))
+
+    def curve(self, job: JobView) -> list[dict[str, object]]:
+        """The curve but for the times of its points."""
+        points: list[CurvePoint] = self.client.curve(job.id)
+        return [point.model_dump(exclude={"at"}) for point in points]
+
+    def _start_api(self) -> str:
+        reads, writes = os.pipe()
+        self.start("api", "--port", "0", "--ready-fd", str(writes), passed=(writes,))
+        os.close(writes)
+        with os.fdopen(reads) as pipe:
+            return pipe.readline().strip()
+
+
+def until(condition: Callable[[], object], seconds: float = 60) -> None:
+    """Wait for the condition, and fail where it does not come."""
+    deadline = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < deadline, "waited in vain"
+        time.sleep(0.01)

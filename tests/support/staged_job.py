@@ -1,0 +1,78 @@
+"""A job that a test moves along by hand, as a worker and a monitor would."""
+
+import redis
+
+from farm import blobs
+from farm.blobs import Blobs
+from farm.jobs import Jobs
+from farm.ownership import Ownerships
+from farm.queue import Committed, SliceQueue, SliceRecord
+from farm.spec import JobSpec
+from farm.states import JobState
+
+WIDTH, HEIGHT = 32, 24
+
+
+class StagedJob:
+    """A job with its worker and its monitor, all played by the test."""
+
+    def __init__(self, client: redis.Redis, job_id: str = "", **spec: object) -> None:
+        jobs = Jobs(client)
+        if not job_id:
+            created = jobs.create(JobSpec(**spec), name="box.xml", scene_sha256="0" * 64)
+            job_id = created.job.id
+        self.id = job_id
+        self.spec = jobs.get(job_id).spec
+        self._owners = Ownerships(client, lease_s=60)
+        owned = self._owners.acquire(self.id)
+        assert owned is not None
+        self._owned = owned
+        self._queue = SliceQueue(client, "worker-1", lease_s=60)
+        self._planned = 0
+
+    def commit(self, slices: int = 1) -> None:
+        """Plan, lease and commit so many slices."""
+        for _ in range(slices):
+            self._owners.plan(self._owned, range(self._planned, self._planned + 1))
+            self._planned += 1
+            lease = self._queue.lease(("scalar_rgb",), None, in_turn=False)
+            assert lease is not None
+            record = SliceRecord(
+                index=lease.index,
+                spp=self.spec.slice_spp,
+                first_seed=lease.index * 10,
+                last_seed=lease.index * 10 + 9,
+                blob="partial",
+                sha256="ab" * 32,
+                worker="worker-1",
+                render_s=0.5,
+            )
+            answer = self._queue.commit(lease, record, width=WIDTH, height=HEIGHT, notes=())
+            assert answer is Committed.COMMITTED
+
+    def point(self, spp: int, visible: int, slope: float | None = None) -> None:
+        """Append a point to the curve."""
+        point = {
+            "spp": spp,
+            "visible_pixels": visible,
+            "visible_fraction": visible / (WIDTH * HEIGHT),
+            "slope": slope,
+            "estimate_pixels": 100.5 / spp,
+            "estimate_fraction": 0.1 / spp,
+            "non_finite_pixels": 0,
+            "rules": {"reverse": {"value": slope, "stop": False}},
+        }
+        self._owners.append_point(self._owned, spp, point)
+        self._owners.save(self._owned, spp=spp)
+
+    def end(self, state: JobState = JobState.CONVERGED, reason: str = "levelled off") -> None:
+        """End the job."""
+        self._owners.end(self._owned, state, reason, {"slope": 0.01})
+
+    def finish(self, spp: int = 100) -> None:
+        """Say that its results are written."""
+        self._owners.finish(self._owned, spp=spp)
+
+    def picture(self, store: Blobs, name: str, content: bytes) -> None:
+        """Put a picture where the API finds it."""
+        store.put(blobs.result(self.id, name), content)
