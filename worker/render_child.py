@@ -16,10 +16,10 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from farm.seeds import Pass
 from numpy.typing import NDArray
 
 from farm.processes import die_with_parent
+from farm.seeds import Pass
 from worker.errors import SceneError
 
 #: Only these reach the child: no credentials, nothing of Redis or the blob store.

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import mitsuba as mi
 
-from farm.bundle_rules import BundleLimits
+from farm.bundle import BundleLimits
 from farm.seeds import SCALAR_BLOCK
 from worker.errors import SceneError
 
@@ -86,7 +86,8 @@ def prepare(
     """
     for name in _UNPASSABLE & parameters.keys():
         raise SceneError(f"a parameter named {name!r} cannot be handed to Mitsuba: rename it")
-    _resolve_files_in(folder, (folder / entry).parent)
+    # Not in the bundle's top folder too: seen from there, `..` would lead out of the bundle.
+    _resolve_files_in((folder / entry).parent)
     config = mi.parser.ParserConfig(variant)
     with scene_errors(folder):
         state = mi.parser.parse_file(config, str(folder / entry), **parameters)

@@ -240,6 +240,25 @@ def chain(length: int) -> io.BytesIO:
     return zipped({"scene.xml": scene(include("0.xml")), **files, f"{length}.xml": scene()})
 
 
+def defaults(count: int) -> list[str]:
+    return [f'<default name="p{number}" value=""/>' for number in range(count)]
+
+
+def laughs(depth: int) -> list[str]:
+    """Defaults that are each twice the one before."""
+    doubled = [
+        f'<default name="p{n}" value="$p{n - 1}$p{n - 1}"/>' for n in range(100, 100 + depth)
+    ]
+    return ['<default name="p99" value="ha"/>', *doubled]
+
+
+def searching(count: int) -> io.BytesIO:
+    """Many folders, and many files each looked for in all of them."""
+    folders = {f"{number}/x": b"" for number in range(count)}
+    paths = [f'<path value="{number}"/>' for number in range(count)]
+    return zipped({"scene.xml": scene(*paths, *[mesh("a.ply")] * count), **folders, "a.ply": PLY})
+
+
 def limits(**given: int) -> dict[str, Any]:
     return {"limits": BundleLimits(**given)}
 
@@ -341,6 +360,9 @@ BAD = [
     Bad("xml-too-large", xml("<a/>" * 99), "99 elements", kwargs=limits(max_xml_elements=99)),
     Bad("xml-too-large", doubling(12), "counted every", kwargs=limits(max_xml_elements=999)),
     Bad("xml-too-large", doubling(12), "counted every", kwargs=limits(max_xml_bytes=9999)),
+    Bad("xml-too-large", xml(*defaults(300)), "more than 256 parameters", "scene.xml", 258),
+    Bad("xml-too-large", xml(*laughs(30)), "more than 65536 characters", "scene.xml"),
+    Bad("xml-too-large", searching(60), "takes too long", kwargs=limits(max_lookups=1000)),
     Bad("plugin-name", xml('<shape type="../x"/>'), "not the name of a", "scene.xml", 2),
     Bad("plugin-name", xml('<shape type="/tmp/x"/>'), "not the name of a", "scene.xml", 2),
     Bad(
@@ -358,6 +380,7 @@ BAD = [
     Bad("missing-file", zipped({"scene.xml": scene(mesh("no/../a.ply")), **MESH}), "no/"),
     Bad("missing-file", zipped({"scene.xml": scene(mesh("a.ply/../a.ply")), **MESH}), "add it"),
     Bad("missing-file", zipped({"scene.xml": scene(mesh("a")), "a/b": b""}), "not a file"),
+    Bad("missing-file", zipped({"scene.xml": scene(mesh("./" * 3000 + "a.ply")), **MESH}), "…"),
     Bad("missing-file", zipped({"scene.xml": scene('<path value="a"/>'), "a": b""}), "not a fold"),
     Bad("missing-file", xml('<spectrum name="x" filename="a.spd"/>'), "a.spd", "scene.xml", 2),
     Bad("path-escape", xml(mesh("/etc/passwd")), "leads out of", "scene.xml", 2),
@@ -410,6 +433,12 @@ BAD = [
         xml('<default name="depth" value="1"/>'),
         "does not use a parameter 'depth'",
         kwargs=given(depth="2"),
+    ),
+    Bad(
+        "bad-parameter",
+        xml(),
+        "300 parameters; 256 are",
+        kwargs=given(**{f"p{number}": "" for number in range(300)}),
     ),
     Bad("bad-parameter", xml(), "no parameter's name", kwargs=given(**{"a b": "2"})),
     Bad("bad-parameter", xml(), "control characters", kwargs=given(a="2\n")),

@@ -14,8 +14,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import IO, BinaryIO, cast
 
-from farm.bundle_rules import MIB, BundleError, BundleLimits
-from farm.bundle_tree import Kind, Parts, is_absolute, leaves_upwards
+from farm.bundle.rules import MIB, BundleError, BundleLimits
+from farm.bundle.tree import Kind, Parts, is_absolute, leaves_upwards
 
 #: One component of a name on every common file system, in bytes.
 _MAX_COMPONENT_BYTES = 255
@@ -28,7 +28,10 @@ _UTF8_NAME = 0x800
 _METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 #: Damage, as `zipfile` reports it: in an archive's directory and headers, and in an entry's data.
 _BAD_DATA = (zipfile.BadZipFile, zlib.error, EOFError)
-_BAD_HEADER = (*_BAD_DATA, struct.error, NotImplementedError, UnicodeError, OSError)
+_BAD_HEADER = (
+    *(*_BAD_DATA, struct.error, NotImplementedError),
+    *(OSError, OverflowError, ValueError),  # offsets before the start, or past any end
+)
 #: Mitsuba looks for plugins/NAME.so in the scene's folders before its own (tried with 3.9.1), and
 #: `dlopen` runs code: a bundle that could hold a library could do anything.
 _LIBRARIES = (".so", ".dll", ".dylib")
@@ -59,6 +62,8 @@ class Archive:
         bounded = _BoundedReads(stream, max(limits.max_entries * _DIRECTORY_BYTES_PER_ENTRY, MIB))
         try:
             self._zip = zipfile.ZipFile(cast("BinaryIO", bounded))
+        except BundleError:
+            raise
         except _BAD_HEADER as error:
             raise BundleError("zip-malformed", f"the archive cannot be read: {error}") from error
         infos = self._zip.infolist()

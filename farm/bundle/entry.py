@@ -2,11 +2,11 @@
 
 from dataclasses import dataclass, field
 
-from farm.bundle_archive import Archive
-from farm.bundle_rules import BundleError, BundleLimits
-from farm.bundle_tree import EscapeError, Parts, find
-from farm.scene_parameters import Parameters
-from farm.scene_xml import XmlBudget, read_elements
+from farm.bundle.archive import Archive
+from farm.bundle.parameters import Parameters
+from farm.bundle.rules import BundleError, BundleLimits
+from farm.bundle.tree import EscapeError, Parts, find, put_first
+from farm.bundle.xml import XmlBudget, read_elements
 
 #: The name that settles it.
 SCENE_XML = "scene.xml"
@@ -31,7 +31,7 @@ def find_entry(archive: Archive, limits: BundleLimits) -> Parts:
     if documents == [(SCENE_XML,)]:
         return documents[0]
     budget = XmlBudget(limits)
-    skims = {path: _skim(archive, path, budget) for path in documents}
+    skims = {path: _skim(archive, path, budget, limits) for path in documents}
     scenes = [path for path, skim in skims.items() if skim.root == "scene"]
     if not scenes:
         raise BundleError(
@@ -65,12 +65,12 @@ class _Skim:
     includes: set[Parts] = field(default_factory=set)
 
 
-def _skim(archive: Archive, document: Parts, budget: XmlBudget) -> _Skim:
+def _skim(archive: Archive, document: Parts, budget: XmlBudget, limits: BundleLimits) -> _Skim:
     """Return an XML file's root and what it includes, as far as it can be read and followed."""
     skim = _Skim()
     name = archive.label(document)
     folders = [document[:-1]]
-    parameters = Parameters({})
+    parameters = Parameters({}, limits)
 
     def start(tag: str, raw: dict[str, str], line: int) -> None:
         skim.root = skim.root or tag
@@ -79,17 +79,19 @@ def _skim(archive: Archive, document: Parts, budget: XmlBudget) -> _Skim:
         try:
             attributes = {key: parameters.substitute(text, name, line) for key, text in raw.items()}
             if tag == "default":
-                parameters.add_default(attributes.get("name", ""), attributes.get("value", ""))
+                key, value = attributes.get("name", ""), attributes.get("value", "")
+                parameters.add_default(key, value, name, line)
                 return
             found = find(
                 archive, folders, attributes.get("filename") or attributes.get("value", "")
             )
         except (BundleError, EscapeError):
             return  # Reading the scene will complain of it, if the scene reads this file at all.
+        budget.spend_lookups(found.lookups + len(folders), name, line)
         if tag == "include" and found.path is not None:
             skim.includes.add(found.path)
         elif tag == "path" and found.path is not None:
-            folders.insert(0, found.path)
+            put_first(folders, found.path)
 
     try:
         with archive.open(document) as stream:

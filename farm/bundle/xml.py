@@ -15,8 +15,10 @@ from xml.sax.xmlreader import AttributesImpl, InputSource, Locator
 from defusedxml.common import DefusedXmlException
 from defusedxml.expatreader import DefusedExpatParser
 
-from farm.bundle_rules import BundleError, BundleLimits
+from farm.bundle.rules import BundleError, BundleLimits
 
+#: Expat before 2.6 reads an unfinished comment from its start again with every chunk: few, then.
+_CHUNK_BYTES = 2**20
 _DECLARED_ENCODING = re.compile(rb"""^<\?xml[^>]*?encoding\s*=\s*["']([^"']*)["']""")
 _UTF8_NAMES = (b"utf-8", b"utf8", b"us-ascii", b"ascii")
 _BOM = b"\xef\xbb\xbf"
@@ -27,7 +29,7 @@ EndElement = Callable[[], None]
 
 
 class XmlBudget:
-    """How much XML may still be read for one scene.
+    """How much may still be spent on reading one scene.
 
     It spans all of a scene's files and counts a file each time that it is included: includes
     inside includes can multiply a small bundle without end.
@@ -38,6 +40,7 @@ class XmlBudget:
         self._limits = limits
         self._bytes = 0
         self._elements = 0
+        self._lookups = 0
 
     def spend_bytes(self, count: int, file: str) -> None:
         """Count bytes read, or raise `BundleError` where there are too many."""
@@ -58,6 +61,17 @@ class XmlBudget:
                 "xml-too-large",
                 f"the scene has more than {self._limits.max_xml_elements} elements, each include "
                 f"counted every time",
+                file=file,
+                line=line,
+            )
+
+    def spend_lookups(self, count: int, file: str, line: int) -> None:
+        """Count folders looked into, or raise `BundleError` where there are too many."""
+        self._lookups += count
+        if self._lookups > self._limits.max_lookups:
+            raise BundleError(
+                "xml-too-large",
+                "following the scene's references takes too long; use fewer <path> folders",
                 file=file,
                 line=line,
             )
@@ -86,7 +100,7 @@ def read_elements(
     BundleError
         With a code that starts with `xml-`; and whatever `start` and `end` raise.
     """
-    parser = DefusedExpatParser(forbid_dtd=True)
+    parser = DefusedExpatParser(forbid_dtd=True, bufsize=_CHUNK_BYTES)
     parser.setContentHandler(_Handler(name, budget, start, end))
     source = InputSource(name)
     source.setByteStream(_CheckedBytes(stream, name, budget))

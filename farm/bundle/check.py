@@ -1,8 +1,8 @@
 """Scenes as they are uploaded: checked without Mitsuba, and unpacked.
 
 An upload is a Mitsuba XML file, or a zip of one with its meshes and textures. It is guilty until
-checked. The API checks it before it stores it, and a worker checks it again before it unpacks it;
-neither runs Mitsuba for that, and neither reads a mesh.
+checked. The API checks it before it stores it, and a worker checks the archive again as it unpacks
+it; neither runs Mitsuba for that, and neither reads a mesh.
 
 There is no list of allowed plugins: what a plugin makes of its values is Mitsuba's business, in a
 child process. What is refused is what reaches beyond the bundle (paths, links, libraries that
@@ -16,20 +16,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, BinaryIO, Literal
 
-from farm.bundle_archive import Archive
-from farm.bundle_entry import SCENE_XML, find_entry
-from farm.bundle_rules import CODES, BundleError, BundleLimits
-from farm.bundle_tree import Kind, Parts
-from farm.scene_walk import read_scene
-
-__all__ = [
-    "CODES",
-    "BundleError",
-    "BundleLimits",
-    "SceneSummary",
-    "inspect_bundle",
-    "unpack_bundle",
-]
+from farm.bundle.archive import Archive
+from farm.bundle.entry import SCENE_XML, find_entry
+from farm.bundle.rules import BundleError, BundleLimits
+from farm.bundle.tree import Kind, Parts
+from farm.bundle.walk import read_scene
 
 _ZIP_MAGIC = b"PK"
 #: Space, and the bytes of a byte order mark or of half an ASCII character in UTF-16.

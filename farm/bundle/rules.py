@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 MIB = 2**20
 GIB = 2**30
+_MAX_SHOWN = 100
 
 #: Every code that a `BundleError` may carry, and what it stands for. Clients switch on these.
 CODES = {
@@ -31,7 +32,7 @@ CODES = {
     "xml-encoding": "an XML file is not UTF-8",
     "xml-entity": "an XML file has a document type declaration or entities",
     "xml-malformed": "an XML file is not well-formed",
-    "xml-too-large": "the scene's XML is too long or has too many elements",
+    "xml-too-large": "the scene's XML is too long, too rich or takes too long to follow",
     "zip-bomb": "the archive unpacks to more than is allowed, or claims to",
     "zip-encrypted": "an entry is encrypted",
     "zip-malformed": "the archive is damaged",
@@ -58,15 +59,26 @@ class BundleLimits:
     #: folders above an entry
     max_folder_depth: int = 32
     #: XML of the whole scene, in bytes, an included file counted each time that it is included
-    max_xml_bytes: int = 64 * MIB
+    max_xml_bytes: int = 32 * MIB
     #: elements inside one another in one XML file
     max_xml_depth: int = 64
     #: elements of the whole scene, an included file counted each time that it is included
     max_xml_elements: int = 500_000
+    #: parameters of the scene and of the job together
+    max_parameters: int = 256
+    #: an attribute that has parameters in it, in characters, before and after these are put in
+    max_substituted_characters: int = 2**16
+    #: folders looked into while references are followed
+    max_lookups: int = 2_000_000
     #: includes inside one another, as in Mitsuba
     max_include_depth: int = 15
     #: pixels of the film
     max_pixels: int = 2**26
+
+
+def shown(text: str) -> str:
+    """Return a stranger's text as an error message may quote it: escaped, and not too long."""
+    return repr(text) if len(text) <= _MAX_SHOWN else f"{text[:_MAX_SHOWN]!r}…"
 
 
 class BundleError(ValueError):

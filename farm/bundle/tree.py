@@ -8,6 +8,9 @@ from typing import IO, Literal, Protocol
 Parts = tuple[str, ...]
 Kind = Literal["file", "folder"]
 
+#: The kernel finds nothing by a longer name (PATH_MAX).
+_MAX_PATH_CHARACTERS = 4096
+
 
 class Tree(Protocol):
     """Files and folders by their path from a root: a bundle, or a disk that is to be packed."""
@@ -37,6 +40,8 @@ class Found:
     kind: Kind | None
     #: every folder that was stood in on the way, in candidates that led nowhere too
     visited: frozenset[Parts]
+    #: how often a folder was looked into
+    lookups: int
 
 
 class EscapeError(Exception):
@@ -69,22 +74,27 @@ def find(tree: Tree, bases: Sequence[Parts], reference: str) -> Found:
         absolute = tree.absolute(reference)
         if absolute is None:
             raise EscapeError
-        return Found(absolute, tree.kind(absolute), frozenset())
+        return Found(absolute, tree.kind(absolute), frozenset(), lookups=1)
+    if len(reference) > _MAX_PATH_CHARACTERS:
+        return Found(None, None, frozenset(), lookups=1)
+    components = [part for part in reference.split("/") if part not in ("", ".")]
     visited: set[Parts] = set()
+    lookups = 0
     for base in bases:
-        path = _follow(tree, base, reference, visited)
+        path = _follow(tree, base, components, visited)
+        lookups += 1 + len(components)
         kind = None if path is None else tree.kind(path)
         if kind is not None:
-            return Found(path, kind, frozenset(visited))
-    return Found(None, None, frozenset(visited))
+            return Found(path, kind, frozenset(visited), lookups)
+    return Found(None, None, frozenset(visited), lookups)
 
 
-def _follow(tree: Tree, base: Parts, reference: str, visited: set[Parts]) -> Parts | None:
+def _follow(
+    tree: Tree, base: Parts, components: Sequence[str], visited: set[Parts]
+) -> Parts | None:
     """Return where one candidate leads, walking as the kernel does: `nowhere/..` is nowhere."""
     here = base
-    for component in reference.split("/"):
-        if component in ("", "."):
-            continue
+    for component in components:
         if tree.kind(here) != "folder":
             return None
         visited.add(here)
@@ -95,3 +105,10 @@ def _follow(tree: Tree, base: Parts, reference: str, visited: set[Parts]) -> Par
         else:
             here = (*here, component)
     return here
+
+
+def put_first(folders: list[Parts], folder: Parts) -> None:
+    """Make a folder the first to be looked in; once is enough, however often it is asked for."""
+    if folder in folders:
+        folders.remove(folder)
+    folders.insert(0, folder)

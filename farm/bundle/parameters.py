@@ -8,11 +8,14 @@ import difflib
 import re
 from collections.abc import Mapping
 
-from farm.bundle_rules import BundleError
+from farm.bundle.rules import BundleError, BundleLimits, shown
 
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 _UNRESOLVED = re.compile(r"(?<!\\)\$([A-Za-z0-9_]*)")
 _MAX_VALUE_CHARACTERS = 4096
+#: How much of the scene's names an error message tells: names, and characters of each.
+_MAX_NAMES = 20
+_MAX_NAME = 40
 
 
 class Parameters:
@@ -22,26 +25,41 @@ class Parameters:
     ----------
     given : mapping of str to str
         The job's values, by name without the `$`.
+    limits : BundleLimits
+        Bounds on their number and on what they expand to.
 
     Raises
     ------
     BundleError
-        Where a name or a value is malformed.
+        Where a name or a value is malformed, or there are too many.
     """
 
-    def __init__(self, given: Mapping[str, str]) -> None:
+    def __init__(self, given: Mapping[str, str], limits: BundleLimits) -> None:
+        if len(given) > limits.max_parameters:
+            raise BundleError(
+                "bad-parameter",
+                f"the job has {len(given)} parameters; {limits.max_parameters} are allowed",
+            )
         for name, value in given.items():
             _check_given(name, value)
         self._given = given
+        self._limits = limits
         # A longer name first, so that $width is never taken for $w and "idth".
         self._values = sorted(given.items(), key=lambda item: -len(item[0]))
         self._used: set[str] = set()
         #: the scene's own defaults, whether overruled or not
         self.defaults: dict[str, str] = {}
 
-    def add_default(self, name: str, value: str) -> None:
+    def add_default(self, name: str, value: str, file: str, line: int) -> None:
         """Take a `<default>`: the first of its name counts, unless the job gives a value."""
         self.defaults.setdefault(name, value)
+        if len(self.defaults) > self._limits.max_parameters:
+            raise BundleError(
+                "xml-too-large",
+                f"the scene has more than {self._limits.max_parameters} parameters",
+                file=file,
+                line=line,
+            )
         if any(name == known for known, _ in self._values):
             return
         position = next(
@@ -55,13 +73,14 @@ class Parameters:
         if "$" not in text:
             return text
         for name, value in self._values:
-            text = self._replace(text, name, value)
+            if f"${name}" in text:
+                text = self._replace(text, name, value, file, line)
         unresolved = _UNRESOLVED.search(text)
         if unresolved:
             raise BundleError(
                 "undefined-parameter",
-                f"${unresolved[1]} has no value; give it in the job's parameters, or add a "
-                f"<default> ahead of this line ({self._known()})",
+                f"${unresolved[1][:_MAX_NAME]} has no value; give it in the job's parameters, or "
+                f"add a <default> ahead of this line ({self._known()})",
                 file=file,
                 line=line,
             )
@@ -78,44 +97,58 @@ class Parameters:
         for name in self._given:
             if name not in self._used:
                 close = difflib.get_close_matches(name, self._names(), n=1)
-                hint = f"; did you mean {close[0]!r}?" if close and close[0] != name else ""
+                hint = f"; did you mean {shown(close[0])}?" if close and close[0] != name else ""
                 raise BundleError(
                     "unknown-parameter",
-                    f"the scene does not use a parameter {name!r}{hint} ({self._known()})",
+                    f"the scene does not use a parameter {shown(name)}{hint} ({self._known()})",
                 )
 
-    def _replace(self, text: str, name: str, value: str) -> str:
+    def _replace(self, text: str, name: str, value: str, file: str, line: int) -> str:
+        """Return the text with one parameter put in wherever no backslash stands ahead of it."""
         key = "$" + name
-        position = text.find(key)
-        while position >= 0:
-            if position and text[position - 1] == "\\":
-                position = text.find(key, position + len(key))
-                continue
-            text = text[:position] + value + text[position + len(key) :]
-            self._used.add(name)
-            position = text.find(key, position + len(value))
-        return text
+        first, *rest = text.split(key)
+        # Ahead of the work: defaults that are made of defaults can double without end.
+        if len(text) + len(rest) * len(value) > self._limits.max_substituted_characters:
+            raise BundleError(
+                "xml-too-large",
+                f"with its parameters put in, it may have more than "
+                f"{self._limits.max_substituted_characters} characters",
+                file=file,
+                line=line,
+            )
+        pieces, last = [first], first[-1:]
+        for piece in rest:
+            if last == "\\":
+                put = key
+            else:
+                put = value
+                self._used.add(name)
+            pieces += (put, piece)
+            last = (put + piece)[-1:] or last
+        return "".join(pieces)
 
     def _names(self) -> list[str]:
         return sorted(self.defaults.keys() | self._used)
 
     def _known(self) -> str:
-        names = self._names()
-        return f"the scene's parameters: {', '.join(names)}" if names else "the scene has none"
+        names = [name[:_MAX_NAME] for name in self._names()]
+        more = ", …" if len(names) > _MAX_NAMES else ""
+        known = ", ".join(names[:_MAX_NAMES]) + more
+        return f"the scene's parameters: {known}" if names else "the scene has none"
 
 
 def _check_given(name: str, value: str) -> None:
     if not _NAME.fullmatch(name):
         raise BundleError(
             "bad-parameter",
-            f"{name!a} is no parameter's name: letters, digits and _ are allowed",
+            f"{shown(name)} is no parameter's name: letters, digits and _ are allowed",
         )
     if len(value) > _MAX_VALUE_CHARACTERS or not value.isprintable():
         raise BundleError(
             "bad-parameter",
-            f"the value of {name!r} has control characters or more than "
+            f"the value of {shown(name)} has control characters or more than "
             f"{_MAX_VALUE_CHARACTERS} characters",
         )
     # Mitsuba would look for parameters in it again, in an order that is not defined.
     if "$" in value or "\\" in value:
-        raise BundleError("bad-parameter", f"the value of {name!r} has a $ or a backslash")
+        raise BundleError("bad-parameter", f"the value of {shown(name)} has a $ or a backslash")

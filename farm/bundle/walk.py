@@ -22,11 +22,20 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
-from farm.bundle_rules import BundleError, BundleLimits
-from farm.bundle_tree import EscapeError, Kind, Parts, Tree, find, is_absolute, leaves_upwards
-from farm.scene_film import Cast, Film, Property, Sensor
-from farm.scene_parameters import Parameters
-from farm.scene_xml import XmlBudget, read_elements
+from farm.bundle.film import Cast, Film, Property, Sensor
+from farm.bundle.parameters import Parameters
+from farm.bundle.rules import BundleError, BundleLimits, shown
+from farm.bundle.tree import (
+    EscapeError,
+    Kind,
+    Parts,
+    Tree,
+    find,
+    is_absolute,
+    leaves_upwards,
+    put_first,
+)
+from farm.bundle.xml import XmlBudget, read_elements
 
 _PLUGIN_NAME = re.compile(r"[A-Za-z0-9_]+")
 #: Elements that stand for a plugin.
@@ -81,7 +90,7 @@ def read_scene(
     BundleError
         Where the XML is malformed, or a reference is missing or leaves the tree.
     """
-    scene = Scene(Parameters(parameters))
+    scene = Scene(Parameters(parameters, limits))
     walk = _Walk(tree, limits, scene)
     walk.read(entry, [entry[:-1]], including=(), holder=_ROOT)
     walk.follow_plugin_files()
@@ -100,15 +109,6 @@ class _Holder:
 _ROOT = _Holder(None, is_stage=True)
 
 
-@dataclass(frozen=True)
-class _Named:
-    """A file that a plugin will ask for once all XML is read."""
-
-    text: str
-    file: str
-    line: int
-
-
 class _Walk:
     """One reading of a scene, over all of its XML files."""
 
@@ -117,7 +117,8 @@ class _Walk:
         self.limits = limits
         self.scene = scene
         self._budget = XmlBudget(limits)
-        self._named: list[_Named] = []
+        #: what plugins will ask for once all XML is read: each text, its file and its line
+        self._named: list[tuple[str, str, int]] = []
         self._plugin_folders: list[Parts] = []
 
     def read(
@@ -132,12 +133,12 @@ class _Walk:
 
     def name_plugin_file(self, text: str, file: str, line: int) -> None:
         """Remember a plugin's file until the scene's list of folders is complete."""
-        self._named.append(_Named(text, file, line))
+        self._named.append((text, file, line))
 
     def follow_plugin_files(self) -> None:
         """Look up what the plugins will ask for."""
-        for named in self._named:
-            self.follow("file", self._plugin_folders, named.text, named.file, named.line)
+        for text, file, line in self._named:
+            self.follow("file", self._plugin_folders, text, file, line)
 
     def follow(
         self,
@@ -153,15 +154,16 @@ class _Walk:
         except EscapeError:
             raise BundleError(
                 "path-escape",
-                f"{text!r} leads out of the bundle; put the file into it and name it by a "
+                f"{shown(text)} leads out of the bundle; put the file into it and name it by a "
                 f"relative path",
                 file=file,
                 line=line,
             ) from None
+        self._budget.spend_lookups(found.lookups + len(folders), file, line)
         expected: Kind = "folder" if role == "folder" else "file"
         if found.path is None or found.kind != expected:
             problem = f"is not a {expected}" if found.kind else self.tree.remedy
-            raise BundleError("missing-file", f"{text!r} {problem}", file=file, line=line)
+            raise BundleError("missing-file", f"{shown(text)} {problem}", file=file, line=line)
         self.scene.references.append(
             Reference(role, text, found.path, found.visited, file=file, line=line)
         )
@@ -191,7 +193,10 @@ class _File:
         is_root = len(self._open) == 1
         if is_root and not self._including and tag != "scene":
             raise BundleError(
-                "not-a-scene", f"it starts with <{tag}>, not <scene>", file=self.name, line=line
+                "not-a-scene",
+                f"it starts with <{tag[:40]}>, not <scene>",
+                file=self.name,
+                line=line,
             )
         substitute = self._walk.scene.parameters.substitute
         attributes = {key: substitute(text, self.name, line) for key, text in raw.items()}
@@ -200,14 +205,13 @@ class _File:
         self._open.append(self._enter(tag, attributes, holder, is_root=is_root))
         match tag:
             case "default":
-                self._walk.scene.parameters.add_default(
-                    attributes.get("name", ""), attributes.get("value", "")
-                )
+                name, value = attributes.get("name", ""), attributes.get("value", "")
+                self._walk.scene.parameters.add_default(name, value, self.name, line)
             case "include":
                 self._include(attributes.get("filename", ""), holder, line)
             case "path":
                 folder = self._follow("folder", attributes.get("value", ""), line)
-                self._folders.insert(0, folder)
+                put_first(self._folders, folder)
             case "spectrum" if "filename" in attributes:
                 walk = self._walk
                 walk.follow("file", self._folders, attributes["filename"], self.name, line)
@@ -253,7 +257,7 @@ class _File:
         if tag in _OBJECTS and plugin is not None and not _PLUGIN_NAME.fullmatch(plugin):
             raise BundleError(
                 "plugin-name",
-                f"{plugin[:100]!r} is not the name of a plugin: letters, digits and _ are allowed",
+                f"{shown(plugin)} is not the name of a plugin: letters, digits and _ are allowed",
                 file=self.name,
                 line=line,
             )
@@ -282,7 +286,7 @@ class _File:
         elif is_absolute(value) or leaves_upwards(value):
             raise BundleError(
                 "path-escape",
-                f"{name!r} looks like a path out of the bundle: {value[:100]!r}",
+                f"{shown(name)} looks like a path out of the bundle: {shown(value)}",
                 file=self.name,
                 line=line,
             )

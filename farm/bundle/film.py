@@ -3,7 +3,7 @@
 import re
 from dataclasses import dataclass, field
 
-from farm.bundle_rules import BundleError, BundleLimits
+from farm.bundle.rules import BundleError, BundleLimits, shown
 
 #: Mitsuba's film where a scene gives no size, in pixels.
 _DEFAULT_WIDTH, _DEFAULT_HEIGHT = 768, 576
@@ -79,7 +79,7 @@ class Film:
         raise self._refusal(
             (name,),
             f"the film's {name} must be an <integer> of at least {least}, "
-            f"not <{given.tag}> {given.text[:100]!r}",
+            f"not <{given.tag[:40]}> {shown(given.text)}",
         )
 
     def _refusal(self, names: tuple[str, ...], message: str) -> BundleError:

@@ -1,0 +1,13 @@
+"""Scenes as they are uploaded: checked without Mitsuba, packed, and unpacked."""
+
+from farm.bundle.check import SceneSummary, inspect_bundle, unpack_bundle
+from farm.bundle.rules import CODES, BundleError, BundleLimits
+
+__all__ = [
+    "CODES",
+    "BundleError",
+    "BundleLimits",
+    "SceneSummary",
+    "inspect_bundle",
+    "unpack_bundle",
+]
