@@ -2,6 +2,7 @@
 
 from metric.display import Image, Mask, Primaries, View, encode_srgb
 from metric.estimate import Estimate, Half, half_buffer_estimate
+from metric.pictures import difference_picture
 from metric.rules import (
     RULES,
     Evidence,
@@ -34,6 +35,7 @@ __all__ = [
     "View",
     "VisibleDifferences",
     "create_rule",
+    "difference_picture",
     "encode_srgb",
     "half_buffer_estimate",
     "visible_differences",

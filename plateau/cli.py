@@ -1,5 +1,6 @@
 """The command line: what each command takes and says; what it does is in `plateau.commands`."""
 
+import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -29,7 +30,7 @@ As a service, for as many scenes as you like:
 Exit codes:
   0    done; a job that was waited for converged, or is exhausted
   1    it could not be done, or the job failed: standard error says why
-  2    the command line is not right
+  2    the command line is not right, or `diff` cannot compare the two images
   4    the job that was waited for was cancelled
   130  interrupted by Ctrl-C (143: by SIGTERM)
 
@@ -70,8 +71,12 @@ def _plain_errors() -> Iterator[None]:
     """Turn what is expected to go wrong into one line on standard error and an exit code."""
     try:
         yield
+        sys.stdout.flush()
     except KeyboardInterrupt:
         raise typer.Exit(ExitCode.INTERRUPTED) from None
+    except BrokenPipeError:  # whoever read our output has enough, as `head` has
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        raise typer.Exit(ExitCode.FAILED) from None
     except Exception as error:
         from plateau.errors import EXPECTED
 
@@ -273,6 +278,60 @@ def cancel(job_id: o.JobId, url: o.Url = None, as_json: o.Json = False) -> None:
 
     with _plain_errors():
         run(job_id, url=url, as_json=as_json)
+
+
+@_command()
+def diff(
+    reference: Annotated[Path, typer.Argument(help="A PNG or EXR file.")],
+    test: Annotated[Path, typer.Argument(help="Another, of the same kind and size.")],
+    field_of_view: Annotated[
+        float, typer.Option(help="Angle that the image's width fills, in degrees.")
+    ] = 45.0,
+    white_luminance: Annotated[
+        float, typer.Option(help="The display's white in cd/m².", max=20_000)
+    ] = 100.0,
+    gamma: Annotated[
+        float | None,
+        typer.Option(
+            help="Power from the files' values to linear light.",
+            show_default="2.2 for PNG, 1 for EXR",
+        ),
+    ] = None,
+    primaries: Annotated[str, typer.Option(help="The display's: rec709 or adobe1998.")] = "rec709",
+    exposure: Annotated[float, typer.Option(help="Exposure in EV.")] = 0.0,
+    luminance_only: Annotated[
+        bool, typer.Option("--luminance-only", help="Leave differences in colour out.")
+    ] = False,
+    map_file: Annotated[
+        Path | None,
+        typer.Option("--map", metavar="OUT.png", help="Mark the visible pixels on TEST, there."),
+    ] = None,
+    as_json: o.Json = False,
+) -> None:
+    """Count the pixels by which an eye can tell two images apart.
+
+    For example:
+      plateau diff before.png after.png --map difference.png
+      plateau diff reference.exr test.exr --exposure 1 --json
+
+    The exit code is 0 whatever the count, and 2 where the images cannot be compared.
+    """
+    from plateau.commands.diff import diff as run
+
+    with _plain_errors():
+        code = run(
+            reference,
+            test,
+            field_of_view_deg=field_of_view,
+            white_luminance=white_luminance,
+            gamma=gamma,
+            primaries=primaries,
+            exposure_ev=exposure,
+            luminance_only=luminance_only,
+            map_file=map_file,
+            as_json=as_json,
+        )
+    raise typer.Exit(code)
 
 
 @_command()

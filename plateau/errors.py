@@ -6,6 +6,7 @@ from farm.bundle import BundleError
 from farm.errors import FarmError
 from plateau.client import ClientError
 from plateau.data_folder import InUse
+from plateau.read_settings import BadSetting
 from plateau.tree import TreeFailed
 
 
@@ -15,6 +16,7 @@ class CommandFailed(Exception):
 
 #: Errors whose message is all that a user needs.
 EXPECTED: Final = (
+    BadSetting,
     BundleError,
     ClientError,
     CommandFailed,

@@ -8,7 +8,6 @@ class ExitCode(IntEnum):
 
     OK = 0  #: done; a job that was waited for has converged or is exhausted
     FAILED = 1  #: it could not be done, or the job failed; standard error says why
-    USAGE = 2  #: the command line is not right
+    USAGE = 2  #: the command line is not right, or two images cannot be compared
     CANCELLED = 4  #: the job that was waited for was cancelled
     INTERRUPTED = 130  #: Ctrl-C, as shells count signals
-    TERMINATED = 143  #: SIGTERM

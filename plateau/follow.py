@@ -2,6 +2,7 @@
 
 import queue
 import threading
+import time
 from collections.abc import Callable
 from typing import Final
 
@@ -11,6 +12,7 @@ from plateau.progress import Progress
 from service.views import JobView
 
 _TICK_S: Final = 0.2
+_FETCH_S: Final = 1.0
 
 
 def follow(client: Client, job_id: str, shown: Progress, tick: Callable[[], None]) -> JobView:
@@ -33,20 +35,29 @@ def follow(client: Client, job_id: str, shown: Progress, tick: Callable[[], None
 
     threading.Thread(target=listen, name="events", daemon=True).start()
     with shown:
-        shown.job(client.job(job_id))
+        job, fetched_at = _fetch(client, job_id, shown)
         while True:
             tick()
             try:
                 item = happened.get(timeout=_TICK_S)
             except queue.Empty:
                 shown.refresh()
-                continue
-            if isinstance(item, Exception):
-                raise item
-            if item is None:
-                job = client.job(job_id)
-                shown.job(job)
-                return job
-            shown.event(item)
-            if happened.empty():
-                shown.job(client.job(job_id))
+            else:
+                if isinstance(item, Exception):
+                    raise item
+                if item is None:
+                    break
+                if item.type != "slice":
+                    job, fetched_at = _fetch(client, job_id, shown)
+                shown.event(item)
+            if time.monotonic() - fetched_at > _FETCH_S:
+                job, fetched_at = _fetch(client, job_id, shown)
+        job, _ = _fetch(client, job_id, shown)
+    return job
+
+
+def _fetch(client: Client, job_id: str, shown: Progress) -> tuple[JobView, float]:
+    """The job as it stands, shown, and when that was."""
+    job = client.job(job_id)
+    shown.job(job)
+    return job, time.monotonic()

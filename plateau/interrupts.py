@@ -11,6 +11,8 @@ _SIGNALS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 class Interrupts:
     """Within its context, signals that end a process are counted and end nothing.
 
+    A signal that was ignored (by ``nohup``, or in a shell's background) stays ignored.
+
     Attributes
     ----------
     asked
@@ -32,7 +34,8 @@ class Interrupts:
 
     def __enter__(self) -> "Interrupts":
         for number in _SIGNALS:
-            self._before[number] = signal.signal(number, self._count)
+            if signal.getsignal(number) is not signal.SIG_IGN:
+                self._before[number] = signal.signal(number, self._count)
         return self
 
     def __exit__(

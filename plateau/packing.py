@@ -20,10 +20,10 @@ from types import TracebackType
 from typing import IO, BinaryIO, cast
 
 from farm.bundle import BundleError, BundleLimits
-from farm.bundle_archive import Archive
-from farm.bundle_entry import SCENE_XML, find_entry
-from farm.bundle_tree import Kind, Parts
-from farm.scene_walk import Reference, read_scene
+from farm.bundle.archive import Archive
+from farm.bundle.entry import SCENE_XML, find_entry
+from farm.bundle.tree import Kind, Parts
+from farm.bundle.walk import Reference, read_scene
 
 _XML = "application/xml"
 _ZIP = "application/zip"

@@ -3,6 +3,7 @@
 from abc import ABC, abstractmethod
 from collections import deque
 from datetime import datetime, timezone
+from pathlib import Path
 from types import TracebackType
 from typing import Final
 
@@ -63,29 +64,24 @@ class Progress(ABC):
     def refresh(self) -> None:
         """Show time passing."""
 
-    def _msamples_per_s(self) -> float | None:
-        """The render rate over the last slices, in millions of samples a second."""
-        if self._job is None or self._job.width is None or self._job.height is None:
-            return None
-        if len(self._slices) < 2:
-            return None
+    def _rate(self, job: Job) -> str:
+        """The render rate over the last slices, as far as it is known."""
+        if job.width is None or job.height is None or len(self._slices) < 2:
+            return ""
         seconds = (self._slices[-1] - self._slices[0]).total_seconds()
-        samples = self._job.width * self._job.height * self._job.spec.slice_spp
-        return (len(self._slices) - 1) * samples / seconds / 1e6 if seconds > 0 else None
+        samples = (len(self._slices) - 1) * job.width * job.height * job.spec.slice_spp
+        return f"{samples / seconds / 1e6:.2f} Msamples/s" if seconds > 0 else ""
 
-    def _figures(self, job: Job) -> list[str]:
-        """Visible pixels, slope, half-buffer estimate and rate, as far as they are known."""
-        figures = [f"visible {words.pixels(job.visible_pixels, job.visible_fraction)}"]
-        if job.slope is not None:
+    def _figures(self, job: Job, point: CurvePoint) -> list[str]:
+        """Visible pixels, slope and half-buffer estimate, as far as they are known."""
+        figures = [f"visible {words.pixels(point.visible_pixels, point.visible_fraction)}"]
+        if point.slope is not None:
             stop = words.stop_slope(job)
             aim = "" if stop is None else f" (stops at {stop:.3g})"
-            figures.append(f"slope {job.slope:.3g} px/spp{aim}")
-        if job.estimate_pixels is not None:
-            left = words.pixels(job.estimate_pixels, job.estimate_fraction)
+            figures.append(f"slope {point.slope:.3g} px/spp{aim}")
+        if point.estimate_pixels is not None:
+            left = words.pixels(point.estimate_pixels, point.estimate_fraction)
             figures.append(f"half-buffer {left}")
-        rate = self._msamples_per_s()
-        if rate is not None:
-            figures.append(f"{rate:.2f} Msamples/s")
         return figures
 
 
@@ -96,22 +92,26 @@ class PlainProgress(Progress):
         super().__init__()
         self._console = console
         self._said_state = ""
-        self._said_points = 0
 
     def note(self, text: str) -> None:
         """Print a line."""
         self._console.print(text, markup=False, highlight=False, soft_wrap=True)
 
     def job(self, job: Job) -> None:
-        """Print what is new."""
+        """Print a new state."""
         super().job(job)
         if job.state.value != self._said_state and not job.state.ended:
             self.note(f"{job.state.value}: {job.reason}")
             self._said_state = job.state.value
-        if job.points > self._said_points and job.visible_pixels is not None:
-            self._said_points = job.points
-            figures = [*self._figures(job), words.duration(words.wall_s(job, _now()))]
-            self.note(f"{job.spp:>6} spp  {'  '.join(figures)}")
+
+    def event(self, event: Event) -> None:
+        """Print a new point of the curve."""
+        super().event(event)
+        if event.type == "point" and self._job is not None:
+            point = self._points[-1]
+            after = words.duration((point.at - self._job.created_at).total_seconds())
+            figures = [*self._figures(self._job, point), self._rate(self._job), after]
+            self.note(f"{point.spp:>6} spp  {'  '.join(filter(None, figures))}")
 
     def refresh(self) -> None:
         """Print nothing: time alone is no news."""
@@ -154,22 +154,20 @@ class LiveProgress(Progress):
         head.add_column(ratio=1)
         head.add_column(justify="right")
         head.add_row(
-            Text.assemble((job.name, "bold"), f"  {job.state.value}{variant}{size}"),
+            Text.assemble((Path(job.name).stem, "bold"), f"  {job.state.value}{variant}{size}"),
             words.duration(words.wall_s(job, _now())),
         )
         spp = max(job.spp, job.committed_spp) if not job.state.ended else job.spp
         bar = Table.grid(padding=(0, 2), expand=True)
         bar.add_column(ratio=1)
         bar.add_column(justify="right", no_wrap=True)
-        bar.add_row(
-            ProgressBar(total=job.spec.max_spp, completed=spp),
-            f"{spp:,} of at most {job.spec.max_spp:,} spp",
-        )
+        figures = filter(None, (f"{spp:,} of at most {job.spec.max_spp:,} spp", self._rate(job)))
+        bar.add_row(ProgressBar(total=job.spec.max_spp, completed=spp), "   ".join(figures))
         lines: list[Table | Text] = [head, bar]
-        if job.visible_pixels is None:
-            lines.append(Text(job.reason, style="dim"))
+        if self._points:
+            lines.append(Text("   ".join(self._figures(job, self._points[-1]))))
         else:
-            lines.append(Text("   ".join(self._figures(job))))
+            lines.append(Text(job.reason, style="dim"))
         if len(self._points) > 1:
             lines.append(Text(sparkline([one.visible_pixels for one in self._points]), "cyan"))
         return Group(*lines)

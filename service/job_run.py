@@ -15,10 +15,9 @@ from farm.ownership import Ownership, Ownerships
 from farm.png import encode_png
 from farm.queue import SliceRecord
 from farm.states import JobState
-from metric import encode_srgb
+from metric import difference_picture, encode_srgb
 from service.judge import Judge, Judgement
 from service.merge import Merge, pack_checkpoint, unpack_checkpoint
-from service.pictures import difference_picture
 
 _LOG = logging.getLogger(__name__)
 
@@ -150,8 +149,10 @@ class JobRun:
         arrays = {**self._merge.arrays(), **{f"rule:{key}": image for key, image in images.items()}}
         self._blobs.put(name, pack_checkpoint(about, arrays))
         self._owners.save(self.owned, checkpoint=name)
-        superseded = [] if self._checkpoint in {None, name} else [self._checkpoint]
-        self._blobs.delete(*self._contained, *superseded)
+        if self._checkpoint not in {None, name}:
+            self._blobs.delete(self._checkpoint)
+        if not self._spec.keep_slices:
+            self._blobs.delete(*self._contained)
         self._contained = []
         self._checkpoint = name
         self._checkpoint_at = time.monotonic()
@@ -173,11 +174,16 @@ class JobRun:
         self._merge_up_to(job)
         if self._merge.slices:
             self._write_pictures()
-        self._blobs.delete(
-            *self._blobs.names(blobs.partials(job.id)),
-            *self._blobs.names(blobs.checkpoints(job.id)),
-        )
+        kept = self._slices_to_keep(job)
+        partials = set(self._blobs.names(blobs.partials(job.id)))
+        self._blobs.delete(*(partials - kept), *self._blobs.names(blobs.checkpoints(job.id)))
         self._owners.finish(self.owned, spp=self._merge.spp)
+
+    def _slices_to_keep(self, job: Job) -> set[str]:
+        """The partials of every slice in the ledger, where the job keeps its slices."""
+        if not self._spec.keep_slices:
+            return set()
+        return {record["blob"] for record in self._jobs.ledger(job.id).values()}
 
     def _merge_up_to(self, job: Job) -> None:
         """Merge what belongs to the final image but was not merged before the job ended.

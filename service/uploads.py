@@ -21,6 +21,7 @@ from farm import blobs as blob_names
 from farm.blobs import Blobs
 from farm.bundle import BundleError, BundleLimits, SceneSummary, inspect_bundle
 from farm.jobs import Created, Jobs
+from farm.seeds import SeedSchedule, SeedsExhausted
 from farm.spec import JobSpec
 from service import problems
 from service.problems import FieldError, Problem
@@ -216,8 +217,25 @@ def _inspected(file: BinaryIO, spec: JobSpec, limits: BundleLimits) -> SceneSumm
         raise Problem(
             kind, str(error), code=error.code, file=error.file, line=error.line
         ) from error
+    _check_seeds(summary, spec)
     file.seek(0)
     return summary
+
+
+def _check_seeds(scene: SceneSummary, spec: JobSpec) -> None:
+    """Refuse a job that would run out of distinct sampler seeds on any worker that may take it."""
+    try:
+        SeedSchedule(
+            # Of the variants that a worker may choose, JIT ones have the most seeds.
+            variant="llvm_ad_rgb" if spec.variant == "auto" else spec.variant,
+            width=scene.width,
+            height=scene.height,
+            slice_spp=spec.slice_spp,
+            max_spp=spec.max_spp,
+            job_seed=spec.seed,
+        )
+    except SeedsExhausted as error:
+        raise _invalid(problems.INVALID_SPEC, "spec", str(error)) from error
 
 
 def _name_of_stored(sha256: str, jobs: Jobs) -> str:

@@ -7,6 +7,10 @@ import typer.main
 
 from farm.settings import Settings
 from plateau.cli import app
+from service.problems import TYPES, ProblemType
+from service.routes_farm import router as farm_router
+from service.routes_jobs import router as jobs_router
+from service.routes_results import router as results_router
 
 ROOT = Path(__file__).parents[1]
 
@@ -19,3 +23,22 @@ def test_every_setting_is_in_the_docs(setting: str) -> None:
 @pytest.mark.parametrize("command", typer.main.get_command(app).commands)  # type: ignore[attr-defined]
 def test_every_command_is_in_the_readme(command: str) -> None:
     assert f"plateau {command}" in (ROOT / "README.md").read_text()
+
+
+ROUTES = [
+    (method, route.path)
+    for router in (jobs_router, results_router, farm_router)
+    for route in router.routes
+    for method in route.methods  # type: ignore[attr-defined]
+]
+
+
+@pytest.mark.parametrize(("method", "path"), ROUTES)
+def test_every_call_is_in_the_docs(method: str, path: str) -> None:
+    assert f"`{method} {path}`" in (ROOT / "docs" / "api.md").read_text()
+
+
+@pytest.mark.parametrize("problem", TYPES.values(), ids=TYPES)
+def test_every_problem_is_in_the_docs(problem: ProblemType) -> None:
+    row = f"| `{problem.uri}` | {problem.status} |"
+    assert row in (ROOT / "docs" / "api.md").read_text()

@@ -34,7 +34,7 @@ _VERSIONS = (
 
 
 def llvm_libraries() -> tuple[Path, ...]:
-    """Return every libLLVM of this machine, each real file once, in the order of trial.
+    """Return the real file of every libLLVM of this machine, each once, in the order of trial.
 
     The one that ``DRJIT_LIBLLVM_PATH`` names is first, whatever its version.
     """
@@ -42,11 +42,10 @@ def llvm_libraries() -> tuple[Path, ...]:
 
 
 def in_order_of_trial(wanted: str | None, found: list[Path]) -> tuple[Path, ...]:
-    """Return `wanted` and then `found`, the newest first, each real file once."""
+    """Return the real files of `wanted` and then of `found`, the newest first, each once."""
     newest_first = sorted(found, key=lambda path: (version(path), str(path)), reverse=True)
     first = [Path(wanted)] if wanted and Path(wanted).is_file() else []
-    by_file = {path.resolve(): path for path in reversed([*first, *newest_first])}
-    return tuple(reversed(by_file))
+    return tuple(dict.fromkeys(path.resolve() for path in (*first, *newest_first)))
 
 
 def version(library: Path) -> tuple[int, int]:

@@ -56,6 +56,7 @@ class Renderer:
         mi.set_log_level(mi.LogLevel.Error)
         dr.set_thread_count(threads)
         self._variant = variant
+        self._threads = threads
         self._prepared: PreparedScene | None = None
 
     def load(
@@ -81,7 +82,12 @@ class Renderer:
             is loaded then.
         """
         self._unload()
-        prepared = prepare(self._variant, folder, entry, parameters, sensor)
+        # Mitsuba hands images to other threads and waits for them: with one thread, for ever.
+        dr.set_thread_count(max(2, self._threads))
+        try:
+            prepared = prepare(self._variant, folder, entry, parameters, sensor)
+        finally:
+            dr.set_thread_count(self._threads)
         self._prepared = prepared
         return LoadedScene(prepared.width, prepared.height, prepared.notes)
 

@@ -163,6 +163,10 @@ def _adapt_film(properties: Any) -> Iterable[str]:
             f"the farm renders to an 'hdrfilm', and the scene's film is a "
             f"'{properties.plugin_name()}'"
         )
+    for name in ("width", "height", "crop_width", "crop_height"):
+        # Said here: sensors divide by the film's size, and complain of their field of view.
+        if properties.has_property(name) and not properties[name]:
+            raise SceneError(f"the film's {name} is 0")
     for name, value in _FILM.items():
         properties[name] = value
     if properties.has_property("sample_border"):
@@ -206,9 +210,9 @@ def _check(scene: Any, index: int, notes: tuple[str, ...]) -> PreparedScene:
         )
     film = sensors[index].film()
     width, height = (int(size) for size in film.crop_size())
-    if not 0 < width * height <= BundleLimits().max_pixels:
+    if width * height > BundleLimits().max_pixels:
         raise SceneError(
-            f"the film is {width}×{height}: it needs 1 to {BundleLimits().max_pixels} pixels"
+            f"the film is {width}×{height}: the farm's limit is {BundleLimits().max_pixels} pixels"
         )
     return PreparedScene(scene, sensors[index], film, integrator, width, height, notes)
 

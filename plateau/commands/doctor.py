@@ -18,6 +18,7 @@ from farm.jobs import Jobs
 from farm.redis_link import connect
 from farm.settings import Settings
 from plateau.exits import ExitCode
+from plateau.read_settings import read_settings
 from worker.variants import Probe, VariantChoice, choose
 
 
@@ -33,7 +34,7 @@ class Check:
 
 def doctor(*, as_json: bool) -> int:
     """Look at everything and print what was found; returns the exit code."""
-    settings = Settings()
+    settings = read_settings()
     choice = choose(settings.cache, every=True)
     checks = [*_machine(), *_stores(settings), *_folders(settings), *_variants(choice)]
     can_render = all(check.ok for check in checks if check.needed)

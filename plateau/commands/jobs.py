@@ -8,7 +8,6 @@ from rich.console import Console
 from rich.table import Table
 
 from farm.job import Job
-from farm.settings import Settings
 from farm.spec import JobSpec
 from farm.states import JobState
 from plateau import words
@@ -18,6 +17,7 @@ from plateau.errors import CommandFailed
 from plateau.follow import follow
 from plateau.outputs import summary_json, write_results
 from plateau.progress import progress_on
+from plateau.read_settings import read_settings
 from service.views import JobView
 
 _PAGE = 100
@@ -103,7 +103,7 @@ def cancel(job_id: str, *, url: str | None, as_json: bool) -> None:
 
 
 def _client(url: str | None) -> Client:
-    return Client(url or Settings().url, patience_s=0.0)
+    return Client(url or read_settings().url, patience_s=0.0)
 
 
 def _state(name: str | None) -> JobState | None:

@@ -12,7 +12,6 @@ from typing import Final
 from rich.console import Console
 
 from farm.bundle import inspect_bundle
-from farm.settings import Settings
 from farm.spec import JobSpec
 from farm.states import JobState
 from plateau import words
@@ -24,6 +23,7 @@ from plateau.interrupts import Interrupts
 from plateau.outputs import write_results
 from plateau.packing import pack
 from plateau.progress import Progress, progress_on
+from plateau.read_settings import read_settings
 from plateau.tree import Tree
 from service.views import JobView
 
@@ -50,7 +50,7 @@ def render(
         inspect_bundle(packed.file, parameters=spec.parameter_strings(), sensor=spec.sensor)
     out.mkdir(parents=True, exist_ok=True)
 
-    asked = Settings()
+    asked = read_settings()
     settings = asked.model_copy(
         update={"redis_url": None, "blobs": None, "threads": threads or asked.threads}
     )
@@ -82,7 +82,9 @@ def render(
         print(f"{'files:':<9}{', '.join(about['files'])}")
     if job.state is JobState.FAILED:
         print(f"plateau: the job failed: {job.reason}", file=sys.stderr)
-    return interrupts.exit_code if interrupts.asked.is_set() else EXIT_CODES[job.state]
+    if job.state is JobState.CANCELLED and interrupts.asked.is_set():
+        return interrupts.exit_code
+    return EXIT_CODES[job.state]
 
 
 def _run(

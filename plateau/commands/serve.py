@@ -8,11 +8,14 @@ import threading
 from collections.abc import Callable
 from typing import Final
 
+from farm.blobs import Blobs
+from farm.redis_link import connect
 from farm.settings import Settings
 from plateau.data_folder import DataFolder
 from plateau.errors import CommandFailed
 from plateau.exits import ExitCode
 from plateau.interrupts import Interrupts
+from plateau.read_settings import read_settings
 from plateau.tree import Tree
 
 _TICK_S: Final = 0.2
@@ -20,7 +23,7 @@ _TICK_S: Final = 0.2
 
 def up(*, workers: int, host: str, port: int) -> int:
     """Run the whole service until a signal; returns the exit code."""
-    settings = Settings()
+    settings = read_settings()
     with Interrupts() as interrupts, DataFolder(settings.data) as data:
         try:
             with Tree(
@@ -79,7 +82,7 @@ def _run_until_signal(run: Callable[[Settings, threading.Event], None]) -> None:
     logging.basicConfig(
         stream=sys.stderr, level=logging.INFO, format="%(asctime)s %(levelname)s %(message)s"
     )
-    settings = Settings()
+    settings = read_settings()
     missing = [
         name
         for name, value in (
@@ -95,10 +98,24 @@ def _run_until_signal(run: Callable[[Settings, threading.Event], None]) -> None:
             "PLATEAU_REDIS_URL=redis://127.0.0.1:6379 PLATEAU_BLOBS=/srv/plateau/blobs); "
             "`plateau up` starts everything"
         )
+    _check_addresses(settings.redis_url, settings.blobs)
     stop = threading.Event()
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: stop.set())
     run(settings, stop)
+
+
+def _check_addresses(redis_url: str | None, blobs: str | None) -> None:
+    """Refuse what cannot be an address; whether anything answers there shows later."""
+    for name, value, opens in (
+        ("PLATEAU_REDIS_URL", redis_url, connect),
+        ("PLATEAU_BLOBS", blobs, Blobs),
+    ):
+        try:
+            opens(value or "")
+        except Exception as error:
+            reason = str(error).partition("\n")[0]  # obstore adds a dump of its insides
+            raise CommandFailed(f"{name}: {reason}") from error
 
 
 def _greet(tree: Tree, data: DataFolder, workers: int) -> None:

@@ -37,4 +37,5 @@ def live_api(redis_url: str, store: Blobs, *, port: int = 0) -> Iterator[str]:
         hub.stop_watching()
         server.should_exit = True
         thread.join(10)
+        listener.close()
         assert not thread.is_alive(), "the API did not stop"

@@ -99,9 +99,7 @@ def until(condition: Callable[[], object], seconds: float = 30) -> None:
 
 def the_child() -> psutil.Process:
     (child,) = (
-        process
-        for process in psutil.Process().children()
-        if "worker.child" in process.cmdline()
+        process for process in psutil.Process().children() if "worker.child" in process.cmdline()
     )
     return child
 
@@ -151,7 +149,7 @@ def test_a_killed_child_costs_a_try_and_no_sample(bench: Bench) -> None:
 @pytest.mark.parametrize(
     ("scene", "spec", "words"),
     [
-        (SCENE.format(integrator="no-such-plugin"), {}, "no-such-plugin"),
+        (SCENE.format(integrator="nosuchplugin"), {}, "nosuchplugin"),
         (SCENE.format(integrator="path"), {"parameters": {"wrong": 1}}, "wrong"),
         (SCENE.format(integrator="path"), {"sensor": 3}, "no sensor 3"),
         (SCENE.format(integrator="path"), {"parameters": {"size": 0}}, "0"),

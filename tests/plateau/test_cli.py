@@ -1,0 +1,281 @@
+"""The command line: what it says, and with which code it exits."""
+
+import json
+import re
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+import redis
+import typer
+from typer.testing import CliRunner
+
+from farm.blobs import Blobs
+from farm.spec import JobSpec
+from farm.states import JobState
+from plateau.cli import app
+from plateau.options import spec_from_options
+from service.api import listen
+from tests.support.bundles import mesh, scene
+from tests.support.staged_job import StagedJob
+
+COMMANDS = [command.name or command.callback.__name__ for command in app.registered_commands]
+
+
+def plateau(*arguments: str) -> tuple[int, str, str]:
+    """Exit code, standard output and standard error of a command, run in this process."""
+    done = CliRunner().invoke(app, arguments)
+    assert done.exception is None or isinstance(done.exception, SystemExit), done.exception
+    return done.exit_code, done.stdout, done.stderr
+
+
+@pytest.fixture
+def box(tmp_path: Path) -> str:
+    path = tmp_path / "box.xml"
+    path.write_bytes(scene())
+    return str(path)
+
+
+@pytest.fixture
+def _service(api: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PLATEAU_URL", api)
+
+
+class TestHelp:
+    @pytest.mark.parametrize("command", COMMANDS)
+    def test_of_every_command_teaches_with_an_example(self, command: str) -> None:
+        code, out, _ = plateau(command, "--help")
+        assert code == 0
+        assert re.search(rf"For example:\n +(PLATEAU_\S+ )*plateau {command}", out)
+
+    def test_lists_the_exit_codes(self) -> None:
+        code, out, _ = plateau("--help")
+        assert code == 0
+        assert re.findall(r"^    (\d+) ", out, re.MULTILINE) == ["0", "1", "2", "4", "130"]
+
+    def test_comes_at_once(self) -> None:
+        # Best of three: the machine may be busy. No heavy module is the point of it.
+        taken_s = []
+        for _ in range(3):
+            started = time.monotonic()
+            subprocess.run(
+                [sys.executable, "-m", "plateau", "--help"], check=True, capture_output=True
+            )
+            taken_s.append(time.monotonic() - started)
+        assert min(taken_s) < 0.6
+        program = "import plateau.cli, sys; print(*sys.modules)"
+        loaded = subprocess.run(
+            [sys.executable, "-c", program], check=True, capture_output=True, text=True
+        ).stdout.split()
+        assert not {"pydantic", "httpx", "numpy", "fastapi", "redis", "matplotlib"} & set(loaded)
+
+
+class TestOptions:
+    def test_that_are_left_out_have_the_defaults_that_the_help_shows(self) -> None:
+        assert spec_from_options() == JobSpec()
+        _, out, _ = plateau("submit", "--help")
+        shown = dict(re.findall(r"--([\w-]+) <[^\[]*\[default: \((.*?)\)\]", " ".join(out.split())))
+        spec = JobSpec()
+        assert shown == {
+            "step": str(spec.step),
+            "slice-spp": str(spec.slice_spp),
+            "max-spp": str(spec.max_spp),
+            "time-limit": "none",
+            "rule": "reverse",
+            "window": "5",
+            "epsilon": "0.1",
+            "spp": "10000",
+            "seed": str(spec.seed),
+            "variant": spec.variant,
+            "sensor": str(spec.sensor),
+            "exposure": f"{spec.view.exposure_ev:g}",
+            "white-luminance": f"{spec.view.white_luminance:g}",
+            "field-of-view": f"{spec.view.field_of_view_deg:g}",
+            "primaries": spec.view.primaries,
+            "priority": str(spec.priority),
+        }
+        assert "default: (http://127.0.0.1:8713)" in " ".join(out.split())
+
+    def test_make_the_spec(self) -> None:
+        spec = spec_from_options(
+            define=["width=64", "text=a=b"],
+            rule="fixed",
+            spp=50,
+            exposure=-1.5,
+            primaries="adobe1998",
+            time_limit=60,
+        )
+        assert spec.parameters == {"width": "64", "text": "a=b"}
+        assert spec.rule.model_dump() == {"name": "fixed", "spp": 50}
+        assert (spec.view.exposure_ev, spec.view.primaries) == (-1.5, "adobe1998")
+        assert spec.time_limit_s == 60
+
+    @pytest.mark.parametrize(
+        ("options", "words"),
+        [
+            (["--step", "30"], "step must be a multiple of slice_spp"),
+            (["--step", "-1"], "--step: Input should be greater than 0"),
+            (["--exposure", "99"], "--exposure: "),
+            (["--field-of-view", "180"], "--field-of-view: "),
+            (["--rule", "guess"], "--rule: "),
+            (["--rule", "fixed", "--window", "3"], "--window is not an option of the rule fixed"),
+            (["-D", "width"], "NAME=VALUE"),
+            (["-D", "=3"], "NAME=VALUE"),
+        ],
+    )
+    def test_that_are_wrong_are_named(self, box: str, options: list[str], words: str) -> None:
+        code, _, err = plateau("submit", box, *options)
+        assert code == 2
+        assert words in " ".join(err.split())
+
+    def test_that_are_wrong_raise_for_callers(self) -> None:
+        with pytest.raises(typer.BadParameter):
+            spec_from_options(step=0)
+
+
+@pytest.mark.usefixtures("_service")
+class TestTalkingToAService:
+    def test_submit_prints_the_id_alone(self, box: str) -> None:
+        code, out, _ = plateau("submit", box, "--max-spp", "200", "--batch", "b")
+        assert code == 0
+        job_id = out.strip()
+        code, out, _ = plateau("show", job_id, "--json")
+        job = json.loads(out)
+        assert (job["id"], job["spec"]["max_spp"], job["spec"]["batch"]) == (job_id, 200, "b")
+
+    def test_list_is_for_grep_and_cut(self, box: str) -> None:
+        made = [plateau("submit", box)[1].strip() for _ in range(3)]
+        plateau("cancel", made[0])
+        code, out, _ = plateau("list")
+        assert code == 0
+        rows = [line.split("\t") for line in out.splitlines()]
+        assert [row[0] for row in rows] == made[::-1]
+        assert rows[-1][1:3] == ["cancelled", "0/10000"]
+        assert plateau("list", "--state", "cancelled")[1].split("\t")[0] == made[0]
+        assert len(json.loads(plateau("list", "--limit", "2", "--json")[1])) == 2
+        assert plateau("list", "--batch", "none") == (0, "", "no jobs\n")
+        code, _, err = plateau("list", "--state", "happy")
+        assert (code, "the states are queued, rendering" in err) == (1, True)
+
+    def test_show_tells_the_story(self, client: redis.Redis, api: str) -> None:
+        job = StagedJob(client)
+        job.commit(4)
+        job.point(100, 5, slope=0.5)
+        job.end(JobState.CONVERGED, "levelled off")
+        code, out, _ = plateau("show", job.id)
+        assert code == 0
+        for words in ("queued: created", "rendering: ", "converged: levelled off"):
+            assert words in out
+        assert f"{api}/v1/jobs/{job.id}/image.png" in out
+
+    def test_cancel_may_be_repeated_but_not_too_late(self, client: redis.Redis) -> None:
+        job = StagedJob(client)
+        for _ in range(2):
+            assert plateau("cancel", job.id) == (0, f"{job.id} cancelled\n", "")
+        late = StagedJob(client)
+        late.commit()
+        late.end()
+        code, _, err = plateau("cancel", late.id)
+        assert (code, "is converged" in err) == (1, True)
+
+    @pytest.mark.parametrize(
+        ("state", "code"),
+        [
+            (JobState.CONVERGED, 0),
+            (JobState.EXHAUSTED, 0),
+            (JobState.FAILED, 1),
+            (JobState.CANCELLED, 4),
+        ],
+    )
+    def test_watch_exits_as_the_job_ended(
+        self, client: redis.Redis, store: Blobs, tmp_path: Path, state: JobState, code: int
+    ) -> None:
+        job = StagedJob(client)
+        job.commit(4)
+        job.point(100, 5)
+        job.picture(store, "image.png", b"a picture")
+        job.end(state, "because")
+        job.finish()
+        out_folder = tmp_path / "out"
+        exit_code, out, err = plateau("watch", job.id, "-o", str(out_folder))
+        assert exit_code == code
+        assert f"state:   {state.value}" in out
+        assert "100 spp" in err
+        assert (out_folder / "image.png").read_bytes() == b"a picture"
+        exit_code, out, _ = plateau("watch", job.id, "--json")
+        assert exit_code == code
+        assert json.loads(out)["state"] == state.value
+
+
+class TestErrorsAreOneLine:
+    @pytest.mark.usefixtures("_service")
+    def test_of_the_service(self) -> None:
+        code, out, err = plateau("show", "0123456789ab")
+        assert (code, out) == (1, "")
+        assert err.startswith("plateau: there is no job '0123456789ab'")
+        assert len(err.splitlines()) == 1
+
+    def test_of_a_service_that_is_not_there(self) -> None:
+        with listen("127.0.0.1", 0) as free:
+            port = free.getsockname()[1]
+        code, _, err = plateau("list", "--url", f"http://127.0.0.1:{port}")
+        assert code == 1
+        assert "plateau up" in err
+        assert len(err.splitlines()) == 1
+
+    @pytest.mark.parametrize("command", ["submit", "render"])
+    def test_of_a_scene(self, tmp_path: Path, command: str) -> None:
+        broken = tmp_path / "broken.xml"
+        broken.write_bytes(scene(mesh("gone.ply")))
+        code, _, err = plateau(command, str(broken))
+        assert code == 1
+        assert "gone.ply" in err
+        assert len(err.splitlines()) == 1
+        assert plateau(command, str(tmp_path / "nowhere.xml"))[0] == 1
+
+    @pytest.mark.parametrize("command", ["api", "monitor", "worker"])
+    def test_of_a_process_without_a_farm(
+        self, command: str, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.delenv("PLATEAU_REDIS_URL", raising=False)
+        monkeypatch.setenv("PLATEAU_BLOBS", "/tmp/blobs")
+        code, _, err = plateau(command)
+        assert code == 1
+        assert err.startswith("plateau: set PLATEAU_REDIS_URL: ")
+
+    def test_of_an_address_that_is_not_loopback(self, redis_url: str, tmp_path: Path) -> None:
+        done = subprocess.run(
+            [sys.executable, "-m", "plateau", "api", "--host", "0.0.0.0"],
+            env={"PLATEAU_REDIS_URL": redis_url, "PLATEAU_BLOBS": str(tmp_path)},
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert done.returncode == 1
+        assert "refusing to listen on '0.0.0.0'" in done.stderr
+        assert "Traceback" not in done.stderr
+
+    def test_of_a_setting(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setenv("PLATEAU_LEASE_S", "-1")
+        code, _, err = plateau("monitor")
+        assert code == 1
+        assert err == "plateau: PLATEAU_LEASE_S: Input should be greater than 0\n"
+
+    @pytest.mark.parametrize(
+        ("redis_at", "blobs", "words"),
+        [
+            ("nowhere", "/tmp", "PLATEAU_REDIS_URL: "),
+            ("redis://127.0.0.1", "what://ever", "PLATEAU_BLOBS: "),
+        ],
+    )
+    def test_of_an_address(
+        self, redis_at: str, blobs: str, words: str, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setenv("PLATEAU_REDIS_URL", redis_at)
+        monkeypatch.setenv("PLATEAU_BLOBS", blobs)
+        code, _, err = plateau("monitor")
+        assert code == 1
+        assert err.startswith(f"plateau: {words}")
+        assert len(err.splitlines()) == 1

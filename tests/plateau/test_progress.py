@@ -1,0 +1,61 @@
+"""What is shown of a job while it runs."""
+
+import io
+from datetime import datetime, timedelta, timezone
+
+import redis
+from rich.console import Console
+
+from farm.jobs import Jobs
+from plateau.progress import LiveProgress, PlainProgress, progress_on, sparkline
+from tests.support.staged_job import StagedJob
+
+
+def shown(client: redis.Redis, *, terminal: bool) -> str:
+    """All that a watcher sees of a job with three points."""
+    staged = StagedJob(client)
+    text = io.StringIO()
+    console = Console(file=text, force_terminal=terminal, width=120, legacy_windows=False)
+    progress = progress_on(console)
+    assert isinstance(progress, LiveProgress if terminal else PlainProgress)
+    jobs = Jobs(client)
+    with progress:
+        progress.job(jobs.get(staged.id))
+        staged.commit(12)
+        for spp, visible, slope in ((100, 0, None), (200, 20, None), (300, 25, 0.125)):
+            staged.point(spp, visible, slope)
+        progress.job(jobs.get(staged.id))
+        start = datetime(2026, 1, 1, tzinfo=timezone.utc)
+        for number, event in enumerate(jobs.events(staged.id)):
+            at = start + timedelta(seconds=number)
+            progress.event(event.model_copy(update={"at": at}))
+        progress.refresh()
+    return text.getvalue()
+
+
+def test_a_pipe_gets_a_line_for_each_point(client: redis.Redis) -> None:
+    lines = shown(client, terminal=False).splitlines()
+    assert lines[0] == "queued: waiting for a worker"
+    assert lines[1] == "rendering: rendering with scalar_rgb"
+    assert [line.split()[0] for line in lines[2:]] == ["100", "200", "300"]
+    last = lines[-1]
+    # 32×24 pixels: 25 of them, and ε scaled from 512×512
+    assert "visible 25 px (3.26 %)" in last
+    assert "slope 0.125 px/spp (stops at 0.000293)" in last
+    assert "half-buffer" in last
+    # 11 slices of 25 spp in 11 s after the first
+    assert f"{32 * 24 * 25 / 1e6:.2f} Msamples/s" in last
+    assert "\x1b" not in "".join(lines)
+
+
+def test_a_terminal_gets_lines_that_change(client: redis.Redis) -> None:
+    text = shown(client, terminal=True)
+    assert "300 of at most 10,000 spp" in text
+    assert "scalar_rgb · 32×24" in text
+    assert "▁▆█" in text
+
+
+def test_a_sparkline_spans_from_0_to_the_highest() -> None:
+    assert sparkline([0, 5, 10]) == "▁▄█"
+    assert sparkline([0, 0]) == "▁▁"
+    assert len(sparkline(list(range(1000)))) == 48

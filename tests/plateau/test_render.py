@@ -1,0 +1,133 @@
+"""`plateau render`: from a scene to its results, for real, with Mitsuba."""
+
+import json
+import signal
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.support.bundles import scene
+from tests.support.commands import Command, until
+
+#: A lit floor, small enough to take no time.
+FLOOR = scene(
+    '<integrator type="direct"/><emitter type="constant"/><shape type="rectangle"/>',
+    sensor='<sensor type="perspective"><film type="hdrfilm"><integer name="width" value="24"/>'
+    '<integer name="height" value="16"/><rfilter type="box"/></film></sensor>',
+)
+
+Render = Callable[..., Command]
+
+
+@pytest.fixture
+def render(tmp_path: Path) -> Iterator[Render]:
+    started: list[Command] = []
+    (tmp_path / "floor.xml").write_bytes(FLOOR)
+
+    def start(*options: str, text: bytes = FLOOR) -> Command:
+        path = tmp_path / "floor.xml"
+        path.write_bytes(text)
+        out = str(tmp_path / "out")
+        # scalar: no library to look for; short leases: whoever dies is soon replaced
+        arguments = ("render", str(path), "-o", out, "--variant", "scalar_rgb", *options)
+        leases = {"PLATEAU_LEASE_S": "2", "PLATEAU_HEARTBEAT_S": "0.5"}
+        started.append(Command(*arguments, folder=tmp_path, **leases))
+        return started[-1]
+
+    yield start
+    for command in started:
+        command.end()
+
+
+def left_nothing(command: Command) -> None:
+    command.is_gone()
+    assert list(command.temporary.iterdir()) == []
+
+
+def test_a_scene_becomes_an_image(render: Render, tmp_path: Path) -> None:
+    command = render("--rule", "fixed", "--spp", "100", "--step", "50", "--workers", "2")
+    assert command.exit_code(120) == 0
+    left_nothing(command)
+    out = tmp_path / "out"
+    summary = json.loads((out / "summary.json").read_text())
+    assert (summary["state"], summary["spp"]) == ("converged", 100)
+    assert [point["spp"] for point in summary["curve"]] == [50, 100]
+    assert {path.name for path in out.iterdir()} == {
+        "curve.csv",
+        "curve.png",
+        "difference.png",
+        "image.exr",
+        "image.png",
+        "summary.json",
+        "summary.txt",
+    }
+    # In a pipe, progress is a line for each point, and the end is in words
+    assert "rendering with scalar_rgb" in command.said
+    assert "50 spp" in command.said
+    assert "99 % of the cap" in command.said
+
+
+def test_ctrl_c_cancels_and_writes_what_there_is(render: Render, tmp_path: Path) -> None:
+    command = render("--epsilon", "1e-9", "--max-spp", "1000000")
+    command.wait_for(r"200 spp")
+    command.family()
+    command.process.send_signal(signal.SIGINT)
+    assert command.exit_code() == 130
+    left_nothing(command)
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert summary["state"] == "cancelled"
+    assert summary["spp"] >= 200
+    assert (tmp_path / "out" / "image.exr").exists()
+
+
+def test_ctrl_c_before_anything_runs_leaves_at_once(render: Render) -> None:
+    command = render()
+    until(lambda: len(command.family()) >= 1, 30)
+    command.process.send_signal(signal.SIGINT)
+    assert command.exit_code() == 130
+    left_nothing(command)
+
+
+def test_when_it_is_killed_nothing_runs_on(render: Render) -> None:
+    command = render("--epsilon", "1e-9", "--max-spp", "1000000")
+    command.wait_for("200 spp")
+    assert len(command.family()) >= 5  # Redis, API, monitor, worker, render child
+    command.process.kill()
+    command.is_gone()
+    # What it left on disk goes with the next one
+    assert any(path.name.startswith("plateau-render-") for path in command.temporary.iterdir())
+    again = render("--rule", "fixed", "--spp", "25", "--step", "25")
+    assert again.exit_code(120) == 0
+    assert not [p for p in again.temporary.iterdir() if p.name.startswith("plateau-render-")]
+
+
+@pytest.mark.parametrize("name", ["worker", "monitor"])
+def test_a_process_that_is_killed_changes_nothing(
+    render: Render, tmp_path: Path, name: str
+) -> None:
+    def points() -> list[tuple[int, int]]:
+        summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+        return [(point["spp"], point["visible_pixels"]) for point in summary["curve"]]
+
+    options = ("--rule", "fixed", "--spp", "2000")
+    undisturbed = render(*options)
+    assert undisturbed.exit_code(120) == 0
+    expected = points()
+    command = render(*options)
+    command.wait_for("200 spp")
+    command.member(name).kill()
+    assert command.exit_code(120) == 0
+    assert "was ended by SIGKILL; starting it again" in command.said
+    assert points() == expected
+
+
+def test_a_scene_that_mitsuba_refuses_fails_in_its_words(render: Render, tmp_path: Path) -> None:
+    command = render(text=FLOOR.replace(b"rectangle", b"dodecahedron"))
+    assert command.exit_code(120) == 1
+    left_nothing(command)
+    assert "the job failed" in command.said
+    assert "dodecahedron" in command.said
+    assert "Traceback" not in command.said
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert (summary["state"], "dodecahedron" in summary["reason"]) == ("failed", True)

@@ -1,0 +1,118 @@
+"""`plateau up`: a tree of processes that stands by itself and leaves nothing behind."""
+
+import re
+import signal
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from plateau.client import Client
+from tests.support.bundles import scene
+from tests.support.commands import Command, until
+
+Up = Callable[..., Command]
+READY = r"listens at (http://127\.0\.0\.1:\d+)"
+
+
+@pytest.fixture
+def up(tmp_path: Path) -> Iterator[Up]:
+    started: list[Command] = []
+
+    def start(*arguments: str) -> Command:
+        # No worker: none of this needs one, and it takes the longest to start
+        arguments = ("up", "--workers", "0", "--port", "0", *arguments)
+        started.append(Command(*arguments, folder=tmp_path))
+        return started[-1]
+
+    yield start
+    for command in started:
+        command.end()
+
+
+@pytest.fixture
+def box(tmp_path: Path) -> Path:
+    path = tmp_path / "box.xml"
+    path.write_bytes(scene())
+    return path
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_it_stops_in_order_and_its_jobs_survive(
+    up: Up, box: Path, tmp_path: Path, number: signal.Signals
+) -> None:
+    # Given a service with a job
+    first = up()
+    with Client(first.wait_for(READY)) as client:
+        job = client.submit(box)
+    # It says how another worker joins, and where its data is
+    assert re.search(r"PLATEAU_REDIS_URL=\S+ PLATEAU_BLOBS=\S+ plateau worker", first.said)
+    assert str(tmp_path / "data") in first.said
+    assert len(first.family()) == 3
+    # If it is asked to stop
+    first.process.send_signal(number)
+    # Then it does, with nothing left behind
+    assert first.exit_code() == 0
+    first.is_gone()
+    assert list(first.temporary.iterdir()) == []
+    # And the next one has the job
+    second = up()
+    with Client(second.wait_for(READY)) as client:
+        assert client.job(job.id).scene_sha256 == job.scene_sha256
+
+
+def test_a_second_one_on_its_folder_is_refused(up: Up) -> None:
+    first = up()
+    url = first.wait_for(READY)
+    second = up()
+    assert second.exit_code() == 1
+    assert f"already runs there at {url}" in second.said
+    assert len(second.said.splitlines()) == 1
+
+
+def test_a_port_that_is_taken_is_said_to_be(up: Up, tmp_path: Path) -> None:
+    first = up()
+    port = first.wait_for(READY).rpartition(":")[2]
+    second = Command("up", "--port", port, folder=tmp_path / "other")
+    try:
+        assert second.exit_code() == 1
+        assert "cannot listen on 127.0.0.1" in second.said
+        second.is_gone()
+    finally:
+        second.end()
+
+
+def test_when_it_is_killed_everything_goes_and_the_next_may_start(up: Up, box: Path) -> None:
+    first = up()
+    with Client(first.wait_for(READY)) as client:
+        job = client.submit(box)
+    assert len(first.family()) == 3
+    first.process.kill()
+    second = up()  # at once: it waits until the others have left
+    first.is_gone()
+    with Client(second.wait_for(READY)) as client:
+        assert client.job(job.id).id == job.id
+
+
+@pytest.mark.parametrize("name", ["api", "monitor"])
+def test_a_process_that_dies_is_started_again(up: Up, name: str) -> None:
+    command = up()
+    url = command.wait_for(READY)
+    command.member(name).kill()
+    command.wait_for(f"{name} was ended by SIGKILL; starting it again")
+    until(lambda: len(command.family()) == 3, 10)
+    with Client(url) as client:  # the API has its port again
+        assert client.jobs().jobs == []
+
+
+def test_redis_is_started_again_with_all_that_it_had(up: Up, box: Path) -> None:
+    command = up()
+    url = command.wait_for(READY)
+    with Client(url) as client:
+        job = client.submit(box)
+        command.family()
+        redis_server = next(one for one in command.family() if "redis" in one.name())
+        redis_server.kill()
+        command.wait_for("the embedded Redis is gone; starting everything again")
+        until(lambda: len(command.family()) == 3, 20)
+        assert client.job(job.id).id == job.id

@@ -1,0 +1,27 @@
+"""A live API over the session's Redis, which is empty for each test."""
+
+from collections.abc import Iterator
+
+import httpx
+import pytest
+
+from farm.blobs import Blobs
+from farm.embedded import EmbeddedRedis
+from tests.support.live_api import live_api
+
+
+@pytest.fixture(scope="session")
+def api_store(tmp_path_factory: pytest.TempPathFactory) -> Blobs:
+    return Blobs(str(tmp_path_factory.mktemp("api-blobs")))
+
+
+@pytest.fixture(scope="session")
+def session_api(embedded_redis: EmbeddedRedis, api_store: Blobs) -> Iterator[str]:
+    with live_api(embedded_redis.url, api_store) as url:
+        yield url
+
+
+@pytest.fixture
+def http(session_api: str, redis_url: str) -> Iterator[httpx.Client]:
+    with httpx.Client(base_url=session_api, trust_env=False, timeout=10) as http:
+        yield http

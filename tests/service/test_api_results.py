@@ -1,0 +1,207 @@
+"""A job's curve, ledger, images and events over HTTP."""
+
+import csv
+import threading
+import time
+from collections.abc import Iterator
+
+import httpx
+import pytest
+import redis
+
+from farm.blobs import Blobs
+from farm.job import Event
+from farm.states import JobState
+from plateau.sse import parse_events
+from tests.service.test_api_jobs import problem
+from tests.support.staged_job import HEIGHT, WIDTH, StagedJob
+
+
+def events(http: httpx.Client, job_id: str, **headers: str) -> Iterator[Event]:
+    with http.stream("GET", f"/v1/jobs/{job_id}/events", headers=headers) as answer:
+        assert answer.status_code == 200
+        assert answer.headers["content-type"].startswith("text/event-stream")
+        yield from parse_events(answer.iter_lines())
+
+
+def told(happened: Iterator[Event] | list[Event]) -> list[str]:
+    return [event.type for event in happened]
+
+
+class TestTheCurve:
+    @pytest.fixture
+    def job(self, client: redis.Redis) -> StagedJob:
+        job = StagedJob(client, watch=[{"name": "fixed"}])
+        job.commit(8)
+        job.point(100, 0)
+        job.point(200, 30, slope=0.25)
+        return job
+
+    def test_comes_as_json(self, http: httpx.Client, job: StagedJob) -> None:
+        first, second = http.get(f"/v1/jobs/{job.id}/curve").json()["points"]
+        assert (first["spp"], first["visible_pixels"], first["slope"]) == (100, 0, None)
+        assert (second["spp"], second["slope"]) == (200, 0.25)
+        assert second["visible_fraction"] == 30 / (WIDTH * HEIGHT)
+        assert second["rules"]["reverse"] == {"value": 0.25, "stop": False}
+
+    def test_comes_as_csv_by_name_and_by_accept(self, http: httpx.Client, job: StagedJob) -> None:
+        by_name = http.get(f"/v1/jobs/{job.id}/curve.csv")
+        by_accept = http.get(f"/v1/jobs/{job.id}/curve", headers={"Accept": "text/csv"})
+        assert by_name.text == by_accept.text
+        assert by_name.headers["content-type"].startswith("text/csv")
+        first, second = csv.DictReader(by_name.text.splitlines())
+        assert (first["spp"], first["visible_pixels"], first["slope"]) == ("100", "0", "")
+        assert (second["slope"], second["reverse_value"], second["reverse_stop"]) == (
+            "0.25",
+            "0.25",
+            "false",
+        )
+
+    def test_shows_in_the_job(self, http: httpx.Client, job: StagedJob) -> None:
+        shown = http.get(f"/v1/jobs/{job.id}").json()
+        assert (shown["points"], shown["spp"], shown["committed_spp"]) == (2, 200, 200)
+        assert (shown["visible_pixels"], shown["slope"]) == (30, 0.25)
+
+    def test_is_empty_at_first(self, http: httpx.Client, client: redis.Redis) -> None:
+        job = StagedJob(client)
+        assert http.get(f"/v1/jobs/{job.id}/curve").json() == {"points": []}
+        assert http.get(f"/v1/jobs/{job.id}/curve.csv").text.startswith("spp,visible_pixels,")
+
+
+def test_the_ledger_shows_each_slice(http: httpx.Client, client: redis.Redis) -> None:
+    job = StagedJob(client)
+    job.commit(3)
+    slices = http.get(f"/v1/jobs/{job.id}/slices").json()["slices"]
+    assert [(one["index"], one["first_seed"], one["spp"]) for one in slices] == [
+        (0, 0, 25),
+        (1, 10, 25),
+        (2, 20, 25),
+    ]
+
+
+class TestImages:
+    @pytest.mark.parametrize(
+        ("name", "media_type"),
+        [
+            ("image.png", "image/png"),
+            ("image.exr", "image/x-exr"),
+            ("difference.png", "image/png"),
+        ],
+    )
+    def test_come_as_they_are_stored(
+        self, http: httpx.Client, client: redis.Redis, api_store: Blobs, name: str, media_type: str
+    ) -> None:
+        job = StagedJob(client)
+        picture = bytes(range(256)) * 40_000  # more than one piece
+        job.picture(api_store, name, picture)
+        answer = http.get(f"/v1/jobs/{job.id}/{name}")
+        assert answer.content == picture
+        assert answer.headers["content-type"] == media_type
+        assert answer.headers["cache-control"] == "no-cache"
+
+    def test_are_missed_in_words(self, http: httpx.Client, client: redis.Redis) -> None:
+        job = StagedJob(client)
+        found = problem(http.get(f"/v1/jobs/{job.id}/image.png"), 404, "no-image-yet")
+        assert "first point of its curve" in found["detail"]
+        assert found["state"] == "queued"
+        job.commit()
+        job.end(JobState.FAILED, "no plugin of that name")
+        found = problem(http.get(f"/v1/jobs/{job.id}/image.png"), 404, "no-image-yet")
+        assert "failed and left no image: no plugin of that name" in found["detail"]
+
+
+class TestEvents:
+    def test_tell_the_whole_story_and_end(self, http: httpx.Client, client: redis.Redis) -> None:
+        job = StagedJob(client)
+        job.commit(4)
+        job.point(100, 12, slope=0.5)
+        job.end()
+        job.finish()
+        happened = list(events(http, job.id))
+        assert told(happened) == [
+            "state",
+            "state",
+            *["slice"] * 4,
+            "point",
+            "state",
+            "finished",
+        ]
+        assert [event.data["to"] for event in happened if event.type == "state"] == [
+            "queued",
+            "rendering",
+            "converged",
+        ]
+        [point] = [event.data for event in happened if event.type == "point"]
+        assert (point["spp"], point["visible_pixels"], point["slope"]) == (100, 12, 0.5)
+        # As JSON on request
+        listed = http.get(f"/v1/jobs/{job.id}/events", headers={"Accept": "application/json"})
+        assert [one["id"] for one in listed.json()["events"]] == [one.id for one in happened]
+
+    def test_arrive_as_they_happen(self, http: httpx.Client, client: redis.Redis) -> None:
+        job = StagedJob(client)
+        arrived: list[tuple[str, float]] = []
+
+        def listen() -> None:
+            arrived.extend((event.type, time.monotonic()) for event in events(http, job.id))
+
+        listener = threading.Thread(target=listen)
+        listener.start()
+        time.sleep(0.3)
+        happened = []
+        for do in (job.commit, lambda: job.point(25, 1), job.end, job.finish):
+            happened.append(time.monotonic())
+            do()
+            time.sleep(0.1)
+        listener.join(10)
+        # queued; then rendering and a slice, a point, converged, finished
+        assert [kind for kind, _ in arrived[1:]] == ["state", "slice", "point", "state", "finished"]
+        starts = [happened[i] for i in (0, 0, 1, 2, 3)]
+        late = [at - start for start, (_, at) in zip(starts, arrived[1:], strict=True)]
+        assert max(late) < 1.0
+
+    def test_go_on_from_the_last_one_seen(self, http: httpx.Client, client: redis.Redis) -> None:
+        job = StagedJob(client)
+        job.commit(2)
+        job.end()
+        job.finish()
+        everything = list(events(http, job.id))
+        for seen, event in enumerate(everything[:-1]):
+            rest = list(events(http, job.id, **{"Last-Event-ID": event.id}))
+            assert rest == everything[seen + 1 :]
+        query = http.get(f"/v1/jobs/{job.id}/events?after={everything[-2].id}")
+        assert told(parse_events(query.text.splitlines())) == ["finished"]
+
+    def test_say_that_nothing_more_will_come(self, http: httpx.Client, client: redis.Redis) -> None:
+        job = StagedJob(client)
+        job.end(JobState.FAILED)
+        job.finish()
+        last = list(events(http, job.id))[-1]
+        answer = http.get(f"/v1/jobs/{job.id}/events", headers={"Last-Event-ID": last.id})
+        assert answer.status_code == 204  # on which a browser does not come back
+
+    def test_reach_everyone_who_watches(self, http: httpx.Client, client: redis.Redis) -> None:
+        job = StagedJob(client)
+        heard: list[list[str]] = [[] for _ in range(8)]
+
+        def listen(ear: list[str]) -> None:
+            ear.extend(told(events(http, job.id)))
+
+        listeners = [threading.Thread(target=listen, args=(ear,)) for ear in heard]
+        for listener in listeners:
+            listener.start()
+        for number in range(1, 6):
+            job.commit()
+            job.point(25 * number, number)
+        job.end()
+        job.finish()
+        for listener in listeners:
+            listener.join(10)
+        assert heard == [["state", "state", *["slice", "point"] * 5, "state", "finished"]] * 8
+
+    @pytest.mark.parametrize("last", ["x", "1", "1-2-3", "-"])
+    def test_refuse_an_id_that_is_none(
+        self, http: httpx.Client, client: redis.Redis, last: str
+    ) -> None:
+        job = StagedJob(client)
+        answer = http.get(f"/v1/jobs/{job.id}/events", headers={"Last-Event-ID": last})
+        problem(answer, 422, "invalid-request")

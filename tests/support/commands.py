@@ -1,0 +1,108 @@
+"""Plateau's commands as real processes, and all that they start."""
+
+import os
+import re
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import psutil
+
+
+class Command:
+    """A ``plateau`` command under way.
+
+    Parameters
+    ----------
+    arguments
+        The command line after ``plateau``.
+    folder
+        Where its settings, its temporary files and what it says are kept.
+    """
+
+    def __init__(self, *arguments: str, folder: Path, **environment: str) -> None:
+        self.temporary = folder / "tmp"
+        self.temporary.mkdir(parents=True, exist_ok=True)
+        self._said = folder / f"said-{time.monotonic_ns()}"
+        with self._said.open("wb") as said:
+            self.process = subprocess.Popen(
+                [sys.executable, "-m", "plateau", *arguments],
+                stdin=subprocess.DEVNULL,
+                stdout=said,
+                stderr=said,
+                env={
+                    "PATH": os.environ["PATH"],
+                    "PLATEAU_DATA": str(folder / "data"),
+                    "PLATEAU_CACHE": str(folder / "cache"),
+                    "TMPDIR": str(self.temporary),
+                    **environment,
+                },
+            )
+        self._seen: dict[int, psutil.Process] = {}
+
+    @property
+    def said(self) -> str:
+        """What it has printed, both streams."""
+        return self._said.read_text()
+
+    def wait_for(self, pattern: str, seconds: float = 60) -> str:
+        """What it printed first that matches: the pattern's group, or all of it."""
+        found: list[str] = []
+
+        def has_said() -> bool:
+            match = re.search(pattern, self.said)
+            found.extend([match.group(match.lastindex or 0)] if match else [])
+            if not found:
+                assert self.process.poll() is None, f"it ended: {self.said}"
+            return bool(found)
+
+        until(has_said, seconds, lambda: f"it never said {pattern!r}: {self.said}")
+        return found[0]
+
+    def family(self) -> list[psutil.Process]:
+        """Every process that it has started, directly or not, and that still runs."""
+        if self.process.poll() is None:
+            for one in psutil.Process(self.process.pid).children(recursive=True):
+                self._seen[one.pid] = one
+        return [one for one in self._seen.values() if _runs(one)]
+
+    def member(self, name: str) -> psutil.Process:
+        """The process that runs ``plateau NAME``."""
+        return next(one for one in self.family() if name in one.cmdline()[2:4])
+
+    def exit_code(self, seconds: float = 60) -> int:
+        """Its exit code, once it has ended."""
+        try:
+            return self.process.wait(seconds)
+        except subprocess.TimeoutExpired:
+            raise AssertionError(f"it did not end: {self.said}") from None
+
+    def is_gone(self, seconds: float = 15) -> None:
+        """Assert that nothing of it runs any more, soon."""
+        until(lambda: not self.family(), seconds, lambda: f"still running: {self.family()}")
+
+    def end(self) -> None:
+        """End all of it by force."""
+        for one in self.family():
+            one.kill()
+        self.process.kill()
+        self.process.wait()
+
+
+def until(
+    condition: Callable[[], bool], seconds: float, complaint: Callable[[], str] = lambda: ""
+) -> None:
+    """Wait until something is so."""
+    deadline = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < deadline, complaint()
+        time.sleep(0.02)
+
+
+def _runs(process: psutil.Process) -> bool:
+    try:
+        return process.is_running() and process.status() != psutil.STATUS_ZOMBIE
+    except psutil.NoSuchProcess:
+        return False
