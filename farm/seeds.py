@@ -40,6 +40,14 @@ SCALAR_BLOCK = 32
 #: Samples in the largest pass: about a second of work on two cores, so that a cancel is quick.
 LARGEST_PASS_SAMPLES = 2**20
 
+#: LLVM variants: spp of the largest pass. Dr.Jit renders packets of 4 lanes (NEON, SSE), 8 (AVX) or
+#: 16 (AVX-512), and how packets are dealt to threads depends on their number. A pixel that does not
+#: fit one packet is summed in the order in which threads finish: with 9 threads, passes of 32 spp
+#: over 40×24 pixels differed in their last bits from one to the next. Small passes cost little:
+#: 64×64 rendered 1.8 million samples/s in passes of 4 spp and 2.2 in passes of 16, larger films as
+#: many either way (Cornell box, two cores).
+LLVM_LARGEST_SPP = 4
+
 #: JIT variants: the passes set aside for each job seed (2**12 job seeds of 2**20 passes).
 JIT_PASSES_PER_JOB_SEED = 2**20
 
@@ -93,8 +101,8 @@ def largest_pass(width: int, height: int) -> int:
 def passes(slice_spp: int, largest: int) -> tuple[int, ...]:
     """Return the powers of two, descending and none above `largest`, that sum to `slice_spp`.
 
-    Powers of two because a JIT render call of any other count spreads a pixel over packets whose
-    sums race between threads: its last bits would depend on the machine.
+    Powers of two because a JIT render call of any other count spreads pixels over packets, whose
+    sums race between threads: their last bits would be up to chance (see `LLVM_LARGEST_SPP`).
 
     Parameters
     ----------
@@ -179,10 +187,11 @@ class SeedSchedule:
     @cached_property
     def pass_spp(self) -> tuple[int, ...]:
         """The spp of each pass of a slice, in rendering order; the same for every slice."""
-        largest = largest_pass(self.width, self.height)
+        largest = min(largest_pass(self.width, self.height), self._seeds.largest_spp)
         # Larger passes use fewer seeds, and a slower cancel is better than no job.
         while (
-            self.slices * len(passes(self.slice_spp, largest)) > self._seeds.passes_per_job
+            self._seeds.scarce
+            and self.slices * len(passes(self.slice_spp, largest)) > self._seeds.passes_per_job
             and 2 * largest <= self.slice_spp
         ):
             largest *= 2
@@ -235,6 +244,7 @@ class _JitSeeds:
 
     def __init__(self, variant: str) -> None:
         self.described = variant
+        self.largest_spp = LLVM_LARGEST_SPP if variant.startswith("llvm") else LARGEST_PASS_SAMPLES
 
     def reserved(self, _needed: int) -> int:
         """Return the passes set aside for a job: always the same, so that all jobs are disjoint."""
@@ -249,6 +259,7 @@ class _ScalarSeeds:
     """Seeds of scalar passes whose random numbers never overlap, in scrambled order."""
 
     scarce = True
+    largest_spp = LARGEST_PASS_SAMPLES
 
     def __init__(self, variant: str, width: int, height: int) -> None:
         self.described = f"{variant} at {width}×{height}"

@@ -4,6 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+ZoneCount = Annotated[int, Field(ge=1, le=64)]
 Variant = Literal["auto", "scalar_rgb", "llvm_ad_rgb", "cuda_ad_rgb"]
 
 
@@ -43,7 +44,43 @@ class ReverseSpec(_Spec):
     )
 
 
-RuleSpec = Annotated[FixedSpec | ReverseSpec, Field(discriminator="name")]
+class SuccessiveSpec(_Spec):
+    """Stop when an image hardly differs from the one before it (algorithm 4.2)."""
+
+    name: Literal["successive"] = "successive"
+    threshold: float = Field(1.0, ge=0, description="visible pixels at 512×512 at which to stop")
+
+
+class MultipleSpec(_Spec):
+    """Stop when the last images hardly differ from the newest (algorithm 4.3)."""
+
+    name: Literal["multiple"] = "multiple"
+    window: int = Field(5, ge=1, le=1000, description="earlier images that are compared")
+    threshold: float = Field(1.0, ge=0, description="visible pixels at 512×512 at which to stop")
+
+
+class MyszkowskiSpec(_Spec):
+    """Stop when the image hardly differs from the one at a share of its samples (1998)."""
+
+    name: Literal["myszkowski"] = "myszkowski"
+    alpha: float = Field(0.5, gt=0, lt=1, description="the share of the samples")
+    threshold: float = Field(1.0, ge=0, description="visible pixels at 512×512 at which to stop")
+
+
+class VisibleSpec(_Spec):
+    """Stop when hardly a pixel is estimated to differ visibly from the converged image (ours)."""
+
+    name: Literal["visible"] = "visible"
+    target: float = Field(
+        0.0002, gt=0, lt=1, description="fraction of the pixels, on two evaluations in a row"
+    )
+    min_spp: int = Field(200, ge=1, description="not before so many samples per pixel")
+
+
+RuleSpec = Annotated[
+    FixedSpec | SuccessiveSpec | MultipleSpec | ReverseSpec | MyszkowskiSpec | VisibleSpec,
+    Field(discriminator="name"),
+]
 
 
 class JobSpec(_Spec):
@@ -74,6 +111,12 @@ class JobSpec(_Spec):
         (), max_length=16, description="rules that are evaluated and reported, and stop nothing"
     )
     view: ViewSpec = Field(default_factory=ViewSpec, description="how the image is looked at")
+    zones: tuple[ZoneCount, ZoneCount] = Field(
+        (4, 4), description="rows and columns of zones that are judged apart"
+    )
+    keep_slices: bool = Field(
+        False, description="keep every slice, to be judged again by other rules and views"
+    )
 
     @model_validator(mode="after")
     def _consistent(self) -> "JobSpec":

@@ -2,19 +2,26 @@
 
 from metric.display import Image, Mask, Primaries, View, encode_srgb
 from metric.estimate import Estimate, Half, half_buffer_estimate
+from metric.forecasts import Forecast, forecast
 from metric.pictures import difference_picture
+from metric.psychometrics import LogitFit, fit_logit
 from metric.rules import (
     RULES,
     Evidence,
     Fixed,
     Json,
     Memory,
+    Multiple,
+    Myszkowski,
     Reverse,
     Rule,
+    Successive,
     Verdict,
+    Visible,
     create_rule,
 )
 from metric.vdp import Difference, Percept, VisibleDifferences, visible_differences
+from metric.zones import zone_edges, zone_fractions
 
 __all__ = [
     "RULES",
@@ -22,21 +29,31 @@ __all__ = [
     "Estimate",
     "Evidence",
     "Fixed",
+    "Forecast",
     "Half",
     "Image",
     "Json",
+    "LogitFit",
     "Mask",
     "Memory",
+    "Multiple",
+    "Myszkowski",
     "Percept",
     "Primaries",
     "Reverse",
     "Rule",
+    "Successive",
     "Verdict",
     "View",
+    "Visible",
     "VisibleDifferences",
     "create_rule",
     "difference_picture",
     "encode_srgb",
+    "fit_logit",
+    "forecast",
     "half_buffer_estimate",
     "visible_differences",
+    "zone_edges",
+    "zone_fractions",
 ]

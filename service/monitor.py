@@ -94,12 +94,14 @@ class Monitor:
     def _give_up(self, owned: Ownership, reason: str) -> bool:
         """Fail the job; where it had ended before, leave it without its last results."""
         try:
+            if self._jobs.get(owned.job_id).state.ended:
+                self._owners.finish(owned)
+                return True
             self._owners.end(owned, JobState.FAILED, reason)
         except FenceLost:
             return True
-        except IllegalTransition:
-            self._owners.finish(owned)
-            return True
+        except IllegalTransition as refused:
+            _LOG.info("%s", refused)  # it was cancelled a moment ago
         return False
 
     def _look_ahead(self) -> int:

@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import Final
 
 import psutil
-from farm.seeds import SeedSchedule, SeedsExhausted
 
 from farm import keys
 from farm.blobs import Blobs
@@ -24,6 +23,7 @@ from farm.bundle import BundleError
 from farm.errors import StoreUnavailable
 from farm.queue import Lease, SliceQueue
 from farm.redis_link import connect
+from farm.seeds import SeedSchedule, SeedsExhausted
 from farm.settings import Settings
 from farm.wake import Wake
 from worker.errors import SceneError

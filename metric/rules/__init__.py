@@ -8,7 +8,11 @@ from typing import TYPE_CHECKING
 
 from metric.rules.base import Evidence, Json, Memory, Rule, Verdict
 from metric.rules.fixed import Fixed
+from metric.rules.multiple import Multiple
+from metric.rules.myszkowski import Myszkowski
 from metric.rules.reverse import Reverse
+from metric.rules.successive import Successive
+from metric.rules.visible import Visible
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -19,14 +23,20 @@ __all__ = [
     "Fixed",
     "Json",
     "Memory",
+    "Multiple",
+    "Myszkowski",
     "Reverse",
     "Rule",
+    "Successive",
     "Verdict",
+    "Visible",
     "create_rule",
 ]
 
 #: Every rule that a job can name.
-RULES: Mapping[str, type[Rule]] = MappingProxyType({rule.name: rule for rule in (Fixed, Reverse)})
+RULES: Mapping[str, type[Rule]] = MappingProxyType(
+    {rule.name: rule for rule in (Fixed, Successive, Multiple, Reverse, Myszkowski, Visible)}
+)
 
 
 def create_rule(name: str, **parameters: object) -> Rule:

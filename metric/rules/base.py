@@ -11,7 +11,9 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar, TypeAlias
 
+from metric.display import as_image
 from metric.estimate import Estimate, Half, half_buffer_estimate
+from metric.forecasts import Forecast, forecast
 
 if TYPE_CHECKING:
     import numpy as np
@@ -22,6 +24,9 @@ if TYPE_CHECKING:
 
 #: What json can write and read back without loss.
 Json: TypeAlias = "dict[str, Json] | list[Json] | str | int | float | bool | None"
+
+#: The paper's image size, for which thresholds and slopes in pixels are taken to hold.
+PAPER_PIXELS = 512 * 512
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +73,33 @@ class Evidence:
             return None
         return half_buffer_estimate(self.metric, self.image, self.halves, percept=self.percept)
 
+    @cached_property
+    def kept_image(self) -> Image:
+        """A copy of the merged image for rules to keep, one for all of them; it cannot be changed.
+
+        A copy, for the monitor may go on adding to its own.
+        """
+        image: Image = as_image(self.image).copy()
+        image.flags.writeable = False
+        return image
+
+    def forecast(self, target: float, *, guess: int | None = None) -> Forecast | None:
+        """Return where the estimate will fall to this share of the pixels; None without halves.
+
+        `guess` is the spp of an earlier forecast for this target, which saves work.
+        """
+        if self.halves is None:
+            return None
+        return forecast(
+            self.metric,
+            self.image,
+            self.halves,
+            target,
+            percept=self.percept,
+            estimate=self.estimate,
+            guess=guess,
+        )
+
 
 @dataclass(frozen=True)
 class Verdict:
@@ -113,6 +145,13 @@ class Rule(ABC):
         """
 
     @abstractmethod
+    def stored_images(self, evaluations: int) -> int:
+        """Return how many images the rule keeps after so many evaluations at equal steps.
+
+        That is what it costs in memory and in every checkpoint: 12 bytes a pixel for each.
+        """
+
+    @abstractmethod
     def memory(self) -> Memory:
         """Return what the rule must keep: recalled by a fresh rule, later verdicts are the same."""
 
@@ -131,3 +170,9 @@ def require_whole_number(name: str, value: object, *, least: int) -> None:
     """Raise ValueError unless the parameter is a whole number, at least so large."""
     if isinstance(value, bool) or not isinstance(value, int) or value < least:
         raise ValueError(f"{name} must be a whole number of at least {least}, not {value!r}")
+
+
+def require_later(spp: int, newest: int | None) -> None:
+    """Raise ValueError unless the evaluation comes after the newest one that the rule has seen."""
+    if newest is not None and spp <= newest:
+        raise ValueError(f"{spp} spp came after {newest} spp: the curve only goes on")

@@ -17,8 +17,15 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from metric.display import Image, as_image
-from metric.rules.base import Memory, Rule, Verdict, require_whole_number
-from metric.vdp import COLOUR_LUMINANCE
+from metric.rules.base import (
+    PAPER_PIXELS,
+    Memory,
+    Rule,
+    Verdict,
+    require_later,
+    require_whole_number,
+)
+from metric.rules.words import darkness
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -27,7 +34,7 @@ if TYPE_CHECKING:
     from metric.vdp import Percept
 
 #: The image size for which the paper's ε is taken to hold.
-EPSILON_PIXELS = 512 * 512
+EPSILON_PIXELS = PAPER_PIXELS
 
 
 @dataclass(kw_only=True)
@@ -44,6 +51,8 @@ class Reverse(Rule):
     The paper gives ε no unit. Here it is visible pixels per sample per pixel at 512×512, and it
     scales with the pixel count: an image of W×H pixels stops at a slope of
     ``epsilon`` · W·H / 512². So the same noise stops at the same spp at any size.
+
+    It stores one image, the first.
 
     References
     ----------
@@ -97,6 +106,10 @@ class Reverse(Rule):
             reason=self._reason(evidence, slope, epsilon),
         )
 
+    def stored_images(self, evaluations: int) -> int:
+        """Return 1, the first image, as soon as there is one."""
+        return min(evaluations, 1)
+
     def memory(self) -> Memory:
         """Return the first image, its spp, and the last points of the curve."""
         if self._first_image is None:
@@ -116,13 +129,11 @@ class Reverse(Rule):
         """Return the percept and the spp of the first image, which this one is if none was."""
         if self._first_image is None or self._first_spp is None:
             self._first_spp = evidence.spp
-            # A copy: the monitor may go on adding to its own.
-            self._first_image = as_image(evidence.image).copy()
+            self._first_image = evidence.kept_image
             self._first_percept = evidence.percept
             return self._first_percept, self._first_spp
         newest = self._points[-1][0] if self._points else self._first_spp
-        if evidence.spp <= newest:
-            raise ValueError(f"{evidence.spp} spp came after {newest} spp: the curve only goes on")
+        require_later(evidence.spp, newest)
         if self._first_percept is None:
             self._first_percept = evidence.metric.percept(self._first_image)
         return self._first_percept, self._first_spp
@@ -175,7 +186,4 @@ def _point(row: Json) -> list[tuple[int, int]]:
 
 def _why_invisible(evidence: Evidence) -> str:
     """Return, in words, why no noise of this image was seen from the start."""
-    brightest = float(evidence.percept.levels[evidence.metric.adaptation_level].max())
-    if brightest < COLOUR_LUMINANCE:
-        return f"the image is so dark (at most {brightest:.3g} cd/m²) that its noise cannot be seen"
-    return "the first image already looked like the present one"
+    return darkness(evidence) or "the first image already looked like the present one"

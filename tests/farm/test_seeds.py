@@ -123,6 +123,13 @@ def test_scalar_passes_repeat_no_distance():
     assert max(distances.values()) <= 4
 
 
+def test_a_pixel_of_an_llvm_pass_fits_the_smallest_packet():
+    # or else the threads that share it race
+    assert SeedSchedule("llvm_ad_rgb", 40, 24, 25, 100).pass_spp == (4,) * 6 + (1,)
+    assert SeedSchedule("scalar_rgb", 40, 24, 25, 100).pass_spp == (16, 8, 1)
+    assert SeedSchedule("cuda_ad_rgb", 40, 24, 25, 100).pass_spp == (16, 8, 1)
+
+
 def test_scarce_scalar_seeds_make_passes_larger():
     # 1024×1024 has 4096 disjoint passes; passes of 1 spp would take 10,000 of them
     assert SeedSchedule("llvm_ad_rgb", 1024, 1024, 25, 10_000).pass_spp == (1,) * 25

@@ -188,7 +188,7 @@ def test_a_corrupted_partial_fails_its_job_and_no_other(farm: NoiseFarm) -> None
     assert good.state is JobState.CONVERGED
 
 
-def spoil(farm: NoiseFarm, lease) -> bool:  # noqa: ANN001
+def spoil(farm: NoiseFarm, lease) -> bool:
     """Change the partial between its upload and its commit."""
     put = farm.store.put
     try:
@@ -197,6 +197,19 @@ def spoil(farm: NoiseFarm, lease) -> bool:  # noqa: ANN001
     finally:
         farm.store.put = put  # type: ignore[method-assign]
     return True
+
+
+def test_results_that_cannot_be_written_do_not_hold_the_monitor(
+    farm: NoiseFarm, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: object) -> None:
+        raise ValueError("no picture of this")
+
+    monkeypatch.setattr(job_run.JobRun, "_write_pictures", refuse)
+    with farm.monitor():
+        done = work(farm, farm.submit(**QUICK))
+    assert done.state is JobState.CONVERGED  # as it was judged; only its pictures are missing
+    assert not farm.store.exists(blobs.result(done.id, "image.png"))
 
 
 def test_slices_of_two_sizes_fail_the_job(farm: NoiseFarm) -> None:

@@ -45,9 +45,7 @@ class NoiseFarm:
         self.sigma = sigma
 
     def submit(self, **spec: object) -> Job:
-        return self.jobs.create(
-            JobSpec.model_validate(spec), name="noise", scene_sha256="00"
-        ).job
+        return self.jobs.create(JobSpec.model_validate(spec), name="noise", scene_sha256="00").job
 
     @contextmanager
     def monitor(self) -> Iterator[Monitor]:
@@ -90,6 +88,4 @@ class NoiseFarm:
             worker="noise",
             render_s=0.01,
         )
-        return self.queue.commit(
-            lease, record, width=SIZE[1], height=SIZE[0], notes=()
-        )
+        return self.queue.commit(lease, record, width=SIZE[1], height=SIZE[0], notes=())

@@ -1,0 +1,297 @@
+"""The whole farm against the bare renderer: `make bench-farm`.
+
+`plateau render` starts Redis, API, monitor and a worker, renders, merges, judges and writes its
+results. One Mitsuba process renders the same passes of the same seeds and writes nothing. Both run
+in turns, on all cores, with compiled kernels at hand; each figure is a ratio of one pair.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from dataclasses import dataclass
+from datetime import datetime
+from itertools import accumulate
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import psutil
+
+from bench.report import Figure, figure, write_report
+from farm.exr import decode_image
+from farm.seeds import SeedSchedule
+from farm.settings import Settings
+from farm.spec import JobSpec
+from worker.variants import VariantChoice, choose
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+ROOT = Path(__file__).parents[1]
+_SPEC = JobSpec()
+_BARE = "one Mitsuba process that renders the same passes and writes nothing"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Work:
+    """What both render."""
+
+    scene: Path
+    width: int
+    height: int
+    spp: int
+    choice: VariantChoice
+    threads: int
+
+    @property
+    def parameters(self) -> dict[str, str]:
+        """Values for the scene's ``$width`` and ``$height``."""
+        return {"width": str(self.width), "height": str(self.height)}
+
+    @property
+    def passes(self) -> list[tuple[int, int]]:
+        """The spp and the seed of every pass, in order."""
+        schedule = SeedSchedule(
+            variant=self.choice.variant,
+            width=self.width,
+            height=self.height,
+            slice_spp=_SPEC.slice_spp,
+            max_spp=self.spp,
+        )
+        slices = map(schedule.passes, range(schedule.slices))
+        return [(one.spp, one.seed) for passes in slices for one in passes]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Run:
+    """What one run took."""
+
+    #: spp per second, from the end of the second step to the end of the last. (What the monitor
+    #: does once, on the first, would make the rest look faster.)
+    steady_spp_s: float
+    #: Seconds from the first lease, or from Mitsuba's import, until every sample was there.
+    rendering_s: float
+    #: Seconds of the whole process or process tree.
+    wall_s: float
+    #: CPU seconds of the process and all that it started.
+    cpu_s: float
+    #: How much of the cores everything else took meanwhile, this machine's host included.
+    others: float
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--scene", type=Path, default=ROOT / "scenes" / "box", help="a folder")
+    parser.add_argument("--size", type=_size, default=(256, 256), help="512, or 1920x1080")
+    parser.add_argument("--spp", type=int, default=1000, help="a multiple of the step")
+    parser.add_argument("--pairs", type=int, default=3, help="runs of each")
+    options = parser.parse_args()
+    if options.spp % _SPEC.step or options.spp < 3 * _SPEC.step:
+        parser.error(f"--spp must be a multiple of {_SPEC.step}, and at least three of it")
+
+    width, height = options.size
+    work = Work(
+        scene=options.scene.resolve(),
+        width=width,
+        height=height,
+        spp=options.spp,
+        choice=choose(Settings().cache),
+        threads=len(os.sched_getaffinity(0)),
+    )
+    _warm_up(work)
+    pairs = []
+    for number in range(options.pairs):
+        # Whichever goes first alternates, so that a machine that slows down slows both.
+        runs = {kind: kind(work) for kind in ((_farm, _bare), (_bare, _farm))[number % 2]}
+        pairs.append((runs[_farm], runs[_bare]))
+        print(f"pair {number + 1} of {options.pairs}: {pairs[-1]}", file=sys.stderr)
+    write_report(
+        "farm",
+        _figures(pairs),
+        settings={
+            "scene": work.scene.name,
+            "size": f"{width}×{height}",
+            "spp": work.spp,
+            "pairs": options.pairs,
+            "variant": work.choice.variant,
+            "workers": 1,
+            "threads": work.threads,
+            "step": _SPEC.step,
+            "slice_spp": _SPEC.slice_spp,
+        },
+        notes=[
+            "The rule is fixed at the cap, so no sample is rendered only to be thrown away.",
+            "Efficiency is taken from the second point of the curve on, when all is under way.",
+            "A first run of each is not counted; in it kernels are compiled and images compared.",
+            "Where other work had a share of the cores, the spread is mostly its doing.",
+        ],
+    )
+
+
+def _figures(pairs: list[tuple[Run, Run]]) -> list[Figure]:
+    def ratios(of: str) -> list[float]:
+        return [getattr(farm, of) / getattr(bare, of) for farm, bare in pairs]
+
+    return [
+        figure(
+            "efficiency: spp per second once under way, merged and judged",
+            ratios("steady_spp_s"),
+            "ratio",
+            compared_with=_BARE,
+            goal="at least 0.97",
+        ),
+        figure(
+            "time from the first lease to the verdict on the last sample",
+            ratios("rendering_s"),
+            "ratio",
+            compared_with=f"{_BARE}, from its import of Mitsuba on",
+        ),
+        figure(
+            "time from the command line to the results",
+            ratios("wall_s"),
+            "ratio",
+            compared_with=_BARE,
+        ),
+        figure("CPU time of all processes", ratios("cpu_s"), "ratio", compared_with=_BARE),
+        figure(
+            "other work on the cores meanwhile",
+            [run.others for pair in pairs for run in pair],
+            "of the cores",
+            goal="none, for figures to quote",
+        ),
+        figure("the farm's rate", [farm.steady_spp_s for farm, _ in pairs], "spp/s"),
+        figure("the farm's whole time", [farm.wall_s for farm, _ in pairs], "s"),
+        figure("the bare renderer's rate", [bare.steady_spp_s for _, bare in pairs], "spp/s"),
+        figure("the bare renderer's whole time", [bare.wall_s for _, bare in pairs], "s"),
+    ]
+
+
+def _warm_up(work: Work) -> None:
+    """Run both once, so that kernels are compiled; raises where they render different images."""
+    with tempfile.TemporaryDirectory() as folder:
+        _render(work, Path(folder))
+        ours = decode_image((Path(folder) / "image.exr").read_bytes())
+        _ask_bare(work, image=Path(folder) / "bare.npy")
+        theirs = np.load(Path(folder) / "bare.npy")
+    if not np.allclose(ours, theirs, rtol=1e-4, atol=1e-6):
+        raise AssertionError("the farm and the bare renderer do not render the same samples")
+
+
+def _farm(work: Work) -> Run:
+    with tempfile.TemporaryDirectory() as folder:
+        took, _ = _timed(lambda: _render(work, Path(folder)))
+        job = json.loads((Path(folder) / "summary.json").read_text())
+    second, last = job["curve"][1], job["curve"][-1]
+    return Run(
+        steady_spp_s=(last["spp"] - second["spp"]) / _seconds(second["at"], last["at"]),
+        rendering_s=_seconds(job["started_at"], last["at"]),
+        **took,
+    )
+
+
+def _bare(work: Work) -> Run:
+    took, told = _timed(lambda: _ask_bare(work, image=None))
+    spp = list(accumulate(spp for spp, _ in work.passes))
+    second, last = spp.index(2 * _SPEC.step), spp.index(work.spp)
+    seconds = told["ended_s"][last] - told["ended_s"][second]
+    return Run(
+        steady_spp_s=(spp[last] - spp[second]) / seconds,
+        rendering_s=told["ended_s"][last],
+        **took,
+    )
+
+
+def _render(work: Work, out: Path) -> None:
+    """Run `plateau render`; its results are in `out`."""
+    options: dict[str, Any] = {
+        "--out": out,
+        "--rule": "fixed",
+        "--spp": work.spp,
+        "--max-spp": work.spp,
+        "--variant": work.choice.variant,
+        "--threads": work.threads,
+    }
+    arguments = [str(item) for pair in options.items() for item in pair]
+    arguments += [f"-D{name}={value}" for name, value in work.parameters.items()]
+    subprocess.run(
+        [sys.executable, "-m", "plateau", "render", str(work.scene), *arguments],
+        cwd=ROOT,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        check=True,
+    )
+
+
+def _ask_bare(work: Work, *, image: Path | None) -> dict[str, Any]:
+    request = {
+        "variant": work.choice.variant,
+        "threads": work.threads,
+        "folder": str(work.scene),
+        "entry": "scene.xml",
+        "parameters": work.parameters,
+        "passes": work.passes,
+        "image": str(image) if image else None,
+    }
+    # The worker's own home, where the kernels are that Dr.Jit has compiled.
+    environment = {**os.environ, "HOME": str(Settings().cache / "home")}
+    if work.choice.llvm_library is not None:
+        environment["DRJIT_LIBLLVM_PATH"] = work.choice.llvm_library
+    done = subprocess.run(
+        [sys.executable, "-m", "bench.support.bare_mitsuba"],
+        cwd=ROOT,
+        env=environment,
+        input=json.dumps(request),
+        stdout=subprocess.PIPE,
+        text=True,
+        check=True,
+    )
+    told: dict[str, Any] = json.loads(done.stdout)
+    return told
+
+
+def _timed(run: Callable[[], Any]) -> tuple[dict[str, float], Any]:
+    """Return the last three fields of a `Run`, measured around a call; and its answer."""
+    ours, all_, started = _children_cpu_s(), _machine_cpu_s(), time.monotonic()
+    answer = run()
+    wall_s, cpu_s = time.monotonic() - started, _children_cpu_s() - ours
+    cores = psutil.cpu_count() or 1
+    others = max(0.0, _machine_cpu_s() - all_ - cpu_s) / (wall_s * cores)
+    return {"wall_s": wall_s, "cpu_s": cpu_s, "others": others}, answer
+
+
+def _children_cpu_s() -> float:
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
+
+
+def _machine_cpu_s() -> float:
+    """Return the CPU seconds that the machine has spent on anything, or that its host withheld."""
+    times = psutil.cpu_times()
+    # Guests' time is part of the user's.
+    idle = {"idle", "iowait", "guest", "guest_nice"}
+    return float(sum(value for name, value in times._asdict().items() if name not in idle))
+
+
+def _seconds(start: str, end: str) -> float:
+    return (datetime.fromisoformat(_utc(end)) - datetime.fromisoformat(_utc(start))).total_seconds()
+
+
+def _utc(moment: str) -> str:
+    """Return the moment as Python 3.10 reads it."""
+    return moment.replace("Z", "+00:00")
+
+
+def _size(text: str) -> tuple[int, int]:
+    width, _, height = text.partition("x")
+    return int(width), int(height or width)
+
+
+if __name__ == "__main__":
+    main()

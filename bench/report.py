@@ -1,0 +1,143 @@
+"""What a benchmark leaves behind: its figures, and the machine and the moment they belong to."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import re
+import statistics
+from dataclasses import asdict, dataclass
+from datetime import datetime, timezone
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import psutil
+
+from worker.llvm_libraries import llvm_libraries
+from worker.llvm_libraries import version as llvm_version
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+RESULTS = Path(__file__).parent / "results"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Spread:
+    """How far the runs behind a figure lie apart."""
+
+    lowest: float
+    highest: float
+    runs: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class Figure:
+    """One number, with all that it takes to read it."""
+
+    name: str
+    value: float
+    #: Of `value` and `spread`: ``ratio``, ``s``, ``spp/s``.
+    unit: str
+    #: What it is compared with, in words; None for a plain measurement.
+    compared_with: str | None = None
+    #: What it should be, in words; None where nothing was promised.
+    goal: str | None = None
+    spread: Spread | None = None
+
+
+def figure(
+    name: str,
+    values: Sequence[float],
+    unit: str,
+    *,
+    compared_with: str | None = None,
+    goal: str | None = None,
+) -> Figure:
+    """Return the median of the runs as a figure, with their spread."""
+    return Figure(
+        name=name,
+        value=_significant(statistics.median(values)),
+        unit=unit,
+        compared_with=compared_with,
+        goal=goal,
+        spread=Spread(
+            lowest=_significant(min(values)), highest=_significant(max(values)), runs=len(values)
+        ),
+    )
+
+
+def write_report(
+    name: str, figures: Sequence[Figure], *, settings: dict[str, Any], notes: Sequence[str]
+) -> Path:
+    """Write ``bench/results/NAME.json``, print its figures, and return its path.
+
+    Parameters
+    ----------
+    name
+        The benchmark's.
+    figures
+        What it found.
+    settings
+        What it was run with.
+    notes
+        What is left out, and what a reader might take wrongly.
+    """
+    report = {
+        "benchmark": name,
+        "at": datetime.now(timezone.utc).isoformat(timespec="seconds"),
+        "machine": machine(),
+        "settings": settings,
+        "notes": list(notes),
+        "figures": [asdict(one) for one in figures],
+    }
+    RESULTS.mkdir(exist_ok=True)
+    path = RESULTS / f"{name}.json"
+    path.write_text(json.dumps(report, indent=2, ensure_ascii=False) + "\n")
+    for one in figures:
+        print(in_words(one))
+    print(f"written to {path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path}")
+    return path
+
+
+def in_words(one: Figure) -> str:
+    """Return a figure as one line."""
+    words = f"{one.name}: {one.value:g} {one.unit}"
+    if one.spread is not None:
+        words += f" ({one.spread.lowest:g} to {one.spread.highest:g} in {one.spread.runs} runs)"
+    if one.compared_with is not None:
+        words += f", compared with {one.compared_with}"
+    if one.goal is not None:
+        words += f"; goal: {one.goal}"
+    return words
+
+
+def machine() -> dict[str, Any]:
+    """Return what of this machine a figure may depend on, its load at this moment included."""
+    libraries = llvm_libraries()
+    return {
+        "cpu": _cpu_model(),
+        "cores": len(os.sched_getaffinity(0)),
+        "memory_gib": round(psutil.virtual_memory().total / 2**30, 1),
+        "load_average_1_min": round(os.getloadavg()[0], 2),
+        "os": platform.platform(),
+        "python": platform.python_version(),
+        "numpy": version("numpy"),
+        "mitsuba": version("mitsuba"),
+        "llvm": ".".join(map(str, llvm_version(libraries[0]))) if libraries else None,
+    }
+
+
+def _cpu_model() -> str:
+    information = Path("/proc/cpuinfo")
+    if information.exists():
+        found = re.search(r"^model name\s*:\s*(.+)$", information.read_text(), re.MULTILINE)
+        if found:
+            return found[1]
+    return platform.processor() or platform.machine()
+
+
+def _significant(value: float) -> float:
+    return float(f"{value:.4g}")

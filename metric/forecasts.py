@@ -1,0 +1,187 @@
+"""How many samples it takes until hardly a pixel differs visibly from the converged image.
+
+The error of the merged image I at n samples per pixel shrinks as 1/sqrt(n), so at n' it will be
+sqrt(n/n') of what it is. With a half A standing in for the truth (see `metric.estimate`),
+D(I + sqrt(n/n') (A - I), I) is the estimate as it will be at n'.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from metric.display import Image, as_image
+from metric.estimate import (
+    BAND_DEVIATIONS,
+    allowed_pixels,
+    half_buffer_estimate,
+    mean_clump,
+    require_target,
+    stand_in_for_truth,
+)
+
+if TYPE_CHECKING:
+    from metric.estimate import Estimate, Half
+    from metric.vdp import Percept, VisibleDifferences
+
+#: A forecast looks no further than so many times the present samples.
+FURTHEST = 1000.0
+#: At most so many looks ahead, each the cost of one evaluation.
+MOST_LOOKS = 5
+#: It is not refined beyond this factor in spp, far inside its band.
+FINE_ENOUGH = 1.03
+#: The count falls as a power of the samples: the power before anything is known of it, and the
+#: range in which one is believed.
+FIRST_POWER = 2.0
+LEAST_POWER, MOST_POWER = 0.5, 8.0
+#: How far forecasts were found off, as a power of n'/n. Early, because the image is noisier now
+#: than it will be, and noise masks itself; late, where heavy tails have yet to even out.
+EARLY_POWER, LATE_POWER = 0.16, 0.08
+
+
+@dataclass(frozen=True)
+class Forecast:
+    """At how many samples per pixel the estimate falls to a target."""
+
+    #: The best guess, at least the present spp; None where more than 1000 times as many would not
+    #: do, as where pixels are NaN or light is still to be found.
+    spp: int | None
+    #: The band around it that holds the spp in about nine cases of ten; None as for `spp`.
+    low_spp: int | None
+    high_spp: int | None
+
+
+@dataclass
+class _Search:
+    """A zero crossing in logarithmic coordinates, bracketed from the left by the present."""
+
+    #: (ln n'/n, ln of the count over the allowed one), the last looks above and below the target.
+    above: tuple[float, float]
+    below: tuple[float, float] | None = field(default=None)
+    #: How fast the count falls, as a power of the samples.
+    power: float = FIRST_POWER
+
+    def add(self, point: tuple[float, float]) -> None:
+        """Take in one look."""
+        left, right = (self.above, point) if point[0] > self.above[0] else (point, self.above)
+        if right[0] > left[0]:
+            slope = (left[1] - right[1]) / (right[0] - left[0])
+            self.power = min(max(slope, LEAST_POWER), MOST_POWER)
+        if point[1] > 0:
+            self.above = point
+        else:
+            self.below = point
+
+    @property
+    def crossing(self) -> float:
+        """Where the target is crossed, as far as is known."""
+        (x, y), right = self.above, self.below
+        if right is None or right[1] == y:
+            return x + y / self.power
+        return x + (right[0] - x) * y / (y - right[1])
+
+    @property
+    def fine_enough(self) -> bool:
+        """Whether both sides are known and lie close."""
+        return self.below is not None and self.below[0] - self.above[0] < math.log(FINE_ENOUGH)
+
+
+def forecast(
+    metric: VisibleDifferences,
+    image: Image,
+    halves: tuple[Half, Half],
+    target: float,
+    *,
+    percept: Percept | None = None,
+    estimate: Estimate | None = None,
+    guess: int | None = None,
+) -> Forecast:
+    """Return at how many spp the half-buffer estimate falls to a target fraction of the pixels.
+
+    Parameters
+    ----------
+    metric
+        The predictor, under the view in which to judge.
+    image
+        The merged image of both halves, (H, W, 3).
+    halves
+        The even- and the odd-indexed slices.
+    target
+        Fraction of the pixels, between 0 and 1; never less than one pixel.
+    percept, estimate
+        The image's percept and its estimate, where they are at hand.
+    guess
+        Where an earlier forecast for this target lay, in spp: a good start.
+
+    Raises
+    ------
+    ValueError
+        If the target is no such fraction, or the halves and the image differ in size.
+
+    Notes
+    -----
+    It takes at most five evaluations beyond the estimate, with the even half alone: the odd one
+    differs from the image by the same amounts.
+
+    The band is calibrated on synthetic noise; docs/stopping.md has its coverage. It is for the
+    estimate, which the rule `visible` stops by; the truth falls to the target a little later.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from metric import Half, View, VisibleDifferences
+    >>> noise = np.random.default_rng(1).normal(0, 0.05, (2, 64, 64, 3)).astype(np.float32)
+    >>> even, odd = np.float32(0.4) + noise
+    >>> halves = Half(even, 50), Half(odd, 50)
+    >>> seen = forecast(VisibleDifferences(View()), (even + odd) / 2, halves, 0.001)
+    >>> 100 < seen.low_spp < seen.spp < seen.high_spp
+    True
+    """
+    require_target(target)
+    image = as_image(image)
+    percept = percept or metric.percept(image)
+    estimate = estimate or half_buffer_estimate(metric, image, halves, percept=percept)
+    spp = sum(half.spp for half in halves)
+    allowed = allowed_pixels(target, estimate.visible.size)
+    pixels = estimate.pixels - estimate.non_finite
+    if pixels <= allowed:
+        return Forecast(spp, spp, spp)
+
+    search = _Search(above=(0.0, _over(pixels, allowed)))
+    clump = mean_clump(estimate.visible > 0)
+    furthest = math.log(FURTHEST)
+    place = math.log(guess / spp) if guess is not None and guess > spp else search.crossing
+    for _ in range(MOST_LOOKS):
+        place = min(place, furthest)
+        stand_in = stand_in_for_truth(image, *halves, shrink=math.exp(-place / 2))
+        difference = metric.compare(metric.percept(stand_in), percept)
+        excess = _over(difference.count - difference.non_finite, allowed)
+        if excess > 0:
+            clump = mean_clump(difference.visible)
+            if place == furthest:
+                return Forecast(None, None, None)
+        search.add((place, excess))
+        place = search.crossing
+        if search.fine_enough:
+            break
+    if place > furthest:
+        return Forecast(None, None, None)
+
+    # The counts at the crossing vary, by clumps, now and then; the forecast drifts with distance.
+    luck = BAND_DEVIATIONS * math.sqrt(2 * clump / (allowed + 1)) / search.power
+    late, early = LATE_POWER * place + luck, EARLY_POWER * place + luck
+    return Forecast(
+        spp=_whole(spp, place),
+        low_spp=max(_whole(spp, place - late), spp),
+        high_spp=_whole(spp, place + early),
+    )
+
+
+def _over(pixels: float, allowed: float) -> float:
+    """Return the logarithm of a count over the allowed one; a count of 0 has one too."""
+    return math.log((pixels + 0.5) / (allowed + 0.5))
+
+
+def _whole(spp: int, place: float) -> int:
+    return math.ceil(spp * math.exp(place))

@@ -1,0 +1,159 @@
+"""What the rules share that compare the merged image with earlier ones."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from metric.display import Image, as_image
+from metric.rules.base import PAPER_PIXELS, Memory, Verdict, require_later
+from metric.rules.words import counted, darkness, left_out
+
+if TYPE_CHECKING:
+    from metric.rules.base import Evidence, Json
+    from metric.vdp import Difference
+
+
+@dataclass(eq=False)
+class EarlierImages:
+    """Merged images of earlier evaluations by their spp, oldest first."""
+
+    _images: dict[int, Image] = field(default_factory=dict)
+
+    def __getitem__(self, spp: int) -> Image:
+        return self._images[spp]
+
+    @property
+    def spps(self) -> list[int]:
+        """At how many samples per pixel they were, ascending."""
+        return list(self._images)
+
+    def require_before(self, evidence: Evidence) -> None:
+        """Raise ValueError unless this evaluation comes after all of them and is of their size."""
+        if not self._images:
+            return
+        newest = self.spps[-1]
+        require_later(evidence.spp, newest)
+        ours, theirs = self._images[newest].shape[:2], as_image(evidence.image).shape[:2]
+        if ours != theirs:
+            raise ValueError(
+                f"an image of {theirs[1]}×{theirs[0]} pixels came after "
+                f"one of {ours[1]}×{ours[0]} pixels"
+            )
+
+    def add(self, evidence: Evidence) -> None:
+        """Keep the merged image of this evaluation."""
+        self._images[evidence.spp] = evidence.kept_image
+
+    def forget(self, spps: list[int]) -> None:
+        """Let go of the images at these spp."""
+        for spp in spps:
+            del self._images[spp]
+
+    def memory(self) -> Memory:
+        """Return the images, each named by its spp."""
+        if not self._images:
+            return Memory()
+        spps: list[Json] = list(self.spps)
+        return Memory({"spp": spps}, {str(spp): image for spp, image in self._images.items()})
+
+    @classmethod
+    def of(cls, memory: Memory) -> EarlierImages | None:
+        """Return what a memory holds; None where it is not one of such images."""
+        if not memory.numbers and not memory.images:
+            return cls()
+        match memory.numbers:
+            case {"spp": list(rows), **others} if not others:
+                spps = [row for row in rows if isinstance(row, int)]
+                ascending = spps == sorted(set(spps))
+                if len(spps) == len(rows) and ascending and {*map(str, spps)} == {*memory.images}:
+                    return cls({spp: as_image(memory.images[str(spp)]).copy() for spp in spps})
+        return None
+
+
+def require_threshold(value: float) -> None:
+    """Raise ValueError unless a threshold in visible pixels is 0 or more."""
+    if not (math.isfinite(value) and value >= 0):
+        raise ValueError(f"threshold must be 0 or more, not {value}")
+
+
+def allowed_pixels(threshold: float, pixels: int) -> float:
+    """Return how many pixels of an image may still differ visibly.
+
+    The threshold holds for 512×512 pixels and scales with their number. It is never less than one
+    pixel: no single one, a firefly's say, may hold up a whole image.
+
+    Examples
+    --------
+    >>> allowed_pixels(2.0, 1024 * 1024), allowed_pixels(2.0, 64 * 64)
+    (8.0, 1.0)
+    """
+    return max(1.0, threshold * pixels / PAPER_PIXELS)
+
+
+def judged_pixels(difference: Difference) -> int:
+    """Return how many visible pixels more samples could do something about.
+
+    A sum that is NaN or infinite stays so. Such pixels are visible, but nothing to wait for.
+    """
+    return difference.count - difference.non_finite
+
+
+def first_verdict(evidence: Evidence, threshold: float, words: str) -> Verdict:
+    """Return the verdict of a rule that has too few earlier images yet, and says so."""
+    return Verdict(
+        stop=False,
+        value=None,
+        numbers={
+            "visible_pixels": None,
+            "visible_fraction": None,
+            "allowed_pixels": allowed_pixels(threshold, evidence.pixels),
+            "compared_spp": None,
+            "non_finite_pixels": None,
+        },
+        reason=words,
+    )
+
+
+def verdict_on(
+    evidence: Evidence, spp: int, difference: Difference, threshold: float, seen_from: str
+) -> Verdict:
+    """Return the verdict on the difference from an earlier image; the value is its visible pixels.
+
+    Parameters
+    ----------
+    evidence
+        The present evaluation.
+    spp
+        Samples per pixel of the earlier image.
+    difference
+        Between the two.
+    threshold
+        In visible pixels at 512×512.
+    seen_from
+        How the reason calls the earlier image.
+    """
+    visible = judged_pixels(difference)
+    allowed = allowed_pixels(threshold, evidence.pixels)
+    stop = visible <= allowed
+    verb = "differs" if visible <= 1 else "differ"
+    aim = f"{'at most' if stop else 'more than'} {allowed:.4g}"
+    reason = f"{counted(visible)} {verb} visibly from {seen_from}, {aim}"
+    if visible == 0:
+        reason = f"{counted(visible)} {verb} visibly from {seen_from}"
+        dark = darkness(evidence)
+        if dark is not None:
+            reason += f": {dark}"
+    return Verdict(
+        stop=stop,
+        value=float(visible),
+        numbers={
+            "visible_pixels": float(visible),
+            "visible_fraction": visible / evidence.pixels,
+            "allowed_pixels": allowed,
+            "compared_spp": float(spp),
+            "non_finite_pixels": float(difference.non_finite),
+        },
+        reason=reason + left_out(difference.non_finite),
+    )

@@ -1,0 +1,45 @@
+"""Words that the reasons of several rules share."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from metric.vdp import COLOUR_LUMINANCE
+
+if TYPE_CHECKING:
+    from metric.rules.base import Evidence
+
+
+def darkness(evidence: Evidence) -> str | None:
+    """Return, in words, that the image is too dark for its noise to show; None where it is not."""
+    brightest = float(evidence.percept.levels[evidence.metric.adaptation_level].max())
+    if brightest >= COLOUR_LUMINANCE:
+        return None
+    return f"the image is so dark (at most {brightest:.3g} cd/m²) that its noise cannot be seen"
+
+
+def counted(pixels: float) -> str:
+    """Return a number of pixels in words.
+
+    Examples
+    --------
+    >>> counted(0), counted(1), counted(2.5), counted(1234)
+    ('no pixel', '1 pixel', '2.5 pixels', '1,234 pixels')
+    """
+    if pixels == 0:
+        return "no pixel"
+    return "1 pixel" if pixels == 1 else f"{pixels:,.10g} pixels"
+
+
+def left_out(non_finite: float) -> str:
+    """Return the words, if any are due, about pixels that no sample will repair.
+
+    Examples
+    --------
+    >>> left_out(0), left_out(1)
+    ('', '; 1 pixel that is NaN or infinite is left out')
+    """
+    if not non_finite:
+        return ""
+    verb = "is" if non_finite == 1 else "are"
+    return f"; {counted(non_finite)} that {verb} NaN or infinite {verb} left out"

@@ -1,0 +1,83 @@
+"""A judgement by zones of the image, since an eye's threshold differs from place to place."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+#: Zones begin at multiples of this many pixels, so that renderers can crop along them.
+ZONE_ALIGNMENT = 16
+#: Rows and columns of zones; with 4 × 4 the observers' thresholds of other studies were taken.
+ZONES = (4, 4)
+
+
+def zone_edges(size: int, zones: int) -> list[int]:
+    """Return where the zones of a line of pixels begin, and behind them where the last one ends.
+
+    The line is cut into blocks of 16 pixels, the last of which may be shorter, and each zone gets
+    as many of them as any other, or one more. A line of fewer blocks than zones asked for has one
+    zone for each block.
+
+    Raises
+    ------
+    ValueError
+        If there is no pixel or no zone.
+
+    Examples
+    --------
+    >>> zone_edges(512, 4)
+    [0, 128, 256, 384, 512]
+    >>> zone_edges(1080, 4)
+    [0, 272, 544, 816, 1080]
+    >>> zone_edges(24, 4)
+    [0, 16, 24]
+    """
+    if size < 1 or zones < 1:
+        raise ValueError(f"{size} pixels cannot be cut into {zones} zones")
+    blocks = -(-size // ZONE_ALIGNMENT)
+    zones = min(zones, blocks)
+    starts = [blocks * zone // zones * ZONE_ALIGNMENT for zone in range(zones)]
+    return [*starts, size]
+
+
+def zone_fractions(visible: NDArray[Any], grid: tuple[int, int] = ZONES) -> NDArray[np.float64]:
+    """Return the visible fraction of each zone, (rows, columns) float64 in [0, 1].
+
+    Parameters
+    ----------
+    visible
+        A map of visible pixels, (H, W): bool, as `Difference.visible`, or a share of visibility in
+        [0, 1], as `Estimate.visible`.
+    grid
+        Rows and columns of zones; see `zone_edges` for sizes that they do not divide.
+
+    Raises
+    ------
+    ValueError
+        If the map is not (H, W), or there is no zone.
+
+    Examples
+    --------
+    >>> visible = np.zeros((32, 64), bool)
+    >>> visible[:8, :16] = True
+    >>> zone_fractions(visible, (2, 2)).tolist()
+    [[0.25, 0.0], [0.0, 0.0]]
+    """
+    if visible.ndim != 2:
+        raise ValueError(f"a map must have shape (H, W), not {visible.shape}")
+    rows, columns = (zone_edges(*pair) for pair in zip(visible.shape, grid, strict=True))
+    fractions: NDArray[np.float64] = np.array(
+        [
+            [
+                visible[top:bottom, left:right].mean(dtype=np.float64)
+                for left, right in pairwise(columns)
+            ]
+            for top, bottom in pairwise(rows)
+        ]
+    )
+    return fractions
