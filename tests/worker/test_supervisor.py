@@ -229,7 +229,7 @@ def test_a_stopped_worker_hands_its_slice_back(bench: Bench) -> None:
 def test_a_redis_that_is_away_for_a_while_costs_nothing(
     bench: Bench, embedded_redis: object
 ) -> None:
-    job, owned = bench.job(slices=6, parameters={"size": 128})
+    job, _ = bench.job(slices=6, parameters={"size": 128})
     pid = embedded_redis.process.pid  # type: ignore[attr-defined]
     with bench.worker():
         until(lambda: len(bench.jobs.ledger(job.id)) >= 1)
