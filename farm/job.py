@@ -19,6 +19,17 @@ class WatchedValue(_Record):
     stop: bool = Field(description="whether the rule would have stopped here")
 
 
+class ZoneFractions(_Record):
+    """A judgement by zones: rows from the top, in each the zones from the left."""
+
+    visible_fraction: tuple[tuple[float, ...], ...] = Field(
+        description="of each zone's pixels, how many differ visibly from the first image"
+    )
+    estimate_fraction: tuple[tuple[float, ...], ...] | None = Field(
+        description="and how many are estimated to differ visibly from the converged image"
+    )
+
+
 class CurvePoint(_Record):
     """One evaluation: the merged image at `spp`, judged."""
 
@@ -34,7 +45,19 @@ class CurvePoint(_Record):
         description="half-buffer estimate: pixels seen to differ from the converged image"
     )
     estimate_fraction: float | None = Field(description="the same over all pixels, in [0, 1]")
+    estimate_low_pixels: float | None = Field(
+        None, description="the band that holds the true count in about nine cases of ten"
+    )
+    estimate_high_pixels: float | None = None
+    forecast_spp: int | None = Field(
+        None,
+        description="spp at which the estimate falls to the target of the rule `visible`; null "
+        "where that is out of reach",
+    )
+    forecast_low_spp: int | None = Field(None, description="the band around it")
+    forecast_high_spp: int | None = None
     non_finite_pixels: int = Field(0, description="pixels with a NaN or an infinity")
+    zones: ZoneFractions | None = None
     at: datetime = Field(description="when it was evaluated, by Redis's clock")
     rules: dict[str, WatchedValue] = Field(
         default_factory=dict, description="the stopping rule and each watched one"
@@ -61,6 +84,10 @@ class Job(_Record):
     slope: float | None = None
     estimate_pixels: float | None = None
     estimate_fraction: float | None = None
+    forecast_spp: int | None = None
+    forecast_s: float | None = Field(
+        None, description="seconds from the last point to `forecast_spp`, at the job's mean rate"
+    )
     verdict: dict[str, float | None] | None = Field(
         None, description="the numbers of the rule that fired"
     )

@@ -234,7 +234,14 @@ def _job(fields: dict[str, str]) -> Job:
         for name in ("created_at", "started_at", "ended_at", "finished_at")
         if name in fields
     }
-    judged = ("visible_pixels", "visible_fraction", "slope", "estimate_pixels", "estimate_fraction")
+    judged = (
+        "visible_pixels",
+        "visible_fraction",
+        "slope",
+        "estimate_pixels",
+        "estimate_fraction",
+        "forecast_spp",
+    )
     return Job(
         id=fields["id"],
         name=fields["name"],
@@ -249,9 +256,18 @@ def _job(fields: dict[str, str]) -> Job:
         committed_spp=int(fields["committed"]) * spec.slice_spp,
         points=int(fields["points"]),
         **{name: latest.get(name) for name in judged},
+        forecast_s=_seconds_to_forecast(latest, fields),
         verdict=json.loads(fields["verdict"]) if "verdict" in fields else None,
         samples_saved=saved,
         machine_s=int(fields["machine_ms"]) / 1000,
         notes=tuple(json.loads(fields.get("notes", "[]"))),
         **times,
     )
+
+
+def _seconds_to_forecast(latest: dict[str, Any], fields: dict[str, str]) -> float | None:
+    if latest.get("forecast_spp") is None or "started_at" not in fields:
+        return None
+    spp_per_ms = latest["spp"] / max(1.0, latest["at"] - float(fields["started_at"]))
+    seconds: float = max(0, latest["forecast_spp"] - latest["spp"]) / spp_per_ms / 1000
+    return seconds

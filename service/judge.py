@@ -6,9 +6,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from farm.spec import JobSpec
+from farm.spec import JobSpec, VisibleSpec
 from metric import (
+    Estimate,
     Evidence,
+    Forecast,
     Half,
     Memory,
     Percept,
@@ -17,6 +19,7 @@ from metric import (
     View,
     VisibleDifferences,
     create_rule,
+    zone_fractions,
 )
 from service.merge import Merge
 
@@ -43,6 +46,11 @@ class Judge:
             rule.name: create_rule(**rule.model_dump()) for rule in (spec.rule, *spec.watch)
         }
         self._shown = tuple(self._rules)
+        self._zones = spec.zones
+        self._target = next(
+            (rule.target for rule in (spec.rule, *spec.watch) if isinstance(rule, VisibleSpec)),
+            VisibleSpec().target,
+        )
         if "reverse" not in self._rules:
             self._rules["reverse"] = create_rule("reverse")
 
@@ -56,16 +64,12 @@ class Judge:
             metric=self._metric,
         )
         verdicts = {name: rule.judge(evidence) for name, rule in self._rules.items()}
-        curve = verdicts["reverse"].numbers
-        estimate = evidence.estimate
-        point: dict[str, object] = {
+        point = {
             "spp": merge.spp,
-            "visible_pixels": int(curve["visible_pixels"] or 0),
-            "visible_fraction": curve["visible_fraction"],
-            "slope": curve["slope"],
-            "estimate_pixels": None if estimate is None else estimate.pixels,
-            "estimate_fraction": None if estimate is None else estimate.fraction,
-            "non_finite_pixels": int(curve["non_finite_pixels"] or 0),
+            **_curve(verdicts["reverse"]),
+            **_estimate(evidence.estimate),
+            **_forecast(evidence.forecast(self._target)),
+            "zones": self._zone_fractions(verdicts["reverse"], evidence.estimate),
             "rules": {
                 name: {"value": verdicts[name].value, "stop": verdicts[name].stop}
                 for name in self._shown
@@ -80,6 +84,15 @@ class Judge:
             return None
         percepts: list[Percept] = [self._metric.percept(image) for image in (first, merge.image())]
         return self._metric.compare(*percepts).visible
+
+    def _zone_fractions(self, curve: Verdict, estimate: Estimate | None) -> dict[str, object]:
+        assert curve.visible is not None  # the reverse rule always judges a map
+        return {
+            "visible_fraction": zone_fractions(curve.visible, self._zones).tolist(),
+            "estimate_fraction": None
+            if estimate is None
+            else zone_fractions(estimate.visible, self._zones).tolist(),
+        }
 
     def memory(self) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
         """What the rules must remember across a restart: numbers, and images by name."""
@@ -101,3 +114,37 @@ class Judge:
                 if image.startswith(f"{name}:")
             }
             rule.recall(Memory(numbers[name], own))
+
+
+# The fields of a point, as `farm.job.CurvePoint` has them.
+
+
+def _curve(reverse: Verdict) -> dict[str, object]:
+    numbers = reverse.numbers
+    return {
+        "visible_pixels": int(numbers["visible_pixels"] or 0),
+        "visible_fraction": numbers["visible_fraction"],
+        "slope": numbers["slope"],
+        "non_finite_pixels": int(numbers["non_finite_pixels"] or 0),
+    }
+
+
+def _estimate(estimate: Estimate | None) -> dict[str, object]:
+    if estimate is None:
+        return {"estimate_pixels": None, "estimate_fraction": None}
+    return {
+        "estimate_pixels": estimate.pixels,
+        "estimate_fraction": estimate.fraction,
+        "estimate_low_pixels": estimate.low_pixels,
+        "estimate_high_pixels": estimate.high_pixels,
+    }
+
+
+def _forecast(forecast: Forecast | None) -> dict[str, object]:
+    if forecast is None:
+        return {}
+    return {
+        "forecast_spp": forecast.spp,
+        "forecast_low_spp": forecast.low_spp,
+        "forecast_high_spp": forecast.high_spp,
+    }

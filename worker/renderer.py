@@ -97,7 +97,7 @@ class Renderer:
         Parameters
         ----------
         spp : int
-            Samples per pixel, a power of two (see `farm.seeds.passes`).
+            Samples per pixel, a power of two (see `farm.passes.passes`).
         seed : int
             Mitsuba's 32-bit seed, from a `farm.seeds.SeedSchedule`.
 

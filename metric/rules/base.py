@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from metric.display import Image
+    from metric.display import Image, Mask
     from metric.vdp import Percept, VisibleDifferences
 
 #: What json can write and read back without loss.
@@ -113,6 +113,8 @@ class Verdict:
     numbers: dict[str, float | None]
     #: The verdict in plain words, numbers included.
     reason: str
+    #: The map of visible pixels that was judged, (H, W) bool, where there is one.
+    visible: Mask | None = field(default=None, repr=False, compare=False)
 
 
 @dataclass(frozen=True, eq=False)

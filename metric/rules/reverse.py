@@ -104,6 +104,7 @@ class Reverse(Rule):
                 "non_finite_pixels": float(difference.non_finite),
             },
             reason=self._reason(evidence, slope, epsilon),
+            visible=difference.visible,
         )
 
     def stored_images(self, evaluations: int) -> int:
