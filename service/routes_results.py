@@ -26,7 +26,9 @@ _CSV: Final = "text/csv"
 _JSON: Final = "application/json"
 _SSE: Final = "text/event-stream"
 _FIGURES: Final = tuple(
-    name for name in CurvePoint.model_fields if name not in {"rules", "non_finite_pixels", "at"}
+    name
+    for name in CurvePoint.model_fields
+    if name not in {"rules", "zones", "non_finite_pixels", "at"}
 )
 _EVENT_ID: Final = r"^\d{1,20}-\d{1,20}$"
 #: Proxies close a connection that is silent for longer, commonly after 30 or 60 s.
