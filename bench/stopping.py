@@ -36,7 +36,7 @@ CAP = 12.0
 
 _NOTES = (
     "Spreads are from 5 to 95 % of the runs.",
-    f"On time is where {TARGET:.2%} of the pixels differ visibly from the truth, in the median run.",
+    f"On time is where {TARGET:.2%} of the pixels visibly differ from the truth, in the median run",
     f"A rule that has not stopped by {CAP:g} times that spp counts as never, and not in lateness.",
     "Every rule has its default parameters and judges at the default view, step after step.",
     "A larger image fills the same angle, so its noise is finer.",

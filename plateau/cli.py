@@ -335,6 +335,35 @@ def diff(
 
 
 @_command()
+@o.takes_spec
+def judge(
+    folder: Annotated[Path, typer.Argument(help="Slices that a job kept, or EXR images.")],
+    spec: o.Spec,
+    cumulative: Annotated[
+        bool, typer.Option("--cumulative", help="Each image contains the one before.")
+    ] = False,
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", metavar="DIR", help="Write the curve there.")
+    ] = None,
+    as_json: o.Json = False,
+) -> None:
+    """Judge images that are rendered already, and say where each rule would have stopped.
+
+    FOLDER holds the slices that a job kept, or EXR images of any renderer, each of --slice-spp
+    samples per pixel, in the order of their names.
+
+    For example:
+      plateau render scenes/box --keep-slices -o out
+      plateau judge out/slices --rule visible --watch reverse --watch myszkowski -o judged
+      plateau judge frames --slice-spp 20 --step 40 --white-luminance 300
+    """
+    from plateau.commands.judge import judge as run
+
+    with _plain_errors():
+        raise typer.Exit(run(folder, spec, cumulative=cumulative, out=out, as_json=as_json))
+
+
+@_command()
 def doctor(as_json: o.Json = False) -> None:
     """Check what works on this machine, and say why what does not.
 

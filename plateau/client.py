@@ -189,7 +189,7 @@ class Client:
         return self._get(f"/v1/jobs/{job_id}/{name}").content
 
     def download(self, job_id: str, name: str, path: Path) -> None:
-        """Write one of the job's images to a file, whole or not at all."""
+        """Write one of the job's files (``image.exr``, ``slices/3.exr``) whole or not at all."""
         unfinished = path.with_name(f".{path.name}.{secrets.token_hex(4)}")
         try:
             with self._stream(f"/v1/jobs/{job_id}/{name}") as answer, unfinished.open("wb") as file:

@@ -6,6 +6,7 @@ from farm.bundle import BundleError
 from farm.errors import FarmError
 from plateau.client import ClientError
 from plateau.data_folder import InUse
+from plateau.judge import CannotJudge
 from plateau.read_settings import BadSetting
 from plateau.tree import TreeFailed
 
@@ -18,6 +19,7 @@ class CommandFailed(Exception):
 EXPECTED: Final = (
     BadSetting,
     BundleError,
+    CannotJudge,
     ClientError,
     CommandFailed,
     FarmError,

@@ -48,7 +48,16 @@ def spec_from_options(
         float | None, typer.Option(help="Seconds after which it is exhausted.", show_default="none")
     ] = None,
     rule: Annotated[
-        str | None, typer.Option(help="What ends it: reverse or fixed.", show_default="reverse")
+        str | None,
+        typer.Option(
+            help="What ends it: reverse, fixed, successive, multiple, myszkowski or visible, with "
+            "its parameters as in visible:target=0.001,min_spp=300.",
+            show_default="reverse",
+        ),
+    ] = None,
+    watch: Annotated[
+        list[str] | None,
+        typer.Option(help="A rule to report beside it, written the same way; repeatable."),
     ] = None,
     window: Annotated[
         int | None, typer.Option(help="reverse: points in the regression.", show_default="5")
@@ -95,6 +104,9 @@ def spec_from_options(
         int | None, typer.Option(help="Higher is served first.", show_default="0")
     ] = None,
     batch: Annotated[str | None, typer.Option(help="A name that groups jobs.")] = None,
+    keep_slices: Annotated[
+        bool, typer.Option("--keep-slices", help="Keep every slice, for `plateau judge`.")
+    ] = False,
 ) -> Spec:
     """The spec that the options ask for; what was left out has the spec's own default.
 
@@ -117,12 +129,14 @@ def spec_from_options(
         sensor=sensor,
         priority=priority,
         batch=batch,
+        keep_slices=keep_slices,
     )
     given["parameters"] = dict(map(_definition, define or ()))
     given["rule"] = {
-        "name": "reverse",
-        **_given(name=rule, window=window, epsilon=epsilon, spp=spp),
+        **_rule(rule or "reverse"),
+        **_given(window=window, epsilon=epsilon, spp=spp),
     }
+    given["watch"] = list(map(_rule, watch or ()))
     given["view"] = _given(
         exposure_ev=exposure,
         white_luminance=white_luminance,
@@ -162,6 +176,18 @@ def _definition(text: str) -> tuple[str, str]:
     if not (separator and name):
         raise typer.BadParameter(f"-D takes NAME=VALUE, not {text!r}")
     return name, value
+
+
+def _rule(text: str) -> dict[str, str]:
+    """A rule as it is written on the command line: ``name`` or ``name:parameter=value,…``."""
+    name, _, parameters = text.partition(":")
+    given = {"name": name}
+    for definition in filter(None, parameters.split(",")):
+        parameter, separator, value = definition.partition("=")
+        if not (separator and parameter):
+            raise typer.BadParameter(f"a rule is NAME or NAME:PARAMETER=VALUE,…, not {text!r}")
+        given[parameter] = value
+    return given
 
 
 #: Where an option is not called as the spec's field.

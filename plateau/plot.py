@@ -1,5 +1,6 @@
 """The curve as a picture: visible pixels over spp, and what is left to see."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -19,12 +20,46 @@ _STOP: Final = "#5a5a5a"
 _DPI: Final = 150
 
 
-def plot_curve(job: Job, points: list[CurvePoint], path: Path) -> None:
-    """Write the curve as a PNG file of 1200 × 900 pixels.
+def plot_job(job: Job, points: list[CurvePoint], path: Path) -> None:
+    """Write the curve of a job as a PNG file; see `plot_curve`."""
+    plot_curve(
+        f"{Path(job.name).stem}: {_outcome(job)}",
+        points,
+        path,
+        window=words.rule_window(job),
+        stop_slope=words.stop_slope(job),
+        stops={"": job.spp} if job.state.ended else {},
+    )
+
+
+def plot_curve(
+    title: str,
+    points: list[CurvePoint],
+    path: Path,
+    *,
+    window: int,
+    stop_slope: float | None,
+    stops: Mapping[str, int],
+) -> None:
+    """Write a curve as a PNG file of 1200 × 900 pixels.
 
     Above, the pixels that differ visibly from the first image, with the regression line over the
     last window and its slope against the rule's; below, on a logarithmic axis, the half-buffer
     estimate of those that still differ from the converged image.
+
+    Parameters
+    ----------
+    title
+        What is written above.
+    points
+        The curve, by rising spp.
+    path
+        The file.
+    window, stop_slope
+        How many points the regression line is laid through, and the slope at which it stops, in
+        visible pixels per spp of this image.
+    stops
+        Where vertical lines are drawn, in spp, by what is written beside them.
     """
     # Matplotlib takes a second to import; only those who plot wait for it.
     from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -33,8 +68,8 @@ def plot_curve(job: Job, points: list[CurvePoint], path: Path) -> None:
     figure = Figure(figsize=(8, 6), layout="constrained")
     FigureCanvasAgg(figure)
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
-    figure.suptitle(f"{Path(job.name).stem}: {_outcome(job)}", x=0.01, ha="left", fontweight="bold")
-    _draw_visible(above, job, points)
+    figure.suptitle(title, x=0.01, ha="left", fontweight="bold")
+    _draw_visible(above, points, window, stop_slope)
     _draw_estimate(below, points)
     below.set_xlabel("samples per pixel (spp)")
     for axes in (above, below):
@@ -42,8 +77,13 @@ def plot_curve(job: Job, points: list[CurvePoint], path: Path) -> None:
         axes.set_axisbelow(True)
         axes.spines[["top", "right"]].set_visible(False)
         axes.margins(x=0.02)
-        if job.state.ended:
-            axes.axvline(job.spp, color=_STOP, linewidth=1, linestyle=(0, (4, 3)))
+        for spp in stops.values():
+            axes.axvline(spp, color=_STOP, linewidth=1, linestyle=(0, (4, 3)))
+    for number, (name, spp) in enumerate(stops.items()):
+        # From the top down, so that rules that stop close together stay legible.
+        place = {"xytext": (3, -12 - 11 * number), "textcoords": "offset points"}
+        at = {"xy": (spp, 1), "xycoords": ("data", "axes fraction")}
+        above.annotate(name, **at, **place, fontsize=8, color=_STOP)
     figure.savefig(path, dpi=_DPI)
 
 
@@ -54,7 +94,9 @@ def _outcome(job: Job) -> str:
     return f"{job.state.value} at {job.spp:,} spp"
 
 
-def _draw_visible(axes: "Axes", job: Job, points: list[CurvePoint]) -> None:
+def _draw_visible(
+    axes: "Axes", points: list[CurvePoint], window: int, stop_slope: float | None
+) -> None:
     spp = np.array([point.spp for point in points], dtype=np.float64)
     visible = np.array([point.visible_pixels for point in points], dtype=np.float64)
     axes.plot(spp, visible, "o-", color=_CURVE, markersize=4, label="visible pixels")
@@ -63,11 +105,9 @@ def _draw_visible(axes: "Axes", job: Job, points: list[CurvePoint]) -> None:
     axes.set_ylim(bottom=0, top=max(1.0, 1.12 * visible.max()))
     slope = points[-1].slope
     if slope is not None:
-        window = words.rule_window(job)
         last_spp, last_visible = spp[-window:], visible[-window:]
         line = last_visible.mean() + slope * (last_spp - last_spp.mean())
-        stop = words.stop_slope(job)
-        aim = "" if stop is None else f", stops at {stop:.3g}"
+        aim = "" if stop_slope is None else f", stops at {stop_slope:.3g}"
         label = f"last {window} points: slope {slope:.3g} px/spp{aim}"
         axes.plot(last_spp, line, color=_LINE, linewidth=5, alpha=0.5, zorder=1, label=label)
     if points[-1].visible_fraction > 0:

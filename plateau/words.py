@@ -33,7 +33,8 @@ def pixels(count: float | None, fraction: float | None) -> str:
     """A number of pixels and its share of the image."""
     if count is None or fraction is None:
         return "–"
-    return f"{count:,.0f} px ({100 * fraction:.3g} %)"
+    number = f"{count:,.0f}" if count >= 10 else f"{count:.2g}"  # an estimate may be half a pixel
+    return f"{number} px ({100 * fraction:.3g} %)"
 
 
 def rule_window(job: Job) -> int:

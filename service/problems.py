@@ -41,6 +41,7 @@ FOREIGN_ORIGIN: Final = ProblemType("foreign-origin", 403, "Other web sites may 
 UNKNOWN_PATH: Final = ProblemType("unknown-path", 404, "There is nothing here")
 UNKNOWN_JOB: Final = ProblemType("unknown-job", 404, "There is no such job")
 NO_IMAGE_YET: Final = ProblemType("no-image-yet", 404, "The job has no image yet")
+UNKNOWN_SLICE: Final = ProblemType("unknown-slice", 404, "The slice is not stored")
 METHOD_NOT_ALLOWED: Final = ProblemType("method-not-allowed", 405, "Not by this method")
 CANNOT_CANCEL: Final = ProblemType("cannot-cancel", 409, "The job has already ended")
 UPLOAD_TOO_LARGE: Final = ProblemType("upload-too-large", 413, "The upload is too large")

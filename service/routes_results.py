@@ -7,7 +7,7 @@ from collections.abc import AsyncIterator, Iterator
 from itertools import chain
 from typing import Annotated, Final
 
-from fastapi import APIRouter, Depends, Header, Query, Request, Response
+from fastapi import APIRouter, Depends, Header, Path, Query, Request, Response
 from fastapi.responses import PlainTextResponse, StreamingResponse
 from starlette.concurrency import run_in_threadpool
 
@@ -142,18 +142,22 @@ def frame(event: Event) -> str:
 
 def _image(name: str, job_id: str, farm: Parts) -> Response:
     job = farm.job(job_id)
-    chunks = farm.blobs.chunks(blob_names.result(job.id, name))
     try:
-        first = next(chunks, b"")
+        return _blob(blob_names.result(job.id, name), f"{job.id}-{name}", IMAGES[name], farm)
     except FileNotFoundError as error:
         raise _no_image(job.state.ended, job.id, job.state.value, job.reason) from error
+
+
+def _blob(blob: str, file_name: str, media_type: str, farm: Parts) -> Response:
+    chunks = farm.blobs.chunks(blob)
+    first = next(chunks, b"")
     return StreamingResponse(
         _joined(first, chunks),
-        media_type=IMAGES[name],
+        media_type=media_type,
         headers={
             # It changes while the job runs.
             "Cache-Control": "no-cache",
-            "Content-Disposition": f'inline; filename="{job.id}-{name}"',
+            "Content-Disposition": f'inline; filename="{file_name}"',
         },
     )
 
@@ -205,3 +209,29 @@ def image_exr(job_id: JobId, farm: Annotated[Parts, Depends(parts)]) -> Response
 def difference_png(job_id: JobId, farm: Annotated[Parts, Depends(parts)]) -> Response:
     """Show where the merged image differs visibly from the first image of the curve."""
     return _image("difference.png", job_id, farm)
+
+
+@router.get(
+    "/slices/{index}.exr",
+    response_class=StreamingResponse,
+    responses={
+        200: {"content": {"image/x-exr": {}}},
+        **documented(problems.UNKNOWN_JOB, problems.UNKNOWN_SLICE),
+    },
+)
+def slice_exr(
+    job_id: JobId,
+    index: Annotated[int, Path(ge=0, description="the slice's index")],
+    farm: Annotated[Parts, Depends(parts)],
+) -> Response:
+    """Fetch a slice of a job that keeps its slices: R, G, B and W before normalisation."""
+    job = farm.job(job_id)
+    try:
+        blob = farm.jobs.ledger(job.id)[index]["blob"]
+        return _blob(blob, f"{job.id}-{index:06d}.exr", IMAGES["image.exr"], farm)
+    except (KeyError, FileNotFoundError) as error:
+        raise Problem(
+            problems.UNKNOWN_SLICE,
+            f"slice {index} of job {job.id} is not stored; slices stay where the job's spec says "
+            "keep_slices",
+        ) from error

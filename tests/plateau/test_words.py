@@ -2,7 +2,7 @@
 
 import pytest
 
-from plateau.words import duration, percent
+from plateau.words import duration, percent, pixels
 
 
 @pytest.mark.parametrize(
@@ -34,3 +34,11 @@ def test_durations(seconds: float, words: str) -> None:
 )
 def test_percentages_are_never_rounded_up(fraction: float, words: str) -> None:
     assert percent(fraction) == words
+
+
+@pytest.mark.parametrize(
+    ("count", "words"),
+    [(0, "0 px (0 %)"), (0.5, "0.5 px (0.05 %)"), (999.5, "1,000 px (100 %)")],
+)
+def test_pixels(count: float, words: str) -> None:
+    assert pixels(count, count / 1000) == words

@@ -177,6 +177,17 @@ def test_a_cancelled_job_keeps_what_was_rendered(farm: NoiseFarm) -> None:
     assert farm.lease() is None
 
 
+def test_a_job_keeps_its_slices_where_asked(
+    farm: NoiseFarm, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(job_run, "_CHECKPOINT_S", 0.0)
+    with farm.monitor():
+        done = work(farm, farm.submit(**QUICK, keep_slices=True))
+    kept = farm.store.names(blobs.partials(done.id))
+    assert len(kept) == len(farm.jobs.ledger(done.id)) >= done.spp // 10
+    assert farm.store.names(blobs.checkpoints(done.id)) == []
+
+
 def test_a_corrupted_partial_fails_its_job_and_no_other(farm: NoiseFarm) -> None:
     with farm.monitor():
         bad = farm.submit(**QUICK, priority=1)

@@ -1,0 +1,53 @@
+"""`plateau judge`: apply rules and views to images that are rendered already."""
+
+import json
+from pathlib import Path
+
+from farm.spec import JobSpec, ReverseSpec
+from metric.rules.reverse import EPSILON_PIXELS
+from plateau.judge import Judged, find_series, judge_series
+from plateau.plot import plot_curve
+from service.routes_results import curve_csv
+
+
+def judge(
+    folder: Path,
+    spec: JobSpec,
+    *,
+    cumulative: bool,
+    out: Path | None,
+    as_json: bool,
+) -> int:
+    """Judge the folder, write the curve where asked, print; returns the exit code."""
+    image_spp = spec.slice_spp if "slice_spp" in spec.model_fields_set else None
+    series = find_series(folder, image_spp=image_spp, cumulative=cumulative)
+    judged = judge_series(series, spec)
+    if out is not None:
+        _write(judged, spec, folder.resolve().name, out)
+    if as_json:
+        curve = [point.model_dump(mode="json", exclude={"at"}) for point in judged.points]
+        print(json.dumps({"stops": judged.stops, "curve": curve}, indent=2))
+        return 0
+    last = judged.points[-1]
+    size = f"{judged.width}×{judged.height}"
+    print(f"{len(judged.points)} evaluations of {size} pixels, to {last.spp:,} spp")
+    for name, spp in judged.stops.items():
+        when = "would not have stopped" if spp is None else f"would have stopped at {spp:,} spp"
+        print(f"{name + ':':<12}{when}")
+    return 0
+
+
+def _write(judged: Judged, spec: JobSpec, name: str, out: Path) -> None:
+    out.mkdir(parents=True, exist_ok=True)
+    (out / "curve.csv").write_text(curve_csv(judged.points))
+    reverse = next(
+        (rule for rule in (spec.rule, *spec.watch) if isinstance(rule, ReverseSpec)), ReverseSpec()
+    )
+    plot_curve(
+        f"{name}: judged to {judged.points[-1].spp:,} spp",
+        judged.points,
+        out / "curve.png",
+        window=reverse.window,
+        stop_slope=reverse.epsilon * judged.width * judged.height / EPSILON_PIXELS,
+        stops={name: spp for name, spp in judged.stops.items() if spp is not None},
+    )
