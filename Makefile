@@ -17,7 +17,7 @@ test: setup  ## Run every test that a newcomer's machine can run
 	$(BIN)/python -m pytest
 
 test-long: setup  ## The long forms of the statistical tests
-	$(BIN)/python -m pytest -m long
+	LONG_TESTS=1 $(BIN)/python -m pytest tests/statistical
 
 check: setup  ## Style, types and the import law: what CI runs before the tests
 	$(BIN)/ruff check .

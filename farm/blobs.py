@@ -102,4 +102,5 @@ def _store_errors() -> Iterator[None]:
     except FileNotFoundError:
         raise
     except (BaseError, OSError) as error:
-        raise StoreUnavailable(f"the blob store failed: {error}") from error
+        # obstore appends its whole chain of causes, a line each.
+        raise StoreUnavailable(f"the blob store failed: {str(error).splitlines()[0]}") from error

@@ -17,6 +17,9 @@ from farm.scripts import Scripts
 from farm.spec import JobSpec
 from farm.states import JobState
 
+#: A search reads so many jobs at once.
+_PAGE: Final = 200
+
 #: The first event of a job has a greater id than this.
 BEFORE_ALL_EVENTS: Final = "0-0"
 
@@ -110,7 +113,7 @@ class Jobs:
         """As `page`, of one state or one batch; reads pages until `limit` jobs are found."""
         found: list[Job] = []
         while True:
-            jobs, before = self.page(before=before, limit=limit)
+            jobs, before = self.page(before=before, limit=max(limit, _PAGE))
             found += [
                 job
                 for job in jobs

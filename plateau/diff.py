@@ -1,7 +1,8 @@
 """Which pixels of two image files an eye can tell apart.
 
->>> from plateau.diff import compare_files  # doctest: +SKIP
->>> compare_files(Path("a.png"), Path("b.png")).in_words()
+>>> from plateau.diff import compare_files
+>>> comparison = compare_files(Path("a.png"), Path("b.png"))  # doctest: +SKIP
+>>> comparison.in_words()  # doctest: +SKIP
 '1,234 of 65,536 pixels (1.9 %) differ visibly'
 """
 

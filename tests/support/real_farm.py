@@ -54,7 +54,12 @@ class RealFarm:
         traceback: TracebackType | None,
     ) -> None:
         self.client.close()
-        left = psutil.Process().children(recursive=True)
+        left = [
+            child
+            for process in self.processes
+            if process.poll() is None
+            for child in psutil.Process(process.pid).children(recursive=True)
+        ]
         for process in self.processes:
             process.send_signal(signal.SIGTERM)
         codes = {process.wait(30) for process in self.processes if process.poll() is None}
