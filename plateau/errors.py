@@ -8,6 +8,7 @@ from plateau.client import ClientError
 from plateau.data_folder import InUse
 from plateau.judge import CannotJudge
 from plateau.read_settings import BadSetting
+from plateau.study import CannotFit
 from plateau.tree import TreeFailed
 
 
@@ -19,6 +20,7 @@ class CommandFailed(Exception):
 EXPECTED: Final = (
     BadSetting,
     BundleError,
+    CannotFit,
     CannotJudge,
     ClientError,
     CommandFailed,

@@ -156,6 +156,12 @@ def test_the_map_marks_the_visible_pixels_on_the_test_image(file, tmp_path):
     assert (picture[~visible] == 43).all()
 
 
+def test_the_map_lies_on_the_test_image_and_not_on_the_reference(file):
+    reference, test = file("a.png", grey(40)), file("b.png", grey(200))
+    shown = compare_files(reference, test).shown
+    assert shown == pytest.approx((200 / 255) ** 2.2, rel=1e-5)
+
+
 def test_the_map_does_not_overwrite_what_is_compared(file, tmp_path):
     reference, test = file("a.png", grey()), file("b.png", grey(0))
     assert "would overwrite" in refused(reference, test, "--map", test)

@@ -1,0 +1,105 @@
+"""An observer study: what people saw, fitted by the paper's psychometric function.
+
+A table is a CSV file in the form of the paper's table 1: a column `scene`, then one column for each
+number of samples per pixel that was shown, holding the share of the observers that perceived a
+difference from the reference.
+"""
+
+import csv
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from metric import LogitFit, fit_logit
+
+#: The paper's thresholds: a difference is perceived by half of the observers, and by a tenth.
+PROBABILITIES: Final = (0.5, 0.1)
+
+
+class CannotFit(Exception):
+    """The table cannot be fitted; the message says where and why, in one line."""
+
+
+@dataclass(frozen=True)
+class FittedScene:
+    """A row of the table, with its fit."""
+
+    scene: str
+    spp: tuple[float, ...]
+    probabilities: tuple[float, ...]
+    fit: LogitFit
+
+    def threshold(self, probability: float) -> float | None:
+        """The spp at which a difference is perceived so often; None where the fit is flat."""
+        return None if self.fit.a == 0 else self.fit.threshold(probability)
+
+
+def fit_table(path: Path) -> list[FittedScene]:
+    """Fit each row of a table.
+
+    Raises
+    ------
+    CannotFit
+        It cannot be read, is not in this form, or a row has no fit.
+    """
+    try:
+        with path.open(newline="", encoding="utf-8") as file:
+            header, *rows = [row for row in csv.reader(file) if row]
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise CannotFit(f"{path}: {error}") from error
+    except ValueError:
+        raise CannotFit(f"{path} is empty") from None
+    if not rows:
+        raise CannotFit(f"{path} has no rows below its header")
+    spp = tuple(_number(path, 1, text) for text in header[1:])
+    fitted = []
+    for line, (scene, *cells) in enumerate(rows, start=2):
+        if len(cells) != len(spp):
+            raise CannotFit(f"{path}, line {line}: {len(cells)} values for {len(spp)} spp")
+        probabilities = tuple(_number(path, line, cell) for cell in cells)
+        try:
+            fitted.append(FittedScene(scene, spp, probabilities, fit_logit(spp, probabilities)))
+        except ValueError as error:
+            raise CannotFit(f"{path}, line {line} ({scene}): {error}") from error
+    return fitted
+
+
+def plot_study(fitted: list[FittedScene], path: Path) -> None:
+    """Write the fits as a PNG file in the form of the paper's figure 1.
+
+    For each scene, the answers as points and the fitted probability as a curve over spp; dotted
+    lines stand at the thresholds of 50 % and 10 %.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    columns = min(3, len(fitted))
+    lines = -(-len(fitted) // columns)
+    figure = Figure(figsize=(3.2 * columns, 2.4 * lines), layout="constrained")
+    FigureCanvasAgg(figure)
+    grid = figure.subplots(lines, columns, sharex=True, sharey=True, squeeze=False)
+    over = np.linspace(0, 1.5 * max(max(one.spp) for one in fitted), 200)
+    for axes, one in zip(grid.flat, fitted, strict=False):
+        axes.plot(one.spp, one.probabilities, "o", color="#1f6f8b", markersize=4)
+        axes.plot(over, one.fit.probability(over), color="#d1495b")
+        for probability in PROBABILITIES:
+            place = one.threshold(probability)
+            if place is not None:
+                axes.axvline(place, color="#5a5a5a", linewidth=0.8, linestyle=":")
+        axes.set_title(one.scene, fontsize=9)
+        axes.set_ylim(0, 1.05)
+        axes.set_xlim(over[0], over[-1])
+    for axes in grid.flat[len(fitted) :]:
+        axes.set_visible(False)
+    figure.supxlabel("samples per pixel (spp)", fontsize=9)
+    figure.supylabel("probability to perceive a difference", fontsize=9)
+    figure.savefig(path, dpi=150)
+
+
+def _number(path: Path, line: int, text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise CannotFit(f"{path}, line {line}: {text!r} is not a number") from None
