@@ -26,7 +26,7 @@ check: setup  ## Style, types and the import law: what CI runs before the tests
 	$(BIN)/lint-imports
 
 bench: setup  ## Run every benchmark; results in bench/results
-	@for file in bench/*.py; do $(BIN)/python -m bench.$$(basename $$file .py) || exit 1; done
+	@for file in bench/[!_]*.py; do $(BIN)/python -m bench.$$(basename $$file .py) || exit 1; done
 
 bench-%: setup  ## Run one benchmark, bench/NAME.py
 	$(BIN)/python -m bench.$*

@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import psutil
 
-from bench.report import Figure, figure, write_report
+from bench.support.report import Figure, figure, write_report
 from farm.exr import decode_image
 from farm.seeds import SeedSchedule
 from farm.settings import Settings

@@ -9,14 +9,20 @@ false stop.
 from __future__ import annotations
 
 import argparse
+import math
 from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bench import report
-from bench.report import Figure, Spread, write_report
-from bench.synthetic_noise import FIREFLY_BRIGHTNESS, FIREFLY_PROBABILITY, GAMMA_SHAPE, Render
+from bench.support import report
+from bench.support.report import Figure, Spread, write_report
+from bench.support.synthetic_noise import (
+    FIREFLY_BRIGHTNESS,
+    FIREFLY_PROBABILITY,
+    GAMMA_SHAPE,
+    Render,
+)
 from metric import Evidence, View, VisibleDifferences, create_rule
 
 if TYPE_CHECKING:
@@ -162,11 +168,11 @@ def _on_time(case: Case, seed: int) -> float:
     while is_wrong(high):
         low, high = high, high * 2
     while high > 1.05 * low:
-        middle = round((low * high) ** 0.5) // 2 * 2
+        middle = round(math.sqrt(low * high)) // 2 * 2
         if middle in {low, high}:
             break
         low, high = (middle, high) if is_wrong(middle) else (low, middle)
-    return (low * high) ** 0.5
+    return math.sqrt(low * high)
 
 
 def _judge(case: Case, seed: int, cap: int) -> dict[str, tuple[int, float]]:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bench.report import Figure, figure, write_report
+from bench.support.report import Figure, figure, write_report
 from metric import View, VisibleDifferences
 
 if TYPE_CHECKING:

@@ -1,6 +1,7 @@
 """The embedded Redis: a private server process on a Unix socket, durable to the last write."""
 
 import importlib.util
+import os
 import shutil
 import signal
 import subprocess
@@ -16,6 +17,8 @@ from farm.processes import die_with_parent
 from farm.redis_link import connect
 
 _START_S: Final = 30.0
+#: In bytes; Linux takes 107, macOS 103.
+_LONGEST_SOCKET_PATH: Final = 100
 _STOP_S: Final = 15.0
 
 
@@ -53,9 +56,12 @@ class EmbeddedRedis:
                 "or set PLATEAU_REDIS_URL to a Redis of yours"
             )
         data.mkdir(parents=True, exist_ok=True)
-        # Not in the data folder: the path of a Unix socket must be short.
-        self._run = tempfile.TemporaryDirectory(prefix="plateau-redis-")
-        socket = Path(self._run.name) / "redis.sock"
+        # In the data folder, where it goes with the rest, unless its path would be too long.
+        socket = data.absolute() / "redis.sock"
+        self._elsewhere: tempfile.TemporaryDirectory[str] | None = None
+        if len(os.fsencode(socket)) > _LONGEST_SOCKET_PATH:
+            self._elsewhere = tempfile.TemporaryDirectory(prefix="plateau-redis-")
+            socket = Path(self._elsewhere.name) / "redis.sock"
         log = data / "redis.log"
         options = {
             "port": "0",
@@ -108,4 +114,5 @@ class EmbeddedRedis:
             except subprocess.TimeoutExpired:
                 self.process.kill()
                 self.process.wait()
-        self._run.cleanup()
+        if self._elsewhere is not None:
+            self._elsewhere.cleanup()

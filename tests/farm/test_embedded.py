@@ -27,6 +27,12 @@ def test_it_keeps_its_data_over_a_restart_and_a_kill(tmp_path: Path) -> None:
     assert not psutil.pid_exists(second.process.pid)
 
 
+def test_a_data_folder_with_a_long_path_will_do(tmp_path: Path) -> None:
+    server = EmbeddedRedis(tmp_path / ("long" * 30))
+    assert connect(server.url).ping()
+    server.stop()
+
+
 def test_one_that_does_not_start_says_why(tmp_path: Path) -> None:
     (tmp_path / "appendonly.aof").write_text("this is no append-only file")
     (tmp_path / "appendonlydir").write_text("nor a folder of them")

@@ -34,9 +34,7 @@ class TestCreateRule:
         assert create_rule("reverse", window=8, epsilon=0.5) == Reverse(window=8, epsilon=0.5)
 
     def test_an_unknown_rule_is_answered_with_the_known_ones(self):
-        with pytest.raises(
-            ValueError, match=r"no rule 'revers'; .* fixed, .*reverse"
-        ):
+        with pytest.raises(ValueError, match=r"no rule 'revers'; .* fixed, .*reverse"):
             create_rule("revers")
 
     def test_an_unknown_parameter_is_answered_with_the_known_ones(self):

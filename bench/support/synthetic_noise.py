@@ -61,13 +61,15 @@ SCENES: dict[str, Callable[[int], Array]] = {
 
 
 def _gaussian(rng: np.random.Generator, shape: tuple[int, ...], spp: int) -> Array:
-    return rng.standard_normal(shape) / np.sqrt(spp)
+    noise: Array = rng.standard_normal(shape) / np.sqrt(spp)
+    return noise
 
 
 def _heavy_tailed(rng: np.random.Generator, shape: tuple[int, ...], spp: int) -> Array:
     # A sum of gamma variables is one: exact, whatever the spp.
     mean = rng.gamma(GAMMA_SHAPE * spp, 1 / GAMMA_SHAPE, shape) / spp
-    return (mean - 1) * np.sqrt(GAMMA_SHAPE)
+    noise: Array = (mean - 1) * np.sqrt(GAMMA_SHAPE)
+    return noise
 
 
 def _filtered(rng: np.random.Generator, shape: tuple[int, ...], spp: int) -> Array:

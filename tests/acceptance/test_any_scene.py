@@ -1,0 +1,38 @@
+"""Scenes as people have them: includes, relative meshes, textures, any filter, any film."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.support.real_farm import RealFarm
+
+ROOM = Path(__file__).parents[1] / "reference" / "scenes" / "room"
+
+
+@pytest.mark.parametrize("rfilter", ["gaussian", "box"])
+def test_a_scene_with_everything_is_rendered(farm: RealFarm, rfilter: str) -> None:
+    farm.start("monitor")
+    farm.workers(1)
+    job = farm.submit(
+        ROOM,
+        parameters={"filter": rfilter, "width": 37},
+        slice_spp=4,
+        step=8,
+        max_spp=16,
+        rule={"name": "fixed", "spp": 16},
+        watch=[{"name": "visible"}, {"name": "myszkowski"}],
+        zones=(1, 2),
+    )
+    done = farm.client.wait(job.id)
+    assert (done.state, done.width, done.height, done.spp) == ("converged", 37, 24, 16)
+    assert done.notes == ("the scene's 'multijitter' sampler was replaced by 'independent'",)
+    image = farm.image(done)
+    assert image.shape == (24, 37, 3)
+    assert np.isfinite(image).all()
+    assert image.mean() > 0.05
+    point = farm.client.curve(job.id)[-1]
+    assert set(point.rules) == {"fixed", "visible", "myszkowski"}
+    assert point.zones is not None
+    assert [len(row) for row in point.zones.visible_fraction] == [2]
+    assert point.estimate_low_pixels <= point.estimate_pixels <= point.estimate_high_pixels
