@@ -1,0 +1,111 @@
+"""The rule `visible` and its forecast, on noise of which the truth is known."""
+
+import json
+
+import numpy as np
+import pytest
+
+from metric import Evidence, Half, Memory, View, Visible, VisibleDifferences, forecast
+
+METRIC = VisibleDifferences(View())
+SIDE = 64
+GREY = 0.4
+SIGMA = 0.6  #: standard deviation of one sample
+
+
+def evidence(spp, seed=1, sigma=SIGMA):
+    """A flat grey whose noise falls as 1/sqrt(spp), in two halves."""
+    spp -= spp % 2
+    noise = np.random.default_rng(seed).normal(0, 1, (2, SIDE, SIDE, 3))
+    even, odd = (np.float32(GREY + n * sigma / np.sqrt(spp / 2)) for n in noise)
+    return Evidence(spp, (even + odd) / 2, (Half(even, spp // 2), Half(odd, spp // 2)), METRIC)
+
+
+def pixels(spp):
+    return evidence(spp).estimate.pixels
+
+
+NOISY, CLEAN = 200, 40_000
+
+
+def test_the_story_has_a_noisy_and_a_clean_image():
+    assert pixels(NOISY) > 100
+    assert pixels(CLEAN) <= 1
+
+
+def test_it_stops_at_the_second_pass_in_a_row():
+    rule = Visible(min_spp=1)
+    spps = [NOISY, CLEAN, CLEAN + 100, CLEAN + 200]
+    assert [rule.judge(evidence(spp)).stop for spp in spps] == [False, False, True, True]
+
+
+def test_a_lucky_look_does_not_stop_it():
+    rule = Visible(min_spp=1)
+    lucky = evidence(300, sigma=0.0)
+    assert not rule.judge(lucky).stop
+    assert not rule.judge(evidence(400)).stop
+    assert "reached once" in rule.judge(evidence(500, sigma=0.0)).reason
+
+
+def test_it_waits_for_its_minimum_of_samples():
+    rule = Visible(min_spp=600)
+    stops = [rule.judge(evidence(spp, sigma=0.0)).stop for spp in (200, 400, 600, 800)]
+    assert stops == [False, False, True, True]
+
+
+def test_without_halves_it_waits():
+    grey = np.full((8, 8, 3), GREY, np.float32)
+    verdict = Visible().judge(Evidence(1000, grey, None, METRIC))
+    assert (verdict.stop, verdict.value) == (False, None)
+    assert "two halves" in verdict.reason
+
+
+def test_it_stores_no_image_and_goes_on_after_a_restart():
+    first = Visible(min_spp=1)
+    first.judge(evidence(CLEAN))
+    memory = first.memory()
+    assert memory.images == {}
+    assert first.stored_images(10) == 0
+    second = Visible(min_spp=1)
+    second.recall(Memory(json.loads(json.dumps(memory.numbers)), {}))
+    assert second.judge(evidence(CLEAN + 100)).stop
+
+
+@pytest.mark.parametrize("target", [0.0, 1.0, -0.1, float("nan")])
+def test_its_target_is_a_share(target):
+    with pytest.raises(ValueError, match="target"):
+        Visible(target=target)
+
+
+class TestForecast:
+    def test_the_estimate_has_fallen_to_the_target_where_it_says(self):
+        # Given noise whose law is known, forecast from four times as noisy an image
+        target, now = 0.02, 1600
+        seen = evidence(now)
+        foretold = forecast(METRIC, seen.image, seen.halves, target)
+        assert foretold.spp is not None
+        assert foretold.low_spp <= foretold.spp <= foretold.high_spp
+        # Then, in most of twenty tries, the true crossing lies within the band
+        inside = 0
+        for seed in range(20):
+            seen = evidence(now, seed)
+            band = forecast(METRIC, seen.image, seen.halves, target)
+            low = evidence(band.low_spp, seed + 100).estimate.fraction
+            high = evidence(band.high_spp, seed + 200).estimate.fraction
+            inside += high <= 1.1 * target and low >= 0.9 * target
+        # Binomial(20, 0.9): fewer than 14 has a probability of 0.002
+        assert inside >= 14
+
+    def test_what_is_reached_is_reached_now(self):
+        seen = evidence(CLEAN)
+        foretold = forecast(METRIC, seen.image, seen.halves, 0.01)
+        assert foretold.spp == foretold.low_spp == foretold.high_spp == CLEAN
+
+    def test_a_lower_target_takes_longer(self):
+        seen = evidence(1600)
+        spps = [forecast(METRIC, seen.image, seen.halves, t).spp for t in (0.1, 0.03, 0.01)]
+        assert spps == sorted(spps)
+
+    def test_out_of_reach_is_said(self):
+        seen = evidence(2, sigma=1000.0)
+        assert forecast(METRIC, seen.image, seen.halves, 1e-3).spp is None
