@@ -1,5 +1,7 @@
 """Zones cover the image once, along multiples of 16 pixels."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -12,7 +14,7 @@ def test_zones_cover_a_line_once_and_are_aligned(size, zones):
     edges = zone_edges(size, zones)
     assert (edges[0], edges[-1]) == (0, size)
     assert all(edge % 16 == 0 for edge in edges[:-1])
-    assert all(a < b for a, b in zip(edges, edges[1:], strict=False))
+    assert all(a < b for a, b in pairwise(edges))
     assert len(edges) - 1 == min(zones, -(-size // 16))
 
 

@@ -1,0 +1,104 @@
+"""How far off the half-buffer estimate and its forecast are, on noise of which the truth is known.
+
+`make bench-estimate`. For each scene and noise, the truth is how many pixels visibly differ from
+the converged image. Beside it stand the estimate, how often the truth lies in its band, and how
+often the spp at which the estimate really falls to the target lies in the forecast's band.
+"""
+
+import argparse
+from dataclasses import dataclass
+
+import numpy as np
+
+from bench.support.report import Figure, write_report
+from bench.support.synthetic_noise import SCENES, Render
+from metric import View, VisibleDifferences, forecast, half_buffer_estimate
+
+TARGET = 0.002
+#: From one spp to the next.
+GRID_STEP = 1.05
+_NOTES = (
+    "Ratios are of sums over the seeds, so that seeds with few visible pixels do not dominate.",
+    "Bands are meant to hold nine cases of ten.",
+    "A forecast is judged by the first spp on a grid of 5 % where the estimate is at its target.",
+)
+
+
+@dataclass
+class Row:
+    """What was found at one spp of one scene and noise, over the seeds."""
+
+    truth: float = 0.0
+    estimate: float = 0.0
+    in_band: int = 0
+    forecasts: int = 0
+    forecasts_in_band: int = 0
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--seeds", type=int, default=16, help="renders of each case")
+    parser.add_argument("--size", type=int, default=96, help="pixels across and down")
+    options = parser.parse_args()
+    figures: list[Figure] = []
+    for noise in ("Gaussian", "heavy-tailed"):
+        for scene in SCENES:
+            for spp, row in _rows(scene, noise, options.size, options.seeds).items():
+                figures += _figures(f"{scene}, {noise}, {spp} spp", row, options)
+    settings = {"seeds": options.seeds, "size": options.size, "level": 0.3, "target": TARGET}
+    write_report("estimate", figures, settings=settings, notes=_NOTES)
+
+
+def _rows(scene: str, noise: str, size: int, seeds: int) -> dict[int, Row]:
+    metric = VisibleDifferences(View())
+    grid = sorted({2 * round(25 * GRID_STEP**k) for k in range(80)})
+    shown = [spp for spp in grid if any(abs(spp - 50 * 2**k) <= 0.025 * spp for k in range(5))]
+    rows = {spp: Row() for spp in shown}
+    for seed in range(seeds):
+        render = Render(scene, noise, 0.3, size, seed)
+        truth = metric.percept(render.truth)
+        reached, foretold = None, {}
+        for spp, image, halves in render.images(grid):
+            percept = metric.percept(image)
+            estimate = half_buffer_estimate(metric, image, halves, percept=percept)
+            if reached is None and estimate.fraction <= TARGET:
+                reached = spp
+            if spp in rows:
+                count = metric.compare(truth, percept).count
+                rows[spp].truth += count
+                rows[spp].estimate += estimate.pixels
+                rows[spp].in_band += estimate.low_pixels <= count <= estimate.high_pixels
+                if reached is None:
+                    foretold[spp] = forecast(
+                        metric, image, halves, TARGET, percept=percept, estimate=estimate
+                    )
+        for spp, ahead in foretold.items():
+            if reached is None or ahead.low_spp is None or ahead.high_spp is None:
+                continue
+            rows[spp].forecasts += 1
+            # The crossing lies between the last step of the grid and this one.
+            rows[spp].forecasts_in_band += (
+                ahead.low_spp <= reached and reached / GRID_STEP <= ahead.high_spp
+            )
+    return rows
+
+
+def _figures(name: str, row: Row, options: argparse.Namespace) -> list[Figure]:
+    pixels = options.seeds * options.size**2
+    ratio = row.estimate / row.truth if row.truth else float(np.isclose(row.estimate, 0))
+    found = [
+        ("truth", row.truth / pixels, "fraction", None),
+        ("estimate over truth", ratio, "ratio", "near 1"),
+        ("truth in the band", row.in_band / options.seeds, "share of runs", "about 0.9"),
+    ]
+    if row.forecasts:
+        hit = row.forecasts_in_band / row.forecasts
+        found.append(("forecast in its band", hit, "share of runs", "about 0.9"))
+    return [
+        Figure(name=f"{name}: {what}", value=value, unit=unit, goal=goal)
+        for what, value, unit, goal in found
+    ]
+
+
+if __name__ == "__main__":
+    main()
