@@ -349,11 +349,10 @@ def judge(
 ) -> None:
     """Judge images that are rendered already, and say where each rule would have stopped.
 
-    FOLDER holds the slices that a job kept, or EXR images of any renderer, each of --slice-spp
+    FOLDER holds the slices that a job kept (--keep-slices), or EXR images of any renderer, each of --slice-spp
     samples per pixel, in the order of their names.
 
     For example:
-      plateau render scenes/box --keep-slices -o out
       plateau judge out/slices --rule visible --watch reverse --watch myszkowski -o judged
       plateau judge frames --slice-spp 20 --step 40 --white-luminance 300
     """

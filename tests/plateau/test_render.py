@@ -69,7 +69,7 @@ def test_a_scene_becomes_an_image(render: Render, tmp_path: Path) -> None:
 
 
 def test_ctrl_c_cancels_and_writes_what_there_is(render: Render, tmp_path: Path) -> None:
-    command = render("--epsilon", "1e-9", "--max-spp", "1000000")
+    command = render("--rule", "fixed", "--spp", "1000000", "--max-spp", "1000000")
     command.wait_for(r"200 spp")
     command.family()
     command.process.send_signal(signal.SIGINT)
@@ -90,7 +90,7 @@ def test_ctrl_c_before_anything_runs_leaves_at_once(render: Render) -> None:
 
 
 def test_when_it_is_killed_nothing_runs_on(render: Render) -> None:
-    command = render("--epsilon", "1e-9", "--max-spp", "1000000")
+    command = render("--rule", "fixed", "--spp", "1000000", "--max-spp", "1000000")
     command.wait_for("200 spp")
     assert len(command.family()) >= 5  # Redis, API, monitor, worker, render child
     command.process.kill()
