@@ -14,8 +14,8 @@ from plateau.interrupts import Interrupts
 from plateau.member import Member
 
 _API_START_S: Final = 60.0
-#: A stopping worker tries for 20 s to commit what it has.
-_STOP_S: Final = {"worker": 25.0, "monitor": 10.0, "api": 8.0}
+#: A stopping worker tries for 5 s to commit what it has.
+_STOP_S: Final = {"worker": 15.0, "monitor": 10.0, "api": 8.0}
 _HURRIED_S: Final = 2.0
 _TICK_S: Final = 0.05
 

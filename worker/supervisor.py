@@ -36,7 +36,7 @@ _LOG = logging.getLogger(__name__)
 
 _IDLE_S: Final = 0.5  #: between two looks for work, where no hint came
 _TURN_S: Final = 20.0  #: a worker keeps to its loaded scene for so long, then looks who waits
-_DRAIN_S: Final = 20.0  #: a stopping worker tries to commit what it has for so long
+_DRAIN_S: Final = 5.0  #: a stopping worker tries to commit what it has for so long
 _CHILD_MEMORY_SHARE: Final = 0.8  #: of the machine's memory, where no limit is set
 
 
