@@ -349,8 +349,8 @@ def judge(
 ) -> None:
     """Judge images that are rendered already, and say where each rule would have stopped.
 
-    FOLDER holds the slices that a job kept (--keep-slices), or EXR images of any renderer, each of --slice-spp
-    samples per pixel, in the order of their names.
+    FOLDER holds the slices that a job kept (--keep-slices), or EXR images of any renderer, each
+    of --slice-spp samples per pixel, in the order of their names.
 
     For example:
       plateau judge out/slices --rule visible --watch reverse --watch myszkowski -o judged
