@@ -68,5 +68,7 @@ wanted=$(cat pyproject.toml constraints.txt | cksum)
 if [ "$(cat .venv/made-from 2>/dev/null)" != "$wanted" ]; then
   make_venv
   find_llvm
+  say "compiling the metric (some 10 s, once)"
+  .venv/bin/python -c 'from service.judge import warm_up; warm_up()'
   echo "$wanted" > .venv/made-from
 fi

@@ -21,6 +21,24 @@ PEAK_FREQUENCY_CPD = 3.248
 #: The luminance at which contrasts of different frequencies are weighed, in cd/m².
 PEAK_LUMINANCE = 100.0
 
+#: Barten: a = A_SCALE (1 + A_LUMINANCE/L)^A_POWER, and b likewise; the rest is RISE.
+A_SCALE, A_LUMINANCE, A_POWER = 440.0, 0.7, -0.2
+B_SCALE, B_LUMINANCE, B_POWER = 0.3, 100.0, 0.15
+RISE = 0.06
+
+#: Ward Larson: where one piece gives way to the next, in log10 cd/m².
+ROD_CURVE_FROM, ROD_LINE_FROM, CONE_CURVE_FROM, CONE_LINE_FROM = -3.94, -1.44, -0.0184, 1.9
+#: The pieces, log10 of the threshold at g: the constant, (slope g + intercept)^power + offset for
+#: the curves, and g + offset for the lines.
+ROD_CONSTANT = -2.86
+ROD_CURVE = (0.405, 1.6, 2.18, -2.86)
+ROD_LINE = -0.395
+CONE_CURVE = (0.249, 0.65, 2.7, -0.72)
+CONE_LINE = -1.255
+
+#: Daly: (1 + (MASKING_SCALE (MASKING_CONTRAST x)^MASKING_POWER)^4)^(1/4).
+MASKING_SCALE, MASKING_CONTRAST, MASKING_POWER = 0.0153, 392.498, 0.7
+
 
 def contrast_sensitivity(frequency_cpd: ArrayLike, luminance: ArrayLike) -> Array:
     """Return the contrast sensitivity, the inverse of the smallest visible contrast.
@@ -59,11 +77,11 @@ def contrast_sensitivity(frequency_cpd: ArrayLike, luminance: ArrayLike) -> Arra
     light = np.asarray(luminance, dtype=np.float32)
     # At L = 0 both quotients are infinite, which gives a = 0: where a factor is 0, so is the limit.
     with np.errstate(divide="ignore", over="ignore", under="ignore", invalid="ignore"):
-        scale = 440 * np.power(1 + np.float32(0.7) / light, np.float32(-0.2))
-        slope = np.float32(0.3) * np.power(1 + np.float32(100) / light, np.float32(0.15))
+        scale = A_SCALE * np.power(1 + np.float32(A_LUMINANCE) / light, np.float32(A_POWER))
+        slope = B_SCALE * np.power(1 + np.float32(B_LUMINANCE) / light, np.float32(B_POWER))
         decay = np.exp(-slope * frequency)
         rise = scale * frequency
-        fall = np.sqrt(decay * (decay + np.float32(0.06)))
+        fall = np.sqrt(decay * (decay + np.float32(RISE)))
         sensitivity: Array = np.where((rise == 0) | (fall == 0), np.float32(0), rise * fall)
     undefined = (frequency < 0) | (light < 0)
     sensitivity[undefined] = np.nan
@@ -103,17 +121,17 @@ def luminance_threshold(adaptation_luminance: ArrayLike) -> Array:
     log_threshold = np.piecewise(
         log_light,
         [
-            log_light < -3.94,
-            (log_light >= -3.94) & (log_light < -1.44),
-            (log_light >= -1.44) & (log_light < -0.0184),
-            (log_light >= -0.0184) & (log_light < 1.9),
+            log_light < ROD_CURVE_FROM,
+            (log_light >= ROD_CURVE_FROM) & (log_light < ROD_LINE_FROM),
+            (log_light >= ROD_LINE_FROM) & (log_light < CONE_CURVE_FROM),
+            (log_light >= CONE_CURVE_FROM) & (log_light < CONE_LINE_FROM),
         ],
         [
-            -2.86,
-            lambda g: np.power(0.405 * g + 1.6, np.float32(2.18)) - 2.86,
-            lambda g: g - 0.395,
-            lambda g: np.power(0.249 * g + 0.65, np.float32(2.7)) - 0.72,
-            lambda g: g - 1.255,  # and NaN, which no comparison catches
+            ROD_CONSTANT,
+            lambda g: _curve(g, *ROD_CURVE),
+            lambda g: g + ROD_LINE,
+            lambda g: _curve(g, *CONE_CURVE),
+            lambda g: g + CONE_LINE,  # and NaN, which no comparison catches
         ],
     )
     threshold: Array = np.power(np.float32(10), log_threshold)
@@ -145,8 +163,16 @@ def masking(normalised_contrast: ArrayLike) -> Array:
     """
     contrast = np.asarray(normalised_contrast, dtype=np.float32)
     with np.errstate(over="ignore", under="ignore", invalid="ignore"):
-        raised = np.float32(0.0153) * np.power(np.float32(392.498) * contrast, np.float32(0.7))
+        raised = np.float32(MASKING_SCALE) * np.power(
+            np.float32(MASKING_CONTRAST) * contrast, np.float32(MASKING_POWER)
+        )
         squared = raised * raised
         # The fourth root as two square roots: several times as fast as a power.
         elevation: Array = np.sqrt(np.sqrt(1 + squared * squared))
     return elevation
+
+
+def _curve(log_light: Array, slope: float, intercept: float, power: float, offset: float) -> Array:
+    """Return a curved piece of the luminance threshold, log10 of cd/m²."""
+    raised: Array = np.power(slope * log_light + intercept, np.float32(power)) + offset
+    return raised

@@ -53,6 +53,10 @@ EXPOSURE_LIMIT_EV = 100
 #: CIE 15:2004, where the cube root of CIELAB gives way to a straight line.
 LAB_EPSILON = 216 / 24389
 LAB_KAPPA = 24389 / 27
+#: The straight line is (κ t + LAB_OFFSET) / LAB_SCALE, as L* = LAB_SCALE f(t) - LAB_OFFSET.
+LAB_OFFSET, LAB_SCALE = 16, 116
+#: a* and b* for a difference of 1 in the responses to X and Y, and to Y and Z.
+LAB_A, LAB_B = 500, 200
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -184,12 +188,12 @@ def opponent_chroma(xyz: Plane, primaries: Primaries) -> Plane:
     # A rounded power rather than the exact cube root, as in the program the goldens come from.
     response = np.power(ratio, np.float32(1 / 3))
     straight = ratio <= LAB_EPSILON
-    response[straight] = (LAB_KAPPA * ratio[straight] + 16) / 116
+    response[straight] = (LAB_KAPPA * ratio[straight] + LAB_OFFSET) / LAB_SCALE
     chroma: Plane = np.empty((2, *xyz.shape[1:]), np.float32)
     np.subtract(response[0], response[1], out=chroma[0])
     np.subtract(response[1], response[2], out=chroma[1])
-    chroma[0] *= 500
-    chroma[1] *= 200
+    chroma[0] *= LAB_A
+    chroma[1] *= LAB_B
     return chroma
 
 

@@ -14,8 +14,8 @@ if TYPE_CHECKING:
 LEVELS = 8
 #: The separable kernel: the centre, its two neighbours, the two beyond.
 KERNEL = (0.4, 0.25, 0.05)
-
-_REACH = 2
+#: So many pixels to either side the kernel reads.
+REACH = 2
 
 
 def border_index(index: int, size: int) -> int:
@@ -67,11 +67,11 @@ def blurred_levels(plane: Plane) -> Plane:
     levels[0] = plane
 
     # One bordered copy serves every level; its margins are filled by index from its inside.
-    bordered: Plane = np.empty((height + 2 * _REACH, width + 2 * _REACH), np.float32)
-    inside = bordered[_REACH:-_REACH, _REACH:-_REACH]
+    bordered: Plane = np.empty((height + 2 * REACH, width + 2 * REACH), np.float32)
+    inside = bordered[REACH:-REACH, REACH:-REACH]
     rows, mirrored_rows = _margins(height)
     columns, mirrored_columns = _margins(width)
-    across = np.empty((height + 2 * _REACH, width), np.float32)
+    across = np.empty((height + 2 * REACH, width), np.float32)
     work = np.empty_like(across)
 
     for finer, coarser in pairwise(levels):
@@ -86,7 +86,7 @@ def blurred_levels(plane: Plane) -> Plane:
 def _margins(size: int) -> tuple[list[int], list[int]]:
     """Return the indices of a bordered line's margins and those of the pixels they repeat."""
     beyond = (-2, -1, size, size + 1)
-    return [n + _REACH for n in beyond], [border_index(n, size) + _REACH for n in beyond]
+    return [n + REACH for n in beyond], [border_index(n, size) + REACH for n in beyond]
 
 
 def _five_taps(taps: list[Plane], out: Plane, work: Plane) -> None:

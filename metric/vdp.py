@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
 import numpy as np
 
@@ -54,16 +54,37 @@ COLOUR_LUMINANCE = 10.0
 _BLOCK = 8192
 
 
-@dataclass(frozen=True, eq=False)
-class Percept:
+class Percept(Protocol):
     """One image, prepared for comparison under one view."""
 
+    @property
+    def view(self) -> View:
+        """The view."""
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Height and width in pixels."""
+
+    @property
+    def levels(self) -> Plane:
+        """Luminance in cd/m² and its seven blurs, (8, H, W) float32."""
+
+    @property
+    def chroma(self) -> Plane | None:
+        """CIELAB a* and b*, (2, H, W) float32; None where luminance alone is judged."""
+
+    @property
+    def non_finite(self) -> Mask:
+        """Which pixels have a channel that is NaN or infinite, (H, W); prepared as black."""
+
+
+@dataclass(frozen=True, eq=False)
+class PreparedPercept:
+    """A `Percept` with everything worked out when it is made."""
+
     view: View
-    #: Luminance in cd/m² and its seven blurs, (8, H, W) float32.
     levels: Plane
-    #: CIELAB a* and b*, (2, H, W) float32; None where luminance alone is judged.
     chroma: Plane | None
-    #: Which pixels have a channel that is NaN or infinite, (H, W); they are prepared as black.
     non_finite: Mask
 
     @property
@@ -89,6 +110,9 @@ class Difference:
 
 class VisibleDifferences:
     """The predictor under one view.
+
+    This one is numpy throughout and the measure of correctness; `metric.compiled` has another, for
+    those who compare many images and can wait for a compiler once.
 
     Examples
     --------
@@ -131,7 +155,7 @@ class VisibleDifferences:
         xyz = tristimulus(displayed(image, view), view.primaries)
         levels = blurred_levels(np.float32(view.white_luminance) * xyz[1])
         chroma = None if view.luminance_only else opponent_chroma(xyz, view.primaries)
-        return Percept(view, levels, chroma, non_finite)
+        return PreparedPercept(view, levels, chroma, non_finite)
 
     def compare(self, reference: Percept, test: Percept) -> Difference:
         """Return where the test image differs visibly from the reference.
@@ -143,7 +167,7 @@ class VisibleDifferences:
         ValueError
             If the images differ in size, or were prepared under another view.
         """
-        self._check(reference, test)
+        self.check(reference, test)
 
         # Thresholds without masking, from the luminance to which the eye is adapted.
         adaptation = reference.levels[self.adaptation_level] + test.levels[self.adaptation_level]
@@ -175,7 +199,8 @@ class VisibleDifferences:
         count = int(np.count_nonzero(visible))
         return Difference(visible, count, count / visible.size, int(np.count_nonzero(non_finite)))
 
-    def _check(self, reference: Percept, test: Percept) -> None:
+    def check(self, reference: Percept, test: Percept) -> None:
+        """Raise ValueError unless the two can be compared under this view."""
         if reference.shape != test.shape:
             raise ValueError(
                 "reference and test must have the same size, not "
@@ -199,20 +224,33 @@ class VisibleDifferences:
         contrast /= np.maximum(np.maximum(ours[2:], theirs[2:]), FLOOR)
 
         # Each band's masking, weighed by the band's contrast and the eye's sensitivity to it.
-        frequencies = self._frequencies_cpd(reference.shape[1])[:, np.newaxis]
-        peak = contrast_sensitivity(PEAK_FREQUENCY_CPD, PEAK_LUMINANCE)
-        weights = peak / contrast_sensitivity(frequencies, PEAK_LUMINANCE)
+        width = reference.shape[1]
+        frequencies = self.frequencies_cpd(width)[:, np.newaxis]
         masked = masking(contrast * contrast_sensitivity(frequencies, adaptation))
-        masked *= weights
+        masked *= self.band_weights(width)[:, np.newaxis]
         masked *= contrast
         total = np.maximum(contrast.sum(axis=0), FLOOR)
         elevation: Plane = np.clip(masked.sum(axis=0) / total, ELEVATION_MIN, ELEVATION_MAX)
         return elevation
 
-    def _frequencies_cpd(self, width: int) -> NDArray[np.float32]:
-        """Return the bands' frequencies in cycles per degree: the pixels' Nyquist, then halves."""
+    def frequencies_cpd(self, width: int) -> NDArray[np.float32]:
+        """Return the bands' frequencies in cycles per degree, (6,): the Nyquist, then halves.
+
+        `width` is that of the image, in pixels.
+        """
         nyquist = width / self.width_deg / 2
         return np.asarray(nyquist * 0.5 ** np.arange(BANDS), dtype=np.float32)
+
+    def band_weights(self, width: int) -> NDArray[np.float32]:
+        """Return how much more contrast each band needs than the best visible frequency, (6,).
+
+        `width` is that of the image, in pixels.
+        """
+        peak = contrast_sensitivity(PEAK_FREQUENCY_CPD, PEAK_LUMINANCE)
+        weights: NDArray[np.float32] = peak / contrast_sensitivity(
+            self.frequencies_cpd(width), PEAK_LUMINANCE
+        )
+        return weights
 
 
 def visible_differences(

@@ -20,6 +20,7 @@ from farm.settings import Settings
 from farm.states import JobState
 from farm.wake import Wake
 from service.job_run import JobRun
+from service.judge import warm_up
 
 _LOG = logging.getLogger(__name__)
 
@@ -46,6 +47,7 @@ class Monitor:
 
     def run(self, stop: threading.Event) -> None:
         """Run jobs until `stop` is set; then leave them to the next monitor."""
+        warm_up()  # a compiler at work would hold up the renewal of ownership
         over = threading.Event()
         renewer = threading.Thread(target=self._keep_owning, args=(over,), daemon=True)
         renewer.start()

@@ -1,0 +1,49 @@
+"""One comparison in a fresh process: `python -m bench.support.vdp_child REFERENCE.npy TEST.npy`.
+
+Prints, as JSON, what starting costs and how much memory it takes.
+"""
+
+from __future__ import annotations
+
+import json
+import resource
+import sys
+import time
+
+import numpy as np
+
+started = time.process_time()
+from metric import View  # noqa: E402
+from metric.compiled import CompiledVisibleDifferences  # noqa: E402
+
+import_s = time.process_time() - started
+
+
+def main() -> None:
+    reference, test = (np.load(file) for file in sys.argv[1:])
+    metric = CompiledVisibleDifferences(View())
+
+    started = time.process_time()
+    kept = metric.percept(reference)
+    kept.keep()
+    metric.compare(kept, metric.percept(test))
+    first_s = time.process_time() - started
+
+    started = time.process_time()
+    metric.compare(kept, metric.percept(test))
+    again_s = time.process_time() - started
+
+    peak_mib = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    json.dump(
+        {
+            "import_s": import_s,
+            "first_s": first_s,
+            "again_s": again_s,
+            "peak_mib": peak_mib,
+        },
+        sys.stdout,
+    )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,111 @@
+"""`VisibleDifferences` with its pixels handled by compiled kernels."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from metric.compiled.elevation import eye
+from metric.compiled.light import screen
+from metric.compiled.percept import CompiledPercept
+from metric.compiled.sweep import sweep
+from metric.display import as_image
+from metric.vdp import Difference, Percept, VisibleDifferences
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from metric.display import Mask, View
+
+#: After so many comparisons a percept is kept: about what keeping it would have cost has been spent
+#: on preparing it again and again. So a reference is soon kept, and an image that is compared once
+#: or twice never takes the memory.
+COMPARISONS_BEFORE_KEEPING = 3
+
+
+class CompiledVisibleDifferences(VisibleDifferences):
+    """The predictor under one view, several times as fast as `VisibleDifferences`.
+
+    Both agree on all but about one pixel in a million. The first comparison in a process waits for
+    the kernels: seconds where they have to be compiled, a fraction of one where they are cached.
+
+    Notes
+    -----
+    A percept reads its image when it is compared, so the image must not change in between.
+
+    Everything runs on the calling thread, without the interpreter's lock.
+
+    Examples
+    --------
+    >>> from metric import View
+    >>> metric = CompiledVisibleDifferences(View())
+    >>> grey = np.full((64, 64, 3), 0.5, np.float32)
+    >>> spot = grey.copy()
+    >>> spot[30:34, 30:34] = 1.0
+    >>> metric.compare(metric.percept(grey), metric.percept(spot)).count
+    16
+    """
+
+    def __init__(self, view: View) -> None:
+        super().__init__(view)
+        self._screen = screen(view)
+
+    def percept(self, image: NDArray[Any]) -> CompiledPercept:
+        """Return the image as something to compare; what depends on it is worked out then.
+
+        Parameters
+        ----------
+        image
+            (H, W, 3), of any real dtype; linear radiance unless the view has a gamma. It must not
+            change while the percept is in use.
+
+        Raises
+        ------
+        ValueError
+            If the image is not (H, W, 3).
+        """
+        return CompiledPercept(self.view, as_image(image), self._screen)
+
+    def compare(self, reference: Percept, test: Percept) -> Difference:
+        """Return where the test image differs visibly from the reference.
+
+        Raises
+        ------
+        TypeError
+            If a percept is another predictor's.
+        ValueError
+            If the images differ in size, or were prepared under another view.
+        """
+        self.check(reference, test)
+        ours, theirs = _own(reference), _own(test)
+        ours_streams, theirs_streams = _streams(ours), _streams(theirs)
+        our_side, their_side = ours.side(), theirs.side()
+        visible: Mask = np.empty(test.shape, np.bool_)
+        here = eye(self, test.shape[1])
+        found = sweep(
+            our_side, their_side, ours_streams, theirs_streams, self._screen, here, visible
+        )
+
+        # Pixels that are not finite are always visible. Mostly there are none.
+        non_finite = 0
+        if any(found) or ours.has_non_finite or theirs.has_non_finite:
+            either = our_side.non_finite | their_side.non_finite
+            visible |= either
+            non_finite = int(np.count_nonzero(either))
+        count = int(np.count_nonzero(visible))
+        return Difference(visible, count, count / visible.size, non_finite)
+
+
+def _own(percept: Percept) -> CompiledPercept:
+    if not isinstance(percept, CompiledPercept):
+        raise TypeError(f"a percept of this predictor is needed, not a {type(percept).__name__}")
+    return percept
+
+
+def _streams(percept: CompiledPercept) -> bool:
+    """Return whether to prepare the image on the way; keep the percept if it comes up often."""
+    if not percept.kept and percept.comparisons == COMPARISONS_BEFORE_KEEPING:
+        percept.keep()
+    percept.comparisons += 1
+    return not percept.kept
