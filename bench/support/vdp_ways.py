@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import multiprocessing
+import os
 import resource
 import shutil
 import subprocess
@@ -101,7 +102,7 @@ class PerceptualDiff:
         # It exits with 1 when the images differ.
         subprocess.run(
             ["perceptualdiff", *self._files],
-            env={"OMP_NUM_THREADS": "1"},
+            env={**os.environ, "OMP_NUM_THREADS": "1"},
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
             check=False,

@@ -67,7 +67,7 @@ from_bits: Callable[[np.int32], np.float32] = intrinsic(_from_bits)
 
 @inlined
 def log2(x: np.float32) -> np.float32:
-    """Return log2 of a positive, normal float32 within 2e-7, or half a unit in the last place.
+    """Return log2 of a positive, normal float32 within 2e-7 and half a unit in the last place.
 
     Of 0 it returns some finite number.
     """
@@ -87,7 +87,7 @@ def log2(x: np.float32) -> np.float32:
 
 @inlined
 def exp2(x: np.float32) -> np.float32:
-    """Return 2^x within 2e-7 of its value; x must lie between -126 and 126."""
+    """Return 2^x within 3e-7 of its value; x must lie between -126 and 126."""
     # 2^x = 2^whole · 2^t
     shifted = x + _ROUND
     whole = np.int32(bits_of(shifted) - _ROUND_BITS)

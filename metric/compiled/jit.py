@@ -2,7 +2,9 @@
 
 Kernels obey IEEE 754 to the letter: LLVM may neither reorder sums nor contract a·b + c, a fused
 multiply-add is written out as one, and no function of a mathematics library is called. So they give
-the same bits on every machine, whatever its vectors' width. (numpy's powers do not.)
+the same bits for the same numbers on every machine, whatever its vectors' width. What comes from
+numpy's powers may differ in the last bit between kinds of CPU: the six weights of the bands, and
+the image where the view has a gamma.
 """
 
 from __future__ import annotations

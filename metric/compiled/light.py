@@ -38,9 +38,9 @@ _Row = tuple[np.float32, np.float32, np.float32]
 
 
 class Screen(NamedTuple):
-    """A view as the kernels need it. The gamma is no part of it."""
+    """A view as the kernels need it."""
 
-    #: 2^EV.
+    #: 2^EV; 1 where the view has a gamma, for numpy then shows the image beforehand.
     scale: np.float32
     #: cd/m².
     white_luminance: np.float32
@@ -57,7 +57,7 @@ def screen(view: View) -> Screen:
     matrix = RGB_TO_XYZ[view.primaries]
     x, y, z = (tuple(row) for row in matrix)
     per_white = tuple(_ONE / matrix.sum(axis=1, dtype=np.float32))
-    scale = np.exp2(_f(view.exposure_ev))
+    scale = np.exp2(_f(view.exposure_ev)) if view.gamma == 1 else _ONE
     return Screen(scale, _f(view.white_luminance), x, y, z, per_white)
 
 

@@ -93,11 +93,11 @@ class CompiledPercept:
 
     @cached_property
     def _pixels(self) -> Plane:
-        """The image as (H, 3 W), with the view's gamma taken out of it."""
+        """The image as (H, 3 W); as it is shown where the view has a gamma, else as it came."""
         assert self._image is not None
         image = self._image
         if self.view.gamma != 1:
-            # numpy shows it; only what is not finite must not be taken for white.
+            # Only what is not finite must not be taken for black or white.
             image = np.where(
                 finite_pixels(image)[..., np.newaxis],
                 displayed(image, self.view),

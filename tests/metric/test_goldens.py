@@ -9,6 +9,7 @@ import pytest
 from PIL import Image
 
 from metric import View, VisibleDifferences
+from metric.compiled import CompiledVisibleDifferences
 
 GOLDENS = Path(__file__).parents[1] / "reference" / "goldens"
 ROWS = json.loads((GOLDENS / "counts.json").read_text())
@@ -30,7 +31,8 @@ def test_all_the_rows_are_here():
 
 
 @pytest.mark.parametrize("row", ROWS, ids=row_id)
-def test_the_count_is_within_two_pixels(row):
+@pytest.mark.parametrize("predictor", [VisibleDifferences, CompiledVisibleDifferences])
+def test_the_count_is_within_two_pixels(predictor, row):
     view = View(
         field_of_view_deg=row["field_of_view_deg"],
         white_luminance=row["white_luminance"],
@@ -38,7 +40,7 @@ def test_the_count_is_within_two_pixels(row):
         luminance_only=row["luminance_only"],
         primaries="adobe1998",
     )
-    metric = VisibleDifferences(view)
+    metric = predictor(view)
     reference, test = (metric.percept(read(f"{row['pair']}.{side}")) for side in "ab")
     assert reference.shape == (row["height"], row["width"])
 
