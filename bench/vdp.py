@@ -55,7 +55,7 @@ def main() -> None:
     notes = [
         "CPU time, not wall time. Ratios are of the same turn: plain numpy's over the other's.",
         "FLIP and PerceptualDiff prepare both images every time; the other ways only the new one.",
-        "Preparing the reference too makes the compiled way 1.4 to 1.7 times as slow.",
+        "Preparing the reference too takes the compiled way 1.3 to 1.6 times as long.",
         "The images are synthetic: gradients and edges with Gaussian noise.",
     ]
     notes += [

@@ -79,12 +79,21 @@ class CompiledVisibleDifferences(VisibleDifferences):
         """
         self.check(reference, test)
         ours, theirs = _own(reference), _own(test)
-        ours_streams, theirs_streams = _streams(ours), _streams(theirs)
+        for percept in (ours, theirs):
+            if percept.comparisons >= COMPARISONS_BEFORE_KEEPING:
+                percept.keep()
+            percept.comparisons += 1
+
         our_side, their_side = ours.side(), theirs.side()
         visible: Mask = np.empty(test.shape, np.bool_)
-        here = eye(self, test.shape[1])
         found = sweep(
-            our_side, their_side, ours_streams, theirs_streams, self._screen, here, visible
+            our_side,
+            their_side,
+            not ours.kept,
+            not theirs.kept,
+            self._screen,
+            eye(self, test.shape[1]),
+            visible,
         )
 
         # Pixels that are not finite are always visible. Mostly there are none.
@@ -101,11 +110,3 @@ def _own(percept: Percept) -> CompiledPercept:
     if not isinstance(percept, CompiledPercept):
         raise TypeError(f"a percept of this predictor is needed, not a {type(percept).__name__}")
     return percept
-
-
-def _streams(percept: CompiledPercept) -> bool:
-    """Return whether to prepare the image on the way; keep the percept if it comes up often."""
-    if not percept.kept and percept.comparisons == COMPARISONS_BEFORE_KEEPING:
-        percept.keep()
-    percept.comparisons += 1
-    return not percept.kept
