@@ -8,8 +8,27 @@ from typing import Annotated, Any, Final, TypeAlias
 
 import typer
 
+import scenes
+
+
+def _scene(given: Path) -> Path:
+    """Return the path of a scene, which may be one of ours by its name, as `scenes:box`."""
+    scheme, separator, name = str(given).partition(":")
+    if scheme != "scenes" or not separator:
+        return given
+    if name not in scenes.NAMES:
+        known = ", ".join(f"scenes:{one}" for one in scenes.NAMES)
+        raise typer.BadParameter(f"there is no scenes:{name}; there are {known}")
+    return scenes.FOLDER / name
+
+
 Scene = Annotated[
-    Path, typer.Argument(help="A Mitsuba XML, a zip of one, or a folder with scene.xml.")
+    Path,
+    typer.Argument(
+        callback=_scene,
+        help=f"A Mitsuba XML, a zip of one, a folder with scene.xml, or one of Plateau's own: "
+        f"scenes:NAME, where NAME is {', '.join(scenes.NAMES)}.",
+    ),
 ]
 JobId = Annotated[str, typer.Argument(help="The job's id.", metavar="ID")]
 Url = Annotated[

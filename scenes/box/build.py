@@ -8,7 +8,7 @@ global illumination, with none of the data of Cornell's.
 
 from pathlib import Path
 
-from scenes.box.mesh import Mesh, ball, block, quads
+from scenes.mesh import Mesh, ball, block, quads
 
 HERE = Path(__file__).parent
 
@@ -46,8 +46,8 @@ def scene_xml() -> str:
      BOX 1, the bright one: intensity = {BRIGHT:g} (the default).
      BOX 2, the dim one:    intensity = {DIM:g}. -->
 <scene version="3.0.0">
-    <default name="width" value="256"/>
-    <default name="height" value="256"/>
+    <default name="width" value="512"/>
+    <default name="height" value="512"/>
     <default name="intensity" value="{BRIGHT:g}"/>
     <default name="max_depth" value="8"/>
 

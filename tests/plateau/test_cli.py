@@ -12,6 +12,7 @@ import redis
 import typer
 from typer.testing import CliRunner
 
+import scenes
 from farm.blobs import Blobs
 from farm.spec import JobSpec
 from farm.states import JobState
@@ -41,6 +42,25 @@ def box(tmp_path: Path) -> str:
 @pytest.fixture
 def _service(api: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PLATEAU_URL", api)
+
+
+class TestScenesOfOurOwn:
+    @pytest.mark.usefixtures("_service")
+    def test_are_known_by_name(self) -> None:
+        by_name, by_path = (
+            json.loads(plateau("submit", scene, "--max-spp", "100", "--json")[1])["scene_sha256"]
+            for scene in ("scenes:box", str(scenes.FOLDER / "box" / "scene.xml"))
+        )
+        assert by_name == by_path
+
+    def test_are_listed_where_a_name_is_wrong(self) -> None:
+        code, _, error = plateau("render", "scenes:bax")
+        assert code == 2
+        assert "there is no scenes:bax; there are scenes:bar, scenes:box," in error
+
+    def test_a_file_whose_name_has_a_colon_is_a_file(self, tmp_path: Path) -> None:
+        code, _, error = plateau("render", str(tmp_path / "scenes:box"))
+        assert (code, "there is no such file" in error) == (1, True)
 
 
 class TestHelp:

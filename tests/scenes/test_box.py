@@ -10,7 +10,7 @@ import pytest
 from farm.bundle import inspect_bundle
 from plateau.packing import pack
 from scenes.box import build
-from scenes.box.mesh import Mesh, Vector
+from scenes.mesh import Mesh, Vector
 
 BOX = Path(build.__file__).parent
 

@@ -1,0 +1,80 @@
+"""What every command shares: the application, how help looks, and what becomes of an error."""
+
+import os
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any, TypeVar
+
+import typer
+import typer.core
+
+from plateau.exits import ExitCode
+
+_HELP = """
+Render Mitsuba 3 scenes until the eye can no longer tell that samples were added.
+
+\b
+On this machine, nothing else needed:
+  plateau render scenes/box -o out
+As a service, for as many scenes as you like:
+  plateau up
+  plateau submit scenes/box
+  plateau watch ID -o out
+
+\b
+Exit codes:
+  0    done; a job that was waited for converged, or is exhausted
+  1    it could not be done, or the job failed: standard error says why
+  2    the command line is not right, or `diff` cannot compare the two images
+  4    the job that was waited for was cancelled
+  130  interrupted by Ctrl-C (143: by SIGTERM)
+
+Settings are read from PLATEAU_… variables; `plateau doctor` shows them, and what works here.
+"""
+
+_Function = TypeVar("_Function", bound=Callable[..., None])
+
+
+class Command(typer.core.TyperCommand):
+    """Keeps the lines of the examples in a command's help as they are."""
+
+    def __init__(self, *args: Any, help: str = "", **kwargs: Any) -> None:  # noqa: A002
+        super().__init__(*args, help=help.replace("For example:", "\b\nFor example:"), **kwargs)
+
+
+app = typer.Typer(
+    help=_HELP,
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
+)
+
+
+def command(name: str | None = None) -> Callable[[_Function], _Function]:
+    """Register a function as a command of `plateau`."""
+    return app.command(name, cls=Command)
+
+
+@contextmanager
+def plain_errors() -> Iterator[None]:
+    """Turn what is expected to go wrong into one line on standard error and an exit code."""
+    try:
+        yield
+        sys.stdout.flush()
+    except KeyboardInterrupt:
+        raise typer.Exit(ExitCode.INTERRUPTED) from None
+    except BrokenPipeError:  # whoever read our output has enough, as `head` has
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        raise typer.Exit(ExitCode.FAILED) from None
+    except typer.Exit:  # an exit code, not an error
+        raise
+    except Exception as error:
+        from plateau.errors import EXPECTED
+
+        if not isinstance(error, EXPECTED):
+            raise
+        print(f"plateau: {error}", file=sys.stderr)
+        raise typer.Exit(ExitCode.FAILED) from None

@@ -1,0 +1,117 @@
+"""Commands for images and answers that are there already; nothing is rendered."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from plateau import options as o
+from plateau.cli.app import Command, app, command, plain_errors
+
+
+@command()
+def diff(
+    reference: Annotated[Path, typer.Argument(help="A PNG or EXR file.")],
+    test: Annotated[Path, typer.Argument(help="Another, of the same kind and size.")],
+    field_of_view: Annotated[
+        float, typer.Option(help="Angle that the image's width fills, in degrees.")
+    ] = 45.0,
+    white_luminance: Annotated[
+        float, typer.Option(help="The display's white in cd/m².", max=20_000)
+    ] = 100.0,
+    gamma: Annotated[
+        float | None,
+        typer.Option(
+            help="Power from the files' values to linear light.",
+            show_default="2.2 for PNG, 1 for EXR",
+        ),
+    ] = None,
+    primaries: Annotated[str, typer.Option(help="The display's: rec709 or adobe1998.")] = "rec709",
+    exposure: Annotated[float, typer.Option(help="Exposure in EV.")] = 0.0,
+    luminance_only: Annotated[
+        bool, typer.Option("--luminance-only", help="Leave differences in colour out.")
+    ] = False,
+    map_file: Annotated[
+        Path | None,
+        typer.Option("--map", metavar="OUT.png", help="Mark the visible pixels on TEST, there."),
+    ] = None,
+    as_json: o.Json = False,
+) -> None:
+    """Count the pixels by which an eye can tell two images apart.
+
+    For example:
+      plateau diff before.png after.png --map difference.png
+      plateau diff reference.exr test.exr --exposure 1 --json
+
+    The exit code is 0 whatever the count, and 2 where the images cannot be compared.
+    """
+    from plateau.commands.diff import diff as run
+
+    with plain_errors():
+        code = run(
+            reference,
+            test,
+            field_of_view_deg=field_of_view,
+            white_luminance=white_luminance,
+            gamma=gamma,
+            primaries=primaries,
+            exposure_ev=exposure,
+            luminance_only=luminance_only,
+            map_file=map_file,
+            as_json=as_json,
+        )
+    raise typer.Exit(code)
+
+
+@command()
+@o.takes_spec
+def judge(
+    folder: Annotated[Path, typer.Argument(help="Slices that a job kept, or EXR images.")],
+    spec: o.Spec,
+    cumulative: Annotated[
+        bool, typer.Option("--cumulative", help="Each image contains the one before.")
+    ] = False,
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", metavar="DIR", help="Write the curve there.")
+    ] = None,
+    as_json: o.Json = False,
+) -> None:
+    """Judge images that are rendered already, and say where each rule would have stopped.
+
+    FOLDER holds the slices that a job kept (--keep-slices), or EXR images of any renderer, each
+    of --slice-spp samples per pixel, in the order of their names.
+
+    For example:
+      plateau judge out/slices --rule visible --watch reverse --watch myszkowski -o judged
+      plateau judge frames --slice-spp 20 --step 40 --white-luminance 300
+    """
+    from plateau.commands.judge import judge as run
+
+    with plain_errors():
+        raise typer.Exit(run(folder, spec, cumulative=cumulative, out=out, as_json=as_json))
+
+
+study = typer.Typer(help="Observer studies.", no_args_is_help=True, rich_markup_mode=None)
+app.add_typer(study, name="study")
+
+
+@study.command("fit", cls=Command)
+def study_fit(
+    table: Annotated[Path, typer.Argument(help="A CSV file in the form of the paper's table 1.")],
+    plot: Annotated[
+        Path | None, typer.Option(metavar="OUT.png", help="Plot answers and fits, there.")
+    ] = None,
+    as_json: o.Json = False,
+) -> None:
+    """Fit the probability to perceive a difference, for each scene of a study.
+
+    TABLE has a column "scene", then one for each number of samples per pixel that was shown, with
+    the share of the observers that saw a difference.
+
+    For example:
+      plateau study fit answers.csv --plot answers.png
+    """
+    from plateau.commands.study import fit
+
+    with plain_errors():
+        raise typer.Exit(fit(table, plot=plot, as_json=as_json))

@@ -1,0 +1,129 @@
+"""Commands that run the farm: all of it for one scene, all of it as a service, and its parts."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from plateau import options as o
+from plateau.cli.app import command, plain_errors
+
+
+@command()
+@o.takes_spec
+def render(
+    scene: o.Scene,
+    spec: o.Spec,
+    out: Annotated[
+        Path, typer.Option("--out", "-o", metavar="DIR", help="Where the results go.")
+    ] = Path("plateau-out"),
+    workers: Annotated[int, typer.Option(help="Worker processes.", min=1, max=256)] = 1,
+    threads: Annotated[
+        int | None,
+        typer.Option(help="Threads of each worker.", show_default="its share of the cores", min=1),
+    ] = None,
+    as_json: o.Json = False,
+) -> None:
+    """Render one scene, here and now, until it has converged.
+
+    For example:
+      plateau render scenes/box -o out -D width=512 -D height=512
+      plateau render scene.xml --rule fixed --spp 400
+
+    Starts all that it needs, and leaves nothing running. DIR then holds image.exr, image.png,
+    difference.png (what differs visibly from the first image), curve.csv, curve.png, summary.txt
+    and summary.json. Ctrl-C cancels: what is rendered by then is still written; a second one
+    leaves at once.
+    """
+    from plateau.commands.render import render as run
+
+    with plain_errors():
+        raise typer.Exit(run(scene, out, spec, workers=workers, threads=threads, as_json=as_json))
+
+
+_Host = Annotated[str, typer.Option(help="Address to listen on; this machine's own only.")]
+_Port = Annotated[
+    int, typer.Option(help="Port to listen on; 0 takes a free one.", min=0, max=65535)
+]
+
+
+@command()
+def up(
+    workers: Annotated[int, typer.Option(help="Worker processes.", min=0, max=256)] = 1,
+    host: _Host = "127.0.0.1",
+    port: _Port = 8713,
+) -> None:
+    """Run the whole service on this machine until Ctrl-C.
+
+    For example:
+      plateau up --workers 2
+
+    API, monitor, workers and an embedded Redis; its data folder survives a restart, and jobs
+    go on where they were. With PLATEAU_REDIS_URL or PLATEAU_BLOBS set, those are used instead.
+    """
+    from plateau.commands.serve import up as run
+
+    with plain_errors():
+        raise typer.Exit(run(workers=workers, host=host, port=port))
+
+
+@command()
+def api(
+    host: _Host = "127.0.0.1",
+    port: _Port = 8713,
+    ready_fd: Annotated[int | None, typer.Option(hidden=True)] = None,
+) -> None:
+    """Run one API process.
+
+    For example:
+      PLATEAU_REDIS_URL=redis://10.0.0.5 PLATEAU_BLOBS=s3://farm/plateau plateau api
+    """
+    from plateau.commands.serve import api as run
+
+    with plain_errors():
+        run(host=host, port=port, ready_fd=ready_fd)
+
+
+@command()
+def monitor() -> None:
+    """Run one monitor: it merges slices, judges the image, and ends jobs.
+
+    For example:
+      PLATEAU_REDIS_URL=redis://10.0.0.5 PLATEAU_BLOBS=s3://farm/plateau plateau monitor
+
+    Any number may run; when one dies, another takes its jobs over.
+    """
+    from plateau.commands.serve import monitor as run
+
+    with plain_errors():
+        run()
+
+
+@command()
+def worker() -> None:
+    """Run one worker: it renders slices of any job.
+
+    For example:
+      PLATEAU_REDIS_URL=redis://10.0.0.5 PLATEAU_BLOBS=s3://farm/plateau plateau worker
+
+    PLATEAU_THREADS limits its threads. It may be stopped, or die, at any time.
+    """
+    from plateau.commands.serve import worker as run
+
+    with plain_errors():
+        run()
+
+
+@command()
+def doctor(as_json: o.Json = False) -> None:
+    """Check what works on this machine, and say why what does not.
+
+    For example:
+      plateau doctor
+
+    The exit code is 1 where nothing could be rendered.
+    """
+    from plateau.commands.doctor import doctor as run
+
+    with plain_errors():
+        raise typer.Exit(run(as_json=as_json))
