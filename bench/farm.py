@@ -24,6 +24,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import psutil
 
+from bench.support.plateau_render import Look, monitors_share, render
 from bench.support.report import Figure, figure, write_report
 from farm.exr import decode_image
 from farm.seeds import SeedSchedule
@@ -84,6 +85,8 @@ class Run:
     cpu_s: float
     #: How much of the cores everything else took meanwhile, this machine's host included.
     others: float
+    #: The monitor's share of all CPU time over the same stretch as `steady_spp_s`; 0 without one.
+    monitor: float = 0.0
 
 
 def main() -> None:
@@ -161,6 +164,12 @@ def _figures(pairs: list[tuple[Run, Run]]) -> list[Figure]:
         ),
         figure("CPU time of all processes", ratios("cpu_s"), "ratio", compared_with=_BARE),
         figure(
+            "the monitor's share of the farm's CPU time, once under way",
+            [farm.monitor for farm, _ in pairs],
+            "of the CPU time",
+            goal="under 0.02",
+        ),
+        figure(
             "other work on the cores meanwhile",
             [run.others for pair in pairs for run in pair],
             "of the cores",
@@ -186,12 +195,15 @@ def _warm_up(work: Work) -> None:
 
 def _farm(work: Work) -> Run:
     with tempfile.TemporaryDirectory() as folder:
-        took, _ = _timed(lambda: _render(work, Path(folder)))
+        took, looks = _timed(lambda: _render(work, Path(folder)))
         job = json.loads((Path(folder) / "summary.json").read_text())
     second, last = job["curve"][1], job["curve"][-1]
+    start, end = _moment(second["at"]), _moment(last["at"])
+    under_way = [look for look in looks if start <= look.at <= end]
     return Run(
-        steady_spp_s=(last["spp"] - second["spp"]) / _seconds(second["at"], last["at"]),
-        rendering_s=_seconds(job["started_at"], last["at"]),
+        steady_spp_s=(last["spp"] - second["spp"]) / (end - start),
+        rendering_s=end - _moment(job["started_at"]),
+        monitor=monitors_share(under_way),
         **took,
     )
 
@@ -208,24 +220,18 @@ def _bare(work: Work) -> Run:
     )
 
 
-def _render(work: Work, out: Path) -> None:
-    """Run `plateau render`; its results are in `out`."""
-    options: dict[str, Any] = {
-        "--out": out,
-        "--rule": "fixed",
-        "--spp": work.spp,
-        "--max-spp": work.spp,
-        "--variant": work.choice.variant,
-        "--threads": work.threads,
-    }
-    arguments = [str(item) for pair in options.items() for item in pair]
-    arguments += [f"-D{name}={value}" for name, value in work.parameters.items()]
-    subprocess.run(
-        [sys.executable, "-m", "plateau", "render", str(work.scene), *arguments],
-        cwd=ROOT,
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.DEVNULL,
-        check=True,
+def _render(work: Work, out: Path) -> list[Look]:
+    return render(
+        work.scene,
+        out,
+        parameters=work.parameters,
+        options={
+            "--rule": "fixed",
+            "--spp": work.spp,
+            "--max-spp": work.spp,
+            "--variant": work.choice.variant,
+            "--threads": work.threads,
+        },
     )
 
 
@@ -279,13 +285,9 @@ def _machine_cpu_s() -> float:
     return float(sum(value for name, value in times._asdict().items() if name not in idle))
 
 
-def _seconds(start: str, end: str) -> float:
-    return (datetime.fromisoformat(_utc(end)) - datetime.fromisoformat(_utc(start))).total_seconds()
-
-
-def _utc(moment: str) -> str:
-    """Return the moment as Python 3.10 reads it."""
-    return moment.replace("Z", "+00:00")
+def _moment(text: str) -> float:
+    """Return a moment of a job in seconds of `time.time`."""
+    return datetime.fromisoformat(text.replace("Z", "+00:00")).timestamp()  # for Python 3.10
 
 
 def _size(text: str) -> tuple[int, int]:

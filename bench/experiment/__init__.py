@@ -1,0 +1,1 @@
+"""The paper's experiment, run on our own farm and judged against independent references."""

@@ -1,0 +1,41 @@
+"""The eight scenes of the paper: four families, each under a bright and under a dim light."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Final
+
+
+@dataclass(frozen=True)
+class Case:
+    """One scene under one light."""
+
+    #: As the paper calls it: ``BAR 1``.
+    name: str
+    #: A folder of `scenes`.
+    family: str
+    #: Radiance of its lights.
+    intensity: float
+
+    @property
+    def slug(self) -> str:
+        """The name, as files are called."""
+        return self.name.lower().replace(" ", "-")
+
+
+def _family(name: str) -> list[Case]:
+    build = import_module(f"scenes.{name}.build")
+    return [
+        Case(f"{name.upper()} {number}", name, intensity)
+        for number, intensity in ((1, build.BRIGHT), (2, build.DIM))
+    ]
+
+
+#: In the order of the paper's tables.
+FAMILIES: Final = ("bar", "box", "oculist", "plants")
+
+
+def cases(families: tuple[str, ...] = FAMILIES) -> list[Case]:
+    """Return the scenes of these families."""
+    return [case for family in families for case in _family(family)]

@@ -1,0 +1,133 @@
+"""The experiment's pictures: the paper's figures 4 to 6 on our scenes, and what is true."""
+
+from __future__ import annotations
+
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from bench.experiment.truth import TARGET, true_spp
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+    from pathlib import Path
+
+    from matplotlib.axes import Axes
+    from numpy.typing import NDArray
+
+    from bench.experiment.series import Curve, Measured
+
+_INKS: Final = ("#1f6f8b", "#d1495b", "#6b4e9b", "#c78a1e")
+_TRUE: Final = "#3a3a3a"
+_DPI: Final = 110
+
+
+def plot_counts(series: Sequence[Measured], rules: Sequence[str], path: Path) -> None:
+    """Write what rules counted, evaluation by evaluation: figures 4 and 5.
+
+    Parameters
+    ----------
+    series
+        One panel for each.
+    rules
+        Contenders with their steps, a line for each.
+    path
+        The PNG file.
+    """
+    with _panels(series, path, "visible pixels") as panels:
+        for axes, one in zip(panels, series, strict=True):
+            for ink, name in zip(_INKS, rules, strict=False):
+                curve = one.curves[name]
+                counts = _numbers(curve.value if curve.visible[-1] is None else curve.visible)
+                axes.plot(curve.spp, counts, color=ink, linewidth=1, label=name)
+                _mark_stop(axes, curve, ink)
+            axes.set_yscale("symlog", linthresh=1)
+            _mark_truth(axes, one)
+
+
+def plot_reverse(series: Sequence[Measured], path: Path) -> None:
+    """Write the reverse curves and their regression coefficients, at both steps: figure 6."""
+    names = [name for name in series[0].curves if name.startswith("reverse @")]
+    with _panels(series, path, "visible pixels against the first image") as panels:
+        for axes, one in zip(panels, series, strict=True):
+            slopes = axes.twinx()
+            slopes.set_yscale("log")
+            slopes.tick_params(labelsize=7, colors="#808080")
+            for ink, name in zip(_INKS, names, strict=False):
+                curve = one.curves[name]
+                axes.plot(curve.spp, _numbers(curve.visible), color=ink, linewidth=1.4, label=name)
+                slope = _numbers(curve.value)
+                slope[~(slope > 0)] = np.nan  # a slope of 0 or less has no logarithm
+                slopes.plot(curve.spp, slope, color=ink, linewidth=0.6, alpha=0.6)
+                _mark_stop(axes, curve, ink)
+            axes.set_ylim(bottom=0)
+            _mark_truth(axes, one)
+
+
+def plot_truth(series: Sequence[Measured], path: Path) -> None:
+    """Write what is true, by the independent reference, and the half-buffer estimate with its band.
+
+    Both axes are logarithmic.
+    """
+    with _panels(series, path, "pixels still visibly wrong") as panels:
+        for axes, one in zip(panels, series, strict=True):
+            known = [
+                (spp, *estimate)
+                for spp, estimate in zip(one.spp, one.estimate, strict=True)
+                if estimate is not None
+            ]
+            spp, estimate, low, high = (np.array(column) for column in zip(*known, strict=True))
+            ink = _INKS[2]
+            axes.fill_between(spp, low, high, color=ink, alpha=0.18, linewidth=0)
+            axes.plot(spp, estimate, color=ink, linewidth=1, label="half-buffer estimate")
+            axes.plot(one.spp, one.truth, color=_TRUE, linewidth=1.4, label="against the reference")
+            axes.axhline(TARGET * one.pixels**2, color="#a0a0a0", linewidth=0.8)
+            axes.set_xscale("log")
+            axes.set_yscale("log")
+            axes.set_ylim(bottom=0.7)
+            _mark_truth(axes, one)
+
+
+@contextmanager
+def _panels(series: Sequence[Measured], path: Path, label: str) -> Iterator[Sequence[Axes]]:
+    """Offer one panel for each series, and write the picture when they are drawn."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    columns = 2
+    rows = -(-len(series) // columns)
+    figure = Figure(figsize=(10, 2.5 * rows + 0.6), layout="constrained")
+    FigureCanvasAgg(figure)
+    panels = list(figure.subplots(rows, columns, squeeze=False).flat)
+    for unused in panels[len(series) :]:
+        unused.set_axis_off()
+    panels = panels[: len(series)]
+    for axes, one in zip(panels, series, strict=True):
+        axes.set_title(one.name, fontsize=10, loc="left")
+        axes.grid(visible=True, color="#e8e8e8", linewidth=0.7)
+        axes.set_axisbelow(True)
+        axes.spines[["top", "right"]].set_visible(False)
+        axes.tick_params(labelsize=8)
+    yield panels
+    figure.supxlabel("samples per pixel (spp)", fontsize=9)
+    figure.supylabel(label, fontsize=9)
+    handles, labels = panels[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper right", ncols=len(labels), fontsize=8)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path, dpi=_DPI)
+
+
+def _numbers(values: Sequence[float | None]) -> NDArray[np.float64]:
+    return np.array([np.nan if value is None else value for value in values])
+
+
+def _mark_stop(axes: Axes, curve: Curve, ink: str) -> None:
+    if curve.stop is not None:
+        axes.axvline(curve.stop, color=ink, linewidth=1, linestyle=(0, (4, 3)))
+
+
+def _mark_truth(axes: Axes, one: Measured) -> None:
+    true = true_spp(one, TARGET)
+    if true is not None:
+        axes.axvline(true, color=_TRUE, linewidth=1.2, linestyle=":")

@@ -1,0 +1,94 @@
+"""The renders that the experiment needs, made by the farm, each once.
+
+For each scene a job of the whole cap that keeps its slices, and a reference of as many samples from
+another seed. They are kept in a folder, so that a run that was stopped goes on where it was.
+"""
+
+from __future__ import annotations
+
+import shutil
+import sys
+import time
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import scenes
+from bench.support.plateau_render import render
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from bench.experiment.cases import Case
+
+#: Spp of one slice: the finest step at which a series can be judged.
+SLICE_SPP = 50
+_SEEDS = {"series": 0, "reference": 1}
+
+
+@dataclass(frozen=True)
+class Size:
+    """How large the experiment is."""
+
+    #: Pixels across and down.
+    pixels: int
+    #: Samples per pixel of every series, and of every reference.
+    cap: int
+
+
+@dataclass(frozen=True)
+class Rendered:
+    """What was rendered of one scene."""
+
+    case: Case
+    size: Size
+    #: The slices of the series, as `plateau judge` takes them.
+    slices: Path
+    #: The reference's EXR.
+    reference: Path
+
+
+def rendered(case: Case, size: Size, data: Path, *, workers: int) -> Rendered:
+    """Return the renders of a scene, made now where the folder does not have them yet."""
+    series, reference = (
+        _render(case, size, data, kind, workers=workers) for kind in ("series", "reference")
+    )
+    return Rendered(case, size, series / "slices", reference / "image.exr")
+
+
+def _render(case: Case, size: Size, data: Path, kind: str, *, workers: int) -> Path:
+    out = data / f"{case.slug}-{size.pixels}-{size.cap}-{kind}"
+    if out.exists():
+        return out
+    unfinished = out.with_name(f"{out.name}.part")
+    shutil.rmtree(unfinished, ignore_errors=True)
+    options: dict[str, object] = {
+        "--rule": "fixed",
+        "--spp": size.cap,
+        "--max-spp": size.cap,
+        "--step": _step(size.cap),
+        "--slice-spp": SLICE_SPP,
+        "--seed": _SEEDS[kind],
+        "--workers": workers,
+    }
+    if kind == "series":
+        options["--keep-slices"] = True
+    print(f"{case.name}: rendering its {kind}, {size.cap:,} spp", file=sys.stderr)
+    started = time.monotonic()
+    render(
+        scenes.FOLDER / case.family,
+        unfinished,
+        parameters={
+            "width": size.pixels,
+            "height": size.pixels,
+            "intensity": f"{case.intensity:g}",
+        },
+        options=options,
+    )
+    print(f"{case.name}: took {time.monotonic() - started:.0f} s", file=sys.stderr)
+    unfinished.rename(out)
+    return out
+
+
+def _step(cap: int) -> int:
+    """Return a step that divides the cap; a fixed number of samples needs no curve."""
+    return next(step for step in (1000, 500, 100, SLICE_SPP) if cap % step == 0)

@@ -1,0 +1,157 @@
+"""The experiment's tables, in Markdown: what docs/paper.md shows is written by this."""
+
+from __future__ import annotations
+
+import statistics
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from bench.experiment.series import STEPS
+from bench.experiment.truth import TARGET, TARGETS, converged_spp, true_spp, truth_at
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from bench.experiment.series import Measured
+
+#: Where the estimate is held against the truth, in spp.
+_ESTIMATED_AT = (100, 200, 400, 800, 1600, 3200)
+#: A stop further from the truth than this misses the goal.
+GOAL = 0.10
+#: A stop where so many times the target is still visible is a false one.
+FALSE_STOP = 3.0
+
+
+@dataclass(frozen=True)
+class Stop:
+    """Where one contender stopped in one series."""
+
+    scene: str
+    #: None where it had not stopped by the cap.
+    spp: int | None
+    #: `spp` over the true one, less 1; None where either is unknown.
+    error: float | None
+    #: Share of the pixels still visibly wrong against the reference when it stopped.
+    wrong: float | None
+    #: Share of the cap's samples that were not rendered.
+    saved: float
+
+
+def stops(measured: Measured) -> dict[str, Stop]:
+    """Return where each contender stopped in a series."""
+    true = true_spp(measured, TARGET)
+    counts = dict(zip(measured.spp, measured.truth, strict=True))
+    found = {}
+    for name, curve in measured.curves.items():
+        spp = curve.stop
+        found[name] = Stop(
+            measured.name,
+            spp,
+            error=None if spp is None or true is None else spp / true - 1,
+            wrong=None if spp is None else counts[spp] / measured.pixels**2,
+            saved=0.0 if spp is None else 1 - spp / measured.cap,
+        )
+    return found
+
+
+def all_tables(series: Sequence[Measured]) -> dict[str, str]:
+    """Return every table by name."""
+    return {
+        "truth": truth_table(series),
+        **{f"stops-{step}": stop_table(series, step) for step in STEPS},
+        "summary": summary_table(series),
+        "estimate": estimate_table(series),
+    }
+
+
+def truth_table(series: Sequence[Measured]) -> str:
+    """Return from which spp on each image is converged, by target."""
+    cap = series[0].cap
+    head = ["scene", *(f"{target:.2%} of the pixels" for target in TARGETS)]
+    head.append(f"{TARGET:.2%}, against the converged image")
+    rows = []
+    for one in series:
+        true = [true_spp(one, target) for target in TARGETS]
+        against_reference = true_spp(one, TARGET)
+        converged = (
+            f"over {converged_spp(cap, cap):,.0f}"
+            if against_reference is None
+            else f"{converged_spp(against_reference, cap):,.0f}"
+        )
+        rows.append([one.name, *(_spp(spp, cap) for spp in true), converged])
+    return _table(head, rows)
+
+
+def stop_table(series: Sequence[Measured], step: int) -> str:
+    """Return where every contender stopped at one step, and how far that is from the truth."""
+    names = [name for name in series[0].curves if name.endswith(f"@{step}")]
+    head = ["scene", "true", *(name.removesuffix(f" @{step}") for name in names)]
+    rows = []
+    for one in series:
+        found = stops(one)
+        cells = [_stop(found[name], one.cap) for name in names]
+        rows.append([one.name, _spp(true_spp(one, TARGET), one.cap), *cells])
+    return _table(head, rows)
+
+
+def summary_table(series: Sequence[Measured]) -> str:
+    """Return how far off each contender was over all scenes, and what it saved."""
+    head = [
+        "rule @ step",
+        "off by, median",
+        "worst",
+        f"within {GOAL:.0%}",
+        f"false stops (over {FALSE_STOP * TARGET:.1%} wrong)",
+        "never stopped",
+        "samples saved, median",
+    ]
+    rows = []
+    for name in series[0].curves:
+        found = [stops(one)[name] for one in series]
+        errors = [stop.error for stop in found if stop.error is not None]
+        wrong = [stop.wrong for stop in found if stop.wrong is not None]
+        rows.append(
+            [
+                name.replace("@", "@ "),
+                f"{statistics.median(map(abs, errors)):.0%}" if errors else "–",
+                f"{max(errors, key=abs):+.0%}" if errors else "–",
+                f"{sum(abs(error) <= GOAL for error in errors)} of {len(errors)}",
+                f"{sum(share > FALSE_STOP * TARGET for share in wrong)}",
+                f"{sum(stop.spp is None for stop in found)}",
+                f"{statistics.median(stop.saved for stop in found):.0%}",
+            ]
+        )
+    return _table(head, rows)
+
+
+def estimate_table(series: Sequence[Measured]) -> str:
+    """Return the half-buffer estimate over the truth, by scene and spp."""
+    rows = []
+    for one in series:
+        estimates = dict(zip(one.spp, one.estimate, strict=True))
+        cells = []
+        for spp in _ESTIMATED_AT:
+            truth, estimate = truth_at(one, spp), estimates.get(spp)
+            cells.append(
+                "–"
+                if truth is None or estimate is None or truth < 1
+                else f"{estimate[0] / truth:.2f} of {truth / one.pixels**2:.2%}"
+                + ("" if estimate[1] <= truth <= estimate[2] else " *")
+            )
+        rows.append([one.name, *cells])
+    return _table(["scene", *(f"{spp:,} spp" for spp in _ESTIMATED_AT)], rows)
+
+
+def _stop(stop: Stop, cap: int) -> str:
+    if stop.spp is None:
+        return f"over {cap:,}"
+    return f"{stop.spp:,}" + ("" if stop.error is None else f" ({stop.error:+.0%})")
+
+
+def _spp(spp: int | None, cap: int) -> str:
+    return f"over {cap:,}" if spp is None else f"{spp:,}"
+
+
+def _table(head: list[str], rows: list[list[str]]) -> str:
+    lines = [head, ["---"] * len(head), *rows]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines) + "\n"
