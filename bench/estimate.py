@@ -12,7 +12,8 @@ import numpy as np
 
 from bench.support.report import Figure, write_report
 from bench.support.synthetic_noise import SCENES, Render
-from metric import View, VisibleDifferences, forecast, half_buffer_estimate
+from metric import View, forecast, half_buffer_estimate
+from metric.compiled import CompiledVisibleDifferences
 
 TARGET = 0.002
 #: From one spp to the next.
@@ -50,7 +51,7 @@ def main() -> None:
 
 
 def _rows(scene: str, noise: str, size: int, seeds: int) -> dict[int, Row]:
-    metric = VisibleDifferences(View())
+    metric = CompiledVisibleDifferences(View())
     grid = sorted({2 * round(25 * GRID_STEP**k) for k in range(80)})
     shown = [spp for spp in grid if any(abs(spp - 50 * 2**k) <= 0.025 * spp for k in range(5))]
     rows = {spp: Row() for spp in shown}
@@ -60,7 +61,7 @@ def _rows(scene: str, noise: str, size: int, seeds: int) -> dict[int, Row]:
         reached, foretold = None, {}
         for spp, image, halves in render.images(grid):
             percept = metric.percept(image)
-            estimate = half_buffer_estimate(metric, image, halves, percept=percept)
+            estimate = half_buffer_estimate(metric, image, halves)
             if reached is None and estimate.fraction <= TARGET:
                 reached = spp
             if spp in rows:
@@ -69,9 +70,7 @@ def _rows(scene: str, noise: str, size: int, seeds: int) -> dict[int, Row]:
                 rows[spp].estimate += estimate.pixels
                 rows[spp].in_band += estimate.low_pixels <= count <= estimate.high_pixels
                 if reached is None:
-                    foretold[spp] = forecast(
-                        metric, image, halves, TARGET, percept=percept, estimate=estimate
-                    )
+                    foretold[spp] = forecast(metric, image, halves, TARGET)
         for spp, ahead in foretold.items():
             if reached is None or ahead.low_spp is None or ahead.high_spp is None:
                 continue

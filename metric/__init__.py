@@ -1,8 +1,9 @@
 """Perception: what a screen shows, which differences an eye sees, and when to stop rendering."""
 
 from metric.display import Image, Mask, Primaries, View, encode_srgb
-from metric.estimate import Estimate, Half, half_buffer_estimate
+from metric.estimate import Estimate, half_buffer_estimate
 from metric.forecasts import Forecast, forecast
+from metric.noise_model import Half
 from metric.pictures import difference_picture
 from metric.psychometrics import LogitFit, fit_logit
 from metric.rules import (

@@ -50,6 +50,9 @@ RGB_TO_XYZ: Mapping[Primaries, NDArray[np.float32]] = MappingProxyType(
 #: Exposures beyond this would leave float32's range, where black times infinity is no number.
 EXPOSURE_LIMIT_EV = 100
 
+#: Powers of two that a float32 can hold.
+FLOAT32_EXPONENTS = (-126, 127)
+
 #: CIE 15:2004, where the cube root of CIELAB gives way to a straight line.
 LAB_EPSILON = 216 / 24389
 LAB_KAPPA = 24389 / 27
@@ -99,6 +102,18 @@ class View:
             raise ValueError(f"primaries must be one of {known}, not {self.primaries!r}")
         if not (math.isfinite(self.gamma) and self.gamma > 0):
             raise ValueError(f"gamma must be above 0, not {self.gamma}")
+
+    @property
+    def brightest(self) -> float:
+        """The image's value that shows as white; all above it looks the same.
+
+        Examples
+        --------
+        >>> View(exposure_ev=1).brightest
+        0.5
+        """
+        least, most = FLOAT32_EXPONENTS
+        return float(2.0 ** min(max(-self.exposure_ev / self.gamma, least), most))
 
 
 def as_image(image: NDArray[Any]) -> Image:

@@ -1,13 +1,10 @@
 """How many pixels of an image a person would see differ from the converged one, without having it.
 
-The slices are split in two halves with means A and B, and the merged image is I. Then I - A is made
-of the same noise as I - truth, so D(A, I) stands for D(truth, I). With n_A = n_B even the variance
-is the same; otherwise Var(I - A) = σ² n_B / (n n_A), where I - truth has σ²/n, and the residual is
-scaled by sqrt(n_A / n_B) to match.
+The image without its noise, T, stands for the truth, and noise like the image's own, N, for its
+error (see `metric.noise_model`). Then D(T, T + N) and D(T, T - N) stand for D(truth, image).
 
-Known bias: it is optimistic. The halves' noise masks differences, which the truth's would not, and
-rare bright samples sit in one half only. The band around it was measured on synthetic noise of
-which the truth is known; docs/stopping.md has the table.
+It takes the clean image and not the merged one, since noise masks noise: from the merged image and
+one half of it the same number came out at 0.5 to 0.9 of the truth.
 """
 
 from __future__ import annotations
@@ -18,34 +15,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from metric.display import Image, Mask, Plane, as_image
+from metric.noise_model import Half, NoiseModel, noise_model
 
 if TYPE_CHECKING:
+    from metric.display import Image, Mask, Plane
     from metric.vdp import Percept, VisibleDifferences
 
-#: The band is meant to hold the truth in nine cases of ten.
-BAND_COVERAGE = 0.9
-#: Standard deviations on either side of a normal distribution that hold so much of it.
+#: Standard deviations on either side of a normal distribution that hold nine tenths of it.
 BAND_DEVIATIONS = 1.645
-#: The most by which the truth was found to exceed the estimate where little is left to see, as a
-#: multiple of the estimate: flat grey seen at 1920 pixels across. Near 0 where all is visible.
-WORST_BIAS = 1.0
+#: By how much the estimate was found off on synthetic noise where luck hardly matters, as a share.
+MODEL_ERROR = 0.1
 #: A clump of visible pixels counts as one event; larger ones have joined by chance.
 LARGEST_CLUMP = 25.0
-
-
-@dataclass(frozen=True, eq=False)
-class Half:
-    """The mean of one half of the slices, those with an even or those with an odd index."""
-
-    #: (H, W, 3) float32.
-    mean: Image
-    #: Samples per pixel in this half, 1 or more.
-    spp: int
-
-    def __post_init__(self) -> None:
-        if self.spp < 1:
-            raise ValueError(f"a half must hold at least 1 spp, not {self.spp}")
 
 
 @dataclass(frozen=True)
@@ -61,7 +42,7 @@ class Estimate:
     high_pixels: float
     #: How many of `pixels` are NaN or infinite; a mean of two counts. No sample will repair them.
     non_finite: float
-    #: For each pixel the share of the two halves against which it is visible: 0, ½ or 1,
+    #: For each pixel the share of the two comparisons in which it is visible: 0, ½ or 1,
     #: (H, W) float32.
     visible: Plane = field(repr=False, compare=False)
 
@@ -80,10 +61,8 @@ def half_buffer_estimate(
     metric: VisibleDifferences,
     image: Image,
     halves: tuple[Half, Half],
-    *,
-    percept: Percept | None = None,
 ) -> Estimate:
-    """Return the estimate of D(truth, image): the mean of D(A, image) and D(B, image).
+    """Return the estimate of D(truth, image): the mean of D(T, T + N) and D(T, T - N).
 
     Parameters
     ----------
@@ -93,8 +72,6 @@ def half_buffer_estimate(
         The merged image of both halves, (H, W, 3).
     halves
         A and B.
-    percept
-        The image's percept, where it is at hand.
 
     Raises
     ------
@@ -104,12 +81,11 @@ def half_buffer_estimate(
     Notes
     -----
     The band takes the count for one of independent clumps of pixels, whose number varies as a
-    Poisson variable's does, in the estimate and in the truth alike; and it reaches up to twice the
-    estimate where little is left to see, since that is how optimistic it was found to be at worst.
+    Poisson variable's does, in the estimate and in the truth alike.
 
     Examples
     --------
-    >>> from metric import View, VisibleDifferences
+    >>> from metric import Half, View, VisibleDifferences
     >>> noise = np.random.default_rng(1).normal(0, 0.05, (2, 64, 64, 3)).astype(np.float32)
     >>> even, odd = np.float32(0.4) + noise
     >>> estimate = half_buffer_estimate(
@@ -118,12 +94,14 @@ def half_buffer_estimate(
     >>> estimate.low_pixels < estimate.pixels < estimate.high_pixels
     True
     """
-    image = as_image(image)
-    percept = percept or metric.percept(image)
-    even, odd = halves
+    model = noise_model(metric.view, image, halves)
+    return estimate_from(metric, model, metric.percept(model.clean))
+
+
+def estimate_from(metric: VisibleDifferences, model: NoiseModel, clean: Percept) -> Estimate:
+    """Return the estimate, where the model and the percept of its clean image are at hand."""
     differences = [
-        metric.compare(metric.percept(stand_in_for_truth(image, half, other)), percept)
-        for half, other in ((even, odd), (odd, even))
+        metric.compare(clean, metric.percept(model.noisy(amount))) for amount in (1.0, -1.0)
     ]
     pixels = sum(difference.count for difference in differences) / 2
     non_finite = sum(difference.non_finite for difference in differences) / 2
@@ -138,44 +116,6 @@ def half_buffer_estimate(
         non_finite=non_finite,
         visible=visible,
     )
-
-
-def stand_in_for_truth(image: Image, half: Half, other: Half, shrink: float = 1.0) -> Image:
-    """Return an image whose difference from `image` has the variance of the image's own error.
-
-    Parameters
-    ----------
-    image
-        The merged image, (H, W, 3).
-    half
-        The half that stands in.
-    other
-        The rest of the image.
-    shrink
-        What the difference is multiplied by, 0 or more: sqrt(n/n') for the error at n' spp.
-
-    Raises
-    ------
-    ValueError
-        If half and image differ in size.
-
-    Examples
-    --------
-    >>> image = np.full((1, 1, 3), 0.5, np.float32)
-    >>> half, rest = Half(image + np.float32(0.1), 20), Half(image, 80)
-    >>> stand_in_for_truth(image, half, rest)[0, 0].round(3).tolist()
-    [0.550000011920929, 0.550000011920929, 0.550000011920929]
-    """
-    mean = as_image(half.mean)
-    if mean.shape != image.shape:
-        raise ValueError(f"a half has shape {mean.shape}, the merged image {image.shape}")
-    scale = shrink * math.sqrt(half.spp / other.spp)
-    if scale == 1:
-        return mean
-    # A non-finite pixel of the merged image stays one: the metric counts it.
-    with np.errstate(invalid="ignore"):
-        scaled: Image = image + np.float32(scale) * (mean - image)
-    return scaled
 
 
 def allowed_pixels(target: float, pixels: int) -> float:
@@ -228,5 +168,4 @@ def _band(pixels: float, visible: Mask) -> tuple[float, float]:
     spread = BAND_DEVIATIONS * math.sqrt(2 * clump) / 2
     low = max(math.sqrt(pixels) - spread, 0.0) ** 2
     high = (math.sqrt(pixels + 0.375 * clump) + spread) ** 2
-    hidden = max(1 - pixels / visible.size, 0.0)
-    return low, high * (1 + WORST_BIAS * hidden * hidden)
+    return low * (1 - MODEL_ERROR), high * (1 + MODEL_ERROR)

@@ -1,8 +1,8 @@
 """How many samples it takes until hardly a pixel differs visibly from the converged image.
 
 The error of the merged image I at n samples per pixel shrinks as 1/sqrt(n), so at n' it will be
-sqrt(n/n') of what it is. With a half A standing in for the truth (see `metric.estimate`),
-D(I + sqrt(n/n') (A - I), I) is the estimate as it will be at n'.
+sqrt(n/n') of what it is. With T for the truth and N for the error (see `metric.estimate`),
+D(T, T + sqrt(n/n') N) is the estimate as it will be at n'.
 """
 
 from __future__ import annotations
@@ -11,18 +11,19 @@ import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from metric.display import Image, as_image
 from metric.estimate import (
     BAND_DEVIATIONS,
     allowed_pixels,
-    half_buffer_estimate,
+    estimate_from,
     mean_clump,
     require_target,
-    stand_in_for_truth,
 )
+from metric.noise_model import noise_model
 
 if TYPE_CHECKING:
-    from metric.estimate import Estimate, Half
+    from metric.display import Image
+    from metric.estimate import Estimate
+    from metric.noise_model import Half, NoiseModel
     from metric.vdp import Percept, VisibleDifferences
 
 #: A forecast looks no further than so many times the present samples.
@@ -35,9 +36,8 @@ FINE_ENOUGH = 1.03
 #: range in which one is believed.
 FIRST_POWER = 2.0
 LEAST_POWER, MOST_POWER = 0.5, 8.0
-#: How far forecasts were found off, as a power of n'/n. Early, because the image is noisier now
-#: than it will be, and noise masks itself; late, where heavy tails have yet to even out.
-EARLY_POWER, LATE_POWER = 0.16, 0.08
+#: How far forecasts were found off, as a power of n'/n: heavy tails have yet to even out.
+DRIFT_POWER = 0.08
 
 
 @dataclass(frozen=True)
@@ -93,8 +93,6 @@ def forecast(
     halves: tuple[Half, Half],
     target: float,
     *,
-    percept: Percept | None = None,
-    estimate: Estimate | None = None,
     guess: int | None = None,
 ) -> Forecast:
     """Return at how many spp the half-buffer estimate falls to a target fraction of the pixels.
@@ -109,8 +107,6 @@ def forecast(
         The even- and the odd-indexed slices.
     target
         Fraction of the pixels, between 0 and 1; never less than one pixel.
-    percept, estimate
-        The image's percept and its estimate, where they are at hand.
     guess
         Where an earlier forecast for this target lay, in spp: a good start.
 
@@ -121,11 +117,9 @@ def forecast(
 
     Notes
     -----
-    It takes at most five evaluations beyond the estimate, with the even half alone: the odd one
-    differs from the image by the same amounts.
+    It takes at most five evaluations beyond the estimate, with one sign of the noise alone.
 
-    The band is calibrated on synthetic noise; docs/stopping.md has its coverage. It is for the
-    estimate, which the rule `visible` stops by; the truth falls to the target a little later.
+    The band is calibrated on synthetic noise; docs/stopping.md has its coverage.
 
     Examples
     --------
@@ -138,12 +132,29 @@ def forecast(
     >>> 100 < seen.low_spp < seen.spp < seen.high_spp
     True
     """
-    require_target(target)
-    image = as_image(image)
-    percept = percept or metric.percept(image)
-    estimate = estimate or half_buffer_estimate(metric, image, halves, percept=percept)
+    model = noise_model(metric.view, image, halves)
+    clean = metric.percept(model.clean)
+    estimate = estimate_from(metric, model, clean)
     spp = sum(half.spp for half in halves)
-    allowed = allowed_pixels(target, estimate.visible.size)
+    return forecast_from(metric, model, clean, estimate, target, spp=spp, guess=guess)
+
+
+def forecast_from(
+    metric: VisibleDifferences,
+    model: NoiseModel,
+    clean: Percept,
+    estimate: Estimate,
+    target: float,
+    *,
+    spp: int,
+    guess: int | None = None,
+) -> Forecast:
+    """Return the forecast, where the model, its clean image's percept and the estimate are known.
+
+    `spp` is what the merged image has now.
+    """
+    require_target(target)
+    allowed = allowed_pixels(target, model.pixels)
     pixels = estimate.pixels - estimate.non_finite
     if pixels <= allowed:
         return Forecast(spp, spp, spp)
@@ -154,8 +165,7 @@ def forecast(
     place = math.log(guess / spp) if guess is not None and guess > spp else search.crossing
     for _ in range(MOST_LOOKS):
         place = min(place, furthest)
-        stand_in = stand_in_for_truth(image, *halves, shrink=math.exp(-place / 2))
-        difference = metric.compare(metric.percept(stand_in), percept)
+        difference = metric.compare(clean, metric.percept(model.noisy(math.exp(-place / 2))))
         excess = _over(difference.count - difference.non_finite, allowed)
         if excess > 0:
             clump = mean_clump(difference.visible)
@@ -170,11 +180,11 @@ def forecast(
 
     # The counts at the crossing vary, by clumps, now and then; the forecast drifts with distance.
     luck = BAND_DEVIATIONS * math.sqrt(2 * clump / (allowed + 1)) / search.power
-    late, early = LATE_POWER * place + luck, EARLY_POWER * place + luck
+    off = DRIFT_POWER * place + luck
     return Forecast(
         spp=_whole(spp, place),
-        low_spp=max(_whole(spp, place - late), spp),
-        high_spp=_whole(spp, place + early),
+        low_spp=max(_whole(spp, place - off), spp),
+        high_spp=_whole(spp, place + off),
     )
 
 

@@ -12,8 +12,9 @@ from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar, TypeAlias
 
 from metric.display import as_image
-from metric.estimate import Estimate, Half, half_buffer_estimate
-from metric.forecasts import Forecast, forecast
+from metric.estimate import Estimate, estimate_from
+from metric.forecasts import Forecast, forecast_from
+from metric.noise_model import Half, NoiseModel, noise_model
 
 if TYPE_CHECKING:
     import numpy as np
@@ -67,11 +68,17 @@ class Evidence:
         return self.metric.percept(self.image)
 
     @cached_property
-    def estimate(self) -> Estimate | None:
-        """The half-buffer estimate; None where there are no halves."""
+    def _model(self) -> tuple[NoiseModel, Percept] | None:
+        """The merged image taken apart, and the percept of what is left without its noise."""
         if self.halves is None:
             return None
-        return half_buffer_estimate(self.metric, self.image, self.halves, percept=self.percept)
+        model = noise_model(self.metric.view, self.image, self.halves)
+        return model, self.metric.percept(model.clean)
+
+    @cached_property
+    def estimate(self) -> Estimate | None:
+        """The half-buffer estimate; None where there are no halves."""
+        return None if self._model is None else estimate_from(self.metric, *self._model)
 
     @cached_property
     def kept_image(self) -> Image:
@@ -88,16 +95,10 @@ class Evidence:
 
         `guess` is the spp of an earlier forecast for this target, which saves work.
         """
-        if self.halves is None:
+        if self._model is None or self.estimate is None:
             return None
-        return forecast(
-            self.metric,
-            self.image,
-            self.halves,
-            target,
-            percept=self.percept,
-            estimate=self.estimate,
-            guess=guess,
+        return forecast_from(
+            self.metric, *self._model, self.estimate, target, spp=self.spp, guess=guess
         )
 
 

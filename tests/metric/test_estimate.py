@@ -1,7 +1,7 @@
 """The half-buffer estimate against noise of which the truth is known.
 
 All noise is Gaussian and independent, with fixed seeds: the tests cannot fail by chance. A flat
-grey is the estimate's worst case, since the truth then masks nothing while the halves' noise does.
+grey masks nothing, so that noise which masks itself would show.
 """
 
 import numpy as np
@@ -28,18 +28,23 @@ def visible_fraction(reference, test):
     return METRIC.compare(METRIC.percept(reference), METRIC.percept(test)).fraction
 
 
-@pytest.mark.parametrize(
-    ("sigma", "low", "high"), [(0.05, 0.5, 0.7), (0.1, 0.7, 0.9), (0.2, 0.85, 0.95), (0.5, 0.95, 1)]
-)
+@pytest.mark.parametrize("sigma", [0.05, 0.1, 0.2, 0.5])
 @pytest.mark.parametrize(("even_spp", "odd_spp"), [(50, 50), (60, 40), (80, 20)])
-def test_it_is_near_the_truth_and_optimistic(sigma, low, high, even_spp, odd_spp):
-    image, halves = render(1, even_spp, odd_spp, sigma)
+def test_it_is_the_truth(sigma, even_spp, odd_spp):
+    renders = [render(seed, even_spp, odd_spp, sigma) for seed in range(4)]
+    truth = np.mean([visible_fraction(TRUTH, image) for image, _ in renders])
+    found = np.mean([half_buffer_estimate(METRIC, *one).fraction for one in renders])
+    assert found == pytest.approx(truth, rel=0.08)
+
+
+def test_with_the_noisy_image_for_the_truth_it_would_not_be():
+    image, halves = render(1, 50, 50, 0.05)
     truth = visible_fraction(TRUTH, image)
-    assert low < half_buffer_estimate(METRIC, image, halves).fraction / truth < high
+    assert visible_fraction(halves[0].mean, image) < 0.7 * truth
 
 
 @pytest.mark.parametrize("sigma", [0.1, 0.2, 0.5])
-def test_on_a_texture_that_masks_by_itself_the_bias_is_gone(sigma):
+def test_nor_does_texture_that_masks_by_itself_mislead_it(sigma):
     grain = np.random.default_rng(8).uniform(0.15, 0.55, (128, 128, 1)).astype(np.float32)
     truth = np.broadcast_to(grain, TRUTH.shape)
     image, halves = render(9, 50, 50, sigma, truth)
@@ -88,12 +93,6 @@ def test_a_pixel_that_is_not_finite_counts_as_visible(spp):
     bad[3, 4] = [np.nan, np.inf, 1]
     estimate = half_buffer_estimate(METRIC, bad, (Half(bad, spp[0]), Half(TRUTH, spp[1])))
     assert estimate.pixels == 1
-
-
-def test_a_percept_at_hand_changes_nothing():
-    image, halves = render(5, 40, 60, 0.1)
-    prepared = half_buffer_estimate(METRIC, image, halves, percept=METRIC.percept(image))
-    assert prepared == half_buffer_estimate(METRIC, image, halves)
 
 
 @pytest.mark.parametrize("spp", [(5, 5), (6, 4)])

@@ -1,0 +1,100 @@
+"""What an image would be without its noise, when a sample of that noise is at hand.
+
+The image and the noise are split into bands by undecimated wavelets (*à trous*). In each band, and
+around each pixel, the energy of the noise is known, and a band is kept as far as its own energy
+exceeds it: Wiener's filter with nothing to guess. So texture stays where it stands out from the
+noise, and flat areas become flat.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from metric.pyramid import KERNEL
+
+if TYPE_CHECKING:
+    from metric.display import Image, Plane
+
+#: Bands; the coarsest is about this power of two pixels wide. Coarser noise masks nothing.
+BANDS = 3
+#: The noise's energy is known from one sample, so so many times of it are taken for noise.
+CAUTION = 2.0
+#: Energies below this are nothing at all; keeps 0/0 away, in squared radiance.
+_LEAST_ENERGY = 1e-30
+
+
+def denoised(image: Image, noise: Image) -> Image:
+    """Return the image as it would be without noise, (H, W, 3) float32.
+
+    Parameters
+    ----------
+    image
+        (H, W, 3) float32, finite.
+    noise
+        A sample of noise with the mean, 0, and the variance of the image's own at each pixel, and
+        independent of it: (H, W, 3) float32, finite.
+
+    References
+    ----------
+    M. Holschneider, R. Kronland-Martinet, J. Morlet and P. Tchamitchian, A real-time algorithm for
+    signal analysis with the help of the wavelet transform, in Wavelets, Springer 1989.
+    doi:10.1007/978-3-642-75988-8_28
+    M. K. Mıhçak, I. Kozintsev, K. Ramchandran and P. Moulin, Low-complexity image denoising based
+    on statistical modeling of wavelet coefficients, IEEE Signal Processing Letters 6(12), 1999
+    (the gain from local energies). doi:10.1109/97.803428
+
+    Examples
+    --------
+    >>> rng = np.random.default_rng(1)
+    >>> light = np.full((64, 64, 3), 0.5, np.float32)
+    >>> one, other = rng.normal(0, 0.1, (2, 64, 64, 3)).astype(np.float32)
+    >>> left = denoised(light + one, other) - light
+    >>> bool(left.std() < 0.02)
+    True
+    """
+    # Planar memory: every step reads one whole channel at a time.
+    rest, noise_rest = (
+        np.ascontiguousarray(np.moveaxis(pixels, -1, 0), np.float32) for pixels in (image, noise)
+    )
+    kept = np.zeros_like(rest)
+    for band in range(BANDS):
+        gap = 2**band
+        smooth, noise_smooth = _smoothed(rest, gap), _smoothed(noise_rest, gap)
+        detail = rest - smooth
+        # One gain for all channels: a path's noise is mostly brightness.
+        energy = _smoothed(np.square(detail).sum(axis=0), gap)
+        noise_energy = np.square(noise_rest - noise_smooth).sum(axis=0)
+        noise_energy = _smoothed(_smoothed(noise_energy, 2 * gap), gap)
+        gain = 1 - np.float32(CAUTION) * noise_energy / np.maximum(energy, _LEAST_ENERGY)
+        kept += np.maximum(gain, 0) * detail
+        rest, noise_rest = smooth, noise_smooth
+    clean: Image = np.moveaxis(kept + rest, 0, -1)
+    return clean
+
+
+def _smoothed(planes: Plane, gap: int) -> Plane:
+    """Return planes, (…, H, W), blurred by the pyramid's kernel with its taps `gap` pixels apart.
+
+    Beyond a border the border's own pixel is read.
+    """
+    for axis in (-2, -1):
+        planes = _smoothed_along(planes, axis, gap)
+    return planes
+
+
+def _smoothed_along(planes: Plane, axis: int, gap: int) -> Plane:
+    size, reach = planes.shape[axis], gap * (len(KERNEL) - 1)
+    bordered = np.take(planes, np.arange(-reach, size + reach).clip(0, size - 1), axis=axis)
+
+    def shifted(by: int) -> Plane:
+        window = [slice(None)] * planes.ndim
+        window[axis] = slice(reach + by, reach + by + size)
+        return bordered[tuple(window)]
+
+    centre, *sides = KERNEL
+    blurred: Plane = shifted(0) * np.float32(centre)
+    for number, weight in enumerate(sides, start=1):
+        blurred += (shifted(-number * gap) + shifted(number * gap)) * np.float32(weight)
+    return blurred
