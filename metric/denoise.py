@@ -8,13 +8,15 @@ noise, and flat areas become flat.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
 from metric.pyramid import KERNEL
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from metric.display import Image, Plane
 
 #: Bands; the coarsest is about this power of two pixels wide. Coarser noise masks nothing.
@@ -25,7 +27,21 @@ CAUTION = 2.0
 _LEAST_ENERGY = 1e-30
 
 
-def denoised(image: Image, noise: Image) -> Image:
+#: Blurs planes with taps so many pixels apart, as `smoothed` does.
+Smoother: TypeAlias = "Callable[[Plane, int], Plane]"
+
+
+def smoothed(planes: Plane, gap: int) -> Plane:
+    """Return planes, (…, H, W) float32, blurred by the pyramid's kernel, its taps `gap` apart.
+
+    Beyond a border the border's own pixel is read.
+    """
+    for axis in (-2, -1):
+        planes = _smoothed_along(planes, axis, gap)
+    return planes
+
+
+def denoised(image: Image, noise: Image, smooth: Smoother = smoothed) -> Image:
     """Return the image as it would be without noise, (H, W, 3) float32.
 
     Parameters
@@ -35,6 +51,8 @@ def denoised(image: Image, noise: Image) -> Image:
     noise
         A sample of noise with the mean, 0, and the variance of the image's own at each pixel, and
         independent of it: (H, W, 3) float32, finite.
+    smooth
+        What blurs, where something faster than numpy is at hand.
 
     References
     ----------
@@ -61,27 +79,17 @@ def denoised(image: Image, noise: Image) -> Image:
     kept = np.zeros_like(rest)
     for band in range(BANDS):
         gap = 2**band
-        smooth, noise_smooth = _smoothed(rest, gap), _smoothed(noise_rest, gap)
-        detail = rest - smooth
+        coarse, noise_coarse = smooth(rest, gap), smooth(noise_rest, gap)
+        detail = rest - coarse
         # One gain for all channels: a path's noise is mostly brightness.
-        energy = _smoothed(np.square(detail).sum(axis=0), gap)
-        noise_energy = np.square(noise_rest - noise_smooth).sum(axis=0)
-        noise_energy = _smoothed(_smoothed(noise_energy, 2 * gap), gap)
+        energy = smooth(np.square(detail).sum(axis=0), gap)
+        noise_energy = np.square(noise_rest - noise_coarse).sum(axis=0)
+        noise_energy = smooth(smooth(noise_energy, 2 * gap), gap)
         gain = 1 - np.float32(CAUTION) * noise_energy / np.maximum(energy, _LEAST_ENERGY)
         kept += np.maximum(gain, 0) * detail
-        rest, noise_rest = smooth, noise_smooth
+        rest, noise_rest = coarse, noise_coarse
     clean: Image = np.moveaxis(kept + rest, 0, -1)
     return clean
-
-
-def _smoothed(planes: Plane, gap: int) -> Plane:
-    """Return planes, (…, H, W), blurred by the pyramid's kernel with its taps `gap` pixels apart.
-
-    Beyond a border the border's own pixel is read.
-    """
-    for axis in (-2, -1):
-        planes = _smoothed_along(planes, axis, gap)
-    return planes
 
 
 def _smoothed_along(planes: Plane, axis: int, gap: int) -> Plane:

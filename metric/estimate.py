@@ -94,7 +94,7 @@ def half_buffer_estimate(
     >>> estimate.low_pixels < estimate.pixels < estimate.high_pixels
     True
     """
-    model = noise_model(metric.view, image, halves)
+    model = noise_model(metric, image, halves)
     return estimate_from(metric, model, metric.percept(model.clean))
 
 

@@ -132,7 +132,7 @@ def forecast(
     >>> 100 < seen.low_spp < seen.spp < seen.high_spp
     True
     """
-    model = noise_model(metric.view, image, halves)
+    model = noise_model(metric, image, halves)
     clean = metric.percept(model.clean)
     estimate = estimate_from(metric, model, clean)
     spp = sum(half.spp for half in halves)

@@ -19,6 +19,7 @@ from metric.display import Image, Mask, as_image, finite_pixels
 
 if TYPE_CHECKING:
     from metric.display import View
+    from metric.vdp import VisibleDifferences
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,13 +62,13 @@ class NoiseModel:
         return image
 
 
-def noise_model(view: View, image: Image, halves: tuple[Half, Half]) -> NoiseModel:
+def noise_model(metric: VisibleDifferences, image: Image, halves: tuple[Half, Half]) -> NoiseModel:
     """Return the model of a merged image and its halves.
 
     Parameters
     ----------
-    view
-        How the image is shown: noise in what a screen shows as plain white is none.
+    metric
+        The predictor that will judge it: noise in what its view shows as plain white is none.
     image
         The merged image of both halves, (H, W, 3).
     halves
@@ -80,10 +81,10 @@ def noise_model(view: View, image: Image, halves: tuple[Half, Half]) -> NoiseMod
 
     Examples
     --------
-    >>> from metric import View
+    >>> from metric import Half, View, VisibleDifferences
     >>> image = np.full((1, 1, 3), 0.5, np.float32)
     >>> half, rest = Half(image + np.float32(0.1), 20), Half(image - np.float32(0.025), 80)
-    >>> noise_model(View(), image, (half, rest)).noise[0, 0].round(3).tolist()
+    >>> noise_model(VisibleDifferences(View()), image, (half, rest)).noise[0, 0].round(3).tolist()
     [0.05000000074505806, 0.05000000074505806, 0.05000000074505806]
     """
     image = as_image(image)
@@ -96,9 +97,10 @@ def noise_model(view: View, image: Image, halves: tuple[Half, Half]) -> NoiseMod
     # Clipped as it will be shown, so that what is too bright to see makes no noise around it.
     even_spp, odd_spp = (half.spp for half in halves)
     spread = np.float32(math.sqrt(even_spp / odd_spp)) * (half - shown)
-    above, below = (_clipped(one, view) for one in (shown + spread, shown - spread))
+    above, below = (_clipped(one, metric.view) for one in (shown + spread, shown - spread))
     noise = (above - below) * np.float32(0.5)
-    return NoiseModel(denoised(_clipped(shown, view), noise), noise, ~finite)
+    clean = denoised(_clipped(shown, metric.view), noise, metric.smooth)
+    return NoiseModel(clean, noise, ~finite)
 
 
 def _clipped(image: Image, view: View) -> Image:

@@ -24,6 +24,7 @@ from metric.csf import (
     luminance_threshold,
     masking,
 )
+from metric.denoise import smoothed
 from metric.display import (
     Mask,
     Plane,
@@ -132,6 +133,11 @@ class VisibleDifferences:
         self.adaptation_level = next(
             (level for level in range(LEVELS) if 2**level > self.width_deg), LEVELS - 1
         )
+
+    @staticmethod
+    def smooth(planes: Plane, gap: int) -> Plane:
+        """Return what `metric.denoise.smoothed` does: the blur to denoise with beside this one."""
+        return smoothed(planes, gap)
 
     def percept(self, image: NDArray[Any]) -> Percept:
         """Return all that depends on this image alone.

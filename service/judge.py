@@ -33,6 +33,7 @@ def warm_up() -> None:
     reference = metric.percept(image)
     for _ in range(COMPARISONS_BEFORE_KEEPING + 2):  # streamed, and then kept
         metric.compare(reference, metric.percept(image))
+    metric.smooth(image, 1)
 
 
 @dataclass(frozen=True)

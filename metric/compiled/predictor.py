@@ -9,6 +9,7 @@ import numpy as np
 from metric.compiled.elevation import eye
 from metric.compiled.light import screen
 from metric.compiled.percept import CompiledPercept
+from metric.compiled.smooth import smoothed
 from metric.compiled.sweep import sweep
 from metric.display import as_image
 from metric.vdp import Difference, Percept, VisibleDifferences
@@ -16,7 +17,7 @@ from metric.vdp import Difference, Percept, VisibleDifferences
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from metric.display import Mask, View
+    from metric.display import Mask, Plane, View
 
 #: After so many comparisons a percept is kept: about what keeping it would have cost has been spent
 #: on preparing it again and again. So a reference is soon kept, and an image that is compared once
@@ -50,6 +51,11 @@ class CompiledVisibleDifferences(VisibleDifferences):
     def __init__(self, view: View) -> None:
         super().__init__(view)
         self._screen = screen(view)
+
+    @staticmethod
+    def smooth(planes: Plane, gap: int) -> Plane:
+        """Return what `metric.denoise.smoothed` does, to the bit."""
+        return smoothed(planes, gap)
 
     def percept(self, image: NDArray[Any]) -> CompiledPercept:
         """Return the image as something to compare; what depends on it is worked out then.

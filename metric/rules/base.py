@@ -72,7 +72,7 @@ class Evidence:
         """The merged image taken apart, and the percept of what is left without its noise."""
         if self.halves is None:
             return None
-        model = noise_model(self.metric.view, self.image, self.halves)
+        model = noise_model(self.metric, self.image, self.halves)
         return model, self.metric.percept(model.clean)
 
     @cached_property

@@ -13,8 +13,18 @@ import numpy as np
 import pytest
 
 import metric.compiled
-from metric.compiled import arithmetic, cache_folder, elevation, jit, levels, light, threshold
+from metric.compiled import (
+    CompiledVisibleDifferences,
+    arithmetic,
+    cache_folder,
+    elevation,
+    jit,
+    levels,
+    light,
+    threshold,
+)
 from metric.csf import CONE_CURVE_FROM, CONE_LINE_FROM, ROD_LINE_FROM, luminance_threshold
+from metric.vdp import VisibleDifferences
 
 
 @numba.njit
@@ -188,3 +198,13 @@ class TestTheCache:
             file.write("\nNEW = 1\n")
         cache_folder.cache_clear()
         assert cache_folder() != before
+
+
+@pytest.mark.parametrize("shape", [(3, 64, 70), (17, 33), (3, 2, 9), (40, 1), (1, 1)])
+@pytest.mark.parametrize("gap", [1, 2, 8])
+def test_the_blur_for_denoising_is_that_of_numpy_to_the_bit(shape, gap):
+    planes = np.random.default_rng(3).random(shape, np.float32)
+    ours, numpys = (
+        metric.smooth(planes, gap) for metric in (CompiledVisibleDifferences, VisibleDifferences)
+    )
+    assert np.array_equal(ours, numpys)
