@@ -15,8 +15,10 @@ class Case:
     name: str
     #: A folder of `scenes`.
     family: str
-    #: Radiance of its lights.
+    #: What the scene's `intensity` is set to.
     intensity: float
+    #: Seeds of the series and of the reference: no two renders of a family share their samples.
+    seeds: tuple[int, int]
 
     @property
     def slug(self) -> str:
@@ -27,7 +29,7 @@ class Case:
 def _family(name: str) -> list[Case]:
     build = import_module(f"scenes.{name}.build")
     return [
-        Case(f"{name.upper()} {number}", name, intensity)
+        Case(f"{name.upper()} {number}", name, intensity, (2 * number - 2, 2 * number - 1))
         for number, intensity in ((1, build.BRIGHT), (2, build.DIM))
     ]
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 #: Spp of one slice: the finest step at which a series can be judged.
 SLICE_SPP = 50
-_SEEDS = {"series": 0, "reference": 1}
+_KINDS = ("series", "reference")
 
 
 @dataclass(frozen=True)
@@ -49,9 +49,7 @@ class Rendered:
 
 def rendered(case: Case, size: Size, data: Path, *, workers: int) -> Rendered:
     """Return the renders of a scene, made now where the folder does not have them yet."""
-    series, reference = (
-        _render(case, size, data, kind, workers=workers) for kind in ("series", "reference")
-    )
+    series, reference = (_render(case, size, data, kind, workers=workers) for kind in _KINDS)
     return Rendered(case, size, series / "slices", reference / "image.exr")
 
 
@@ -67,7 +65,7 @@ def _render(case: Case, size: Size, data: Path, kind: str, *, workers: int) -> P
         "--max-spp": size.cap,
         "--step": _step(size.cap),
         "--slice-spp": SLICE_SPP,
-        "--seed": _SEEDS[kind],
+        "--seed": case.seeds[_KINDS.index(kind)],
         "--workers": workers,
     }
     if kind == "series":

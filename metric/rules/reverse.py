@@ -131,10 +131,9 @@ class Reverse(Rule):
         if self._first_image is None or self._first_spp is None:
             self._first_spp = evidence.spp
             self._first_image = evidence.kept_image
-            self._first_percept = evidence.percept
-            return self._first_percept, self._first_spp
-        newest = self._points[-1][0] if self._points else self._first_spp
-        require_later(evidence.spp, newest)
+        else:
+            require_later(evidence.spp, self._points[-1][0] if self._points else self._first_spp)
+        # Of the kept image: a percept may read its image as late as when it is compared.
         if self._first_percept is None:
             self._first_percept = evidence.metric.percept(self._first_image)
         return self._first_percept, self._first_spp

@@ -10,7 +10,6 @@ from metric.rules.earlier import EarlierImages, first_verdict, require_threshold
 
 if TYPE_CHECKING:
     from metric.rules.base import Evidence
-    from metric.vdp import Percept
 
 
 @dataclass(kw_only=True)
@@ -42,8 +41,6 @@ class Successive(Rule):
     _earlier: EarlierImages = field(
         default_factory=EarlierImages, init=False, repr=False, compare=False
     )
-    #: Of the one earlier image; None after a recall, until it is needed.
-    _percept: Percept | None = field(default=None, init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         require_threshold(self.threshold)
@@ -53,7 +50,7 @@ class Successive(Rule):
         self._earlier.require_before(evidence)
         before = self._earlier.spps
         if before:
-            earlier = self._percept or evidence.metric.percept(self._earlier[before[0]])
+            earlier = evidence.metric.percept(self._earlier[before[0]])
             verdict = verdict_on(
                 evidence,
                 before[0],
@@ -66,7 +63,6 @@ class Successive(Rule):
             verdict = first_verdict(evidence, self.threshold, words)
         self._earlier.forget(before)
         self._earlier.add(evidence)
-        self._percept = evidence.percept
         return verdict
 
     def stored_images(self, evaluations: int) -> int:
@@ -82,4 +78,4 @@ class Successive(Rule):
         earlier = EarlierImages.of(memory)
         if earlier is None or len(earlier.spps) > 1:
             raise ValueError("not a memory of the rule 'successive'")
-        self._earlier, self._percept = earlier, None
+        self._earlier = earlier

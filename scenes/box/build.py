@@ -14,7 +14,7 @@ HERE = Path(__file__).parent
 
 #: Radiance of the light, in the units of the image: what is 1 there is white at EV 0.
 BRIGHT = 20.0  # BOX 1
-DIM = 2.0  # BOX 2
+DIM = 10.0  # BOX 2
 
 # The room: x to the right, y up, z towards the camera.
 X, Y, Z = 1.2, 2.0, 1.1

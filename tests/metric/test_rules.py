@@ -16,6 +16,7 @@ from metric import (
     VisibleDifferences,
     create_rule,
 )
+from metric.compiled import CompiledVisibleDifferences
 
 METRIC = VisibleDifferences(View())
 GREY = np.full((8, 8, 3), 0.35, np.float32)
@@ -82,6 +83,22 @@ class TestEveryRule:
         assert json.loads(json.dumps(verdict.numbers)) == verdict.numbers
         assert json.loads(json.dumps(rule.memory().numbers)) == rule.memory().numbers
         assert verdict.reason
+
+    def test_what_it_remembers_does_not_change_with_the_monitors_own_image(self, name):
+        # The compiled predictor reads an image when it is compared, and not before.
+        metric = CompiledVisibleDifferences(View())
+        rng = np.random.default_rng(6)
+        images = [GREY + rng.normal(0, 0.2 / n, GREY.shape).astype("f4") for n in range(1, 9)]
+        verdicts = {}
+        for reuse in (False, True):
+            rule, buffer = create_rule(name), np.empty_like(GREY)
+            verdicts[reuse] = []
+            for number, image in enumerate(images, start=1):
+                if reuse:
+                    buffer[:] = image
+                shown = Evidence(100 * number, buffer if reuse else image, None, metric)
+                verdicts[reuse].append(rule.judge(shown).value)
+        assert verdicts[True] == verdicts[False]
 
     def test_a_memory_of_something_else_is_refused(self, name):
         with pytest.raises(ValueError, match=f"not a memory of the rule '{name}'"):

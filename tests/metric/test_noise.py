@@ -1,0 +1,30 @@
+"""More noise is never less visible, on average: whatever masks, it masks less than it adds."""
+
+import numpy as np
+import pytest
+
+from bench.support.synthetic_noise import NOISES, SCENES
+from metric import View, VisibleDifferences
+from metric.compiled import CompiledVisibleDifferences
+
+SIZE, SEEDS = 48, 6
+#: Standard deviation of the noise as a share of the light, from hardly visible to where most pixels are.
+LEVELS = [0.01 * 2**n for n in range(6)]
+
+
+@pytest.mark.parametrize("predictor", [VisibleDifferences, CompiledVisibleDifferences])
+@pytest.mark.parametrize("noise", ["Gaussian", "heavy-tailed", "filtered"])
+@pytest.mark.parametrize("scene", SCENES)
+def test_more_noise_is_not_less_visible(scene, noise, predictor):
+    metric, light = predictor(View()), SCENES[scene](SIZE)
+    reference = metric.percept(light)
+    counts = []
+    for level in LEVELS:
+        found = []
+        for seed in range(SEEDS):
+            drawn = NOISES[noise](np.random.default_rng(seed), light.shape, 16)
+            test = metric.percept(light * (1 + level * np.sqrt(16) * drawn))
+            found.append(metric.compare(reference, test).count)
+        counts.append(np.mean(found))
+    assert counts == sorted(counts)
+    assert counts[0] < 0.01 * SIZE**2 < 0.25 * SIZE**2 < counts[-1]
