@@ -23,7 +23,8 @@ from bench.support.synthetic_noise import (
     GAMMA_SHAPE,
     Render,
 )
-from metric import Evidence, View, VisibleDifferences, create_rule
+from metric import Evidence, View, create_rule
+from metric.compiled import CompiledVisibleDifferences
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -98,7 +99,7 @@ def main() -> None:
 
 def run(*, seeds: int, quick: bool) -> list[Outcome]:
     """Run the three studies, write their report and their pictures, and return what came out."""
-    base = Case(size=48, level=0.15) if quick else Case()
+    base = Case(size=48) if quick else Case()
     scenes = [base] if quick else [base, replace(base, scene="ramp"), heavy_tailed(base)]
     studies = {
         "step": [replace(one, step=step) for one in scenes for step in (25, 50, 100, 200)],
@@ -155,7 +156,7 @@ def outcomes(case: Case, seeds: int) -> list[Outcome]:
 def _on_time(case: Case, seed: int) -> float:
     """Return the spp at which the truth falls to the target, within 5 %."""
     render = Render(case.scene, case.noise, case.level, case.size, seed)
-    metric = VisibleDifferences(View())
+    metric = CompiledVisibleDifferences(View())
     truth = metric.percept(render.truth)
     allowed = max(1.0, TARGET * case.size**2)
 
@@ -177,7 +178,7 @@ def _on_time(case: Case, seed: int) -> float:
 
 def _judge(case: Case, seed: int, cap: int) -> dict[str, tuple[int, float]]:
     """Return where each rule stopped and what share of the pixels was still wrong there."""
-    metric = VisibleDifferences(View())
+    metric = CompiledVisibleDifferences(View())
     render = Render(case.scene, case.noise, case.level, case.size, seed)
     truth = metric.percept(render.truth)
     rules: dict[str, Rule] = {name: create_rule(name) for name in JUDGED}
