@@ -6,16 +6,22 @@ often the spp at which the estimate really falls to the target lies in the forec
 """
 
 import argparse
+import json
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
+from bench.support import markdown
 from bench.support.report import Figure, write_report
 from bench.support.synthetic_noise import SCENES, Render
 from metric import View, forecast, half_buffer_estimate
 from metric.compiled import CompiledVisibleDifferences
 
 TARGET = 0.002
+#: Where fewer pixels are visible in all runs together, luck decides over a ratio.
+FEW = 20
+_SHARES = ("truth in the band", "forecast in its band")
 #: From one spp to the next.
 GRID_STEP = 1.05
 _NOTES = (
@@ -47,7 +53,30 @@ def main() -> None:
             for spp, row in _rows(scene, noise, options.size, options.seeds).items():
                 figures += _figures(f"{scene}, {noise}, {spp} spp", row, options)
     settings = {"seeds": options.seeds, "size": options.size, "level": 0.3, "target": TARGET}
-    write_report("estimate", figures, settings=settings, notes=_NOTES)
+    path = write_report("estimate", figures, settings=settings, notes=_NOTES)
+    markdown.fill(markdown.DOCS / "stopping.md", {"estimate": table(json.loads(path.read_text()))})
+
+
+def table(report: dict[str, Any]) -> str:
+    """Return a report as Markdown: a row for each scene, noise and spp."""
+    rows: dict[tuple[str, str], dict[str, float]] = {}
+    for one in report["figures"]:
+        case, what = one["name"].split(": ")
+        scene, noise, spp = case.split(", ")
+        rows.setdefault((f"{scene}, {noise}", spp.removesuffix(" spp")), {})[what] = one["value"]
+    pixels = report["settings"]["seeds"] * report["settings"]["size"] ** 2
+    return markdown.table(
+        ["scene, noise", "spp", "truly visible", "estimate / truth", *_SHARES],
+        [
+            [
+                *case,
+                f"{row['truth']:.3g}" if row["truth"] == 0 else f"{row['truth']:.3%}",
+                f"{row['estimate over truth']:.2f}" if row["truth"] * pixels >= FEW else "–",
+                *(f"{row[share]:.0%}" if share in row else "–" for share in _SHARES),
+            ]
+            for case, row in rows.items()
+        ],
+    )
 
 
 def _rows(scene: str, noise: str, size: int, seeds: int) -> dict[int, Row]:

@@ -9,13 +9,14 @@ false stop.
 from __future__ import annotations
 
 import argparse
+import json
 import math
 from dataclasses import asdict, dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from bench.support import report
+from bench.support import markdown, report
 from bench.support.report import Figure, Spread, write_report
 from bench.support.synthetic_noise import (
     FIREFLY_BRIGHTNESS,
@@ -115,7 +116,7 @@ def run(*, seeds: int, quick: bool) -> list[Outcome]:
     everything = [outcome for case in known.values() for outcome in case]
 
     name = "stopping-quick" if quick else "stopping"
-    write_report(
+    path = write_report(
         name,
         [one for outcome in everything for one in _figures(outcome)],
         settings={
@@ -129,9 +130,35 @@ def run(*, seeds: int, quick: bool) -> list[Outcome]:
         },
         notes=_NOTES,
     )
+    if not quick:
+        markdown.fill(markdown.DOCS / "stopping.md", {"rules": table(json.loads(path.read_text()))})
     for study, cases in studies.items():
         plot(study, [known[case] for case in cases], report.RESULTS / f"{name}-{study}.png")
     return everything
+
+
+def table(report: dict[str, Any]) -> str:
+    """Return a report as Markdown: a row for each case, a column for each rule."""
+    rows: dict[str, dict[str, dict[str, dict[str, Any]]]] = {}
+    for one in report["figures"]:
+        rule, case, what = one["name"].split(": ")
+        rows.setdefault(case, {}).setdefault(rule, {})[what] = one
+    return markdown.table(
+        ["case", *(f"`{rule}`" for rule in JUDGED)],
+        [[case, *(_cell(found[rule]) for rule in JUDGED)] for case, found in rows.items()],
+    )
+
+
+def _cell(found: dict[str, dict[str, Any]]) -> str:
+    """Return the lateness with its spread, and how often the stop was false or there was none."""
+    words = []
+    if "lateness" in found:
+        late, spread = found["lateness"]["value"], found["lateness"]["spread"]
+        words.append(f"{late:.2f} ({spread['lowest']:.2f}–{spread['highest']:.2f})")
+    for what, word in (("false stops", "false"), ("never stopped", "never")):
+        if found[what]["value"]:
+            words.append(f"{found[what]['value']:.0%} {word}")
+    return ", ".join(words)
 
 
 def heavy_tailed(case: Case) -> Case:

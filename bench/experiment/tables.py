@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from bench.experiment.series import STEPS
 from bench.experiment.truth import TARGET, TARGETS, converged_spp, true_spp, truth_at
+from bench.support.markdown import table
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -79,7 +80,7 @@ def truth_table(series: Sequence[Measured]) -> str:
             else f"{converged_spp(against_reference, cap):,.0f}"
         )
         rows.append([one.name, *(_spp(spp, cap) for spp in true), converged])
-    return _table(head, rows)
+    return table(head, rows)
 
 
 def stop_table(series: Sequence[Measured], step: int) -> str:
@@ -91,7 +92,7 @@ def stop_table(series: Sequence[Measured], step: int) -> str:
         found = stops(one)
         cells = [_stop(found[name], one.cap) for name in names]
         rows.append([one.name, _spp(true_spp(one, TARGET), one.cap), *cells])
-    return _table(head, rows)
+    return table(head, rows)
 
 
 def summary_table(series: Sequence[Measured]) -> str:
@@ -121,7 +122,7 @@ def summary_table(series: Sequence[Measured]) -> str:
                 f"{statistics.median(stop.saved for stop in found):.0%}",
             ]
         )
-    return _table(head, rows)
+    return table(head, rows)
 
 
 def estimate_table(series: Sequence[Measured]) -> str:
@@ -139,7 +140,7 @@ def estimate_table(series: Sequence[Measured]) -> str:
                 + ("" if estimate[1] <= truth <= estimate[2] else " *")
             )
         rows.append([one.name, *cells])
-    return _table(["scene", *(f"{spp:,} spp" for spp in _ESTIMATED_AT)], rows)
+    return table(["scene", *(f"{spp:,} spp" for spp in _ESTIMATED_AT)], rows)
 
 
 def _stop(stop: Stop, cap: int) -> str:
@@ -150,8 +151,3 @@ def _stop(stop: Stop, cap: int) -> str:
 
 def _spp(spp: int | None, cap: int) -> str:
     return f"over {cap:,}" if spp is None else f"{spp:,}"
-
-
-def _table(head: list[str], rows: list[list[str]]) -> str:
-    lines = [head, ["---"] * len(head), *rows]
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines) + "\n"

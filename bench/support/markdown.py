@@ -1,0 +1,38 @@
+"""Tables of figures in Markdown, and their places in the documents that show them.
+
+A place is a pair of comments, ``<!-- NAME -->`` and ``<!-- /NAME -->``. A benchmark writes its
+tables there, so that no figure is copied by hand.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+DOCS = Path(__file__).parents[2] / "docs"
+
+
+def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Return a Markdown table."""
+    lines = [head, ["---"] * len(head), *rows]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines) + "\n"
+
+
+def places(document: Path) -> dict[str, str]:
+    """Return what stands in each place of a document, by name."""
+    place = r"<!-- ([\w-]+) -->\n\n?(.*?)\n?<!-- /\1 -->"
+    return dict(re.findall(place, document.read_text(), re.DOTALL))
+
+
+def fill(document: Path, tables: Mapping[str, str]) -> None:
+    """Put tables into their places in a document; one without a place is left out."""
+    text = document.read_text()
+    for name in tables.keys() & places(document).keys():
+        start, end = f"<!-- {name} -->\n", f"<!-- /{name} -->"
+        before, rest = text.split(start)
+        text = f"{before}{start}\n{tables[name]}\n{end}{rest.split(end)[1]}"
+    document.write_text(text)
