@@ -14,15 +14,21 @@ Face = tuple[int, ...]
 
 @dataclass(frozen=True)
 class Mesh:
-    """Vertices, faces that run counter-clockwise seen from outside, and normals where smooth."""
+    """Vertices, faces that run counter-clockwise seen from outside, and normals where smooth.
+
+    Without normals Mitsuba makes smooth ones of its own wherever faces share a vertex.
+    """
 
     vertices: tuple[Vector, ...]
     faces: tuple[Face, ...]
     normals: tuple[Vector, ...] = ()
+    #: texture coordinates, where a texture is wanted
+    uvs: tuple[tuple[float, float], ...] = ()
 
     def to_ply(self) -> bytes:
         """Return the mesh as little-endian binary PLY."""
         properties = ["x", "y", "z"] + (["nx", "ny", "nz"] if self.normals else [])
+        properties += ["u", "v"] if self.uvs else []
         header = "\n".join(
             [
                 "ply",
@@ -34,10 +40,12 @@ class Mesh:
                 "end_header\n",
             ]
         )
-        normals = self.normals or ((),) * len(self.vertices)
+        absent = ((),) * len(self.vertices)
         rows = [
-            struct.pack(f"<{len(properties)}f", *vertex, *normal)
-            for vertex, normal in zip(self.vertices, normals, strict=True)
+            struct.pack(f"<{len(properties)}f", *vertex, *normal, *uv)
+            for vertex, normal, uv in zip(
+                self.vertices, self.normals or absent, self.uvs or absent, strict=True
+            )
         ]
         rows += [struct.pack(f"<B{len(face)}i", len(face), *face) for face in self.faces]
         return header.encode("ascii") + b"".join(rows)
@@ -52,6 +60,21 @@ def quads(*corners: tuple[Vector, Vector, Vector, Vector]) -> Mesh:
         for triangle in ((first, first + 1, first + 2), (first, first + 2, first + 3))
     )
     return Mesh(vertices, faces)
+
+
+def joined(*meshes: Mesh) -> Mesh:
+    """Return meshes as one; all of them have normals or none, and texture coordinates or none."""
+    faces: list[Face] = []
+    first = 0
+    for mesh in meshes:
+        faces += [tuple(first + corner for corner in face) for face in mesh.faces]
+        first += len(mesh.vertices)
+    return Mesh(
+        tuple(vertex for mesh in meshes for vertex in mesh.vertices),
+        tuple(faces),
+        tuple(normal for mesh in meshes for normal in mesh.normals),
+        tuple(uv for mesh in meshes for uv in mesh.uvs),
+    )
 
 
 def block(centre: tuple[float, float], size: Vector, turn: tuple[float, float]) -> Mesh:

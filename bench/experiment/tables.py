@@ -6,7 +6,6 @@ import statistics
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from bench.experiment.series import STEPS
 from bench.experiment.truth import TARGET, TARGETS, converged_spp, true_spp, truth_at
 from bench.support.markdown import table
 
@@ -15,6 +14,8 @@ if TYPE_CHECKING:
 
     from bench.experiment.series import Measured
 
+#: What the paper renders without a rule, in spp.
+PAPER_CAP = 10_000
 #: Where the estimate is held against the truth, in spp.
 _ESTIMATED_AT = (100, 200, 400, 800, 1600, 3200)
 #: A stop further from the truth than this misses the goal.
@@ -34,7 +35,7 @@ class Stop:
     error: float | None
     #: Share of the pixels still visibly wrong against the reference when it stopped.
     wrong: float | None
-    #: Share of the cap's samples that were not rendered.
+    #: Share of the paper's 10,000 spp that were not rendered.
     saved: float
 
 
@@ -50,28 +51,18 @@ def stops(measured: Measured) -> dict[str, Stop]:
             spp,
             error=None if spp is None or true is None else spp / true - 1,
             wrong=None if spp is None else counts[spp] / measured.pixels**2,
-            saved=0.0 if spp is None else 1 - spp / measured.cap,
+            saved=0.0 if spp is None else 1 - spp / PAPER_CAP,
         )
     return found
 
 
-def all_tables(series: Sequence[Measured]) -> dict[str, str]:
-    """Return every table by name."""
-    return {
-        "truth": truth_table(series),
-        **{f"stops-{step}": stop_table(series, step) for step in STEPS},
-        "summary": summary_table(series),
-        "estimate": estimate_table(series),
-    }
-
-
 def truth_table(series: Sequence[Measured]) -> str:
     """Return from which spp on each image is converged, by target."""
-    cap = series[0].cap
-    head = ["scene", *(f"{target:.2%} of the pixels" for target in TARGETS)]
+    head = ["scene", "rendered to", *(f"{target:.2%} of the pixels" for target in TARGETS)]
     head.append(f"{TARGET:.2%}, against the converged image")
     rows = []
     for one in series:
+        cap = one.cap
         true = [true_spp(one, target) for target in TARGETS]
         against_reference = true_spp(one, TARGET)
         converged = (
@@ -79,7 +70,7 @@ def truth_table(series: Sequence[Measured]) -> str:
             if against_reference is None
             else f"{converged_spp(against_reference, cap):,.0f}"
         )
-        rows.append([one.name, *(_spp(spp, cap) for spp in true), converged])
+        rows.append([one.name, f"{cap:,}", *(_spp(spp, cap) for spp in true), converged])
     return table(head, rows)
 
 

@@ -8,6 +8,7 @@ global illumination, with none of the data of Cornell's.
 
 from pathlib import Path
 
+from scenes.build import scene_files, write_files
 from scenes.mesh import Mesh, ball, block, quads
 
 HERE = Path(__file__).parent
@@ -114,16 +115,12 @@ def _shape(name: str, bsdf: str) -> str:
 
 def files() -> dict[str, bytes]:
     """Return every file of the scene by its path in the scene's folder."""
-    built = {f"meshes/{name}": mesh.to_ply() for name, mesh in meshes().items()}
-    return {"scene.xml": scene_xml().encode("utf-8"), **built}
+    return scene_files(scene_xml(), meshes(), textures={})
 
 
 def write(folder: Path) -> None:
     """Write the scene into a folder."""
-    for name, content in files().items():
-        path = folder / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(content)
+    write_files(folder, files())
 
 
 if __name__ == "__main__":

@@ -63,7 +63,6 @@ class TestARun:
         left = {path.name for path in (results / "paper").iterdir()}
         assert left == {
             "box-1.json",
-            *(f"{name}.md" for name in tables.all_tables([box_1])),
             *(f"{name}.png" for name in ("figure-4", "figure-5", "figure-6", "truth")),
         }
         assert Measured.read(results / "paper" / "box-1.json") == box_1

@@ -1,0 +1,1 @@
+"""OCULIST: a museum case of engraved stamps, bronze instruments, mosaic and woven cloth."""
