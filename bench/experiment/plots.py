@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from bench.experiment.truth import TARGET, true_spp
+from bench.experiment.truth import TARGET, reference_spp, true_spp
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -43,7 +43,7 @@ def plot_counts(series: Sequence[Measured], rules: Sequence[str], path: Path) ->
                 axes.plot(curve.spp, counts, color=ink, linewidth=1, label=name)
                 _mark_stop(axes, curve, ink)
             axes.set_yscale("symlog", linthresh=1)
-            _mark_truth(axes, one)
+            _mark(axes, true_spp(one, TARGET))
 
 
 def plot_reverse(series: Sequence[Measured], path: Path) -> None:
@@ -62,7 +62,7 @@ def plot_reverse(series: Sequence[Measured], path: Path) -> None:
                 slopes.plot(curve.spp, slope, color=ink, linewidth=0.6, alpha=0.6)
                 _mark_stop(axes, curve, ink)
             axes.set_ylim(bottom=0)
-            _mark_truth(axes, one)
+            _mark(axes, true_spp(one, TARGET))
 
 
 def plot_truth(series: Sequence[Measured], path: Path) -> None:
@@ -86,7 +86,7 @@ def plot_truth(series: Sequence[Measured], path: Path) -> None:
             axes.set_xscale("log")
             axes.set_yscale("log")
             axes.set_ylim(bottom=0.7)
-            _mark_truth(axes, one)
+            _mark(axes, reference_spp(one, TARGET))
 
 
 @contextmanager
@@ -127,7 +127,6 @@ def _mark_stop(axes: Axes, curve: Curve, ink: str) -> None:
         axes.axvline(curve.stop, color=ink, linewidth=1, linestyle=(0, (4, 3)))
 
 
-def _mark_truth(axes: Axes, one: Measured) -> None:
-    true = true_spp(one, TARGET)
-    if true is not None:
-        axes.axvline(true, color=_TRUE, linewidth=1.2, linestyle=":")
+def _mark(axes: Axes, spp: float | None) -> None:
+    if spp is not None:
+        axes.axvline(spp, color=_TRUE, linewidth=1.2, linestyle=":")

@@ -6,7 +6,7 @@ import statistics
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from bench.experiment.truth import TARGET, TARGETS, converged_spp, true_spp, truth_at
+from bench.experiment.truth import TARGET, TARGETS, reference_spp, true_spp, truth_at
 from bench.support.markdown import table
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ class Stop:
     spp: int | None
     #: `spp` over the true one, less 1; None where either is unknown.
     error: float | None
-    #: Share of the pixels still visibly wrong against the reference when it stopped.
+    #: Share of the pixels still visibly wrong when it stopped, the reference's noise taken out.
     wrong: float | None
     #: Share of the paper's 10,000 spp that were not rendered.
     saved: float
@@ -42,15 +42,15 @@ class Stop:
 def stops(measured: Measured) -> dict[str, Stop]:
     """Return where each contender stopped in a series."""
     true = true_spp(measured, TARGET)
-    counts = dict(zip(measured.spp, measured.truth, strict=True))
     found = {}
     for name, curve in measured.curves.items():
         spp = curve.stop
+        wrong = None if spp is None else truth_at(measured, spp)
         found[name] = Stop(
             measured.name,
             spp,
             error=None if spp is None or true is None else spp / true - 1,
-            wrong=None if spp is None else counts[spp] / measured.pixels**2,
+            wrong=None if wrong is None else wrong / measured.pixels**2,
             saved=0.0 if spp is None else 1 - spp / PAPER_CAP,
         )
     return found
@@ -58,19 +58,18 @@ def stops(measured: Measured) -> dict[str, Stop]:
 
 def truth_table(series: Sequence[Measured]) -> str:
     """Return from which spp on each image is converged, by target."""
-    head = ["scene", "rendered to", *(f"{target:.2%} of the pixels" for target in TARGETS)]
-    head.append(f"{TARGET:.2%}, against the converged image")
-    rows = []
-    for one in series:
-        cap = one.cap
-        true = [true_spp(one, target) for target in TARGETS]
-        against_reference = true_spp(one, TARGET)
-        converged = (
-            f"over {converged_spp(cap, cap):,.0f}"
-            if against_reference is None
-            else f"{converged_spp(against_reference, cap):,.0f}"
-        )
-        rows.append([one.name, f"{cap:,}", *(_spp(spp, cap) for spp in true), converged])
+    head = ["scene", "rendered to"]
+    head += [f"{target:.2%} against the reference" for target in TARGETS]
+    head += [f"{target:.2%} against the truth" for target in TARGETS]
+    rows = [
+        [
+            one.name,
+            f"{one.cap:,}",
+            *(_spp(reference_spp(one, target), one.cap) for target in TARGETS),
+            *(_spp(true_spp(one, target), one.cap / 2) for target in TARGETS),
+        ]
+        for one in series
+    ]
     return table(head, rows)
 
 
@@ -82,7 +81,7 @@ def stop_table(series: Sequence[Measured], step: int) -> str:
     for one in series:
         found = stops(one)
         cells = [_stop(found[name], one.cap) for name in names]
-        rows.append([one.name, _spp(true_spp(one, TARGET), one.cap), *cells])
+        rows.append([one.name, _spp(true_spp(one, TARGET), one.cap / 2), *cells])
     return table(head, rows)
 
 
@@ -140,5 +139,5 @@ def _stop(stop: Stop, cap: int) -> str:
     return f"{stop.spp:,}" + ("" if stop.error is None else f" ({stop.error:+.0%})")
 
 
-def _spp(spp: int | None, cap: int) -> str:
-    return f"over {cap:,}" if spp is None else f"{spp:,}"
+def _spp(spp: float | None, most: float) -> str:
+    return f"over {most:,.0f}" if spp is None else f"{spp:,.0f}"

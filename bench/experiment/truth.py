@@ -22,12 +22,21 @@ TARGETS: Final = (0.01, 0.001, 0.0001)
 TARGET: Final = 0.001
 
 
-def true_spp(measured: Measured, target: float) -> int | None:
+def reference_spp(measured: Measured, target: float) -> int | None:
     """Return the spp from which on D(R_N, I_n) stays under a target; None where it never does."""
     allowed = allowed_pixels(target, measured.pixels**2)
     counts = dict(zip(measured.spp, measured.truth, strict=True))
     last_above = max((spp for spp, count in counts.items() if count > allowed), default=0)
     return next((spp for spp in measured.spp if spp > last_above), None)
+
+
+def true_spp(measured: Measured, target: float) -> float | None:
+    """Return the spp from which on D(truth, I_n) stays under a target; None where it never does.
+
+    That is `reference_spp` with the noise of the reference taken out.
+    """
+    spp = reference_spp(measured, target)
+    return None if spp is None else converged_spp(spp, measured.cap)
 
 
 def converged_spp(spp: float, reference_spp: int) -> float:

@@ -14,8 +14,6 @@ import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar
 
-import numpy as np
-
 from metric.display import Image, as_image
 from metric.rules.base import (
     PAPER_PIXELS,
@@ -25,11 +23,10 @@ from metric.rules.base import (
     require_later,
     require_whole_number,
 )
+from metric.rules.line import least_squares_slope
 from metric.rules.words import darkness
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from metric.rules.base import Evidence, Json
     from metric.vdp import Percept
 
@@ -160,19 +157,6 @@ class Reverse(Rule):
         if slope <= epsilon:
             return f"the curve has levelled off: {measured}, at most ε = {epsilon:.4g}"
         return f"the curve still climbs: {measured}, above ε = {epsilon:.4g}"
-
-
-def least_squares_slope(points: Sequence[tuple[int, int]]) -> float:
-    """Return the slope of the least-squares line through (x, y) points, in float64.
-
-    Examples
-    --------
-    >>> least_squares_slope([(100, 10), (200, 30), (300, 20)])
-    0.05
-    """
-    x, y = np.asarray(points, dtype=np.float64).T
-    x -= x.mean()
-    return float(x @ (y - y.mean()) / (x @ x))
 
 
 def _point(row: Json) -> list[tuple[int, int]]:

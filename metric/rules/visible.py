@@ -7,19 +7,24 @@ from typing import TYPE_CHECKING, ClassVar
 
 from metric.estimate import allowed_pixels, require_target
 from metric.rules.base import Memory, Rule, Verdict, require_later, require_whole_number
+from metric.rules.line import power_law_at_the_end
 from metric.rules.words import counted, darkness, left_out
 
 if TYPE_CHECKING:
-    from metric.rules.base import Evidence
+    from metric.rules.base import Evidence, Json
+
+#: A line through fewer would go through all of them.
+LEAST_POINTS = 3
 
 
 @dataclass(kw_only=True)
 class Visible(Rule):
-    """Stops when the half-buffer estimate is at most `target` on two consecutive evaluations.
+    """Stops when the half-buffer estimate and its trend are at most `target`.
 
-    The estimate says how many pixels a person would see differ from the converged image. Two
-    passes and a minimum of samples guard against a lucky look, since looking often is a way of
-    stopping early by luck.
+    The estimate says how many pixels a person would see differ from the converged image. Its trend
+    is the power law through the evaluations since half the samples: it guards against a lucky look,
+    since looking often is a way of stopping early by luck, and asks for no evaluation more. While
+    there are only two evaluations, both have to pass.
 
     Notes
     -----
@@ -40,59 +45,67 @@ class Visible(Rule):
     min_spp: int = 200
 
     _newest_spp: int | None = field(default=None, init=False, repr=False, compare=False)
-    #: Whether the estimate was at most the target on the newest evaluation.
-    _passed: bool = field(default=False, init=False, repr=False, compare=False)
+    #: The evaluations that the trend is of: spp, and the estimate in pixels.
+    _points: list[tuple[int, float]] = field(
+        default_factory=list, init=False, repr=False, compare=False
+    )
 
     def __post_init__(self) -> None:
         require_target(self.target)
         require_whole_number("min_spp", self.min_spp, least=1)
 
     def judge(self, evidence: Evidence) -> Verdict:
-        """Return whether the target is reached, twice; the value is the estimate's fraction."""
+        """Return whether the target is reached; the value is the estimate's fraction."""
         require_later(evidence.spp, self._newest_spp)
         estimate, allowed = evidence.estimate, allowed_pixels(self.target, evidence.pixels)
         # A sum that is NaN or infinite stays so: nothing to wait for.
         pixels = None if estimate is None else estimate.pixels - estimate.non_finite
+        if pixels is not None:
+            self._points = _recent([*self._points, (evidence.spp, pixels)])
+        self._newest_spp = evidence.spp
+        trend = _trend(self._points)
         passed = pixels is not None and pixels <= allowed
-        stop = passed and self._passed and evidence.spp >= self.min_spp
-        verdict = Verdict(
-            stop=stop,
+        on_trend = trend is not None and trend <= allowed
+        return Verdict(
+            stop=passed and on_trend and evidence.spp >= self.min_spp,
             value=None if pixels is None else pixels / evidence.pixels,
             numbers={
                 "estimate_pixels": pixels,
                 "low_pixels": None if estimate is None else estimate.low_pixels,
                 "high_pixels": None if estimate is None else estimate.high_pixels,
+                "trend_pixels": trend,
                 "allowed_pixels": allowed,
                 "min_spp": float(self.min_spp),
                 "non_finite_pixels": None if estimate is None else estimate.non_finite,
             },
-            reason=self._reason(evidence, allowed, passed=passed, stop=stop),
+            reason=self._reason(evidence, allowed, passed=passed, on_trend=on_trend),
         )
-        self._newest_spp, self._passed = evidence.spp, passed
-        return verdict
 
     def stored_images(self, evaluations: int) -> int:  # noqa: ARG002 - part of the interface
         """Return 0: the halves are the monitor's own."""
         return 0
 
     def memory(self) -> Memory:
-        """Return the newest evaluation's spp and whether it passed."""
+        """Return the newest evaluation's spp and the points of the trend."""
         if self._newest_spp is None:
             return Memory()
-        return Memory({"spp": self._newest_spp, "passed": self._passed})
+        points: list[Json] = [[spp, pixels] for spp, pixels in self._points]
+        return Memory({"spp": self._newest_spp, "points": points})
 
     def recall(self, memory: Memory) -> None:
-        """Take up the newest evaluation of an earlier rule."""
-        self._newest_spp, self._passed = None, False
+        """Take up the evaluations of an earlier rule."""
+        self._newest_spp, self._points = None, []
         if not memory.numbers and not memory.images:
             return
         match memory.numbers:
-            case {"spp": int(spp), "passed": bool(passed)} if not memory.images:
-                self._newest_spp, self._passed = spp, passed
-            case _:
-                raise ValueError("not a memory of the rule 'visible'")
+            case {"spp": int(spp), "points": list(rows)} if not memory.images:
+                points = [(spp, float(count)) for row in rows for spp, count in _point(row)]
+                if len(points) == len(rows):
+                    self._newest_spp, self._points = spp, points
+                    return
+        raise ValueError("not a memory of the rule 'visible'")
 
-    def _reason(self, evidence: Evidence, allowed: float, *, passed: bool, stop: bool) -> str:
+    def _reason(self, evidence: Evidence, allowed: float, *, passed: bool, on_trend: bool) -> str:
         estimate = evidence.estimate
         if estimate is None:
             return "there are no two halves yet to compare"
@@ -106,15 +119,34 @@ class Visible(Rule):
         dark = None if pixels > 0 else darkness(evidence)
         words += ("" if dark is None else f", since {dark}") + left_out(estimate.non_finite)
 
+        target = f"the target of {allowed:.4g}"
         if not passed:
             return f"{words}; the target is {allowed:.4g}"
-        if not self._passed:
-            return (
-                f"{words}; the target of {allowed:.4g} is reached once, and must be twice in a row"
-            )
-        if not stop:
-            return (
-                f"{words}; the target of {allowed:.4g} is reached, but not yet {self.min_spp} spp"
-            )
-        spps = f"{self._newest_spp} and {evidence.spp} spp"
-        return f"{words}; the target of {allowed:.4g} is reached at {spps}"
+        if not on_trend:
+            return f"{words}; {target} is reached now, but not by the trend of the last evaluations"
+        if evidence.spp < self.min_spp:
+            return f"{words}; {target} is reached, but not yet {self.min_spp} spp"
+        return f"{words}; {target} is reached, and by the trend of the last evaluations too"
+
+
+def _recent(points: list[tuple[int, float]]) -> list[tuple[int, float]]:
+    """Return the points since half the samples of the last, and no fewer than a line needs."""
+    newest, _ = points[-1]
+    first = next(index for index, (spp, _) in enumerate(points) if 2 * spp >= newest)
+    return points[min(first, max(len(points) - LEAST_POINTS, 0)) :]
+
+
+def _trend(points: list[tuple[int, float]]) -> float | None:
+    """Return how many pixels the trend leaves visible; None where one point makes no trend."""
+    if len(points) >= LEAST_POINTS:
+        return power_law_at_the_end(points)
+    return max(count for _, count in points) if len(points) > 1 else None
+
+
+def _point(row: Json) -> list[tuple[int, float]]:
+    """Return the point in a row of a memory, or none if it is something else."""
+    match row:
+        case [int(spp), int(pixels) | float(pixels)]:
+            return [(spp, pixels)]
+        case _:
+            return []

@@ -8,7 +8,7 @@ from metric import View, VisibleDifferences
 from metric.compiled import CompiledVisibleDifferences
 
 SIZE, SEEDS = 48, 6
-#: Standard deviation of the noise as a share of the light, from hardly visible to where most pixels are.
+#: Standard deviation of the noise as a share of the light, from hardly visible to plain.
 LEVELS = [0.01 * 2**n for n in range(6)]
 
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from metric import Evidence, Memory, Reverse, View, VisibleDifferences
-from metric.rules.reverse import least_squares_slope
+from metric.rules.line import least_squares_slope
 
 METRIC = VisibleDifferences(View())
 SIDE = 64

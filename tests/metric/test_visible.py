@@ -33,18 +33,40 @@ def test_the_story_has_a_noisy_and_a_clean_image():
     assert pixels(CLEAN) <= 1
 
 
-def test_it_stops_at_the_second_pass_in_a_row():
+def verdicts(*seen):
     rule = Visible(min_spp=1)
-    spps = [NOISY, CLEAN, CLEAN + 100, CLEAN + 200]
-    assert [rule.judge(evidence(spp)).stop for spp in spps] == [False, False, True, True]
+    return [rule.judge(one) for one in seen]
+
+
+def test_while_there_are_two_evaluations_both_have_to_pass():
+    assert not verdicts(evidence(CLEAN))[-1].stop
+    assert verdicts(evidence(CLEAN), evidence(CLEAN + 100))[-1].stop
+    assert not verdicts(evidence(NOISY), evidence(CLEAN))[-1].stop
+
+
+def test_from_three_on_it_stops_as_soon_as_the_estimate_and_its_trend_are_there():
+    spps = [round(1000 * 1.3**k) for k in range(15)]
+    story = verdicts(*map(evidence, spps))
+    allowed = story[0].numbers["allowed_pixels"]
+    reached = [verdict.numbers["estimate_pixels"] <= allowed for verdict in story]
+    stops = [verdict.stop for verdict in story]
+    assert 3 <= stops.index(True) <= reached.index(True) + 1
+    assert all(seen for seen, stop in zip(reached, stops, strict=True) if stop)
 
 
 def test_a_lucky_look_does_not_stop_it():
-    rule = Visible(min_spp=1)
-    lucky = evidence(300, sigma=0.0)
-    assert not rule.judge(lucky).stop
-    assert not rule.judge(evidence(400)).stop
-    assert "reached once" in rule.judge(evidence(500, sigma=0.0)).reason
+    lucky = evidence(500, sigma=0.0)
+    last = verdicts(evidence(300), evidence(400), lucky)[-1]
+    assert not last.stop
+    assert last.numbers["estimate_pixels"] == 0 < last.numbers["trend_pixels"]
+    assert "reached now, but not by the trend" in last.reason
+
+
+def test_nor_does_a_lucky_trend():
+    # A steep fall promises more than the image holds.
+    last = verdicts(evidence(300), evidence(450, sigma=0.15), evidence(500, sigma=0.2))[-1]
+    assert last.numbers["trend_pixels"] < last.numbers["estimate_pixels"]
+    assert not last.stop
 
 
 def test_it_waits_for_its_minimum_of_samples():
@@ -61,14 +83,22 @@ def test_without_halves_it_waits():
 
 
 def test_it_stores_no_image_and_goes_on_after_a_restart():
+    story = [evidence(spp) for spp in (NOISY, 400, 800, CLEAN, CLEAN + 100)]
     first = Visible(min_spp=1)
-    first.judge(evidence(CLEAN))
-    memory = first.memory()
-    assert memory.images == {}
+    for number, seen in enumerate(story):
+        second = Visible(min_spp=1)
+        memory = first.memory()
+        second.recall(Memory(json.loads(json.dumps(memory.numbers)), memory.images))
+        assert second.judge(seen).numbers == first.judge(seen).numbers, number
+    assert first.memory().images == {}
     assert first.stored_images(10) == 0
-    second = Visible(min_spp=1)
-    second.recall(Memory(json.loads(json.dumps(memory.numbers)), {}))
-    assert second.judge(evidence(CLEAN + 100)).stop
+
+
+def test_its_trend_is_of_the_evaluations_since_half_the_samples():
+    rule = Visible(min_spp=1)
+    for spp in range(100, 1100, 100):
+        rule.judge(evidence(spp))
+    assert [spp for spp, _ in rule.memory().numbers["points"]] == [500, 600, 700, 800, 900, 1000]
 
 
 @pytest.mark.parametrize("target", [0.0, 1.0, -0.1, float("nan")])
