@@ -10,8 +10,8 @@ help:  ## Show this list
 setup:  ## Make .venv with everything pinned, and find an LLVM
 	@bash deploy/setup.sh
 
-demo: setup  ## Render scenes/box until it has converged; results in ./demo
-	$(BIN)/plateau render scenes/box -o demo
+demo: setup  ## Render scenes:box until it has converged; results in ./demo
+	$(BIN)/plateau render scenes:box -D width=256 -D height=256 -o demo
 
 test: setup  ## Run every test that a newcomer's machine can run
 	$(BIN)/python -m pytest

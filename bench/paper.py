@@ -93,6 +93,7 @@ def tables_of(found: list[Measured]) -> dict[str, str]:
         **{f"stops-{step}": tables.stop_table(found, step) for step in STEPS},
         "summary": tables.summary_table(found),
         "real": tables.estimate_table(found),
+        "opinions": tables.opinion_table(found),
     }
 
 

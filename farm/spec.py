@@ -72,7 +72,7 @@ class VisibleSpec(_Spec):
 
     name: Literal["visible"] = "visible"
     target: float = Field(
-        0.0002, gt=0, lt=1, description="fraction of the pixels, on two evaluations in a row"
+        0.0002, gt=0, lt=1, description="fraction of the pixels that may still differ visibly"
     )
     min_spp: int = Field(200, ge=1, description="not before so many samples per pixel")
 

@@ -63,5 +63,7 @@ def _jod(reference: Image, test: Image, view: View) -> float:
         [reference.shape[1], reference.shape[0]], ppd=_pixels_per_degree(reference, view)
     )
     metric = pycvvdp.cvvdp(display_photometry=display, display_geometry=geometry, quiet=True)
-    jod, _ = metric.predict(test, reference, dim_order="HWC")
+    # With a linear EOTF it takes cd/m².
+    light = (view.white_luminance * shown for shown in (test, reference))
+    jod, _ = metric.predict(*light, dim_order="HWC")
     return float(jod)

@@ -10,6 +10,7 @@ from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from bench.experiment.contenders import contenders
+from bench.experiment.opinions import opinions
 from bench.experiment.renders import SLICE_SPP
 from farm.exr import decode_image, decode_partial
 from metric import Evidence, Half, View
@@ -25,6 +26,8 @@ if TYPE_CHECKING:
 
 #: The paper's two steps, in spp.
 STEPS = (50, 100)
+#: Where other metrics are asked, in spp.
+OPINIONS_AT = (50, 100, 200, 400, 800, 1600, 3200, 6400)
 
 
 @dataclass
@@ -53,6 +56,8 @@ class Measured:
     truth: list[int] = field(default_factory=list)
     #: The half-buffer estimate with its band, in pixels; None while there are no two halves.
     estimate: list[list[float] | None] = field(default_factory=list)
+    #: What other metrics said at `OPINIONS_AT`, by name, where they are installed.
+    opinions: dict[str, list[float]] = field(default_factory=dict)
     #: By contender and step: ``reverse @100``.
     curves: dict[str, Curve] = field(default_factory=dict)
 
@@ -95,7 +100,8 @@ def evidence(merge: Merge, metric: CompiledVisibleDifferences) -> Evidence:
 def measure(renders: Rendered) -> Measured:
     """Judge a series from its first slice to its last."""
     metric = CompiledVisibleDifferences(View())
-    reference = metric.percept(decode_image(renders.reference.read_bytes()))
+    converged = decode_image(renders.reference.read_bytes())
+    reference = metric.percept(converged)
     measured = Measured(renders.case.name, renders.size.pixels, renders.size.cap)
     rules: dict[int, dict[str, Rule]] = {step: contenders() for step in STEPS}
     for merge in merges(renders):
@@ -107,6 +113,9 @@ def measure(renders: Rendered) -> Measured:
             None if estimate is None
             else [estimate.pixels, estimate.low_pixels, estimate.high_pixels]
         )  # fmt: skip
+        if seen.spp in OPINIONS_AT:
+            for name, value in opinions(converged, seen.image, metric.view).items():
+                measured.opinions.setdefault(name, []).append(value)
         for step, judged in rules.items():
             if seen.spp % step == 0:
                 for name, rule in judged.items():

@@ -6,6 +6,9 @@ import statistics
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from bench.experiment.series import OPINIONS_AT
 from bench.experiment.truth import TARGET, TARGETS, reference_spp, true_spp, truth_at
 from bench.support.markdown import table
 
@@ -131,6 +134,20 @@ def estimate_table(series: Sequence[Measured]) -> str:
             )
         rows.append([one.name, *cells])
     return table(["scene", *(f"{spp:,} spp" for spp in _ESTIMATED_AT)], rows)
+
+
+def opinion_table(series: Sequence[Measured]) -> str:
+    """Return what other metrics say of each image against the reference, by scene and spp."""
+    rows = []
+    for one in series:
+        for name, values in one.opinions.items():
+            said = dict(zip((spp for spp in OPINIONS_AT if spp <= one.cap), values, strict=True))
+            row = [f"{said[spp]:.3f}" if spp in said else "–" for spp in OPINIONS_AT]
+            true = true_spp(one, TARGET)
+            then = None if true is None else np.interp(np.log(true), np.log([*said]), values)
+            rows.append([one.name, name, *row, "–" if then is None else f"{then:.3f}"])
+    head = ["scene", "metric", *(f"{spp:,} spp" for spp in OPINIONS_AT)]
+    return table([*head, f"where {TARGET:.1%} is left"], rows)
 
 
 def _stop(stop: Stop, cap: int) -> str:

@@ -16,10 +16,10 @@ Render Mitsuba 3 scenes until the eye can no longer tell that samples were added
 
 \b
 On this machine, nothing else needed:
-  plateau render scenes/box -o out
+  plateau render scenes:box -o out
 As a service, for as many scenes as you like:
   plateau up
-  plateau submit scenes/box
+  plateau submit scenes:box
   plateau watch ID -o out
 
 \b

@@ -20,7 +20,7 @@ def submit(
     """Submit a scene to a running service; prints the new job's id.
 
     For example:
-      plateau submit scenes/box --max-spp 2000 --batch tuesday
+      plateau submit scenes:box --max-spp 2000 --batch tuesday
       plateau watch $(plateau submit scene.zip -D width=512) -o out
     """
     from plateau.commands.jobs import submit as run

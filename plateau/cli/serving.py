@@ -27,7 +27,7 @@ def render(
     """Render one scene, here and now, until it has converged.
 
     For example:
-      plateau render scenes/box -o out -D width=512 -D height=512
+      plateau render scenes:box -o out -D width=512 -D height=512
       plateau render scene.xml --rule fixed --spp 400
 
     Starts all that it needs, and leaves nothing running. DIR then holds image.exr, image.png,

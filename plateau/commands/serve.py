@@ -126,7 +126,7 @@ def _greet(tree: Tree, data: DataFolder, workers: int) -> None:
         f"More workers on this machine:\n"
         f"  PLATEAU_REDIS_URL={tree.redis_url} PLATEAU_BLOBS={tree.blobs} plateau worker\n"
         f"Submit a scene:\n"
-        f"  plateau submit scenes/box{_url_option(tree.url)}\n"
+        f"  plateau submit scenes:box{_url_option(tree.url)}\n"
         f"Ctrl-C stops; jobs go on at the next start.",
         flush=True,
     )
