@@ -1,9 +1,69 @@
-"""What every family's build has in common: what its files are, and writing them."""
+"""What every family's build has in common: its parameters and film, what its files are."""
 
 from collections.abc import Mapping
 from pathlib import Path
 
 from scenes.mesh import Mesh
+
+
+def document(
+    family: str,
+    contents: str,
+    *,
+    bright: float,
+    dim: float,
+    max_depth: int,
+    field_of_view_deg: float,
+    origin: str,
+    target: str,
+) -> str:
+    """Return a family's XML: its two lights, path tracer and film as every family has them.
+
+    Parameters
+    ----------
+    family
+        Its folder's name.
+    contents
+        Materials, shapes and lights, as elements four spaces in.
+    bright, dim
+        Values of `intensity` of its first and of its second scene.
+    max_depth
+        Of the path tracer.
+    field_of_view_deg, origin, target
+        Of the camera, whose up is y; points are three numbers apart by commas.
+    """
+    name = family.upper()
+    return f"""\
+<?xml version="1.0" encoding="utf-8"?>
+<!-- Built by scenes/{family}/build.py; change it there.
+
+     {name} 1, the bright one: intensity = {bright:g} (the default).
+     {name} 2, the dim one:    intensity = {dim:g}. -->
+<scene version="3.0.0">
+    <default name="width" value="512"/>
+    <default name="height" value="512"/>
+    <default name="intensity" value="{bright:g}"/>
+    <default name="max_depth" value="{max_depth}"/>
+
+    <integrator type="path">
+        <integer name="max_depth" value="$max_depth"/>
+    </integrator>
+
+    <sensor type="perspective">
+        <float name="fov" value="{field_of_view_deg:g}"/>
+        <transform name="to_world">
+            <lookat origin="{origin}" target="{target}" up="0, 1, 0"/>
+        </transform>
+        <sampler type="independent"/>
+        <film type="hdrfilm">
+            <integer name="width" value="$width"/>
+            <integer name="height" value="$height"/>
+            <rfilter type="box"/>
+        </film>
+    </sensor>
+
+{contents}</scene>
+"""
 
 
 def scene_files(

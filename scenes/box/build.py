@@ -8,7 +8,7 @@ global illumination, with none of the data of Cornell's.
 
 from pathlib import Path
 
-from scenes.build import scene_files, write_files
+from scenes.build import document, scene_files, write_files
 from scenes.mesh import Mesh, ball, block, quads
 
 HERE = Path(__file__).parent
@@ -40,35 +40,7 @@ def meshes() -> dict[str, Mesh]:
 
 def scene_xml() -> str:
     """Return the scene's XML."""
-    return f"""\
-<?xml version="1.0" encoding="utf-8"?>
-<!-- Built by scenes/box/build.py; change it there.
-
-     BOX 1, the bright one: intensity = {BRIGHT:g} (the default).
-     BOX 2, the dim one:    intensity = {DIM:g}. -->
-<scene version="3.0.0">
-    <default name="width" value="512"/>
-    <default name="height" value="512"/>
-    <default name="intensity" value="{BRIGHT:g}"/>
-    <default name="max_depth" value="8"/>
-
-    <integrator type="path">
-        <integer name="max_depth" value="$max_depth"/>
-    </integrator>
-
-    <sensor type="perspective">
-        <float name="fov" value="27.5"/>
-        <transform name="to_world">
-            <lookat origin="0, 1.0, 5.1" target="0, 1.0, 0" up="0, 1, 0"/>
-        </transform>
-        <sampler type="independent"/>
-        <film type="hdrfilm">
-            <integer name="width" value="$width"/>
-            <integer name="height" value="$height"/>
-            <rfilter type="box"/>
-        </film>
-    </sensor>
-
+    contents = f"""\
     <bsdf type="twosided" id="white">
         <bsdf type="diffuse"><rgb name="reflectance" value="0.74, 0.72, 0.68"/></bsdf>
     </bsdf>
@@ -101,8 +73,17 @@ def scene_xml() -> str:
             <rgb name="radiance" value="$intensity"/>
         </emitter>
     </shape>
-</scene>
 """
+    return document(
+        "box",
+        contents,
+        bright=BRIGHT,
+        dim=DIM,
+        max_depth=8,
+        field_of_view_deg=27.5,
+        origin="0, 1.0, 5.1",
+        target="0, 1.0, 0",
+    )
 
 
 def _shape(name: str, bsdf: str) -> str:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from scenes.build import scene_files, write_files
+from scenes.build import document, scene_files, write_files
 from scenes.mesh import Vector
 from scenes.oculist.case import meshes
 from scenes.oculist.lettering import Field, cut
@@ -107,35 +107,7 @@ def scene_xml() -> str:
     reliefs = [_relief(name, height) for name, height in _RELIEFS.items()]
     looks = "\n".join([*reliefs, *map(_flat, _FLAT)])
     shapes = "\n".join(map(_shape, (*_RELIEFS, *_FLAT, *_PLAIN)))
-    return f"""\
-<?xml version="1.0" encoding="utf-8"?>
-<!-- Built by scenes/oculist/build.py; change it there.
-
-     OCULIST 1, the bright one: intensity = {BRIGHT:g} (the default).
-     OCULIST 2, the dim one:    intensity = {DIM:g}. -->
-<scene version="3.0.0">
-    <default name="width" value="512"/>
-    <default name="height" value="512"/>
-    <default name="intensity" value="{BRIGHT:g}"/>
-    <default name="max_depth" value="8"/>
-
-    <integrator type="path">
-        <integer name="max_depth" value="$max_depth"/>
-    </integrator>
-
-    <sensor type="perspective">
-        <float name="fov" value="{FIELD_OF_VIEW_DEG:g}"/>
-        <transform name="to_world">
-            <lookat origin="{_numbers(ORIGIN)}" target="{_numbers(TARGET)}" up="0, 1, 0"/>
-        </transform>
-        <sampler type="independent"/>
-        <film type="hdrfilm">
-            <integer name="width" value="$width"/>
-            <integer name="height" value="$height"/>
-            <rfilter type="box"/>
-        </film>
-    </sensor>
-
+    contents = f"""\
 {looks}
     <bsdf type="roughconductor" id="bronze">
         <rgb name="eta" value="0.35, 0.75, 1.3"/>
@@ -153,8 +125,17 @@ def scene_xml() -> str:
 {_light("key", (-2.3, 2.1, 1.6), (0.1, 0.3, -0.1), (0.32, 0.24))}
 {_light("at_warm", (-1.45, 2.0, 0.2), (-1.95, 1.0, 0.0), (0.20, 0.5))}
 {_light("at_cool", (1.45, 2.0, 0.2), (1.95, 1.0, 0.0), (0.18, 0.5))}
-</scene>
 """
+    return document(
+        "oculist",
+        contents,
+        bright=BRIGHT,
+        dim=DIM,
+        max_depth=8,
+        field_of_view_deg=FIELD_OF_VIEW_DEG,
+        origin=_numbers(ORIGIN),
+        target=_numbers(TARGET),
+    )
 
 
 def _numbers(vector: Vector) -> str:

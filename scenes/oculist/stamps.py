@@ -4,9 +4,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from scenes.mesh import Mesh, Vector
+from scenes.mesh import Mesh, Vector, joined
 from scenes.oculist.lettering import Field, cut
-from scenes.oculist.surfaces import joined, plane, relief
+from scenes.oculist.surfaces import plane, relief
 from scenes.oculist.textures import noise
 
 #: Side of the repeat of the stone's texture, in units of the scene.

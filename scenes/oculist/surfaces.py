@@ -78,20 +78,6 @@ def tube(path: Sequence[Vector], radii: Sequence[tuple[float, float]], corners: 
     return Mesh(tuple(vertices), tuple(_faces(len(path), corners, wrap=True)))
 
 
-def joined(*meshes: Mesh) -> Mesh:
-    """Return meshes as one; either all have texture coordinates or none."""
-    faces: list[Face] = []
-    first = 0
-    for mesh in meshes:
-        faces += [tuple(first + index for index in face) for face in mesh.faces]
-        first += len(mesh.vertices)
-    return Mesh(
-        tuple(vertex for mesh in meshes for vertex in mesh.vertices),
-        tuple(faces),
-        uvs=tuple(uv for mesh in meshes for uv in mesh.uvs),
-    )
-
-
 def placed(mesh: Mesh, origin: Vector, right: Vector, up: Vector, out: Vector) -> Mesh:
     """Return a mesh moved to an origin, its x, y and z axes turned to the three given."""
     vertices = tuple(_at(origin, (right, x), (up, y), (out, z)) for x, y, z in mesh.vertices)

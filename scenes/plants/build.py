@@ -13,7 +13,7 @@ import math
 from collections.abc import Callable
 from pathlib import Path
 
-from scenes.build import scene_files, write_files
+from scenes.build import document, scene_files, write_files
 from scenes.mesh import Mesh, Vector
 from scenes.plants import flora, masonry
 from scenes.plants.pictures import textures, to_png
@@ -64,35 +64,7 @@ def meshes() -> dict[str, Mesh]:
 
 def scene_xml() -> str:
     """Return the scene's XML."""
-    return f"""\
-<?xml version="1.0" encoding="utf-8"?>
-<!-- Built by scenes/plants/build.py; change it there.
-
-     PLANTS 1, the bright one: intensity = {BRIGHT:g} (the default).
-     PLANTS 2, the dim one:    intensity = {DIM:g}. -->
-<scene version="3.0.0">
-    <default name="width" value="512"/>
-    <default name="height" value="512"/>
-    <default name="intensity" value="{BRIGHT:g}"/>
-    <default name="max_depth" value="8"/>
-
-    <integrator type="path">
-        <integer name="max_depth" value="$max_depth"/>
-    </integrator>
-
-    <sensor type="perspective">
-        <float name="fov" value="{FIELD_OF_VIEW_DEG:g}"/>
-        <transform name="to_world">
-            <lookat origin="{_numbers(EYE, 2)}" target="{_numbers(TARGET, 2)}" up="0, 1, 0"/>
-        </transform>
-        <sampler type="independent"/>
-        <film type="hdrfilm">
-            <integer name="width" value="$width"/>
-            <integer name="height" value="$height"/>
-            <rfilter type="box"/>
-        </film>
-    </sensor>
-
+    contents = f"""\
     <!-- Leaves let light through; the masks cut fronds, lobes and petals out of cards. -->
 {_mask("frond", _leaf("frond"))}
 {_mask("ivy_leaf", _leaf("ivy_leaf", transmits=0.5))}
@@ -127,8 +99,17 @@ def scene_xml() -> str:
             <rotate x="1" angle="-90"/>
         </transform>
     </emitter>
-{_suns()}</scene>
-"""
+{_suns()}"""
+    return document(
+        "plants",
+        contents,
+        bright=BRIGHT,
+        dim=DIM,
+        max_depth=8,
+        field_of_view_deg=FIELD_OF_VIEW_DEG,
+        origin=_numbers(EYE, 2),
+        target=_numbers(TARGET, 2),
+    )
 
 
 def _numbers(values: tuple[float, ...], decimals: int) -> str:
