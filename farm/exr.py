@@ -9,6 +9,7 @@ import OpenEXR
 from numpy.typing import NDArray
 
 from farm.errors import CorruptPartial
+from farm.layers import read_layer
 
 Pixels = NDArray[np.float32]
 
@@ -92,31 +93,22 @@ def encode_image(image: Pixels, attributes: dict[str, str | int] | None = None) 
     return _encode(image, ("R", "G", "B"), OpenEXR.ZIP_COMPRESSION, attributes or {})
 
 
-def decode_image(content: bytes) -> Pixels:
-    """The R, G, B of an EXR file as (height, width, 3) float32.
+def decode_image(content: bytes, layer: str | None = None) -> Pixels:
+    """A layer of an EXR file as (height, width, 3) float32, as `farm.layers` chooses it.
 
-    Half and float channels are read, in the first part, with or without alpha; a lone luminance
-    channel ``Y`` becomes grey.
+    Half and float channels are read; a lone luminance channel ``Y`` becomes grey. Colours of a
+    transparent image are premultiplied, so they are those over black, and alpha is left out.
 
     Raises
     ------
     ValueError
-        It is no EXR file, or it has neither R, G, B nor Y.
+        It is no EXR file, is damaged, or has no such layer.
     """
     try:
         with OpenEXR.File(io.BytesIO(content), separate_channels=True) as file:
-            found = {name: channel.pixels for name, channel in file.channels().items()}
-            if {"R", "G", "B"} <= found.keys():
-                planes = [found[name] for name in "RGB"]
-            elif "Y" in found:
-                planes = [found["Y"]] * 3
-            else:
-                raise ValueError(
-                    f"the EXR file has no R, G and B channels, only {', '.join(sorted(found))}"
-                )
-            return np.stack([plane.astype(np.float32) for plane in planes], axis=-1)
-    except RuntimeError as error:
-        raise ValueError(f"not a readable EXR file: {error}") from error
+            return read_layer(file, layer)
+    except (RuntimeError, MemoryError, UnicodeDecodeError) as error:
+        raise ValueError(f"the EXR file is damaged or cut short: {error}") from error
 
 
 def _encode(

@@ -1,13 +1,25 @@
-"""PNG files, 8 bits a channel."""
+"""PNG files: written with 8 bits a channel, read with any."""
 
 import io
-from typing import Final
+from dataclasses import dataclass
+from typing import Any, Final
 
 import numpy as np
+import png
 from numpy.typing import NDArray
 from PIL import Image, UnidentifiedImageError
 
 _BIT_DEPTH_OFFSET: Final = 24  # of a PNG file: signature, then the IHDR chunk
+
+
+@dataclass(frozen=True, eq=False)
+class CodeValues:
+    """What a PNG file holds."""
+
+    #: (height, width, 3) float32 in [0, 1]: R, G and B as they are written, over the largest.
+    colour: NDArray[np.float32]
+    #: (height, width) float32 in [0, 1], not premultiplied; None where the file is opaque.
+    alpha: NDArray[np.float32] | None
 
 
 def encode_png(pixels: NDArray[np.uint8]) -> bytes:
@@ -17,21 +29,30 @@ def encode_png(pixels: NDArray[np.uint8]) -> bytes:
     return stream.getvalue()
 
 
-def decode_png(content: bytes) -> NDArray[np.uint8]:
-    """A PNG file as (height, width, 3) uint8; an opaque alpha is dropped, grey is spread.
+def decode_png(content: bytes) -> CodeValues:
+    """A PNG file's code values, whatever its kind: grey is spread, a palette looked up.
 
     Raises
     ------
     ValueError
-        It is no PNG file, has 16 bits a channel, or is partly transparent.
+        It is no PNG file, or damaged.
     """
     try:
         with Image.open(io.BytesIO(content), formats=("PNG",)) as picture:
             if content[_BIT_DEPTH_OFFSET] > 8:
-                raise ValueError("the PNG file has 16 bits a channel; save it with 8, or as EXR")
-            pixels = np.asarray(picture.convert("RGBA"))
-    except (UnidentifiedImageError, OSError) as error:
+                pixels, most = _sixteen_bits(content), 65535
+            else:
+                pixels, most = np.asarray(picture.convert("RGBA")), 255
+    except (UnidentifiedImageError, OSError, SyntaxError, png.Error) as error:
         raise ValueError(f"not a readable PNG file: {error}") from error
-    if (pixels[..., 3] < 255).any():
-        raise ValueError("the PNG file is partly transparent; flatten it first")
-    return np.ascontiguousarray(pixels[..., :3])
+    values = pixels.astype(np.float32)
+    values /= most
+    opaque = bool((pixels[..., 3] == most).all())
+    return CodeValues(values[..., :3], None if opaque else values[..., 3])
+
+
+def _sixteen_bits(content: bytes) -> NDArray[Any]:
+    """The pixels as (height, width, 4) uint16; Pillow would read colours with 8 bits."""
+    width, height, rows, _ = png.Reader(bytes=content).asRGBA()
+    pixels = np.array([np.frombuffer(row, np.uint16) for row in rows])
+    return pixels.reshape(height, width, 4)

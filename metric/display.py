@@ -53,6 +53,9 @@ EXPOSURE_LIMIT_EV = 100
 #: Powers of two that a float32 can hold.
 FLOAT32_EXPONENTS = (-126, 127)
 
+#: No screen's white is brighter, in cd/m²: twice the most that any standard codes for.
+BRIGHTEST_WHITE = 20_000
+
 #: CIE 15:2004, where the cube root of CIELAB gives way to a straight line.
 LAB_EPSILON = 216 / 24389
 LAB_KAPPA = 24389 / 27
@@ -91,8 +94,11 @@ class View:
                 f"exposure_ev must lie between -{EXPOSURE_LIMIT_EV} and {EXPOSURE_LIMIT_EV}, "
                 f"not {self.exposure_ev}"
             )
-        if not (math.isfinite(self.white_luminance) and self.white_luminance > 0):
-            raise ValueError(f"white_luminance must be above 0 cd/m², not {self.white_luminance}")
+        if not 0 < self.white_luminance <= BRIGHTEST_WHITE:
+            raise ValueError(
+                f"white_luminance must be above 0 and at most {BRIGHTEST_WHITE:,} cd/m², "
+                f"not {self.white_luminance}"
+            )
         if not 0 < self.field_of_view_deg < 180:
             raise ValueError(
                 f"field_of_view_deg must lie between 0 and 180, not {self.field_of_view_deg}"
@@ -114,6 +120,39 @@ class View:
         """
         least, most = FLOAT32_EXPONENTS
         return float(2.0 ** min(max(-self.exposure_ev / self.gamma, least), most))
+
+
+@dataclass(frozen=True, kw_only=True)
+class SeenFrom:
+    """Where a screen is seen from, which gives an image on it its field of view.
+
+    Raises
+    ------
+    ValueError
+        If a parameter lies outside its domain.
+    """
+
+    #: From the eye to the screen, in cm, above 0.
+    viewing_distance_cm: float
+    #: From the middle of a pixel to that of its neighbour, in mm, above 0.
+    pixel_pitch_mm: float
+
+    def __post_init__(self) -> None:
+        for name in ("viewing_distance_cm", "pixel_pitch_mm"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value > 0):
+                raise ValueError(f"{name} must be above 0, not {value}")
+
+    def field_of_view_deg(self, width: int) -> float:
+        """Return the angle that an image so many pixels wide fills: 2 atan(w pitch / 2 distance).
+
+        Examples
+        --------
+        >>> round(SeenFrom(viewing_distance_cm=60, pixel_pitch_mm=0.25).field_of_view_deg(1920), 1)
+        43.6
+        """
+        half_width_cm = width * self.pixel_pitch_mm / 10 / 2
+        return math.degrees(2 * math.atan(half_width_cm / self.viewing_distance_cm))
 
 
 def as_image(image: NDArray[Any]) -> Image:

@@ -8,7 +8,6 @@
 
 import contextlib
 import io
-from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Final
@@ -19,17 +18,11 @@ from numpy.typing import NDArray
 from farm.exr import decode_image
 from farm.png import decode_png, encode_png
 from metric import Difference, Image, View, VisibleDifferences, difference_picture
-from metric.display import displayed
+from metric.display import SeenFrom, displayed, finite_pixels
 
 
 class CannotCompare(Exception):
     """The files cannot be compared; the message says why, in one line."""
-
-
-def _png_values(content: bytes) -> Image:
-    values: Image = decode_png(content).astype(np.float32)
-    values /= 255
-    return values
 
 
 @dataclass(frozen=True)
@@ -40,15 +33,11 @@ class FileKind:
     signature: bytes
     #: The view's gamma where none is given: the power from the file's values to linear light.
     gamma: float
-    #: (H, W, 3) float32 of a file's content; ValueError where it holds no such image.
-    decode: Callable[[bytes], Image]
 
 
-#: 8-bit code values over 255, and linear radiance.
-KINDS: Final = (
-    FileKind("PNG", b"\x89PNG\r\n\x1a\n", 2.2, _png_values),
-    FileKind("EXR", b"v/1\x01", 1.0, decode_image),
-)
+#: Code values over the largest, and linear radiance.
+PNG: Final = FileKind("PNG", b"\x89PNG\r\n\x1a\n", 2.2)
+EXR: Final = FileKind("EXR", b"v/1\x01", 1.0)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -60,6 +49,8 @@ class Comparison:
     difference: Difference
     #: What the screen showed of the test image: (H, W, 3) float32 linear light in [0, 1].
     shown: Image
+    #: Column and row of the first pixel that is NaN or infinite in either; None where none is.
+    non_finite_at: tuple[int, int] | None
 
     @property
     def width(self) -> int:
@@ -77,6 +68,7 @@ class Comparison:
             "visible_pixels": self.difference.count,
             "visible_fraction": self.difference.fraction,
             "non_finite_pixels": self.difference.non_finite,
+            "non_finite_at": self.non_finite_at,
             "width": self.width,
             "height": self.height,
             "view": asdict(self.view),
@@ -90,6 +82,7 @@ class Comparison:
         lost = self.difference.non_finite
         if lost:
             words += f"; {lost:,} of them {'is' if lost == 1 else 'are'} NaN or infinite"
+            words += "" if self.non_finite_at is None else f", the first at {self.non_finite_at}"
         return words
 
     def map_picture(self) -> NDArray[np.uint8]:
@@ -102,9 +95,17 @@ class Comparison:
 
 
 def compare_files(
-    reference: Path, test: Path, view: View | None = None, *, gamma: float | None = None
+    reference: Path,
+    test: Path,
+    view: View | None = None,
+    *,
+    gamma: float | None = None,
+    layer: str | None = None,
+    seen_from: SeenFrom | None = None,
 ) -> Comparison:
     """Compare two PNG or two EXR files, as both would be seen on the same screen.
+
+    Transparent pixels are laid over black.
 
     Parameters
     ----------
@@ -115,51 +116,77 @@ def compare_files(
     gamma
         Power from the files' values to linear light; None for that of their kind: 2.2 for PNG,
         1 for EXR. Colour profiles and other such notes in the files are not read.
+    layer
+        Of EXR files; None for their plain R, G and B.
+    seen_from
+        Where given, the view's field of view is the one that the image's width has from there.
 
     Raises
     ------
     CannotCompare
         A file cannot be read, or the two are not of one kind and size.
     """
-    reference_kind, reference_image = read_image(reference)
-    test_kind, test_image = read_image(test)
-    if reference_kind != test_kind:
+    contents = {path: _content(path) for path in (reference, test)}
+    kinds = {path: _kind(path, content) for path, content in contents.items()}
+    if kinds[reference] != kinds[test]:
         raise CannotCompare(
-            f"{reference} is {reference_kind.name} and {test} is {test_kind.name}, which a screen "
-            "shows differently: save both as one or the other"
+            f"{reference} is {kinds[reference].name} and {test} is {kinds[test].name}, which a "
+            "screen shows differently: save both as one or the other"
         )
-    view = replace(view or View(), gamma=reference_kind.gamma if gamma is None else gamma)
+    kind = kinds[reference]
+    view = replace(view or View(), gamma=kind.gamma if gamma is None else gamma)
+    ours, theirs = (
+        _decoded(path, kind, contents[path], view.gamma, layer) for path in (reference, test)
+    )
+    if seen_from is not None:
+        view = replace(view, field_of_view_deg=seen_from.field_of_view_deg(ours.shape[1]))
     metric = VisibleDifferences(view)
     try:
-        difference = metric.compare(metric.percept(reference_image), metric.percept(test_image))
+        difference = metric.compare(metric.percept(ours), metric.percept(theirs))
     except ValueError as error:
         raise CannotCompare(str(error)) from error
-    return Comparison(view=view, difference=difference, shown=displayed(test_image, view))
+    lost = np.argwhere(~(finite_pixels(ours) & finite_pixels(theirs)))
+    return Comparison(
+        view=view,
+        difference=difference,
+        shown=displayed(theirs, view),
+        non_finite_at=(int(lost[0][1]), int(lost[0][0])) if lost.size else None,
+    )
 
 
-def read_image(path: Path) -> tuple[FileKind, Image]:
-    """Return what kind of file it is, by its first bytes, and its image, (H, W, 3) float32.
-
-    Raises
-    ------
-    CannotCompare
-        It cannot be read, or is no PNG or EXR file that can be judged.
-    """
+def _content(path: Path) -> bytes:
     try:
-        content = path.read_bytes()
+        return path.read_bytes()
     except OSError as error:
         raise CannotCompare(f"{path}: {error.strerror or error}") from error
-    kind = next((kind for kind in KINDS if content.startswith(kind.signature)), None)
+
+
+def _kind(path: Path, content: bytes) -> FileKind:
+    kind = next((kind for kind in (PNG, EXR) if content.startswith(kind.signature)), None)
     if kind is None:
         raise CannotCompare(f"{path} is neither a PNG nor an EXR file")
+    return kind
+
+
+def _decoded(path: Path, kind: FileKind, content: bytes, gamma: float, layer: str | None) -> Image:
+    """Return the file's image, (H, W, 3) float32, laid over black where it is transparent."""
     try:
-        # OpenEXR prints its warnings, where scripts expect an answer; an error follows them.
-        with contextlib.redirect_stdout(io.StringIO()):
-            return kind, kind.decode(content)
+        if kind is EXR:
+            # OpenEXR prints its warnings, where scripts expect an answer; an error follows them.
+            with contextlib.redirect_stdout(io.StringIO()):
+                return decode_image(content, layer)
+        if layer is not None:
+            raise ValueError("--layer is for EXR files")
+        values = decode_png(content)
     except Exception as error:
         # Of a damaged file the codecs raise what they like.
         words = " ".join(str(error).split())
         raise CannotCompare(f"{path}, as {kind.name}: {words}") from error
+    if values.alpha is None:
+        return values.colour
+    # So that linear light, the power gamma of it, is multiplied by alpha.
+    over_black: Image = values.colour * (values.alpha ** (1 / gamma))[..., np.newaxis]
+    return over_black
 
 
 def share(count: int, total: int) -> str:

@@ -14,11 +14,17 @@ def diff(
     reference: Annotated[Path, typer.Argument(help="A PNG or EXR file.")],
     test: Annotated[Path, typer.Argument(help="Another, of the same kind and size.")],
     field_of_view: Annotated[
-        float, typer.Option(help="Angle that the image's width fills, in degrees.")
-    ] = 45.0,
-    white_luminance: Annotated[
-        float, typer.Option(help="The display's white in cd/m².", max=20_000)
-    ] = 100.0,
+        float | None,
+        typer.Option(help="Angle that the image's width fills, in degrees.", show_default="45"),
+    ] = None,
+    viewing_distance: Annotated[
+        float | None,
+        typer.Option(help="In place of the angle, with --pixel-pitch: to the screen, in cm."),
+    ] = None,
+    pixel_pitch: Annotated[
+        float | None, typer.Option(help="From pixel to pixel of the screen, in mm.")
+    ] = None,
+    white_luminance: Annotated[float, typer.Option(help="The display's white in cd/m².")] = 100.0,
     gamma: Annotated[
         float | None,
         typer.Option(
@@ -31,6 +37,10 @@ def diff(
     luminance_only: Annotated[
         bool, typer.Option("--luminance-only", help="Leave differences in colour out.")
     ] = False,
+    layer: Annotated[
+        str | None,
+        typer.Option(help="Layer of EXR files.", show_default="the plain R, G, B"),
+    ] = None,
     map_file: Annotated[
         Path | None,
         typer.Option("--map", metavar="OUT.png", help="Mark the visible pixels on TEST, there."),
@@ -42,7 +52,9 @@ def diff(
     For example:
       plateau diff before.png after.png --map difference.png
       plateau diff reference.exr test.exr --exposure 1 --json
+      plateau diff a.exr b.exr --layer diffuse --viewing-distance 60 --pixel-pitch 0.25
 
+    PNG of any depth, EXR with half or float channels. Transparent pixels are laid over black.
     The exit code is 0 whatever the count, and 2 where the images cannot be compared.
     """
     from plateau.commands.diff import diff as run
@@ -53,6 +65,9 @@ def diff(
             test,
             field_of_view_deg=field_of_view,
             white_luminance=white_luminance,
+            viewing_distance=viewing_distance,
+            pixel_pitch=pixel_pitch,
+            layer=layer,
             gamma=gamma,
             primaries=primaries,
             exposure_ev=exposure,

@@ -1,11 +1,13 @@
 """`plateau diff`: the visible differences between two images."""
 
 import json
+import re
 import sys
 from pathlib import Path
 from typing import Any
 
 from metric import View
+from metric.display import SeenFrom
 from plateau.diff import CannotCompare, compare_files
 from plateau.exits import ExitCode
 
@@ -15,6 +17,10 @@ def diff(
     test: Path,
     *,
     gamma: float | None,
+    layer: str | None,
+    viewing_distance: float | None,
+    pixel_pitch: float | None,
+    field_of_view_deg: float | None,
     map_file: Path | None,
     as_json: bool,
     **view: Any,
@@ -24,10 +30,15 @@ def diff(
     What is in `view` goes to `metric.View`.
     """
     try:
+        if field_of_view_deg is not None:
+            view["field_of_view_deg"] = field_of_view_deg
         shown = _view(gamma, view)
+        seen_from = _seen_from(viewing_distance, pixel_pitch, field_of_view_deg)
         if map_file is not None and map_file.resolve() in {reference.resolve(), test.resolve()}:
             raise CannotCompare(f"--map {map_file} would overwrite an image that is compared")
-        comparison = compare_files(reference, test, shown, gamma=gamma)
+        comparison = compare_files(
+            reference, test, shown, gamma=gamma, layer=layer, seen_from=seen_from
+        )
     except CannotCompare as error:
         print(f"plateau: {error}", file=sys.stderr)
         return ExitCode.USAGE
@@ -37,10 +48,30 @@ def diff(
     return ExitCode.OK
 
 
+def _seen_from(
+    viewing_distance: float | None, pixel_pitch: float | None, field_of_view_deg: float | None
+) -> SeenFrom | None:
+    if viewing_distance is None and pixel_pitch is None:
+        return None
+    if viewing_distance is None or pixel_pitch is None:
+        raise CannotCompare("--viewing-distance and --pixel-pitch belong together")
+    if field_of_view_deg is not None:
+        raise CannotCompare("--field-of-view says what --viewing-distance and --pixel-pitch do")
+    try:
+        return SeenFrom(viewing_distance_cm=viewing_distance, pixel_pitch_mm=pixel_pitch)
+    except ValueError as error:
+        raise _by_option(error) from error
+
+
 def _view(gamma: float | None, given: dict[str, Any]) -> View:
     try:
         return View(**given, gamma=1.0 if gamma is None else gamma)
     except ValueError as error:
-        field, _, rule = str(error).partition(" ")
-        option = field.removesuffix("_ev").removesuffix("_deg").replace("_", "-")
-        raise CannotCompare(f"--{option} {rule}") from error
+        raise _by_option(error) from error
+
+
+def _by_option(error: ValueError) -> CannotCompare:
+    """Return the error in the words of the command line: fields have units in their names."""
+    field, _, rule = str(error).partition(" ")
+    option = re.sub(r"_(ev|deg|cm|mm)$", "", field).replace("_", "-")
+    return CannotCompare(f"--{option} {rule}")

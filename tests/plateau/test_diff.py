@@ -9,13 +9,14 @@ from pathlib import Path
 
 import numpy as np
 import OpenEXR
+import png
 import pytest
 from PIL import Image
 from typer.testing import CliRunner
 
 import plateau.diff
 from farm.exr import encode_image
-from farm.png import decode_png, encode_png
+from farm.png import encode_png
 from plateau.cli import app
 from plateau.diff import compare_files, share
 
@@ -147,7 +148,7 @@ def test_the_map_marks_the_visible_pixels_on_the_test_image(file, tmp_path):
 
     assert diff(reference, test, "--map", tmp_path / "map.png").exit_code == 0
 
-    picture = decode_png((tmp_path / "map.png").read_bytes())
+    picture = np.asarray(Image.open(tmp_path / "map.png"))
     visible = compare_files(reference, test).difference.visible
     assert visible[10:14, 20:24].all()
     marked = (picture == [255, 140, 0]).all(axis=-1)
@@ -165,7 +166,7 @@ def test_the_map_lies_on_the_test_image_and_not_on_the_reference(file):
 def test_the_map_does_not_overwrite_what_is_compared(file, tmp_path):
     reference, test = file("a.png", grey()), file("b.png", grey(0))
     assert "would overwrite" in refused(reference, test, "--map", test)
-    assert (decode_png(test.read_bytes()) == 0).all()
+    assert not np.asarray(Image.open(test)).any()
 
 
 def test_a_map_that_cannot_be_written_is_not_the_images_fault(file, tmp_path):
@@ -228,7 +229,10 @@ def test_nan_and_infinite_pixels_are_counted_and_visible(file):
     visible = compare_files(reference, test).difference.visible
     assert visible[3, 5]
     assert visible[20, 30]
-    assert diff(reference, test).stdout.endswith("; 2 of them are NaN or infinite\n")
+    assert diff(reference, test).stdout.endswith(
+        "; 2 of them are NaN or infinite, the first at (5, 3)\n"
+    )
+    assert found["non_finite_at"] == [5, 3]
     assert diff(test, test).stdout.startswith("2 of 1,536 pixels")
 
 
@@ -255,6 +259,43 @@ def test_exr_with_alpha_half_floats_or_grey_alone(file, tmp_path):
     assert compare_files(grey_rgb, tmp_path / "grey.exr").difference.count == 0
 
 
+def test_a_png_of_16_bits_says_the_same_as_one_of_8(file, tmp_path):
+    pixels = RNG.integers(0, 256, (32, 48, 3), np.uint8)
+    shallow, deep = file("a.png", pixels), tmp_path / "deep.png"
+    png.from_array((pixels.astype(np.uint16) * 257).reshape(32, -1), "RGB;16").save(deep)
+    assert compare_files(shallow, deep).difference.count == 0
+    assert np.array_equal(compare_files(shallow, deep).shown, compare_files(shallow, shallow).shown)
+
+
+@pytest.mark.parametrize("gamma", [1.0, 2.2])
+def test_a_transparent_png_is_laid_over_black_in_linear_light(gamma, file):
+    see_through = np.dstack([grey(200), np.full((32, 48), 51, np.uint8)])  # a fifth
+    shown = compare_files(file("a.png", grey()), file("b.png", see_through), gamma=gamma).shown
+    assert shown == pytest.approx((200 / 255) ** gamma / 5, rel=1e-4)
+    opaque = np.dstack([grey(), np.full((32, 48), 255, np.uint8)])
+    assert compare_files(file("a.png", grey()), file("c.png", opaque)).difference.count == 0
+
+
+def test_a_layer_is_chosen_by_its_name(file, tmp_path):
+    image = RNG.random((32, 48, 3), np.float32)
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    layered = tmp_path / "layered.exr"
+    write_exr(layered, header, {"RGB": image, "albedo": np.zeros_like(image)})
+    black = file("black.exr", np.zeros_like(image))
+    assert compare_files(file("plain.exr", image), layered).difference.count == 0
+    assert compare_files(layered, layered, layer="albedo").shown.max() == 0
+    assert "no layer 'albedo'" in refused(layered, black, "--layer", "albedo")
+    assert "--layer is for EXR" in refused(*[file("a.png", grey())] * 2, "--layer", "albedo")
+
+
+def test_the_field_of_view_follows_from_distance_and_pixel_pitch(file):
+    image = file("a.png", grey())
+    given = ("--viewing-distance", "60", "--pixel-pitch", "0.25", "--json")
+    view = json.loads(diff(image, image, *given).stdout)["view"]
+    # 48 pixels of 0.25 mm are 1.2 cm.
+    assert view["field_of_view_deg"] == pytest.approx(2 * np.degrees(np.arctan(0.6 / 60)))
+
+
 def write_exr(path, header, channels):
     with OpenEXR.File(header, channels) as exr:
         exr.write(str(path))
@@ -269,9 +310,9 @@ def test_sizes_that_differ(file):
 
 
 def test_a_png_and_an_exr(file):
-    png, exr = file("a.png", grey()), file("b.exr", np.ones((32, 48, 3), np.float32))
-    assert "PNG" in refused(png, exr)
-    assert "EXR" in refused(png, exr)
+    files = file("a.png", grey()), file("b.exr", np.ones((32, 48, 3), np.float32))
+    assert "PNG" in refused(*files)
+    assert "EXR" in refused(*files)
 
 
 def test_no_such_file_and_no_file_at_all(file, tmp_path):
@@ -298,17 +339,6 @@ def test_files_cut_short(name, keep, file, tmp_path):
     assert str(cut) in refused(whole, cut)
 
 
-def test_a_png_of_16_bits_or_partly_transparent(file, tmp_path):
-    Image.fromarray(np.full((32, 48), 40_000, np.uint16)).save(tmp_path / "deep.png")
-    assert "16 bits" in refused(file("a.png", grey()), tmp_path / "deep.png")
-
-    see_through = np.dstack([grey(), np.full((32, 48), 200, np.uint8)])
-    assert "transparent" in refused(file("a.png", grey()), file("b.png", see_through))
-
-    opaque = np.dstack([grey(), np.full((32, 48), 255, np.uint8)])
-    assert compare_files(file("a.png", grey()), file("c.png", opaque)).difference.count == 0
-
-
 def test_an_exr_without_colour_names_what_it_has(file, tmp_path):
     image = np.ones((32, 48, 3), np.float32)
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
@@ -323,6 +353,7 @@ def test_an_exr_without_colour_names_what_it_has(file, tmp_path):
         ("--gamma", "nan"),
         ("--field-of-view", "180"),
         ("--white-luminance", "0"),
+        ("--white-luminance", "20001"),
         ("--exposure", "101"),
         ("--primaries", "rec2020"),
     ],
@@ -330,3 +361,13 @@ def test_an_exr_without_colour_names_what_it_has(file, tmp_path):
 def test_a_value_out_of_its_domain_is_refused_by_its_option(option, value, file):
     image = file("a.png", grey())
     assert refused(image, image, option, value).startswith(f"plateau: {option} must")
+
+
+def test_a_distance_needs_a_pitch_and_no_angle_beside_it(file):
+    image = file("a.png", grey())
+    assert "belong together" in refused(image, image, "--viewing-distance", "60")
+    assert "belong together" in refused(image, image, "--pixel-pitch", "0.25")
+    both = ("--viewing-distance", "60", "--pixel-pitch", "0.25")
+    assert "--field-of-view says" in refused(image, image, *both, "--field-of-view", "45")
+    nowhere = ("--viewing-distance", "0", "--pixel-pitch", "0.25")
+    assert refused(image, image, *nowhere).startswith("plateau: --viewing-distance must")
