@@ -17,7 +17,7 @@ BAR = Path(build.__file__).parent
 def test_it_is_well_exposed_at_ev_0(intensity: float):
     loaded = facts(BAR / "scene.xml", intensity)
     assert loaded.median == pytest.approx(0.117 * intensity / build.BRIGHT, rel=0.2)
-    assert loaded.clipped < 0.12  # the window, its image in the mirror, the light behind the bottles
+    assert loaded.clipped < 0.12  # the window, its image in the mirror, the lit shelves
 
 
 def test_every_mesh_is_used():
