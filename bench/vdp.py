@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from bench.support import markdown
 from bench.support.report import Figure, figure, write_report
 from bench.support.vdp_ways import Flip, PerceptualDiff, PlainPredictor, cpu_s, noisy_pair
 from metric import View, VisibleDifferences
@@ -69,11 +70,35 @@ def main() -> None:
         for noise in NOISES
         for one in _take_turns(size, noise, options.turns)
     ]
-    write_report(
+    path = write_report(
         "vdp",
         [*figures, *_in_a_fresh_process(options.sizes[-1])],
         settings={"sizes": options.sizes, "turns": options.turns, "noises": NOISES},
         notes=notes,
+    )
+    markdown.fill(markdown.DOCS / "metric.md", {"vdp": table(json.loads(path.read_text()))})
+
+
+def table(report: dict[str, Any]) -> str:
+    """Return a report as Markdown: CPU time of each way, and how many times that of the first."""
+    found = {(one["name"], one["compared_with"]): one["value"] for one in report["figures"]}
+    ways = ("plain numpy", "numpy", "FLIP")
+    cases = [name.split(": ")[0] for name, _ in found if name.endswith(": compiled")]
+    return markdown.table(
+        ["image", "compiled", *ways],
+        [
+            [
+                case,
+                f"{found[f'{case}: compiled', None] * 1000:.3g} ms",
+                *(
+                    f"{found[f'{case}: {way}', None]:.3g} s "
+                    f"({found[f'{case}: compiled is faster by', way]:.3g})"
+                    for way in ways
+                    if (f"{case}: {way}", None) in found
+                ),
+            ]
+            for case in cases
+        ],
     )
 
 
