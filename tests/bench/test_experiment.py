@@ -81,7 +81,7 @@ def measured(truth: list[int], *, pixels: int = 100, stop: int | None = None) ->
     """A series of points 50 spp apart, with one contender."""
     spp = [50 * number for number in range(1, len(truth) + 1)]
     curves = {"rule @50": Curve(spp, [None] * len(spp), [None] * len(spp), stop)}
-    return Measured("BOX 1", pixels, 10_000, spp, truth, [None] * len(spp), curves)
+    return Measured("BOX 1", pixels, 10_000, spp, truth, [None] * len(spp), curves=curves)
 
 
 class TestAgainstTheReference:
