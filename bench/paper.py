@@ -19,8 +19,7 @@ from pathlib import Path
 from bench.experiment import plots, tables
 from bench.experiment.cases import FAMILIES, Case, cases
 from bench.experiment.renders import SLICE_SPP, Size, rendered
-from bench.experiment.series import STEPS, Measured, measure
-from bench.experiment.truth import TARGET
+from bench.experiment.series import STEPS, TARGET, Measured, measure
 from bench.support import markdown, report
 from bench.support.report import Figure, write_report
 
@@ -93,6 +92,7 @@ def tables_of(found: list[Measured]) -> dict[str, str]:
         **{f"stops-{step}": tables.stop_table(found, step) for step in STEPS},
         "summary": tables.summary_table(found),
         "real": tables.estimate_table(found),
+        "real-forecast": tables.forecast_table(found),
         "opinions": tables.opinion_table(found),
     }
 

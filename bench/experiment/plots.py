@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from bench.experiment.truth import TARGET, reference_spp, true_spp
+from bench.experiment.series import TARGET
+from bench.experiment.truth import reference_spp, true_spp
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

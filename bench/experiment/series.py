@@ -24,10 +24,12 @@ if TYPE_CHECKING:
     from bench.experiment.renders import Rendered
     from metric import Rule
 
+#: Share of the pixels that rules and forecasts are held against.
+TARGET = 0.001
 #: The paper's two steps, in spp.
 STEPS = (50, 100)
-#: Where other metrics are asked, in spp.
-OPINIONS_AT = (50, 100, 200, 400, 800, 1600, 3200, 6400)
+#: Where forecasts are made and other metrics asked, in spp.
+ASKED_AT = (50, 100, 200, 400, 800, 1600, 3200, 6400)
 
 
 @dataclass
@@ -56,7 +58,10 @@ class Measured:
     truth: list[int] = field(default_factory=list)
     #: The half-buffer estimate with its band, in pixels; None while there are no two halves.
     estimate: list[list[float] | None] = field(default_factory=list)
-    #: What other metrics said at `OPINIONS_AT`, by name, where they are installed.
+    #: The forecast of the spp at which 0.1 % are left, with its band, at `ASKED_AT`; None where it
+    #: was out of reach, or there were no two halves.
+    forecast: list[list[int] | None] = field(default_factory=list)
+    #: What other metrics said at `ASKED_AT`, by name, where they are installed.
     opinions: dict[str, list[float]] = field(default_factory=dict)
     #: By contender and step: ``reverse @100``.
     curves: dict[str, Curve] = field(default_factory=dict)
@@ -113,7 +118,8 @@ def measure(renders: Rendered) -> Measured:
             None if estimate is None
             else [estimate.pixels, estimate.low_pixels, estimate.high_pixels]
         )  # fmt: skip
-        if seen.spp in OPINIONS_AT:
+        if seen.spp in ASKED_AT:
+            measured.forecast.append(_forecast(seen))
             for name, value in opinions(converged, seen.image, metric.view).items():
                 measured.opinions.setdefault(name, []).append(value)
         for step, judged in rules.items():
@@ -122,6 +128,13 @@ def measure(renders: Rendered) -> Measured:
                     curve = measured.curves.setdefault(f"{name} @{step}", Curve())
                     _add(curve, rule, seen)
     return measured
+
+
+def _forecast(seen: Evidence) -> list[int] | None:
+    ahead = seen.forecast(TARGET)
+    if ahead is None or ahead.spp is None or ahead.low_spp is None or ahead.high_spp is None:
+        return None
+    return [ahead.spp, ahead.low_spp, ahead.high_spp]
 
 
 def _add(curve: Curve, rule: Rule, seen: Evidence) -> None:

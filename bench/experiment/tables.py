@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bench.experiment.series import OPINIONS_AT
-from bench.experiment.truth import TARGET, TARGETS, reference_spp, true_spp, truth_at
+from bench.experiment.series import ASKED_AT, TARGET
+from bench.experiment.truth import TARGETS, reference_spp, true_spp, truth_at
 from bench.support.markdown import table
 
 if TYPE_CHECKING:
@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 PAPER_CAP = 10_000
 #: Where the estimate is held against the truth, in spp.
 _ESTIMATED_AT = (100, 200, 400, 800, 1600, 3200)
+#: Where the forecast is held against the truth, in spp.
+_FORECAST_AT = (100, 200, 400, 800, 1600)
 #: A stop further from the truth than this misses the goal.
 GOAL = 0.10
 #: A stop where so many times the target is still visible is a false one.
@@ -136,17 +138,36 @@ def estimate_table(series: Sequence[Measured]) -> str:
     return table(["scene", *(f"{spp:,} spp" for spp in _ESTIMATED_AT)], rows)
 
 
+def forecast_table(series: Sequence[Measured]) -> str:
+    """Return the forecast of the true spp over the true spp, by scene and spp."""
+    rows = []
+    for one in series:
+        true = true_spp(one, TARGET)
+        asked = [spp for spp in ASKED_AT if spp <= one.cap]
+        ahead = dict(zip(asked, one.forecast, strict=True))
+        cells = []
+        for spp in _FORECAST_AT:
+            found = ahead.get(spp)
+            if found is None or true is None or spp >= true:
+                cells.append("–")
+            else:
+                inside = "" if found[1] <= true <= found[2] else " *"
+                cells.append(f"{found[0] / true:.2f}{inside}")
+        rows.append([one.name, _spp(true, one.cap / 2), *cells])
+    return table(["scene", "true", *(f"at {spp:,} spp" for spp in _FORECAST_AT)], rows)
+
+
 def opinion_table(series: Sequence[Measured]) -> str:
     """Return what other metrics say of each image against the reference, by scene and spp."""
     rows = []
     for one in series:
         for name, values in one.opinions.items():
-            said = dict(zip((spp for spp in OPINIONS_AT if spp <= one.cap), values, strict=True))
-            row = [f"{said[spp]:.3f}" if spp in said else "–" for spp in OPINIONS_AT]
+            said = dict(zip((spp for spp in ASKED_AT if spp <= one.cap), values, strict=True))
+            row = [f"{said[spp]:.3f}" if spp in said else "–" for spp in ASKED_AT]
             true = true_spp(one, TARGET)
             then = None if true is None else np.interp(np.log(true), np.log([*said]), values)
             rows.append([one.name, name, *row, "–" if then is None else f"{then:.3f}"])
-    head = ["scene", "metric", *(f"{spp:,} spp" for spp in OPINIONS_AT)]
+    head = ["scene", "metric", *(f"{spp:,} spp" for spp in ASKED_AT)]
     return table([*head, f"where {TARGET:.1%} is left"], rows)
 
 

@@ -18,8 +18,6 @@ if TYPE_CHECKING:
 
 #: Shares of the pixels that may differ visibly.
 TARGETS: Final = (0.01, 0.001, 0.0001)
-#: The one that rules are held against.
-TARGET: Final = 0.001
 
 
 def reference_spp(measured: Measured, target: float) -> int | None:

@@ -1,8 +1,8 @@
 """Builds the bar: `python -m scenes.bar.build` writes scene.xml, meshes/ and textures/.
 
-A small bar of our own in the evening, in metres. The lamps over the counter and the cove on the
-back bar shine at the ceiling, the strips behind the shelves at the panels behind the bottles, so
-that nearly all light has been reflected before it reaches what one sees; a window gives some blue.
+A small bar of our own towards evening, in metres. The bowls over the counter and the coves hide
+their light from all but the ceiling; a wide window in the right wall, which the picture does not
+show, gives soft daylight from the side, and panels of lit onyx glow behind the bottles.
 Takouachet et al. (2007) judged such a room; nothing of theirs is used.
 """
 
@@ -17,9 +17,9 @@ from scenes.mesh import Mesh, Vector
 
 HERE = Path(__file__).parent
 
-#: Radiance of the lamps' filaments, in the units of the image: what is 1 there is white at EV 0.
-BRIGHT = 120.0  # BAR 1
-DIM = 60.0  # BAR 2
+#: What the radiances of all lights are in parts of, in the units of the image: 1 is white at EV 0.
+BRIGHT = 80.0  # BAR 1
+DIM = 40.0  # BAR 2
 
 #: The camera: where it is, where it looks, and how wide, in degrees.
 EYE: Vector = (0.62, 1.52, 2.55)
@@ -36,8 +36,9 @@ def meshes() -> dict[str, Mesh]:
         "slab": room.slab(),
         "trim": room.trim(),
         "tiles": room.tiles(seed=3),
-        "strips": room.strips(),
-        "cove": room.cove(),
+        "coves": room.coves(),
+        "daylight": room.daylight(),
+        "filaments": fittings.filaments(stock.LAMPS),
         "bowl": fittings.bowl(),
         "lamp_rod": fittings.rod(0.006, 0.92),
         "cushion": fittings.cushion(),
@@ -78,21 +79,17 @@ def _fitted() -> dict[str, list[Copy]]:
         brass.append(Copy("ring", (x, 0.26, z)))
         steel.append(Copy("pedestal", (x, 0, z)))
     brass.append(Copy("tap", (-0.40, room.COUNTER_TOP, -0.75)))
-    brass.append(Copy("shaker_band", (-0.46, room.COUNTER_TOP + 0.0005, 0.78)))
+    brass.append(Copy("shaker_band", (-0.50, room.COUNTER_TOP + 0.0005, 0.98)))
     return {"brass": brass, "leather": leather, "steel": steel}
 
 
 def scene_xml() -> str:
     """Return the scene's XML."""
     merged = "\n".join(_merged(material, copies) for material, copies in _copies().items())
-    lit = "".join(
-        _light(f"lamp_{number}", "disk", _at((x, y + 0.085, z), 0.14), (0.42, 0.31, 0.20))
-        for number, (x, y, z) in enumerate(stock.LAMPS)
-    )
     contents = f"""\
-{_glossy("walnut", 0.25, _picture("walnut"))}
+{_glossy("walnut", 0.2, _picture("walnut"))}
 {_glossy("glaze", 0.10, _picture("glazes"))}
-{_glossy("leather", 0.25, _rgb("diffuse_reflectance", (0.42, 0.06, 0.05)))}
+{_glossy("leather", 0.25, _rgb("diffuse_reflectance", (0.30, 0.025, 0.022)))}
 {_glossy("stone", 0.10, _rgb("diffuse_reflectance", (0.55, 0.52, 0.47)))}
 {_glossy("cap", 0.15, _rgb("diffuse_reflectance", (0.03, 0.025, 0.025)))}
     <bsdf type="roughplastic" id="chequers">
@@ -102,15 +99,14 @@ def scene_xml() -> str:
         </texture>
         <float name="alpha" value="0.3"/>
     </bsdf>
-{_metal("brass", 0.3, (0.86, 0.63, 0.30))}
-{_metal("steel", 0.25, (0.72, 0.71, 0.69))}
-{_metal("silvering", 0.1, (0.78, 0.76, 0.72))}
+{_metal("brass", 0.2, (0.86, 0.63, 0.30))}
+{_metal("steel", 0.18, (0.72, 0.71, 0.69))}
+{_metal("silvering", 0.04, (0.78, 0.76, 0.72))}
 {_matt("ceiling", (0.80, 0.72, 0.60))}
-{_matt("paint", (0.30, 0.50, 0.50))}
-{_matt("panel", (0.78, 0.55, 0.30))}
+{_matt("paint", (0.20, 0.37, 0.36))}
 {_matt("cream", (0.72, 0.64, 0.48))}
 {_matt("black", (0.03, 0.03, 0.035))}
-{"".join(_pane(name, colour) for name, colour in stock.COLOURS.items())}\
+{"".join(_glass(name, 1.5, 1.0, colour) for name, colour in stock.COLOURS.items())}\
 {_glass("cocktail", 1.5, 1.34, (0.92, 0.36, 0.22))}\
 {_glass("cocktail_level", 1.34, 1.0, (1.0, 1.0, 1.0))}\
 {_glass("whisky", 1.5, 1.36, (0.93, 0.60, 0.22))}\
@@ -118,7 +114,6 @@ def scene_xml() -> str:
 {_shape("floor", "chequers")}
 {_shape("ceiling", "ceiling")}
 {_shape("walls", "paint")}
-{_shape("panels", "panel")}
 {_shape("mirror", "silvering")}
 {_shape("wood", "walnut")}
 {_shape("slab", "stone")}
@@ -134,10 +129,12 @@ def scene_xml() -> str:
     </shape>
 
 {merged}
-    <!-- What shines: into the lamps' bowls, at the panels, at the ceiling; and the evening. -->
-{lit}{_light("strips_mesh", "ply", _file("strips"), (0.28, 0.18, 0.09))}\
-{_light("cove_mesh", "ply", _file("cove"), (0.36, 0.24, 0.13))}\
-{_light("window", "rectangle", _window(), (0.026, 0.033, 0.042))}"""
+    <!-- What shines: the lamps and the coves at the ceiling, the onyx, the windows. -->
+{_light("filaments_mesh", "ply", _file("filaments"), (0.45, 0.35, 0.235), 2)}\
+{_light("coves_mesh", "ply", _file("coves"), (0.17, 0.13, 0.085), 2)}\
+{_light("onyx_mesh", "ply", _file("onyx"), (0.0118, 0.0064, 0.0024), 1)}\
+{_light("daylight_mesh", "ply", _file("daylight"), (0.062, 0.067, 0.073), 4)}\
+{_light("window", "rectangle", _window(), (0.0044, 0.0068, 0.0108), 0.3)}"""
     return document(
         "bar",
         contents,
@@ -196,15 +193,6 @@ def _glass(name: str, inside: float, outside: float, colour: Vector) -> str:
 """
 
 
-def _pane(name: str, colour: Vector) -> str:
-    """Return thin glass, which tints what is behind it and focuses no light."""
-    return f"""\
-    <bsdf type="thindielectric" id="{name}">
-        {_rgb("specular_transmittance", colour)}
-    </bsdf>
-"""
-
-
 def _file(name: str) -> str:
     return f'<string name="filename" value="meshes/{name}.ply"/>'
 
@@ -238,16 +226,6 @@ def _copy(copy: Copy, material: str) -> str:
 """
 
 
-def _at(at: Vector, scale: float) -> str:
-    x, y, z = at
-    return f"""\
-<transform name="to_world">
-            <scale value="{scale:g}"/>
-            <rotate x="1" angle="-90"/>
-            <translate x="{x:g}" y="{y:g}" z="{z:g}"/>
-        </transform>"""
-
-
 def _window() -> str:
     x, y = (
         (room.WINDOW_LEFT + room.WINDOW_RIGHT) / 2,
@@ -260,12 +238,16 @@ def _window() -> str:
         </transform>"""
 
 
-def _light(name: str, shape: str, where: str, colour: Vector) -> str:
-    """Return a light whose colour is in parts of `intensity`: `d65` is what can scale a colour."""
+def _light(name: str, shape: str, where: str, colour: Vector, weight: float) -> str:
+    """Return a light whose colour is in parts of `intensity`: `d65` is what can scale a colour.
+
+    The weight is how often shadow rays go to it, next to the others.
+    """
     return f"""\
     <shape type="{shape}" id="{name}">
         {where}
         <emitter type="area">
+            <float name="sampling_weight" value="{weight:g}"/>
             <spectrum type="d65" name="radiance">
                 {_rgb("color", colour)}
                 <float name="scale" value="$intensity"/>

@@ -1,7 +1,9 @@
 """What is of metal and leather: lamps, stools, the rail for feet, the tap. Lengths in metres."""
 
+from collections.abc import Sequence
+
 from scenes.bar.turning import rounded, turned
-from scenes.mesh import Mesh
+from scenes.mesh import Mesh, Vector, joined
 
 #: A lamp's bowl: its rim's radius and height above the bowl's foot.
 BOWL_RADIUS, BOWL_HEIGHT = 0.19, 0.11
@@ -13,6 +15,17 @@ def bowl() -> Mesh:
     inside = tuple((radius * 0.985, height + 0.003) for radius, height in reversed(outside))
     knob = ((0, -0.03), (0.010, -0.028), (0.012, -0.018), (0.006, -0.008), (0.012, 0.0))
     return turned([*rounded(knob), *rounded(outside)[1:], *rounded(inside)], 48)
+
+
+def filaments(lamps: Sequence[Vector]) -> Mesh:
+    """Return the discs of light just below the rims of lamps' bowls, which face the ceiling."""
+    disc = turned([(0.18, BOWL_HEIGHT - 0.004), (0, BOWL_HEIGHT - 0.004)], 24)
+    return joined(
+        *(
+            Mesh(tuple((x + u, y + v, z + w) for u, v, w in disc.vertices), disc.faces)
+            for x, y, z in lamps
+        )
+    )
 
 
 def rod(radius: float, length: float, corners: int = 12) -> Mesh:

@@ -20,7 +20,7 @@ BAYS = (-2.80, -1.40, 0.0, 1.40)
 SHELVES = (0.95, 1.36, 1.77)
 #: Middle of a shelf across.
 SHELF_X = -1.585
-_PANEL, _SHELF_BACK, _SHELF_FRONT, _CORNICE = -1.75, -1.68, -1.49, 2.20
+_PANEL, _SHELF_BACK, _SHELF_FRONT, _CORNICE = -1.78, -1.68, -1.49, 2.20
 
 #: The window: its edges and its middle.
 WINDOW_LEFT, WINDOW_RIGHT, WINDOW_LOW, WINDOW_HIGH = 0.30, 1.70, 0.95, 2.45
@@ -64,7 +64,7 @@ def shell() -> dict[str, Mesh]:
         "floor": Mesh(floor.vertices, floor.faces, uvs=tiles),
         "ceiling": quads((e, h, g, f)),
         "walls": quads((b, a, e, f), (c, b, f, g), (d, c, g, h), (a, d, h, e)),
-        "panels": joined(_panel(BAYS[0], BAYS[1]), _panel(BAYS[2], BAYS[3])),
+        "onyx": joined(_panel(BAYS[0], BAYS[1]), _panel(BAYS[2], BAYS[3])),
         "mirror": _panel(BAYS[1], BAYS[2]),
     }
 
@@ -92,19 +92,12 @@ def woodwork() -> Mesh:
         plank((_PANEL, SHELVES[0], z - 0.04), (_SHELF_FRONT + 0.02, _CORNICE, z + 0.04))
         for z in BAYS
     ]
-    for z in range(3):
-        for top in SHELVES[1:]:
-            planks += _shelf(top, BAYS[z] + 0.04, BAYS[z + 1] - 0.04)
-    return joined(*planks, *_panelling(), *_window_frame())
-
-
-def _shelf(top: float, far: float, near: float) -> list[Mesh]:
-    """Return a shelf, and the lip that hides the strip of light at its back."""
-    under = top - 0.025
-    return [
-        plank((_SHELF_BACK, under, far), (_SHELF_FRONT, top, near)),
-        plank((_SHELF_BACK + 0.002, under - 0.018, far), (_SHELF_BACK + 0.008, under, near)),
+    planks += [
+        plank((_SHELF_BACK, top - 0.025, BAYS[z] + 0.04), (_SHELF_FRONT, top, BAYS[z + 1] - 0.04))
+        for z in range(3)
+        for top in SHELVES[1:]
     ]
+    return joined(*planks, *_panelling(), *_window_frame())
 
 
 def _panelling() -> list[Mesh]:
@@ -197,30 +190,18 @@ def tiles(seed: int) -> Mesh:
     return Mesh(mesh.vertices, mesh.faces, uvs=tuple(uvs))
 
 
-def strips() -> Mesh:
-    """Return the strips of light behind the shelves' and the cornice's back edges.
-
-    They face the panels and the ceiling, never a bottle: light that glass would have to focus is
-    light that a path tracer does not find.
-    """
-    lights = []
-    for z in (0, 2):
-        far, near = BAYS[z] + 0.05, BAYS[z + 1] - 0.05
-        for top in (*SHELVES[1:], _CORNICE + 0.025):
-            under = top - 0.025
-            back = _SHELF_BACK - 0.001
-            lights.append(
-                (
-                    (back, under - 0.014, near),
-                    (back - 0.014, under, near),
-                    (back - 0.014, under, far),
-                    (back, under - 0.014, far),
-                )
-            )
-    return quads(*lights)
+def daylight() -> Mesh:
+    """Return the wide window in the right wall, which the picture does not show."""
+    x, low, high, near, far = RIGHT - 0.01, 1.0, 2.75, 2.6, -2.2
+    return quads(((x, low, far), (x, low, near), (x, high, near), (x, high, far)))
 
 
-def cove() -> Mesh:
-    """Return the light on top of the back bar, which faces the ceiling."""
+def coves() -> Mesh:
+    """Return the lights that face the ceiling from the back bar's top and from the right wall's."""
     y, far, near = _CORNICE + 0.04, BAYS[0] + 0.1, BAYS[-1] - 0.1
-    return quads(((-1.60, y, near), (-1.54, y, near), (-1.54, y, far), (-1.60, y, far)))
+    return quads(
+        *(
+            ((left, y, near), (right, y, near), (right, y, far), (left, y, far))
+            for left, right in ((-1.62, -1.48), (RIGHT - 0.44, RIGHT - 0.30))
+        )
+    )

@@ -4,7 +4,7 @@ import random
 from dataclasses import dataclass
 
 from scenes.bar.room import BAYS, COUNTER_TOP, SHELF_X, SHELVES
-from scenes.bar.vessels import BOTTLES, GLASSES
+from scenes.bar.vessels import BOTTLES
 from scenes.mesh import Vector
 
 
@@ -16,7 +16,6 @@ class Copy:
     at: Vector
     turn_deg: float = 0.0
     scale: float = 1.0
-    lean_deg: float = 0.0
 
 
 #: Colours of bottles, by kind: what a surface of the glass lets through.
@@ -70,8 +69,8 @@ def laid() -> dict[str, list[Copy]]:
     y = COUNTER_TOP + 0.0005
     parts: dict[str, list[Copy]] = {"clear": []}
     for glass, drink, at in (
-        ("coupe", "cocktail", (-0.13, y, 1.36)),
-        ("tumbler", "whisky", (-0.36, y, 1.12)),
+        ("coupe", "cocktail", (-0.16, y, 1.58)),
+        ("tumbler", "whisky", (-0.34, y, 1.36)),
     ):
         parts["clear"].append(Copy(f"{glass}_glass", at))
         parts[drink] = [Copy(f"{glass}_drink", at)]
@@ -79,8 +78,5 @@ def laid() -> dict[str, list[Copy]]:
     parts["clear"] += [
         Copy("goblet_empty", (-0.50 + 0.02 * (k % 2), y, 0.35 - 0.12 * k)) for k in range(6)
     ]
-    parts["steel"] = [Copy("shaker", (-0.46, y, 0.78))]
+    parts["steel"] = [Copy("shaker", (-0.50, y, 0.98))]
     return parts
-
-
-assert set(GLASSES) == {"coupe", "tumbler", "goblet"}
