@@ -1,5 +1,7 @@
 """What is checked of a request before any route sees it: where it comes from, and its size."""
 
+import asyncio
+import contextlib
 import ipaddress
 from collections.abc import Iterable
 from urllib.parse import urlsplit
@@ -66,6 +68,12 @@ def _name_of(url: str) -> str:
         return ""
 
 
+#: So much of a refused body is still read, and for so long, before the connection is closed: closed
+#: on bytes that nobody has read, it would take the answer with it.
+_LINGER_BYTES = 64 * 2**20
+_LINGER_S = 2.0
+
+
 class BodyLimit:
     """Refuses a body of more than `most` bytes, by its announced length or while it streams."""
 
@@ -80,6 +88,7 @@ class BodyLimit:
             return
         announced = _header(scope["headers"], b"content-length")
         if announced is not None and announced.isdigit() and int(announced) > self._most:
+            await _discard(receive)
             await self._problem().response(scope["path"])(scope, receive, send)
             return
         received = 0
@@ -89,6 +98,8 @@ class BodyLimit:
             message = await receive()
             received += len(message.get("body", b""))
             if received > self._most:
+                if message.get("more_body"):
+                    await _discard(receive)
                 raise self._problem()
             return message
 
@@ -101,3 +112,17 @@ class BodyLimit:
             headers={"Connection": "close"},
             limit_bytes=self._most,
         )
+
+
+async def _discard(receive: Receive) -> None:
+    """Read the rest of a body, as far and as long as is worth it."""
+
+    async def read() -> None:
+        left, more = _LINGER_BYTES, True
+        while more and left > 0:
+            message = await receive()
+            left -= len(message.get("body", b""))
+            more = message.get("more_body", False)
+
+    with contextlib.suppress(asyncio.TimeoutError):
+        await asyncio.wait_for(read(), _LINGER_S)

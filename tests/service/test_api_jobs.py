@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import socket
 from typing import Any
 
 import httpx
@@ -205,6 +206,17 @@ class TestABadUpload:
         problem(http.send(request), 413, "upload-too-large")
         # The next one is taken
         assert submit(http).status_code == 201
+
+    def test_that_is_endless_is_refused_all_the_same(self, http: httpx.Client) -> None:
+        # It is read for a while, so that the answer arrives, and not for ever.
+        url = http.base_url
+        with socket.create_connection((url.host, url.port or 80), timeout=30) as client:
+            client.sendall(
+                b"POST /v1/jobs HTTP/1.1\r\nHost: localhost\r\n"
+                b"Content-Type: multipart/form-data; boundary=x\r\n"
+                b"Content-Length: 1000000000000\r\n\r\n"
+            )
+            assert client.recv(65536).startswith(b"HTTP/1.1 413 ")
 
     def test_is_refused_where_the_scene_alone_is_too_large(self, http: httpx.Client) -> None:
         answer = submit(http, BOX + b" " * LARGEST_UPLOAD)
