@@ -15,7 +15,7 @@ import numpy as np
 from bench.support import markdown
 from bench.support.report import Figure, write_report
 from bench.support.synthetic_noise import SCENES, Render
-from metric import View, forecast, half_buffer_estimate
+from metric import Evidence, View
 from metric.compiled import CompiledVisibleDifferences
 
 TARGET = 0.002
@@ -89,17 +89,19 @@ def _rows(scene: str, noise: str, size: int, seeds: int) -> dict[int, Row]:
         truth = metric.percept(render.truth)
         reached, foretold = None, {}
         for spp, image, halves in render.images(grid):
-            percept = metric.percept(image)
-            estimate = half_buffer_estimate(metric, image, halves)
+            seen = Evidence(spp, image, halves, metric)
+            estimate = seen.estimate
+            assert estimate is not None  # there are halves
             if reached is None and estimate.fraction <= TARGET:
                 reached = spp
             if spp in rows:
-                count = metric.compare(truth, percept).count
+                count = metric.compare(truth, seen.percept).count
                 rows[spp].truth += count
                 rows[spp].estimate += estimate.pixels
                 rows[spp].in_band += estimate.low_pixels <= count <= estimate.high_pixels
-                if reached is None:
-                    foretold[spp] = forecast(metric, image, halves, TARGET)
+                ahead = seen.forecast(TARGET)
+                if reached is None and ahead is not None:
+                    foretold[spp] = ahead
         for spp, ahead in foretold.items():
             if reached is None or ahead.low_spp is None or ahead.high_spp is None:
                 continue

@@ -16,10 +16,12 @@ import sys
 import time
 from pathlib import Path
 
+import scenes
 from bench.experiment import plots, tables
-from bench.experiment.cases import FAMILIES, Case, cases
+from bench.experiment.cases import Case, cases
+from bench.experiment.contenders import TARGET
 from bench.experiment.renders import SLICE_SPP, Size, rendered
-from bench.experiment.series import STEPS, TARGET, Measured, measure
+from bench.experiment.series import STEPS, Measured, measure
 from bench.support import markdown, report
 from bench.support.report import Figure, write_report
 
@@ -38,7 +40,7 @@ def main() -> None:
     )
     parser.add_argument("--size", type=int, default=256, help="pixels across and down (256)")
     parser.add_argument("--cap", type=int, default=10_000, help="spp of each series (10,000)")
-    parser.add_argument("--scenes", nargs="+", choices=FAMILIES, default=FAMILIES)
+    parser.add_argument("--scenes", nargs="+", choices=scenes.NAMES, default=scenes.NAMES)
     parser.add_argument("--workers", type=int, default=1, help="worker processes (1)")
     parser.add_argument(
         "--data", type=Path, default=_ROOT / "paper-data", help="folder of renders (./paper-data)"
@@ -52,16 +54,16 @@ def main() -> None:
         markdown.fill(markdown.DOCS / document, tables_of(known()))
 
 
-def run(scenes: list[Case], size: Size, data: Path, *, workers: int) -> list[Measured]:
+def run(todo: list[Case], size: Size, data: Path, *, workers: int) -> list[Measured]:
     """Render what is not rendered yet, judge it, and report on it and on all that was known."""
     data.mkdir(parents=True, exist_ok=True)
     folder = _folder()
     folder.mkdir(parents=True, exist_ok=True)
-    for case in scenes:
+    for case in todo:
         renders = rendered(case, size, data, workers=workers)
         started = time.monotonic()
         one = measure(renders)
-        one.write(folder / f"{one.slug}.json")
+        one.write(folder / f"{case.slug}.json")
         print(f"{case.name}: judged in {time.monotonic() - started:.0f} s", file=sys.stderr)
     found = known()
     draw(found, folder)

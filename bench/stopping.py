@@ -26,6 +26,7 @@ from bench.support.synthetic_noise import (
 )
 from metric import Evidence, View, create_rule
 from metric.compiled import CompiledVisibleDifferences
+from metric.estimate import allowed_pixels
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -185,7 +186,7 @@ def _on_time(case: Case, seed: int) -> float:
     render = Render(case.scene, case.noise, case.level, case.size, seed)
     metric = CompiledVisibleDifferences(View())
     truth = metric.percept(render.truth)
-    allowed = max(1.0, TARGET * case.size**2)
+    allowed = allowed_pixels(TARGET, case.size**2)
 
     def is_wrong(spp: int) -> bool:
         # Each look is a render of its own: what one seed gives here is but one draw.

@@ -1,9 +1,14 @@
 """What every family's build has in common: its parameters and film, what its files are."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from scenes.mesh import Mesh
+
+
+def numbers(vector: Iterable[float]) -> str:
+    """Return numbers as an attribute of the XML has them."""
+    return ", ".join(f"{number:g}" for number in vector)
 
 
 def document(

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 Vector = tuple[float, float, float]
 Face = tuple[int, ...]
+Quad = tuple[Vector, Vector, Vector, Vector]
 
 
 @dataclass(frozen=True)
@@ -51,7 +52,7 @@ class Mesh:
         return header.encode("ascii") + b"".join(rows)
 
 
-def quads(*corners: tuple[Vector, Vector, Vector, Vector]) -> Mesh:
+def quads(*corners: Quad) -> Mesh:
     """Return flat rectangles, each by its four corners; they share no vertex."""
     vertices = tuple(corner for quad in corners for corner in quad)
     faces = tuple(
@@ -77,6 +78,47 @@ def joined(*meshes: Mesh) -> Mesh:
     )
 
 
+def sides(bottom: Quad, top: Quad) -> tuple[Quad, Quad, Quad, Quad, Quad, Quad]:
+    """Return the front, right, back, left, top and bottom of a block, facing out.
+
+    The corners of its bottom and of its top run counter-clockwise seen from above, from the front
+    left one on.
+    """
+    a, b, c, d = bottom
+    e, f, g, h = top
+    return (a, b, f, e), (b, c, g, f), (c, d, h, g), (d, a, e, h), top, (d, c, b, a)
+
+
+def cuboid(low: Vector, high: Vector) -> tuple[Quad, Quad, Quad, Quad, Quad, Quad]:
+    """Return the `sides` of the cuboid along the axes between two corners."""
+    (left, bottom, back), (right, top, front) = low, high
+
+    def level(y: float) -> Quad:
+        return (left, y, front), (right, y, front), (right, y, back), (left, y, back)
+
+    return sides(level(bottom), level(top))
+
+
+def grained(mesh: Mesh, axis: int, repeat: tuple[float, float]) -> Mesh:
+    """Return faces that lie along the axes with a texture whose grain runs along one of them.
+
+    Parameters
+    ----------
+    mesh
+        Without texture coordinates.
+    axis
+        Along the grain.
+    repeat
+        Lengths of the texture along and across the grain.
+    """
+    # On each face one of the two coordinates across the grain is constant.
+    uvs = tuple(
+        (vertex[axis] / repeat[0], (sum(vertex) - vertex[axis]) / repeat[1])
+        for vertex in mesh.vertices
+    )
+    return Mesh(mesh.vertices, mesh.faces, uvs=uvs)
+
+
 def block(centre: tuple[float, float], size: Vector, turn: tuple[float, float]) -> Mesh:
     """Return a cuboid that stands on the floor.
 
@@ -100,9 +142,10 @@ def block(centre: tuple[float, float], size: Vector, turn: tuple[float, float]) 
             centre[1] - sine * along + cosine * across,
         )
 
-    a, b, c, d = corner(-1, 0, 1), corner(1, 0, 1), corner(1, 0, -1), corner(-1, 0, -1)
-    e, f, g, h = corner(-1, 1, 1), corner(1, 1, 1), corner(1, 1, -1), corner(-1, 1, -1)
-    return quads((a, b, f, e), (b, c, g, f), (c, d, h, g), (d, a, e, h), (e, f, g, h), (d, c, b, a))
+    def level(y: int) -> Quad:
+        return corner(-1, y, 1), corner(1, y, 1), corner(1, y, -1), corner(-1, y, -1)
+
+    return quads(*sides(level(0), level(1)))
 
 
 def ball(centre: Vector, radius: float, subdivisions: int) -> Mesh:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from importlib import import_module
-from typing import Final
 
 
 @dataclass(frozen=True)
@@ -34,10 +33,6 @@ def _family(name: str) -> list[Case]:
     ]
 
 
-#: In the order of the paper's tables.
-FAMILIES: Final = ("bar", "box", "oculist", "plants")
-
-
-def cases(families: tuple[str, ...] = FAMILIES) -> list[Case]:
+def cases(families: tuple[str, ...]) -> list[Case]:
     """Return the scenes of these families."""
     return [case for family in families for case in _family(family)]

@@ -9,6 +9,9 @@ from metric import create_rule
 if TYPE_CHECKING:
     from metric import Rule
 
+#: Share of the pixels that rules and forecasts are held against.
+TARGET = 0.001
+
 
 def contenders() -> dict[str, Rule]:
     """Return fresh rules by name."""
@@ -19,5 +22,5 @@ def contenders() -> dict[str, Rule]:
         "reverse": create_rule("reverse"),
         "myszkowski": create_rule("myszkowski"),
         "visible": create_rule("visible"),
-        "visible, 0.1 %": create_rule("visible", target=0.001),
+        "visible, 0.1 %": create_rule("visible", target=TARGET),
     }

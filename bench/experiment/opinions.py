@@ -9,12 +9,12 @@ Both are extras that a run does without where they are not installed (`pip insta
 
 from __future__ import annotations
 
-import math
 from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from metric import VisibleDifferences
 from metric.display import displayed
 
 if TYPE_CHECKING:
@@ -34,8 +34,7 @@ def opinions(reference: Image, test: Image, view: View) -> dict[str, float]:
 
 
 def _pixels_per_degree(image: Image, view: View) -> float:
-    width_deg = math.degrees(2 * math.tan(math.radians(view.field_of_view_deg) / 2))
-    return float(image.shape[1] / width_deg)
+    return float(image.shape[1] / VisibleDifferences(view).width_deg)
 
 
 def _flip(reference: Image, test: Image, view: View) -> float:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from bench.experiment.series import TARGET
+from bench.experiment.contenders import TARGET
 from bench.experiment.truth import reference_spp, true_spp
 
 if TYPE_CHECKING:

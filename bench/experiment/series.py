@@ -9,7 +9,7 @@ import json
 from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from bench.experiment.contenders import contenders
+from bench.experiment.contenders import TARGET, contenders
 from bench.experiment.opinions import opinions
 from bench.experiment.renders import SLICE_SPP
 from farm.exr import decode_image, decode_partial
@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     from bench.experiment.renders import Rendered
     from metric import Rule
 
-#: Share of the pixels that rules and forecasts are held against.
-TARGET = 0.001
 #: The paper's two steps, in spp.
 STEPS = (50, 100)
 #: Where forecasts are made and other metrics asked, in spp.
@@ -65,11 +63,6 @@ class Measured:
     opinions: dict[str, list[float]] = field(default_factory=dict)
     #: By contender and step: ``reverse @100``.
     curves: dict[str, Curve] = field(default_factory=dict)
-
-    @property
-    def slug(self) -> str:
-        """The name, as files are called."""
-        return self.name.lower().replace(" ", "-")
 
     def write(self, path: Path) -> None:
         """Write it as JSON."""

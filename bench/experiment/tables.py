@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bench.experiment.series import ASKED_AT, TARGET
+from bench.experiment.contenders import TARGET
+from bench.experiment.series import ASKED_AT
 from bench.experiment.truth import TARGETS, reference_spp, true_spp, truth_at
 from bench.support.markdown import table
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from scenes.bar import fittings, room, stock, vessels
 from scenes.bar.pictures import textures
 from scenes.bar.stock import Copy
-from scenes.build import document, scene_files, write_files
+from scenes.build import document, numbers, scene_files, write_files
 from scenes.mesh import Mesh, Vector
 
 HERE = Path(__file__).parent
@@ -142,17 +142,13 @@ def scene_xml() -> str:
         dim=DIM,
         max_depth=8,
         field_of_view_deg=FIELD_OF_VIEW_DEG,
-        origin=_numbers(EYE),
-        target=_numbers(TARGET),
+        origin=numbers(EYE),
+        target=numbers(TARGET),
     )
 
 
-def _numbers(vector: Iterable[float]) -> str:
-    return ", ".join(f"{number:g}" for number in vector)
-
-
 def _rgb(name: str, colour: Vector) -> str:
-    return f'<rgb name="{name}" value="{_numbers(colour)}"/>'
+    return f'<rgb name="{name}" value="{numbers(colour)}"/>'
 
 
 def _picture(name: str) -> str:

@@ -7,31 +7,18 @@ import numpy.typing as npt
 from PIL import Image
 
 from scenes.bar.room import GLAZES
+from scenes.noise import noise
 
 Picture = npt.NDArray[np.float64]
-
-
-def _noise(shape: tuple[int, int], cells: tuple[int, int], seed: int) -> Picture:
-    """Return smooth noise in [0, 1] that repeats at the edges, on a lattice of so many cells."""
-    field = np.random.default_rng(seed).random(cells)
-    for axis in (0, 1):
-        position = np.arange(shape[axis]) * cells[axis] / shape[axis]
-        cell = np.floor(position).astype(int)
-        part = position - cell
-        part = (part * part * (3 - 2 * part)).reshape((-1, 1) if axis == 0 else (1, -1))
-        here = np.take(field, cell % cells[axis], axis)
-        there = np.take(field, (cell + 1) % cells[axis], axis)
-        field = here + part * (there - here)
-    return field
 
 
 def walnut(seed: int) -> Picture:
     """Return walnut as sRGB in [0, 1], its grain along the columns' axis, repeating."""
     shape = (128, 512)
     y = np.arange(shape[0])[:, np.newaxis] / shape[0]
-    rings = (5 * y + 1.3 * _noise(shape, (4, 3), seed)) % 1.0
+    rings = (5 * y + 1.3 * noise(shape, (4, 3), seed)) % 1.0
     rings = np.where(rings < 0.75, rings / 0.75, (1 - rings) / 0.25)
-    pores = _noise(shape, (64, 12), seed + 1)
+    pores = noise(shape, (64, 12), seed + 1)
     light = np.clip(0.72 - 0.42 * rings * rings + 0.5 * (pores - 0.5), 0, 1)[..., np.newaxis]
     wood: Picture = np.array([0.27, 0.15, 0.09]) + light * np.array([0.36, 0.24, 0.15])
     return wood

@@ -5,7 +5,7 @@ The back bar stands along the left wall, the counter in front of it; the window 
 
 import random
 
-from scenes.mesh import Mesh, Vector, joined, quads
+from scenes.mesh import Mesh, Vector, cuboid, grained, joined, quads
 
 # The room's walls.
 LEFT, RIGHT, FAR, NEAR, TALL = -1.85, 2.30, -3.40, 3.80, 2.90
@@ -33,25 +33,8 @@ GLAZES = 8
 
 def plank(low: Vector, high: Vector) -> Mesh:
     """Return a cuboid between two corners; the texture's grain runs along its longest edge."""
-    (left, bottom, back), (right, top, front) = low, high
-    a, b, c, d = (
-        (left, bottom, front),
-        (right, bottom, front),
-        (right, bottom, back),
-        (left, bottom, back),
-    )
-    e, f, g, h = (left, top, front), (right, top, front), (right, top, back), (left, top, back)
-    faces = quads(
-        (a, b, f, e), (b, c, g, f), (c, d, h, g), (d, a, e, h), (e, f, g, h), (d, c, b, a)
-    )
     edges = [high[axis] - low[axis] for axis in range(3)]
-    grain = edges.index(max(edges))
-    # On each face one of the two coordinates across the grain is constant.
-    uvs = tuple(
-        (vertex[grain] / _WOOD[0], (sum(vertex) - vertex[grain]) / _WOOD[1])
-        for vertex in faces.vertices
-    )
-    return Mesh(faces.vertices, faces.faces, uvs=uvs)
+    return grained(quads(*cuboid(low, high)), edges.index(max(edges)), _WOOD)
 
 
 def shell() -> dict[str, Mesh]:

@@ -10,12 +10,13 @@ from pathlib import Path
 
 import numpy as np
 
-from scenes.build import document, scene_files, write_files
+from scenes.build import document, numbers, scene_files, write_files
 from scenes.mesh import Vector
+from scenes.noise import noise
 from scenes.oculist.case import meshes
 from scenes.oculist.lettering import Field, cut
 from scenes.oculist.mosaic import mosaic
-from scenes.oculist.textures import cloth, grain, grey, inscribed, noise, png, tinted, wood
+from scenes.oculist.textures import cloth, grain, grey, inscribed, png, tinted, wood
 
 HERE = Path(__file__).parent
 
@@ -133,13 +134,9 @@ def scene_xml() -> str:
         dim=DIM,
         max_depth=8,
         field_of_view_deg=FIELD_OF_VIEW_DEG,
-        origin=_numbers(ORIGIN),
-        target=_numbers(TARGET),
+        origin=numbers(ORIGIN),
+        target=numbers(TARGET),
     )
-
-
-def _numbers(vector: Vector) -> str:
-    return ", ".join(f"{number:g}" for number in vector)
 
 
 def _relief(name: str, height: float) -> str:
@@ -180,7 +177,7 @@ def _light(name: str, origin: Vector, target: Vector, half: tuple[float, float])
     <shape type="rectangle" id="{name}">
         <transform name="to_world">
             <scale x="{half[0]:g}" y="{half[1]:g}"/>
-            <lookat origin="{_numbers(origin)}" target="{_numbers(target)}" up="0, 0, 1"/>
+            <lookat origin="{numbers(origin)}" target="{numbers(target)}" up="0, 0, 1"/>
         </transform>
         <emitter type="area">
             <rgb name="radiance" value="$intensity"/>

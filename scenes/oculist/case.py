@@ -1,6 +1,6 @@
 """Where everything is in the case: x to the right, y up, z towards the camera, floor at 0."""
 
-from scenes.mesh import Mesh, Vector, joined, quads
+from scenes.mesh import Mesh, Vector, cuboid, grained, joined, quads
 from scenes.oculist.instruments import probe, scalpel, spoon, tweezers
 from scenes.oculist.stamps import stamp
 from scenes.oculist.surfaces import placed, plane
@@ -97,21 +97,8 @@ def _frame() -> Mesh:
 
 def _bar(low: Vector, high: Vector, grain: int) -> Mesh:
     """Return a bar of oak between two corners, all but its back, its grain along an axis."""
-    (left, bottom, back), (right, top, front) = low, high
-    a, b, c, d = (
-        (left, bottom, front),
-        (right, bottom, front),
-        (right, bottom, back),
-        (left, bottom, back),
-    )
-    e, f, g, h = (left, top, front), (right, top, front), (right, top, back), (left, top, back)
-    faces = quads((a, b, f, e), (b, c, g, f), (d, a, e, h), (e, f, g, h), (d, c, b, a))
-    # On each face one of the two coordinates across the grain is constant.
-    uvs = tuple(
-        (vertex[grain] / _OAK[0], (sum(vertex) - vertex[grain]) / _OAK[1])
-        for vertex in faces.vertices
-    )
-    return Mesh(faces.vertices, faces.faces, uvs=uvs)
+    front, right, _, left, top, bottom = cuboid(low, high)
+    return grained(quads(front, right, left, top, bottom), grain, _OAK)
 
 
 def _card(at: tuple[float, float], number: int) -> Mesh:

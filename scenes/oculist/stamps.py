@@ -5,9 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from scenes.mesh import Mesh, Vector, joined
+from scenes.noise import noise
 from scenes.oculist.lettering import Field, cut
 from scenes.oculist.surfaces import plane, relief
-from scenes.oculist.textures import noise
 
 #: Side of the repeat of the stone's texture, in units of the scene.
 _TILE = 0.42

@@ -7,6 +7,7 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image
 
+from scenes.noise import noise
 from scenes.oculist.lettering import Field, cut
 
 Bytes = npt.NDArray[np.uint8]
@@ -34,22 +35,6 @@ def tinted(field: Field, dark: Sequence[int], light: Sequence[int], shades: int 
     parts = np.arange(shades)[:, np.newaxis] / (shades - 1)
     palette = np.round(low + parts * (high - low)).astype(int).ravel().tolist()
     return png(np.round(np.clip(field, 0, 1) * (shades - 1)).astype(np.uint8), palette)
-
-
-def noise(shape: tuple[int, int], cells: tuple[int, int], seed: int) -> Field:
-    """Return smooth noise in [0, 1] that repeats at the edges, on a lattice of so many cells."""
-    lattice = np.random.default_rng(seed).random(cells)
-    field = lattice
-    for axis in (0, 1):
-        position = np.arange(shape[axis]) * cells[axis] / shape[axis]
-        cell = np.floor(position).astype(int)
-        part = position - cell
-        part = part * part * (3 - 2 * part)
-        part = part[:, np.newaxis] if axis == 0 else part[np.newaxis, :]
-        here = np.take(field, cell % cells[axis], axis)
-        there = np.take(field, (cell + 1) % cells[axis], axis)
-        field = here + part * (there - here)
-    return field
 
 
 def grain(size: int, seed: int) -> Field:
