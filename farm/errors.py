@@ -7,7 +7,11 @@
     ├── IllegalTransition  the job's state does not allow this move; carries its story
     ├── FenceLost          another monitor owns the job now
     ├── StoreUnavailable   Redis or the blob store cannot be reached, or refuses
-    └── CorruptPartial     a partial is not what its ledger entry says
+    │   └── BlobsUnavailable   of the two, the blob store
+    ├── WrongStore         the blob store is not the one that belongs to this Redis
+    ├── SchemaMismatch     the data in Redis is of a layout that this Plateau cannot work with
+    └── CorruptBlob        a blob is not what its name says
+        └── CorruptPartial     a partial is not what its ledger entry says
 """
 
 
@@ -47,5 +51,21 @@ class StoreUnavailable(FarmError):
     """Redis or the blob store cannot be reached."""
 
 
-class CorruptPartial(FarmError):
+class BlobsUnavailable(StoreUnavailable):
+    """The blob store cannot be reached, is full, or refuses."""
+
+
+class WrongStore(FarmError):
+    """The blob store is not the one that belongs to this Redis."""
+
+
+class SchemaMismatch(FarmError):
+    """The data in Redis is of a layout that this Plateau cannot work with."""
+
+
+class CorruptBlob(FarmError):
+    """A blob is not what its name says."""
+
+
+class CorruptPartial(CorruptBlob):
     """A partial does not match what the ledger says of it."""

@@ -1,11 +1,17 @@
 """A job, its curve and its events, as every process and every user sees them."""
 
-from datetime import datetime
+from datetime import datetime, timezone
+from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
 from farm.spec import JobSpec
 from farm.states import JobState
+
+
+def moment(milliseconds: str | int | float) -> datetime:
+    """A time of Redis's clock as an aware datetime in UTC."""
+    return datetime.fromtimestamp(float(milliseconds) / 1000, timezone.utc)
 
 
 class _Record(BaseModel):
@@ -108,9 +114,35 @@ class Event(_Record):
     """Something that happened to a job; `id` orders events and resumes a stream of them."""
 
     id: str
-    type: str = Field(description="state, point, slice or finished")
+    type: str = Field(description="state, point, slice, trouble or finished")
     data: dict[str, object]
     at: datetime
+
+
+#: How a try of a slice ended. ``unfit``: handed back by a worker that found that it can render
+#: nothing; ``rejected``: its partial was lost or spoiled after it had been committed.
+TryEnd = Literal[
+    "committed", "duplicate", "stale", "handed-back", "unfit", "died", "failed", "rejected"
+]
+
+
+class LogEntry(_Record):
+    """How one try of a slice ended."""
+
+    at: datetime
+    slice: int
+    worker: str
+    what: TryEnd = Field(
+        description="how it ended: in the ledger (committed), after another try that was committed "
+        "(duplicate), too late for its variant (stale), back in the queue (handed-back, or unfit: "
+        "the worker can render nothing), with a dead render child or worker (died), with the scene "
+        "at fault (failed), or committed once but its partial was lost or spoiled (rejected)"
+    )
+    cause: str | None = Field(None, description="why, where it was not simply committed")
+    seconds: float | None = Field(None, description="how long it took, where that is known")
+    text: str = Field(
+        "", description="what Mitsuba printed while it loaded and rendered: its last 4 KB"
+    )
 
 
 class Worker(_Record):
@@ -126,5 +158,8 @@ class Worker(_Record):
     slices_done: int
     samples_per_s: float | None = Field(description="rate over its last slice")
     last_error: str | None
+    trouble: str | None = Field(
+        None, description="why it takes no work: it found that it can render nothing"
+    )
     started_at: datetime
     seen_at: datetime

@@ -2,31 +2,30 @@
 
 import json
 import secrets
+import time
 from collections.abc import Iterator
 from dataclasses import dataclass
-from datetime import datetime, timezone
 from typing import Any, Final
 
 import redis
 
 from farm import keys
-from farm.errors import IllegalTransition, JobNotFound
-from farm.job import CurvePoint, Event, Job, Worker
+from farm.errors import IllegalTransition, JobNotFound, StoreUnavailable
+from farm.job import CurvePoint, Event, Job, LogEntry, Worker, moment
 from farm.redis_link import unavailable_as_farm_error
 from farm.scripts import Scripts
+from farm.slice_log import slice_log
 from farm.spec import JobSpec
 from farm.states import JobState
 
 #: A search reads so many jobs at once.
 _PAGE: Final = 200
 
+#: Removing a scene's blob takes milliseconds, as a rule.
+_SCENE_GOES_S: Final = 5.0
+
 #: The first event of a job has a greater id than this.
 BEFORE_ALL_EVENTS: Final = "0-0"
-
-
-def moment(milliseconds: str | int | float) -> datetime:
-    """A time of Redis's clock as an aware datetime in UTC."""
-    return datetime.fromtimestamp(float(milliseconds) / 1000, timezone.utc)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -156,18 +155,42 @@ class Jobs:
         IllegalTransition
             It has already ended otherwise.
         """
-        outcome, *state = self._scripts.run("end", job_id, "", JobState.CANCELLED, reason, "")
+        outcome, *state = self._scripts.run("end", job_id, "", JobState.CANCELLED, reason, "", "")
         if outcome == "illegal":
             if state == ["missing"]:
                 raise JobNotFound(job_id)
             raise IllegalTransition(job_id, state[0], "cancelled", self.story(job_id))
         return self.get(job_id)
 
+    def results(self, job_id: str) -> str:
+        """Where the job's last results are in the blob store; "" where it has none yet."""
+        with unavailable_as_farm_error():
+            return self._redis.hget(keys.job(job_id), "results") or ""
+
     def ledger(self, job_id: str) -> dict[int, dict[str, Any]]:
         """Each committed slice's record, by index, in order."""
         with unavailable_as_farm_error():
-            records = self._redis.hgetall(keys.job(job_id, "ledger"))
-        return {int(index): json.loads(records[index]) for index in sorted(records, key=int)}
+            return _ledger(self._redis.hgetall(keys.job(job_id, "ledger")))
+
+    def log(self, job_id: str) -> list[LogEntry]:
+        """How each try of a slice ended, by time: the newest 2000 or so that left any words."""
+        with unavailable_as_farm_error():
+            pipe = self._redis.pipeline(transaction=True)
+            pipe.xrange(keys.job(job_id, "log"))
+            pipe.hgetall(keys.job(job_id, "ledger"))
+            entries, records = pipe.execute()
+        return slice_log((fields for _, fields in entries), _ledger(records))
+
+    def log_of(self, job_id: str, index: int) -> tuple[dict[str, Any] | None, list[LogEntry]]:
+        """One slice's record in the ledger, where it has one, and how each try of it ended."""
+        with unavailable_as_farm_error():
+            pipe = self._redis.pipeline(transaction=True)
+            pipe.xrange(keys.job(job_id, "log"))
+            pipe.hget(keys.job(job_id, "ledger"), str(index))
+            entries, record = pipe.execute()
+        ledger = _ledger({} if record is None else {str(index): record})
+        written = (fields for _, fields in entries if fields["slice"] == str(index))
+        return ledger.get(index), slice_log(written, ledger)
 
     def workers(self, within_s: float = 15.0) -> list[Worker]:
         """The workers whose heartbeat was heard within so many seconds."""
@@ -187,6 +210,30 @@ class Jobs:
         """Redis's clock in milliseconds: the only one that counts."""
         seconds, microseconds = self._redis.time()
         return int(seconds) * 1000 + int(microseconds) // 1000
+
+    def use_scene(self, sha256: str) -> None:
+        """Note that the scene is wanted, before anyone looks whether the blob store has it.
+
+        From now on no sweep removes it for an hour at least; see `farm.sweep`. Where one is just
+        removing it, this waits until that is done.
+
+        Raises
+        ------
+        StoreUnavailable
+            That takes long: call again later.
+        """
+        patience = time.monotonic() + _SCENE_GOES_S
+        with unavailable_as_farm_error():
+            self._redis.zadd(keys.SCENES_USED, {sha256: self.now_ms()})
+            while self._redis.exists(keys.scene_going(sha256)):
+                if time.monotonic() > patience:
+                    raise StoreUnavailable(f"scene {sha256} is being removed; send it again soon")
+                time.sleep(0.05)
+
+    def disuse_scene(self, sha256: str) -> None:
+        """Take the note of `use_scene` back: the blob store has no such scene."""
+        with unavailable_as_farm_error():
+            self._redis.zrem(keys.SCENES_USED, sha256)
 
     def remember_scene(self, sha256: str, summary: dict[str, Any]) -> None:
         """Note that the blob store holds this scene."""
@@ -223,6 +270,10 @@ def event(event_id: str, fields: dict[str, str]) -> Event:
     if fields["type"] == "point":
         data = curve_point(fields["data"]).model_dump(mode="json")
     return Event(id=event_id, type=fields["type"], data=data, at=moment(fields["at"]))
+
+
+def _ledger(records: dict[str, str]) -> dict[int, dict[str, Any]]:
+    return {int(index): json.loads(records[index]) for index in sorted(records, key=int)}
 
 
 def _job(fields: dict[str, str]) -> Job:

@@ -6,8 +6,10 @@ the token and is refused, with `FenceLost`, once another monitor has taken over.
 
 import json
 from dataclasses import dataclass
+from typing import Any
 
 import redis
+from pydantic import BaseModel, ConfigDict
 
 from farm import keys
 from farm.errors import FenceLost, IllegalTransition
@@ -15,6 +17,16 @@ from farm.queue import SliceRecord
 from farm.redis_link import unavailable_as_farm_error
 from farm.scripts import Scripts
 from farm.states import JobState
+
+
+class Checkpoint(BaseModel):
+    """Where the sums of a job's first slices are kept."""
+
+    model_config = ConfigDict(frozen=True)
+
+    blob: str  #: its key in the blob store
+    sha256: str  #: of its bytes
+    slices: int  #: how many are in the sums
 
 
 @dataclass(frozen=True)
@@ -64,11 +76,27 @@ class Ownerships:
             records.append(SliceRecord.model_validate_json(text))
         return records
 
-    def checkpoint(self, job_id: str) -> str | None:
-        """The blob of the job's last checkpoint, if it has one."""
+    def checkpoint(self, job_id: str) -> Checkpoint | None:
+        """The job's last checkpoint, if it has one."""
         with unavailable_as_farm_error():
-            name: str | None = self._redis.hget(keys.job(job_id), "checkpoint")
-        return name
+            text = self._redis.hget(keys.job(job_id), "checkpoint")
+        return None if text is None else Checkpoint.model_validate_json(text)
+
+    def save_checkpoint(self, owned: Ownership, checkpoint: Checkpoint) -> None:
+        """Note the job's last checkpoint."""
+        self._checked("save", owned, "checkpoint", checkpoint.model_dump_json())
+
+    def show_results(self, owned: Ownership, results: str) -> None:
+        """Say where the job's last set of results is in the blob store."""
+        self._checked("save", owned, "results", results)
+
+    def reject(self, owned: Ownership, record: SliceRecord, cause: str) -> int:
+        """Have a slice rendered again whose partial is lost or spoiled.
+
+        Returns how often that has happened to the slice; 0 where it is not in the ledger so, or
+        where the job has ended, and nothing was done.
+        """
+        return int(self._checked("reject", owned, record.index, record.blob, cause))
 
     def plan(self, owned: Ownership, slices: range) -> None:
         """Put these slices into the job's stream; those already planned are left alone."""
@@ -78,18 +106,27 @@ class Ownerships:
         """Append a point to the curve, once for each spp."""
         self._checked("append_point", owned, spp, json.dumps(point))
 
-    def save(self, owned: Ownership, **fields: str | int) -> None:
-        """Set fields of the job."""
-        self._checked("save", owned, *(item for pair in fields.items() for item in pair))
-
     def end(
         self,
         owned: Ownership,
         target: JobState,
         reason: str,
         verdict: dict[str, float | None] | None = None,
+        results: str = "",
     ) -> None:
         """End the job; its remaining slices are withdrawn.
+
+        Parameters
+        ----------
+        owned
+            The job.
+        target, reason
+            The state it comes to, and why.
+        verdict
+            The numbers of the rule that fired.
+        results
+            Where its last results are in the blob store, where they are written already: then the
+            job is concluded with this.
 
         Raises
         ------
@@ -103,19 +140,44 @@ class Ownerships:
             target,
             reason,
             "" if verdict is None else json.dumps(verdict),
+            results,
         )
         if outcome == "fenced":
             raise FenceLost(owned.job_id)
         if outcome == "illegal":
             raise IllegalTransition(owned.job_id, state[0], target)
 
-    def finish(self, owned: Ownership, **fields: str | int) -> None:
-        """Say that the job's results are written; no monitor has work with it any more."""
-        self._checked("finish", owned, *(item for pair in fields.items() for item in pair))
+    def conclude(self, owned: Ownership, *, spp: int, results: str, notes: tuple[str, ...]) -> None:
+        """Say that the results of an ended job are written: nothing else of it is needed.
 
-    def _checked(self, script: str, owned: Ownership, *arguments: str | int) -> None:
-        if self._scripts.run(script, owned.job_id, owned.token, *arguments) == "fenced":
+        Parameters
+        ----------
+        owned
+            The job.
+        spp
+            Samples per pixel in its final image.
+        results
+            Where its results are in the blob store; "" where it has none.
+        notes
+            All that is to be known of how it was rendered.
+        """
+        fields = ("spp", spp, "results", results, "notes", json.dumps(notes), "concluded", 1)
+        self._checked("save", owned, *fields)
+
+    def concluded(self, job_id: str) -> bool:
+        """Whether the job's last results are written."""
+        with unavailable_as_farm_error():
+            return bool(self._redis.hexists(keys.job(job_id), "concluded"))
+
+    def finish(self, owned: Ownership) -> None:
+        """Say that everything else was cleared; no monitor has work with the job any more."""
+        self._checked("finish", owned)
+
+    def _checked(self, script: str, owned: Ownership, *arguments: str | int) -> Any:
+        answer = self._scripts.run(script, owned.job_id, owned.token, *arguments)
+        if answer == "fenced":
             raise FenceLost(owned.job_id)
+        return answer
 
 
 def _flat(owned: tuple[Ownership, ...]) -> list[str]:

@@ -43,7 +43,7 @@ def decode_png(content: bytes) -> CodeValues:
                 pixels, most = _sixteen_bits(content), 65535
             else:
                 pixels, most = np.asarray(picture.convert("RGBA")), 255
-    except (UnidentifiedImageError, OSError, SyntaxError, png.Error) as error:
+    except (UnidentifiedImageError, OSError, SyntaxError, ValueError, png.Error) as error:
         raise ValueError(f"not a readable PNG file: {error}") from error
     values = pixels.astype(np.float32)
     values /= most

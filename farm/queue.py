@@ -46,9 +46,9 @@ class Committed(str, Enum):
     """The queue's answer to a commit."""
 
     COMMITTED = "committed"
-    DUPLICATE = "duplicate"  #: the ledger has this slice: harmless, the partial can go
-    LOST = "lost"  #: the lease ran out and another worker has the slice
+    DUPLICATE = "duplicate"  #: the ledger has this slice from elsewhere: the partial can go
     ENDED = "ended"  #: the job has ended
+    STALE = "stale"  #: nothing was committed for long, and others render with another variant now
     OVERLAP = "overlap"  #: its seeds are in the ledger under another slice: a bug, refused
 
 
@@ -101,8 +101,13 @@ class SliceQueue:
         width: int,
         height: int,
         notes: tuple[str, ...],
+        said: str = "",
     ) -> Committed:
-        """Enter the slice into the ledger, if the lease still holds; safe to repeat."""
+        """Enter the slice into the ledger, once; safe to repeat.
+
+        The first commit of a slice counts, also where its lease ran out meanwhile. As in the other
+        reports, `said` is what the render child printed, for the job's log.
+        """
         return Committed(
             self._scripts.run(
                 "commit",
@@ -117,10 +122,12 @@ class SliceQueue:
                 width,
                 height,
                 json.dumps(notes),
+                lease.variant,
+                said,
             )
         )
 
-    def died(self, lease: Lease, cause: str, machine_s: float) -> str:
+    def died(self, lease: Lease, cause: str, machine_s: float, said: str = "") -> str:
         """Say that the render child died on the slice; the third death fails the job."""
         answer: str = self._scripts.run(
             "died",
@@ -131,23 +138,54 @@ class SliceQueue:
             cause,
             MAX_TRIES,
             round(machine_s * 1000),
+            said,
         )
         return answer
 
-    def hand_back(self, lease: Lease, machine_s: float = 0.0) -> None:
-        """Give the slice back untouched, for the next worker to take at once."""
+    def hand_back(
+        self,
+        lease: Lease,
+        machine_s: float = 0.0,
+        *,
+        cause: str = "",
+        unfit: bool = False,
+        said: str = "",
+    ) -> None:
+        """Give the slice back untouched, for the next worker to take at once.
+
+        `unfit`: because this worker can render nothing.
+        """
         self._scripts.run(
-            "hand_back", lease.job_id, lease.entry, self._worker, round(machine_s * 1000)
+            "hand_back",
+            lease.job_id,
+            lease.entry,
+            self._worker,
+            round(machine_s * 1000),
+            lease.index,
+            "unfit" if unfit else "handed-back",
+            cause,
+            said,
         )
 
-    def fail(self, lease: Lease, reason: str) -> None:
+    def fail(self, lease: Lease, reason: str, machine_s: float = 0.0, said: str = "") -> None:
         """Fail the job: its scene cannot be rendered by anyone."""
-        self._scripts.run("fail", lease.job_id, lease.entry, self._worker, reason)
+        self._scripts.run(
+            "fail",
+            lease.job_id,
+            lease.entry,
+            self._worker,
+            reason,
+            lease.index,
+            round(machine_s * 1000),
+            said,
+        )
 
     def heartbeat(self, about: dict[str, object], leases: tuple[Lease, ...]) -> set[str]:
         """Say that the worker lives and renew its leases; returns jobs to stop rendering."""
         pairs = [item for lease in leases for item in (lease.job_id, lease.entry)]
-        return set(self._scripts.run("heartbeat", self._worker, json.dumps(about), *pairs))
+        return set(
+            self._scripts.run("heartbeat", self._worker, json.dumps(about), self._lease_ms, *pairs)
+        )
 
     def leave(self) -> None:
         """Sign off."""

@@ -1,7 +1,9 @@
 """The connection to Redis: no silent retries, and one error when it is away."""
 
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Final
 
 import redis
 from redis.backoff import NoBackoff
@@ -29,17 +31,27 @@ def connect(url: str) -> redis.Redis:
     )
 
 
+_AWAY: Final = (
+    redis.exceptions.ConnectionError,
+    redis.exceptions.TimeoutError,
+    redis.exceptions.OutOfMemoryError,
+    redis.exceptions.ReadOnlyError,
+)
+#: What Redis answers while it is full, loading, failing over, or cannot write to its disk. Inside a
+#: script the words stand somewhere in a longer message.
+_REFUSES: Final = re.compile(
+    r"\b(OOM|MISCONF|LOADING|BUSY|READONLY|MASTERDOWN|NOREPLICAS|TRYAGAIN|CLUSTERDOWN)\b"
+)
+
+
 @contextmanager
 def unavailable_as_farm_error() -> Iterator[None]:
-    """Raise `StoreUnavailable` where redis-py raises because Redis is away, loading or full."""
-    away = (
-        redis.exceptions.ConnectionError,
-        redis.exceptions.TimeoutError,
-        redis.exceptions.BusyLoadingError,
-        redis.exceptions.OutOfMemoryError,
-        redis.exceptions.ReadOnlyError,
-    )
+    """Raise `StoreUnavailable` where redis-py raises because Redis is away or refuses for now."""
     try:
         yield
-    except away as error:
+    except _AWAY as error:
         raise StoreUnavailable(f"Redis cannot be reached: {error}") from error
+    except redis.exceptions.ResponseError as error:
+        if _REFUSES.search(str(error)) is None:
+            raise
+        raise StoreUnavailable(f"Redis refuses: {error}") from error

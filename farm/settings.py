@@ -1,10 +1,13 @@
 """What the environment says, read once by the entry points and handed down."""
 
 from pathlib import Path
+from typing import Literal
 
 import platformdirs
 from pydantic import Field
 from pydantic_settings import BaseSettings, SettingsConfigDict
+
+LogFormat = Literal["text", "json"]
 
 _DIRS = platformdirs.PlatformDirs("plateau", appauthor=False)
 
@@ -45,4 +48,19 @@ class Settings(BaseSettings):
     max_upload_gb: float = Field(2.0, gt=0, description="largest scene that the API takes")
     threads: int | None = Field(
         None, gt=0, description="threads of a render child; unset, all cores of the machine"
+    )
+    keep_results_days: float | None = Field(
+        None,
+        ge=0,
+        allow_inf_nan=False,
+        description="finished jobs go after so many days; unset, they stay",
+    )
+    keep_scenes_days: float | None = Field(
+        None,
+        ge=0,
+        allow_inf_nan=False,
+        description="scenes of no job go after so many days without use; unset, they stay",
+    )
+    log_format: LogFormat = Field(
+        "text", description="how processes log: text, or json, an object for each line"
     )

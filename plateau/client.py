@@ -17,7 +17,7 @@ from typing import Any, Final
 
 import httpx
 
-from farm.job import CurvePoint, Event, Worker
+from farm.job import CurvePoint, Event, LogEntry, Worker
 from farm.jobs import BEFORE_ALL_EVENTS
 from farm.spec import JobSpec
 from farm.states import JobState
@@ -28,8 +28,10 @@ from service.views import (
     Happened,
     JobPage,
     JobView,
+    Log,
     Scenes,
     SceneView,
+    SliceLog,
     Slices,
     SliceView,
     Workers,
@@ -170,6 +172,15 @@ class Client:
     def slices(self, job_id: str) -> list[SliceView]:
         """The job's ledger, by slice index."""
         return Slices.model_validate_json(self._get(f"/v1/jobs/{job_id}/slices").content).slices
+
+    def log(self, job_id: str) -> list[LogEntry]:
+        """How each try of a slice of the job ended, by time."""
+        return Log.model_validate_json(self._get(f"/v1/jobs/{job_id}/log").content).entries
+
+    def slice_log(self, job_id: str, index: int) -> SliceLog:
+        """The same of one slice, with its line in the ledger."""
+        answer = self._get(f"/v1/jobs/{job_id}/slices/{index}/log")
+        return SliceLog.model_validate_json(answer.content)
 
     def workers(self) -> list[Worker]:
         """The workers that live."""

@@ -7,17 +7,23 @@ from collections.abc import Callable
 from types import TracebackType
 from typing import Final
 
+from farm.backoff import Backoff
 from farm.embedded import EmbeddedRedis
+from farm.errors import StoreUnavailable
+from farm.redis_link import connect
+from farm.schema import check_schema
 from farm.settings import Settings
 from plateau.data_folder import DataFolder
 from plateau.interrupts import Interrupts
-from plateau.member import Member
+from plateau.member import Member, describe_exit
 
 _API_START_S: Final = 60.0
 #: A stopping worker tries for 5 s to commit what it has.
 _STOP_S: Final = {"worker": 15.0, "monitor": 10.0, "api": 8.0}
 _HURRIED_S: Final = 2.0
 _TICK_S: Final = 0.05
+#: A Redis that lived for so long had started well.
+_REDIS_WELL_S: Final = 30.0
 
 
 class TreeFailed(Exception):
@@ -50,6 +56,8 @@ class Tree:
 
     Raises
     ------
+    SchemaMismatch
+        On entering: the data folder holds another layout.
     TreeFailed
         By `check`, and on entering, where the API does not start.
     KeyboardInterrupt
@@ -79,6 +87,8 @@ class Tree:
         self._tell = tell
         self._most_deaths = most_deaths
         self._redis: EmbeddedRedis | None = None
+        self._redis_backoff = Backoff(0.5, 30.0)
+        self._redis_start_at = 0.0  # not before that
         self._members: list[Member] = []
 
     def __enter__(self) -> "Tree":
@@ -99,16 +109,25 @@ class Tree:
 
     def check(self) -> None:
         """Start again what has died; to be called a few times a second."""
-        if self._redis is not None and self._redis.process.poll() is not None:
-            self._tell("the embedded Redis is gone; starting everything again")
-            self._listen = (self._listen[0], int(self.url.rpartition(":")[2]))
-            self.stop()
-            self._start()
+        if self._redis is not None:
+            self._start_again(self._redis)
         for member in self._members:
             cause = member.has_died()
             if cause is not None:
                 self._bury(member, cause)
             member.start_if_due()
+
+    def _start_again(self, server: EmbeddedRedis) -> None:
+        """Start Redis again where it has died; the others wait for it and lose nothing."""
+        if server.process.poll() is not None and time.monotonic() >= self._redis_start_at:
+            self._tell(f"Redis {describe_exit(server.process.returncode)}; starting it again")
+            try:
+                server.start()
+            except StoreUnavailable as error:
+                self._tell(str(error))
+            self._redis_start_at = time.monotonic() + self._redis_backoff.delay_s()
+        elif time.monotonic() > self._redis_start_at + _REDIS_WELL_S:
+            self._redis_backoff.reset()
 
     def stop(self) -> None:
         """Stop workers, monitor, API and Redis, in this order; by force what does not stop."""
@@ -133,6 +152,8 @@ class Tree:
         if self._settings.redis_url is None:
             self._redis = EmbeddedRedis(self._data.redis)
             self.redis_url = self._redis.url
+            with connect(self.redis_url) as client:
+                check_schema(client)
         api = self._member("api", ("api", "--host", self._listen[0]))
         others = [self._member("monitor", ("monitor",))]
         others += [

@@ -52,6 +52,7 @@ def run(settings: Settings, *, host: str, port: int, ready: Callable[[str], None
     )
     config = uvicorn.Config(
         app,
+        log_config=None,  # its lines go the way of ours
         log_level=logging.WARNING,
         access_log=False,
         server_header=False,

@@ -12,6 +12,7 @@ from farm.jobs import Jobs
 from service import routes_farm, routes_jobs, routes_results
 from service.event_hub import EventHub
 from service.guards import BodyLimit, LocalOnly
+from service.log_fields import LogFields
 from service.parts import Parts
 from service.problems import add_problem_handlers
 
@@ -56,4 +57,5 @@ def create_app(*, jobs: Jobs, blobs: Blobs, hub: EventHub, max_upload_bytes: int
         app.include_router(routes.router)
     app.add_middleware(BodyLimit, most=max_upload_bytes + _ENVELOPE_BYTES)
     app.add_middleware(LocalOnly)
+    app.add_middleware(LogFields)
     return app

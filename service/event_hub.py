@@ -13,6 +13,7 @@ from redis.exceptions import RedisError
 from farm import keys
 from farm.job import Event
 from farm.jobs import event
+from farm.log import concerning
 
 #: Shorter than the socket's time-out, so that a quiet job is not taken for a dead connection.
 _BLOCK_MS: Final = 5000
@@ -61,7 +62,8 @@ class EventHub:
                 try:
                     batch = await self._read(job_id, after)
                 except (RedisError, OSError) as error:
-                    _log.warning("events of job %s: Redis is away: %s", job_id, error)
+                    with concerning(job_id):
+                        _log.warning("its events wait, Redis is away: %s", error)
                     yield ()
                     await asyncio.sleep(_RETRY_S)
                     continue

@@ -2,27 +2,24 @@
 
 import hashlib
 import logging
-import time
 from typing import Final
 
 from farm import blobs
 from farm.blobs import Blobs
 from farm.errors import CorruptPartial, IllegalTransition
-from farm.exr import decode_partial, encode_image
+from farm.exr import Pixels, decode_partial
 from farm.job import Job
 from farm.jobs import Jobs
+from farm.log import concerning
 from farm.ownership import Ownership, Ownerships
-from farm.png import encode_png
 from farm.queue import SliceRecord
-from farm.states import JobState
-from metric import difference_picture, encode_srgb
+from farm.states import MAX_TRIES, JobState
+from service.checkpoints import Checkpoints
 from service.judge import Judge, Judgement
-from service.merge import Merge, pack_checkpoint, unpack_checkpoint
+from service.results import Results
 
 _LOG = logging.getLogger(__name__)
 
-_CHECKPOINT_S: Final = 5.0  #: at least so long between two checkpoints
-_PREVIEW_S: Final = 2.0  #: and between two previews
 _BATCH: Final = 16  #: records read from the ledger at once
 
 
@@ -41,14 +38,11 @@ class JobRun:
         job = jobs.get(owned.job_id)
         self._spec = job.spec
         self._judge = Judge(job.spec)
-        self._merge = Merge(slice_spp=job.spec.slice_spp)
         self._judgement: Judgement | None = None  # made, but not yet written down
-        self._contained: list[str] = []  # partials in the sums, not yet in a checkpoint
-        self._checkpoint = owners.checkpoint(job.id)
-        self._checkpoint_at = self._preview_at = time.monotonic()
         self._planned_stop = -1
-        if self._checkpoint is not None:
-            self._recover(self._checkpoint)
+        self._results = Results(owned, owners, store, job.spec)
+        self._checkpoints = Checkpoints(owned, owners, store, keep_slices=job.spec.keep_slices)
+        self._merge = self._checkpoints.recover(job.spec.slice_spp, self._judge)
 
     def advance(self, look_ahead: int) -> bool:
         """Do all that can be done now; returns whether the job is finished with.
@@ -59,7 +53,7 @@ class JobRun:
             Another monitor owns the job.
         StoreUnavailable
             Call again later.
-        CorruptPartial, FileNotFoundError, ValueError
+        CorruptPartial, ValueError
             A slice cannot be merged, now or later.
         """
         job = self._jobs.get(self.owned.job_id)
@@ -89,7 +83,11 @@ class JobRun:
             if not records:
                 return
             for record in records:
-                self._add(record)
+                film = self._film(record)
+                if film is None:
+                    return
+                self._merge.add(film)
+                self._checkpoints.note(record.blob)
                 if self._spec.evaluates_at(self._merge.spp):
                     self._judgement = self._judge.judge(self._merge)
                     break
@@ -101,23 +99,42 @@ class JobRun:
         point, verdict, spp = self._judgement.point, self._judgement.verdict, self._merge.spp
         self._owners.append_point(self.owned, spp, point)
         if verdict.stop:
-            self._end(JobState.CONVERGED, verdict.reason, verdict.numbers)
+            self._end_with_results(JobState.CONVERGED, verdict.reason, verdict.numbers)
         elif spp == self._spec.max_spp:
-            self._end(JobState.EXHAUSTED, f"reached the cap of {spp} spp; {verdict.reason}")
+            reason = f"reached the cap of {spp} spp; {verdict.reason}"
+            self._end_with_results(JobState.EXHAUSTED, reason)
         else:
-            self._preview()
-            self._save_checkpoint()
+            self._results.preview(self._merge, self._judge)
+            self._checkpoints.save(self._merge, self._judge)
             self._judgement = None
             return True
         self._judgement = None
         return False
 
-    def _add(self, record: SliceRecord) -> None:
-        content = self._blobs.get(record.blob)
-        if hashlib.sha256(content).hexdigest() != record.sha256:
-            raise CorruptPartial(f"{record.blob} is not what its worker uploaded")
-        self._merge.add(decode_partial(content).pixels)
-        self._contained.append(record.blob)
+    def _film(self, record: SliceRecord) -> Pixels | None:
+        with concerning(self.owned.job_id, record.index):
+            return self._checked_film(record)
+
+    def _checked_film(self, record: SliceRecord) -> Pixels | None:
+        """The slice's film; None where its partial is lost or spoiled.
+
+        It is rendered again then, if the job still goes on.
+        """
+        try:
+            content = self._blobs.get(record.blob)
+            if hashlib.sha256(content).hexdigest() != record.sha256:
+                raise CorruptPartial(f"{record.blob} is not what its worker uploaded")
+            return decode_partial(content).pixels
+        except (FileNotFoundError, CorruptPartial) as error:
+            lost = isinstance(error, FileNotFoundError)
+            cause = f"the blob store has no {record.blob}" if lost else str(error)
+            _LOG.warning("%s", cause)
+            if self._owners.reject(self.owned, record, cause) > MAX_TRIES:
+                raise CorruptPartial(
+                    f"slice {record.index} was rendered {MAX_TRIES + 1} times and its partial "
+                    f"never came back whole: {cause}"
+                ) from error
+            return None
 
     def _check_time(self, job: Job) -> None:
         limit_s = self._spec.time_limit_s
@@ -129,55 +146,58 @@ class JobRun:
                 f"reached its time limit of {limit_s:g} s at {self._merge.spp} spp",
             )
 
+    def _end_with_results(
+        self, state: JobState, reason: str, numbers: dict[str, float | None] | None = None
+    ) -> None:
+        """End the job, and conclude it with this image: nothing can come between the two."""
+        results = self._results.write(self._merge, self._judge)
+        self._end(state, reason, numbers, results)
+
     def _end(
-        self, state: JobState, reason: str, verdict: dict[str, float | None] | None = None
+        self,
+        state: JobState,
+        reason: str,
+        verdict: dict[str, float | None] | None = None,
+        results: str = "",
     ) -> None:
         try:
-            self._owners.end(self.owned, state, reason, verdict)
+            self._owners.end(self.owned, state, reason, verdict, results)
         except IllegalTransition as refused:
             _LOG.info("%s", refused)  # it was cancelled, or it failed, a moment ago
-
-    # Checkpoints.
-
-    def _save_checkpoint(self) -> None:
-        """Put the sums and the rules' memory into a blob; then the partials in it may go."""
-        if time.monotonic() < self._checkpoint_at + _CHECKPOINT_S:
-            return
-        numbers, images = self._judge.memory()
-        about = {"slices": self._merge.slices, "rules": numbers}
-        name = f"{blobs.checkpoints(self.owned.job_id)}{self._merge.spp:07d}-{self.owned.token}.npz"
-        arrays = {**self._merge.arrays(), **{f"rule:{key}": image for key, image in images.items()}}
-        self._blobs.put(name, pack_checkpoint(about, arrays))
-        self._owners.save(self.owned, checkpoint=name)
-        if self._checkpoint not in {None, name}:
-            self._blobs.delete(self._checkpoint)
-        if not self._spec.keep_slices:
-            self._blobs.delete(*self._contained)
-        self._contained = []
-        self._checkpoint = name
-        self._checkpoint_at = time.monotonic()
-
-    def _recover(self, checkpoint: str) -> None:
-        about, arrays = unpack_checkpoint(self._blobs.get(checkpoint))
-        self._merge = Merge.from_arrays(self._spec.slice_spp, about["slices"], arrays)
-        images = {
-            name.removeprefix("rule:"): image
-            for name, image in arrays.items()
-            if name.startswith("rule:")
-        }
-        self._judge.recall(about["rules"], images)
 
     # Results.
 
     def _finish(self, job: Job) -> None:
-        """Write the results of the job's prefix and clear everything else."""
-        self._merge_up_to(job)
+        """Write the results of the job's prefix, then clear everything else."""
+        if not self._owners.concluded(job.id):
+            self._conclude(job)
+        self._clear(job)
+        self._owners.finish(self.owned)
+
+    def _conclude(self, job: Job) -> None:
+        notes = job.notes
+        if not self._merge_up_to(job):
+            lost = f"the image has {self._merge.spp} spp: a slice was lost after the job had ended"
+            notes = (*notes, lost)
         if self._merge.slices:
-            self._write_pictures()
+            results, spp = self._results.write(self._merge, self._judge), self._merge.spp
+        else:  # what was last shown of it, if anything
+            results, spp = self._jobs.results(job.id), job.spp
+        self._owners.conclude(self.owned, spp=spp, results=results, notes=notes)
+
+    def _clear(self, job: Job) -> None:
+        """Remove every blob of the job but its results and the slices that it keeps."""
         kept = self._slices_to_keep(job)
-        partials = set(self._blobs.names(blobs.partials(job.id)))
-        self._blobs.delete(*(partials - kept), *self._blobs.names(blobs.checkpoints(job.id)))
-        self._owners.finish(self.owned, spp=self._merge.spp)
+        results = self._jobs.results(job.id)
+        self._blobs.delete(
+            *(name for name in self._blobs.names(blobs.partials(job.id)) if name not in kept),
+            *self._blobs.names(blobs.checkpoints(job.id)),
+            *(
+                name
+                for name in self._blobs.names(blobs.results(job.id))
+                if not name.startswith(f"{results}/")
+            ),
+        )
 
     def _slices_to_keep(self, job: Job) -> set[str]:
         """The partials of every slice in the ledger, where the job keeps its slices."""
@@ -185,11 +205,11 @@ class JobRun:
             return set()
         return {record["blob"] for record in self._jobs.ledger(job.id).values()}
 
-    def _merge_up_to(self, job: Job) -> None:
+    def _merge_up_to(self, job: Job) -> bool:
         """Merge what belongs to the final image but was not merged before the job ended.
 
         A converged job's image is the one that was judged, and a failed one's is what there is;
-        any other takes every sample that was rendered.
+        any other takes every sample that was rendered. Returns False where a partial was lost.
         """
         last = {
             JobState.CONVERGED: job.spp // self._spec.slice_spp,
@@ -199,27 +219,12 @@ class JobRun:
             stop = min(self._merge.slices + _BATCH, last)
             records = self._owners.committed(job.id, range(self._merge.slices, stop))
             if not records:
-                return
+                return True
             for record in records:
-                self._add(record)
+                film = self._film(record)
+                if film is None:
+                    return False
+                self._merge.add(film)
                 if self._spec.evaluates_at(self._merge.spp) and self._merge.spp <= job.spp:
                     self._judge.judge(self._merge)  # what the curve has already
-
-    def _preview(self) -> None:
-        if time.monotonic() >= self._preview_at + _PREVIEW_S:
-            self._write_pictures()
-            self._preview_at = time.monotonic()
-
-    def _write_pictures(self) -> None:
-        image, exposure_ev = self._merge.image(), self._spec.view.exposure_ev
-        pictures = {
-            "image.exr": encode_image(
-                image, {"plateau:job": self.owned.job_id, "plateau:spp": self._merge.spp}
-            ),
-            "image.png": encode_png(encode_srgb(image, exposure_ev)),
-        }
-        visible = self._judge.visible_map(self._merge)
-        if visible is not None:
-            pictures["difference.png"] = encode_png(difference_picture(image, visible, exposure_ev))
-        for name, content in pictures.items():
-            self._blobs.put(blobs.result(self.owned.job_id, name), content)
+        return True

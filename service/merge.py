@@ -1,7 +1,5 @@
 """The merged image of a job: partials added up, and what a restart needs to go on."""
 
-import io
-import json
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -88,18 +86,3 @@ def _normalised(film: NDArray[np.float64]) -> Pixels:
     return np.divide(
         film[..., :3], weights, out=np.zeros_like(film[..., :3]), where=weights != 0
     ).astype(np.float32)
-
-
-def pack_checkpoint(about: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> bytes:
-    """Numbers and arrays as the bytes of one ``.npz`` file."""
-    stream = io.BytesIO()
-    np.savez(stream, allow_pickle=False, about=np.array(json.dumps(about)), **arrays)
-    return stream.getvalue()
-
-
-def unpack_checkpoint(content: bytes) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-    """What `pack_checkpoint` was given."""
-    with np.load(io.BytesIO(content), allow_pickle=False) as file:
-        arrays = {name: file[name] for name in file.files}
-    about: dict[str, Any] = json.loads(str(arrays.pop("about")))
-    return about, arrays

@@ -5,14 +5,17 @@ from a thread of its own, so that a long evaluation does not cost it a job.
 """
 
 import logging
-import random
+import os
+import secrets
+import socket
 import threading
 import time
 from typing import Final
 
-from farm import keys
+from farm import keys, log
+from farm.backoff import Backoff
 from farm.blobs import Blobs
-from farm.errors import FenceLost, IllegalTransition, StoreUnavailable
+from farm.errors import BlobsUnavailable, FenceLost, IllegalTransition, StoreUnavailable
 from farm.jobs import Jobs
 from farm.ownership import Ownership, Ownerships
 from farm.redis_link import connect
@@ -21,11 +24,24 @@ from farm.states import JobState
 from farm.wake import Wake
 from service.job_run import JobRun
 from service.judge import warm_up
+from service.sweeper import sweeping
 
 _LOG = logging.getLogger(__name__)
 
 _IDLE_S: Final = 0.5  #: between two looks at the jobs, where no hint came
 _CENSUS_S: Final = 2.0  #: between two counts of the workers
+_RETRY_S: Final = (0.5, 10.0)  #: the first and the longest wait where something is away
+
+
+class _Waiting:
+    """Until when a job is left alone, since something that it needs is away."""
+
+    def __init__(self) -> None:
+        self._backoff = Backoff(*_RETRY_S)
+        self.until = 0.0
+
+    def again(self) -> None:
+        self.until = time.monotonic() + self._backoff.delay_s()
 
 
 class Monitor:
@@ -34,6 +50,7 @@ class Monitor:
     def __init__(self, settings: Settings, store: Blobs) -> None:
         if settings.redis_url is None:
             raise ValueError("a monitor needs redis_url")
+        self.id = f"{socket.gethostname()}-{os.getpid()}-{secrets.token_hex(2)}"
         client = connect(settings.redis_url)
         self._blobs = store
         self._jobs = Jobs(client)
@@ -42,6 +59,7 @@ class Monitor:
         self._lease_s = settings.lease_s
         self._owned: dict[str, Ownership] = {}
         self._runs: dict[str, JobRun] = {}
+        self._waiting: dict[str, _Waiting] = {}  # jobs of ours whose blobs cannot be reached
         self._workers = 0
         self._counted_at = float("-inf")
 
@@ -49,16 +67,20 @@ class Monitor:
         """Run jobs until `stop` is set; then leave them to the next monitor."""
         warm_up()  # a compiler at work would hold up the renewal of ownership
         over = threading.Event()
-        renewer = threading.Thread(target=self._keep_owning, args=(over,), daemon=True)
+        renewer = threading.Thread(
+            target=self._keep_owning, args=(over,), name="renewer", daemon=True
+        )
         renewer.start()
+        backoff = Backoff(*_RETRY_S)
         try:
             while not stop.is_set():
                 try:
                     self._look()
                     self._wake.wait(_IDLE_S)
+                    backoff.reset()
                 except StoreUnavailable as error:
                     _LOG.warning("%s", error)
-                    stop.wait(random.uniform(0.5, 1.5))
+                    stop.wait(backoff.delay_s())
         finally:
             over.set()
             renewer.join()
@@ -72,9 +94,24 @@ class Monitor:
                 self._owned[job_id] = owned
         look_ahead = self._look_ahead()
         for owned in tuple(self._owned.values()):
-            if self._advance(owned, look_ahead):
-                del self._owned[owned.job_id]
-                self._runs.pop(owned.job_id, None)
+            waiting = self._waiting.get(owned.job_id)
+            if waiting is None or time.monotonic() >= waiting.until:
+                with log.concerning(owned.job_id):
+                    self._bring_forward(owned, look_ahead)
+
+    def _bring_forward(self, owned: Ownership, look_ahead: int) -> None:
+        """Advance one job; where its blobs cannot be reached, the others go on."""
+        job_id = owned.job_id
+        try:
+            done = self._advance(owned, look_ahead)
+        except BlobsUnavailable as error:
+            _LOG.warning("the job waits: %s", error)
+            self._waiting.setdefault(job_id, _Waiting()).again()
+            return
+        self._waiting.pop(job_id, None)
+        if done:
+            del self._owned[job_id]
+            self._runs.pop(job_id, None)
 
     def _advance(self, owned: Ownership, look_ahead: int) -> bool:
         """Bring one job forward; returns whether we have done with it."""
@@ -90,7 +127,7 @@ class Monitor:
         except StoreUnavailable:
             raise
         except Exception as error:  # noqa: BLE001  (one job's trouble must not hurt the others)
-            _LOG.exception("job %s cannot go on", owned.job_id)
+            _LOG.exception("the job cannot go on")
             return self._give_up(owned, f"the merge cannot go on: {error}")
 
     def _give_up(self, owned: Ownership, reason: str) -> bool:
@@ -135,4 +172,8 @@ def run(settings: Settings, stop: threading.Event) -> None:
     """Run one monitor against ``settings.redis_url`` and ``settings.blobs`` until `stop` is set."""
     if settings.blobs is None:
         raise ValueError("a monitor needs blobs")
-    Monitor(settings, Blobs(settings.blobs)).run(stop)
+    store = Blobs(settings.blobs)
+    monitor = Monitor(settings, store)
+    log.identify(monitor=monitor.id)
+    with sweeping(settings, store):
+        monitor.run(stop)

@@ -7,9 +7,9 @@ from fastapi import APIRouter, Depends, Path, Query, Response
 from farm.states import JobState
 from service import problems
 from service.parts import Parts, parts
-from service.problems import documented
+from service.problems import Problem, documented
 from service.uploads import Submission, create_job, submission
-from service.views import JobPage, JobView, Slices, SliceView, job_view
+from service.views import JobPage, JobView, Log, SliceLog, Slices, SliceView, job_view
 
 router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
 
@@ -132,3 +132,32 @@ def slices(job_id: JobId, farm: Annotated[Parts, Depends(parts)]) -> Slices:
     """Show the ledger: each committed slice with its seeds, its worker and its time."""
     ledger = farm.jobs.ledger(farm.job(job_id).id)
     return Slices(slices=[SliceView(**record) for record in ledger.values()])
+
+
+@router.get("/{job_id}/log", responses=documented(problems.UNKNOWN_JOB))
+def log(job_id: JobId, farm: Annotated[Parts, Depends(parts)]) -> Log:
+    """Show how each try of a slice ended, and what Mitsuba printed meanwhile.
+
+    By time. Of tries that left more to say than their line in the ledger, the newest 2000 or so.
+    """
+    return Log(entries=farm.jobs.log(farm.job(job_id).id))
+
+
+@router.get(
+    "/{job_id}/slices/{index}/log",
+    responses=documented(problems.UNKNOWN_JOB, problems.UNKNOWN_SLICE, problems.INVALID_REQUEST),
+)
+def one_slice_log(
+    job_id: JobId,
+    index: Annotated[int, Path(ge=0, description="the slice's index")],
+    farm: Annotated[Parts, Depends(parts)],
+) -> SliceLog:
+    """Show the log of one slice, with its line in the ledger."""
+    job = farm.job(job_id)
+    if index >= job.spec.max_slices:
+        raise Problem(
+            problems.UNKNOWN_SLICE,
+            f"job {job.id} has no slice {index}: at its cap it has {job.spec.max_slices}",
+        )
+    record, entries = farm.jobs.log_of(job.id, index)
+    return SliceLog(slice=None if record is None else SliceView(**record), entries=entries)

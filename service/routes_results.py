@@ -1,5 +1,6 @@
 """Routes for what a job has come to: its curve, its events and its images."""
 
+import contextlib
 import csv
 import io
 import json
@@ -11,7 +12,6 @@ from fastapi import APIRouter, Depends, Header, Path, Query, Request, Response
 from fastapi.responses import PlainTextResponse, StreamingResponse
 from starlette.concurrency import run_in_threadpool
 
-from farm import blobs as blob_names
 from farm.job import CurvePoint, Event
 from farm.jobs import BEFORE_ALL_EVENTS
 from service import problems
@@ -109,9 +109,10 @@ async def events(
 ) -> Response:
     """Stream what happens to a job as Server-Sent Events, from its beginning on.
 
-    `state` (from, to, reason), `point` (a point of the curve), `slice` (index, worker) and, once
-    all results are written, `finished`, after which the stream ends. An event's `id` resumes the
-    stream. With `Accept: application/json`, what has happened so far.
+    `state` (from, to, reason), `point` (a point of the curve), `slice` (index, worker), `trouble`
+    (index, worker, cause: a worker died on a slice, or a partial was lost) and, once all results
+    are written, `finished`, after which the stream ends. An event's `id` resumes the stream. With
+    `Accept: application/json`, what has happened so far.
     """
     farm = parts(request)
     start = last_event_id or after
@@ -142,10 +143,13 @@ def frame(event: Event) -> str:
 
 def _image(name: str, job_id: str, farm: Parts) -> Response:
     job = farm.job(job_id)
-    try:
-        return _blob(blob_names.result(job.id, name), f"{job.id}-{name}", IMAGES[name], farm)
-    except FileNotFoundError as error:
-        raise _no_image(job.state.ended, job.id, job.state.value, job.reason) from error
+    results = ""
+    # A set of pictures goes when the next one is shown, perhaps between our two looks.
+    while (shown := farm.jobs.results(job.id)) != results:
+        results = shown
+        with contextlib.suppress(FileNotFoundError):
+            return _blob(f"{results}/{name}", f"{job.id}-{name}", IMAGES[name], farm)
+    raise _no_image(job.state.ended, job.id, job.state.value, job.reason)
 
 
 def _blob(blob: str, file_name: str, media_type: str, farm: Parts) -> Response:

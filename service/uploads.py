@@ -146,8 +146,8 @@ def create_job(asked: Submission, jobs: Jobs, blobs: Blobs, limits: BundleLimits
             summary = _inspected(file, asked.spec, limits)
             size = file.seek(0, os.SEEK_END)
             file.seek(0)
-            if not blobs.exists(blob_names.scene(sha256)):
-                blobs.put(blob_names.scene(sha256), file)
+            jobs.use_scene(sha256)
+            blobs.put_once(blob_names.scene(sha256), file, size)
         name = _clean_name(asked.scene.filename)
         jobs.remember_scene(
             sha256,
@@ -156,7 +156,8 @@ def create_job(asked: Submission, jobs: Jobs, blobs: Blobs, limits: BundleLimits
     else:
         sha256 = asked.scene
         name = _name_of_stored(sha256, jobs)
-        with _fetched(sha256, blobs) as file:
+        jobs.use_scene(sha256)
+        with _fetched(sha256, jobs, blobs) as file:
             _inspected(file, asked.spec, limits)
     digest = hashlib.sha256(f"{sha256} {asked.spec.model_dump_json()}".encode()).hexdigest()
     created = jobs.create(
@@ -185,17 +186,24 @@ def _on_disk(upload: UploadFile) -> Iterator[BinaryIO]:
 
 
 @contextmanager
-def _fetched(sha256: str, blobs: Blobs) -> Iterator[BinaryIO]:
+def _fetched(sha256: str, jobs: Jobs, blobs: Blobs) -> Iterator[BinaryIO]:
     with tempfile.TemporaryFile() as file:
         try:
             for chunk in blobs.chunks(blob_names.scene(sha256)):
                 file.write(chunk)
         except FileNotFoundError as error:
+            jobs.disuse_scene(sha256)
             raise Problem(
                 problems.UNKNOWN_SCENE,
                 f"no scene {sha256} is stored here; send the file itself as the part scene",
             ) from error
         file.seek(0)
+        if _sha256(file) != sha256:
+            raise Problem(
+                problems.UNKNOWN_SCENE,
+                f"the copy of scene {sha256} that is stored here is damaged; remove the blob "
+                f"{blob_names.scene(sha256)} and send the file itself as the part scene",
+            )
         yield file
 
 

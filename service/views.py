@@ -2,7 +2,7 @@
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from farm.job import CurvePoint, Event, Job, Worker
+from farm.job import CurvePoint, Event, Job, LogEntry, Worker
 
 
 class JobView(Job):
@@ -55,6 +55,19 @@ class Slices(BaseModel):
     slices: list[SliceView] = Field(description="the committed slices, by index")
 
 
+class Log(BaseModel):
+    """The log of a job."""
+
+    entries: list[LogEntry] = Field(description="how each try of a slice ended, by time")
+
+
+class SliceLog(BaseModel):
+    """The log of a slice."""
+
+    slice: SliceView | None = Field(description="its line in the ledger; null till it has one")
+    entries: list[LogEntry] = Field(description="how each try of it ended, by time")
+
+
 class Workers(BaseModel):
     """The workers that live."""
 
@@ -101,6 +114,7 @@ def job_view(job: Job) -> JobView:
         "curve": f"{root}/curve",
         "events": f"{root}/events",
         "slices": f"{root}/slices",
+        "log": f"{root}/log",
         "image_png": f"{root}/image.png",
         "image_exr": f"{root}/image.exr",
         "difference_png": f"{root}/difference.png",

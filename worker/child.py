@@ -8,7 +8,7 @@ It speaks JSON lines over the socket that it inherits. Requests::
 
 and answers::
 
-    {"is": "ready"}                        once, when Mitsuba is imported
+    {"is": "ready", "unconfined": …}       once, when Mitsuba is imported; null, or what is missing
     {"is": "loaded", "width": …, "height": …, "notes": […]}
     {"is": "pass"}                         after each pass, so that a hang is noticed
     {"is": "rendered", "render_s": …}      the sum of the passes is in FILE, as .npy
@@ -24,7 +24,6 @@ import contextlib
 import json
 import os
 import queue
-import resource
 import socket
 import threading
 import time
@@ -34,6 +33,7 @@ from typing import Any, TextIO
 
 import numpy as np
 
+from worker.confinement import limit_resources, refuse_processes_and_network
 from worker.errors import SceneError
 
 
@@ -67,9 +67,12 @@ def main() -> None:
     parser.add_argument("--socket", type=int, required=True)
     parser.add_argument("--variant", required=True)
     parser.add_argument("--threads", type=int, required=True)
-    parser.add_argument("--memory-bytes", type=int, default=0)
+    parser.add_argument("--memory-bytes", type=int, required=True)
+    parser.add_argument("--open-files", type=int, required=True)
+    parser.add_argument("--file-bytes", type=int, required=True)
     arguments = parser.parse_args()
-    _limit(arguments.memory_bytes)
+    limit_resources(arguments.memory_bytes, arguments.open_files, arguments.file_bytes)
+    os.chdir(os.environ["HOME"])  # until there is a scene, whose folder it works in
 
     connection = socket.socket(fileno=arguments.socket)
     requests = Requests(connection.makefile("r", encoding="utf-8"))
@@ -83,7 +86,7 @@ def main() -> None:
     from worker.renderer import Renderer
 
     renderer = Renderer(arguments.variant, arguments.threads)
-    answer("ready")
+    answer("ready", unconfined=_confine(arguments.variant))
     for request in requests:
         try:
             if request["do"] == "load":
@@ -120,11 +123,11 @@ def _render(
     return time.monotonic() - started
 
 
-def _limit(memory_bytes: int) -> None:
-    """Bound what a scene can make this process take."""
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    if memory_bytes:
-        resource.setrlimit(resource.RLIMIT_AS, (memory_bytes, memory_bytes))
+def _confine(variant: str) -> str | None:
+    """Refuse what rendering has no use for; return why not, if not."""
+    if variant.startswith("cuda"):
+        return "CUDA's driver was never tried under the filter"
+    return refuse_processes_and_network()
 
 
 if __name__ == "__main__":

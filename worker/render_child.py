@@ -1,8 +1,11 @@
 """The supervisor's side of a render child: start it, ask it, and see it die."""
 
 import contextlib
+import fcntl
 import json
+import logging
 import os
+import re
 import selectors
 import signal
 import socket
@@ -18,9 +21,12 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from farm.bundle import BundleLimits
 from farm.processes import die_with_parent
 from farm.seeds import Pass
 from worker.errors import SceneError
+
+_LOG = logging.getLogger(__name__)
 
 #: Only these reach the child: no credentials, nothing of Redis or the blob store.
 _PASSED_ON: Final = ("PATH", "LANG", "LC_ALL", "PYTHONPATH", "VIRTUAL_ENV", "LD_LIBRARY_PATH")
@@ -30,7 +36,11 @@ CANCEL_GRACE_S: Final = 2.0
 
 _START_TIMEOUT_S: Final = 120.0
 _POLL_S: Final = 0.05
-_LAST_WORDS_BYTES: Final = 1000
+_WORDS_BYTES: Final = 4096  #: of what a child prints while it has one slice
+_LAST_WORDS: Final = 1000
+_COLOURS: Final = re.compile(r"\x1b\[[0-9;]*m")
+#: The file of a slice's film: R, G, B and W in float32, and the header of .npy.
+_LARGEST_FILM_BYTES: Final = BundleLimits().max_pixels * 4 * 4 + 4096
 
 
 class ChildDied(Exception):
@@ -49,6 +59,8 @@ class ChildLimits:
     memory_bytes: int  #: 0 for no limit
     load_timeout_s: float
     pass_timeout_s: float
+    open_files: int = 1024
+    file_bytes: int = _LARGEST_FILM_BYTES  #: of any file that it writes
 
 
 @dataclass(frozen=True)
@@ -76,10 +88,13 @@ class RenderChild:
         self._request_id = 0
         self._cancelled_at: float | None = None
         self._lock = threading.Lock()
-        self._words = tempfile.TemporaryFile()  # noqa: SIM115  (read when the child is dead)
+        self._words = tempfile.TemporaryFile()  # noqa: SIM115  (closed when the child is dead)
+        # So that the child goes on at the end, wherever that is when its words have been taken.
+        fcntl.fcntl(self._words, fcntl.F_SETFL, os.O_APPEND)
+        self._left_words = ""  # of a child that is dead
         home.mkdir(parents=True, exist_ok=True)
         environment = {name: os.environ[name] for name in _PASSED_ON if name in os.environ}
-        environment["HOME"] = str(home)  # Dr.Jit keeps compiled kernels there
+        environment["HOME"] = str(home.absolute())  # Dr.Jit keeps compiled kernels there
         if llvm_library is not None:
             environment["DRJIT_LIBLLVM_PATH"] = llvm_library
         ours, theirs = socket.socketpair()
@@ -93,6 +108,8 @@ class RenderChild:
                     f"--variant={variant}",
                     f"--threads={limits.threads}",
                     f"--memory-bytes={limits.memory_bytes}",
+                    f"--open-files={limits.open_files}",
+                    f"--file-bytes={limits.file_bytes}",
                 ],
                 env=environment,
                 pass_fds=[theirs.fileno()],
@@ -106,7 +123,9 @@ class RenderChild:
         self._readable = selectors.DefaultSelector()
         self._readable.register(ours, selectors.EVENT_READ)
         self._received = b""
-        self._expect(_START_TIMEOUT_S, "starting")
+        unconfined = self._expect(_START_TIMEOUT_S, "starting")["unconfined"]
+        if unconfined is not None:
+            _LOG.warning("the render child may start processes and open sockets: %s", unconfined)
 
     @property
     def pid(self) -> int:
@@ -118,7 +137,7 @@ class RenderChild:
         self._ask(
             {
                 "do": "load",
-                "folder": str(folder),
+                "folder": str(folder.absolute()),  # it works in another
                 "entry": entry,
                 "parameters": parameters,
                 "sensor": sensor,
@@ -129,7 +148,7 @@ class RenderChild:
 
     def render(self, passes: tuple[Pass, ...], folder: Path) -> tuple[NDArray[np.float32], float]:
         """The summed film of these passes, (height, width, 4) float32, and the seconds it took."""
-        file = folder / "film.npy"
+        file = folder.absolute() / "film.npy"
         self._ask(
             {"do": "render", "passes": [[one.spp, one.seed] for one in passes], "into": str(file)}
         )
@@ -140,6 +159,15 @@ class RenderChild:
         film: NDArray[np.float32] = np.load(file, allow_pickle=False)
         file.unlink()
         return film, answer["render_s"]
+
+    def take_words(self) -> str:
+        """What the child has printed since the last call: its end, 4 KB at most, uncoloured."""
+        if self._words.closed:
+            words, self._left_words = self._left_words, ""
+            return words
+        words = self._read_words()
+        os.ftruncate(self._words.fileno(), 0)
+        return words
 
     def cancel(self) -> None:
         """Cancel the request under way: at the end of its pass, or by force soon after."""
@@ -160,7 +188,9 @@ class RenderChild:
         self._process.wait()
         self._readable.close()
         self._socket.close()
-        self._words.close()
+        if not self._words.closed:
+            self._left_words = self._read_words()
+            self._words.close()
 
     def _ask(self, request: dict[str, Any]) -> None:
         with self._lock:
@@ -207,10 +237,15 @@ class RenderChild:
         self._received += chunk
 
     def _last_words(self) -> str:
-        self._words.seek(0, os.SEEK_END)
-        self._words.seek(max(0, self._words.tell() - _LAST_WORDS_BYTES))
-        words = self._words.read().decode(errors="replace").strip()
+        words = self._read_words()[-_LAST_WORDS:]
         return f": {words}" if words else ""
+
+    def _read_words(self) -> str:
+        # By position: the place in the file is the child's as well.
+        file = self._words.fileno()
+        start = max(0, os.fstat(file).st_size - _WORDS_BYTES)
+        words = os.pread(file, _WORDS_BYTES, start).decode(errors="replace")
+        return _COLOURS.sub("", words).strip()
 
 
 def _how(status: int) -> str:

@@ -53,7 +53,7 @@ class Renderer:
 
     def __init__(self, variant: str, threads: int) -> None:
         mi.set_variant(variant)
-        mi.set_log_level(mi.LogLevel.Error)
+        mi.set_log_level(mi.LogLevel.Warn)  # of good scenes it says nothing
         dr.set_thread_count(threads)
         self._variant = variant
         self._threads = threads

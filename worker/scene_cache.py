@@ -1,17 +1,25 @@
 """Scenes from the blob store, unpacked once on this machine."""
 
+import hashlib
 import os
 import shutil
 import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Final
 
 from farm import blobs
 from farm.blobs import Blobs
 from farm.bundle import unpack_bundle
+from farm.durable import sync_tree
+from farm.errors import CorruptBlob, StoreUnavailable
 
 #: So many scenes stay unpacked; the one unused for longest goes first.
 _KEPT: Final = 16
+_ABANDONED_S: Final = 86_400.0  #: no scene takes so long to fetch and unpack
+_CHUNK_BYTES: Final = 1 << 20
 
 
 class SceneCache:
@@ -28,40 +36,89 @@ class SceneCache:
         ------
         FileNotFoundError
             The blob store does not have the scene.
+        CorruptBlob
+            What the blob store has, or what arrived of it, is not the scene of this SHA-256.
         BundleError
             It is not a scene that may be unpacked.
         StoreUnavailable
-            The blob store failed.
+            The blob store failed, or this machine's disk: it may be full.
         """
         home = self._folder / sha256
         if not (home / "entry").exists():
             self._unpack(sha256, home)
-        os.utime(home)
-        self._forget_oldest()
-        return home / "files", (home / "entry").read_text()
+        with _disk_errors(self._folder):
+            os.utime(home)
+            self._forget_oldest()
+            return home / "files", (home / "entry").read_text()
 
     def _unpack(self, sha256: str, home: Path) -> None:
-        self._folder.mkdir(parents=True, exist_ok=True)
-        # Made apart and moved into place, so that nobody sees half a scene.
-        making = Path(tempfile.mkdtemp(prefix=".making-", dir=self._folder))
+        with _disk_errors(self._folder):
+            self._folder.mkdir(parents=True, exist_ok=True)
+            # Made apart and moved into place, so that nobody sees half a scene.
+            making = Path(tempfile.mkdtemp(prefix=".making-", dir=self._folder))
         try:
             bundle = making / "bundle"
-            with bundle.open("wb") as file:
-                for chunk in self._blobs.chunks(blobs.scene(sha256)):
-                    file.write(chunk)
-            (making / "files").mkdir()
-            entry = unpack_bundle(bundle, making / "files")
-            bundle.unlink()
-            (making / "entry").write_text(entry)
-            try:
-                making.rename(home)
-            except OSError:
-                if not (home / "entry").exists():  # not merely another worker that was quicker
-                    raise
+            self._fetch(sha256, bundle)
+            with _disk_errors(self._folder):
+                (making / "files").mkdir()
+                entry = unpack_bundle(bundle, making / "files")
+                bundle.unlink()
+                (making / "entry").write_text(entry)
+                sync_tree(making)  # or a power loss might leave a scene of empty files in place
+                _move(making, home)
         finally:
             shutil.rmtree(making, ignore_errors=True)
 
+    def _fetch(self, sha256: str, path: Path) -> None:
+        """Write the scene's blob to a file, and read that back to see that it is what was asked."""
+        chunks = self._blobs.chunks(blobs.scene(sha256))
+        first = next(chunks, b"")  # here it shows whether there is such a blob
+        with _disk_errors(self._folder):
+            with path.open("wb") as file:
+                file.write(first)
+                file.writelines(chunks)
+            found = _sha256(path)
+        if found != sha256:
+            raise CorruptBlob(
+                f"the scene {sha256} is damaged: what was fetched has the SHA-256 {found}; where "
+                f"that happens again, remove the blob {blobs.scene(sha256)} and submit the scene "
+                "once more"
+            )
+
     def _forget_oldest(self) -> None:
-        homes = [home for home in self._folder.iterdir() if not home.name.startswith(".")]
-        for home in sorted(homes, key=lambda home: home.stat().st_mtime)[:-_KEPT]:
+        """Remove what has not been used for longest, and what a killed worker was making."""
+        homes: list[tuple[float, Path]] = []
+        for home in self._folder.iterdir():
+            with suppress(FileNotFoundError):  # another worker has forgotten it
+                homes.append((home.stat().st_mtime, home))
+        made = sorted(one for one in homes if not one[1].name.startswith("."))
+        abandoned = [one for one in homes if one[0] < time.time() - _ABANDONED_S]
+        for _, home in made[:-_KEPT] + [one for one in abandoned if one not in made]:
             shutil.rmtree(home, ignore_errors=True)
+
+
+def _sha256(path: Path) -> str:
+    digest = hashlib.sha256()
+    with path.open("rb") as file:
+        while chunk := file.read(_CHUNK_BYTES):
+            digest.update(chunk)
+    return digest.hexdigest()
+
+
+def _move(making: Path, home: Path) -> None:
+    try:
+        making.rename(home)
+    except OSError:
+        if not (home / "entry").exists():  # not merely another worker that was quicker
+            raise
+
+
+@contextmanager
+def _disk_errors(folder: Path) -> Iterator[None]:
+    """Raise `StoreUnavailable` where this machine's disk fails: another try may go better."""
+    try:
+        yield
+    except OSError as error:
+        raise StoreUnavailable(
+            f"the scene cannot be unpacked in {folder}: {error.strerror or error}"
+        ) from error

@@ -1,11 +1,11 @@
 """The worker's supervisor: lease a slice, have the child render it, hand it to the uploader.
 
-It never imports Mitsuba. A child that crashes, hangs or is killed costs one try of one slice.
+It never imports Mitsuba. A child that crashes, hangs or is killed costs one try of one slice, and
+only where this worker can render other things: one that cannot gives its slice back and sits out.
 """
 
 import logging
 import os
-import random
 import secrets
 import socket
 import tempfile
@@ -15,19 +15,21 @@ from datetime import datetime, timezone
 from pathlib import Path
 from typing import Final
 
-import psutil
-
-from farm import keys
+from farm import keys, log
+from farm.backoff import Backoff
 from farm.blobs import Blobs
 from farm.bundle import BundleError
-from farm.errors import StoreUnavailable
+from farm.errors import CorruptBlob, StoreUnavailable
 from farm.queue import Lease, SliceQueue
 from farm.redis_link import connect
-from farm.seeds import SeedSchedule, SeedsExhausted
+from farm.seeds import SeedsExhausted
 from farm.settings import Settings
 from farm.wake import Wake
 from worker.errors import SceneError
-from worker.render_child import Cancelled, ChildDied, ChildLimits, Loaded, RenderChild
+from worker.health import Health
+from worker.host import RenderHost
+from worker.render_child import Cancelled, ChildDied
+from worker.reports import Reports, Tried
 from worker.scene_cache import SceneCache
 from worker.uploader import Rendered, Uploader
 from worker.variants import VariantChoice, choose
@@ -37,13 +39,17 @@ _LOG = logging.getLogger(__name__)
 _IDLE_S: Final = 0.5  #: between two looks for work, where no hint came
 _TURN_S: Final = 20.0  #: a worker keeps to its loaded scene for so long, then looks who waits
 _DRAIN_S: Final = 5.0  #: a stopping worker tries to commit what it has for so long
-_CHILD_MEMORY_SHARE: Final = 0.8  #: of the machine's memory, where no limit is set
+_STOPS: Final = "the worker stops"
+_RETRY_S: Final = (0.5, 10.0)  #: the first and the longest wait where something is away
+_SIT_OUT_S: Final = (10.0, 300.0)  #: and before a worker that cannot render tests itself again
 
 
 class Supervisor:
     """One worker."""
 
-    def __init__(self, settings: Settings, choice: VariantChoice, store: Blobs) -> None:
+    def __init__(
+        self, settings: Settings, choice: VariantChoice, store: Blobs, stop: threading.Event
+    ) -> None:
         if settings.redis_url is None:
             raise ValueError("a worker needs redis_url")
         self.id = f"{socket.gethostname()}-{os.getpid()}-{secrets.token_hex(2)}"
@@ -51,152 +57,143 @@ class Supervisor:
         self._choice = choice
         self._client = connect(settings.redis_url)
         self._queue = SliceQueue(self._client, self.id, settings.lease_s)
-        self._cache = SceneCache(store, settings.cache / "scenes")
-        self._uploader = Uploader(store, self._queue, self.id)
         self._threads = settings.threads or len(os.sched_getaffinity(0))
-        self._child: RenderChild | None = None
-        self._loaded: tuple[tuple[object, ...], Loaded] | None = None
+        scenes = SceneCache(store, settings.cache / "scenes")
+        self._host = RenderHost(settings, self._threads, choice.llvm_library, scenes)
+        self._uploader = Uploader(store, self._queue, self.id)
+        self._health = Health(settings.cache, choice.llvm_library)
+        self._reports = Reports(self._queue, stop)
+        self._stop = stop
         self._rendering: Lease | None = None
         self._turn: tuple[str, float] = ("", 0.0)  # the job rendered last, and since when
         self._started_at = datetime.now(timezone.utc)
         self._slices_done = 0
         self._samples_per_s: float | None = None
         self._last_error: str | None = None
+        self._trouble: str | None = None  # why it takes no work
 
     # Three threads: this one renders; one renews the leases; one listens for jobs that end.
 
-    def run(self, stop: threading.Event) -> None:
-        """Work until `stop` is set; then give back the slice in hand and commit what is done."""
+    def run(self) -> None:
+        """Work until told to stop; then give back the slice in hand and commit what is done."""
         over = threading.Event()
         watchers = [
-            threading.Thread(target=self._keep_alive, args=(over,), daemon=True),
-            threading.Thread(target=self._listen, args=(over,), daemon=True),
-            threading.Thread(target=self._cancel_when, args=(stop, over), daemon=True),
+            threading.Thread(target=watch, args=(over,), name=name, daemon=True)
+            for name, watch in (
+                ("heartbeat", self._keep_alive),
+                ("listener", self._listen),
+                ("stopper", self._cancel_on_stop),
+            )
         ]
         for watcher in watchers:
             watcher.start()
         try:
             with tempfile.TemporaryDirectory(prefix="plateau-worker-") as folder:
-                self._work(stop, Path(folder))
+                self._work(Path(folder))
         finally:
-            if self._child is not None:
-                self._child.kill()
+            self._host.close()
             self._uploader.close(_DRAIN_S)
             over.set()
             for watcher in watchers:
                 watcher.join()
             self._sign_off()
 
-    def _work(self, stop: threading.Event, folder: Path) -> None:
-        assert self._settings.redis_url is not None
+    def _work(self, folder: Path) -> None:
         work_there_is = Wake(self._client, keys.WAKE_WORKERS)
-        delay_s = _IDLE_S
-        while not stop.is_set():
+        backoff = Backoff(*_RETRY_S)
+        while not self._stop.is_set():
             try:
                 lease = self._next_lease()
                 if lease is None:
                     work_there_is.wait(_IDLE_S)
-                else:
-                    self._serve(lease, folder)
-                delay_s = _IDLE_S
-            except StoreUnavailable as error:
-                _LOG.warning("%s", error)
-                stop.wait(delay_s * random.uniform(0.5, 1.5))
-                delay_s = min(2 * delay_s, 10.0)
+            except (StoreUnavailable, OSError) as error:
+                self._note(str(error))
+                self._stop.wait(backoff.delay_s())
+                continue
+            if lease is not None:
+                with log.concerning(lease.job_id, lease.index):
+                    if not self._serve(lease, folder):
+                        self._stop.wait(backoff.delay_s())
+                        continue
+            backoff.reset()
 
     def _next_lease(self) -> Lease | None:
         job, since = self._turn
         in_turn = time.monotonic() < since + _TURN_S
         return self._queue.lease(self._choice.variants, job, in_turn=in_turn)
 
-    def _serve(self, lease: Lease, folder: Path) -> None:
-        """Render one slice, whatever comes of it."""
+    def _serve(self, lease: Lease, folder: Path) -> bool:
+        """Render one slice, whatever comes of it; returns whether what that needs was there."""
         if lease.job_id != self._turn[0]:
             self._turn = (lease.job_id, time.monotonic())
         started = time.monotonic()
         self._rendering = lease
         try:
-            self._render(lease, folder)
-        except (SceneError, BundleError, SeedsExhausted) as error:
-            self._note(lease, f"the scene cannot be rendered: {error}")
-            self._queue.fail(lease, str(error))
-        except FileNotFoundError:
-            self._note(lease, "the scene is not in the blob store")
-            self._queue.fail(lease, f"the blob store has no scene {lease.scene_sha256}")
+            if not self._uploader.submit(self._render(lease, folder), self._stop):
+                self._reports.hand_back(lease, _STOPS, self._tried(started))
         except Cancelled:
-            self._queue.hand_back(lease, time.monotonic() - started)
-        except ChildDied as error:
-            self._note(lease, str(error))
-            self._queue.died(lease, str(error), time.monotonic() - started)
+            why = _STOPS if self._stop.is_set() else "it was cancelled"
+            self._reports.hand_back(lease, why, self._tried(started))
+        except (SceneError, BundleError, SeedsExhausted) as error:
+            tried = self._tried(started)
+            if self._is_fit(lease, f"the scene cannot be rendered: {error}", tried):
+                self._reports.fail(lease, str(error), tried)
+        except FileNotFoundError:
+            tried = self._tried(started)
+            absent = f"the blob store has no scene {lease.scene_sha256}"
+            if self._is_fit(lease, absent, tried):
+                self._reports.fail(lease, absent, tried)
+        except (ChildDied, CorruptBlob) as error:
+            tried = self._tried(started)
+            if self._is_fit(lease, str(error), tried):
+                self._reports.died(lease, str(error), tried)
+        except (StoreUnavailable, OSError) as error:  # the latter: this machine's disk is full
+            self._note(str(error))
+            self._reports.hand_back(lease, str(error), self._tried(started))
+            return False
         finally:
             self._rendering = None
+        return True
 
-    def _render(self, lease: Lease, folder: Path) -> None:
-        spec = lease.spec
-        child = self._child_for(lease.variant)
-        scene = self._load(child, lease)
-        schedule = SeedSchedule(
-            variant=lease.variant,
-            width=scene.width,
-            height=scene.height,
-            slice_spp=spec.slice_spp,
-            max_spp=spec.max_spp,
-            job_seed=spec.seed,
-        )
-        first_seed, last_seed = schedule.seed_range(lease.index)
-        film, render_s = child.render(schedule.passes(lease.index), folder)
-        self._uploader.submit(
-            Rendered(
-                lease=lease,
-                scene=scene,
-                film=film,
-                first_seed=first_seed,
-                last_seed=last_seed,
-                render_s=render_s,
-            )
-        )
+    def _tried(self, started: float) -> Tried:
+        return Tried(time.monotonic() - started, self._host.take_words())
+
+    def _render(self, lease: Lease, folder: Path) -> Rendered:
+        rendered = self._host.render(lease, folder)
         self._slices_done += 1
-        self._samples_per_s = scene.width * scene.height * spec.slice_spp / render_s
+        samples = rendered.scene.width * rendered.scene.height * lease.spec.slice_spp
+        self._samples_per_s = samples / rendered.render_s
+        return rendered
 
-    def _child_for(self, variant: str) -> RenderChild:
-        if self._child is not None and self._child.alive and self._child.variant == variant:
-            return self._child
-        if self._child is not None:
-            self._child.kill()
-        self._loaded = None
-        memory_gb = self._settings.child_memory_gb
-        memory = (
-            memory_gb * 1e9 if memory_gb else _CHILD_MEMORY_SHARE * psutil.virtual_memory().total
-        )
-        limits = ChildLimits(
-            threads=self._threads,
-            memory_bytes=0 if variant.startswith("cuda") else int(memory),
-            load_timeout_s=self._settings.load_timeout_s,
-            pass_timeout_s=self._settings.pass_timeout_s,
-        )
-        self._child = RenderChild(
-            variant, self._choice.llvm_library, limits, self._settings.cache / "home"
-        )
-        return self._child
+    def _is_fit(self, lease: Lease, error: str, tried: Tried) -> bool:
+        """Whether this worker can render anything else, so that the scene is to blame."""
+        _LOG.warning("%s", error)
+        self._last_error = f"slice {lease.index} of job {lease.job_id}: {error}"
+        self._trouble = self._health.trouble(lease.variant)
+        if self._trouble is None:
+            return True
+        self._reports.unfit(lease, self._trouble, tried)
+        self._sit_out(lease.variant)
+        return False
 
-    def _load(self, child: RenderChild, lease: Lease) -> Loaded:
-        spec = lease.spec
-        parameters = spec.parameter_strings()
-        wanted = (lease.scene_sha256, tuple(sorted(parameters.items())), spec.sensor)
-        if self._loaded is None or self._loaded[0] != wanted:
-            self._loaded = None
-            files, entry = self._cache.scene(lease.scene_sha256)
-            self._loaded = (wanted, child.load(files, entry, parameters, spec.sensor))
-        return self._loaded[1]
+    def _sit_out(self, variant: str) -> None:
+        """Take no work until this worker can render again."""
+        self._rendering = None
+        backoff = Backoff(*_SIT_OUT_S)
+        while self._trouble is not None and not self._stop.is_set():
+            _LOG.error("out of service: %s", self._trouble)
+            self._stop.wait(backoff.delay_s())
+            self._trouble = self._health.trouble(variant)
+        _LOG.info("back in service")
 
     def _cancel(self, job_ids: set[str]) -> None:
-        lease, child = self._rendering, self._child
-        if lease is not None and child is not None and lease.job_id in job_ids:
-            child.cancel()
+        lease = self._rendering
+        if lease is not None and lease.job_id in job_ids:
+            self._host.cancel()
 
-    def _cancel_when(self, stop: threading.Event, over: threading.Event) -> None:
+    def _cancel_on_stop(self, over: threading.Event) -> None:
         while not over.wait(0.1):
-            if stop.is_set() and self._rendering is not None:
+            if self._stop.is_set() and self._rendering is not None:
                 self._cancel({self._rendering.job_id})
 
     def _listen(self, over: threading.Event) -> None:
@@ -232,12 +229,13 @@ class Supervisor:
             "slices_done": self._slices_done,
             "samples_per_s": self._samples_per_s,
             "last_error": self._last_error,
+            "trouble": self._trouble,
             "started_at": self._started_at.isoformat(),
         }
 
-    def _note(self, lease: Lease, error: str) -> None:
-        self._last_error = f"slice {lease.index} of job {lease.job_id}: {error}"
-        _LOG.warning("%s", self._last_error)
+    def _note(self, error: str) -> None:
+        self._last_error = error
+        _LOG.warning("%s", error)
 
     def _sign_off(self) -> None:
         try:
@@ -251,5 +249,7 @@ def run(settings: Settings, stop: threading.Event) -> None:
     if settings.blobs is None:
         raise ValueError("a worker needs blobs")
     choice = choose(settings.cache)
+    worker = Supervisor(settings, choice, Blobs(settings.blobs), stop)
+    log.identify(worker=worker.id)
     _LOG.info("%s", choice.why)
-    Supervisor(settings, choice, Blobs(settings.blobs)).run(stop)
+    worker.run()

@@ -3,15 +3,16 @@
 import hashlib
 import logging
 import queue
-import random
 import threading
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from farm import blobs
+from farm import blobs, log
+from farm.backoff import Backoff
 from farm.blobs import Blobs
 from farm.errors import StoreUnavailable
 from farm.exr import Partial, encode_partial
@@ -22,8 +23,8 @@ _LOG = logging.getLogger(__name__)
 
 #: Rendered slices that may wait for their upload, so that memory stays bounded.
 _WAITING: Final = 2
-_FIRST_DELAY_S: Final = 0.1
-_LONGEST_DELAY_S: Final = 5.0
+_LOOK_S: Final = 0.2  #: between two looks whether the worker stops
+_RETRY_S: Final = (0.1, 5.0)  #: the first and the longest wait where something is away
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,6 +37,7 @@ class Rendered:
     first_seed: int
     last_seed: int
     render_s: float
+    said: str  #: what the render child printed meanwhile
 
 
 class Uploader:
@@ -55,10 +57,21 @@ class Uploader:
         self._thread = threading.Thread(target=self._run, name="uploader", daemon=True)
         self._thread.start()
 
-    def submit(self, rendered: Rendered) -> None:
-        """Take over a rendered slice; waits where too many are waiting already."""
+    def submit(self, rendered: Rendered, stop: threading.Event) -> bool:
+        """Take over a rendered slice; waits where too many are waiting already.
+
+        Returns False where `stop` is set before there is room.
+        """
         self._held[rendered.lease.entry] = rendered.lease
-        self._waiting.put(rendered)
+        while True:
+            try:
+                self._waiting.put(rendered, timeout=_LOOK_S)
+            except queue.Full:
+                if stop.is_set():
+                    del self._held[rendered.lease.entry]
+                    return False
+            else:
+                return True
 
     @property
     def leases(self) -> tuple[Lease, ...]:
@@ -76,31 +89,26 @@ class Uploader:
 
     def _run(self) -> None:
         while (rendered := self._waiting.get()) is not None:
-            delay_s = _FIRST_DELAY_S
-            while not self._give_up.is_set():
-                try:
-                    self._upload(rendered)
-                    break
-                except StoreUnavailable as error:
-                    _LOG.warning("slice %d waits: %s", rendered.lease.index, error)
-                    self._give_up.wait(delay_s * random.uniform(0.5, 1.5))
-                    delay_s = min(2 * delay_s, _LONGEST_DELAY_S)
+            log.concern(rendered.lease.job_id, rendered.lease.index)
+            self._deliver(rendered)
             del self._held[rendered.lease.entry]
 
-    def _upload(self, rendered: Rendered) -> None:
+    def _deliver(self, rendered: Rendered) -> None:
+        content, backoff = _encoded(rendered), Backoff(*_RETRY_S)
+        while not self._give_up.is_set():
+            try:
+                self._upload(rendered, content)
+            except StoreUnavailable as error:
+                _LOG.warning("the slice waits: %s", error)
+                self._give_up.wait(backoff.delay_s())
+            else:
+                return
+        with suppress(StoreUnavailable):  # then its lease runs out
+            cause = "the worker stopped before it could be uploaded"
+            self._queue.hand_back(rendered.lease, rendered.render_s, cause=cause)
+
+    def _upload(self, rendered: Rendered, content: bytes) -> None:
         lease, spec = rendered.lease, rendered.lease.spec
-        content = encode_partial(
-            Partial(
-                job_id=lease.job_id,
-                index=lease.index,
-                first_seed=rendered.first_seed,
-                last_seed=rendered.last_seed,
-                spp=spec.slice_spp,
-                variant=lease.variant,
-                scene_sha256=lease.scene_sha256,
-                pixels=rendered.film,
-            )
-        )
         name = blobs.partial(lease.job_id, lease.index, f"{self._worker}-{lease.tries}")
         self._blobs.put(name, content)
         record = SliceRecord(
@@ -119,11 +127,32 @@ class Uploader:
             width=rendered.scene.width,
             height=rendered.scene.height,
             notes=rendered.scene.notes,
+            said=rendered.said,
         )
         if answer is Committed.OVERLAP:
             self._queue.fail(
-                lease, f"slice {lease.index} would repeat samples of another: its seeds overlap"
+                lease,
+                f"slice {lease.index} would repeat samples of another: its seeds overlap",
+                rendered.render_s,
+                rendered.said,
             )
-        if answer not in {Committed.COMMITTED, Committed.DUPLICATE}:
-            _LOG.info("slice %d of job %s: %s", lease.index, lease.job_id, answer.value)
+        if answer is not Committed.COMMITTED:
+            _LOG.info("the slice does not count: %s", answer.value)
             self._blobs.delete(name)
+
+
+def _encoded(rendered: Rendered) -> bytes:
+    """The slice's partial as an EXR file."""
+    lease = rendered.lease
+    return encode_partial(
+        Partial(
+            job_id=lease.job_id,
+            index=lease.index,
+            first_seed=rendered.first_seed,
+            last_seed=rendered.last_seed,
+            spp=lease.spec.slice_spp,
+            variant=lease.variant,
+            scene_sha256=lease.scene_sha256,
+            pixels=rendered.film,
+        )
+    )

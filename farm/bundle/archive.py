@@ -23,6 +23,7 @@ _MAX_COMPONENT_BYTES = 255
 _DIRECTORY_BYTES_PER_ENTRY = 512
 #: Unicode's categories of what cannot be seen: controls, formats, surrogates, separators.
 _CONTROL_CHARACTERS = ("Cc", "Cf", "Cs", "Zl", "Zp")
+_MAX_SAID = 200
 _ENCRYPTED = 0x1 | 0x40 | 0x2000
 _UTF8_NAME = 0x800
 _METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
@@ -65,15 +66,14 @@ class Archive:
         except BundleError:
             raise
         except _BAD_HEADER as error:
-            raise BundleError("zip-malformed", f"the archive cannot be read: {error}") from error
+            raise BundleError(
+                "zip-malformed", f"the archive cannot be read: {_said(error)}"
+            ) from error
         infos = self._zip.infolist()
         if not infos:
             raise BundleError("empty", "the archive holds no files; add the scene's XML")
         if len(infos) > limits.max_entries:
-            raise BundleError(
-                "too-many-entries",
-                f"the archive has {len(infos)} entries; {limits.max_entries} are allowed",
-            )
+            raise _too_many(len(infos), limits)
         #: files with their unpacked size in bytes, as the archive declares it
         self.files: dict[Parts, int] = {}
         self._infos: dict[Parts, zipfile.ZipInfo] = {}
@@ -82,12 +82,19 @@ class Archive:
         for info in infos:
             self._admit(info)
         self._refuse_files_as_folders()
+        # Folders without entries of their own are made all the same.
+        if len(self.files) + len(self.folders) - 1 > limits.max_entries:
+            raise _too_many(len(self.files) + len(self.folders) - 1, limits)
         unpacked_bytes = sum(self.files.values())
-        if unpacked_bytes > limits.max_unpacked_bytes:
+        most_bytes = min(
+            limits.max_unpacked_bytes,
+            max(limits.total_ratio_floor_bytes, int(limits.max_ratio * size)),
+        )
+        if unpacked_bytes > most_bytes:
             raise BundleError(
                 "zip-bomb",
-                f"the archive unpacks to {unpacked_bytes} bytes; "
-                f"{limits.max_unpacked_bytes} are allowed",
+                f"the archive unpacks from {size} to {unpacked_bytes} bytes; "
+                f"{most_bytes} are allowed",
             )
         if sum(info.compress_size for info in infos) > size:
             raise BundleError("zip-bomb", "the archive's entries overlap; pack it again")
@@ -151,13 +158,30 @@ class Archive:
                 raise BundleError("duplicate-entry", "it is a file and a folder", file=name)
 
 
+def _too_many(entries: int, limits: BundleLimits) -> BundleError:
+    return BundleError(
+        "too-many-entries",
+        f"the archive has {entries} entries, folders included; {limits.max_entries} are allowed",
+    )
+
+
 def _damaged(name: str, error: Exception) -> BundleError:
-    return BundleError("zip-malformed", f"it cannot be unpacked: {error}", file=name)
+    return BundleError("zip-malformed", f"it cannot be unpacked: {_said(error)}", file=name)
+
+
+def _said(error: Exception) -> str:
+    """Return an error's words, in which names of the archive can take up pages."""
+    words = str(error)
+    return words if len(words) <= _MAX_SAID else f"{words[:_MAX_SAID]}…"
 
 
 def _folded(path: Parts) -> str:
-    """Return what a path is to a file system that ignores case and composes accents."""
-    return unicodedata.normalize("NFC", "/".join(path).casefold())
+    """Return what a path is to a file system that ignores case and how accents are composed.
+
+    Unicode's canonical caseless matching (The Unicode Standard, definition D145).
+    """
+    decomposed = unicodedata.normalize("NFD", "/".join(path))
+    return unicodedata.normalize("NFD", decomposed.casefold())
 
 
 class _BoundedReads:
@@ -190,8 +214,9 @@ def _decoded_name(info: zipfile.ZipInfo) -> str:
     try:
         return info.orig_filename.encode("cp437").decode("utf-8")
     except UnicodeError:
+        name = ascii(info.orig_filename[:100])
         raise BundleError(
-            "entry-name", "its name is not UTF-8; rename it, or pack again", file=info.filename
+            "entry-name", f"the name of the entry {name} is not UTF-8; rename it, or pack again"
         ) from None
 
 

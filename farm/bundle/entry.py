@@ -4,9 +4,9 @@ from dataclasses import dataclass, field
 
 from farm.bundle.archive import Archive
 from farm.bundle.parameters import Parameters
-from farm.bundle.rules import BundleError, BundleLimits
+from farm.bundle.rules import BundleError, BundleLimits, brief
 from farm.bundle.tree import EscapeError, Parts, find, put_first
-from farm.bundle.xml import XmlBudget, read_elements
+from farm.bundle.xml import BudgetSpent, XmlBudget, read_elements
 
 #: The name that settles it.
 SCENE_XML = "scene.xml"
@@ -48,7 +48,7 @@ def find_entry(archive: Archive, limits: BundleLimits) -> Parts:
     shallowest = min(len(path) for path in candidates)
     candidates = [path for path in candidates if len(path) == shallowest]
     if len(candidates) > 1:
-        shown = ", ".join(archive.label(path) for path in candidates[:5])
+        shown = ", ".join(brief(archive.label(path)) for path in candidates[:5])
         raise BundleError(
             "ambiguous-scene",
             f"{len(candidates)} files could be the scene ({shown}); "
@@ -70,7 +70,7 @@ def _skim(archive: Archive, document: Parts, budget: XmlBudget, limits: BundleLi
     skim = _Skim()
     name = archive.label(document)
     folders = [document[:-1]]
-    parameters = Parameters({}, limits)
+    parameters = Parameters({}, limits, budget)
 
     def start(tag: str, raw: dict[str, str], line: int) -> None:
         skim.root = skim.root or tag
@@ -85,6 +85,8 @@ def _skim(archive: Archive, document: Parts, budget: XmlBudget, limits: BundleLi
             found = find(
                 archive, folders, attributes.get("filename") or attributes.get("value", "")
             )
+        except BudgetSpent:
+            raise
         except (BundleError, EscapeError):
             return  # Reading the scene will complain of it, if the scene reads this file at all.
         budget.spend_lookups(found.lookups + len(folders), name, line)
@@ -96,8 +98,8 @@ def _skim(archive: Archive, document: Parts, budget: XmlBudget, limits: BundleLi
     try:
         with archive.open(document) as stream:
             read_elements(stream, name, budget, start, lambda: None)
-    except BundleError as error:
-        # A broken file beside the scene does no harm, unless reading it costs too much.
-        if error.code == "xml-too-large":
-            raise
+    except BudgetSpent:
+        raise
+    except BundleError:
+        pass  # A broken file beside the scene does no harm, unless reading it costs too much.
     return skim

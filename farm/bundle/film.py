@@ -7,7 +7,7 @@ from farm.bundle.rules import BundleError, BundleLimits, shown
 
 #: Mitsuba's film where a scene gives no size, in pixels.
 _DEFAULT_WIDTH, _DEFAULT_HEIGHT = 768, 576
-_INTEGER = re.compile(r"\s*-?[0-9]+\s*", re.ASCII)
+_INTEGER = re.compile(r"\s*(-?)([0-9]+)\s*", re.ASCII)
 #: Scenes written for Mitsuba 0.6 still work; Mitsuba renames their properties as it reads them.
 _OLD_NAMES = {
     "cropWidth": "crop_width",
@@ -71,9 +71,10 @@ class Film:
         if given is None:
             return default
         # Mitsuba takes a film's size from <integer> alone, and reads that without a plus sign.
-        if given.tag == "integer" and _INTEGER.fullmatch(given.text):
+        number = _INTEGER.fullmatch(given.text)
+        if given.tag == "integer" and number:
             # Twenty digits are past every limit, and int() is slow over a million.
-            value = int(given.text.strip()[:20])
+            value = int(number[1] + (number[2].lstrip("0")[:20] or "0"))
             if value >= least:
                 return value
         raise self._refusal(

@@ -8,7 +8,8 @@ import difflib
 import re
 from collections.abc import Mapping
 
-from farm.bundle.rules import BundleError, BundleLimits, shown
+from farm.bundle.rules import BundleError, BundleLimits, shown, shown_name
+from farm.bundle.xml import BudgetSpent, XmlBudget
 
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 _UNRESOLVED = re.compile(r"(?<!\\)\$([A-Za-z0-9_]*)")
@@ -16,6 +17,8 @@ _MAX_VALUE_CHARACTERS = 4096
 #: How much of the scene's names an error message tells: names, and characters of each.
 _MAX_NAMES = 20
 _MAX_NAME = 40
+#: So much text takes as long to search as a short one takes to look at.
+_CHARACTERS_PER_LOOK = 64
 
 
 class Parameters:
@@ -27,6 +30,8 @@ class Parameters:
         The job's values, by name without the `$`.
     limits : BundleLimits
         Bounds on their number and on what they expand to.
+    budget : XmlBudget
+        What putting them in may cost.
 
     Raises
     ------
@@ -34,7 +39,7 @@ class Parameters:
         Where a name or a value is malformed, or there are too many.
     """
 
-    def __init__(self, given: Mapping[str, str], limits: BundleLimits) -> None:
+    def __init__(self, given: Mapping[str, str], limits: BundleLimits, budget: XmlBudget) -> None:
         if len(given) > limits.max_parameters:
             raise BundleError(
                 "bad-parameter",
@@ -44,8 +49,11 @@ class Parameters:
             _check_given(name, value)
         self._given = given
         self._limits = limits
-        # A longer name first, so that $width is never taken for $w and "idth".
-        self._values = sorted(given.items(), key=lambda item: -len(item[0]))
+        self._budget = budget
+        #: by `$name`, a longer one first, so that $width is never taken for $w and "idth"
+        self._values = sorted(
+            ((f"${name}", value) for name, value in given.items()), key=lambda item: -len(item[0])
+        )
         self._used: set[str] = set()
         #: the scene's own defaults, whether overruled or not
         self.defaults: dict[str, str] = {}
@@ -60,21 +68,27 @@ class Parameters:
                 file=file,
                 line=line,
             )
-        if any(name == known for known, _ in self._values):
+        key = f"${name}"
+        if any(key == known for known, _ in self._values):
             return
         position = next(
-            (i for i, (known, _) in enumerate(self._values) if len(name) > len(known)),
+            (i for i, (known, _) in enumerate(self._values) if len(key) > len(known)),
             len(self._values),
         )
-        self._values.insert(position, (name, value))
+        self._values.insert(position, (key, value))
 
     def substitute(self, text: str, file: str, line: int) -> str:
         r"""Return an attribute's value with every `$name` replaced, and `\$` become `$`."""
         if "$" not in text:
             return text
-        for name, value in self._values:
-            if f"${name}" in text:
-                text = self._replace(text, name, value, file, line)
+        self._check_length(len(text), file, line)
+        characters = len(text)
+        for key, value in self._values:
+            if key in text:
+                text = self._replace(text, key, value, file, line)
+                characters = max(characters, len(text))
+        looks = len(self._values) * (1 + characters // _CHARACTERS_PER_LOOK)
+        self._budget.spend_substitutions(looks, file, line)
         unresolved = _UNRESOLVED.search(text)
         if unresolved:
             raise BundleError(
@@ -103,26 +117,27 @@ class Parameters:
                     f"the scene does not use a parameter {shown(name)}{hint} ({self._known()})",
                 )
 
-    def _replace(self, text: str, name: str, value: str, file: str, line: int) -> str:
-        """Return the text with one parameter put in wherever no backslash stands ahead of it."""
-        key = "$" + name
-        first, *rest = text.split(key)
-        # Ahead of the work: defaults that are made of defaults can double without end.
-        if len(text) + len(rest) * len(value) > self._limits.max_substituted_characters:
-            raise BundleError(
-                "xml-too-large",
+    def _check_length(self, characters: int, file: str, line: int) -> None:
+        if characters > self._limits.max_substituted_characters:
+            raise BudgetSpent(
                 f"with its parameters put in, it may have more than "
                 f"{self._limits.max_substituted_characters} characters",
                 file=file,
                 line=line,
             )
+
+    def _replace(self, text: str, key: str, value: str, file: str, line: int) -> str:
+        """Return the text with one parameter put in wherever no backslash stands ahead of it."""
+        first, *rest = text.split(key)
+        # Ahead of the work: defaults that are made of defaults can double without end.
+        self._check_length(len(text) + len(rest) * len(value), file, line)
         pieces, last = [first], first[-1:]
         for piece in rest:
             if last == "\\":
                 put = key
             else:
                 put = value
-                self._used.add(name)
+                self._used.add(key[1:])
             pieces += (put, piece)
             last = (put + piece)[-1:] or last
         return "".join(pieces)
@@ -131,7 +146,7 @@ class Parameters:
         return sorted(self.defaults.keys() | self._used)
 
     def _known(self) -> str:
-        names = [name[:_MAX_NAME] for name in self._names()]
+        names = [shown_name(name[:_MAX_NAME]) for name in self._names()]
         more = ", …" if len(names) > _MAX_NAMES else ""
         known = ", ".join(names[:_MAX_NAMES]) + more
         return f"the scene's parameters: {known}" if names else "the scene has none"

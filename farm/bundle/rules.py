@@ -46,20 +46,25 @@ class BundleLimits:
 
     #: size of the upload, in bytes
     max_bytes: int = 2 * GIB
-    #: entries of the archive, folders included
+    #: entries of the archive, folders included, whether they have entries of their own or not
     max_entries: int = 10_000
     #: sum of all entries when unpacked, in bytes
     max_unpacked_bytes: int = 8 * GIB
-    #: unpacked over packed size of one entry, where it unpacks to more than `ratio_floor_bytes`
+    #: unpacked over packed size of one entry, where it unpacks to more than `ratio_floor_bytes`,
+    #: and of the whole, where that unpacks to more than `total_ratio_floor_bytes`
     max_ratio: float = 200.0
     #: an entry that unpacks to no more than this may have any ratio, in bytes
     ratio_floor_bytes: int = MIB
+    #: and so may an archive
+    total_ratio_floor_bytes: int = 64 * MIB
     #: an entry's name, in bytes of UTF-8; one component of it may have 255
     max_name_bytes: int = 1024
     #: folders above an entry
     max_folder_depth: int = 32
     #: XML of the whole scene, in bytes, an included file counted each time that it is included
     max_xml_bytes: int = 32 * MIB
+    #: one tag with its attributes, in bytes
+    max_tag_bytes: int = MIB
     #: elements inside one another in one XML file
     max_xml_depth: int = 64
     #: elements of the whole scene, an included file counted each time that it is included
@@ -68,6 +73,8 @@ class BundleLimits:
     max_parameters: int = 256
     #: an attribute that has parameters in it, in characters, before and after these are put in
     max_substituted_characters: int = 2**16
+    #: parameters looked for in attributes that have a `$`, one for each 64 characters
+    max_substitutions: int = 30_000_000
     #: folders looked into while references are followed
     max_lookups: int = 2_000_000
     #: includes inside one another, as in Mitsuba
@@ -79,6 +86,16 @@ class BundleLimits:
 def shown(text: str) -> str:
     """Return a stranger's text as an error message may quote it: escaped, and not too long."""
     return repr(text) if len(text) <= _MAX_SHOWN else f"{text[:_MAX_SHOWN]!r}…"
+
+
+def shown_name(name: str) -> str:
+    """Return a name as it is where it can be read so, and otherwise quoted and escaped."""
+    return name if name.isprintable() and name == name.strip() != "" else repr(name)
+
+
+def brief(path: str) -> str:
+    """Return the end of a path, for messages that tell of several."""
+    return path if len(path) <= _MAX_SHOWN else f"…{path[-_MAX_SHOWN:]}"
 
 
 class BundleError(ValueError):
@@ -99,8 +116,10 @@ class BundleError(ValueError):
     def __init__(
         self, code: str, message: str, *, file: str | None = None, line: int | None = None
     ) -> None:
-        where = "" if file is None else f"{file}: " if line is None else f"{file}, line {line}: "
-        super().__init__(where + message)
+        if file is not None:
+            place = shown_name(file) if line is None else f"{shown_name(file)}, line {line}"
+            message = f"{place}: {message}"
+        super().__init__(message)
         self.code = code
         self.file = file
         self.line = line

@@ -24,7 +24,7 @@ from typing import Literal
 
 from farm.bundle.film import Cast, Film, Property, Sensor
 from farm.bundle.parameters import Parameters
-from farm.bundle.rules import BundleError, BundleLimits, shown
+from farm.bundle.rules import BundleError, BundleLimits, brief, shown
 from farm.bundle.tree import (
     EscapeError,
     Kind,
@@ -90,8 +90,9 @@ def read_scene(
     BundleError
         Where the XML is malformed, or a reference is missing or leaves the tree.
     """
-    scene = Scene(Parameters(parameters, limits))
-    walk = _Walk(tree, limits, scene)
+    budget = XmlBudget(limits)
+    scene = Scene(Parameters(parameters, limits, budget))
+    walk = _Walk(tree, limits, scene, budget)
     walk.read(entry, [entry[:-1]], including=(), holder=_ROOT)
     walk.follow_plugin_files()
     return scene
@@ -112,11 +113,11 @@ _ROOT = _Holder(None, is_stage=True)
 class _Walk:
     """One reading of a scene, over all of its XML files."""
 
-    def __init__(self, tree: Tree, limits: BundleLimits, scene: Scene) -> None:
+    def __init__(self, tree: Tree, limits: BundleLimits, scene: Scene, budget: XmlBudget) -> None:
         self.tree = tree
         self.limits = limits
         self.scene = scene
-        self._budget = XmlBudget(limits)
+        self._budget = budget
         #: what plugins will ask for once all XML is read: each text, its file and its line
         self._named: list[tuple[str, str, int]] = []
         self._plugin_folders: list[Parts] = []
@@ -266,7 +267,7 @@ class _File:
         path = self._follow("include", text, line)
         including = (*self._including, self._path)
         if path in including:
-            chain = " → ".join(self._walk.tree.label(each) for each in (*including, path))
+            chain = " → ".join(brief(self._walk.tree.label(each)) for each in (*including, path))
             raise BundleError(
                 "include-cycle", f"it includes itself: {chain}", file=self.name, line=line
             )

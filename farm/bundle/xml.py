@@ -28,6 +28,13 @@ StartElement = Callable[[str, dict[str, str], int], None]
 EndElement = Callable[[], None]
 
 
+class BudgetSpent(BundleError):
+    """Reading an upload costs too much, whatever else is wrong with it."""
+
+    def __init__(self, message: str, *, file: str, line: int | None = None) -> None:
+        super().__init__("xml-too-large", message, file=file, line=line)
+
+
 class XmlBudget:
     """How much may still be spent on reading one scene.
 
@@ -37,40 +44,49 @@ class XmlBudget:
 
     def __init__(self, limits: BundleLimits) -> None:
         self.max_depth = limits.max_xml_depth
+        self.max_tag_bytes = limits.max_tag_bytes
         self._limits = limits
         self._bytes = 0
         self._elements = 0
         self._lookups = 0
+        self._substitutions = 0
 
     def spend_bytes(self, count: int, file: str) -> None:
-        """Count bytes read, or raise `BundleError` where there are too many."""
+        """Count bytes read, or raise `BudgetSpent` where there are too many."""
         self._bytes += count
         if self._bytes > self._limits.max_xml_bytes:
-            raise BundleError(
-                "xml-too-large",
+            raise BudgetSpent(
                 f"the scene has more than {self._limits.max_xml_bytes} bytes of XML, each include "
                 f"counted every time; put geometry into mesh files",
                 file=file,
             )
 
     def spend_element(self, file: str, line: int) -> None:
-        """Count an element, or raise `BundleError` where there are too many."""
+        """Count an element, or raise `BudgetSpent` where there are too many."""
         self._elements += 1
         if self._elements > self._limits.max_xml_elements:
-            raise BundleError(
-                "xml-too-large",
+            raise BudgetSpent(
                 f"the scene has more than {self._limits.max_xml_elements} elements, each include "
                 f"counted every time",
                 file=file,
                 line=line,
             )
 
+    def spend_substitutions(self, count: int, file: str, line: int) -> None:
+        """Count parameters looked for in attributes, or raise `BudgetSpent` for too many."""
+        self._substitutions += count
+        if self._substitutions > self._limits.max_substitutions:
+            raise BudgetSpent(
+                "putting the scene's parameters in takes too long; use fewer of them",
+                file=file,
+                line=line,
+            )
+
     def spend_lookups(self, count: int, file: str, line: int) -> None:
-        """Count folders looked into, or raise `BundleError` where there are too many."""
+        """Count folders looked into, or raise `BudgetSpent` where there are too many."""
         self._lookups += count
         if self._lookups > self._limits.max_lookups:
-            raise BundleError(
-                "xml-too-large",
+            raise BudgetSpent(
                 "following the scene's references takes too long; use fewer <path> folders",
                 file=file,
                 line=line,
@@ -102,7 +118,7 @@ def read_elements(
     """
     parser = DefusedExpatParser(forbid_dtd=True, bufsize=_CHUNK_BYTES)
     parser.setContentHandler(_Handler(name, budget, start, end))
-    source = InputSource(name)
+    source = InputSource()
     source.setByteStream(_CheckedBytes(stream, name, budget))
     # Given here, the encoding overrules whatever the file declares.
     source.setEncoding("utf-8")
@@ -132,6 +148,7 @@ class _CheckedBytes:
         self._name = name
         self._budget = budget
         self._is_at_start = True
+        self._bytes_of_tag = 0
 
     def read(self, size: int = -1, /) -> bytes:
         chunk = self._stream.read(size)
@@ -139,10 +156,26 @@ class _CheckedBytes:
             self._check_encoding(chunk)
             self._is_at_start = False
         self._budget.spend_bytes(len(chunk), self._name)
+        self._check_tags(chunk)
         return chunk
 
     def close(self) -> None:
         """Leave the file open: it belongs to whoever opened it."""
+
+    def _check_tags(self, chunk: bytes) -> None:
+        """Refuse a tag that is too long, ahead of the parser, which holds it in memory whole.
+
+        From one `<` to the next is at least a tag: an attribute cannot have one in it.
+        """
+        *ended, begun = chunk.split(b"<")
+        longest = max((*map(len, ended[1:]), self._bytes_of_tag + len(ended[0])) if ended else (0,))
+        self._bytes_of_tag = len(begun) if ended else self._bytes_of_tag + len(begun)
+        if max(longest, self._bytes_of_tag) > self._budget.max_tag_bytes:
+            raise BundleError(
+                "xml-too-large",
+                f"it has a tag, or text, of more than {self._budget.max_tag_bytes} bytes",
+                file=self._name,
+            )
 
     def _check_encoding(self, beginning: bytes) -> None:
         declared = _DECLARED_ENCODING.match(beginning.removeprefix(_BOM))

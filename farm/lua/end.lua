@@ -1,9 +1,12 @@
 -- End a job: by its owner's token, or with '' by anyone who may.
--- ARGV: job, token or '', target state, reason, verdict (JSON) or ''
+-- ARGV: job, token or '', target state, reason, verdict (JSON) or '', results or '' where they are
+--       not written yet
 -- Returns {'ended'}, {'fenced'} or {'illegal', state}; ending it twice in the same way is harmless.
-local id, token, target, reason, verdict = ARGV[1], ARGV[2], ARGV[3], ARGV[4], ARGV[5]
+local id, token, target, reason = ARGV[1], ARGV[2], ARGV[3], ARGV[4]
+local verdict, results = ARGV[5], ARGV[6]
 if token ~= '' and not owned(id, token) then return {'fenced'} end
 local moved, state = end_job(id, target, reason)
 if not moved and state ~= target then return {'illegal', state} end
 if moved and verdict ~= '' then redis.call('HSET', job_key(id), 'verdict', verdict) end
+if moved and results ~= '' then redis.call('HSET', job_key(id), 'results', results, 'concluded', 1) end
 return {'ended'}

@@ -1,12 +1,14 @@
 -- A worker is alive: its description, and its leases renewed.
--- ARGV: worker, description (JSON), then job, entry, job, entry, …
+-- ARGV: worker, description (JSON), lease in ms, then job, entry, job, entry, …
 -- Returns the jobs among them that have ended or whose lease is lost.
 local worker, gone = ARGV[1], {}
+is_silent(ARGV[3])
+redis.call('SET', HEARD, now())
 redis.call('ZADD', WORKERS, now(), worker)
 redis.call('HSET', worker_key(worker), 'about', ARGV[2], 'seen_at', now())
 redis.call('EXPIRE', worker_key(worker), 3600)
 redis.call('ZREMRANGEBYSCORE', WORKERS, '-inf', now() - 3600000)
-for i = 3, #ARGV, 2 do
+for i = 4, #ARGV, 2 do
   local id, entry = ARGV[i], ARGV[i + 1]
   if holds(id, entry, worker) then
     redis.call('XCLAIM', job_key(id, 'slices'), GROUP, worker, 0, entry, 'JUSTID')

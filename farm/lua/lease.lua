@@ -2,10 +2,11 @@
 -- then the older one. A worker keeps to the scene that it has loaded while its turn lasts.
 -- ARGV: worker, its variants as JSON (best first), loaded job or '', '1' while its turn lasts,
 --       lease in ms, most tries
--- Returns JSON {job, entry, index, tries, variant, spec, scene}, 'none', or 'again' (a job was
--- poisoned instead).
+-- Returns JSON {job, entry, index, tries, variant, spec, scene}, 'none', or 'again' (what it came
+-- upon needed no rendering).
 local worker, variants, loaded, in_turn = ARGV[1], cjson.decode(ARGV[2]), ARGV[3], ARGV[4] == '1'
 local lease_ms, most_tries = ARGV[5], tonumber(ARGV[6])
+local silent = is_silent(lease_ms)
 
 local function variant_for(asked, pinned)
   local wanted = pinned or asked
@@ -15,6 +16,11 @@ local function variant_for(asked, pinned)
   end
 end
 
+local function stale_lease(slices)
+  if silent then return redis.call('XPENDING', slices, GROUP, '-', '+', 1, 'nobody')[1] end
+  return redis.call('XPENDING', slices, GROUP, 'IDLE', lease_ms, '-', '+', 1)[1]
+end
+
 local function candidate(id)
   local job = redis.call('HMGET', job_key(id), 'state', 'ready', 'asked_variant', 'variant',
                          'slice_spp', 'number')
@@ -22,7 +28,7 @@ local function candidate(id)
   if job[1] == 'paused' or not variant then return nil end
   local slices = job_key(id, 'slices')
   local leased = redis.call('XPENDING', slices, GROUP)[1]
-  local stale = leased > 0 and redis.call('XPENDING', slices, GROUP, 'IDLE', lease_ms, '-', '+', 1)[1]
+  local stale = leased > 0 and stale_lease(slices)
   if tonumber(job[2]) == 0 and not stale then return nil end
   return {id = id, variant = variant, stale = stale, state = job[1],
           leased_spp = leased * job[5], number = tonumber(job[6])}
@@ -50,8 +56,9 @@ local id, slices = chosen.id, job_key(chosen.id, 'slices')
 local entry
 if chosen.stale then
   entry = redis.call('XCLAIM', slices, GROUP, worker, lease_ms, chosen.stale[1])[1]
-  if chosen.stale[2] ~= 'nobody' then
-    local causes = note_death(id, entry[2][2], 'worker ' .. chosen.stale[2] .. ' was lost')
+  local holder = chosen.stale[2]
+  if holder ~= 'nobody' then
+    local causes = note_death(id, entry[2][2], holder, 'worker ' .. holder .. ' was lost')
     if #causes >= most_tries then
       poison(id, entry[2][2], causes)
       return 'again'
@@ -60,6 +67,10 @@ if chosen.stale then
 else
   entry = redis.call('XREADGROUP', 'GROUP', GROUP, worker, 'COUNT', 1, 'STREAMS', slices, '>')[1][2][1]
   redis.call('HINCRBY', job_key(id), 'ready', -1)
+end
+if redis.call('HEXISTS', job_key(id, 'ledger'), entry[2][2]) == 1 then  -- a late commit came first
+  drop_entry(id, entry[1])
+  return 'again'
 end
 if redis.call('HSETNX', job_key(id), 'variant', chosen.variant) == 1 then
   redis.call('HSET', job_key(id), 'started_at', now())

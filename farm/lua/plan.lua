@@ -3,8 +3,7 @@
 -- Returns 'planned', 'fenced' or 'ended'.
 local id, token, first, stop = ARGV[1], ARGV[2], tonumber(ARGV[3]), tonumber(ARGV[4])
 if not owned(id, token) then return 'fenced' end
-local state = redis.call('HGET', job_key(id), 'state')
-if not MOVES[state]['cancelled'] then return 'ended' end
+if not is_open(id) then return 'ended' end
 local planned = tonumber(redis.call('HGET', job_key(id), 'planned'))
 for index = math.max(first, planned), stop - 1 do
   redis.call('XADD', job_key(id, 'slices'), '*', 'index', index)

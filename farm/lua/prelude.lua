@@ -19,12 +19,18 @@ local function move(id, target, reason)
   return true, state
 end
 
+-- Can anything still happen to the job?
+local function is_open(id)
+  local state = redis.call('HGET', job_key(id), 'state')
+  return state and MOVES[state]['cancelled'] or false
+end
+
 -- Move a job to an end: what is not committed is withdrawn, and everyone is told.
 local function end_job(id, target, reason)
   local moved, state = move(id, target, reason)
   if not moved then return false, state end
   redis.call('HSET', job_key(id), 'ended_at', now(), 'ready', 0)
-  redis.call('DEL', job_key(id, 'slices'), job_key(id, 'deaths'))
+  redis.call('DEL', job_key(id, 'slices'), job_key(id, 'deaths'), job_key(id, 'spoiled'))
   redis.call('ZREM', OPEN, id)
   redis.call('PUBLISH', WAKE_WORKERS, 'ended ' .. id)
   redis.call('PUBLISH', WAKE_MONITORS, id)
@@ -38,6 +44,22 @@ local function holds(id, entry, worker)
   return pending[1] ~= nil and pending[1][2] == worker, pending[1] and pending[1][4]
 end
 
+-- Has the farm as a whole fallen silent a moment ago: was Redis away, or cut off? Leases ran out
+-- meanwhile that nobody could renew, so for the length of a lease none is taken from its worker.
+local function is_silent(lease_ms)
+  if redis.call('EXISTS', GRACE) == 1 then return true end
+  local heard = redis.call('GET', HEARD)
+  if not heard or now() - heard <= lease_ms / 2 then return false end
+  redis.call('SET', GRACE, '1', 'PX', lease_ms)
+  return true
+end
+
+-- The slice of this entry needs nobody any more.
+local function drop_entry(id, entry)
+  redis.call('XACK', job_key(id, 'slices'), GROUP, entry)
+  redis.call('XDEL', job_key(id, 'slices'), entry)
+end
+
 -- Put a leased slice back: nobody holds it, and the next worker may take it at once.
 local function put_back(id, entry, tries)
   redis.call('XCLAIM', job_key(id, 'slices'), GROUP, 'nobody', 0, entry,
@@ -45,11 +67,32 @@ local function put_back(id, entry, tries)
   redis.call('PUBLISH', WAKE_WORKERS, 'planned')
 end
 
--- Note why a worker died on a slice; returns all causes so far.
-local function note_death(id, index, cause)
+-- The start or the end of a text in so many bytes, without half a character of UTF-8.
+local function head(text, most)
+  if #text <= most then return text end
+  return (string.gsub(string.sub(text, 1, most), '[\192-\255][\128-\191]*$', ''))
+end
+local function tail(text, most)
+  if #text <= most then return text end
+  return (string.gsub(string.sub(text, -most), '^[\128-\191]+', ''))
+end
+
+-- Note in the job's log how a try of a slice ended. The silent ones that were committed are not
+-- noted: the ledger has them.
+local function note_try(id, index, worker, what, cause, ms, said)
+  redis.call('XADD', job_key(id, 'log'), 'MAXLEN', '~', 2000, '*', 'at', now(), 'slice', index,
+             'worker', worker, 'what', what, 'cause', head(cause, 1024), 'ms', ms,
+             'text', tail(said, 4096))
+end
+
+-- Note why a worker died on a slice; returns all causes so far. Of one that was lost nothing else is
+-- known.
+local function note_death(id, index, worker, cause, ms, said)
   local causes = cjson.decode(redis.call('HGET', job_key(id, 'deaths'), index) or '[]')
   causes[#causes + 1] = cause
   redis.call('HSET', job_key(id, 'deaths'), index, cjson.encode(causes))
+  announce(id, 'trouble', cjson.encode({index = tonumber(index), worker = worker, cause = cause}))
+  note_try(id, index, worker, 'died', cause, ms or '', said or '')
   return causes
 end
 

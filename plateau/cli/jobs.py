@@ -64,6 +64,26 @@ def show(job_id: o.JobId, url: o.Url = None, as_json: o.Json = False) -> None:
         run(job_id, url=url, as_json=as_json)
 
 
+@command()
+def log(
+    job_id: o.JobId,
+    index: Annotated[
+        int | None, typer.Option("--slice", metavar="N", help="Only this slice.", min=0)
+    ] = None,
+    url: o.Url = None,
+    as_json: o.Json = False,
+) -> None:
+    """Show how each try of a slice ended, and what Mitsuba printed meanwhile.
+
+    For example:
+      plateau log 3f9ac2d01b77 --slice 4
+    """
+    from plateau.commands.jobs import log as run
+
+    with plain_errors():
+        run(job_id, index=index, url=url, as_json=as_json)
+
+
 @command("list")
 def list_jobs(
     state: Annotated[

@@ -115,6 +115,50 @@ def worker() -> None:
 
 
 @command()
+def gc(
+    results_older_than: Annotated[
+        float | None,
+        typer.Option(
+            metavar="DAYS",
+            help="Forget jobs that were finished so long ago, with their results.",
+            show_default="PLATEAU_KEEP_RESULTS_DAYS, else never",
+            min=0,
+        ),
+    ] = None,
+    scenes_unused_for: Annotated[
+        float | None,
+        typer.Option(
+            metavar="DAYS",
+            help="Remove scenes of no job, unused for so long (an hour at least).",
+            show_default="PLATEAU_KEEP_SCENES_DAYS, else never",
+            min=0,
+        ),
+    ] = None,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Remove nothing, and say what would go.")
+    ] = False,
+    as_json: o.Json = False,
+) -> None:
+    """Remove what is not needed any more: old jobs, unused scenes, orphaned blobs.
+
+    For example:
+      plateau gc --results-older-than 30 --dry-run
+      plateau gc --results-older-than 30 --scenes-unused-for 7
+
+    Orphaned blobs, which no job refers to since a process was killed, go in any case; jobs that
+    are not finished keep all they have. Monitors do the same by themselves once an hour, by
+    PLATEAU_KEEP_RESULTS_DAYS and PLATEAU_KEEP_SCENES_DAYS.
+
+    Works on PLATEAU_REDIS_URL and PLATEAU_BLOBS where they are set, and on the data folder else,
+    whether `plateau up` runs there or not.
+    """
+    from plateau.commands.gc import gc as run
+
+    with plain_errors():
+        run(results_older_than, scenes_unused_for, dry_run=dry_run, as_json=as_json)
+
+
+@command()
 def doctor(as_json: o.Json = False) -> None:
     """Check what works on this machine, and say why what does not.
 

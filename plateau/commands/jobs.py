@@ -1,4 +1,4 @@
-"""`plateau submit | watch | show | list | cancel`: talk to a running service."""
+"""`plateau submit | watch | show | log | list | cancel`: talk to a running service."""
 
 import json
 import sys
@@ -18,6 +18,7 @@ from plateau.follow import follow
 from plateau.outputs import summary_json, write_results
 from plateau.progress import progress_on
 from plateau.read_settings import read_settings
+from plateau.story import log_lines, story
 from service.views import JobView
 
 _PAGE = 100
@@ -55,18 +56,38 @@ def show(job_id: str, *, url: str | None, as_json: bool) -> None:
     """Print a job, its story and its links."""
     with _client(url) as client:
         job = client.job(job_id)
-        story = [one for one in client.happened(job_id) if one.type == "state"]
+        told = story(job_id, client.happened(job_id), client.log(job_id))
     if as_json:
         print(job.model_dump_json(indent=2))
         return
     print(f"{'job:':<9}{job.id} ({job.name})")
     print(words.summary(job))
     print("story:")
-    for one in story:
-        print(f"  {one.at:%Y-%m-%d %H:%M:%S} UTC  {one.data['to']}: {one.data['reason']}")
+    for line in told:
+        print(f"  {line}")
     print("links:")
     for name, path in job.links.items():
         print(f"  {name:<15}{client.url}{path}")
+
+
+def log(job_id: str, *, index: int | None, url: str | None, as_json: bool) -> None:
+    """Print the log of a job, or of one of its slices."""
+    with _client(url) as client:
+        if index is None:
+            entries = client.log(job_id)
+            shown: dict[str, object] = {}
+        else:
+            found = client.slice_log(job_id, index)
+            entries = found.entries
+            shown = {"slice": found.slice and found.slice.model_dump(mode="json")}
+    if as_json:
+        lines = [entry.model_dump(mode="json") for entry in entries]
+        print(json.dumps({**shown, "entries": lines}, indent=2))
+        return
+    if not entries:
+        print("nothing yet", file=sys.stderr)
+    for line in log_lines(entries):
+        print(line)
 
 
 def list_jobs(

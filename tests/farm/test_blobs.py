@@ -1,6 +1,9 @@
 """The blob store keeps whole blobs and lists them."""
 
 import io
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -8,6 +11,8 @@ import pytest
 from farm import blobs
 from farm.blobs import Blobs
 from farm.errors import StoreUnavailable
+from tests.support.commands import until
+from tests.support.loop_disk import LoopDisk
 
 
 def test_what_is_put_is_got(store: Blobs) -> None:
@@ -28,12 +33,12 @@ def test_a_missing_blob_is_a_missing_file(store: Blobs) -> None:
 
 def test_names_are_listed_by_prefix(store: Blobs) -> None:
     names = [blobs.partial("j", index, "w-1") for index in range(3)]
-    for name in [*names, blobs.result("j", "image.exr"), blobs.partial("k", 0, "w-1")]:
+    for name in [*names, f"{blobs.results('j')}1/image.exr", blobs.partial("k", 0, "w-1")]:
         store.put(name, b"x")
     assert sorted(store.names(blobs.partials("j"))) == names
     store.delete(*names)
     assert store.names(blobs.partials("j")) == []
-    assert store.exists("jobs/j/image.exr")
+    assert store.exists("jobs/j/results/1/image.exr")
 
 
 def test_a_store_that_refuses_is_one_clear_error(tmp_path: Path) -> None:
@@ -41,3 +46,87 @@ def test_a_store_that_refuses_is_one_clear_error(tmp_path: Path) -> None:
     store.put("a", b"x")
     with pytest.raises(StoreUnavailable, match="blob store failed"):
         store.put("a/below-a-file", b"x")
+
+
+def test_a_blob_is_stored_once(store: Blobs, tmp_path: Path) -> None:
+    store.put_once("scenes/ab", io.BytesIO(b"scene"), 5)
+    store.put_once("scenes/ab", io.BytesIO(b"other"), 5)
+    assert store.get("scenes/ab") == b"scene"
+    # But if it was torn, it is put again
+    (tmp_path / "blobs" / "scenes" / "ab").write_bytes(b"sc")
+    assert store.size("scenes/ab") == 2
+    store.put_once("scenes/ab", io.BytesIO(b"scene"), 5)
+    assert store.get("scenes/ab") == b"scene"
+
+
+def test_a_folder_may_be_given_as_a_url(tmp_path: Path) -> None:
+    Blobs(f"file://{tmp_path}/a%20b").put("x/y", b"z")
+    assert (tmp_path / "a b" / "x" / "y").read_bytes() == b"z"
+
+
+class TestAPutThatFails:
+    """Leaves nothing behind, neither under the blob's name nor under another."""
+
+    def test_on_a_full_disk(self, tmp_path: Path) -> None:
+        with LoopDisk(tmp_path / "disk", megabytes=4) as disk:
+            store = Blobs(str(disk.folder / "blobs"))
+            for content in (bytes(8_000_000), io.BytesIO(bytes(20_000_000))):
+                with pytest.raises(StoreUnavailable, match="No space left"):
+                    store.put("jobs/j/image.exr", content)
+                assert files_below(disk.folder / "blobs") == []
+            # And there is room again
+            store.put("jobs/j/image.exr", b"small")
+            assert store.get("jobs/j/image.exr") == b"small"
+
+    def test_on_a_folder_that_is_read_only(self, tmp_path: Path) -> None:
+        with LoopDisk(tmp_path / "disk", megabytes=4) as disk:
+            store = Blobs(str(disk.folder / "blobs"))
+            store.put("a", b"x")
+            disk.make_read_only()
+            with pytest.raises(StoreUnavailable, match="Read-only"):
+                store.put("b", b"x")
+            assert store.get("a") == b"x"
+
+    def test_in_its_last_step(self, store: Blobs, tmp_path: Path) -> None:
+        store.put("a", b"x")
+        with pytest.raises(StoreUnavailable):
+            store.put("a/below-a-file", b"x")
+        assert files_below(tmp_path / "blobs") == [tmp_path / "blobs" / "a"]
+
+
+def test_a_put_that_is_killed_leaves_what_nobody_takes_for_a_blob(
+    store: Blobs, tmp_path: Path
+) -> None:
+    # Given a process that is killed while it puts a blob
+    program = (
+        "import io, sys, time; from farm.blobs import Blobs\n"
+        "class Slow(io.BytesIO):\n"
+        "    def read(self, size=-1):\n"
+        "        time.sleep(60 if self.tell() else 0)\n"
+        "        return super().read(size)\n"
+        "Blobs(sys.argv[1]).put('jobs/j/image.exr', Slow(bytes(20_000_000)))"
+    )
+    putting = subprocess.Popen([sys.executable, "-c", program, store.where])
+    try:
+        until(lambda: any(path.stat().st_size for path in store.leftovers(-1)), 60)
+    finally:
+        putting.kill()
+        putting.wait()
+    # Then there is no such blob, though half of its bytes are on the disk
+    left = store.leftovers(-1)
+    assert len(left) == 1
+    assert left == files_below(tmp_path / "blobs")
+    assert store.names("") == []
+    assert not store.exists("jobs/j/image.exr")
+    with pytest.raises(FileNotFoundError):
+        store.get("jobs/j/image.exr")
+    # And it can be put, and the rest removed once it is old
+    store.put("jobs/j/image.exr", b"whole")
+    assert store.names("") == ["jobs/j/image.exr"]
+    assert store.leftovers(older_than_s=3600) == []
+    os.utime(left[0], (0, 0))
+    assert store.leftovers(older_than_s=3600) == left
+
+
+def files_below(folder: Path) -> list[Path]:
+    return [path for path in folder.rglob("*") if path.is_file()]

@@ -2,6 +2,7 @@
 
 import copy
 import io
+import random
 import re
 import stat
 import zipfile
@@ -89,6 +90,7 @@ def test_an_included_file_is_not_taken_for_the_scene():
 
 def test_a_broken_xml_beside_the_scene_does_no_harm():
     files = {"scene.xml": scene(), "notes.xml": b"<notes>", "other.xml": b"<?xml version='1.0'?>"}
+    files |= {"text.xml": f"<text>{random.Random(0).randbytes(2**20).hex()}</text>".encode()}
     assert inspect_bundle(zipped(files)).entry == "scene.xml"
 
 
@@ -252,6 +254,10 @@ def laughs(depth: int) -> list[str]:
     return ['<default name="p99" value="ha"/>', *doubled]
 
 
+def many_attributes(count: int) -> list[str]:
+    return ["<a ", *(f'a{number}=""' for number in range(count)), "/>"]
+
+
 def searching(count: int) -> io.BytesIO:
     """Many folders, and many files each looked for in all of them."""
     folders = {f"{number}/x": b"" for number in range(count)}
@@ -286,14 +292,26 @@ BAD = [
     Bad("zip-malformed", io.BytesIO(b"PK\x03\x04 and so on"), "cannot be read"),
     Bad("zip-malformed", io.BytesIO(zipped(MESH).getvalue()[:-30]), "cannot be read"),
     Bad("zip-malformed", renamed(b"\xc3\x28", "é".encode()), "cannot be read"),
-    Bad("too-many-entries", entry("b"), "2 entries; 1 are", kwargs=limits(max_entries=1)),
+    Bad(
+        "too-many-entries",
+        entry("b"),
+        "2 entries, folders included; 1 are",
+        kwargs=limits(max_entries=1),
+    ),
+    Bad(  # folders that have no entries of their own
+        "too-many-entries",
+        zipped({"scene.xml": scene(), "/".join("abcdefg"): b""}),
+        "8 entries",
+        kwargs=limits(max_entries=7),
+    ),
     Bad("too-many-entries", commented(), "directory takes", kwargs=limits(max_entries=100)),
     Bad("zip-encrypted", forged(flag_bits=0x1), "without a password", "a.ply"),
     Bad("zip-method", zipped({"scene.xml": scene()}, zipfile.ZIP_BZIP2), "deflated", "scene.xml"),
     Bad("zip-method", zipped({"scene.xml": scene()}, zipfile.ZIP_LZMA), "deflated", "scene.xml"),
     Bad("zip-bomb", entry("a.ply", bytes(2**21)), "ratio of 200", "a.ply"),
-    Bad("zip-bomb", entry("a"), "unpacks to .* bytes", kwargs=limits(max_unpacked_bytes=20)),
-    Bad("zip-bomb", forged(file_size=9 * 2**30, compress_size=2**30), "unpacks to"),
+    Bad("zip-bomb", entry("a"), "to 60 bytes; 20 are", kwargs=limits(max_unpacked_bytes=20)),
+    Bad("zip-bomb", zipped({f"{n}.bin": bytes(2**20) for n in range(65)}), "67108864 are"),
+    Bad("zip-bomb", forged(file_size=9 * 2**30, compress_size=2**30), "to 9663676476 bytes"),
     Bad("zip-bomb", forged(compress_size=10**6), "overlap"),
     Bad("zip-bomb", overlapping(), "overlap"),
     # Names
@@ -311,6 +329,7 @@ BAD = [
     Bad("entry-name", entry("a\u202eylp.b"), "control character"),
     Bad("entry-name", renamed(b"A\0.."), "control character"),
     Bad("entry-name", renamed(b"A\xff.."), "not UTF-8"),
+    Bad("entry-name", renamed(b"\n\xff.."), r"entry '\\n\\xa0\.\.' is not UTF-8"),
     Bad("entry-name", entry("a//b.ply"), "empty component"),
     Bad("entry-name", entry("./a.ply"), "empty component"),
     Bad("entry-name", entry("a" * 256), "too long"),
@@ -319,9 +338,15 @@ BAD = [
     Bad("duplicate-entry", zipped([("scene.xml", b""), ("scene.xml", scene())]), "twice"),
     Bad("duplicate-entry", entry("SCENE.xml"), "in case alone", "SCENE.xml"),
     Bad("duplicate-entry", zipped({"scene.xml": scene(), "é": b"", "e\u0301": b""}), "case"),
+    Bad(  # which casefold alone takes apart, in another order
+        "duplicate-entry",
+        zipped({"scene.xml": scene(), "\u1fb7": b"", "\u03b1\u0345\u0342": b""}),
+        "case",
+    ),
     Bad("duplicate-entry", zipped({"a": b"", "a/scene.xml": scene()}), "a file and a folder", "a"),
     # Kinds
     Bad("entry-type", zipped({"scene.xml": scene(), link("a"): b"/etc"}), "a link", "a"),
+    Bad("entry-type", zipped({"scene.xml": scene(), link(" "): b""}), "' ': it is a link", " "),
     Bad("entry-type", zipped({"scene.xml": scene(), link("a/"): b"/etc"}), "a link", "a/"),
     Bad("entry-type", entry(link("a", stat.S_IFCHR)), "neither a plain file", "a"),
     Bad("entry-type", entry(link("a", stat.S_IFBLK)), "neither a plain file", "a"),
@@ -358,10 +383,19 @@ BAD = [
     Bad("xml-depth", xml("<a>" * 64 + "</a>" * 64), "more than 64 deep", "scene.xml", 2),
     Bad("xml-too-large", xml(" " * 99), "99 bytes", kwargs=limits(max_xml_bytes=99)),
     Bad("xml-too-large", xml("<a/>" * 99), "99 elements", kwargs=limits(max_xml_elements=99)),
+    Bad("xml-too-large", xml(f'<a b="{"x" * 2**20}"/>'), "a tag, or text, of", "scene.xml"),
+    Bad("xml-too-large", xml(*many_attributes(2**17)), "a tag, or text, of", "scene.xml"),
     Bad("xml-too-large", doubling(12), "counted every", kwargs=limits(max_xml_elements=999)),
     Bad("xml-too-large", doubling(12), "counted every", kwargs=limits(max_xml_bytes=9999)),
     Bad("xml-too-large", xml(*defaults(300)), "more than 256 parameters", "scene.xml", 258),
     Bad("xml-too-large", xml(*laughs(30)), "more than 65536 characters", "scene.xml"),
+    Bad("xml-too-large", xml(r'<a b="\$' + "x" * 2**16 + '"/>'), "more than 65536 char"),
+    Bad(
+        "xml-too-large",
+        xml(*defaults(100), *[r'<a b="\$"/>'] * 100),
+        "parameters in takes too long",
+        kwargs=limits(max_substitutions=9999),
+    ),
     Bad("xml-too-large", searching(60), "takes too long", kwargs=limits(max_lookups=1000)),
     Bad("plugin-name", xml('<shape type="../x"/>'), "not the name of a", "scene.xml", 2),
     Bad("plugin-name", xml('<shape type="/tmp/x"/>'), "not the name of a", "scene.xml", 2),
@@ -417,9 +451,24 @@ BAD = [
         "a.xml",
         2,
     ),
+    Bad(
+        "include-cycle",
+        zipped(
+            {
+                "scene.xml": scene(include("d" * 200 + ".xml")),
+                "d" * 200 + ".xml": scene(include("d" * 200 + ".xml")),
+            }
+        ),
+        r"itself: scene.xml → …d{96}\.xml → …d{96}\.xml$",
+    ),
     Bad("include-depth", chain(14), "more than 15 deep", "13.xml", 2),
     # Parameters
     Bad("undefined-parameter", xml(mesh("$m")), r"\$m has no value", "scene.xml", 2),
+    Bad(
+        "undefined-parameter",
+        xml('<default name="a&#10;b" value="1"/>', '<a b="$c"/>'),
+        r"parameters: 'a\\nb'",
+    ),
     Bad("undefined-parameter", xml('<a b="$b"/>', '<default name="b" value="1"/>'), "ahead of"),
     Bad(
         "unknown-parameter",
@@ -452,6 +501,25 @@ BAD = [
     Bad("film-size", io.BytesIO(film('<float name="width" value="5"/>')), "<float> '5'"),
     Bad("film-size", io.BytesIO(film(integer("width", 2**26))), "too large"),
     Bad("film-size", io.BytesIO(film(integer("width", "9" * 9999))), "too large"),
+    Bad("film-size", io.BytesIO(film(integer("width", "0" * 10**6 + "x"))), "integer"),
+    *(  # by the job's parameters, and by the scene's own
+        Bad(
+            "film-size",
+            io.BytesIO(
+                scene(
+                    f'<default name="n" value="{value}"/>',
+                    FILM.format(integer("width", "$n") + integer("height", "$n")),
+                    sensor="",
+                )
+            ),
+            "1000000×1000000 pixels is too large",
+            kwargs=kwargs,
+        )
+        for value, kwargs in [("8", given(n="1000000")), ("1000000", {})]
+    ),
+    # What counts is behind more zeros than a reader might look at
+    Bad("film-size", io.BytesIO(film(integer("width", f"{10**6:030}"))), "1000000×576 pixels"),
+    Bad("film-size", io.BytesIO(film(integer("crop_offset_x", f"{9:030}"))), "crop window"),
     Bad("film-size", io.BytesIO(film(integer("crop_width", 0))), "crop_width"),
     Bad("film-size", io.BytesIO(film(integer("crop_offset_x", -1))), "crop_offset_x"),
     Bad("film-size", io.BytesIO(film(integer("crop_offset_x", 1))), "crop window"),

@@ -96,3 +96,10 @@ def read(content: bytes) -> np.ndarray:
         return decode_png(content).colour
     except ValueError as error:
         raise Refused if "PNG" in str(error) else error from error
+
+
+def test_a_header_shorter_than_a_header_is_refused() -> None:
+    damaged = bytearray(WHOLE[0])
+    damaged[11] = 5  # its length, which was 13
+    with pytest.raises(ValueError, match="not a readable PNG"):
+        decode_png(bytes(damaged))

@@ -190,6 +190,44 @@ class TestTalkingToAService:
             assert words in out
         assert f"{api}/v1/jobs/{job.id}/image.png" in out
 
+    def test_show_tells_of_troubles_among_it(self, client: redis.Redis) -> None:
+        job = StagedJob(client)
+        job.die("the render child was ended by SIGSEGV")
+        job.commit()
+        job.end(JobState.CONVERGED, "levelled off")
+        lines = plateau("show", job.id)[1].splitlines()
+        story = lines[lines.index("story:") + 1 : lines.index("links:")]
+        assert [line.split("UTC  ")[1] for line in story] == [
+            "queued: created",
+            "rendering: rendering with scalar_rgb",
+            "  slice 0, worker worker-1: the render child was ended by SIGSEGV",
+            "converged: levelled off",
+        ]
+
+    def test_log_tells_of_each_try(self, client: redis.Redis) -> None:
+        job = StagedJob(client)
+        assert plateau("log", job.id) == (0, "", "nothing yet\n")
+        job.commit()
+        job.die("SIGSEGV")
+        job.commit(said="WARN: odd\nWARN: very odd")
+        code, out, _ = plateau("log", job.id)
+        assert code == 0
+        assert [line.partition("UTC  ")[2] or line for line in out.splitlines()] == [
+            "slice 0  committed after 0.5 s by worker-1",
+            "slice 1  died after 0.2 s by worker-1: SIGSEGV",
+            "slice 1  committed after 0.5 s by worker-1",
+            "    WARN: odd",
+            "    WARN: very odd",
+        ]
+        # Of one slice, and as JSON
+        assert len(plateau("log", job.id, "--slice", "0")[1].splitlines()) == 1
+        shown = json.loads(plateau("log", job.id, "--slice", "1", "--json")[1])
+        assert shown["slice"]["index"] == 1
+        assert [one["what"] for one in shown["entries"]] == ["died", "committed"]
+        assert len(json.loads(plateau("log", job.id, "--json")[1])["entries"]) == 3
+        code, _, err = plateau("log", job.id, "--slice", "400")
+        assert (code, "has no slice 400" in err) == (1, True)
+
     def test_cancel_may_be_repeated_but_not_too_late(self, client: redis.Redis) -> None:
         job = StagedJob(client)
         for _ in range(2):

@@ -113,6 +113,6 @@ def test_redis_is_started_again_with_all_that_it_had(up: Up, box: Path) -> None:
         command.family()
         redis_server = next(one for one in command.family() if "redis" in one.name())
         redis_server.kill()
-        command.wait_for("the embedded Redis is gone; starting everything again")
+        command.wait_for("Redis was ended by SIGKILL; starting it again")
         until(lambda: len(command.family()) == 3, 20)
         assert client.job(job.id).id == job.id

@@ -325,6 +325,8 @@ class TestCancelling:
         ("GET", "/curve.csv"),
         ("GET", "/events"),
         ("GET", "/slices"),
+        ("GET", "/slices/0/log"),
+        ("GET", "/log"),
         ("GET", "/image.png"),
         ("GET", "/image.exr"),
         ("GET", "/difference.png"),

@@ -39,11 +39,13 @@ def test_it_lists_the_workers(http: httpx.Client, redis_url: str) -> None:
         "slices_done": 3,
         "samples_per_s": 1e6,
         "last_error": None,
+        "trouble": "cannot write into /var/cache: No space left on device",
         "started_at": "2026-01-01T00:00:00Z",
     }
     SliceQueue(connect(redis_url), "w1", lease_s=15).heartbeat(about, ())
     [worker] = http.get("/v1/workers").json()["workers"]
     assert (worker["id"], worker["slices_done"]) == ("w1", 3)
+    assert worker["trouble"].startswith("cannot write into")
 
 
 class TestErrors:

@@ -11,8 +11,10 @@ import redis
 from farm import blobs, keys
 from farm.exr import decode_image
 from farm.job import CurvePoint, Job
+from farm.queue import Lease
 from farm.states import JobState
-from service import job_run
+from service import checkpoints
+from service.results import Results
 from tests.support.noise_farm import SIZE, NoiseFarm, noise_film
 
 QUICK = {"step": 20, "slice_spp": 10, "max_spp": 4000}
@@ -67,7 +69,7 @@ def test_a_noisy_ramp_converges(farm: NoiseFarm) -> None:
     assert curve[-1].rules["reverse"].stop
     # The image is the sum of the prefix
     films = sum(noise_film(i, 10, 1.0).astype(np.float64) for i in range(done.spp // 10))
-    image = decode_image(farm.store.get(blobs.result(job.id, "image.exr")))
+    image = decode_image(farm.picture(job, "image.exr"))
     np.testing.assert_array_equal(image, (films[..., :3] / films[..., 3:]).astype(np.float32))
     # And nothing else is left
     assert farm.store.names(blobs.partials(job.id)) == []
@@ -93,7 +95,7 @@ def test_the_order_of_commits_does_not_matter(farm: NoiseFarm) -> None:
         results.append(
             (
                 judged(farm.jobs.curve(job.id)),
-                decode_image(farm.store.get(blobs.result(job.id, "image.exr"))).tobytes(),
+                decode_image(farm.picture(job, "image.exr")).tobytes(),
             )
         )
     assert results[0] == results[1]
@@ -102,7 +104,7 @@ def test_the_order_of_commits_does_not_matter(farm: NoiseFarm) -> None:
 def test_another_monitor_takes_over_and_changes_nothing(
     farm: NoiseFarm, client: redis.Redis, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(job_run, "_CHECKPOINT_S", 0.0)
+    monkeypatch.setattr(checkpoints, "_INTERVAL_S", 0.0)
     undisturbed = farm.submit(**QUICK)
     with farm.monitor():
         expected = work(farm, undisturbed)
@@ -117,10 +119,7 @@ def test_another_monitor_takes_over_and_changes_nothing(
                 work(farm, disturbed)
     # Then its curve and its image are those of the other
     assert judged(farm.jobs.curve(disturbed.id)) == judged(farm.jobs.curve(undisturbed.id))
-    images = [
-        decode_image(farm.store.get(blobs.result(job.id, "image.exr")))
-        for job in (undisturbed, disturbed)
-    ]
+    images = [decode_image(farm.picture(job, "image.exr")) for job in (undisturbed, disturbed)]
     np.testing.assert_array_equal(*images)
     assert int(client.get(keys.job(disturbed.id, "fence"))) > 2  # it did change hands
 
@@ -140,7 +139,7 @@ def test_results_are_written_though_the_monitor_died_after_the_verdict(
         until(lambda: farm.jobs.get(again.id).finished_at is not None)
     # Then the image is the one that was judged
     films = sum(noise_film(i, 10, 1.0).astype(np.float64) for i in range(4))
-    image = decode_image(farm.store.get(blobs.result(again.id, "image.exr")))
+    image = decode_image(farm.picture(again, "image.exr"))
     np.testing.assert_array_equal(image, (films[..., :3] / films[..., 3:]).astype(np.float32))
 
 
@@ -163,7 +162,7 @@ def test_a_time_limit_exhausts_a_job_and_keeps_its_samples(farm: NoiseFarm) -> N
     done = farm.jobs.get(job.id)
     assert (done.state, done.spp) == (JobState.EXHAUSTED, 10)
     assert "time limit of 0.5 s" in done.reason
-    assert farm.store.exists(blobs.result(job.id, "image.png"))
+    assert farm.picture(job, "image.png")
 
 
 def test_a_cancelled_job_keeps_what_was_rendered(farm: NoiseFarm) -> None:
@@ -173,14 +172,14 @@ def test_a_cancelled_job_keeps_what_was_rendered(farm: NoiseFarm) -> None:
         assert farm.jobs.cancel(job.id).state is JobState.CANCELLED
         until(lambda: farm.jobs.get(job.id).finished_at is not None)
     assert farm.jobs.get(job.id).spp >= 40
-    assert farm.store.exists(blobs.result(job.id, "image.exr"))
+    assert farm.picture(job, "image.exr")
     assert farm.lease() is None
 
 
 def test_a_job_keeps_its_slices_where_asked(
     farm: NoiseFarm, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(job_run, "_CHECKPOINT_S", 0.0)
+    monkeypatch.setattr(checkpoints, "_INTERVAL_S", 0.0)
     with farm.monitor():
         done = work(farm, farm.submit(**QUICK, keep_slices=True))
     kept = farm.store.names(blobs.partials(done.id))
@@ -188,26 +187,113 @@ def test_a_job_keeps_its_slices_where_asked(
     assert farm.store.names(blobs.checkpoints(done.id)) == []
 
 
-def test_a_corrupted_partial_fails_its_job_and_no_other(farm: NoiseFarm) -> None:
+def spoil(farm: NoiseFarm, lease: Lease) -> None:
+    """Change a byte of a committed partial."""
+    blob = farm.jobs.ledger(lease.job_id)[lease.index]["blob"]
+    farm.store.put(blob, farm.store.get(blob)[:-1] + b"?")
+
+
+def truncate(farm: NoiseFarm, lease: Lease) -> None:
+    blob = farm.jobs.ledger(lease.job_id)[lease.index]["blob"]
+    farm.store.put(blob, farm.store.get(blob)[:100])
+
+
+def lose(farm: NoiseFarm, lease: Lease) -> None:
+    farm.store.delete(farm.jobs.ledger(lease.job_id)[lease.index]["blob"])
+
+
+@pytest.mark.parametrize("harm", [spoil, truncate, lose])
+def test_a_partial_that_is_lost_or_spoiled_is_rendered_again(
+    farm: NoiseFarm, harm: Callable[[NoiseFarm, Lease], None]
+) -> None:
+    undisturbed, disturbed = farm.submit(**QUICK), farm.submit(**QUICK)
     with farm.monitor():
-        bad = farm.submit(**QUICK, priority=1)
-        until(lambda: (lease := farm.lease()) is not None and bool(spoil(farm, lease)))
-        until(lambda: farm.jobs.get(bad.id).finished_at is not None)
-        good = work(farm, farm.submit(**QUICK))
+        work(farm, undisturbed)
+        work(farm, disturbed, until_points=1)
+    # Given a slice that was committed while no monitor looked, and harmed before one does
+    lease = farm.lease()
+    assert lease is not None
+    farm.commit(lease)
+    harm(farm, lease)
+    with farm.monitor():
+        done = work(farm, disturbed)
+    # Then it is rendered again: same curve, same image, and the ledger has it once
+    assert judged(farm.jobs.curve(disturbed.id)) == judged(farm.jobs.curve(undisturbed.id))
+    images = [decode_image(farm.picture(job, "image.exr")) for job in (undisturbed, disturbed)]
+    np.testing.assert_array_equal(*images)
+    assert done.committed_spp == 10 * len(farm.jobs.ledger(disturbed.id))
+    # And the job's events say so
+    assert [trouble["index"] for trouble in troubles(farm, disturbed)] == [lease.index]
+
+
+def troubles(farm: NoiseFarm, job: Job) -> list[dict[str, object]]:
+    return [event.data for event in farm.jobs.events(job.id) if event.type == "trouble"]
+
+
+def test_a_partial_that_never_comes_back_whole_fails_its_job_and_no_other(
+    farm: NoiseFarm, client: redis.Redis
+) -> None:
+    bad = farm.submit(**QUICK)
+    with farm.monitor():
+        until(lambda: client.xlen(keys.job(bad.id, "slices")) > 0)
+    for time_ in range(1, 5):
+        while (lease := farm.lease()) is not None:
+            farm.commit(lease)
+            spoil(farm, lease)
+        with farm.monitor():
+            until(lambda time_=time_: len(troubles(farm, bad)) == time_)
+            if time_ == 4:
+                until(lambda: farm.jobs.get(bad.id).finished_at is not None)
     assert farm.jobs.get(bad.id).state is JobState.FAILED
-    assert "not what its worker uploaded" in farm.jobs.get(bad.id).reason
-    assert good.state is JobState.CONVERGED
+    assert "never came back whole" in farm.jobs.get(bad.id).reason
+    with farm.monitor():
+        assert work(farm, farm.submit(**QUICK)).state is JobState.CONVERGED
 
 
-def spoil(farm: NoiseFarm, lease) -> bool:
-    """Change the partial between its upload and its commit."""
-    put = farm.store.put
-    try:
-        farm.store.put = lambda name, content: put(name, content[:-1] + b"?")  # type: ignore[method-assign]
-        farm.commit(lease)
-    finally:
-        farm.store.put = put  # type: ignore[method-assign]
-    return True
+@pytest.mark.parametrize("keep_slices", [False, True])
+@pytest.mark.parametrize("harm", ["lost", "spoiled"])
+def test_a_checkpoint_that_is_lost_or_spoiled_costs_work_and_nothing_else(
+    farm: NoiseFarm, monkeypatch: pytest.MonkeyPatch, harm: str, keep_slices: bool
+) -> None:
+    monkeypatch.setattr(checkpoints, "_INTERVAL_S", 0.0)
+    undisturbed = farm.submit(**QUICK, keep_slices=keep_slices)
+    with farm.monitor():
+        expected = work(farm, undisturbed)
+    disturbed = farm.submit(**QUICK, keep_slices=keep_slices)
+    with farm.monitor():
+        work(farm, disturbed, until_points=expected.points - 2)
+    (checkpoint,) = farm.store.names(blobs.checkpoints(disturbed.id))
+    if harm == "lost":
+        farm.store.delete(checkpoint)
+    else:
+        farm.store.put(checkpoint, farm.store.get(checkpoint)[:-9] + b"corrupted")
+    with farm.monitor():
+        work(farm, disturbed)
+    assert judged(farm.jobs.curve(disturbed.id)) == judged(farm.jobs.curve(undisturbed.id))
+    images = [decode_image(farm.picture(job, "image.exr")) for job in (undisturbed, disturbed)]
+    np.testing.assert_array_equal(*images)
+
+
+def test_a_blob_store_that_fails_one_job_does_not_hold_up_the_others(farm: NoiseFarm) -> None:
+    stuck = farm.submit(**QUICK)
+    with farm.monitor():
+        work(farm, stuck, until_points=1)
+    # Given a committed partial that cannot be read for now
+    lease = farm.lease()
+    assert lease is not None
+    farm.commit(lease)
+    unreadable = Path(farm.store.where) / farm.jobs.ledger(stuck.id)[lease.index]["blob"]
+    content = unreadable.read_bytes()
+    unreadable.unlink()
+    unreadable.symlink_to(unreadable)  # which root cannot read either
+    with farm.monitor():
+        other = farm.submit(**QUICK, priority=1)
+        assert work(farm, other).state is JobState.CONVERGED
+        assert farm.jobs.get(stuck.id).state is JobState.RENDERING
+        # When it can be read again, the job goes on
+        unreadable.unlink()
+        unreadable.write_bytes(content)
+        assert work(farm, stuck).state is JobState.CONVERGED
 
 
 def test_results_that_cannot_be_written_do_not_hold_the_monitor(
@@ -216,11 +302,12 @@ def test_results_that_cannot_be_written_do_not_hold_the_monitor(
     def refuse(*_: object) -> None:
         raise ValueError("no picture of this")
 
-    monkeypatch.setattr(job_run.JobRun, "_write_pictures", refuse)
+    monkeypatch.setattr(Results, "write", refuse)
     with farm.monitor():
         done = work(farm, farm.submit(**QUICK))
-    assert done.state is JobState.CONVERGED  # as it was judged; only its pictures are missing
-    assert not farm.store.exists(blobs.result(done.id, "image.png"))
+    assert done.state is JobState.FAILED
+    assert "no picture of this" in done.reason
+    assert farm.store.names(blobs.results(done.id)) == []
 
 
 def test_slices_of_two_sizes_fail_the_job(farm: NoiseFarm) -> None:

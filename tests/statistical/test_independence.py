@@ -15,7 +15,6 @@ variance of merged slices was within 3 % of independence.
 ``LONG_TESTS=1`` judges more sizes, more slices and more samples; it takes some 15 minutes.
 """
 
-import os
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -24,6 +23,7 @@ import numpy as np
 import pytest
 
 from farm.seeds import Pass, SeedSchedule
+from tests.support import long_tests
 from tests.support.independence import Verdict, judge, leave_behind
 from tests.support.mitsuba_process import MitsubaProcess
 
@@ -40,7 +40,7 @@ ALLOWANCES: dict[str, dict[str, float]] = {
 #: width, height, spp of a slice, slices. 3 spp make a slice of two passes.
 SHORT = [(512, 512, 1, 32), (333, 255, 3, 32)]
 LONG = [(512, 512, 16, 64), (333, 255, 1, 256), (640, 360, 4, 128), (40, 24, 25, 400)]
-CASES = [*SHORT, *(LONG if "LONG_TESTS" in os.environ else [])]
+CASES = [*SHORT, *(LONG if long_tests.WANTED else [])]
 
 
 class Bench:

@@ -60,6 +60,9 @@ class NoiseFarm:
             stop.set()
             thread.join()
 
+    def picture(self, job: Job, name: str) -> bytes:
+        return self.store.get(f"{self.jobs.results(job.id)}/{name}")
+
     def lease(self) -> Lease | None:
         return self.queue.lease(("scalar_rgb",), None, in_turn=False)
 

@@ -11,6 +11,7 @@ from types import TracebackType
 
 import psutil
 
+from farm.blobs import Blobs
 from farm.embedded import EmbeddedRedis
 from farm.exr import Pixels, decode_image
 from farm.job import CurvePoint
@@ -26,12 +27,14 @@ BOX = Path(__file__).parents[2] / "scenes" / "box"
 class RealFarm:
     """Starts processes as a user would: ``python -m plateau …`` with settings by environment."""
 
-    def __init__(self, folder: Path, cache: Path, **settings: str) -> None:
+    def __init__(
+        self, folder: Path, cache: Path, blobs: Path | None = None, **settings: str
+    ) -> None:
         self.redis = EmbeddedRedis(folder / "redis")
         self.environment = {
             **os.environ,
             "PLATEAU_REDIS_URL": self.redis.url,
-            "PLATEAU_BLOBS": str(folder / "blobs"),
+            "PLATEAU_BLOBS": str(blobs or folder / "blobs"),
             "PLATEAU_CACHE": str(cache),
             "PLATEAU_THREADS": "1",
             # So that a killed process is missed soon.
@@ -39,8 +42,9 @@ class RealFarm:
             "PLATEAU_LEASE_S": "2",
             **settings,
         }
-        self.blobs = folder / "blobs"
-        self.jobs = Jobs(connect(self.redis.url))
+        self.store = Blobs(str(blobs or folder / "blobs"))
+        self.redis_client = connect(self.redis.url)
+        self.jobs = Jobs(self.redis_client)
         self.processes: list[subprocess.Popen[bytes]] = []
         self.client = Client(self._start_api())
 
@@ -68,10 +72,16 @@ class RealFarm:
         _, alive = psutil.wait_procs(left, timeout=10)
         assert not alive, f"left behind: {alive}"
 
-    def start(self, *arguments: str, passed: tuple[int, ...] = ()) -> subprocess.Popen[bytes]:
+    def start(
+        self,
+        *arguments: str,
+        passed: tuple[int, ...] = (),
+        module: str = "plateau",
+        **environment: str,
+    ) -> subprocess.Popen[bytes]:
         process = subprocess.Popen(
-            [sys.executable, "-m", "plateau", *arguments],
-            env=self.environment,
+            [sys.executable, "-m", module, *arguments],
+            env={**self.environment, **environment},
             pass_fds=passed,
             start_new_session=True,
         )

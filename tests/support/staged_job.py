@@ -6,7 +6,7 @@ from farm import blobs
 from farm.blobs import Blobs
 from farm.jobs import Jobs
 from farm.ownership import Ownerships
-from farm.queue import Committed, SliceQueue, SliceRecord
+from farm.queue import Committed, Lease, SliceQueue, SliceRecord
 from farm.spec import JobSpec
 from farm.states import JobState
 
@@ -29,14 +29,27 @@ class StagedJob:
         self._owned = owned
         self._queue = SliceQueue(client, "worker-1", lease_s=60)
         self._planned = 0
+        self._put_back = 0  # slices that were planned, and wait since somebody died on them
 
-    def commit(self, slices: int = 1) -> None:
+    def plan(self) -> None:
+        """Plan one more slice."""
+        self._owners.plan(self._owned, range(self._planned, self._planned + 1))
+        self._planned += 1
+
+    def die(self, cause: str, said: str = "") -> None:
+        """Plan and lease one more slice, and die on it; it is the next that is committed."""
+        self.plan()
+        self._put_back += 1
+        self._queue.died(self._lease(), cause, 0.2, said)
+
+    def commit(self, slices: int = 1, said: str = "") -> None:
         """Plan, lease and commit so many slices."""
         for _ in range(slices):
-            self._owners.plan(self._owned, range(self._planned, self._planned + 1))
-            self._planned += 1
-            lease = self._queue.lease(("scalar_rgb",), None, in_turn=False)
-            assert lease is not None
+            if self._put_back:
+                self._put_back -= 1
+            else:
+                self.plan()
+            lease = self._lease()
             record = SliceRecord(
                 index=lease.index,
                 spp=self.spec.slice_spp,
@@ -47,8 +60,15 @@ class StagedJob:
                 worker="worker-1",
                 render_s=0.5,
             )
-            answer = self._queue.commit(lease, record, width=WIDTH, height=HEIGHT, notes=())
+            answer = self._queue.commit(
+                lease, record, width=WIDTH, height=HEIGHT, notes=(), said=said
+            )
             assert answer is Committed.COMMITTED
+
+    def _lease(self) -> Lease:
+        lease = self._queue.lease(("scalar_rgb",), None, in_turn=False)
+        assert lease is not None
+        return lease
 
     def point(self, spp: int, visible: int, slope: float | None = None) -> None:
         """Append a point to the curve."""
@@ -63,7 +83,6 @@ class StagedJob:
             "rules": {"reverse": {"value": slope, "stop": False}},
         }
         self._owners.append_point(self._owned, spp, point)
-        self._owners.save(self._owned, spp=spp)
 
     def end(self, state: JobState = JobState.CONVERGED, reason: str = "levelled off") -> None:
         """End the job."""
@@ -71,8 +90,14 @@ class StagedJob:
 
     def finish(self, spp: int = 100) -> None:
         """Say that its results are written."""
-        self._owners.finish(self._owned, spp=spp)
+        self._owners.conclude(self._owned, spp=spp, results=self._pictures, notes=())
+        self._owners.finish(self._owned)
 
     def picture(self, store: Blobs, name: str, content: bytes) -> None:
         """Put a picture where the API finds it."""
-        store.put(blobs.result(self.id, name), content)
+        store.put(f"{self._pictures}/{name}", content)
+        self._owners.show_results(self._owned, self._pictures)
+
+    @property
+    def _pictures(self) -> str:
+        return f"{blobs.results(self.id)}staged"

@@ -1,5 +1,6 @@
 """A worker renders what it leases, and nothing that happens to it is lost or counted twice."""
 
+import contextlib
 import hashlib
 import os
 import signal
@@ -25,7 +26,7 @@ from farm.settings import Settings
 from farm.spec import JobSpec
 from farm.states import JobState
 from worker.supervisor import Supervisor
-from worker.variants import VariantChoice
+from worker.variants import Probe, VariantChoice
 
 SCALAR = VariantChoice("scalar_rgb", None, "asked for by the test", ())
 SCENE = """<scene version="3.0.0">
@@ -69,10 +70,10 @@ class Bench:
         return job, owned
 
     @contextmanager
-    def worker(self) -> Iterator[Supervisor]:
+    def worker(self, choice: VariantChoice = SCALAR) -> Iterator[Supervisor]:
         stop = threading.Event()
-        worker = Supervisor(self.settings, SCALAR, self.store)
-        thread = threading.Thread(target=worker.run, args=(stop,))
+        worker = Supervisor(self.settings, choice, self.store, stop)
+        thread = threading.Thread(target=worker.run)
         thread.start()
         try:
             yield worker
@@ -97,10 +98,17 @@ def until(condition: Callable[[], object], seconds: float = 30) -> None:
         time.sleep(0.01)
 
 
+def render_children() -> list[psutil.Process]:
+    found = []
+    for process in psutil.Process().children():
+        with contextlib.suppress(psutil.NoSuchProcess):  # a probe may end meanwhile
+            if "worker.child" in process.cmdline():
+                found.append(process)
+    return found
+
+
 def the_child() -> psutil.Process:
-    (child,) = (
-        process for process in psutil.Process().children() if "worker.child" in process.cmdline()
-    )
+    (child,) = render_children()
     return child
 
 
@@ -127,7 +135,7 @@ def test_it_renders_what_is_planned(bench: Bench) -> None:
     assert now.notes == ("the scene's 'multijitter' sampler was replaced by 'independent'",)
     # It has signed off, and its child is gone
     assert bench.jobs.workers() == []
-    assert not [p for p in psutil.Process().children() if "worker.child" in p.cmdline()]
+    assert not render_children()
 
 
 def test_a_killed_child_costs_a_try_and_no_sample(bench: Bench) -> None:
@@ -180,7 +188,7 @@ def test_a_scene_that_kills_its_child_fails_after_three_tries(bench: Bench) -> N
     job, _ = bench.job(slices=1, parameters={"size": 512}, slice_spp=4096, step=4096, max_spp=8192)
     with bench.worker():
         for _ in range(3):
-            until(lambda: [p for p in psutil.Process().children() if "worker.child" in p.cmdline()])
+            until(render_children)
             child = the_child()
             until(lambda child=child: child.cpu_times().user > 0.5)
             child.send_signal(signal.SIGSEGV)
@@ -195,6 +203,46 @@ def test_a_missing_scene_fails_the_job(bench: Bench) -> None:
     with bench.worker():
         until(lambda: bench.jobs.get(job.id).state is JobState.FAILED)
     assert "has no scene" in bench.jobs.get(job.id).reason
+
+
+def test_a_worker_that_can_render_nothing_harms_no_job_and_says_so(bench: Bench) -> None:
+    # Given a worker whose LLVM was there when it chose it, and is gone
+    gone = "/nowhere/libLLVM.so"
+    broken = VariantChoice(
+        "llvm_ad_rgb", gone, "it was there", (Probe("llvm_ad_rgb", gone, ok=True, detail=""),)
+    )
+    job, _ = bench.job(slices=2)
+    with bench.worker(broken) as worker:
+        until(lambda: (seen := bench.jobs.workers()) != [] and seen[0].trouble is not None)
+        (about,) = bench.jobs.workers()
+        assert "llvm_ad_rgb renders nothing here" in str(about.trouble)
+        assert about.job is None
+        # Then it takes no more work, its slice counts no try, and another worker does the job
+        with bench.worker() as healthy:
+            until(lambda: len(bench.jobs.ledger(job.id)) == 2)
+        assert {record["worker"] for record in bench.jobs.ledger(job.id).values()} == {healthy.id}
+        assert worker.id != healthy.id
+    assert [event for event in bench.jobs.events(job.id) if event.type == "trouble"] == []
+    assert bench.jobs.get(job.id).variant == "scalar_rgb"
+    # And the job's log says why the slice came back
+    returned = bench.jobs.log(job.id)[0]
+    assert (returned.what, returned.worker) == ("unfit", worker.id)
+    assert "llvm_ad_rgb renders nothing here" in str(returned.cause)
+
+
+def test_a_scene_that_cannot_be_fetched_for_a_while_costs_no_try(bench: Bench) -> None:
+    job, _ = bench.job(slices=1)
+    scene = Path(bench.store.where) / blobs.scene(job.scene_sha256)
+    content = scene.read_bytes()
+    scene.unlink()
+    scene.symlink_to(scene)  # which cannot be read, by root neither
+    with bench.worker():
+        until(lambda: (seen := bench.jobs.workers()) != [] and seen[0].last_error is not None)
+        assert bench.jobs.get(job.id).state is not JobState.FAILED
+        scene.unlink()
+        scene.write_bytes(content)
+        until(lambda: len(bench.jobs.ledger(job.id)) == 1)
+    assert [event for event in bench.jobs.events(job.id) if event.type == "trouble"] == []
 
 
 def test_a_cancelled_job_frees_the_worker_at_once(bench: Bench, client: redis.Redis) -> None:

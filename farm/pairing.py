@@ -1,0 +1,55 @@
+"""Which blob store belongs to which Redis: each has an id that the other has too.
+
+A worker on another store would fail every job; an empty folder where a disk should be mounted holds
+no blob; a Redis that lost its data knows no job, and all results would look like nobody's.
+"""
+
+import secrets
+
+import redis
+
+from farm import blobs, keys
+from farm.blobs import Blobs
+from farm.errors import WrongStore
+from farm.redis_link import unavailable_as_farm_error
+
+
+def check_pair(client: redis.Redis, store: Blobs) -> None:
+    """Return where Redis and the blob store belong together; the first time, pair them.
+
+    From then on `store` also knows its folder from an empty one.
+
+    Raises
+    ------
+    WrongStore
+        They do not belong together; nothing was changed.
+    StoreUnavailable
+        One of the two is away.
+    """
+    with unavailable_as_farm_error():
+        ours, paired = client.hmget(keys.STORE, "id", "paired")
+        theirs = store.mark()
+        if theirs is None and paired is None:
+            if not client.exists(keys.JOBS) and any(store.listing(blobs.JOBS)):
+                raise WrongStore(_refusal(store, None, None))
+            client.hsetnx(keys.STORE, "id", secrets.token_hex(8))
+            ours = client.hget(keys.STORE, "id")
+            theirs = store.make_mark(ours)
+        if theirs is None or theirs != ours:
+            raise WrongStore(_refusal(store, ours, theirs))
+        if paired is None:
+            client.hset(keys.STORE, "paired", 1)
+
+
+def _refusal(store: Blobs, ours: str | None, theirs: str | None) -> str:
+    if theirs is None and ours is not None:
+        return (
+            f"{store.where} is not the blob store of this Redis: set PLATEAU_BLOBS to the one that "
+            "its other processes use, or mount what should be there"
+        )
+    return (
+        f"the blobs in {store.where} belong to another Redis than this one, or this one has lost "
+        f"its data: the blob {blobs.MARK} says {theirs or 'nothing'}, the key {keys.STORE} "
+        f"{ours or 'nothing'}. Nothing was changed. Set PLATEAU_BLOBS and PLATEAU_REDIS_URL to two "
+        "that belong together"
+    )

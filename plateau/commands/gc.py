@@ -1,0 +1,114 @@
+"""`plateau gc`: remove what nobody needs any more."""
+
+import json
+from contextlib import ExitStack
+from dataclasses import asdict
+from typing import Final
+
+from farm.blobs import Blobs
+from farm.embedded import EmbeddedRedis
+from farm.pairing import check_pair
+from farm.redis_link import connect
+from farm.schema import check_schema
+from farm.settings import Settings
+from farm.sweep import Swept, sweep
+from plateau.data_folder import DataFolder, InUse
+from plateau.errors import CommandFailed
+from plateau.read_settings import read_settings
+
+_DAY_S: Final = 86_400.0
+
+
+def gc(
+    results_older_than_days: float | None,
+    scenes_unused_for_days: float | None,
+    *,
+    dry_run: bool,
+    as_json: bool,
+) -> None:
+    """Sweep once, and print what went; days that are None are those of the settings."""
+    settings = read_settings()
+    if results_older_than_days is None:
+        results_older_than_days = settings.keep_results_days
+    if scenes_unused_for_days is None:
+        scenes_unused_for_days = settings.keep_scenes_days
+    data = DataFolder(settings.data)
+    where = settings.blobs or str(data.blobs.absolute())
+    with ExitStack() as stack:
+        client = stack.enter_context(connect(_redis_url(settings, data, stack)))
+        store = Blobs(where)
+        check_schema(client)
+        check_pair(client, store)
+        swept = sweep(
+            client,
+            store,
+            results_older_than_s=_seconds(results_older_than_days),
+            scenes_unused_for_s=_seconds(scenes_unused_for_days),
+            dry_run=dry_run,
+        )
+    if as_json:
+        print(json.dumps({"dry_run": dry_run, **asdict(swept)}, indent=2))
+    else:
+        print(_report(swept, results_older_than_days, scenes_unused_for_days, where, dry_run))
+
+
+def _redis_url(settings: Settings, data: DataFolder, stack: ExitStack) -> str:
+    """The Redis that the settings mean; an embedded one is started where none runs."""
+    if settings.redis_url:
+        if settings.blobs is None:
+            raise CommandFailed(
+                "set PLATEAU_BLOBS too: of the blobs there, those go that PLATEAU_REDIS_URL does "
+                "not know"
+            )
+        return settings.redis_url
+    if not data.redis.is_dir():
+        raise CommandFailed(
+            f"there is nothing of Plateau's in {data.path}: set PLATEAU_DATA to the folder that "
+            "`plateau up` says it uses, or PLATEAU_REDIS_URL and PLATEAU_BLOBS"
+        )
+    try:
+        stack.enter_context(data)
+    except InUse as held:
+        socket = data.redis.absolute() / "redis.sock"
+        if not socket.exists():
+            raise CommandFailed(
+                f"{held}; its Redis is not in that folder: set PLATEAU_REDIS_URL and PLATEAU_BLOBS "
+                "as it printed them at its start"
+            ) from held
+        return f"unix://{socket}"
+    server = EmbeddedRedis(data.redis)
+    stack.callback(server.stop)
+    return server.url
+
+
+def _report(
+    swept: Swept, results_days: float | None, scenes_days: float | None, where: str, dry_run: bool
+) -> str:
+    verb = "Would remove" if dry_run else "Removed"
+    count = "1 blob" if swept.blobs == 1 else f"{swept.blobs:,} blobs"
+    return "\n".join(
+        (
+            f"{verb} {count}, {_size(swept.freed_bytes)}, from {where}:",
+            _line("jobs", swept.jobs, "finished", results_days, "results-older-than"),
+            _line("scenes", swept.scenes, "of no job, last used", scenes_days, "scenes-unused-for"),
+            f"  {'orphans':<8}{swept.orphans:>8,}  blobs that no job needs",
+        )
+    )
+
+
+def _line(what: str, count: int, condition: str, days: float | None, option: str) -> str:
+    if days is None:
+        return f"  {what:<8}{'–':>8}  kept for ever: --{option} DAYS sets a limit"
+    return f"  {what:<8}{count:>8,}  {condition} more than {days:g} days ago"
+
+
+def _size(count: float) -> str:
+    for unit in ("bytes", "kB", "MB"):
+        if count < 1000:
+            return f"{count:.0f} {unit}" if unit == "bytes" else f"{count:.1f} {unit}"
+        count /= 1000
+    return f"{count:,.1f} GB"
+
+
+def _seconds(days: float | None) -> float | None:
+    return None if days is None else days * _DAY_S

@@ -1,0 +1,118 @@
+"""Checkpoints of a job: its sums and what its rules remember, in one blob."""
+
+import hashlib
+import io
+import json
+import logging
+import time
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from farm import blobs
+from farm.blobs import Blobs
+from farm.errors import CorruptPartial
+from farm.ownership import Checkpoint, Ownership, Ownerships
+from service.judge import Judge
+from service.merge import Merge
+
+_LOG = logging.getLogger(__name__)
+
+_INTERVAL_S: Final = 5.0  #: at least so long between two
+
+
+class Checkpoints:
+    """The last checkpoint of a job, and the partials that are not in it yet.
+
+    A partial goes once a checkpoint contains it, unless the job keeps its slices. A checkpoint that
+    is lost or spoiled costs the work in it and nothing else: its slices are rendered again.
+    """
+
+    def __init__(
+        self, owned: Ownership, owners: Ownerships, store: Blobs, *, keep_slices: bool
+    ) -> None:
+        self._owned = owned
+        self._owners = owners
+        self._blobs = store
+        self._keep_slices = keep_slices
+        self._contained: list[str] = []  # partials in the sums, not yet in a checkpoint
+        self._last = owners.checkpoint(owned.job_id)
+        self._saved_at = time.monotonic()
+
+    def note(self, partial: str) -> None:
+        """Say that the sums contain this partial now."""
+        self._contained.append(partial)
+
+    def save(self, merge: Merge, judge: Judge) -> None:
+        """Save the sums and the rules' memory, unless that was done a moment ago."""
+        if time.monotonic() < self._saved_at + _INTERVAL_S:
+            return
+        numbers, images = judge.memory()
+        content = _pack(
+            {"rules": numbers},
+            {**merge.arrays(), **{f"rule:{name}": image for name, image in images.items()}},
+        )
+        saved = Checkpoint(
+            blob=f"{blobs.checkpoints(self._owned.job_id)}{merge.spp:07d}-{self._owned.token}.npz",
+            sha256=hashlib.sha256(content).hexdigest(),
+            slices=merge.slices,
+        )
+        self._blobs.put(saved.blob, content)
+        self._owners.save_checkpoint(self._owned, saved)
+        before, self._last = self._last, saved
+        if before is not None and before.blob != saved.blob:
+            self._blobs.delete(before.blob)
+        if not self._keep_slices:
+            self._blobs.delete(*self._contained)
+        self._contained = []
+        self._saved_at = time.monotonic()
+
+    def recover(self, slice_spp: int, judge: Judge) -> Merge:
+        """The sums of the last checkpoint, with which the judge's rules remember what they had.
+
+        Without a checkpoint that can be read, the sums of nothing.
+        """
+        if self._last is None:
+            return Merge(slice_spp=slice_spp)
+        try:
+            about, arrays = _unpack(self._content(self._last))
+        except (FileNotFoundError, CorruptPartial) as error:
+            _LOG.warning("the merge starts again: %s", error)
+            self._render_again(self._last)
+            return Merge(slice_spp=slice_spp)
+        images = {
+            name.removeprefix("rule:"): image
+            for name, image in arrays.items()
+            if name.startswith("rule:")
+        }
+        judge.recall(about["rules"], images)
+        return Merge.from_arrays(slice_spp, self._last.slices, arrays)
+
+    def _content(self, checkpoint: Checkpoint) -> bytes:
+        content = self._blobs.get(checkpoint.blob)
+        if hashlib.sha256(content).hexdigest() != checkpoint.sha256:
+            raise CorruptPartial(f"the checkpoint {checkpoint.blob} is not what was saved")
+        return content
+
+    def _render_again(self, lost: Checkpoint) -> None:
+        """Have every slice rendered again whose partial went when this checkpoint had it."""
+        stored = set(self._blobs.names(blobs.partials(self._owned.job_id)))
+        for record in self._owners.committed(self._owned.job_id, range(lost.slices)):
+            if record.blob not in stored:
+                self._owners.reject(self._owned, record, "the checkpoint that had it was lost")
+
+
+def _pack(about: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> bytes:
+    """Numbers and arrays as the bytes of one ``.npz`` file."""
+    stream = io.BytesIO()
+    np.savez(stream, allow_pickle=False, about=np.array(json.dumps(about)), **arrays)
+    return stream.getvalue()
+
+
+def _unpack(content: bytes) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+    """What `_pack` was given."""
+    with np.load(io.BytesIO(content), allow_pickle=False) as file:
+        arrays = {name: file[name] for name in file.files}
+    about: dict[str, Any] = json.loads(str(arrays.pop("about")))
+    return about, arrays

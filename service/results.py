@@ -1,0 +1,60 @@
+"""The pictures of a job: what the merged image looks like, and where it differs from the first."""
+
+import time
+from typing import Final
+
+from farm import blobs
+from farm.blobs import Blobs
+from farm.exr import encode_image
+from farm.ownership import Ownership, Ownerships
+from farm.png import encode_png
+from farm.spec import JobSpec
+from metric import difference_picture, encode_srgb
+from service.judge import Judge
+from service.merge import Merge
+
+_INTERVAL_S: Final = 2.0  #: at least so long between two previews
+
+
+class Results:
+    """The job's last set of pictures.
+
+    A set is written under a name of its own and shown by one fenced write to Redis: who fetches
+    images sees whole sets only, and a monitor that has lost the job cannot replace a newer one.
+    """
+
+    def __init__(self, owned: Ownership, owners: Ownerships, store: Blobs, spec: JobSpec) -> None:
+        self._owned = owned
+        self._owners = owners
+        self._blobs = store
+        self._exposure_ev = spec.view.exposure_ev
+        self._shown: str | None = None
+        self._shown_at = time.monotonic()
+
+    def preview(self, merge: Merge, judge: Judge) -> None:
+        """Show the merged image, unless that was done a moment ago."""
+        if time.monotonic() < self._shown_at + _INTERVAL_S:
+            return
+        written, before = self.write(merge, judge), self._shown
+        self._owners.show_results(self._owned, written)
+        self._shown, self._shown_at = written, time.monotonic()
+        if before not in {None, written}:
+            self._blobs.delete(*self._blobs.names(f"{before}/"))
+
+    def write(self, merge: Merge, judge: Judge) -> str:
+        """Write the pictures of the merged image; returns the set's name, which nobody sees yet."""
+        image = merge.image()
+        about: dict[str, str | int] = {"plateau:job": self._owned.job_id, "plateau:spp": merge.spp}
+        pictures = {
+            "image.exr": encode_image(image, about),
+            "image.png": encode_png(encode_srgb(image, self._exposure_ev)),
+        }
+        visible = judge.visible_map(merge)
+        if visible is not None:
+            pictures["difference.png"] = encode_png(
+                difference_picture(image, visible, self._exposure_ev)
+            )
+        name = f"{blobs.results(self._owned.job_id)}{merge.spp:07d}-{self._owned.token}"
+        for picture, content in pictures.items():
+            self._blobs.put(f"{name}/{picture}", content)
+        return name

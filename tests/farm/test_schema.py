@@ -1,0 +1,129 @@
+"""The layout in Redis has a version: written once, brought forward, or refused in words."""
+
+import threading
+import time
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import pytest
+import redis
+
+from farm import keys, schema
+from farm.blobs import Blobs
+from farm.embedded import EmbeddedRedis
+from farm.errors import SchemaMismatch, StoreUnavailable
+from farm.jobs import Jobs
+from farm.redis_link import connect
+from farm.schema import VERSION, await_checks, check_schema
+from farm.spec import JobSpec
+
+
+def test_an_empty_redis_gets_the_version(client: redis.Redis) -> None:
+    check_schema(client)
+    assert client.get(keys.SCHEMA) == str(VERSION)
+    # And to look again changes nothing
+    check_schema(client)
+    assert client.keys("*") == [keys.SCHEMA]
+
+
+class TestLayout1:
+    """It is that of a Plateau which wrote no version down."""
+
+    @pytest.fixture
+    def job_id(self, client: redis.Redis) -> str:
+        job = Jobs(client).create(JobSpec(), name="old", scene_sha256="00" * 32).job
+        client.hset(keys.job(job.id), "checkpoint", f"jobs/{job.id}/checkpoints/0000100-1.npz")
+        return job.id
+
+    def test_is_brought_forward(self, client: redis.Redis, job_id: str) -> None:
+        check_schema(client)
+        assert client.get(keys.SCHEMA) == str(VERSION)
+        # Its results are found where they were put then, and its checkpoint is not taken for one
+        assert Jobs(client).results(job_id) == f"jobs/{job_id}"
+        assert not client.hexists(keys.job(job_id), "checkpoint")
+        assert Jobs(client).get(job_id).name == "old"
+
+    def test_is_brought_forward_once(self, client: redis.Redis, job_id: str) -> None:
+        check_schema(client)
+        # Given what the present layout says of the job
+        client.hset(keys.job(job_id), mapping={"checkpoint": "{}", "results": "jobs/new"})
+        # If every process of a farm starts at once
+        with ThreadPoolExecutor(8) as pool:
+            list(pool.map(check_schema, [connect(_url(client)) for _ in range(8)]))
+        # Then that stays
+        assert client.hmget(keys.job(job_id), "checkpoint", "results") == ["{}", "jobs/new"]
+
+    def test_is_seen_by_its_scenes_too(self, client: redis.Redis) -> None:
+        client.hset(keys.SCENES, "00" * 32, "{}")
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(schema, "_MIGRATIONS", {})
+            with pytest.raises(SchemaMismatch, match="has layout 1"):
+                check_schema(client)
+
+
+def test_migrations_run_in_order_and_all_at_once(
+    client: redis.Redis, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # Given a Plateau of layout 4, and data of layout 1
+    steps = {version: f"redis.call('RPUSH', 'steps', {version})" for version in (1, 2, 3)}
+    monkeypatch.setattr(schema, "VERSION", 4)
+    monkeypatch.setattr(schema, "_MIGRATIONS", steps)
+    client.zadd(keys.JOBS, {"0123456789ab": 1})
+    # If many of its processes start on it at once
+    with ThreadPoolExecutor(8) as pool:
+        list(pool.map(check_schema, [connect(_url(client)) for _ in range(8)]))
+    # Then each step was taken once
+    assert client.lrange("steps", 0, -1) == ["1", "2", "3"]
+    assert client.get(keys.SCHEMA) == "4"
+
+
+@pytest.mark.parametrize(
+    ("found", "words"),
+    [
+        (
+            str(VERSION + 1),
+            rf"has layout {VERSION + 1}.*works with layout {VERSION}.*newer Plateau",
+        ),
+        ("0", "cannot bring this one forward: start a version between the two"),
+        ("1.5", "no version of Plateau's data"),
+        ("no number", "'no number', which is no version of Plateau's data"),
+    ],
+)
+def test_what_cannot_be_read_is_refused_and_left_alone(
+    client: redis.Redis, found: str, words: str
+) -> None:
+    client.set(keys.SCHEMA, found)
+    with pytest.raises(SchemaMismatch, match=words):
+        check_schema(client)
+    assert client.get(keys.SCHEMA) == found
+    assert client.keys("*") == [keys.SCHEMA]
+
+
+def test_who_waits_for_redis_goes_on_when_it_comes(store: Blobs, tmp_path: Path) -> None:
+    client = connect(f"unix://{tmp_path}/redis.sock")
+    with pytest.raises(StoreUnavailable):
+        check_schema(client)
+    waiting = threading.Thread(target=await_checks, args=(client, store, threading.Event()))
+    waiting.start()
+    time.sleep(0.3)
+    assert waiting.is_alive()
+    server = EmbeddedRedis(tmp_path)
+    waiting.join(20)
+    assert not waiting.is_alive()
+    assert client.get(keys.SCHEMA) == str(VERSION)
+    client.close()
+    server.stop()
+
+
+def test_who_waits_for_redis_can_be_stopped(store: Blobs, tmp_path: Path) -> None:
+    stop = threading.Event()
+    client = connect(f"unix://{tmp_path}/none.sock")
+    waiting = threading.Thread(target=await_checks, args=(client, store, stop))
+    waiting.start()
+    stop.set()
+    waiting.join(20)
+    assert not waiting.is_alive()
+
+
+def _url(client: redis.Redis) -> str:
+    return f"unix://{client.connection_pool.connection_kwargs['path']}"

@@ -1,0 +1,45 @@
+"""Fault tests share one farm: Redis, API and blobs stay, and each test starts what it harms."""
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.support.faulty_farm import SPEC, FaultyFarm
+from tests.support.invariants import Outcome, outcome
+
+
+@pytest.fixture(scope="session")
+def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("cache")
+
+
+@pytest.fixture(scope="session")
+def shared_farm(tmp_path_factory: pytest.TempPathFactory, cache: Path) -> Iterator[FaultyFarm]:
+    with FaultyFarm(tmp_path_factory.mktemp("farm"), cache) as farm:
+        yield farm
+
+
+@pytest.fixture
+def farm(shared_farm: FaultyFarm) -> Iterator[FaultyFarm]:
+    """The shared farm, with nothing but its API running before and after."""
+    yield shared_farm
+    shared_farm.stop_all()
+
+
+@pytest.fixture(scope="session")
+def undisturbed(shared_farm: FaultyFarm) -> Outcome:
+    """What comes of the job where nothing happens."""
+    shared_farm.start("monitor")
+    shared_farm.start("worker")
+    job = shared_farm.submit(**SPEC)
+    found = outcome(shared_farm, job.id)
+    shared_farm.stop_all()
+    assert found.job.state == "converged"
+    return found
+
+
+@pytest.fixture
+def submit(farm: FaultyFarm) -> Callable[[], str]:
+    """Submits the job that `undisturbed` was, and returns its id."""
+    return lambda: farm.submit(**SPEC).id

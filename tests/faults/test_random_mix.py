@@ -1,0 +1,53 @@
+"""Faults of all kinds at random, and every job comes out as if nothing had happened.
+
+``FAULT_SEED`` and ``FAULT_MINUTES`` set the seed and the time; both are printed.
+"""
+
+import os
+import time
+from pathlib import Path
+
+import pytest
+
+from tests.support.chaos import Chaos
+from tests.support.faulty_farm import SPEC, FaultyFarm
+from tests.support.invariants import Outcome, assert_same, outcome
+
+SEED = int(os.environ.get("FAULT_SEED", "1"))
+MINUTES = float(os.environ.get("FAULT_MINUTES", "0.5"))
+#: Jobs that are under way at once.
+JOBS = 3
+
+
+def test_a_year_in_the_life_of_a_farm(
+    tmp_path_factory: pytest.TempPathFactory, cache: Path, undisturbed: Outcome
+) -> None:
+    print(f"FAULT_SEED={SEED} FAULT_MINUTES={MINUTES:g}")
+    limits = {"PLATEAU_PASS_TIMEOUT_S": "5", "PLATEAU_LOAD_TIMEOUT_S": "10"}
+    with FaultyFarm(tmp_path_factory.mktemp("year"), cache, **limits) as farm:
+        started = time.monotonic()
+
+        def tell(line: str) -> None:
+            print(f"{time.monotonic() - started:6.1f} s  {line}")
+
+        jobs = [farm.submit(**SPEC).id for _ in range(JOBS)]
+        chaos = Chaos(farm, SEED, tell)
+        farm.wait_for_workers(3)
+        while time.monotonic() < started + 60 * MINUTES:
+            chaos.strike()
+            if chaos.redis_is_away:
+                continue
+            under_way = [job for job in jobs if not farm.jobs.get(job).state.ended]
+            if len(under_way) < JOBS:
+                first = farm.jobs.get(jobs[0])
+                again = farm.jobs.create(
+                    first.spec, name=first.name, scene_sha256=first.scene_sha256
+                )
+                jobs.append(again.job.id)
+        # When all is well again
+        chaos.mend(everything=True)
+        # Then every job comes to the same end, by the same curve, with the same image
+        for job in jobs:
+            assert_same(outcome(farm, job, 240), undisturbed)
+        tell(f"{len(jobs)} jobs; {chaos.struck}")
+        assert sum(chaos.struck.values()) > 10 * MINUTES

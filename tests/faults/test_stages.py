@@ -1,0 +1,218 @@
+"""Killed at any stage of its work, a process changes nothing of what the user gets."""
+
+import signal
+import time
+from collections.abc import Callable
+from itertools import product
+
+import pytest
+
+from tests.support.faulty_farm import SPEC, FaultyFarm
+from tests.support.invariants import Outcome, assert_same, check_job, outcome
+from tests.support.long_tests import cases
+from tests.support.real_farm import until
+
+Submit = Callable[[], str]
+
+#: Longer than a lease of these farms, which is 2 s.
+LONGER_THAN_A_LEASE_S = 3.5
+
+_CHILD = "worker.render_child:RenderChild"
+_OWN = "farm.ownership:Ownerships"
+
+#: When a worker is hit: where, when, and at which call.
+WORKER_STAGES = {
+    "before a lease": ("farm.queue:SliceQueue.lease", "before", 3),
+    "as it has a lease": ("farm.queue:SliceQueue.lease", "after", 3),
+    "while its child loads": (f"{_CHILD}._ask", "after", 1),
+    "in mid-pass": (f"{_CHILD}._ask", "after", 4),
+    "in mid-upload": ("obstore:rename", "before", 2),
+    "between put and commit": ("farm.queue:SliceQueue.commit", "before", 2),
+    "as it has committed": ("farm.queue:SliceQueue.commit", "after", 2),
+}
+
+#: When a monitor is hit. Its checkpoints are made at every point of the curve.
+MONITOR_STAGES = {
+    "in mid-merge": ("service.merge:Merge.add", "before", 9),
+    "in mid-evaluation": ("service.judge:Judge.judge", "before", 3),
+    "between judgement and point": (f"{_OWN}.append_point", "before", 4),
+    "as the point is there": (f"{_OWN}.append_point", "after", 4),
+    "in mid-checkpoint": (f"{_OWN}.save_checkpoint", "before", 3),
+    "as the checkpoint is there": (f"{_OWN}.save_checkpoint", "after", 3),
+    "between preview and showing it": (f"{_OWN}.show_results", "before", 3),
+    "between verdict and withdrawal": (f"{_OWN}.end", "before", 1),
+    "as the job has ended": (f"{_OWN}.end", "after", 1),
+    "with its results written": (f"{_OWN}.conclude", "before", 1),
+    "as it clears": (f"{_OWN}.conclude", "after", 1),
+    "when all is cleared": (f"{_OWN}.finish", "before", 1),
+    "as the job is finished": (f"{_OWN}.finish", "after", 1),
+}
+EVERY_TIME = {"service.checkpoints:_INTERVAL_S": 0.0, "service.results:_INTERVAL_S": 0.0}
+
+
+@pytest.mark.parametrize("stage", cases(WORKER_STAGES, ["in mid-pass", "between put and commit"]))
+def test_a_worker_that_is_killed(
+    farm: FaultyFarm, undisturbed: Outcome, submit: Submit, stage: str
+) -> None:
+    where, when, nth = WORKER_STAGES[stage]
+    farm.start("monitor")
+    job = submit()
+    victim = farm.start_armed("worker", where, when=when, time=nth)
+    farm.wait_until_ended(victim, signal.SIGKILL)
+    farm.start("worker")
+    assert_same(outcome(farm, job), undisturbed)
+
+
+@pytest.mark.parametrize(
+    "stage",
+    cases(MONITOR_STAGES, ["in mid-checkpoint", "between verdict and withdrawal", "as it clears"]),
+)
+def test_a_monitor_that_is_killed(
+    farm: FaultyFarm, undisturbed: Outcome, submit: Submit, stage: str
+) -> None:
+    where, when, nth = MONITOR_STAGES[stage]
+    farm.start("worker")
+    job = submit()
+    victim = farm.start_armed("monitor", where, when=when, time=nth, constants=EVERY_TIME)
+    farm.wait_until_ended(victim, signal.SIGKILL)
+    farm.start("monitor")
+    assert_same(outcome(farm, job), undisturbed)
+
+
+@pytest.mark.parametrize(
+    ("stage", "signal_name"),
+    cases(
+        product(["while its child loads", "in mid-pass"], ["SIGKILL", "SIGTERM", "SIGSEGV"]),
+        [("in mid-pass", "SIGKILL")],
+    ),
+)
+def test_a_render_child_that_is_hit(
+    farm: FaultyFarm, undisturbed: Outcome, submit: Submit, stage: str, signal_name: str
+) -> None:
+    where, when, nth = WORKER_STAGES[stage]
+    farm.start("monitor")
+    job = submit()
+    farm.start_armed(
+        "worker", where, when=when, time=nth, signal_name=signal_name, target="children"
+    )
+    assert_same(outcome(farm, job), undisturbed)
+    (trouble,) = (one for one in farm.jobs.events(job) if one.type == "trouble")
+    assert signal_name in str(trouble.data["cause"])
+
+
+def test_a_render_child_that_hangs(farm: FaultyFarm, undisturbed: Outcome, submit: Submit) -> None:
+    farm.start("monitor")
+    job = submit()
+    where, when, nth = WORKER_STAGES["in mid-pass"]
+    farm.start_armed(
+        "worker",
+        where,
+        when=when,
+        time=nth,
+        signal_name="SIGSTOP",
+        target="children",
+        PLATEAU_PASS_TIMEOUT_S="5",
+    )
+    assert_same(outcome(farm, job), undisturbed)
+    (trouble,) = (one for one in farm.jobs.events(job) if one.type == "trouble")
+    assert "longer than" in str(trouble.data["cause"])
+
+
+@pytest.mark.parametrize(
+    "stage",
+    cases(["in mid-pass", "in mid-upload", "between put and commit"], ["between put and commit"]),
+)
+def test_a_zombie_worker_comes_back_and_commits_late(
+    farm: FaultyFarm, undisturbed: Outcome, submit: Submit, stage: str
+) -> None:
+    where, when, nth = WORKER_STAGES[stage]
+    farm.start("monitor")
+    job = submit()
+    zombie = farm.start_armed("worker", where, when=when, time=nth, signal_name="SIGSTOP")
+    farm.wait_until_stopped(zombie)
+    farm.start("worker")
+    # Others go on meanwhile, its slice is theirs, and then it wakes up
+    time.sleep(LONGER_THAN_A_LEASE_S)
+    farm.resume(zombie)
+    assert_same(outcome(farm, job), undisturbed)
+
+
+@pytest.mark.parametrize(
+    "stage",
+    cases(
+        [
+            "between judgement and point",
+            "in mid-checkpoint",
+            "between preview and showing it",
+            "between verdict and withdrawal",
+            "with its results written",
+            "as it clears",
+        ],
+        ["between preview and showing it"],
+    ),
+)
+def test_a_zombie_monitor_comes_back_and_can_write_nothing(
+    farm: FaultyFarm, undisturbed: Outcome, submit: Submit, stage: str
+) -> None:
+    where, when, nth = MONITOR_STAGES[stage]
+    farm.start("worker")
+    job = submit()
+    zombie = farm.start_armed(
+        "monitor", where, when=when, time=nth, signal_name="SIGSTOP", constants=EVERY_TIME
+    )
+    farm.wait_until_stopped(zombie)
+    farm.start("monitor")
+    before = outcome(farm, job)
+    farm.resume(zombie)
+    time.sleep(1.0)
+    assert_same(before, undisturbed)
+    assert_same(outcome(farm, job), undisturbed)
+
+
+@pytest.mark.parametrize(
+    "stage", cases(["in mid-pass", "in mid-upload", "between put and commit"], ["in mid-pass"])
+)
+def test_a_worker_that_is_told_to_stop_gives_its_slice_back(
+    farm: FaultyFarm, undisturbed: Outcome, submit: Submit, stage: str
+) -> None:
+    where, when, nth = WORKER_STAGES[stage]
+    farm.start("monitor")
+    job = submit()
+    victim = farm.start_armed("worker", where, when=when, time=nth, signal_name="SIGTERM")
+    until(lambda: victim.poll() is not None)
+    assert victim.returncode == 0
+    # What it had is there at once, not after a lease
+    farm.start("worker")
+    assert_same(outcome(farm, job), undisturbed)
+    assert [one for one in farm.jobs.events(job) if one.type == "trouble"] == []
+
+
+@pytest.mark.parametrize(
+    "stage", cases(["in mid-evaluation", "in mid-checkpoint", "as it clears"], ["as it clears"])
+)
+def test_a_monitor_that_is_told_to_stop_leaves_its_job_to_the_next(
+    farm: FaultyFarm, undisturbed: Outcome, submit: Submit, stage: str
+) -> None:
+    where, when, nth = MONITOR_STAGES[stage]
+    farm.start("worker")
+    job = submit()
+    victim = farm.start_armed(
+        "monitor", where, when=when, time=nth, signal_name="SIGTERM", constants=EVERY_TIME
+    )
+    until(lambda: victim.poll() is not None)
+    assert victim.returncode == 0
+    farm.start("monitor")
+    assert_same(outcome(farm, job), undisturbed)
+
+
+def test_two_monitors_share_jobs_and_never_one(
+    farm: FaultyFarm, undisturbed: Outcome, submit: Submit
+) -> None:
+    for _ in range(2):
+        farm.start("monitor")
+    farm.start("worker")
+    jobs = [submit() for _ in range(3)]
+    for job in jobs:
+        assert_same(outcome(farm, job), undisturbed)
+        check_job(farm.jobs, farm.store, farm.redis_client, job)
+    assert SPEC["max_spp"] > undisturbed.job.spp  # they were ended by the rule

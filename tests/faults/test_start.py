@@ -1,0 +1,142 @@
+"""Processes start whether Redis is there or not, and refuse data that they cannot read."""
+
+import signal
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import httpx
+import pytest
+
+from farm import keys
+from farm.embedded import EmbeddedRedis
+from farm.redis_link import connect
+from farm.schema import VERSION
+from tests.support.commands import Command, until
+
+READY = r"listens at (http://127\.0\.0\.1:\d+)"
+TOO_NEW = str(VERSION + 1)
+REFUSAL = f"the data in Redis has layout {TOO_NEW}"
+PROCESSES = (("api", "--port", "0"), ("monitor",), ("worker",))
+
+Run = Callable[..., Command]
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> Iterator[Run]:
+    """Starts commands whose Redis is to be in the folder ``redis``."""
+    started: list[Command] = []
+
+    def start(*arguments: str) -> Command:
+        started.append(
+            Command(
+                *arguments,
+                folder=tmp_path,
+                PLATEAU_REDIS_URL=f"unix://{tmp_path}/redis/redis.sock",
+                PLATEAU_BLOBS=str(tmp_path / "blobs"),
+            )
+        )
+        return started[-1]
+
+    yield start
+    for command in started:
+        command.end()
+
+
+@pytest.fixture
+def redis_comes(tmp_path: Path) -> Iterator[Callable[[], EmbeddedRedis]]:
+    servers: list[EmbeddedRedis] = []
+
+    def come() -> EmbeddedRedis:
+        servers.append(EmbeddedRedis(tmp_path / "redis"))
+        return servers[-1]
+
+    yield come
+    for server in servers:
+        server.stop()
+
+
+def test_a_data_folder_that_is_too_new_is_refused(tmp_path: Path) -> None:
+    # Given a data folder that a newer Plateau has used
+    server = EmbeddedRedis(tmp_path / "data" / "redis")
+    with connect(server.url) as client:
+        client.set(keys.SCHEMA, TOO_NEW)
+    server.stop()
+    # Then this one says so in a line, and leaves it as it is
+    command = Command("up", "--workers", "0", "--port", "0", folder=tmp_path)
+    try:
+        assert command.exit_code() == 1
+        command.is_gone()
+    finally:
+        command.end()
+    assert REFUSAL in command.said
+    assert "install that version here, or choose another PLATEAU_DATA" in command.said
+    assert len(command.said.splitlines()) == 1
+    server = EmbeddedRedis(tmp_path / "data" / "redis")
+    with connect(server.url) as client:
+        assert client.keys("*") == [keys.SCHEMA]
+        assert client.get(keys.SCHEMA) == TOO_NEW
+    server.stop()
+
+
+@pytest.mark.parametrize("arguments", PROCESSES)
+def test_each_process_refuses_what_is_too_new(
+    arguments: tuple[str, ...], run: Run, redis_comes: Callable[[], EmbeddedRedis]
+) -> None:
+    with connect(redis_comes().url) as client:
+        client.set(keys.SCHEMA, TOO_NEW)
+    command = run(*arguments)
+    assert command.exit_code() == 1
+    assert REFUSAL in command.said
+    assert "Traceback" not in command.said
+
+
+@pytest.mark.parametrize("arguments", PROCESSES)
+def test_each_process_waits_for_redis(
+    arguments: tuple[str, ...], run: Run, redis_comes: Callable[[], EmbeddedRedis]
+) -> None:
+    # Given a process that was started before its Redis
+    command = run(*arguments)
+    command.wait_for("Redis cannot be reached")
+    # If that comes
+    server = redis_comes()
+    # Then the process goes on, and marks the layout
+    with connect(server.url) as client:
+        until(lambda: client.get(keys.SCHEMA) == str(VERSION), 30)
+    assert command.process.poll() is None
+
+
+@pytest.mark.parametrize("arguments", PROCESSES)
+def test_each_process_refuses_what_comes_late_and_is_too_new(
+    arguments: tuple[str, ...],
+    run: Run,
+    redis_comes: Callable[[], EmbeddedRedis],
+    tmp_path: Path,
+) -> None:
+    before = redis_comes()
+    with connect(before.url) as client:
+        client.set(keys.SCHEMA, TOO_NEW)
+    before.stop()
+    command = run(*arguments)
+    command.wait_for(READY if arguments[0] == "api" else "trying again")
+    redis_comes()
+    assert command.exit_code() == 1
+    assert REFUSAL in command.said
+    assert "Traceback" not in command.said
+
+
+@pytest.mark.parametrize("arguments", PROCESSES)
+def test_each_process_can_be_stopped_while_it_waits(arguments: tuple[str, ...], run: Run) -> None:
+    command = run(*arguments)
+    command.wait_for(READY if arguments[0] == "api" else "trying again")
+    command.process.send_signal(signal.SIGTERM)
+    assert command.exit_code() == 0
+
+
+def test_an_api_answers_without_redis(run: Run, redis_comes: Callable[[], EmbeddedRedis]) -> None:
+    url = run("api", "--port", "0").wait_for(READY)
+    with httpx.Client(base_url=url, trust_env=False) as http:
+        assert http.get("/healthz").status_code == 200
+        assert http.get("/v1/jobs").status_code == 503
+        redis_comes()
+        until(lambda: http.get("/readyz").status_code == 200, 20)
+        assert http.get("/v1/jobs").status_code == 200

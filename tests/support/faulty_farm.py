@@ -1,0 +1,79 @@
+"""A real farm whose processes can be armed to be hit at an exact stage of their work."""
+
+import json
+import os
+import signal
+import subprocess
+from typing import Any
+
+import psutil
+
+from tests.support.real_farm import RealFarm, until
+
+SIZE = 48
+#: Converges at some 500 spp, after two or three seconds of a quiet worker.
+SPEC: dict[str, Any] = {
+    "parameters": {"width": SIZE, "height": SIZE},
+    "step": 40,
+    "slice_spp": 20,
+    "max_spp": 1200,
+    "rule": {"name": "reverse", "window": 5, "epsilon": 4.0},
+}
+
+
+class FaultyFarm(RealFarm):
+    """`RealFarm`, with processes that meet a signal on their way."""
+
+    def start_armed(
+        self,
+        role: str,
+        where: str,
+        *,
+        when: str = "before",
+        time: int = 1,
+        signal_name: str = "SIGKILL",
+        target: str = "self",
+        constants: dict[str, object] | None = None,
+        **environment: str,
+    ) -> subprocess.Popen[bytes]:
+        """Start a process that a signal hits at a stage; see `tests.support.stages`."""
+        stage = {
+            "where": where,
+            "when": when,
+            "time": time,
+            "signal": signal_name,
+            "target": target,
+            "set": constants or {},
+        }
+        module = "tests.support.stages"
+        return self.start(role, module=module, STAGE=json.dumps(stage), **environment)
+
+    def start_set(self, role: str, constants: dict[str, object]) -> subprocess.Popen[bytes]:
+        """Start a process with other constants, named as ``farm.queue:MAX_TRIES``."""
+        return self.start(role, module="tests.support.stages", STAGE=json.dumps({"set": constants}))
+
+    def wait_until_ended(self, process: subprocess.Popen[bytes], by: signal.Signals) -> None:
+        """Wait until the signal has ended the process, which is then forgotten."""
+        until(lambda: process.poll() is not None)
+        assert process.returncode == -by
+        self.processes.remove(process)
+
+    def wait_until_stopped(self, process: subprocess.Popen[bytes]) -> None:
+        """Wait until SIGSTOP has hit the process."""
+        until(lambda: psutil.Process(process.pid).status() == psutil.STATUS_STOPPED)
+
+    def resume(self, process: subprocess.Popen[bytes]) -> None:
+        os.kill(process.pid, signal.SIGCONT)
+
+    def wait_for_workers(self, count: int) -> None:
+        until(lambda: len(self.client.workers()) == count)
+
+    def stop_all(self) -> None:
+        """Stop all but the API, cleanly."""
+        for process in self.processes[1:]:
+            process.send_signal(signal.SIGCONT)
+            process.send_signal(signal.SIGTERM)
+        codes = [process.wait(60) for process in self.processes[1:]]
+        del self.processes[1:]
+        # One that was told before it listened is ended by the signal itself.
+        assert set(codes) <= {0, -signal.SIGTERM}, f"a process did not stop cleanly: {codes}"

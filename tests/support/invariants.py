@@ -1,0 +1,103 @@
+"""Every invariant of a finished job, checked from outside: by API, Redis and blob store."""
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import redis
+
+from farm import keys
+from farm.blobs import Blobs
+from farm.exr import Pixels
+from farm.jobs import Jobs
+from farm.states import JOB_MOVES, JobState
+from service.views import JobView
+from tests.support.real_farm import RealFarm, until
+
+#: What Redis keeps of a job that is finished.
+KEPT = {"", "ledger", "seeds", "curve", "events", "log", "fence"}
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a user has of a job in the end."""
+
+    job: JobView
+    curve: list[dict[str, object]]
+    image: Pixels
+    difference: bytes
+
+
+def outcome(farm: RealFarm, job_id: str, seconds: float = 120) -> Outcome:
+    """The job's outcome, once it is finished; its invariants are checked."""
+    until(lambda: farm.jobs.get(job_id).finished_at is not None, seconds)
+    done = farm.client.job(job_id)
+    check_job(farm.jobs, farm.store, farm.redis_client, job_id)
+    return Outcome(
+        done, farm.curve(done), farm.image(done), farm.client.image(job_id, "difference.png")
+    )
+
+
+def assert_same(one: Outcome, other: Outcome) -> None:
+    """Assert that a fault left no trace in what the user has."""
+    assert (one.job.state, one.job.spp, one.job.points, one.job.verdict) == (
+        other.job.state,
+        other.job.spp,
+        other.job.points,
+        other.job.verdict,
+    )
+    assert one.curve == other.curve
+    assert one.image.tobytes() == other.image.tobytes()
+    assert one.difference == other.difference
+
+
+def check_job(jobs: Jobs, store: Blobs, client: redis.Redis, job_id: str) -> None:
+    """Assert everything that holds of any finished job, whatever happened to it."""
+    job = jobs.get(job_id)
+    assert job.finished_at is not None
+    _check_ledger(jobs, job_id)
+    # The curve has each point once, by rising spp, at whole steps
+    spps = [point.spp for point in jobs.curve(job_id)]
+    assert len(spps) == job.points
+    assert all(a < b for a, b in pairwise(spps))
+    assert all(job.spec.evaluates_at(spp) for spp in spps)
+    _check_story(jobs, job_id)
+    # No blob is orphaned
+    expected = {f"{jobs.results(job_id)}/{name}" for name in ("image.exr", "image.png")}
+    if job.points:
+        expected.add(f"{jobs.results(job_id)}/difference.png")
+    if job.spec.keep_slices:
+        expected |= {record["blob"] for record in jobs.ledger(job_id).values()}
+    assert set(store.names(f"jobs/{job_id}/")) == (expected if job.spp else set())
+    # And Redis keeps nothing that only a running job needs
+    left = set(client.scan_iter(f"{keys.job(job_id)}*", count=1000))
+    assert {key.removeprefix(keys.job(job_id)).removeprefix(":") for key in left} <= KEPT
+    assert client.zscore(keys.OPEN, job_id) is None
+    assert not client.sismember(keys.UNFINISHED, job_id)
+
+
+def _check_ledger(jobs: Jobs, job_id: str) -> None:
+    """Each slice counts once, and no two have a seed in common."""
+    job, ledger = jobs.get(job_id), jobs.ledger(job_id)
+    assert job.committed_spp == len(ledger) * job.spec.slice_spp
+    assert job.spp <= job.committed_spp
+    assert set(range(job.spp // job.spec.slice_spp)) <= ledger.keys()
+    seeds = sorted((one["first_seed"], one["last_seed"]) for one in ledger.values())
+    assert all(first <= last for first, last in seeds)
+    assert all(a[1] < b[0] for a, b in pairwise(seeds))
+    assert len({one["blob"] for one in ledger.values()}) == len(ledger)
+
+
+def _check_story(jobs: Jobs, job_id: str) -> None:
+    """The job moved along the table, from its first state to its end, and finished once."""
+    events = jobs.events(job_id)
+    moves = [event.data for event in events if event.type == "state"]
+    assert moves[0]["to"] == "queued"
+    for before, move in pairwise(moves):
+        assert move["from"] == before["to"]
+        assert JobState(str(move["to"])) in JOB_MOVES[JobState(str(move["from"]))]
+        assert move["reason"]
+    assert JobState(str(moves[-1]["to"])) is jobs.get(job_id).state
+    assert [event.type for event in events].count("finished") == 1
+    assert events[-1].type == "finished"
+    spps = [event.data["spp"] for event in events if event.type == "point"]
+    assert spps == [point.spp for point in jobs.curve(job_id)]

@@ -1,0 +1,102 @@
+"""A disk in a file, and what a power loss leaves of it.
+
+Killing a process proves nothing about durability: what it wrote is in the kernel's memory and gets
+to the disk in the end. Here the disk is an ext4 image on a loop device, told to write back next to
+nothing by itself (``commit=300``). A copy of the image holds what the disk held at that moment and
+nothing of the kernel's memory, which is what a power loss leaves.
+"""
+
+import os
+import shutil
+import subprocess
+from pathlib import Path
+from types import TracebackType
+from typing import Final
+
+import pytest
+
+_ROOT: Final = 0
+
+
+class LoopDisk:
+    """A small disk, mounted while the context lasts.
+
+    Without root and loop devices the test skips, or fails in CI.
+
+    Parameters
+    ----------
+    home
+        Folder for the image and the mount; made.
+    megabytes
+        Size of the disk.
+    image
+        An image to mount instead of a new one.
+    """
+
+    def __init__(self, home: Path, *, megabytes: int = 64, image: Path | None = None) -> None:
+        self.folder = home / "mounted"
+        self.folder.mkdir(parents=True)
+        self._image = image or home / "image"
+        if image is None:
+            _needs_root_and_loop_devices()
+            with self._image.open("wb") as file:
+                file.truncate(megabytes << 20)
+            _run("mkfs.ext4", "-q", "-F", "-m", "0", str(self._image))
+
+    def __enter__(self) -> "LoopDisk":
+        self.mount()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.unmount()
+        self._image.unlink()
+
+    def mount(self) -> None:
+        """Mount it, or mount it again."""
+        # mount takes a free loop device, and umount gives it back.
+        _run("mount", "-o", "loop,commit=300", str(self._image), str(self.folder))
+
+    def unmount(self) -> None:
+        """Take it away: its folder is an empty one of the disk below."""
+        # Lazily, so that it goes with its last user where something still uses it.
+        _run("umount", "--lazy", str(self.folder))
+
+    def make_read_only(self) -> None:
+        """Mount it anew so that nothing can be written."""
+        _run("mount", "-o", "remount,ro", str(self.folder))
+
+    def make_writable(self) -> None:
+        """Mount it anew as it was."""
+        _run("mount", "-o", "remount,rw", str(self.folder))
+
+    def after_power_loss(self, home: Path) -> "LoopDisk":
+        """The disk as it is now, without what the kernel still has in memory: another, to mount."""
+        home.mkdir()
+        copy = home / "image"
+        shutil.copyfile(self._image, copy)
+        return LoopDisk(home, image=copy)
+
+
+def _needs_root_and_loop_devices() -> None:
+    missing = [
+        name
+        for name, there in (
+            ("root", os.geteuid() == _ROOT),
+            ("a loop device", Path("/dev/loop-control").exists()),
+            ("mkfs.ext4", shutil.which("mkfs.ext4") is not None),
+        )
+        if not there
+    ]
+    if missing and os.environ.get("CI") == "true":
+        pytest.fail(f"CI must test what a power loss leaves, which needs {' and '.join(missing)}")
+    if missing:
+        pytest.skip(f"a disk to lose the power of needs {' and '.join(missing)}")
+
+
+def _run(*command: str) -> None:
+    subprocess.run(command, check=True, capture_output=True, text=True)

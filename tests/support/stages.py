@@ -1,0 +1,76 @@
+"""Runs a ``plateau`` command that a signal hits at an exact stage of its work.
+
+``python -m tests.support.stages WORKER_OR_MONITOR …`` with the stage in ``STAGE``: a JSON object of
+
+- ``where``: ``module:function`` or ``module:Class.method``, and ``when``, ``before`` or ``after``
+  it runs;
+- ``time``: at its how manieth call;
+- ``signal``: its name; ``target``: ``self``, or ``children`` for every child process;
+- ``set``: constants to change first, as ``{"module:NAME": value}``; there may be nothing else.
+
+The code under test knows nothing of it: the functions are wrapped from outside, the processes and
+the signals are real.
+"""
+
+import functools
+import importlib
+import itertools
+import json
+import os
+import signal
+import sys
+import time
+from collections.abc import Callable
+from typing import Any
+
+import psutil
+
+from plateau.cli import main
+
+
+def resolve(where: str) -> tuple[Any, str]:
+    """The object that holds the named attribute, and the attribute's name."""
+    module, _, path = where.partition(":")
+    owner: Any = importlib.import_module(module)
+    *parents, name = path.split(".")
+    for parent in parents:
+        owner = getattr(owner, parent)
+    return owner, name
+
+
+def hit(stage: dict[str, Any]) -> None:
+    number = signal.Signals[stage["signal"]]
+    if stage["target"] == "self":
+        os.kill(os.getpid(), number)
+        # A stop takes hold, or a handler runs, a moment after the call: not past this stage.
+        time.sleep(0.2)
+    else:
+        for child in psutil.Process().children():
+            child.send_signal(number)
+
+
+def arm(stage: dict[str, Any]) -> None:
+    for where, value in stage.get("set", {}).items():
+        setattr(*resolve(where), value)
+    if "where" not in stage:
+        return
+    owner, name = resolve(stage["where"])
+    original: Callable[..., Any] = getattr(owner, name)
+    calls = itertools.count(1)
+
+    @functools.wraps(original)
+    def wrapped(*arguments: Any, **named: Any) -> Any:
+        now = next(calls) == stage["time"]
+        if now and stage["when"] == "before":
+            hit(stage)
+        answer = original(*arguments, **named)
+        if now and stage["when"] == "after":
+            hit(stage)
+        return answer
+
+    setattr(owner, name, wrapped)
+
+
+if __name__ == "__main__":
+    arm(json.loads(os.environ["STAGE"]))
+    sys.exit(main())

@@ -1,0 +1,114 @@
+"""The render child that suits a lease, with the lease's scene loaded: kept from slice to slice."""
+
+from pathlib import Path
+from typing import Final
+
+import psutil
+
+from farm.queue import Lease
+from farm.seeds import SeedSchedule
+from farm.settings import Settings
+from worker.render_child import ChildLimits, Loaded, RenderChild
+from worker.scene_cache import SceneCache
+from worker.uploader import Rendered
+
+_MEMORY_SHARE: Final = 0.8  #: of the machine's memory, where no limit is set
+
+
+class RenderHost:
+    """At most one render child at a time, with at most one scene loaded.
+
+    Parameters
+    ----------
+    settings
+        Limits and folders.
+    threads
+        Threads of the child.
+    llvm_library
+        The LLVM that it loads.
+    scenes
+        Where scenes come from.
+    """
+
+    def __init__(
+        self, settings: Settings, threads: int, llvm_library: str | None, scenes: SceneCache
+    ) -> None:
+        self._settings = settings
+        self._threads = threads
+        self._llvm_library = llvm_library
+        self._scenes = scenes
+        self._child: RenderChild | None = None
+        self._loaded: tuple[tuple[object, ...], Loaded] | None = None
+        self._files: Path | None = None  # where the scene's files are
+
+    def render(self, lease: Lease, folder: Path) -> Rendered:
+        """The lease's slice, rendered.
+
+        Raises whatever `RenderChild`, `SceneCache.scene` and `SeedSchedule` raise.
+        """
+        child = self._child_for(lease.variant)
+        scene = self._load(child, lease)
+        schedule = SeedSchedule(
+            variant=lease.variant,
+            width=scene.width,
+            height=scene.height,
+            slice_spp=lease.spec.slice_spp,
+            max_spp=lease.spec.max_spp,
+            job_seed=lease.spec.seed,
+        )
+        first_seed, last_seed = schedule.seed_range(lease.index)
+        film, render_s = child.render(schedule.passes(lease.index), folder)
+        return Rendered(
+            said=self.take_words(),
+            lease=lease,
+            scene=scene,
+            film=film,
+            first_seed=first_seed,
+            last_seed=last_seed,
+            render_s=render_s,
+        )
+
+    def take_words(self) -> str:
+        """What the child has printed since it was last asked, without this machine's folders."""
+        words = "" if self._child is None else self._child.take_words()
+        for folder in (self._files, self._files.resolve()) if self._files else ():
+            words = words.replace(f"{folder}/", "")
+        return words
+
+    def cancel(self) -> None:
+        """Cancel what the child is doing; from any thread."""
+        child = self._child
+        if child is not None:
+            child.cancel()
+
+    def close(self) -> None:
+        """End the child."""
+        if self._child is not None:
+            self._child.kill()
+
+    def _child_for(self, variant: str) -> RenderChild:
+        if self._child is not None and self._child.alive and self._child.variant == variant:
+            return self._child
+        self.close()
+        self._loaded = None
+        memory_gb = self._settings.child_memory_gb
+        memory = memory_gb * 1e9 if memory_gb else _MEMORY_SHARE * psutil.virtual_memory().total
+        limits = ChildLimits(
+            threads=self._threads,
+            memory_bytes=0 if variant.startswith("cuda") else int(memory),
+            load_timeout_s=self._settings.load_timeout_s,
+            pass_timeout_s=self._settings.pass_timeout_s,
+        )
+        home = self._settings.cache / "home"
+        self._child = RenderChild(variant, self._llvm_library, limits, home)
+        return self._child
+
+    def _load(self, child: RenderChild, lease: Lease) -> Loaded:
+        spec = lease.spec
+        parameters = spec.parameter_strings()
+        wanted = (lease.scene_sha256, tuple(sorted(parameters.items())), spec.sensor)
+        if self._loaded is None or self._loaded[0] != wanted:
+            self._loaded = None
+            self._files, entry = self._scenes.scene(lease.scene_sha256)
+            self._loaded = (wanted, child.load(self._files, entry, parameters, spec.sensor))
+        return self._loaded[1]
