@@ -1,5 +1,5 @@
 # Two commands are enough on a fresh machine: `make demo` and `make test`.
-.PHONY: demo test test-long check bench setup clean
+.PHONY: demo test test-long test-faults check bench setup clean
 .DEFAULT_GOAL := help
 
 BIN := .venv/bin
@@ -18,6 +18,10 @@ test: setup  ## Run every test that a newcomer's machine can run
 
 test-long: setup  ## The long forms of the statistical tests
 	LONG_TESTS=1 $(BIN)/python -m pytest tests/statistical
+
+test-faults: setup  ## The long fault suite; FAULT_MINUTES=30 FAULT_SEED=7 for the random part
+	LONG_TESTS=1 FAULT_MINUTES=$(or $(FAULT_MINUTES),5) FAULT_SEED=$(or $(FAULT_SEED),1) \
+	  $(BIN)/python -m pytest -s tests/faults tests/farm/test_bundle_fuzz.py tests/service/test_hostile_uploads.py
 
 check: setup  ## Style, types and the import law: what CI runs before the tests
 	$(BIN)/ruff check .

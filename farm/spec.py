@@ -106,7 +106,7 @@ class JobSpec(_Spec):
     parameters: dict[str, str | int | float | bool] = Field(
         default_factory=dict, description="values for the scene's $parameters, as mitsuba -D"
     )
-    rule: RuleSpec = Field(default_factory=ReverseSpec, description="the rule that ends the job")
+    rule: RuleSpec = Field(default_factory=VisibleSpec, description="the rule that ends the job")
     watch: tuple[RuleSpec, ...] = Field(
         (), max_length=16, description="rules that are evaluated and reported, and stop nothing"
     )

@@ -69,9 +69,10 @@ def spec_from_options(
     rule: Annotated[
         str | None,
         typer.Option(
-            help="What ends it: reverse, fixed, successive, multiple, myszkowski or visible, with "
-            "its parameters as in visible:target=0.001,min_spp=300.",
-            show_default="reverse",
+            help="What ends it: visible, reverse, fixed, successive, multiple or myszkowski, with "
+            "its parameters as in visible:target=0.001,min_spp=300. --window and --epsilon alone "
+            "mean reverse, --spp alone means fixed.",
+            show_default="visible",
         ),
     ] = None,
     watch: Annotated[
@@ -152,7 +153,7 @@ def spec_from_options(
     )
     given["parameters"] = dict(map(_definition, define or ()))
     given["rule"] = {
-        **_rule(rule or "reverse"),
+        **_rule(rule or _rule_of(window, epsilon, spp)),
         **_given(window=window, epsilon=epsilon, spp=spp),
     }
     given["watch"] = list(map(_rule, watch or ()))
@@ -207,6 +208,13 @@ def _rule(text: str) -> dict[str, str]:
             raise typer.BadParameter(f"a rule is NAME or NAME:PARAMETER=VALUE,…, not {text!r}")
         given[parameter] = value
     return given
+
+
+def _rule_of(window: int | None, epsilon: float | None, spp: int | None) -> str:
+    """The rule that options mean which only it has."""
+    if window is not None or epsilon is not None:
+        return "reverse"
+    return "visible" if spp is None else "fixed"
 
 
 #: Where an option is not called as the spec's field.

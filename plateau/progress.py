@@ -73,7 +73,7 @@ class Progress(ABC):
         return f"{samples / seconds / 1e6:.2f} Msamples/s" if seconds > 0 else ""
 
     def _figures(self, job: Job, point: CurvePoint) -> list[str]:
-        """Visible pixels, slope and half-buffer estimate, as far as they are known."""
+        """Visible pixels, slope and estimate, as far as they are known."""
         figures = [f"visible {words.pixels(point.visible_pixels, point.visible_fraction)}"]
         if point.slope is not None:
             stop = words.stop_slope(job)
@@ -81,7 +81,9 @@ class Progress(ABC):
             figures.append(f"slope {point.slope:.3g} px/spp{aim}")
         if point.estimate_pixels is not None:
             left = words.pixels(point.estimate_pixels, point.estimate_fraction)
-            figures.append(f"half-buffer {left}")
+            target = words.stop_fraction(job)
+            aim = "" if target is None else f" (stops at {100 * target:g} %)"
+            figures.append(f"estimate {left}{aim}")
         return figures
 
 

@@ -5,7 +5,7 @@ from datetime import datetime
 from typing import Final
 
 from farm.job import Job
-from farm.spec import ReverseSpec
+from farm.spec import ReverseSpec, VisibleSpec
 from farm.states import JobState
 from metric.rules.reverse import EPSILON_PIXELS
 
@@ -48,6 +48,11 @@ def stop_slope(job: Job) -> float | None:
     if not isinstance(job.spec.rule, ReverseSpec) or job.width is None or job.height is None:
         return None
     return job.spec.rule.epsilon * job.width * job.height / EPSILON_PIXELS
+
+
+def stop_fraction(job: Job) -> float | None:
+    """The share of visibly wrong pixels at which the job's rule stops."""
+    return job.spec.rule.target if isinstance(job.spec.rule, VisibleSpec) else None
 
 
 def wall_s(job: Job, now: datetime | None = None) -> float:

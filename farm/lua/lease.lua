@@ -57,7 +57,9 @@ local entry
 if chosen.stale then
   entry = redis.call('XCLAIM', slices, GROUP, worker, lease_ms, chosen.stale[1])[1]
   local holder = chosen.stale[2]
-  if holder ~= 'nobody' then
+  -- One that lives and yet does not renew never heard of its lease: the answer was lost.
+  local lives = now() - (redis.call('ZSCORE', WORKERS, holder) or 0) < tonumber(lease_ms)
+  if holder ~= 'nobody' and not lives then
     local causes = note_death(id, entry[2][2], holder, 'worker ' .. holder .. ' was lost')
     if #causes >= most_tries then
       poison(id, entry[2][2], causes)

@@ -10,7 +10,7 @@ from farm.spec import JobSpec
 
 def test_the_default_is_the_papers_rule() -> None:
     spec = JobSpec()
-    assert (spec.rule.name, spec.rule.window, spec.rule.epsilon) == ("reverse", 5, 0.1)
+    assert (spec.rule.name, spec.rule.target, spec.rule.min_spp) == ("visible", 0.0002, 200)
     assert (spec.step, spec.max_spp, spec.max_slices) == (100, 10_000, 400)
 
 
@@ -27,7 +27,7 @@ def test_the_default_is_the_papers_rule() -> None:
         ({"rule": {"name": "hunch"}}, "rule"),
         ({"rule": {"name": "reverse", "window": 1}}, "window"),
         ({"rule": {"name": "fixed", "epsilon": 1}}, "epsilon"),
-        ({"watch": [{"name": "reverse"}]}, "may be named once"),
+        ({"watch": [{"name": "visible"}]}, "may be named once"),
         ({"view": {"white_luminance": 0}}, "white_luminance"),
         ({"view": {"field_of_view_deg": 180}}, "field_of_view_deg"),
     ],

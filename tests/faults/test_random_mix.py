@@ -14,7 +14,7 @@ from tests.support.faulty_farm import SPEC, FaultyFarm
 from tests.support.invariants import Outcome, assert_same, outcome
 
 SEED = int(os.environ.get("FAULT_SEED", "1"))
-MINUTES = float(os.environ.get("FAULT_MINUTES", "0.5"))
+MINUTES = float(os.environ.get("FAULT_MINUTES", "0.3"))
 #: Jobs that are under way at once.
 JOBS = 3
 

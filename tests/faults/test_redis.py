@@ -94,10 +94,11 @@ def test_a_way_to_redis_that_loses_answers_again_and_again(
     assert_same(outcome(farm, job), undisturbed)
 
 
+@pytest.mark.parametrize("delay_s", cases([0.02, 0.1, 0.3], [0.02]))
 def test_a_slow_way_to_redis(
-    farm: FaultyFarm, proxy: RedisProxy, undisturbed: Outcome, submit: Submit
+    farm: FaultyFarm, proxy: RedisProxy, undisturbed: Outcome, submit: Submit, delay_s: float
 ) -> None:
-    proxy.delay_s = 0.1
+    proxy.delay_s = delay_s
     assert_same(outcome(farm, submit()), undisturbed)
 
 

@@ -42,8 +42,7 @@ MONITOR_STAGES = {
     "between preview and showing it": (f"{_OWN}.show_results", "before", 3),
     "between verdict and withdrawal": (f"{_OWN}.end", "before", 1),
     "as the job has ended": (f"{_OWN}.end", "after", 1),
-    "with its results written": (f"{_OWN}.conclude", "before", 1),
-    "as it clears": (f"{_OWN}.conclude", "after", 1),
+    "as it clears": ("service.job_run:JobRun._clear", "before", 1),
     "when all is cleared": (f"{_OWN}.finish", "before", 1),
     "as the job is finished": (f"{_OWN}.finish", "after", 1),
 }
@@ -145,7 +144,6 @@ def test_a_zombie_worker_comes_back_and_commits_late(
             "in mid-checkpoint",
             "between preview and showing it",
             "between verdict and withdrawal",
-            "with its results written",
             "as it clears",
         ],
         ["between preview and showing it"],
@@ -203,6 +201,23 @@ def test_a_monitor_that_is_told_to_stop_leaves_its_job_to_the_next(
     assert victim.returncode == 0
     farm.start("monitor")
     assert_same(outcome(farm, job), undisturbed)
+
+
+@pytest.mark.parametrize("when", ["before", "after"])
+def test_a_monitor_that_is_killed_as_it_concludes_a_job_that_was_cancelled(
+    farm: FaultyFarm, submit: Submit, when: str
+) -> None:
+    farm.start("worker")
+    job = submit()
+    victim = farm.start_armed("monitor", f"{_OWN}.conclude", when=when)
+    until(lambda: farm.jobs.get(job).points >= 3)
+    farm.client.cancel(job)
+    farm.wait_until_ended(victim, signal.SIGKILL)
+    farm.start("monitor")
+    # Then it has the image of every sample that was rendered, in one piece
+    cancelled = outcome(farm, job).job
+    assert cancelled.state == "cancelled"
+    assert cancelled.spp == farm.jobs.get(job).committed_spp
 
 
 def test_two_monitors_share_jobs_and_never_one(

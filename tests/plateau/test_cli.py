@@ -103,7 +103,7 @@ class TestOptions:
             "slice-spp": str(spec.slice_spp),
             "max-spp": str(spec.max_spp),
             "time-limit": "none",
-            "rule": "reverse",
+            "rule": spec.rule.name,
             "window": "5",
             "epsilon": "0.1",
             "spp": "10000",
@@ -117,6 +117,13 @@ class TestOptions:
             "priority": str(spec.priority),
         }
         assert "default: (http://127.0.0.1:8713)" in " ".join(out.split())
+
+    @pytest.mark.parametrize(
+        ("given", "rule"),
+        [({"window": 8}, "reverse"), ({"epsilon": 0.2}, "reverse"), ({"spp": 50}, "fixed")],
+    )
+    def test_of_one_rule_mean_that_rule(self, given: dict[str, float], rule: str) -> None:
+        assert spec_from_options(**given).rule.name == rule
 
     def test_make_the_spec(self) -> None:
         spec = spec_from_options(

@@ -11,9 +11,9 @@ from plateau.progress import LiveProgress, PlainProgress, progress_on, sparkline
 from tests.support.staged_job import StagedJob
 
 
-def shown(client: redis.Redis, *, terminal: bool) -> str:
+def shown(client: redis.Redis, *, terminal: bool, **spec: object) -> str:
     """All that a watcher sees of a job with three points."""
-    staged = StagedJob(client)
+    staged = StagedJob(client, **spec)
     text = io.StringIO()
     console = Console(file=text, force_terminal=terminal, width=120, legacy_windows=False)
     progress = progress_on(console)
@@ -34,7 +34,7 @@ def shown(client: redis.Redis, *, terminal: bool) -> str:
 
 
 def test_a_pipe_gets_a_line_for_each_point(client: redis.Redis) -> None:
-    lines = shown(client, terminal=False).splitlines()
+    lines = shown(client, terminal=False, rule={"name": "reverse"}).splitlines()
     assert lines[0] == "queued: waiting for a worker"
     assert lines[1] == "rendering: rendering with scalar_rgb"
     assert [line.split()[0] for line in lines[2:]] == ["100", "200", "300"]
@@ -42,10 +42,17 @@ def test_a_pipe_gets_a_line_for_each_point(client: redis.Redis) -> None:
     # 32×24 pixels: 25 of them, and ε scaled from 512×512
     assert "visible 25 px (3.26 %)" in last
     assert "slope 0.125 px/spp (stops at 0.000293)" in last
-    assert "half-buffer" in last
+    assert last.count("stops at") == 1
+    assert "estimate 0.34 px (0.0333 %)" in last
     # 11 slices of 25 spp in 11 s after the first
     assert f"{32 * 24 * 25 / 1e6:.2f} Msamples/s" in last
     assert "\x1b" not in "".join(lines)
+
+
+def test_the_estimate_is_shown_with_the_target_where_that_is_the_rule(client: redis.Redis) -> None:
+    last = shown(client, terminal=False).splitlines()[-1]
+    assert "estimate 0.34 px (0.0333 %) (stops at 0.02 %)" in last
+    assert last.count("stops at") == 1
 
 
 def test_a_terminal_gets_lines_that_change(client: redis.Redis) -> None:

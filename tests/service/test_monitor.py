@@ -17,7 +17,7 @@ from service import checkpoints
 from service.results import Results
 from tests.support.noise_farm import SIZE, NoiseFarm, noise_film
 
-QUICK = {"step": 20, "slice_spp": 10, "max_spp": 4000}
+QUICK = {"step": 20, "slice_spp": 10, "max_spp": 4000, "rule": {"name": "reverse"}}
 
 
 @pytest.fixture
