@@ -1,9 +1,9 @@
 """The render child: the process that hosts Mitsuba, and may die of it.
 
-It speaks JSON lines over the socket that it inherits. Requests::
+It speaks JSON lines over the socket that it inherits, beside a file for films. Requests::
 
     {"do": "load", "id": 1, "folder": …, "entry": …, "parameters": {…}, "sensor": 0}
-    {"do": "render", "id": 2, "passes": [[spp, seed], …], "into": FILE}
+    {"do": "render", "id": 2, "passes": [[spp, seed], …]}
     {"do": "cancel", "id": 2}              at the end of its pass; too late is harmless
 
 and answers::
@@ -11,7 +11,7 @@ and answers::
     {"is": "ready", "unconfined": …}       once, when Mitsuba is imported; null, or what is missing
     {"is": "loaded", "width": …, "height": …, "notes": […]}
     {"is": "pass"}                         after each pass, so that a hang is noticed
-    {"is": "rendered", "render_s": …}      the sum of the passes is in FILE, as .npy
+    {"is": "rendered", "render_s": …}      the sum of the passes is in the film's file, as .npy
     {"is": "cancelled"}
     {"is": "scene-error", "message": …}    Mitsuba's words
 
@@ -65,6 +65,7 @@ def main() -> None:
     """Serve requests until the supervisor closes the socket."""
     parser = argparse.ArgumentParser(description="Plateau's render child; started by the worker.")
     parser.add_argument("--socket", type=int, required=True)
+    parser.add_argument("--film", type=int, required=True)
     parser.add_argument("--variant", required=True)
     parser.add_argument("--threads", type=int, required=True)
     parser.add_argument("--memory-bytes", type=int, required=True)
@@ -99,7 +100,7 @@ def main() -> None:
                 )
                 answer("loaded", width=scene.width, height=scene.height, notes=scene.notes)
             else:
-                seconds = _render(renderer, request, requests, answer)
+                seconds = _render(renderer, request, requests, answer, arguments.film)
                 if seconds is None:
                     answer("cancelled")
                 else:
@@ -109,9 +110,9 @@ def main() -> None:
 
 
 def _render(
-    renderer: Any, request: dict[str, Any], requests: Requests, answer: Any
+    renderer: Any, request: dict[str, Any], requests: Requests, answer: Any, film_descriptor: int
 ) -> float | None:
-    """Sum the passes, in order, in float64, into the file; None where a cancel came between."""
+    """Sum the passes, in order, in float64, into the film's file; None where a cancel came."""
     started = time.monotonic()
     total = np.zeros(())
     for spp, seed in request["passes"]:
@@ -119,7 +120,10 @@ def _render(
             return None
         total = total + renderer.render_pass(spp, seed).astype(np.float64)
         answer("pass")
-    np.save(request["into"], total.astype(np.float32), allow_pickle=False)
+    with open(film_descriptor, "wb", closefd=False) as file:
+        file.seek(0)
+        file.truncate()
+        np.save(file, total.astype(np.float32), allow_pickle=False)
     return time.monotonic() - started
 
 

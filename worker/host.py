@@ -41,7 +41,7 @@ class RenderHost:
         self._loaded: tuple[tuple[object, ...], Loaded] | None = None
         self._files: Path | None = None  # where the scene's files are
 
-    def render(self, lease: Lease, folder: Path) -> Rendered:
+    def render(self, lease: Lease) -> Rendered:
         """The lease's slice, rendered.
 
         Raises whatever `RenderChild`, `SceneCache.scene` and `SeedSchedule` raise.
@@ -57,7 +57,7 @@ class RenderHost:
             job_seed=lease.spec.seed,
         )
         first_seed, last_seed = schedule.seed_range(lease.index)
-        film, render_s = child.render(schedule.passes(lease.index), folder)
+        film, render_s = child.render(schedule.passes(lease.index))
         return Rendered(
             said=self.take_words(),
             lease=lease,

@@ -97,6 +97,8 @@ class RenderChild:
         environment["HOME"] = str(home.absolute())  # Dr.Jit keeps compiled kernels there
         if llvm_library is not None:
             environment["DRJIT_LIBLLVM_PATH"] = llvm_library
+        # Without a name, so that nothing is left of it whoever dies; unbuffered, since both use it.
+        self._film = tempfile.TemporaryFile(dir=home, buffering=0)  # noqa: SIM115  (as the words)
         ours, theirs = socket.socketpair()
         with theirs:
             self._process = subprocess.Popen(
@@ -105,6 +107,7 @@ class RenderChild:
                     "-m",
                     "worker.child",
                     f"--socket={theirs.fileno()}",
+                    f"--film={self._film.fileno()}",
                     f"--variant={variant}",
                     f"--threads={limits.threads}",
                     f"--memory-bytes={limits.memory_bytes}",
@@ -112,7 +115,7 @@ class RenderChild:
                     f"--file-bytes={limits.file_bytes}",
                 ],
                 env=environment,
-                pass_fds=[theirs.fileno()],
+                pass_fds=[theirs.fileno(), self._film.fileno()],
                 stdin=subprocess.DEVNULL,
                 stdout=self._words,
                 stderr=self._words,
@@ -146,18 +149,15 @@ class RenderChild:
         answer = self._expect(self._limits.load_timeout_s, "loading the scene")
         return Loaded(answer["width"], answer["height"], tuple(answer["notes"]))
 
-    def render(self, passes: tuple[Pass, ...], folder: Path) -> tuple[NDArray[np.float32], float]:
+    def render(self, passes: tuple[Pass, ...]) -> tuple[NDArray[np.float32], float]:
         """The summed film of these passes, (height, width, 4) float32, and the seconds it took."""
-        file = folder.absolute() / "film.npy"
-        self._ask(
-            {"do": "render", "passes": [[one.spp, one.seed] for one in passes], "into": str(file)}
-        )
+        self._ask({"do": "render", "passes": [[one.spp, one.seed] for one in passes]})
         while True:
             answer = self._expect(self._limits.pass_timeout_s, "rendering a pass")
             if answer["is"] == "rendered":
                 break
-        film: NDArray[np.float32] = np.load(file, allow_pickle=False)
-        file.unlink()
+        self._film.seek(0)
+        film: NDArray[np.float32] = np.load(self._film, allow_pickle=False)
         return film, answer["render_s"]
 
     def take_words(self) -> str:
@@ -191,6 +191,7 @@ class RenderChild:
         if not self._words.closed:
             self._left_words = self._read_words()
             self._words.close()
+        self._film.close()
 
     def _ask(self, request: dict[str, Any]) -> None:
         with self._lock:

@@ -8,11 +8,9 @@ import logging
 import os
 import secrets
 import socket
-import tempfile
 import threading
 import time
 from datetime import datetime, timezone
-from pathlib import Path
 from typing import Final
 
 from farm import keys, log
@@ -88,8 +86,7 @@ class Supervisor:
         for watcher in watchers:
             watcher.start()
         try:
-            with tempfile.TemporaryDirectory(prefix="plateau-worker-") as folder:
-                self._work(Path(folder))
+            self._work()
         finally:
             self._host.close()
             self._uploader.close(_DRAIN_S)
@@ -98,7 +95,7 @@ class Supervisor:
                 watcher.join()
             self._sign_off()
 
-    def _work(self, folder: Path) -> None:
+    def _work(self) -> None:
         work_there_is = Wake(self._client, keys.WAKE_WORKERS)
         backoff = Backoff(*_RETRY_S)
         while not self._stop.is_set():
@@ -112,7 +109,7 @@ class Supervisor:
                 continue
             if lease is not None:
                 with log.concerning(lease.job_id, lease.index):
-                    if not self._serve(lease, folder):
+                    if not self._serve(lease):
                         self._stop.wait(backoff.delay_s())
                         continue
             backoff.reset()
@@ -122,14 +119,14 @@ class Supervisor:
         in_turn = time.monotonic() < since + _TURN_S
         return self._queue.lease(self._choice.variants, job, in_turn=in_turn)
 
-    def _serve(self, lease: Lease, folder: Path) -> bool:
+    def _serve(self, lease: Lease) -> bool:
         """Render one slice, whatever comes of it; returns whether what that needs was there."""
         if lease.job_id != self._turn[0]:
             self._turn = (lease.job_id, time.monotonic())
         started = time.monotonic()
         self._rendering = lease
         try:
-            if not self._uploader.submit(self._render(lease, folder), self._stop):
+            if not self._uploader.submit(self._render(lease), self._stop):
                 self._reports.hand_back(lease, _STOPS, self._tried(started))
         except Cancelled:
             why = _STOPS if self._stop.is_set() else "it was cancelled"
@@ -158,8 +155,8 @@ class Supervisor:
     def _tried(self, started: float) -> Tried:
         return Tried(time.monotonic() - started, self._host.take_words())
 
-    def _render(self, lease: Lease, folder: Path) -> Rendered:
-        rendered = self._host.render(lease, folder)
+    def _render(self, lease: Lease) -> Rendered:
+        rendered = self._host.render(lease)
         self._slices_done += 1
         samples = rendered.scene.width * rendered.scene.height * lease.spec.slice_spp
         self._samples_per_s = samples / rendered.render_s

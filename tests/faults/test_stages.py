@@ -1,12 +1,18 @@
 """Killed at any stage of its work, a process changes nothing of what the user gets."""
 
+import json
 import signal
+import socket
 import time
 from collections.abc import Callable
 from itertools import product
+from typing import Any
 
+import httpx
 import pytest
 
+from farm import blobs
+from tests.support.bundles import scene as scene_xml
 from tests.support.faulty_farm import SPEC, FaultyFarm
 from tests.support.invariants import Outcome, assert_same, check_job, outcome
 from tests.support.long_tests import cases
@@ -47,6 +53,18 @@ MONITOR_STAGES = {
     "as the job is finished": (f"{_OWN}.finish", "after", 1),
 }
 EVERY_TIME = {"service.checkpoints:_INTERVAL_S": 0.0, "service.results:_INTERVAL_S": 0.0}
+
+
+def free_port() -> int:
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        return int(listener.getsockname()[1])
+
+
+def answers(url: str) -> bool:
+    try:
+        return httpx.get(url).status_code == 200
+    except httpx.TransportError:
+        return False
 
 
 @pytest.mark.parametrize("stage", cases(WORKER_STAGES, ["in mid-pass", "between put and commit"]))
@@ -218,6 +236,49 @@ def test_a_monitor_that_is_killed_as_it_concludes_a_job_that_was_cancelled(
     cancelled = outcome(farm, job).job
     assert cancelled.state == "cancelled"
     assert cancelled.spp == farm.jobs.get(job).committed_spp
+
+
+@pytest.mark.parametrize("when", ["before", "after"])
+def test_an_api_that_is_killed_in_a_submission_makes_one_job_in_the_end(
+    farm: FaultyFarm, when: str
+) -> None:
+    port = free_port()
+    victim = farm.start_armed("api", "farm.jobs:Jobs.create", "--port", str(port), when=when)
+    until(lambda: answers(f"http://127.0.0.1:{port}/readyz"))
+    request: dict[str, Any] = {
+        "headers": {"Idempotency-Key": f"once-{when}"},
+        "data": {"spec": json.dumps({"batch": when})},
+    }
+    scene = scene_xml().replace(b"</scene>", f"<!-- {when} --></scene>".encode())
+    # Given a submission whose API dies before, or after, it has made the job
+    with pytest.raises(httpx.TransportError):
+        httpx.post(f"http://127.0.0.1:{port}/v1/jobs", files={"scene": ("s.xml", scene)}, **request)
+    farm.wait_until_ended(victim, signal.SIGKILL)
+    # If it is sent again, to another API
+    answer = httpx.post(f"{farm.client.url}/v1/jobs", files={"scene": ("s.xml", scene)}, **request)
+    assert answer.status_code == 201, answer.text
+    assert answer.headers.get("Idempotency-Replayed") == ("true" if when == "after" else None)
+    # Then there is one job, and it has its scene
+    (job,) = farm.client.jobs(batch=when).jobs
+    assert job.id == answer.json()["id"]
+    assert farm.store.get(blobs.scene(job.scene_sha256)) == scene
+    farm.client.cancel(job.id)
+
+
+def test_clocks_that_differ_by_minutes(
+    farm: FaultyFarm, undisturbed: Outcome, submit: Submit
+) -> None:
+    farm.start_changed("monitor", clock_s=600.0)
+    for clock_s in (-300.0, 300.0):
+        farm.start_changed("worker", clock_s=clock_s)
+    job = submit()
+    found = outcome(farm, job)
+    assert_same(found, undisturbed)
+    # The times of a job are Redis's
+    times = (found.job.created_at, found.job.started_at, found.job.ended_at, found.job.finished_at)
+    assert all(times)
+    assert list(times) == sorted(times)  # type: ignore[type-var]
+    assert (times[-1] - times[0]).total_seconds() < 120  # type: ignore[operator]
 
 
 def test_two_monitors_share_jobs_and_never_one(

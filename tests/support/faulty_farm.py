@@ -28,7 +28,7 @@ class FaultyFarm(RealFarm):
         self,
         role: str,
         where: str,
-        *,
+        *arguments: str,
         when: str = "before",
         time: int = 1,
         signal_name: str = "SIGKILL",
@@ -46,11 +46,11 @@ class FaultyFarm(RealFarm):
             "set": constants or {},
         }
         module = "tests.support.stages"
-        return self.start(role, module=module, STAGE=json.dumps(stage), **environment)
+        return self.start(role, *arguments, module=module, STAGE=json.dumps(stage), **environment)
 
-    def start_set(self, role: str, constants: dict[str, object]) -> subprocess.Popen[bytes]:
-        """Start a process with other constants, named as ``farm.queue:MAX_TRIES``."""
-        return self.start(role, module="tests.support.stages", STAGE=json.dumps({"set": constants}))
+    def start_changed(self, role: str, **changes: object) -> subprocess.Popen[bytes]:
+        """Start a process with the changes `set` or `clock_s` of `tests.support.stages`."""
+        return self.start(role, module="tests.support.stages", STAGE=json.dumps(changes))
 
     def wait_until_ended(self, process: subprocess.Popen[bytes], by: signal.Signals) -> None:
         """Wait until the signal has ended the process, which is then forgotten."""

@@ -6,7 +6,8 @@
   it runs;
 - ``time``: at its how manieth call;
 - ``signal``: its name; ``target``: ``self``, or ``children`` for every child process;
-- ``set``: constants to change first, as ``{"module:NAME": value}``; there may be nothing else.
+- ``set``: constants to change first, as ``{"module:NAME": value}``; there may be nothing else;
+- ``clock_s``: by how many seconds its wall clock is ahead.
 
 The code under test knows nothing of it: the functions are wrapped from outside, the processes and
 the signals are real.
@@ -49,9 +50,18 @@ def hit(stage: dict[str, Any]) -> None:
             child.send_signal(number)
 
 
+def set_clock_ahead(seconds: float) -> None:
+    """Change what Python's `time` says of the wall clock."""
+    now, now_ns = time.time, time.time_ns
+    time.time = lambda: now() + seconds
+    time.time_ns = lambda: now_ns() + int(seconds * 1e9)
+
+
 def arm(stage: dict[str, Any]) -> None:
     for where, value in stage.get("set", {}).items():
         setattr(*resolve(where), value)
+    if "clock_s" in stage:
+        set_clock_ahead(stage["clock_s"])
     if "where" not in stage:
         return
     owner, name = resolve(stage["where"])

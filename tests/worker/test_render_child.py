@@ -33,9 +33,9 @@ def child(tmp_path: Path) -> Iterator[RenderChild]:
 def test_it_sums_the_passes_of_a_slice(child: RenderChild, tmp_path: Path) -> None:
     scene = child.load(BOX, "scene.xml", SMALL, 0)
     assert (scene.width, scene.height) == (16, 12)
-    one, _ = child.render((Pass(2, 7),), tmp_path)
-    other, _ = child.render((Pass(1, 8),), tmp_path)
-    both, render_s = child.render((Pass(2, 7), Pass(1, 8)), tmp_path)
+    one, _ = child.render((Pass(2, 7),))
+    other, _ = child.render((Pass(1, 8),))
+    both, render_s = child.render((Pass(2, 7), Pass(1, 8)))
     assert both.shape == (12, 16, 4)
     assert render_s > 0
     expected = (one.astype(np.float64) + other.astype(np.float64)).astype(np.float32)
@@ -48,7 +48,7 @@ def test_a_scene_error_leaves_the_child_alive(child: RenderChild, tmp_path: Path
     with pytest.raises(SceneError, match="nonsense"):
         child.load(BOX, "scene.xml", {**SMALL, "nonsense": "1"}, 0)
     child.load(BOX, "scene.xml", SMALL, 0)
-    child.render((Pass(1, 0),), tmp_path)
+    child.render((Pass(1, 0),))
 
 
 def test_a_cancel_ends_the_render_after_its_pass(child: RenderChild, tmp_path: Path) -> None:
@@ -56,11 +56,11 @@ def test_a_cancel_ends_the_render_after_its_pass(child: RenderChild, tmp_path: P
     threading.Timer(0.3, child.cancel).start()
     started = time.monotonic()
     with pytest.raises(Cancelled):
-        child.render((Pass(64, 0),) * 5000, tmp_path)
+        child.render((Pass(64, 0),) * 5000)
     assert time.monotonic() - started < 0.3 + CANCEL_GRACE_S
     # Then the child is alive, and the next request is not cancelled with it
     assert child.alive
-    child.render((Pass(1, 0),), tmp_path)
+    child.render((Pass(1, 0),))
 
 
 def test_a_pass_that_outlasts_a_cancel_is_ended_by_force(
@@ -69,7 +69,7 @@ def test_a_pass_that_outlasts_a_cancel_is_ended_by_force(
     child.load(BOX, "scene.xml", {"width": "256", "height": "256"}, 0)
     threading.Timer(0.3, child.cancel).start()
     with pytest.raises(Cancelled):
-        child.render(LONG, tmp_path)
+        child.render(LONG)
     assert not child.alive
 
 
@@ -78,7 +78,7 @@ def test_a_hanging_pass_is_killed(tmp_path: Path) -> None:
     child = RenderChild("scalar_rgb", None, limits, tmp_path / "home")
     child.load(BOX, "scene.xml", {"width": "256", "height": "256"}, 0)
     with pytest.raises(ChildDied, match=r"rendering a pass took longer than 0\.5 s"):
-        child.render(LONG, tmp_path)
+        child.render(LONG)
     assert not psutil.pid_exists(child.pid)
 
 
@@ -86,7 +86,7 @@ def test_a_death_is_told_with_its_signal(child: RenderChild, tmp_path: Path) -> 
     child.load(BOX, "scene.xml", {"width": "256", "height": "256"}, 0)
     threading.Timer(0.3, os.kill, (child.pid, signal.SIGSEGV)).start()
     with pytest.raises(ChildDied, match="SIGSEGV while rendering a pass"):
-        child.render(LONG, tmp_path)
+        child.render(LONG)
 
 
 def test_a_scene_that_wants_too_much_memory_costs_its_child(tmp_path: Path) -> None:
@@ -94,7 +94,7 @@ def test_a_scene_that_wants_too_much_memory_costs_its_child(tmp_path: Path) -> N
     child = RenderChild("scalar_rgb", None, limits, tmp_path / "home")
     child.load(BOX, "scene.xml", {"width": "8192", "height": "8192"}, 0)
     with pytest.raises(ChildDied, match=r"(?i)memory|bad_alloc|SIGABRT"):
-        child.render((Pass(1, 0),), tmp_path)
+        child.render((Pass(1, 0),))
     assert not child.alive
 
 

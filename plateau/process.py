@@ -1,0 +1,147 @@
+"""What every process of the farm does around its work: checks, logs, and stops on a signal."""
+
+import logging
+import os
+import signal
+import sys
+import threading
+from collections.abc import Callable
+
+from farm import log
+from farm.blobs import Blobs
+from farm.errors import FarmError, SchemaMismatch, StoreUnavailable, WrongStore
+from farm.pairing import check_pair
+from farm.redis_link import connect
+from farm.schema import await_checks, check_schema
+from farm.settings import Settings
+from plateau.errors import EXPECTED, CommandFailed
+from plateau.exits import ExitCode
+from plateau.read_settings import read_settings
+
+_LOG = logging.getLogger("plateau")
+
+#: What a process does, given its settings and the event that tells it to stop.
+Work = Callable[[Settings, threading.Event], None]
+
+
+def run_until_signal(role: str, run: Work) -> None:
+    """Run a process of this role until SIGTERM or SIGINT.
+
+    Raises
+    ------
+    CommandFailed
+        A setting is missing, or cannot be an address.
+    SystemExit
+        It could not go on; its log says why.
+    """
+    settings = read_settings()
+    missing = [
+        name
+        for name, value in (
+            ("PLATEAU_REDIS_URL", settings.redis_url),
+            ("PLATEAU_BLOBS", settings.blobs),
+        )
+        if not value
+    ]
+    if missing:
+        raise CommandFailed(
+            f"set {' and '.join(missing)}: a single process joins a service that runs already "
+            "(`plateau up` prints the two of its own, such as "
+            "PLATEAU_REDIS_URL=redis://127.0.0.1:6379 PLATEAU_BLOBS=/srv/plateau/blobs); "
+            "`plateau up` starts everything"
+        )
+    _check_addresses(settings.redis_url, settings.blobs)
+    log.set_up(role, settings.log_format)
+    threading.excepthook = _end_with_its_thread
+    stop = threading.Event()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda *_: stop.set())
+    try:
+        run(settings, stop)
+    except EXPECTED as error:
+        _LOG.critical("%s", error)
+        sys.exit(ExitCode.FAILED)
+    except Exception:  # noqa: BLE001  (the log has it, and the exit code says so)
+        _LOG.critical("an error that Plateau did not expect ends the process", exc_info=True)
+        sys.exit(os.EX_SOFTWARE)
+
+
+def _end_with_its_thread(died: threading.ExceptHookArgs) -> None:
+    """End the process in which a thread died of an exception, as if it had been killed.
+
+    It would look alive without one that renews its leases or commits its slices; whoever started
+    it can start it again, and others take over its work.
+    """
+    if died.exc_type is SystemExit:
+        return
+    name = died.thread.name if died.thread is not None else "that is unknown"
+    _LOG.critical("the thread %s died, and the process ends", name, exc_info=died.exc_value)
+    logging.shutdown()
+    os._exit(os.EX_SOFTWARE)
+
+
+def when_checked(run: Work) -> Work:
+    """The same, once Redis answers, holds this Plateau's layout, and the blobs are its own."""
+
+    def run_when_checked(settings: Settings, stop: threading.Event) -> None:
+        with connect(settings.redis_url or "") as client:
+            await_checks(client, Blobs(settings.blobs or ""), stop)
+        if not stop.is_set():
+            run(settings, stop)
+
+    return run_when_checked
+
+
+class LateCheck:
+    """The check of the schema for the API, which answers 503 while Redis is away, not nothing.
+
+    Raises
+    ------
+    SchemaMismatch, WrongStore
+        On making one, where Redis answers; else by `end`, Redis having answered since: the API
+        was then asked to stop.
+    """
+
+    def __init__(self, redis_url: str, store: Blobs, stop: threading.Event) -> None:
+        self._client = connect(redis_url)
+        self._store = store
+        self._stop = stop
+        self._refusal: FarmError | None = None
+        self._thread: threading.Thread | None = None
+        try:
+            check_schema(self._client)
+            check_pair(self._client, store)
+        except StoreUnavailable as error:
+            _LOG.warning("%s; the API starts without it", error)
+            self._thread = threading.Thread(target=self._check, daemon=True)
+
+    def start(self) -> None:
+        """Check as soon as Redis answers, unless that is done; the API can be stopped now."""
+        if self._thread is not None:
+            self._thread.start()
+
+    def end(self) -> None:
+        """Raise what the check found."""
+        self._stop.set()
+        if self._refusal is not None:
+            raise self._refusal
+
+    def _check(self) -> None:
+        try:
+            await_checks(self._client, self._store, self._stop)
+        except (SchemaMismatch, WrongStore) as refusal:
+            self._refusal = refusal
+            os.kill(os.getpid(), signal.SIGTERM)
+
+
+def _check_addresses(redis_url: str | None, blobs: str | None) -> None:
+    """Refuse what cannot be an address; whether anything answers there shows later."""
+    for name, value, opens in (
+        ("PLATEAU_REDIS_URL", redis_url, connect),
+        ("PLATEAU_BLOBS", blobs, Blobs),
+    ):
+        try:
+            opens(value or "")
+        except Exception as error:
+            reason = str(error).partition("\n")[0]  # obstore adds a dump of its insides
+            raise CommandFailed(f"{name}: {reason}") from error
