@@ -9,7 +9,7 @@ from typing import Any, Final
 
 import redis
 
-from farm import keys
+from farm import keys, records
 from farm.errors import IllegalTransition, JobNotFound, StoreUnavailable
 from farm.job import CurvePoint, Event, Job, LogEntry, Worker, moment
 from farm.redis_link import unavailable_as_farm_error
@@ -82,7 +82,7 @@ class Jobs:
             fields = self._redis.hgetall(keys.job(job_id))
         if not fields:
             raise JobNotFound(job_id)
-        return _job(fields)
+        return records.job(fields)
 
     def page(self, *, before: int | None = None, limit: int = 50) -> tuple[list[Job], int | None]:
         """Jobs, newest first, below the number `before`, and the number to go on from."""
@@ -98,7 +98,7 @@ class Jobs:
             pipe = self._redis.pipeline(transaction=False)
             for job_id, _ in rows:
                 pipe.hgetall(keys.job(job_id))
-            jobs = [_job(fields) for fields in pipe.execute() if fields]
+            jobs = [records.job(fields) for fields in pipe.execute() if fields]
         return jobs, int(rows[-1][1]) if len(rows) == limit else None
 
     def search(
@@ -129,13 +129,13 @@ class Jobs:
         """The points of the job's curve, by rising spp."""
         with unavailable_as_farm_error():
             entries = self._redis.xrange(keys.job(job_id, "curve"))
-        return [curve_point(fields["point"]) for _, fields in entries]
+        return [records.curve_point(fields["point"]) for _, fields in entries]
 
     def events(self, job_id: str, after: str = BEFORE_ALL_EVENTS) -> list[Event]:
         """What happened to the job since the event `after`."""
         with unavailable_as_farm_error():
             entries = self._redis.xrange(keys.job(job_id, "events"), min=f"({after}")
-        return [event(event_id, fields) for event_id, fields in entries]
+        return [records.event(event_id, fields) for event_id, fields in entries]
 
     def story(self, job_id: str) -> tuple[str, ...]:
         """Each transition of the job in words, with its time and its cause."""
@@ -170,7 +170,7 @@ class Jobs:
     def ledger(self, job_id: str) -> dict[int, dict[str, Any]]:
         """Each committed slice's record, by index, in order."""
         with unavailable_as_farm_error():
-            return _ledger(self._redis.hgetall(keys.job(job_id, "ledger")))
+            return records.ledger(self._redis.hgetall(keys.job(job_id, "ledger")))
 
     def log(self, job_id: str) -> list[LogEntry]:
         """How each try of a slice ended, by time: the newest 2000 or so that left any words."""
@@ -178,8 +178,8 @@ class Jobs:
             pipe = self._redis.pipeline(transaction=True)
             pipe.xrange(keys.job(job_id, "log"))
             pipe.hgetall(keys.job(job_id, "ledger"))
-            entries, records = pipe.execute()
-        return slice_log((fields for _, fields in entries), _ledger(records))
+            entries, committed = pipe.execute()
+        return slice_log((fields for _, fields in entries), records.ledger(committed))
 
     def log_of(self, job_id: str, index: int) -> tuple[dict[str, Any] | None, list[LogEntry]]:
         """One slice's record in the ledger, where it has one, and how each try of it ended."""
@@ -188,7 +188,7 @@ class Jobs:
             pipe.xrange(keys.job(job_id, "log"))
             pipe.hget(keys.job(job_id, "ledger"), str(index))
             entries, record = pipe.execute()
-        ledger = _ledger({} if record is None else {str(index): record})
+        ledger = records.ledger({} if record is None else {str(index): record})
         written = (fields for _, fields in entries if fields["slice"] == str(index))
         return ledger.get(index), slice_log(written, ledger)
 
@@ -256,72 +256,3 @@ class Jobs:
         with unavailable_as_farm_error():
             score = self._redis.zscore(keys.JOBS, job_id)
         return None if score is None else int(score)
-
-
-def curve_point(text: str) -> CurvePoint:
-    """A point as `append_point` stored it."""
-    point = json.loads(text)
-    return CurvePoint(**{**point, "at": moment(point["at"])})
-
-
-def event(event_id: str, fields: dict[str, str]) -> Event:
-    """An event as the scripts' `announce` stored it."""
-    data = json.loads(fields["data"])
-    if fields["type"] == "point":
-        data = curve_point(fields["data"]).model_dump(mode="json")
-    return Event(id=event_id, type=fields["type"], data=data, at=moment(fields["at"]))
-
-
-def _ledger(records: dict[str, str]) -> dict[int, dict[str, Any]]:
-    return {int(index): json.loads(records[index]) for index in sorted(records, key=int)}
-
-
-def _job(fields: dict[str, str]) -> Job:
-    spec = JobSpec.model_validate_json(fields["spec"])
-    latest = json.loads(fields.get("latest", "{}"))
-    spp, width, height = int(fields["spp"]), fields.get("width"), fields.get("height")
-    saved = 0
-    if fields["state"] == JobState.CONVERGED and width and height:
-        saved = (spec.max_spp - spp) * int(width) * int(height)
-    times = {
-        name: moment(fields[name])
-        for name in ("created_at", "started_at", "ended_at", "finished_at")
-        if name in fields
-    }
-    judged = (
-        "visible_pixels",
-        "visible_fraction",
-        "slope",
-        "estimate_pixels",
-        "estimate_fraction",
-        "forecast_spp",
-    )
-    return Job(
-        id=fields["id"],
-        name=fields["name"],
-        state=JobState(fields["state"]),
-        reason=fields["reason"],
-        spec=spec,
-        scene_sha256=fields["scene_sha256"],
-        variant=fields.get("variant"),
-        width=int(width) if width else None,
-        height=int(height) if height else None,
-        spp=spp,
-        committed_spp=int(fields["committed"]) * spec.slice_spp,
-        points=int(fields["points"]),
-        **{name: latest.get(name) for name in judged},
-        forecast_s=_seconds_to_forecast(latest, fields),
-        verdict=json.loads(fields["verdict"]) if "verdict" in fields else None,
-        samples_saved=saved,
-        machine_s=int(fields["machine_ms"]) / 1000,
-        notes=tuple(json.loads(fields.get("notes", "[]"))),
-        **times,
-    )
-
-
-def _seconds_to_forecast(latest: dict[str, Any], fields: dict[str, str]) -> float | None:
-    if latest.get("forecast_spp") is None or "started_at" not in fields:
-        return None
-    spp_per_ms = latest["spp"] / max(1.0, latest["at"] - float(fields["started_at"]))
-    seconds: float = max(0, latest["forecast_spp"] - latest["spp"]) / spp_per_ms / 1000
-    return seconds

@@ -12,8 +12,8 @@ from redis.exceptions import RedisError
 
 from farm import keys
 from farm.job import Event
-from farm.jobs import event
 from farm.log import concerning
+from farm.records import event
 
 #: Shorter than the socket's time-out, so that a quiet job is not taken for a dead connection.
 _BLOCK_MS: Final = 5000

@@ -1,0 +1,79 @@
+"""What the scripts stored in Redis, read as the models of `farm.job`."""
+
+import json
+from typing import Any
+
+from farm.job import CurvePoint, Event, Job, moment
+from farm.spec import JobSpec
+from farm.states import JobState
+
+
+def curve_point(text: str) -> CurvePoint:
+    """A point as `append_point` stored it."""
+    point = json.loads(text)
+    return CurvePoint(**{**point, "at": moment(point["at"])})
+
+
+def event(event_id: str, fields: dict[str, str]) -> Event:
+    """An event as the scripts' `announce` stored it."""
+    data = json.loads(fields["data"])
+    if fields["type"] == "point":
+        data = curve_point(fields["data"]).model_dump(mode="json")
+    return Event(id=event_id, type=fields["type"], data=data, at=moment(fields["at"]))
+
+
+def ledger(records: dict[str, str]) -> dict[int, dict[str, Any]]:
+    """Each slice's record by index, in order, as `commit` stored them."""
+    return {int(index): json.loads(records[index]) for index in sorted(records, key=int)}
+
+
+def job(fields: dict[str, str]) -> Job:
+    """A job as its hash has it."""
+    spec = JobSpec.model_validate_json(fields["spec"])
+    latest = json.loads(fields.get("latest", "{}"))
+    spp, width, height = int(fields["spp"]), fields.get("width"), fields.get("height")
+    saved = 0
+    if fields["state"] == JobState.CONVERGED and width and height:
+        saved = (spec.max_spp - spp) * int(width) * int(height)
+    times = {
+        name: moment(fields[name])
+        for name in ("created_at", "started_at", "ended_at", "finished_at")
+        if name in fields
+    }
+    judged = (
+        "visible_pixels",
+        "visible_fraction",
+        "slope",
+        "estimate_pixels",
+        "estimate_fraction",
+        "forecast_spp",
+    )
+    return Job(
+        id=fields["id"],
+        name=fields["name"],
+        state=JobState(fields["state"]),
+        reason=fields["reason"],
+        spec=spec,
+        scene_sha256=fields["scene_sha256"],
+        variant=fields.get("variant"),
+        width=int(width) if width else None,
+        height=int(height) if height else None,
+        spp=spp,
+        committed_spp=int(fields["committed"]) * spec.slice_spp,
+        points=int(fields["points"]),
+        **{name: latest.get(name) for name in judged},
+        forecast_s=_seconds_to_forecast(latest, fields),
+        verdict=json.loads(fields["verdict"]) if "verdict" in fields else None,
+        samples_saved=saved,
+        machine_s=int(fields["machine_ms"]) / 1000,
+        notes=tuple(json.loads(fields.get("notes", "[]"))),
+        **times,
+    )
+
+
+def _seconds_to_forecast(latest: dict[str, Any], fields: dict[str, str]) -> float | None:
+    if latest.get("forecast_spp") is None or "started_at" not in fields:
+        return None
+    spp_per_ms = latest["spp"] / max(1.0, latest["at"] - float(fields["started_at"]))
+    seconds: float = max(0, latest["forecast_spp"] - latest["spp"]) / spp_per_ms / 1000
+    return seconds
