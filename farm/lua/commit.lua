@@ -6,7 +6,7 @@
 -- is), 'ended', 'overlap' or 'stale' (the job is rendered with another variant by now).
 local id, entry, worker, index, record = ARGV[1], ARGV[2], ARGV[3], ARGV[4], ARGV[5]
 local first, last, machine_ms, said = ARGV[6], ARGV[7], ARGV[8], ARGV[13]
-local job, slices = job_key(id), job_key(id, 'slices')
+local job = job_key(id)
 if redis.call('EXISTS', job) == 0 then return 'ended' end
 local known = redis.call('HGET', job_key(id, 'ledger'), index)
 if known then

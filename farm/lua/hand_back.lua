@@ -11,7 +11,8 @@ put_back(id, entry, tries - 1)
 note_try(id, ARGV[5], worker, ARGV[6], ARGV[7], ARGV[4], ARGV[8])
 -- A worker that could render nothing does not bind the others to its variant.
 local holders = redis.call('XPENDING', job_key(id, 'slices'), GROUP)[4]
-if #holders == 1 and redis.call('HGET', job_key(id), 'committed') == '0' then
+local done = redis.call('HMGET', job_key(id), 'committed', 'points')
+if #holders == 1 and done[1] == '0' and done[2] == '0' then
   redis.call('HDEL', job_key(id), 'variant')
 end
 return 'put back'

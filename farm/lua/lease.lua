@@ -56,6 +56,10 @@ local id, slices = chosen.id, job_key(chosen.id, 'slices')
 local entry
 if chosen.stale then
   entry = redis.call('XCLAIM', slices, GROUP, worker, lease_ms, chosen.stale[1])[1]
+  if not entry then  -- it is pending and yet not in the stream any more, as Redis 6.2 can leave one
+    redis.call('XACK', slices, GROUP, chosen.stale[1])
+    return 'again'
+  end
   local holder = chosen.stale[2]
   -- One that lives and yet does not renew never heard of its lease: the answer was lost.
   local lives = now() - (redis.call('ZSCORE', WORKERS, holder) or 0) < tonumber(lease_ms)

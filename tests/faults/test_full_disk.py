@@ -1,0 +1,51 @@
+"""A service whose data folder is on a full disk: Redis stops, and goes on when there is room."""
+
+import contextlib
+from pathlib import Path
+
+from farm.exr import decode_image
+from farm.spec import JobSpec
+from plateau.client import Client
+from tests.support.commands import Command, until
+from tests.support.faulty_farm import SPEC
+from tests.support.invariants import Outcome
+from tests.support.loop_disk import LoopDisk
+from tests.support.real_farm import BOX
+
+READY = r"listens at (http://127\.0\.0\.1:\d+)"
+
+
+def fill(disk: LoopDisk) -> Path:
+    """Leave no room on the disk; returns what takes it."""
+    ballast = disk.folder / "ballast"
+    with ballast.open("wb", buffering=0) as file, contextlib.suppress(OSError):
+        while True:
+            file.write(bytes(1 << 12))
+    return ballast
+
+
+def test_redis_stops_and_goes_on_when_there_is_room(tmp_path: Path, undisturbed: Outcome) -> None:
+    with LoopDisk(tmp_path / "disk", megabytes=24) as disk:
+        settings = {"PLATEAU_LEASE_S": "2", "PLATEAU_HEARTBEAT_S": "0.5"}
+        data = str(disk.folder / "data")
+        up = Command("up", "--port", "0", folder=tmp_path, PLATEAU_DATA=data, **settings)
+        try:
+            with Client(up.wait_for(READY)) as client:
+                job = client.submit(BOX, JobSpec.model_validate(SPEC)).id
+                until(lambda: client.job(job).points >= 3, 60)
+                # Given a disk without room for one more write of Redis's
+                ballast = fill(disk)
+                up.wait_for("Redis ended with exit code 1; starting it again")
+                assert up.process.poll() is None
+                # When there is room
+                ballast.unlink()
+                # Then the job goes on to the same end
+                done = client.wait(job)
+                assert (done.state, done.spp) == (undisturbed.job.state, undisturbed.job.spp)
+                image = decode_image(client.image(job, "image.exr"))
+                assert image.tobytes() == undisturbed.image.tobytes()
+            up.process.terminate()
+            assert up.exit_code() == 0
+            up.is_gone()
+        finally:
+            up.end()
