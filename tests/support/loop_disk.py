@@ -16,12 +16,14 @@ from typing import Final
 import pytest
 
 _ROOT: Final = 0
+#: Administrators' commands are not on everybody's PATH.
+_PATH: Final = f"{os.environ.get('PATH', '')}:/usr/sbin:/sbin"
 
 
 class LoopDisk:
     """A small disk, mounted while the context lasts.
 
-    Without root and loop devices the test skips, or fails in CI.
+    Without root or loop devices the test skips.
 
     Parameters
     ----------
@@ -88,15 +90,16 @@ def _needs_root_and_loop_devices() -> None:
         for name, there in (
             ("root", os.geteuid() == _ROOT),
             ("a loop device", Path("/dev/loop-control").exists()),
-            ("mkfs.ext4", shutil.which("mkfs.ext4") is not None),
         )
         if not there
     ]
-    if missing and os.environ.get("CI") == "true":
-        pytest.fail(f"CI must test what a power loss leaves, which needs {' and '.join(missing)}")
-    if missing:
-        pytest.skip(f"a disk to lose the power of needs {' and '.join(missing)}")
+    if missing:  # what nobody can install
+        pytest.skip(f"a disk of our own needs {' and '.join(missing)}")
+    if shutil.which("mkfs.ext4", path=_PATH) is None:
+        message = "a disk of our own needs mkfs.ext4 (Debian: e2fsprogs)"
+        pytest.fail(message) if os.environ.get("CI") == "true" else pytest.skip(message)
 
 
 def _run(*command: str) -> None:
-    subprocess.run(command, check=True, capture_output=True, text=True)
+    environment = {**os.environ, "PATH": _PATH}
+    subprocess.run(command, check=True, capture_output=True, text=True, env=environment)
