@@ -28,6 +28,7 @@ def plot_job(job: Job, points: list[CurvePoint], path: Path) -> None:
         path,
         window=words.rule_window(job),
         stop_slope=words.stop_slope(job),
+        target=words.stop_fraction(job),
         stops={"": job.spp} if job.state.ended else {},
     )
 
@@ -39,13 +40,14 @@ def plot_curve(
     *,
     window: int,
     stop_slope: float | None,
+    target: float | None,
     stops: Mapping[str, int],
 ) -> None:
     """Write a curve as a PNG file of 1200 × 900 pixels.
 
     Above, the pixels that differ visibly from the first image, with the regression line over the
     last window and its slope against the rule's; below, on a logarithmic axis, the half-buffer
-    estimate of those that still differ from the converged image.
+    estimate of those that still differ from the converged image, with its band.
 
     Parameters
     ----------
@@ -58,6 +60,8 @@ def plot_curve(
     window, stop_slope
         How many points the regression line is laid through, and the slope at which it stops, in
         visible pixels per spp of this image.
+    target
+        The share of the pixels at which the estimate stops the job.
     stops
         Where vertical lines are drawn, in spp, by what is written beside them.
     """
@@ -70,7 +74,7 @@ def plot_curve(
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
     figure.suptitle(title, x=0.01, ha="left", fontweight="bold")
     _draw_visible(above, points, window, stop_slope)
-    _draw_estimate(below, points)
+    _draw_estimate(below, points, target)
     below.set_xlabel("samples per pixel (spp)")
     for axes in (above, below):
         axes.grid(visible=True, color="#e3e3e3", linewidth=0.8)
@@ -120,12 +124,22 @@ def _draw_visible(
     axes.legend(loc="lower right", framealpha=1, edgecolor="none")
 
 
-def _draw_estimate(axes: "Axes", points: list[CurvePoint]) -> None:
-    known = [(point.spp, point.estimate_pixels) for point in points if point.estimate_pixels]
+def _draw_estimate(axes: "Axes", points: list[CurvePoint], target: float | None) -> None:
+    known = [point for point in points if point.estimate_pixels]
     axes.set_ylabel("still visible\n(half-buffer estimate)")
-    if known:
-        spp, estimate = zip(*known, strict=True)
-        axes.plot(spp, estimate, "s-", color=_ESTIMATE, markersize=3.5)
-        axes.set_yscale("log")
-    else:
+    if not known:
         axes.text(0.5, 0.5, "no estimate above 0", transform=axes.transAxes, ha="center")
+        return
+    spp = [point.spp for point in known]
+    estimate = [point.estimate_pixels or 0.0 for point in known]
+    axes.plot(spp, estimate, "s-", color=_ESTIMATE, markersize=3.5, label="pixels still visible")
+    low = [point.estimate_low_pixels or 0.0 for point in known]
+    high = [point.estimate_high_pixels or 0.0 for point in known]
+    if all(low) and all(high):
+        axes.fill_between(spp, low, high, color=_ESTIMATE, alpha=0.18, linewidth=0)
+    axes.set_yscale("log")
+    if target is not None and known[-1].estimate_fraction:
+        pixels = estimate[-1] / known[-1].estimate_fraction
+        label = f"stops at {100 * target:g} % of the image, {target * pixels:.3g} px"
+        axes.axhline(target * pixels, color=_LINE, linewidth=2, alpha=0.6, label=label)
+        axes.legend(loc="upper right", framealpha=1, edgecolor="none")

@@ -3,7 +3,7 @@
 import json
 from pathlib import Path
 
-from farm.spec import JobSpec, ReverseSpec
+from farm.spec import JobSpec, ReverseSpec, VisibleSpec
 from metric.rules.reverse import EPSILON_PIXELS
 from plateau.judge import Judged, find_series, judge_series
 from plateau.plot import plot_curve
@@ -49,5 +49,9 @@ def _write(judged: Judged, spec: JobSpec, name: str, out: Path) -> None:
         out / "curve.png",
         window=reverse.window,
         stop_slope=reverse.epsilon * judged.width * judged.height / EPSILON_PIXELS,
+        target=next(
+            (rule.target for rule in (spec.rule, *spec.watch) if isinstance(rule, VisibleSpec)),
+            None,
+        ),
         stops={name: spp for name, spp in judged.stops.items() if spp is not None},
     )
