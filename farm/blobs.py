@@ -125,7 +125,8 @@ class Blobs:
             sync(folder / incoming)
             obstore.rename(self._store, incoming, name)
         except BaseException:
-            (folder / incoming).unlink(missing_ok=True)
+            for left in (folder / _INCOMING).glob(f"{Path(incoming).name}*"):  # parts have a suffix
+                left.unlink(missing_ok=True)
             raise
         self._folders.up_from((folder / name).parent)
 
