@@ -5,6 +5,7 @@
     FarmError
     ├── JobNotFound        no job of that id
     ├── IllegalTransition  the job's state does not allow this move; carries its story
+    ├── JobEnded           the job has ended and cannot be changed any more; carries its story
     ├── FenceLost          another monitor owns the job now
     ├── StoreUnavailable   Redis or the blob store cannot be reached, or refuses
     │   └── BlobsUnavailable   of the two, the blob store
@@ -36,6 +37,16 @@ class IllegalTransition(FarmError):
         self.job_id = job_id
         self.state = state
         self.target = target
+        self.story = story
+
+
+class JobEnded(FarmError):
+    """The job has ended: what it asks for cannot be changed any more."""
+
+    def __init__(self, job_id: str, state: str, story: tuple[str, ...] = ()) -> None:
+        super().__init__("\n  ".join([f"job {job_id} is {state}: it has ended", *story]))
+        self.job_id = job_id
+        self.state = state
         self.story = story
 
 

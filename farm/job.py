@@ -104,6 +104,11 @@ class Job(_Record):
     notes: tuple[str, ...] = Field((), description="what the farm changed in the scene")
     created_at: datetime
     started_at: datetime | None = None
+    paused_at: datetime | None = Field(None, description="since when it is paused, where it is")
+    paused_s: float = Field(
+        0.0,
+        description="seconds that it was paused since its start, not counting a pause that lasts",
+    )
     ended_at: datetime | None = None
     finished_at: datetime | None = Field(
         None, description="when the final images were written and everything else was cleared"

@@ -1,4 +1,4 @@
-"""Jobs in Redis: creating, reading, listing and cancelling them."""
+"""Jobs in Redis: creating, reading, listing and steering them."""
 
 import json
 import secrets
@@ -10,13 +10,14 @@ from typing import Any, Final
 import redis
 
 from farm import keys, records
-from farm.errors import IllegalTransition, JobNotFound, StoreUnavailable
+from farm.errors import IllegalTransition, JobEnded, JobNotFound, StoreUnavailable
 from farm.job import CurvePoint, Event, Job, LogEntry, Worker, moment
 from farm.redis_link import unavailable_as_farm_error
 from farm.scripts import Scripts
 from farm.slice_log import slice_log
 from farm.spec import JobSpec
 from farm.states import JobState
+from farm.totals import Census, take_census
 
 #: A search reads so many jobs at once.
 _PAGE: Final = 200
@@ -155,11 +156,44 @@ class Jobs:
         IllegalTransition
             It has already ended otherwise.
         """
-        outcome, *state = self._scripts.run("end", job_id, "", JobState.CANCELLED, reason, "", "")
+        return self._move(JobState.CANCELLED, "end", job_id, "", JobState.CANCELLED, reason, "", "")
+
+    def pause(self, job_id: str, reason: str = "paused by a user") -> Job:
+        """Pause the job: no slice of it is leased any more; pausing it again is harmless.
+
+        Slices that are being rendered are still committed, merged and judged, so it may yet
+        converge or reach its cap. Its time limit stands still.
+
+        Raises
+        ------
+        JobNotFound, IllegalTransition
+            There is no such job, or it is not rendering.
+        """
+        return self._move(JobState.PAUSED, "pause", job_id, reason)
+
+    def resume(self, job_id: str, reason: str = "resumed by a user") -> Job:
+        """Let a paused job go on; resuming one that is rendering is harmless.
+
+        Raises
+        ------
+        JobNotFound, IllegalTransition
+            There is no such job, or it is not paused.
+        """
+        return self._move(JobState.RENDERING, "resume", job_id, reason)
+
+    def set_priority(self, job_id: str, priority: int) -> Job:
+        """Give the job another priority, by which the next lease goes.
+
+        Raises
+        ------
+        JobNotFound, JobEnded
+            There is no such job, or it has ended.
+        """
+        outcome, *state = self._scripts.run("reprioritise", job_id, priority)
         if outcome == "illegal":
             if state == ["missing"]:
                 raise JobNotFound(job_id)
-            raise IllegalTransition(job_id, state[0], "cancelled", self.story(job_id))
+            raise JobEnded(job_id, state[0], self.story(job_id))
         return self.get(job_id)
 
     def results(self, job_id: str) -> str:
@@ -247,10 +281,23 @@ class Jobs:
         for sha256, summary in scenes.items():
             yield {"sha256": sha256, **json.loads(summary)}
 
+    def census(self) -> Census:
+        """What the whole farm has to do, and has done."""
+        return take_census(self._scripts)
+
     def ping(self) -> None:
         """Return if Redis answers; raise `StoreUnavailable` otherwise."""
         with unavailable_as_farm_error():
             self._redis.ping()
+
+    def _move(self, target: JobState, script: str, job_id: str, *arguments: str) -> Job:
+        """The job, moved by a script that a user may run."""
+        outcome, *state = self._scripts.run(script, job_id, *arguments)
+        if outcome == "illegal":
+            if state == ["missing"]:
+                raise JobNotFound(job_id)
+            raise IllegalTransition(job_id, state[0], target.value, self.story(job_id))
+        return self.get(job_id)
 
     def _number(self, job_id: str) -> int | None:
         with unavailable_as_farm_error():

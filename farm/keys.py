@@ -7,7 +7,7 @@ plateau:schema            string  version of this layout, written by `farm.schem
 plateau:store             hash    id that the blob store has too; `farm.pairing`         for ever
 plateau:created           string  counter: jobs created so far                         for ever
 plateau:jobs              zset    job id, scored by its number of creation             the job's
-plateau:jobs:open         zset    queued and rendering jobs, scored by priority        till end
+plateau:jobs:open         zset    jobs that have not ended, scored by priority         till end
 plateau:jobs:unfinished   set     jobs that a monitor still has work with              till done
 plateau:scenes            hash    scene SHA-256 → JSON summary                         the scene's
 plateau:scenes:used       zset    scene SHA-256, scored by its last use (ms)           the scene's
@@ -15,6 +15,10 @@ plateau:scene:SHA:going   string  set while the scene's blob is being removed   
 plateau:swept             string  set by the monitor that sweeps: no other need to     1 h
 plateau:workers           zset    worker id, scored by last heartbeat (ms)             1 h
 plateau:worker:ID         hash    the worker's description                             1 h
+plateau:monitors          zset    monitor id, scored by when its heartbeat is overdue  1 h
+plateau:monitor:ID        hash    the monitor's description, and what of its work is   1 d
+                                  in the totals
+plateau:totals            hash    counters of the whole farm; see `farm.totals`        for ever
 plateau:heard             string  when any worker's heartbeat came last (ms)           for ever
 plateau:grace             string  set while no lease is taken from its worker          a lease
 plateau:idempotency:KEY   string  JSON of job id and request digest                    24 h
@@ -49,6 +53,8 @@ SCENES: Final = PREFIX + "scenes"
 SCENES_USED: Final = PREFIX + "scenes:used"
 SWEPT: Final = PREFIX + "swept"
 WORKERS: Final = PREFIX + "workers"
+MONITORS: Final = PREFIX + "monitors"
+TOTALS: Final = PREFIX + "totals"
 HEARD: Final = PREFIX + "heard"
 GRACE: Final = PREFIX + "grace"
 WAKE_WORKERS: Final = PREFIX + "wake:workers"
@@ -94,6 +100,7 @@ local PREFIX, GROUP = '{PREFIX}', '{GROUP}'
 local JOBS, UNFINISHED, OPEN = '{JOBS}', '{UNFINISHED}', '{OPEN}'
 local JOB_PARTS = {{'{"', '".join(JOB_PARTS)}'}}
 local SCENES, SCENES_USED, WORKERS = '{SCENES}', '{SCENES_USED}', '{WORKERS}'
+local MONITORS, TOTALS = '{MONITORS}', '{TOTALS}'
 local HEARD, GRACE = '{HEARD}', '{GRACE}'
 local WAKE_WORKERS, WAKE_MONITORS = '{WAKE_WORKERS}', '{WAKE_MONITORS}'
 local function job_key(id, part)
@@ -101,5 +108,6 @@ local function job_key(id, part)
   return PREFIX .. 'job:' .. id
 end
 local function worker_key(id) return PREFIX .. 'worker:' .. id end
+local function monitor_key(id) return PREFIX .. 'monitor:' .. id end
 local function scene_going_key(sha256) return PREFIX .. 'scene:' .. sha256 .. ':going' end
 """

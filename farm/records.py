@@ -29,7 +29,7 @@ def ledger(records: dict[str, str]) -> dict[int, dict[str, Any]]:
 
 def job(fields: dict[str, str]) -> Job:
     """A job as its hash has it."""
-    spec = JobSpec.model_validate_json(fields["spec"])
+    spec = _spec(fields)
     latest = json.loads(fields.get("latest", "{}"))
     spp, width, height = int(fields["spp"]), fields.get("width"), fields.get("height")
     saved = 0
@@ -37,7 +37,7 @@ def job(fields: dict[str, str]) -> Job:
         saved = (spec.max_spp - spp) * int(width) * int(height)
     times = {
         name: moment(fields[name])
-        for name in ("created_at", "started_at", "ended_at", "finished_at")
+        for name in ("created_at", "started_at", "paused_at", "ended_at", "finished_at")
         if name in fields
     }
     judged = (
@@ -67,13 +67,24 @@ def job(fields: dict[str, str]) -> Job:
         samples_saved=saved,
         machine_s=int(fields["machine_ms"]) / 1000,
         notes=tuple(json.loads(fields.get("notes", "[]"))),
+        paused_s=int(fields.get("paused_ms", 0)) / 1000,
         **times,
     )
+
+
+def _spec(fields: dict[str, str]) -> JobSpec:
+    """What the job's user asked for, with what was changed since."""
+    spec = JobSpec.model_validate_json(fields["spec"])
+    if "priority" in fields:
+        spec = spec.model_copy(update={"priority": int(fields["priority"])})
+    return spec
 
 
 def _seconds_to_forecast(latest: dict[str, Any], fields: dict[str, str]) -> float | None:
     if latest.get("forecast_spp") is None or "started_at" not in fields:
         return None
-    spp_per_ms = latest["spp"] / max(1.0, latest["at"] - float(fields["started_at"]))
+    paused_ms = int(fields.get("latest_paused_ms", 0))  # before the last point
+    rendering_ms = latest["at"] - float(fields["started_at"]) - paused_ms
+    spp_per_ms = latest["spp"] / max(1.0, rendering_ms)
     seconds: float = max(0, latest["forecast_spp"] - latest["spp"]) / spp_per_ms / 1000
     return seconds

@@ -26,10 +26,7 @@ def slice_log(
     # A slice whose partial was rejected after its commit may have been committed once more.
     last = {entry.slice: entry.what for entry in entries if entry.what in {"committed", "rejected"}}
     silent = (record for index, record in ledger.items() if last.get(index) != "committed")
-    # Within one millisecond, a commit comes after a rejection and before its duplicates.
-    return sorted(
-        [*entries, *map(_committed, silent)], key=lambda one: (one.at, one.what == "duplicate")
-    )
+    return sorted([*entries, *map(_committed, silent)], key=lambda entry: entry.at)
 
 
 def _entry(fields: Mapping[str, str]) -> LogEntry:

@@ -5,6 +5,7 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 ZoneCount = Annotated[int, Field(ge=1, le=64)]
+Priority = Annotated[int, Field(ge=-1000, le=1000)]
 Variant = Literal["auto", "scalar_rgb", "llvm_ad_rgb", "cuda_ad_rgb"]
 
 
@@ -90,9 +91,12 @@ class JobSpec(_Spec):
     slice_spp: int = Field(25, gt=0, le=4096, description="spp of one slice, the unit of work")
     max_spp: int = Field(10_000, gt=0, le=1_000_000, description="cap: the job is exhausted there")
     time_limit_s: float | None = Field(
-        None, gt=0, description="seconds from its first slice after which the job is exhausted"
+        None,
+        gt=0,
+        description="seconds from its first slice, pauses not counted, after which the job is "
+        "exhausted",
     )
-    priority: int = Field(0, ge=-1000, le=1000, description="higher is served first")
+    priority: Priority = Field(0, description="higher is served first")
     batch: str | None = Field(
         None, min_length=1, max_length=100, description="a name that groups jobs"
     )

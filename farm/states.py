@@ -28,7 +28,8 @@ _ENDS: Final = frozenset(
 JOB_MOVES: Final[dict[JobState, frozenset[JobState]]] = {
     JobState.QUEUED: frozenset({JobState.RENDERING, JobState.CANCELLED, JobState.FAILED}),
     JobState.RENDERING: _ENDS | {JobState.PAUSED},
-    JobState.PAUSED: frozenset({JobState.RENDERING, JobState.CANCELLED, JobState.FAILED}),
+    # What was being rendered when it was paused may be all that the rule, or the cap, waited for.
+    JobState.PAUSED: _ENDS | {JobState.RENDERING},
     JobState.CONVERGED: frozenset(),
     JobState.EXHAUSTED: frozenset(),
     JobState.CANCELLED: frozenset(),

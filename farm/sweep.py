@@ -152,7 +152,7 @@ class _Sweep:
         older_than_ms = round(older_than_s * 1000)
         before = self._jobs.now_ms() - older_than_ms
         for job_id, finished_at in self._field_of_all("finished_at"):
-            if finished_at is None or int(finished_at) > before:
+            if finished_at is None or float(finished_at) > before:
                 continue
             forgotten = self._dry_run or self._scripts.run("forget", job_id, older_than_ms)
             if forgotten in {True, "forgotten"}:

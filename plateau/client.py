@@ -192,8 +192,24 @@ class Client:
 
     def cancel(self, job_id: str) -> JobView:
         """Cancel the job; cancelling it again is harmless."""
-        path = f"/v1/jobs/{job_id}/cancel"
-        return JobView.model_validate_json(self._repeat(lambda: self._http.post(path)).content)
+        return self._steer(job_id, "cancel")
+
+    def pause(self, job_id: str) -> JobView:
+        """Pause the rendering job: slices in hand are finished, no more are taken.
+
+        It may still converge by those slices; pausing it again is harmless.
+        """
+        return self._steer(job_id, "pause")
+
+    def resume(self, job_id: str) -> JobView:
+        """Let the paused job go on; resuming it again is harmless."""
+        return self._steer(job_id, "resume")
+
+    def set_priority(self, job_id: str, priority: int) -> JobView:
+        """Give the job another priority, -1000 to 1000: higher is served first."""
+        path, change = f"/v1/jobs/{job_id}", {"priority": priority}
+        answer = self._repeat(lambda: self._http.patch(path, json=change))
+        return JobView.model_validate_json(answer.content)
 
     def image(self, job_id: str, name: str = "image.png") -> bytes:
         """One of the job's images: ``image.png``, ``image.exr`` or ``difference.png``."""
@@ -245,6 +261,10 @@ class Client:
         for _ in self.events(job_id):
             pass
         return self.job(job_id)
+
+    def _steer(self, job_id: str, what: str) -> JobView:
+        path = f"/v1/jobs/{job_id}/{what}"
+        return JobView.model_validate_json(self._repeat(lambda: self._http.post(path)).content)
 
     @contextmanager
     def _stream(self, path: str, last_event_id: str | None = None) -> Iterator[httpx.Response]:

@@ -14,6 +14,7 @@ from rich.table import Table
 from rich.text import Text
 
 from farm.job import CurvePoint, Event, Job
+from farm.states import JobState
 from plateau import words
 
 #: The rate is that of the slices of the last so many seconds.
@@ -67,6 +68,8 @@ class Progress(ABC):
     def _rate(self, job: Job) -> str:
         """The render rate over the last slices, as far as it is known."""
         if job.width is None or job.height is None or len(self._slices) < 2:
+            return ""
+        if job.state is JobState.PAUSED:
             return ""
         seconds = (self._slices[-1] - self._slices[0]).total_seconds()
         samples = (len(self._slices) - 1) * job.width * job.height * job.spec.slice_spp
@@ -168,8 +171,10 @@ class LiveProgress(Progress):
         lines: list[Table | Text] = [head, bar]
         if self._points:
             lines.append(Text("   ".join(self._figures(job, self._points[-1]))))
-        else:
+        elif job.state is not JobState.PAUSED:
             lines.append(Text(job.reason, style="dim"))
+        if job.state is JobState.PAUSED:
+            lines.append(Text(f"{job.reason}; `plateau resume {job.id}` lets it go on", "yellow"))
         if len(self._points) > 1:
             lines.append(Text(sparkline([one.visible_pixels for one in self._points]), "cyan"))
         return Group(*lines)

@@ -61,6 +61,13 @@ def wall_s(job: Job, now: datetime | None = None) -> float:
     return (end - job.created_at).total_seconds() if end else 0.0
 
 
+def pauses(job: Job) -> str:
+    """For how long the job was paused, and since when it is."""
+    before = f"for {duration(job.paused_s)}" if job.paused_s else ""
+    now = f"since {job.paused_at:%Y-%m-%d %H:%M:%S} UTC" if job.paused_at else ""
+    return ", and ".join(filter(None, (before, now)))
+
+
 def saved_fraction(job: Job) -> float:
     """The share of its cap that a converged job did not need; 0 for any other."""
     if job.state is not JobState.CONVERGED:
@@ -87,5 +94,7 @@ def summary(job: Job) -> str:
             ("left", f"{left} still differ visibly from the converged image, by half buffers")
         )
     rows.append(("time", f"{duration(wall_s(job))}; machine time {duration(job.machine_s)}"))
+    if job.paused_at is not None or job.paused_s:
+        rows.append(("paused", pauses(job)))
     rows += [("note", note) for note in job.notes]
     return "\n".join(f"{name + ':':<9}{text}" for name, text in rows)

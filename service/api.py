@@ -69,7 +69,8 @@ def listen(host: str, port: int) -> socket.socket:
             "machine only, as 127.0.0.1, ::1 or localhost; reach it from elsewhere by an SSH tunnel"
         )
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
-    listener = socket.socket(family)
+    # By its name: asyncio looks for it before it sends small answers at once (TCP_NODELAY).
+    listener = socket.socket(family, socket.SOCK_STREAM, socket.IPPROTO_TCP)
     try:
         listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         listener.bind((host.strip("[]"), port))

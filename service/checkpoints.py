@@ -38,6 +38,7 @@ class Checkpoints:
         self._keep_slices = keep_slices
         self._contained: list[str] = []  # partials in the sums, not yet in a checkpoint
         self._last = owners.checkpoint(owned.job_id)
+        self._saved_slices = 0  # in the last checkpoint that can be read
         self._saved_at = time.monotonic()
 
     def note(self, partial: str) -> None:
@@ -45,7 +46,9 @@ class Checkpoints:
         self._contained.append(partial)
 
     def save(self, merge: Merge, judge: Judge) -> None:
-        """Save the sums and the rules' memory, unless that was done a moment ago."""
+        """Save the sums and the rules' memory, unless they are saved, or others were just now."""
+        if merge.slices == self._saved_slices:
+            return
         if time.monotonic() < self._saved_at + _INTERVAL_S:
             return
         numbers, images = judge.memory()
@@ -66,7 +69,7 @@ class Checkpoints:
         if not self._keep_slices:
             self._blobs.delete(*self._contained)
         self._contained = []
-        self._saved_at = time.monotonic()
+        self._saved_slices, self._saved_at = merge.slices, time.monotonic()
 
     def recover(self, slice_spp: int, judge: Judge) -> Merge:
         """The sums of the last checkpoint, with which the judge's rules remember what they had.
@@ -87,6 +90,7 @@ class Checkpoints:
             if name.startswith("rule:")
         }
         judge.recall(about["rules"], images)
+        self._saved_slices = self._last.slices
         return Merge.from_arrays(slice_spp, self._last.slices, arrays)
 
     def _content(self, checkpoint: Checkpoint) -> bytes:

@@ -74,8 +74,15 @@ _LINGER_BYTES = 64 * 2**20
 _LINGER_S = 2.0
 
 
+#: A body that is no upload is read into memory, so it may have so many bytes at most.
+_MOST_OF_A_CHANGE = 2**16
+
+
 class BodyLimit:
-    """Refuses a body of more than `most` bytes, by its announced length or while it streams."""
+    """Refuses a body of more than `most` bytes, by its announced length or while it streams.
+
+    Only a POST may bring so many: any other body is some JSON.
+    """
 
     def __init__(self, app: ASGIApp, most: int) -> None:
         self._app = app
@@ -86,10 +93,11 @@ class BodyLimit:
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
+        most = self._most if scope["method"] == "POST" else _MOST_OF_A_CHANGE
         announced = _header(scope["headers"], b"content-length")
-        if announced is not None and announced.isdigit() and int(announced) > self._most:
+        if announced is not None and announced.isdigit() and int(announced) > most:
             await _discard(receive)
-            await self._problem().response(scope["path"])(scope, receive, send)
+            await _too_large(most).response(scope["path"])(scope, receive, send)
             return
         received = 0
 
@@ -97,21 +105,23 @@ class BodyLimit:
             nonlocal received
             message = await receive()
             received += len(message.get("body", b""))
-            if received > self._most:
+            if received > most:
                 if message.get("more_body"):
                     await _discard(receive)
-                raise self._problem()
+                raise _too_large(most)
             return message
 
         await self._app(scope, counted, send)
 
-    def _problem(self) -> Problem:
-        return Problem(
-            UPLOAD_TOO_LARGE,
-            f"the request has more than {self._most:,} bytes; PLATEAU_MAX_UPLOAD_GB sets the limit",
-            headers={"Connection": "close"},
-            limit_bytes=self._most,
-        )
+
+def _too_large(most: int) -> Problem:
+    setting = "" if most == _MOST_OF_A_CHANGE else "; PLATEAU_MAX_UPLOAD_GB sets the limit"
+    return Problem(
+        UPLOAD_TOO_LARGE,
+        f"the request has more than {most:,} bytes{setting}",
+        headers={"Connection": "close"},
+        limit_bytes=most,
+    )
 
 
 async def _discard(receive: Receive) -> None:

@@ -2,6 +2,7 @@
 
 import hashlib
 import logging
+import time
 from typing import Final
 
 from farm import blobs
@@ -14,6 +15,7 @@ from farm.log import concerning
 from farm.ownership import Ownership, Ownerships
 from farm.queue import SliceRecord
 from farm.states import MAX_TRIES, JobState
+from farm.totals import MonitorWork
 from service.checkpoints import Checkpoints
 from service.judge import Judge, Judgement
 from service.results import Results
@@ -30,11 +32,19 @@ class JobRun:
     monitor that takes over starts from the last checkpoint and comes to the same points.
     """
 
-    def __init__(self, owned: Ownership, jobs: Jobs, owners: Ownerships, store: Blobs) -> None:
+    def __init__(
+        self,
+        owned: Ownership,
+        jobs: Jobs,
+        owners: Ownerships,
+        store: Blobs,
+        work: MonitorWork,
+    ) -> None:
         self.owned = owned
         self._jobs = jobs
         self._owners = owners
         self._blobs = store
+        self._work = work
         job = jobs.get(owned.job_id)
         self._spec = job.spec
         self._judge = Judge(job.spec)
@@ -60,9 +70,11 @@ class JobRun:
         if not job.state.ended:
             self._plan(look_ahead)
             self._merge_and_judge()
-            self._check_time(job)
+            self._check_time()
             self._plan(look_ahead)
             job = self._jobs.get(self.owned.job_id)
+        if job.state is JobState.PAUSED:
+            self._save()
         if job.state.ended:
             self._finish(job)
             return True
@@ -83,13 +95,12 @@ class JobRun:
             if not records:
                 return
             for record in records:
-                film = self._film(record)
-                if film is None:
+                if not self._add(record):
                     return
-                self._merge.add(film)
                 self._checkpoints.note(record.blob)
                 if self._spec.evaluates_at(self._merge.spp):
-                    self._judgement = self._judge.judge(self._merge)
+                    with self._work.evaluations.timed():
+                        self._judgement = self._judge.judge(self._merge)
                     break
 
     def _judged(self) -> bool:
@@ -104,12 +115,31 @@ class JobRun:
             reason = f"reached the cap of {spp} spp; {verdict.reason}"
             self._end_with_results(JobState.EXHAUSTED, reason)
         else:
-            self._results.preview(self._merge, self._judge)
-            self._checkpoints.save(self._merge, self._judge)
+            self._save()
             self._judgement = None
             return True
         self._judgement = None
         return False
+
+    def _save(self) -> None:
+        """Show and save what is merged, where it is new and that was not done a moment ago.
+
+        A paused job is asked again and again, so all of it is saved a moment after its last slice
+        came; there is no judgement in hand then that a checkpoint could lose.
+        """
+        if self._merge.slices:
+            self._results.preview(self._merge, self._judge)
+            self._checkpoints.save(self._merge, self._judge)
+
+    def _add(self, record: SliceRecord) -> bool:
+        """Merge a slice; returns False where its partial is lost or spoiled."""
+        started = time.monotonic()
+        film = self._film(record)
+        if film is None:
+            return False
+        self._merge.add(film)
+        self._work.merges.note(time.monotonic() - started)
+        return True
 
     def _film(self, record: SliceRecord) -> Pixels | None:
         with concerning(self.owned.job_id, record.index):
@@ -136,11 +166,15 @@ class JobRun:
                 ) from error
             return None
 
-    def _check_time(self, job: Job) -> None:
+    def _check_time(self) -> None:
+        """End the job where it rendered for as long as it may; pauses do not count."""
         limit_s = self._spec.time_limit_s
-        if limit_s is None or job.started_at is None:
+        if limit_s is None:
             return
-        if self._jobs.now_ms() / 1000 - job.started_at.timestamp() > limit_s:
+        job = self._jobs.get(self.owned.job_id)
+        if job.started_at is None or job.state is not JobState.RENDERING:
+            return
+        if self._jobs.now_ms() / 1000 - job.started_at.timestamp() - job.paused_s > limit_s:
             self._end(
                 JobState.EXHAUSTED,
                 f"reached its time limit of {limit_s:g} s at {self._merge.spp} spp",
@@ -221,10 +255,9 @@ class JobRun:
             if not records:
                 return True
             for record in records:
-                film = self._film(record)
-                if film is None:
+                if not self._add(record):
                     return False
-                self._merge.add(film)
                 if self._spec.evaluates_at(self._merge.spp) and self._merge.spp <= job.spp:
-                    self._judge.judge(self._merge)  # what the curve has already
+                    with self._work.evaluations.timed():
+                        self._judge.judge(self._merge)  # what the curve has already
         return True

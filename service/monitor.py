@@ -21,6 +21,7 @@ from farm.ownership import Ownership, Ownerships
 from farm.redis_link import connect
 from farm.settings import Settings
 from farm.states import JobState
+from farm.totals import MonitorWork
 from farm.wake import Wake
 from service.job_run import JobRun
 from service.judge import warm_up
@@ -55,6 +56,7 @@ class Monitor:
         self._blobs = store
         self._jobs = Jobs(client)
         self._owners = Ownerships(client, settings.lease_s)
+        self._work = MonitorWork(client, self.id, settings.lease_s)
         self._wake = Wake(client, keys.WAKE_MONITORS)
         self._lease_s = settings.lease_s
         self._owned: dict[str, Ownership] = {}
@@ -118,7 +120,7 @@ class Monitor:
         try:
             run = self._runs.get(owned.job_id)
             if run is None:
-                run = JobRun(owned, self._jobs, self._owners, self._blobs)
+                run = JobRun(owned, self._jobs, self._owners, self._blobs, self._work)
                 self._runs[owned.job_id] = run
             return run.advance(look_ahead)
         except FenceLost as lost:
@@ -158,12 +160,14 @@ class Monitor:
             owned = tuple(self._owned.values())
             try:
                 self._owners.renew(owned)
+                self._work.heartbeat(len(owned))
             except StoreUnavailable as error:
                 _LOG.warning("ownership was not renewed: %s", error)
 
     def _disown(self) -> None:
         try:
             self._owners.disown(tuple(self._owned.values()))
+            self._work.sign_off()
         except StoreUnavailable as error:
             _LOG.warning("%s", error)
 

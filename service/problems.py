@@ -10,8 +10,11 @@ from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
 from pydantic import BaseModel, ConfigDict, Field
 from starlette.exceptions import HTTPException
+from starlette.routing import compile_path
 
-from farm.errors import IllegalTransition, JobNotFound, StoreUnavailable
+from farm.errors import IllegalTransition, JobEnded, JobNotFound, StoreUnavailable
+from farm.states import JobState
+from service import examples
 
 MEDIA_TYPE: Final = "application/problem+json"
 
@@ -43,7 +46,11 @@ UNKNOWN_JOB: Final = ProblemType("unknown-job", 404, "There is no such job")
 NO_IMAGE_YET: Final = ProblemType("no-image-yet", 404, "The job has no image yet")
 UNKNOWN_SLICE: Final = ProblemType("unknown-slice", 404, "The slice is not stored")
 METHOD_NOT_ALLOWED: Final = ProblemType("method-not-allowed", 405, "Not by this method")
+NOT_ACCEPTABLE: Final = ProblemType("not-acceptable", 406, "It is not to be had in that form")
 CANNOT_CANCEL: Final = ProblemType("cannot-cancel", 409, "The job has already ended")
+CANNOT_PAUSE: Final = ProblemType("cannot-pause", 409, "The job is not rendering")
+CANNOT_RESUME: Final = ProblemType("cannot-resume", 409, "The job is not paused")
+JOB_ENDED: Final = ProblemType("job-ended", 409, "The job has ended and cannot be changed")
 UPLOAD_TOO_LARGE: Final = ProblemType("upload-too-large", 413, "The upload is too large")
 NOT_MULTIPART: Final = ProblemType("not-multipart", 415, "The body is not multipart/form-data")
 INVALID_REQUEST: Final = ProblemType("invalid-request", 422, "A part of the request is not valid")
@@ -62,12 +69,25 @@ TYPES: Final[dict[str, ProblemType]] = {
     value.slug: value for value in tuple(globals().values()) if isinstance(value, ProblemType)
 }
 
+#: What a move is called that a job's state does not allow, and what would be possible.
+_REFUSALS: Final = {
+    JobState.CANCELLED: (CANNOT_CANCEL, "only a job that has not ended can be cancelled"),
+    JobState.PAUSED: (
+        CANNOT_PAUSE,
+        "only a job that is rendering can be paused; a queued one can have a lower priority",
+    ),
+    JobState.RENDERING: (CANNOT_RESUME, "only a paused job can be resumed"),
+}
+
 #: What a bare status that the framework raises is called here.
 _BY_STATUS: Final = {
     400: MALFORMED_REQUEST,
     404: UNKNOWN_PATH,
     405: METHOD_NOT_ALLOWED,
 }
+
+
+_SCHEMA: Final = {"$ref": "#/components/schemas/ProblemDetails"}
 
 
 class FieldError(BaseModel):
@@ -116,9 +136,9 @@ class Problem(HTTPException):
         self.kind = kind
         self.members = members
 
-    def response(self, path: str) -> JSONResponse:
-        """The response for a request to `path`."""
-        body = {
+    def body(self, path: str) -> dict[str, Any]:
+        """What is answered to a request for `path`."""
+        return {
             "type": self.kind.uri,
             "title": self.kind.title,
             "status": self.kind.status,
@@ -126,19 +146,35 @@ class Problem(HTTPException):
             "instance": path,
             **self.members,
         }
-        return JSONResponse(body, self.kind.status, self.headers, MEDIA_TYPE)
+
+    def response(self, path: str) -> JSONResponse:
+        """The response to a request for `path`."""
+        return JSONResponse(self.body(path), self.kind.status, self.headers, MEDIA_TYPE)
 
 
-def documented(*kinds: ProblemType) -> dict[int | str, dict[str, Any]]:
-    """The ``responses`` of a route that may answer with these problems, for OpenAPI."""
+def documented(*kinds: ProblemType, store: bool = True) -> dict[int | str, dict[str, Any]]:
+    """The ``responses`` of a route that may answer with these problems, for OpenAPI.
+
+    Parameters
+    ----------
+    kinds
+        The problems.
+    store
+        Whether the route asks Redis or the blob store, which may be away.
+    """
     statuses: dict[int | str, dict[str, Any]] = {}
-    for kind in (*kinds, STORE_UNAVAILABLE):
+    for kind in (*kinds, STORE_UNAVAILABLE) if store else kinds:
         line = f"`{kind.uri}`: {kind.title.lower()}"
         known = statuses.setdefault(
-            kind.status, {"model": ProblemDetails, "content": {MEDIA_TYPE: {}}, "description": ""}
+            kind.status, {"content": {MEDIA_TYPE: {"schema": _SCHEMA, "examples": {}}}}
         )
-        known["description"] = "; ".join(filter(None, (known["description"], line)))
+        known["description"] = "; ".join(filter(None, (known.get("description"), line)))
+        known["content"][MEDIA_TYPE]["examples"][kind.slug] = {"value": _example(kind)}
     return statuses
+
+
+def _example(kind: ProblemType) -> dict[str, Any]:
+    return Problem(kind, examples.PROBLEM_DETAILS[kind.slug]).body(f"/v1/jobs/{examples.JOB_ID}")
 
 
 def add_problem_handlers(app: FastAPI) -> None:
@@ -150,6 +186,8 @@ def add_problem_handlers(app: FastAPI) -> None:
 
     @app.exception_handler(RequestValidationError)
     def answer_invalid(request: Request, error: RequestValidationError) -> JSONResponse:
+        if any(one["type"] == "json_invalid" for one in error.errors()):
+            return Problem(MALFORMED_REQUEST, "the body is not JSON").response(request.url.path)
         fields = [
             FieldError(field=str(one["loc"][-1]), message=one["msg"]) for one in error.errors()
         ]
@@ -164,10 +202,17 @@ def add_problem_handlers(app: FastAPI) -> None:
 
     @app.exception_handler(IllegalTransition)
     def answer_illegal(request: Request, error: IllegalTransition) -> JSONResponse:
-        detail = f"job {error.job_id} is {error.state}; only a job that has not ended can be"
-        problem = Problem(
-            CANNOT_CANCEL, f"{detail} {error.target}", state=error.state, story=error.story
+        kind, possible = _REFUSALS[JobState(error.target)]
+        detail = f"job {error.job_id} is {error.state}; {possible}"
+        problem = Problem(kind, detail, state=error.state, story=error.story)
+        return problem.response(request.url.path)
+
+    @app.exception_handler(JobEnded)
+    def answer_ended(request: Request, error: JobEnded) -> JSONResponse:
+        detail = (
+            f"job {error.job_id} is {error.state}; only a job that has not ended can be changed"
         )
+        problem = Problem(JOB_ENDED, detail, state=error.state, story=error.story)
         return problem.response(request.url.path)
 
     @app.exception_handler(StoreUnavailable)
@@ -189,9 +234,24 @@ def _from_http(request: Request, error: HTTPException) -> Problem:
     kind = _BY_STATUS.get(error.status_code)
     if kind is None:
         kind = ProblemType("http-error", error.status_code, str(error.detail))
+    path, headers = request.url.path, error.headers
+    if kind is METHOD_NOT_ALLOWED:
+        headers = {**(headers or {}), **_allow(request)}
     details = {
-        UNKNOWN_PATH: f"nothing is served at {request.url.path}; /docs lists what is",
-        METHOD_NOT_ALLOWED: f"{request.url.path} does not take {request.method}; "
-        f"/docs says what it takes",
+        UNKNOWN_PATH: f"nothing is served at {path}; /docs lists what is"
+        + (", without a slash at its end" if path.endswith("/") else ""),
+        METHOD_NOT_ALLOWED: f"{path} does not take {request.method}; /docs says what it takes",
     }
-    return Problem(kind, details.get(kind, str(error.detail)), headers=error.headers)
+    return Problem(kind, details.get(kind, str(error.detail)), headers=headers)
+
+
+def _allow(request: Request) -> dict[str, str]:
+    """The ``Allow`` of a path; the framework's knows one of its routes only."""
+    app: FastAPI = request.app
+    methods: set[str] = set()
+    for path, operations in app.openapi()["paths"].items():
+        if compile_path(path)[0].match(request.url.path):
+            methods |= {method.upper() for method in operations}
+    if "GET" in methods:
+        methods.add("HEAD")
+    return {"Allow": ", ".join(sorted(methods))} if methods else {}

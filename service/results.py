@@ -29,15 +29,16 @@ class Results:
         self._blobs = store
         self._exposure_ev = spec.view.exposure_ev
         self._shown: str | None = None
+        self._shown_spp = 0
         self._shown_at = time.monotonic()
 
     def preview(self, merge: Merge, judge: Judge) -> None:
-        """Show the merged image, unless that was done a moment ago."""
-        if time.monotonic() < self._shown_at + _INTERVAL_S:
+        """Show the merged image, unless it is shown, or another was a moment ago."""
+        if merge.spp == self._shown_spp or time.monotonic() < self._shown_at + _INTERVAL_S:
             return
         written, before = self.write(merge, judge), self._shown
         self._owners.show_results(self._owned, written)
-        self._shown, self._shown_at = written, time.monotonic()
+        self._shown, self._shown_spp, self._shown_at = written, merge.spp, time.monotonic()
         if before not in {None, written}:
             self._blobs.delete(*self._blobs.names(f"{before}/"))
 

@@ -2,9 +2,9 @@
 
 from typing import Annotated
 
-from fastapi import APIRouter, Depends
+from fastapi import APIRouter, Depends, Path, Request, Response
 
-from service import problems
+from service import examples, metrics, problems
 from service.parts import Parts, parts
 from service.problems import TYPES, Problem, documented
 from service.views import Health, ProblemTypeView, Scenes, SceneView, Workers
@@ -38,8 +38,25 @@ def ready(farm: Annotated[Parts, Depends(parts)]) -> Health:
     return Health()
 
 
-@router.get("/problems/{slug}", responses=documented(problems.UNKNOWN_PATH))
-def problem_type(slug: str) -> ProblemTypeView:
+@router.get(
+    "/metrics",
+    response_class=Response,
+    responses={
+        200: {
+            "content": {"text/plain": {"schema": {"type": "string"}, "example": examples.METRICS}}
+        }
+    },
+)
+def prometheus(request: Request) -> Response:
+    """Count the whole farm, and this process's requests, in Prometheus's text format."""
+    found: metrics.Metrics = request.app.state.metrics
+    return Response(found.exposition(), headers={"Content-Type": metrics.CONTENT_TYPE})
+
+
+@router.get("/problems/{slug}", responses=documented(problems.UNKNOWN_PATH, store=False))
+def problem_type(
+    slug: Annotated[str, Path(description="the last part of a `type`", examples=["no-scene"])],
+) -> ProblemTypeView:
     """Say what a problem's `type` means."""
     kind = TYPES.get(slug)
     if kind is None:

@@ -1,19 +1,19 @@
-"""Routes that create, show, list and cancel jobs."""
+"""Routes that create, show, list and steer jobs."""
 
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Depends, Path, Query, Response
 
 from farm.states import JobState
-from service import problems
+from service import examples, problems
 from service.parts import Parts, parts
 from service.problems import Problem, documented
 from service.uploads import Submission, create_job, submission
-from service.views import JobPage, JobView, Log, SliceLog, Slices, SliceView, job_view
+from service.views import JobChange, JobPage, JobView, Log, SliceLog, Slices, SliceView, job_view
 
 router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
 
-JobId = Annotated[str, Path(description="the job's `id`")]
+JobId = Annotated[str, Path(description="the job's `id`", examples=[examples.JOB_ID])]
 
 _SUBMISSION: dict[str, Any] = {
     "requestBody": {
@@ -31,10 +31,19 @@ _SUBMISSION: dict[str, Any] = {
                         },
                         "scene_sha256": {
                             "type": "string",
-                            "pattern": "^[0-9a-f]{64}$",
-                            "description": "instead of `scene`: one that is already stored",
+                            "pattern": "^([0-9a-f]{64})?$",
+                            "description": "instead of `scene`: one that is already stored; "
+                            "empty, as a web form sends it, it counts as left out",
                         },
                         "spec": {"$ref": "#/components/schemas/JobSpec"},
+                    },
+                    "anyOf": [{"required": ["scene"]}, {"required": ["scene_sha256"]}],
+                    "additionalProperties": False,
+                },
+                "examples": {
+                    "an upload": {"value": {"scene": examples.SCENE_XML, "spec": examples.SPEC}},
+                    "a stored scene": {
+                        "value": {"scene_sha256": examples.SCENE_SHA256, "spec": {}}
                     },
                 },
                 "encoding": {"spec": {"contentType": "application/json"}},
@@ -46,7 +55,8 @@ _SUBMISSION: dict[str, Any] = {
             "name": "Idempotency-Key",
             "in": "header",
             "required": False,
-            "schema": {"type": "string", "maxLength": 255},
+            "schema": {"type": "string", "pattern": "^[\\x21-\\x7e]{1,255}$"},
+            "example": examples.IDEMPOTENCY_KEY,
             "description": "a request repeated with the same key within a day makes one job",
         }
     ],
@@ -58,7 +68,15 @@ _SUBMISSION: dict[str, Any] = {
     status_code=201,
     openapi_extra=_SUBMISSION,
     responses={
-        201: {"headers": {"Location": {"schema": {"type": "string"}}}},
+        201: {
+            "headers": {
+                "Location": {"schema": {"type": "string"}, "description": "path of the job"},
+                "Idempotency-Replayed": {
+                    "schema": {"const": "true"},
+                    "description": "only where the key's first request had made the job",
+                },
+            }
+        },
         **documented(
             problems.MALFORMED_REQUEST,
             problems.UPLOAD_TOO_LARGE,
@@ -92,12 +110,23 @@ def submit(
 @router.get("", responses=documented(problems.INVALID_REQUEST))
 def page(
     farm: Annotated[Parts, Depends(parts)],
-    state: Annotated[JobState | None, Query(description="only jobs in this state")] = None,
-    batch: Annotated[str | None, Query(description="only jobs of this batch")] = None,
-    cursor: Annotated[
-        str | None, Query(pattern=r"^\d{1,15}$", description="`next_cursor` of the page before")
+    state: Annotated[
+        JobState | None, Query(description="only jobs in this state", examples=["rendering"])
     ] = None,
-    limit: Annotated[int, Query(ge=1, le=200, description="most jobs on the page")] = 50,
+    batch: Annotated[
+        str | None, Query(description="only jobs of this batch", examples=["exposures"])
+    ] = None,
+    cursor: Annotated[
+        str | None,
+        Query(
+            pattern="^[0-9]{1,15}$",
+            description="`next_cursor` of the page before",
+            examples=["42"],
+        ),
+    ] = None,
+    limit: Annotated[
+        int, Query(ge=1, le=200, description="most jobs on the page", examples=[20])
+    ] = 50,
 ) -> JobPage:
     """List jobs, newest first."""
     before = None if cursor is None else int(cursor)
@@ -113,6 +142,25 @@ def show(job_id: JobId, farm: Annotated[Parts, Depends(parts)]) -> JobView:
     return job_view(farm.job(job_id))
 
 
+@router.patch(
+    "/{job_id}",
+    responses=documented(
+        problems.MALFORMED_REQUEST,
+        problems.UNKNOWN_JOB,
+        problems.JOB_ENDED,
+        problems.UPLOAD_TOO_LARGE,
+        problems.INVALID_REQUEST,
+    ),
+)
+def change(job_id: JobId, asked: JobChange, farm: Annotated[Parts, Depends(parts)]) -> JobView:
+    """Change a job's priority, which is part of its `spec` then.
+
+    It counts from the next slice that a worker takes; nobody stops in the middle of one. A job that
+    has ended answers 409 with its state.
+    """
+    return job_view(farm.jobs.set_priority(farm.job(job_id).id, asked.priority))
+
+
 @router.post(
     "/{job_id}/cancel",
     status_code=202,
@@ -125,6 +173,35 @@ def cancel(job_id: JobId, farm: Annotated[Parts, Depends(parts)]) -> JobView:
     job that ended otherwise answers 409 with its state.
     """
     return job_view(farm.jobs.cancel(farm.job(job_id).id))
+
+
+@router.post(
+    "/{job_id}/pause",
+    status_code=202,
+    responses=documented(problems.UNKNOWN_JOB, problems.CANNOT_PAUSE),
+)
+def pause(job_id: JobId, farm: Annotated[Parts, Depends(parts)]) -> JobView:
+    """Pause a rendering job: workers take no more slices of it, and its time limit stands still.
+
+    The slices that they are rendering are finished, merged and judged, so the job may yet converge
+    or reach its cap. Pausing it again is harmless; a job that waits for its first slice, or has
+    ended, answers 409 with its state.
+    """
+    return job_view(farm.jobs.pause(farm.job(job_id).id))
+
+
+@router.post(
+    "/{job_id}/resume",
+    status_code=202,
+    responses=documented(problems.UNKNOWN_JOB, problems.CANNOT_RESUME),
+)
+def resume(job_id: JobId, farm: Annotated[Parts, Depends(parts)]) -> JobView:
+    """Let a paused job go on where it stood: its image and curve are those of one never paused.
+
+    Resuming a job that is rendering is harmless; one that waits for its first slice, or has ended,
+    answers 409 with its state.
+    """
+    return job_view(farm.jobs.resume(farm.job(job_id).id))
 
 
 @router.get("/{job_id}/slices", responses=documented(problems.UNKNOWN_JOB))
@@ -149,7 +226,7 @@ def log(job_id: JobId, farm: Annotated[Parts, Depends(parts)]) -> Log:
 )
 def one_slice_log(
     job_id: JobId,
-    index: Annotated[int, Path(ge=0, description="the slice's index")],
+    index: Annotated[int, Path(ge=0, description="the slice's index", examples=[15])],
     farm: Annotated[Parts, Depends(parts)],
 ) -> SliceLog:
     """Show the log of one slice, with its line in the ledger."""

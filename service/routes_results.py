@@ -1,22 +1,24 @@
-"""Routes for what a job has come to: its curve, its events and its images."""
+"""Routes for what a job has come to: its curve and its events."""
 
-import contextlib
 import csv
+import hashlib
 import io
 import json
-from collections.abc import AsyncIterator, Iterator
+from collections.abc import AsyncIterator
 from itertools import chain
-from typing import Annotated, Final
+from typing import Annotated, Any, Final
 
-from fastapi import APIRouter, Depends, Header, Path, Query, Request, Response
-from fastapi.responses import PlainTextResponse, StreamingResponse
+from fastapi import APIRouter, Depends, Header, Query, Request, Response
+from fastapi.responses import StreamingResponse
 from starlette.concurrency import run_in_threadpool
 
 from farm.job import CurvePoint, Event
 from farm.jobs import BEFORE_ALL_EVENTS
-from service import problems
+from service import examples, problems
+from service.accept import chosen
+from service.etags import NOT_MODIFIED, REVALIDATE, Known, known, not_modified, strong
 from service.parts import Parts, parts
-from service.problems import Problem, documented
+from service.problems import documented
 from service.routes_jobs import JobId
 from service.views import Curve, Happened
 
@@ -30,17 +32,20 @@ _FIGURES: Final = tuple(
     for name in CurvePoint.model_fields
     if name not in {"rules", "zones", "non_finite_pixels", "at"}
 )
-_EVENT_ID: Final = r"^\d{1,20}-\d{1,20}$"
+#: Redis refuses numbers of 64 bits and more; those of real events have 13 digits and a few.
+_EVENT_ID: Final = r"^[0-9]{1,19}-[0-9]{1,19}$"
 #: Proxies close a connection that is silent for longer, commonly after 30 or 60 s.
 _HEARTBEAT_S: Final = 15.0
 _RECONNECT_MS: Final = 1000
 
-#: The images of a job, as they are stored and served.
-IMAGES: Final = {
-    "image.png": "image/png",
-    "image.exr": "image/x-exr",
-    "difference.png": "image/png",
-}
+#: What the curve looks like in this Plateau: another one may show more of the same points.
+_SHAPE: Final = hashlib.sha256(json.dumps(Curve.model_json_schema()).encode()).hexdigest()[:8]
+_STRING: Final[dict[str, Any]] = {"schema": {"type": "string"}}
+_CURVE_HEADERS: Final = {"ETag": _STRING, "Cache-Control": _STRING}
+
+
+class _CsvResponse(Response):
+    media_type = _CSV
 
 
 def curve_csv(points: list[CurvePoint]) -> str:
@@ -62,50 +67,100 @@ def curve_csv(points: list[CurvePoint]) -> str:
 @router.get(
     "/curve",
     response_model=Curve,
-    responses={200: {"content": {_CSV: {}}}, **documented(problems.UNKNOWN_JOB)},
+    responses={
+        200: {
+            "content": {_CSV: {"schema": {"type": "string"}, "example": examples.CURVE_CSV}},
+            "headers": {**_CURVE_HEADERS, "Vary": _STRING},
+        },
+        **NOT_MODIFIED,
+        **documented(problems.UNKNOWN_JOB, problems.NOT_ACCEPTABLE),
+    },
 )
 def curve(
     job_id: JobId,
     farm: Annotated[Parts, Depends(parts)],
-    accept: Annotated[str, Header(include_in_schema=False)] = "*/*",
-) -> Curve | Response:
+    has: Annotated[Known, Depends(known)],
+    accept: Annotated[str, Header(include_in_schema=False)] = "",
+) -> Response:
     """Show the curve: each evaluation of the merged image, as JSON, or as CSV by `Accept`."""
-    points = farm.jobs.curve(farm.job(job_id).id)
-    if _CSV in accept:
-        return PlainTextResponse(curve_csv(points), media_type=_CSV)
-    return Curve(points=points)
+    return _curve(farm, job_id, has, chosen(accept, (_JSON, _CSV)), {"Vary": "Accept"})
 
 
 @router.get(
     "/curve.csv",
-    response_class=PlainTextResponse,
-    responses={200: {"content": {_CSV: {}}}, **documented(problems.UNKNOWN_JOB)},
+    response_class=_CsvResponse,
+    responses={
+        200: {
+            "description": "the points as CSV",
+            "content": {_CSV: {"schema": {"type": "string"}, "example": examples.CURVE_CSV}},
+            "headers": _CURVE_HEADERS,
+        },
+        **NOT_MODIFIED,
+        **documented(problems.UNKNOWN_JOB),
+    },
 )
-def curve_as_csv(job_id: JobId, farm: Annotated[Parts, Depends(parts)]) -> Response:
+def curve_as_csv(
+    job_id: JobId,
+    farm: Annotated[Parts, Depends(parts)],
+    has: Annotated[Known, Depends(known)],
+) -> Response:
     """Show the curve as CSV."""
-    points = farm.jobs.curve(farm.job(job_id).id)
-    return PlainTextResponse(curve_csv(points), media_type=_CSV)
+    return _curve(farm, job_id, has, _CSV, {})
+
+
+def _curve(
+    farm: Parts, job_id: str, has: Known, media_type: str, headers: dict[str, str]
+) -> Response:
+    # Asked for again even when the job is finished: a newer Plateau may show more of its points.
+    headers = {**headers, "Cache-Control": REVALIDATE}
+    job = farm.job(job_id)
+    # Points are only ever appended, so their number stands for all of them.
+    tag = _curve_tag(job.points, media_type)
+    if has.anything or has.has(tag):
+        return not_modified({**headers, "ETag": tag})
+    points = farm.jobs.curve(job.id)
+    headers["ETag"] = _curve_tag(len(points), media_type)
+    if media_type == _CSV:
+        return _CsvResponse(curve_csv(points), headers=headers)
+    content = Curve(points=points).model_dump_json()
+    return Response(content, media_type=_JSON, headers=headers)
+
+
+def _curve_tag(points: int, media_type: str) -> str:
+    return strong(points, media_type.rpartition("/")[2], _SHAPE)
 
 
 @router.get(
     "/events",
     response_class=StreamingResponse,
     responses={
-        200: {"model": Happened, "content": {_SSE: {}}},
+        200: {
+            "description": "the events",
+            "model": Happened,
+            "content": {_SSE: {"schema": {"type": "string"}, "example": examples.EVENT_STREAM}},
+        },
         204: {"description": "the job is finished and everything of it was already received"},
-        **documented(problems.UNKNOWN_JOB, problems.INVALID_REQUEST),
+        **documented(problems.UNKNOWN_JOB, problems.NOT_ACCEPTABLE, problems.INVALID_REQUEST),
     },
 )
 async def events(
     request: Request,
     job_id: JobId,
     last_event_id: Annotated[
-        str | None, Header(pattern=_EVENT_ID, description="go on after this event")
+        str | None,
+        Header(
+            pattern=_EVENT_ID, description="go on after this event", examples=[examples.EVENT_ID]
+        ),
     ] = None,
     after: Annotated[
-        str, Query(pattern=_EVENT_ID, description="the same, where a header cannot be set")
+        str,
+        Query(
+            pattern=_EVENT_ID,
+            description="the same, where a header cannot be set",
+            examples=[examples.EVENT_ID],
+        ),
     ] = BEFORE_ALL_EVENTS,
-    accept: Annotated[str, Header(include_in_schema=False)] = _SSE,
+    accept: Annotated[str, Header(include_in_schema=False)] = "",
 ) -> Response:
     """Stream what happens to a job as Server-Sent Events, from its beginning on.
 
@@ -115,17 +170,18 @@ async def events(
     `Accept: application/json`, what has happened so far.
     """
     farm = parts(request)
+    media_type = chosen(accept, (_SSE, _JSON))
     start = last_event_id or after
     job = await run_in_threadpool(farm.job, job_id)
-    if _JSON in accept and _SSE not in accept:
+    if media_type == _JSON:
         happened = Happened(events=await run_in_threadpool(farm.jobs.events, job.id, start))
-        return Response(happened.model_dump_json(), media_type=_JSON)
+        return Response(happened.model_dump_json(), media_type=_JSON, headers={"Vary": "Accept"})
     if job.finished_at is not None and not await run_in_threadpool(farm.jobs.events, job.id, start):
         return Response(status_code=204)
     return StreamingResponse(
         _frames(farm, job.id, start),
         media_type=_SSE,
-        headers={"Cache-Control": "no-store", "X-Accel-Buffering": "no"},
+        headers={"Cache-Control": "no-store", "Vary": "Accept", "X-Accel-Buffering": "no"},
     )
 
 
@@ -139,103 +195,3 @@ def frame(event: Event) -> str:
     """The event as a frame of a Server-Sent Events stream; its data has its time as ``at``."""
     data = json.dumps({"at": event.at.isoformat(), **event.data})
     return f"id: {event.id}\nevent: {event.type}\ndata: {data}\n\n"
-
-
-def _image(name: str, job_id: str, farm: Parts) -> Response:
-    job = farm.job(job_id)
-    results = ""
-    # A set of pictures goes when the next one is shown, perhaps between our two looks.
-    while (shown := farm.jobs.results(job.id)) != results:
-        results = shown
-        with contextlib.suppress(FileNotFoundError):
-            return _blob(f"{results}/{name}", f"{job.id}-{name}", IMAGES[name], farm)
-    raise _no_image(job.state.ended, job.id, job.state.value, job.reason)
-
-
-def _blob(blob: str, file_name: str, media_type: str, farm: Parts) -> Response:
-    chunks = farm.blobs.chunks(blob)
-    first = next(chunks, b"")
-    return StreamingResponse(
-        _joined(first, chunks),
-        media_type=media_type,
-        headers={
-            # It changes while the job runs.
-            "Cache-Control": "no-cache",
-            "Content-Disposition": f'inline; filename="{file_name}"',
-        },
-    )
-
-
-def _joined(first: bytes, rest: Iterator[bytes]) -> Iterator[bytes]:
-    yield first
-    yield from rest
-
-
-def _no_image(ended: bool, job_id: str, state: str, reason: str) -> Problem:
-    if ended:
-        detail = f"job {job_id} is {state} and left no image: {reason}"
-    else:
-        detail = (
-            f"job {job_id} is {state}; its first image comes with the first point of its curve, "
-            f"which GET /v1/jobs/{job_id}/events announces"
-        )
-    return Problem(problems.NO_IMAGE_YET, detail, state=state)
-
-
-_IMAGE_PROBLEMS: Final = documented(problems.UNKNOWN_JOB, problems.NO_IMAGE_YET)
-
-
-@router.get(
-    "/image.png",
-    response_class=StreamingResponse,
-    responses={200: {"content": {"image/png": {}}}, **_IMAGE_PROBLEMS},
-)
-def image_png(job_id: JobId, farm: Annotated[Parts, Depends(parts)]) -> Response:
-    """Show the merged image as the job's display shows it: the newest, in the end the final one."""
-    return _image("image.png", job_id, farm)
-
-
-@router.get(
-    "/image.exr",
-    response_class=StreamingResponse,
-    responses={200: {"content": {"image/x-exr": {}}}, **_IMAGE_PROBLEMS},
-)
-def image_exr(job_id: JobId, farm: Annotated[Parts, Depends(parts)]) -> Response:
-    """Show the merged image as linear radiance, float32."""
-    return _image("image.exr", job_id, farm)
-
-
-@router.get(
-    "/difference.png",
-    response_class=StreamingResponse,
-    responses={200: {"content": {"image/png": {}}}, **_IMAGE_PROBLEMS},
-)
-def difference_png(job_id: JobId, farm: Annotated[Parts, Depends(parts)]) -> Response:
-    """Show where the merged image differs visibly from the first image of the curve."""
-    return _image("difference.png", job_id, farm)
-
-
-@router.get(
-    "/slices/{index}.exr",
-    response_class=StreamingResponse,
-    responses={
-        200: {"content": {"image/x-exr": {}}},
-        **documented(problems.UNKNOWN_JOB, problems.UNKNOWN_SLICE),
-    },
-)
-def slice_exr(
-    job_id: JobId,
-    index: Annotated[int, Path(ge=0, description="the slice's index")],
-    farm: Annotated[Parts, Depends(parts)],
-) -> Response:
-    """Fetch a slice of a job that keeps its slices: R, G, B and W before normalisation."""
-    job = farm.job(job_id)
-    try:
-        blob = farm.jobs.ledger(job.id)[index]["blob"]
-        return _blob(blob, f"{job.id}-{index:06d}.exr", IMAGES["image.exr"], farm)
-    except (KeyError, FileNotFoundError) as error:
-        raise Problem(
-            problems.UNKNOWN_SLICE,
-            f"slice {index} of job {job.id} is not stored; slices stay where the job's spec says "
-            "keep_slices",
-        ) from error

@@ -11,6 +11,7 @@ from farm.errors import FarmError
 from farm.redis_link import connect
 from farm.settings import Settings
 from farm.sweep import Swept, is_due, sweep
+from farm.totals import note_sweep
 
 _LOG = logging.getLogger(__name__)
 
@@ -47,6 +48,7 @@ def _sweep_when_due(settings: Settings, store: Blobs, over: threading.Event) -> 
                     results_older_than_s=_seconds(settings.keep_results_days),
                     scenes_unused_for_s=_seconds(settings.keep_scenes_days),
                 )
+                note_sweep(client)
                 _report(swept)
         except FarmError as error:
             _LOG.warning("not all was swept; again in an hour: %s", error)

@@ -100,7 +100,7 @@ def _scene(upload: UploadFile | str | None, sha256: UploadFile | str | None) -> 
 async def _spec(part: UploadFile | str | None) -> JobSpec:
     text = (await part.read(_MAX_SPEC_BYTES)) if isinstance(part, UploadFile) else part
     try:
-        return JobSpec.model_validate_json(text or b"{}")
+        return JobSpec.model_validate_json(text or b"{}", strict=True)
     except ValidationError as error:
         errors = [
             FieldError(field=_field(one["loc"]), message=_message(one["type"], one["msg"]))

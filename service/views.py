@@ -1,21 +1,49 @@
 """What the API shows, as pydantic models that the client shares."""
 
+from typing import Any
+
 from pydantic import BaseModel, ConfigDict, Field
+from pydantic.config import JsonDict
 
 from farm.job import CurvePoint, Event, Job, LogEntry, Worker
+from farm.spec import Priority
+from service import examples
+
+
+def _shows(example: dict[str, Any]) -> JsonDict:
+    """The schema's part that shows this example."""
+    return {"examples": [example]}
 
 
 class JobView(Job):
     """A job with the paths of what belongs to it."""
 
     # A client may be older than the service that it talks to.
-    model_config = ConfigDict(frozen=True, extra="ignore")
+    model_config = ConfigDict(frozen=True, extra="ignore", json_schema_extra=_shows(examples.JOB))
 
     links: dict[str, str] = Field(description="paths of the job's curve, events and images")
 
 
+class JobChange(BaseModel):
+    """What of a job can be changed while it has not ended."""
+
+    model_config = ConfigDict(
+        extra="forbid", strict=True, json_schema_extra=_shows({"priority": 10})
+    )
+
+    priority: Priority = Field(
+        strict=True,
+        description="higher is served first; the next lease of a slice goes by it",
+        examples=[5],
+    )
+
+
 class JobPage(BaseModel):
     """A page of jobs, newest first."""
+
+    model_config = ConfigDict(
+        json_schema_extra=_shows({"jobs": [examples.JOB], "next_cursor": "42"})
+    )
 
     jobs: list[JobView]
     next_cursor: str | None = Field(
@@ -26,11 +54,15 @@ class JobPage(BaseModel):
 class Curve(BaseModel):
     """The curve of a job."""
 
+    model_config = ConfigDict(json_schema_extra=_shows({"points": [examples.POINT]}))
+
     points: list[CurvePoint] = Field(description="by rising spp")
 
 
 class Happened(BaseModel):
     """What has happened to a job so far."""
+
+    model_config = ConfigDict(json_schema_extra=_shows({"events": [examples.EVENT]}))
 
     events: list[Event] = Field(description="in their order")
 
@@ -38,7 +70,7 @@ class Happened(BaseModel):
 class SliceView(BaseModel):
     """A slice's line in the ledger."""
 
-    model_config = ConfigDict(extra="ignore")
+    model_config = ConfigDict(extra="ignore", json_schema_extra=_shows(examples.SLICE))
 
     index: int
     spp: int
@@ -52,17 +84,25 @@ class SliceView(BaseModel):
 class Slices(BaseModel):
     """The ledger of a job."""
 
+    model_config = ConfigDict(json_schema_extra=_shows({"slices": [examples.SLICE]}))
+
     slices: list[SliceView] = Field(description="the committed slices, by index")
 
 
 class Log(BaseModel):
     """The log of a job."""
 
+    model_config = ConfigDict(json_schema_extra=_shows({"entries": [examples.LOG_ENTRY]}))
+
     entries: list[LogEntry] = Field(description="how each try of a slice ended, by time")
 
 
 class SliceLog(BaseModel):
     """The log of a slice."""
+
+    model_config = ConfigDict(
+        json_schema_extra=_shows({"slice": examples.SLICE, "entries": [examples.LOG_ENTRY]})
+    )
 
     slice: SliceView | None = Field(description="its line in the ledger; null till it has one")
     entries: list[LogEntry] = Field(description="how each try of it ended, by time")
@@ -71,13 +111,15 @@ class SliceLog(BaseModel):
 class Workers(BaseModel):
     """The workers that live."""
 
+    model_config = ConfigDict(json_schema_extra=_shows({"workers": [examples.WORKER]}))
+
     workers: list[Worker]
 
 
 class SceneView(BaseModel):
     """A stored scene."""
 
-    model_config = ConfigDict(extra="ignore")
+    model_config = ConfigDict(extra="ignore", json_schema_extra=_shows(examples.SCENE))
 
     sha256: str = Field(description="of the uploaded file; `scene_sha256` of a new job")
     name: str
@@ -89,11 +131,19 @@ class SceneView(BaseModel):
 class Scenes(BaseModel):
     """The stored scenes."""
 
+    model_config = ConfigDict(json_schema_extra=_shows({"scenes": [examples.SCENE]}))
+
     scenes: list[SceneView]
 
 
 class ProblemTypeView(BaseModel):
     """What a problem's type means."""
+
+    model_config = ConfigDict(
+        json_schema_extra=_shows(
+            {"type": "/problems/no-scene", "status": 422, "title": "The request brings no scene"}
+        )
+    )
 
     type: str
     status: int
@@ -102,6 +152,8 @@ class ProblemTypeView(BaseModel):
 
 class Health(BaseModel):
     """The service's health."""
+
+    model_config = ConfigDict(json_schema_extra=_shows({"status": "ok"}))
 
     status: str = "ok"
 
@@ -119,5 +171,7 @@ def job_view(job: Job) -> JobView:
         "image_exr": f"{root}/image.exr",
         "difference_png": f"{root}/difference.png",
         "cancel": f"{root}/cancel",
+        "pause": f"{root}/pause",
+        "resume": f"{root}/resume",
     }
     return JobView(**job.model_dump(), links=links)

@@ -10,6 +10,8 @@ from farm.blobs import Blobs
 from farm.embedded import EmbeddedRedis
 from farm.redis_link import connect
 
+pytest.register_assert_rewrite("tests.support")
+
 
 @pytest.fixture(scope="session")
 def embedded_redis(tmp_path_factory: pytest.TempPathFactory) -> Iterator[EmbeddedRedis]:

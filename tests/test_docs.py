@@ -9,6 +9,7 @@ from farm.settings import Settings
 from plateau.cli import app
 from service.problems import TYPES, ProblemType
 from service.routes_farm import router as farm_router
+from service.routes_images import router as images_router
 from service.routes_jobs import router as jobs_router
 from service.routes_results import router as results_router
 
@@ -27,7 +28,7 @@ def test_every_command_is_in_the_readme(command: str) -> None:
 
 ROUTES = [
     (method, route.path)
-    for router in (jobs_router, results_router, farm_router)
+    for router in (jobs_router, results_router, images_router, farm_router)
     for route in router.routes
     for method in route.methods  # type: ignore[attr-defined]
 ]

@@ -12,12 +12,15 @@ local known = redis.call('HGET', job_key(id, 'ledger'), index)
 if known then
   drop_entry(id, entry)
   if cjson.decode(known).blob == cjson.decode(record).blob then return 'committed' end
-  redis.call('HINCRBY', job, 'machine_ms', machine_ms)
+  spend(id, machine_ms)
   note_try(id, index, worker, 'duplicate', 'another try was committed before', machine_ms, said)
   return 'duplicate'
 end
-redis.call('HINCRBY', job, 'machine_ms', machine_ms)
-if not is_open(id) then return 'ended' end
+spend(id, machine_ms)
+if not is_open(id) then
+  count('tries late')
+  return 'ended'
+end
 if redis.call('HGET', job, 'variant') ~= ARGV[12] then
   note_try(id, index, worker, 'stale', 'others render with another variant by now', machine_ms, said)
   return 'stale'
@@ -34,6 +37,8 @@ redis.call('HSETNX', job, 'width', ARGV[9])
 redis.call('HSETNX', job, 'height', ARGV[10])
 redis.call('HSETNX', job, 'notes', ARGV[11])
 redis.call('HINCRBY', job, 'committed', 1)
+count('tries committed')
+count('samples', cjson.decode(record).spp * ARGV[9] * ARGV[10])
 if said ~= '' then note_try(id, index, worker, 'committed', '', machine_ms, said) end
 announce(id, 'slice', cjson.encode({index = tonumber(index), worker = worker}))
 redis.call('PUBLISH', WAKE_MONITORS, id)

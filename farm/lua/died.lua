@@ -4,7 +4,7 @@
 local id, entry, worker, index, cause = ARGV[1], ARGV[2], ARGV[3], ARGV[4], ARGV[5]
 local held, tries = holds(id, entry, worker)
 if not held then return 'lost' end
-redis.call('HINCRBY', job_key(id), 'machine_ms', ARGV[7])
+spend(id, ARGV[7])
 local causes = note_death(id, index, worker, cause, ARGV[7], ARGV[8])
 if #causes >= tonumber(ARGV[6]) then
   poison(id, index, causes)

@@ -6,7 +6,7 @@
 local id, entry, worker = ARGV[1], ARGV[2], ARGV[3]
 local held, tries = holds(id, entry, worker)
 if not held then return 'lost' end
-redis.call('HINCRBY', job_key(id), 'machine_ms', ARGV[4])
+spend(id, ARGV[4])
 put_back(id, entry, tries - 1)
 note_try(id, ARGV[5], worker, ARGV[6], ARGV[7], ARGV[4], ARGV[8])
 -- A worker that could render nothing does not bind the others to its variant.

@@ -79,7 +79,7 @@ if redis.call('HEXISTS', job_key(id, 'ledger'), entry[2][2]) == 1 then  -- a lat
   return 'again'
 end
 if redis.call('HSETNX', job_key(id), 'variant', chosen.variant) == 1 then
-  redis.call('HSET', job_key(id), 'started_at', now())
+  redis.call('HSET', job_key(id), 'started_at', now(), 'paused_ms', 0)
 end
 if chosen.state == 'queued' then move(id, 'rendering', 'rendering with ' .. chosen.variant) end
 local job = redis.call('HMGET', job_key(id), 'spec', 'scene_sha256')

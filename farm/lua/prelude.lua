@@ -1,12 +1,32 @@
 -- Shared by every script; farm/scripts.py puts the key names and the table of moves before it.
 
-local function now()  -- milliseconds by Redis's clock, as text: Lua would print 1.7e+12
+-- Milliseconds by Redis's clock, to the microsecond, so that no two steps have the same time; as
+-- text, since Lua would print 1.7e+12.
+local function now()
   local time = redis.call('TIME')
-  return string.format('%.0f', time[1] * 1000 + math.floor(time[2] / 1000))
+  return string.format('%.3f', time[1] * 1000 + time[2] / 1000)
+end
+
+-- Count something of the whole farm; see farm/totals.py.
+local function count(total, more)
+  redis.call('HINCRBY', TOTALS, total, string.format('%.0f', more or 1))
+end
+
+-- A render child has spent so long on the job.
+local function spend(id, ms)
+  redis.call('HINCRBY', job_key(id), 'machine_ms', ms)
+  count('machine ms', ms)
 end
 
 local function announce(id, type, data)
   redis.call('XADD', job_key(id, 'events'), '*', 'type', type, 'at', now(), 'data', data)
+end
+
+-- For how long the job's clock has stood still (ms), the pause that lasts included.
+local function paused_ms(id)
+  local paused = redis.call('HMGET', job_key(id), 'paused_ms', 'paused_at')
+  local lasts = paused[2] and math.max(0, now() - paused[2]) or 0
+  return string.format('%.0f', (paused[1] or 0) + lasts)
 end
 
 -- Move a job along the table. Returns true, or false and the state that forbids it.
@@ -14,6 +34,12 @@ local function move(id, target, reason)
   local state = redis.call('HGET', job_key(id), 'state')
   if not state then return false, 'missing' end
   if not MOVES[state][target] then return false, state end
+  if state == 'paused' then
+    redis.call('HSET', job_key(id), 'paused_ms', paused_ms(id))
+    redis.call('HDEL', job_key(id), 'paused_at')
+  elseif target == 'paused' then
+    redis.call('HSET', job_key(id), 'paused_at', now())
+  end
   redis.call('HSET', job_key(id), 'state', target, 'reason', reason)
   announce(id, 'state', cjson.encode({from = state, to = target, reason = reason}))
   return true, state
@@ -25,10 +51,19 @@ local function is_open(id)
   return state and MOVES[state]['cancelled'] or false
 end
 
+-- Count the samples that a job which has converged did not need of its cap.
+local function count_saved(id)
+  local job = redis.call('HMGET', job_key(id), 'spec', 'spp', 'width', 'height')
+  if not job[3] or not job[4] then return end
+  count('samples saved', (cjson.decode(job[1]).max_spp - job[2]) * job[3] * job[4])
+end
+
 -- Move a job to an end: what is not committed is withdrawn, and everyone is told.
 local function end_job(id, target, reason)
   local moved, state = move(id, target, reason)
   if not moved then return false, state end
+  count('ended ' .. target)
+  if target == 'converged' then count_saved(id) end
   redis.call('HSET', job_key(id), 'ended_at', now(), 'ready', 0)
   redis.call('DEL', job_key(id, 'slices'), job_key(id, 'deaths'), job_key(id, 'spoiled'))
   redis.call('ZREM', OPEN, id)
@@ -78,8 +113,10 @@ local function tail(text, most)
 end
 
 -- Note in the job's log how a try of a slice ended. The silent ones that were committed are not
--- noted: the ledger has them.
+-- noted: the ledger has them, and their commit counts them.
 local function note_try(id, index, worker, what, cause, ms, said)
+  local lost = what == 'died' and ms == ''  -- with its worker, so that nobody knows how long it took
+  if what ~= 'committed' then count('tries ' .. (lost and 'lost' or what)) end
   redis.call('XADD', job_key(id, 'log'), 'MAXLEN', '~', 2000, '*', 'at', now(), 'slice', index,
              'worker', worker, 'what', what, 'cause', head(cause, 1024), 'ms', ms,
              'text', tail(said, 4096))

@@ -53,9 +53,16 @@ app = typer.Typer(
 )
 
 
-def command(name: str | None = None) -> Callable[[_Function], _Function]:
-    """Register a function as a command of `plateau`."""
-    return app.command(name, cls=Command)
+def command(
+    name: str | None = None, *, takes_negative_numbers: bool = False
+) -> Callable[[_Function], _Function]:
+    """Register a function as a command of `plateau`.
+
+    Where it takes negative numbers, ``-5`` is one of its arguments and not an unknown option.
+    """
+    return app.command(
+        name, cls=Command, context_settings={"ignore_unknown_options": takes_negative_numbers}
+    )
 
 
 @contextmanager

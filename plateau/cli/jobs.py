@@ -116,3 +116,60 @@ def cancel(job_id: o.JobId, url: o.Url = None, as_json: o.Json = False) -> None:
 
     with plain_errors():
         run(job_id, url=url, as_json=as_json)
+
+
+@command()
+def pause(job_id: o.JobId, url: o.Url = None, as_json: o.Json = False) -> None:
+    """Pause a rendering job; workers finish the slices they have and take no more of it.
+
+    For example:
+      plateau pause 3f9ac2d01b77
+      plateau resume 3f9ac2d01b77
+
+    What is rendered already is merged and judged, so the job may still converge. Its time limit
+    stands still. A job that only has to wait its turn needs a lower priority instead.
+    """
+    from plateau.commands.jobs import pause as run
+
+    with plain_errors():
+        run(job_id, url=url, as_json=as_json)
+
+
+@command()
+def resume(job_id: o.JobId, url: o.Url = None, as_json: o.Json = False) -> None:
+    """Let a paused job go on where it stood; its image is as if it had never been paused.
+
+    For example:
+      plateau resume 3f9ac2d01b77
+    """
+    from plateau.commands.jobs import resume as run
+
+    with plain_errors():
+        run(job_id, url=url, as_json=as_json)
+
+
+@command(takes_negative_numbers=True)
+def priority(
+    job_id: o.JobId,
+    value: Annotated[
+        int,
+        typer.Argument(
+            metavar="N", help="Higher is served first; jobs start with 0.", min=-1000, max=1000
+        ),
+    ],
+    url: o.Url = None,
+    as_json: o.Json = False,
+) -> None:
+    """Change a job's priority; the next slice that a worker takes goes by it.
+
+    For example:
+      plateau priority 3f9ac2d01b77 10
+      plateau priority 3f9ac2d01b77 -10
+
+    Workers serve the highest priority first, and share themselves among jobs of the same. None
+    stops in the middle of a slice.
+    """
+    from plateau.commands.jobs import priority as run
+
+    with plain_errors():
+        run(job_id, value, url=url, as_json=as_json)

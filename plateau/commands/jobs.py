@@ -1,4 +1,4 @@
-"""`plateau submit | watch | show | log | list | cancel`: talk to a running service."""
+"""`plateau submit | watch | show | log | list | cancel | pause | …`: talk to a running service."""
 
 import json
 import sys
@@ -119,7 +119,30 @@ def list_jobs(
 def cancel(job_id: str, *, url: str | None, as_json: bool) -> None:
     """Cancel a job."""
     with _client(url) as client:
-        job = client.cancel(job_id)
+        _print_state(client.cancel(job_id), as_json=as_json)
+
+
+def pause(job_id: str, *, url: str | None, as_json: bool) -> None:
+    """Pause a job."""
+    with _client(url) as client:
+        _print_state(client.pause(job_id), as_json=as_json)
+
+
+def resume(job_id: str, *, url: str | None, as_json: bool) -> None:
+    """Let a paused job go on."""
+    with _client(url) as client:
+        _print_state(client.resume(job_id), as_json=as_json)
+
+
+def priority(job_id: str, value: int, *, url: str | None, as_json: bool) -> None:
+    """Change a job's priority."""
+    with _client(url) as client:
+        job = client.set_priority(job_id, value)
+    shown = f"{job.id} {job.state.value}, priority {job.spec.priority}"
+    print(job.model_dump_json(indent=2) if as_json else shown)
+
+
+def _print_state(job: JobView, *, as_json: bool) -> None:
     print(job.model_dump_json(indent=2) if as_json else f"{job.id} {job.state.value}")
 
 

@@ -11,7 +11,7 @@ from bench.experiment.renders import Size
 from bench.experiment.series import Curve, Measured
 from bench.experiment.truth import converged_spp, reference_spp, true_spp, truth_at
 from bench.support import report
-from farm.spec import JobSpec, MultipleSpec, MyszkowskiSpec, SuccessiveSpec, VisibleSpec
+from farm.spec import JobSpec, MultipleSpec, MyszkowskiSpec, ReverseSpec, SuccessiveSpec
 from plateau.judge import find_series, judge_series
 
 SIZE = Size(pixels=24, cap=600)
@@ -44,7 +44,7 @@ class TestARun:
     def test_stops_where_plateau_judge_does(self, box_1: Measured, data: Path) -> None:
         spec = JobSpec(
             step=100,
-            watch=(MultipleSpec(window=5), SuccessiveSpec(), MyszkowskiSpec(), VisibleSpec()),
+            watch=(ReverseSpec(), MultipleSpec(window=5), SuccessiveSpec(), MyszkowskiSpec()),
         )
         slices = data / "box-1-24-600-series" / "slices"
         judged = judge_series(find_series(slices, image_spp=None, cumulative=False), spec)

@@ -45,7 +45,7 @@ def finished(client: redis.Redis, store: Blobs, *, days_ago: float = 0, **spec: 
     for name in ("image.exr", "image.png", "difference.png"):
         job.picture(store, name, b"0123456789")
     job.finish()
-    at = int(client.hget(keys.job(job.id), "finished_at"))
+    at = float(client.hget(keys.job(job.id), "finished_at"))
     client.hset(keys.job(job.id), "finished_at", at - round(days_ago * DAY_S * 1000))
     return job
 

@@ -245,6 +245,42 @@ class TestTalkingToAService:
         code, _, err = plateau("cancel", late.id)
         assert (code, "is converged" in err) == (1, True)
 
+    def test_pause_and_resume_may_be_repeated_and_are_in_the_story(
+        self, client: redis.Redis
+    ) -> None:
+        job = StagedJob(client)
+        code, out, err = plateau("pause", job.id)
+        assert (code, out, "is queued; only a job that is rendering" in err) == (1, "", True)
+        job.commit()
+        for _ in range(2):
+            assert plateau("pause", job.id) == (0, f"{job.id} paused\n", "")
+        shown = plateau("show", job.id)[1]
+        for words in ("state:   paused", "paused:  since 20", "UTC  paused: paused by a user"):
+            assert words in shown
+        assert plateau("list", "--state", "paused")[1].split("\t")[0] == job.id
+        for _ in range(2):
+            assert plateau("resume", job.id) == (0, f"{job.id} rendering\n", "")
+        assert json.loads(plateau("resume", job.id, "--json")[1])["state"] == "rendering"
+        shown = plateau("show", job.id)[1]
+        for words in ("paused:  for 0.", "UTC  rendering: resumed by a user"):
+            assert words in shown
+        job.end()
+        code, _, err = plateau("resume", job.id)
+        assert (code, "is converged; only a paused job can be resumed" in err) == (1, True)
+
+    def test_priority_takes_a_number_below_zero_too(self, client: redis.Redis) -> None:
+        job = StagedJob(client)
+        for number in ("10", "-10"):
+            said = f"{job.id} queued, priority {number}\n"
+            assert plateau("priority", job.id, number) == (0, said, "")
+        assert json.loads(plateau("priority", job.id, "3", "--json")[1])["spec"]["priority"] == 3
+        for wrong in ("1001", "urgent", "--urgent"):
+            assert plateau("priority", job.id, wrong)[0] == 2
+        job.commit()
+        job.end()
+        code, _, err = plateau("priority", job.id, "4")
+        assert (code, "only a job that has not ended can be changed" in err) == (1, True)
+
     @pytest.mark.parametrize(
         ("state", "code"),
         [

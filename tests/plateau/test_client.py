@@ -93,6 +93,27 @@ def test_a_problem_is_an_error_with_all_that_it_says(
         list(plateau.events("nope"))
 
 
+def test_a_job_is_paused_resumed_and_put_before_others(
+    plateau: Client, client: redis.Redis
+) -> None:
+    job = StagedJob(client)
+    with pytest.raises(ApiError, match="is queued; only a job that is rendering") as caught:
+        plateau.pause(job.id)
+    assert (caught.value.status, caught.value.slug) == (409, "cannot-pause")
+    job.commit()
+    for _ in range(2):
+        assert plateau.pause(job.id).state is JobState.PAUSED
+    assert plateau.set_priority(job.id, 7).spec.priority == 7
+    with pytest.raises(ApiError, match="less than or equal to 1000"):
+        plateau.set_priority(job.id, 1001)
+    for _ in range(2):
+        assert plateau.resume(job.id).state is JobState.RENDERING
+    job.end()
+    with pytest.raises(ApiError) as caught:
+        plateau.set_priority(job.id, 8)
+    assert (caught.value.slug, caught.value.problem["state"]) == ("job-ended", "converged")
+
+
 def test_a_scene_that_cannot_be_packed_is_refused_here(plateau: Client, tmp_path: Path) -> None:
     (tmp_path / "scene.xml").write_bytes(scene(mesh("gone.ply")))
     with pytest.raises(BundleError, match=r"gone\.ply"):

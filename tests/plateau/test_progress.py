@@ -3,6 +3,7 @@
 import io
 from datetime import datetime, timedelta, timezone
 
+import pytest
 import redis
 from rich.console import Console
 
@@ -60,6 +61,32 @@ def test_a_terminal_gets_lines_that_change(client: redis.Redis) -> None:
     assert "300 of at most 10,000 spp" in text
     assert "scalar_rgb · 32×24" in text
     assert "▁▆█" in text
+
+
+@pytest.mark.parametrize("terminal", [False, True])
+def test_a_pause_is_told_of(client: redis.Redis, terminal: bool) -> None:
+    staged, jobs = StagedJob(client), Jobs(client)
+    staged.commit(12)
+    staged.point(100, 5)
+    jobs.pause(staged.id)
+    text = io.StringIO()
+    progress = progress_on(Console(file=text, force_terminal=terminal, width=120))
+    with progress:
+        for event in jobs.events(staged.id):
+            progress.event(event)
+        progress.job(jobs.get(staged.id))
+        paused = text.getvalue()
+        jobs.resume(staged.id)
+        progress.job(jobs.get(staged.id))
+    resumed = text.getvalue().removeprefix(paused)
+    if terminal:
+        assert f"paused by a user; `plateau resume {staged.id}` lets it go on" in paused
+        # Nobody renders it now: there is no rate
+        assert "Msamples/s" not in paused
+        assert "Msamples/s" in resumed
+    else:
+        assert paused.splitlines()[-1] == "paused: paused by a user"
+        assert resumed.splitlines()[0] == "rendering: resumed by a user"
 
 
 def test_a_sparkline_spans_from_0_to_the_highest() -> None:

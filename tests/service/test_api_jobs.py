@@ -1,8 +1,9 @@
-"""Jobs over HTTP: submitted, listed, shown, cancelled."""
+"""Jobs over HTTP: submitted, listed, shown, cancelled, paused, put before others."""
 
 import hashlib
 import json
 import socket
+import time
 from typing import Any
 
 import httpx
@@ -317,6 +318,118 @@ class TestCancelling:
         assert found["story"][-1].endswith("converged: levelled off")
 
 
+class TestPausing:
+    def test_and_resuming_may_be_repeated(self, http: httpx.Client, client: redis.Redis) -> None:
+        job = StagedJob(client)
+        job.commit()
+        shown = http.get(f"/v1/jobs/{job.id}").json()
+        for call, state in (("pause", "paused"), ("resume", "rendering")):
+            assert shown["links"][call] == f"/v1/jobs/{job.id}/{call}"
+            for _ in range(2):
+                answer = http.post(shown["links"][call])
+                assert (answer.status_code, answer.json()["state"]) == (202, state)
+            assert http.get(f"/v1/jobs/{job.id}").json()["state"] == state
+
+    def test_shows_since_when_and_for_how_long(
+        self, http: httpx.Client, client: redis.Redis
+    ) -> None:
+        job = StagedJob(client)
+        job.commit()
+        paused = http.post(f"/v1/jobs/{job.id}/pause").json()
+        assert (paused["reason"], paused["paused_s"]) == ("paused by a user", 0)
+        assert paused["paused_at"] > paused["started_at"]
+        time.sleep(0.01)
+        resumed = http.post(f"/v1/jobs/{job.id}/resume").json()
+        assert (resumed["paused_at"], resumed["paused_s"] >= 0.01) == (None, True)
+
+    def test_a_paused_job_can_be_cancelled(self, http: httpx.Client, client: redis.Redis) -> None:
+        job = StagedJob(client)
+        job.commit()
+        http.post(f"/v1/jobs/{job.id}/pause")
+        cancelled = http.post(f"/v1/jobs/{job.id}/cancel").json()
+        assert (cancelled["state"], cancelled["paused_at"]) == ("cancelled", None)
+
+    @pytest.mark.parametrize(
+        ("call", "slug"), [("pause", "cannot-pause"), ("resume", "cannot-resume")]
+    )
+    def test_is_refused_before_and_after(
+        self, http: httpx.Client, client: redis.Redis, call: str, slug: str
+    ) -> None:
+        job = StagedJob(client)
+        queued = problem(http.post(f"/v1/jobs/{job.id}/{call}"), 409, slug)
+        assert queued["state"] == "queued"
+        assert f"job {job.id} is queued; only a" in queued["detail"]
+        job.commit()
+        job.end(JobState.CONVERGED, "levelled off")
+        ended = problem(http.post(f"/v1/jobs/{job.id}/{call}"), 409, slug)
+        assert ended["state"] == "converged"
+        assert ended["story"][-1].endswith("converged: levelled off")
+
+
+class TestChangingThePriority:
+    def test_shows_in_the_spec_and_may_be_repeated(
+        self, http: httpx.Client, client: redis.Redis
+    ) -> None:
+        before = submit(http, spec={"batch": "b", "view": {"exposure_ev": 0.1}}).json()
+        for _ in range(2):
+            answer = http.patch(f"/v1/jobs/{before['id']}", json={"priority": -7})
+            assert answer.status_code == 200
+        # Nothing else has changed
+        assert answer.json() == {**before, "spec": {**before["spec"], "priority": -7}}
+        assert http.get(f"/v1/jobs/{before['id']}").json() == answer.json()
+
+    @pytest.mark.parametrize(
+        ("asked", "field"),
+        [
+            ({}, "priority"),
+            ({"priority": 1001}, "priority"),
+            ({"priority": None}, "priority"),
+            ({"priority": "5"}, "priority"),
+            ({"priority": True}, "priority"),
+            ({"priority": 1, "max_spp": 10}, "max_spp"),
+        ],
+    )
+    def test_refuses_what_cannot_be_changed(
+        self, http: httpx.Client, asked: dict[str, Any], field: str
+    ) -> None:
+        job = submit(http).json()["id"]
+        found = problem(http.patch(f"/v1/jobs/{job}", json=asked), 422, "invalid-request")
+        assert [one["field"] for one in found["errors"]] == [field]
+        assert http.get(f"/v1/jobs/{job}").json()["spec"]["priority"] == 0
+
+    def test_is_refused_where_the_job_has_ended(
+        self, http: httpx.Client, client: redis.Redis
+    ) -> None:
+        job = StagedJob(client)
+        job.commit()
+        job.end(JobState.CONVERGED, "levelled off")
+        answer = http.patch(f"/v1/jobs/{job.id}", json={"priority": 1})
+        found = problem(answer, 409, "job-ended")
+        assert found["state"] == "converged"
+        assert found["story"][-1].endswith("converged: levelled off")
+
+    @pytest.mark.parametrize("announced", [True, False])
+    def test_reads_no_more_of_a_body_than_it_needs(
+        self, http: httpx.Client, announced: bool
+    ) -> None:
+        job = submit(http).json()["id"]
+        body = b'{"priority": 1' + b" " * 2**16 + b"}"
+        content = body if announced else (body[i : i + 9999] for i in range(0, len(body), 9999))
+        headers = {"Content-Type": "application/json"}
+        answer = http.patch(f"/v1/jobs/{job}", content=content, headers=headers)
+        assert problem(answer, 413, "upload-too-large")["limit_bytes"] == 2**16
+
+    def test_says_what_is_not_json(self, http: httpx.Client) -> None:
+        job = submit(http).json()["id"]
+        for content in (b"{", b"\xff"):
+            headers = {"Content-Type": "application/json"}
+            answer = http.patch(f"/v1/jobs/{job}", content=content, headers=headers)
+            problem(answer, 400, "malformed-request")
+
+    def test_of_an_unknown_job_is_a_404(self, http: httpx.Client) -> None:
+        problem(http.patch("/v1/jobs/nope", json={"priority": 1}), 404, "unknown-job")
+
+
 @pytest.mark.parametrize(
     ("method", "rest"),
     [
@@ -331,6 +444,8 @@ class TestCancelling:
         ("GET", "/image.exr"),
         ("GET", "/difference.png"),
         ("POST", "/cancel"),
+        ("POST", "/pause"),
+        ("POST", "/resume"),
     ],
 )
 # The last is the name of one of a job's keys in Redis

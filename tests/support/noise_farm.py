@@ -91,4 +91,7 @@ class NoiseFarm:
             worker="noise",
             render_s=0.01,
         )
-        return self.queue.commit(lease, record, width=SIZE[1], height=SIZE[0], notes=())
+        answer = self.queue.commit(lease, record, width=SIZE[1], height=SIZE[0], notes=())
+        if answer is Committed.ENDED:  # as a worker does
+            self.store.delete(name)
+        return answer

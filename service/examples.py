@@ -1,0 +1,206 @@
+"""What the API's description shows as examples: a farm with a worker, a scene and a few jobs."""
+
+import hashlib
+from typing import Any, Final
+
+JOB_ID: Final = "3b52dbb3a017"
+EVENT_ID: Final = "1795252332826-0"
+IDEMPOTENCY_KEY: Final = "sphere-at-noon"
+
+_WORKER: Final = "vm-23618-bc86"
+_CREATED: Final = "2026-11-21T08:12:05.104Z"
+_STARTED: Final = "2026-11-21T08:12:06.020Z"
+_AT: Final = "2026-11-21T08:12:12.826Z"
+
+#: What `spec` may look like: fields that are left out have their defaults.
+SPEC: Final[dict[str, Any]] = {
+    "step": 100,
+    "slice_spp": 25,
+    "max_spp": 2000,
+    "rule": {"name": "visible", "target": 0.0002},
+    "watch": [{"name": "reverse", "window": 5, "epsilon": 0.1}],
+    "view": {"exposure_ev": 0, "white_luminance": 100, "field_of_view_deg": 45},
+    "parameters": {"width": 256, "height": 256},
+}
+
+#: The smallest scene that can be rendered to something.
+SCENE_XML: Final = """<scene version="3.0.0">
+  <default name="width" value="256"/>
+  <default name="height" value="256"/>
+  <integrator type="path"/>
+  <sensor type="perspective">
+    <film type="hdrfilm">
+      <integer name="width" value="$width"/>
+      <integer name="height" value="$height"/>
+    </film>
+  </sensor>
+  <shape type="sphere"><bsdf type="diffuse"/></shape>
+  <emitter type="constant"/>
+</scene>
+"""
+SCENE_SHA256: Final = hashlib.sha256(SCENE_XML.encode()).hexdigest()
+
+POINT: Final[dict[str, Any]] = {
+    "spp": 400,
+    "visible_pixels": 1204,
+    "visible_fraction": 0.01837158203125,
+    "slope": 0.42,
+    "estimate_pixels": 96.5,
+    "estimate_fraction": 0.0014724731,
+    "estimate_low_pixels": 61.0,
+    "estimate_high_pixels": 148.0,
+    "forecast_spp": 1300,
+    "forecast_low_spp": 1000,
+    "forecast_high_spp": 1700,
+    "non_finite_pixels": 0,
+    "zones": None,
+    "at": _AT,
+    "rules": {
+        "visible": {"value": 0.0014724731, "stop": False},
+        "reverse": {"value": 0.42, "stop": False},
+    },
+}
+
+CURVE_CSV: Final = (
+    "spp,visible_pixels,visible_fraction,slope,estimate_pixels,estimate_fraction,"
+    "estimate_low_pixels,estimate_high_pixels,forecast_spp,forecast_low_spp,forecast_high_spp,"
+    "non_finite_pixels,at,reverse_value,reverse_stop,visible_value,visible_stop\n"
+    "400,1204,0.01837158203125,0.42,96.5,0.0014724731,61.0,148.0,1300,1000,1700,0,"
+    "2026-11-21T08:12:12.826000+00:00,0.42,false,0.0014724731,false\n"
+)
+
+EVENT_STREAM: Final = (
+    "retry: 1000\n\n"
+    f"id: {EVENT_ID}\n"
+    "event: slice\n"
+    f'data: {{"at": "2026-11-21T08:12:12.826000+00:00", "index": 15, "worker": "{_WORKER}"}}\n\n'
+)
+
+EVENT: Final[dict[str, Any]] = {
+    "id": EVENT_ID,
+    "type": "slice",
+    "data": {"index": 15, "worker": _WORKER},
+    "at": _AT,
+}
+
+SLICE: Final[dict[str, Any]] = {
+    "index": 15,
+    "spp": 25,
+    "first_seed": 45,
+    "last_seed": 47,
+    "sha256": "5d41402abc4b2a76b9719d911017c592ae2f1c6d8e3b4a09f7d6c5b4a3928170",
+    "worker": _WORKER,
+    "render_s": 0.61,
+}
+
+LOG_ENTRY: Final[dict[str, Any]] = {
+    "at": _AT,
+    "slice": 15,
+    "worker": _WORKER,
+    "what": "committed",
+    "cause": None,
+    "seconds": 0.61,
+    "text": "",
+}
+
+WORKER: Final[dict[str, Any]] = {
+    "id": _WORKER,
+    "host": "vm",
+    "pid": 23618,
+    "variants": ["llvm_ad_rgb", "scalar_rgb"],
+    "threads": 8,
+    "job": JOB_ID,
+    "slice": 16,
+    "slices_done": 16,
+    "samples_per_s": 2.7e6,
+    "last_error": "slice 3: the render child was ended by SIGSEGV while rendering a pass",
+    "trouble": None,
+    "started_at": "2026-11-21T08:00:00Z",
+    "seen_at": _AT,
+}
+
+SCENE: Final[dict[str, Any]] = {
+    "sha256": SCENE_SHA256,
+    "name": "sphere.xml",
+    "bytes": len(SCENE_XML),
+    "width": 256,
+    "height": 256,
+}
+
+_ROOT: Final = f"/v1/jobs/{JOB_ID}"
+
+JOB: Final[dict[str, Any]] = {
+    "id": JOB_ID,
+    "name": "sphere.xml",
+    "state": "rendering",
+    "reason": "a worker took its first slice",
+    "spec": SPEC,
+    "scene_sha256": SCENE_SHA256,
+    "variant": "llvm_ad_rgb",
+    "width": 256,
+    "height": 256,
+    "spp": 400,
+    "committed_spp": 425,
+    "points": 4,
+    "visible_pixels": 1204,
+    "visible_fraction": 0.01837158203125,
+    "slope": 0.42,
+    "estimate_pixels": 96.5,
+    "estimate_fraction": 0.0014724731,
+    "forecast_spp": 1300,
+    "forecast_s": 15.3,
+    "samples_saved": 0,
+    "machine_s": 10.4,
+    "created_at": _CREATED,
+    "started_at": _STARTED,
+    "links": {
+        "self": _ROOT,
+        "curve": f"{_ROOT}/curve",
+        "events": f"{_ROOT}/events",
+        "image_png": f"{_ROOT}/image.png",
+        "cancel": f"{_ROOT}/cancel",
+    },
+}
+
+METRICS: Final = (
+    "# HELP plateau_jobs Jobs that have not ended, by state.\n"
+    "# TYPE plateau_jobs gauge\n"
+    'plateau_jobs{state="rendering"} 1.0\n'
+)
+
+#: What a problem of each type may say.
+PROBLEM_DETAILS: Final = {
+    "malformed-request": "Missing boundary in multipart.",
+    "foreign-host": "the request is addressed to 'farm.example'; this API has no keys yet and "
+    "answers only as localhost, 127.0.0.1 or [::1]",
+    "foreign-origin": "a page of 'https://example.org' made this request; only the API's own "
+    "pages may",
+    "unknown-path": "nothing is served at /problems/none; /docs lists what is",
+    "unknown-job": f"there is no job '{JOB_ID}'; GET /v1/jobs lists those there are",
+    "no-image-yet": f"job {JOB_ID} is queued; its first image comes with the first point of its "
+    f"curve, which GET {_ROOT}/events announces",
+    "unknown-slice": f"slice 15 of job {JOB_ID} is not stored; slices stay where the job's spec "
+    "says keep_slices",
+    "not-acceptable": "Accept is 'image/png'; to be had are application/json and text/csv",
+    "method-not-allowed": "/v1/jobs does not take DELETE; /docs says what it takes",
+    "cannot-pause": f"job {JOB_ID} is queued; only a job that is rendering can be paused; a queued "
+    "one can have a lower priority",
+    "cannot-resume": f"job {JOB_ID} is converged; only a paused job can be resumed",
+    "job-ended": f"job {JOB_ID} is converged; only a job that has not ended can be changed",
+    "cannot-cancel": f"job {JOB_ID} is converged; only a job that has not ended can be cancelled",
+    "upload-too-large": "the request has more than 1,075,838,976 bytes; PLATEAU_MAX_UPLOAD_GB "
+    "sets the limit",
+    "not-multipart": "the body is application/json; send multipart/form-data with the parts scene "
+    "and spec, as curl -F scene=@scene.zip -F 'spec={}' does",
+    "invalid-request": "limit: Input should be less than or equal to 200",
+    "invalid-spec": "spec.max_spp: Input should be greater than 0",
+    "no-scene": "send a Mitsuba XML or a zip of one as the part scene, or the SHA-256 of a stored "
+    "scene as the part scene_sha256",
+    "unknown-scene": f"no scene {SCENE_SHA256} is stored here; send the file itself as the part "
+    "scene",
+    "broken-scene": "scene.xml, line 7: the file meshes/wall.ply is not in the bundle",
+    "idempotency-key-reused": f"the Idempotency-Key '{IDEMPOTENCY_KEY}' made job {JOB_ID} from "
+    "another scene or spec; use a new key for a new job",
+    "internal-error": "an error that Plateau did not expect; the API's log has the details",
+    "store-unavailable": "Redis cannot be reached; try again shortly",
+}

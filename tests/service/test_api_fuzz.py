@@ -1,0 +1,110 @@
+"""The API, attacked by what its own OpenAPI document says of it.
+
+Schemathesis derives requests from the document: its examples, the boundaries of each parameter,
+methods that are not there, and random requests, valid and invalid. Each goes to a live API over a
+real Redis that has jobs in several states. No answer may be a 5xx, and each has to be as the
+document says: its status, content type, headers and schema. What is invalid has to be refused.
+
+Left out are
+
+- streams of events, which have no end: `/events` is asked for what has happened so far;
+- that what the document allows is accepted (`positive_data_acceptance`): whether a scene can be
+  rendered, a step is a number of slices or a job exists is more than a schema can say.
+
+FUZZ_SEED sets the seed, LONG_TESTS=1 asks for many more requests.
+"""
+
+import os
+import tempfile
+import zlib
+
+import pytest
+import redis
+import schemathesis
+from hypothesis import HealthCheck, settings
+from schemathesis.config import (
+    ChecksConfig,
+    GenerationConfig,
+    PositiveDataAcceptanceConfig,
+    ProjectConfig,
+    ProjectsConfig,
+    SchemathesisConfig,
+)
+from schemathesis.core.parameters import ParameterLocation
+
+from farm.blobs import Blobs
+from farm.jobs import Jobs
+from farm.redis_link import connect
+from farm.states import JobState
+from service.app import create_app
+from service.event_hub import EventHub
+from tests.support import long_tests
+from tests.support.live_api import LARGEST_UPLOAD
+from tests.support.staged_job import StagedJob
+
+SEED = int(os.environ.get("FUZZ_SEED", "20261121"))
+REQUESTS = 1000 if long_tests.WANTED else 25  #: random ones for each operation, at most
+
+
+@pytest.fixture
+def job_ids(client: redis.Redis, api_store: Blobs) -> list[str]:
+    """Jobs that wait, render, are paused, have failed, and have converged with all results."""
+    print(f"FUZZ_SEED={SEED}")
+    queued, rendering, paused, failed, finished = (
+        StagedJob(client, keep_slices=True) for _ in range(5)
+    )
+    api_store.put("partial", b"a slice")  # where each staged ledger says that it is
+    for job in (rendering, paused, finished):
+        job.commit(8, said="WARN: unused parameter")
+        job.point(100, 0)
+        job.point(200, 30, slope=0.25)
+        for name in ("image.png", "image.exr", "difference.png"):
+            job.picture(api_store, name, b"picture")
+    Jobs(client).pause(paused.id)
+    failed.end(JobState.FAILED, "no plugin of that name")
+    finished.end()
+    finished.finish()
+    return [job.id for job in (queued, rendering, paused, failed, finished)]
+
+
+def described() -> schemathesis.BaseSchema:
+    """The API's description, with how much is asked of it; for that it needs no Redis."""
+    nowhere = "redis://127.0.0.1:1"
+    with tempfile.TemporaryDirectory() as folder:
+        app = create_app(
+            jobs=Jobs(connect(nowhere)),
+            blobs=Blobs(folder),
+            hub=EventHub(nowhere),
+            max_upload_bytes=LARGEST_UPLOAD,
+        )
+    project = ProjectConfig(
+        generation=GenerationConfig(max_examples=REQUESTS, database="none"),
+        checks=ChecksConfig(positive_data_acceptance=PositiveDataAcceptanceConfig(enabled=False)),
+    )
+    config = SchemathesisConfig(seed=SEED, projects=ProjectsConfig(default=project))
+    return schemathesis.openapi.from_dict(app.openapi(), config=config)
+
+
+@described().parametrize()
+@settings(deadline=None, suppress_health_check=list(HealthCheck))
+def test_no_request_breaks_the_api(
+    case: schemathesis.Case, session_api: str, job_ids: list[str]
+) -> None:
+    name_a_real_job(case, job_ids)
+    if case.path.endswith("/events"):
+        case.headers["Accept"] = "application/json"
+    case.call_and_validate(base_url=session_api, timeout=10)
+
+
+def name_a_real_job(case: schemathesis.Case, job_ids: list[str]) -> None:
+    """Let five of six requests for a job be for one that exists, unless its id is the attack."""
+    meta = case.meta
+    if meta is None or case.path_parameters.get("job_id") in (None, *job_ids):
+        return
+    path = meta.components.get(ParameterLocation.PATH)
+    if path is not None and path.mode.is_negative:
+        return
+    drawn = repr((case.method, case.path_parameters, case.query, dict(case.headers)))
+    number = zlib.crc32(drawn.encode(errors="backslashreplace")) % (len(job_ids) + 1)
+    if number < len(job_ids):
+        case.path_parameters["job_id"] = job_ids[number]

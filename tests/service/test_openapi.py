@@ -1,0 +1,219 @@
+"""The API's description of itself: complete, and each of its examples works."""
+
+import asyncio
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import httpx
+import jsonschema_rs
+import pytest
+import redis
+
+from farm.blobs import Blobs
+from farm.jobs import Jobs
+from farm.redis_link import connect
+from service import examples
+from service.app import create_app
+from service.event_hub import EventHub
+from service.problems import TYPES
+from tests.service.test_api_jobs import submit
+from tests.support.live_api import LARGEST_UPLOAD
+from tests.support.staged_job import StagedJob
+
+JSON = "application/json"
+PROBLEM = "application/problem+json"
+
+Operation = tuple[str, str, dict[str, Any]]
+
+
+@pytest.fixture(scope="session")
+def document(session_api: str) -> dict[str, Any]:
+    found: dict[str, Any] = httpx.get(f"{session_api}/openapi.json", trust_env=False).json()
+    return found
+
+
+@pytest.fixture(scope="session")
+def operations(document: dict[str, Any]) -> list[Operation]:
+    """The method, the path and the description of each call."""
+    return [
+        (method.upper(), path, described)
+        for path, item in document["paths"].items()
+        for method, described in item.items()
+    ]
+
+
+def violations(document: dict[str, Any], schema: dict[str, Any], example: object) -> list[str]:
+    """Where the example breaks its schema, which may refer to others of the document."""
+    whole = {"components": document["components"], **schema}
+    validator = jsonschema_rs.Draft202012Validator(whole, validate_formats=True)
+    return [error.message for error in validator.iter_errors(example)]
+
+
+def shown(media: dict[str, Any]) -> Iterator[object]:
+    """The examples of a body that stand beside its schema."""
+    if "example" in media:
+        yield media["example"]
+    yield from (one["value"] for one in media.get("examples", {}).values())
+
+
+def test_every_call_and_all_that_it_takes_is_described(operations: list[Operation]) -> None:
+    assert len(operations) > 20
+    for method, path, described in operations:
+        assert described["description"], f"{method} {path}"
+        for parameter in described.get("parameters", ()):
+            name = f"{method} {path}: {parameter['name']}"
+            assert parameter["description"], name
+            assert "example" in parameter or examples_of(parameter), name
+
+
+def examples_of(parameter: dict[str, Any]) -> list[object]:
+    return list(parameter.get("examples", ())) or list(parameter["schema"].get("examples", ()))
+
+
+def test_every_header_that_is_read_is_there(operations: list[Operation]) -> None:
+    headers = {
+        (path, parameter["name"].lower())
+        for _, path, described in operations
+        for parameter in described.get("parameters", ())
+        if parameter["in"] == "header"
+    }
+    job = "/v1/jobs/{job_id}"
+    assert headers == {
+        ("/v1/jobs", "idempotency-key"),
+        (f"{job}/events", "last-event-id"),
+        *(
+            (f"{job}/{name}", "if-none-match")
+            for name in (
+                "curve",
+                "curve.csv",
+                "image.png",
+                "image.exr",
+                "difference.png",
+                "slices/{index}.exr",
+            )
+        ),
+    }
+
+
+def test_every_answer_of_text_has_an_example_that_is_valid(
+    document: dict[str, Any], operations: list[Operation]
+) -> None:
+    for method, path, described in operations:
+        for status, answer in described["responses"].items():
+            for media_type, media in answer.get("content", {}).items():
+                name = f"{method} {path}: {status} {media_type}"
+                if media["schema"].get("format") == "binary":
+                    continue
+                found = [*shown(media), *of_its_schema(document, media["schema"])]
+                assert found, name
+                for example in found:
+                    assert violations(document, media["schema"], example) == [], name
+
+
+def of_its_schema(document: dict[str, Any], schema: dict[str, Any]) -> list[object]:
+    reference = schema.get("$ref")
+    if reference is not None:
+        schema = document["components"]["schemas"][reference.rpartition("/")[2]]
+    return list(schema.get("examples", ()))
+
+
+def test_every_error_is_a_problem_of_a_known_type(operations: list[Operation]) -> None:
+    for method, path, described in operations:
+        statuses = set(described["responses"])
+        assert {"403", "500"} < statuses, path
+        assert "default" not in statuses
+        for status, answer in described["responses"].items():
+            if status < "400":
+                continue
+            name = f"{method} {path}: {status}"
+            assert set(answer["content"]) == {PROBLEM}, name
+            for slug, example in answer["content"][PROBLEM]["examples"].items():
+                assert TYPES[slug].status == int(status) == example["value"]["status"], name
+                assert f"`/problems/{slug}`" in answer["description"], name
+
+
+def test_every_type_of_problem_has_an_example_in_words() -> None:
+    assert set(examples.PROBLEM_DETAILS) == set(TYPES)
+
+
+def test_the_framework_s_own_errors_are_not_there(document: dict[str, Any]) -> None:
+    assert not {"HTTPValidationError", "ValidationError"} & set(document["components"]["schemas"])
+
+
+class TestTheRequestExamples:
+    def test_are_valid(self, document: dict[str, Any], operations: list[Operation]) -> None:
+        for method, path, described in operations:
+            for media in described.get("requestBody", {}).get("content", {}).values():
+                found = [*shown(media), *of_its_schema(document, media["schema"])]
+                assert found, f"{method} {path}"
+                for example in found:
+                    assert violations(document, media["schema"], example) == []
+            for parameter in described.get("parameters", ()):
+                single = [parameter["example"]] if "example" in parameter else []
+                for example in [*single, *examples_of(parameter)]:
+                    schema = parameter["schema"]
+                    assert violations(document, schema, example) == [], parameter["name"]
+
+    def test_make_jobs(self, http: httpx.Client, document: dict[str, Any]) -> None:
+        content = document["paths"]["/v1/jobs"]["post"]["requestBody"]["content"]
+        bodies = content["multipart/form-data"]["examples"]
+        upload, stored = bodies["an upload"]["value"], bodies["a stored scene"]["value"]
+        key = {"Idempotency-Key": examples.IDEMPOTENCY_KEY}
+        first = submit(http, upload["scene"].encode(), upload["spec"], headers=key)
+        assert first.status_code == 201, first.text
+        assert first.json()["spec"]["max_spp"] == upload["spec"]["max_spp"]
+        # The second names the scene that the first has brought
+        again = submit(http, None, stored["spec"], scene_sha256=stored["scene_sha256"])
+        assert again.status_code == 201, again.text
+        assert again.json()["scene_sha256"] == first.json()["scene_sha256"]
+
+    def test_change_a_job(
+        self, http: httpx.Client, client: redis.Redis, document: dict[str, Any]
+    ) -> None:
+        job = StagedJob(client)
+        [body] = of_its_schema(document, {"$ref": "#/components/schemas/JobChange"})
+        answer = http.patch(f"/v1/jobs/{job.id}", json=body)
+        assert answer.status_code == 200, answer.text
+
+    def test_are_understood_where_they_are_parameters(
+        self, http: httpx.Client, client: redis.Redis, operations: list[Operation]
+    ) -> None:
+        job = StagedJob(client)
+        for method, path, described in operations:
+            if method != "GET":
+                continue
+            given: dict[str, dict[str, Any]] = {"path": {}, "query": {}, "header": {}}
+            for parameter in described.get("parameters", ()):
+                given[parameter["in"]][parameter["name"]] = examples_of(parameter)[0]
+            if "job_id" in given["path"]:
+                given["path"]["job_id"] = job.id
+            answer = http.get(
+                path.format(**given["path"]),
+                params=given["query"],
+                headers={**given["header"], "Accept": f"{JSON}, */*;q=0.1"},
+            )
+            # The job has no images and keeps no slices
+            expected = 404 if path.endswith((".png", ".exr")) else 200
+            assert answer.status_code == expected, f"{path}: {answer.text}"
+
+
+def test_a_route_that_is_left_out_of_the_description_works(tmp_path: Path) -> None:
+    nowhere = "redis://127.0.0.1:1"
+    app = create_app(
+        jobs=Jobs(connect(nowhere)),
+        blobs=Blobs(str(tmp_path)),
+        hub=EventHub(nowhere),
+        max_upload_bytes=LARGEST_UPLOAD,
+    )
+
+    @app.get("/page", include_in_schema=False)
+    def page() -> str:
+        return "a page"
+
+    async def got() -> httpx.Response:
+        transport = httpx.ASGITransport(app)
+        async with httpx.AsyncClient(transport=transport, base_url="http://localhost") as http:
+            return await http.get("/page?theme=dark")
+
+    assert asyncio.run(got()).json() == "a page"
