@@ -177,8 +177,8 @@ PROBLEM_DETAILS: Final = {
     "pages may",
     "unknown-path": "nothing is served at /problems/none; /docs lists what is",
     "unknown-job": f"there is no job '{JOB_ID}'; GET /v1/jobs lists those there are",
-    "no-image-yet": f"job {JOB_ID} is queued; its first image comes with the first point of its "
-    f"curve, which GET {_ROOT}/events announces",
+    "no-image-yet": f"job {JOB_ID} is queued; its first image comes a moment after the first point "
+    f"of its curve, which GET {_ROOT}/events announces",
     "unknown-slice": f"slice 15 of job {JOB_ID} is not stored; slices stay where the job's spec "
     "says keep_slices",
     "not-acceptable": "Accept is 'image/png'; to be had are application/json and text/csv",

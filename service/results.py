@@ -30,7 +30,7 @@ class Results:
         self._exposure_ev = spec.view.exposure_ev
         self._shown: str | None = None
         self._shown_spp = 0
-        self._shown_at = time.monotonic()
+        self._shown_at = float("-inf")
 
     def preview(self, merge: Merge, judge: Judge) -> None:
         """Show the merged image, unless it is shown, or another was a moment ago."""

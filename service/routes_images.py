@@ -152,7 +152,7 @@ def _no_image(job: Job) -> Problem:
         detail = f"job {job.id} is {job.state.value} and left no image: {job.reason}"
     else:
         detail = (
-            f"job {job.id} is {job.state.value}; its first image comes with the first point of its "
-            f"curve, which GET /v1/jobs/{job.id}/events announces"
+            f"job {job.id} is {job.state.value}; its first image comes a moment after the first "
+            f"point of its curve, which GET /v1/jobs/{job.id}/events announces"
         )
     return Problem(problems.NO_IMAGE_YET, detail, state=job.state.value)
