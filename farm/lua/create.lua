@@ -11,13 +11,5 @@ if idempotency ~= '' then
   redis.call('SET', PREFIX .. 'idempotency:' .. idempotency,
              cjson.encode({id = id, digest = digest}), 'EX', 86400)
 end
-local number = redis.call('INCR', PREFIX .. 'created')
-redis.call('HSET', job_key(id), 'id', id, 'state', 'queued', 'reason', 'waiting for a worker',
-           'created_at', now(), 'number', number, unpack(ARGV, 5))
-redis.call('ZADD', JOBS, number, id)
-redis.call('ZADD', OPEN, priority, id)
-redis.call('SADD', UNFINISHED, id)
-redis.call('XGROUP', 'CREATE', job_key(id, 'slices'), GROUP, '0', 'MKSTREAM')
-announce(id, 'state', cjson.encode({to = 'queued', reason = 'created'}))
-redis.call('PUBLISH', WAKE_MONITORS, id)
+new_job(id, priority, 'created', unpack(ARGV, 5))
 return {'created', id}

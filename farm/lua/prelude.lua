@@ -45,6 +45,19 @@ local function move(id, target, reason)
   return true, state
 end
 
+-- A new job, queued; what follows `reason` are fields and values of its hash.
+local function new_job(id, priority, reason, ...)
+  local number = redis.call('INCR', PREFIX .. 'created')
+  redis.call('HSET', job_key(id), 'id', id, 'state', 'queued', 'reason', 'waiting for a worker',
+             'created_at', now(), 'number', number, ...)
+  redis.call('ZADD', JOBS, number, id)
+  redis.call('ZADD', OPEN, priority, id)
+  redis.call('SADD', UNFINISHED, id)
+  redis.call('XGROUP', 'CREATE', job_key(id, 'slices'), GROUP, '0', 'MKSTREAM')
+  announce(id, 'state', cjson.encode({to = 'queued', reason = reason}))
+  redis.call('PUBLISH', WAKE_MONITORS, id)
+end
+
 -- Can anything still happen to the job?
 local function is_open(id)
   local state = redis.call('HGET', job_key(id), 'state')
