@@ -14,7 +14,7 @@ demo: setup  ## Render scenes:box until it has converged; results in ./demo
 	$(BIN)/plateau render scenes:box -D width=256 -D height=256 -o demo
 
 test: setup  ## Run every test that a newcomer's machine can run
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder --durations 20
 
 test-long: setup  ## The long forms of the statistical tests
 	LONG_TESTS=1 $(BIN)/python -m pytest tests/statistical
@@ -35,6 +35,9 @@ bench: setup  ## Run every benchmark; results in bench/results
 
 bench-%: setup  ## Run one benchmark, bench/NAME.py
 	$(BIN)/python -m bench.$*
+
+screenshots: setup  ## Take the README's pictures of the web page (minutes; needs Chromium)
+	$(BIN)/python -m tests.page.screenshots
 
 clean:  ## Remove .venv and caches
 	rm -rf .venv .mypy_cache .ruff_cache .pytest_cache .import_linter_cache demo

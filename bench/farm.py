@@ -24,6 +24,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import psutil
 
+from bench.support.cores import machine_cpu_s
 from bench.support.plateau_render import Look, monitors_share, render
 from bench.support.report import Figure, figure, write_report
 from farm.exr import decode_image
@@ -264,25 +265,17 @@ def _ask_bare(work: Work, *, image: Path | None) -> dict[str, Any]:
 
 def _timed(run: Callable[[], Any]) -> tuple[dict[str, float], Any]:
     """Return the last three fields of a `Run`, measured around a call; and its answer."""
-    ours, all_, started = _children_cpu_s(), _machine_cpu_s(), time.monotonic()
+    ours, all_, started = _children_cpu_s(), machine_cpu_s(), time.monotonic()
     answer = run()
     wall_s, cpu_s = time.monotonic() - started, _children_cpu_s() - ours
     cores = psutil.cpu_count() or 1
-    others = max(0.0, _machine_cpu_s() - all_ - cpu_s) / (wall_s * cores)
+    others = max(0.0, machine_cpu_s() - all_ - cpu_s) / (wall_s * cores)
     return {"wall_s": wall_s, "cpu_s": cpu_s, "others": others}, answer
 
 
 def _children_cpu_s() -> float:
     used = resource.getrusage(resource.RUSAGE_CHILDREN)
     return used.ru_utime + used.ru_stime
-
-
-def _machine_cpu_s() -> float:
-    """Return the CPU seconds that the machine has spent on anything, or that its host withheld."""
-    times = psutil.cpu_times()
-    # Guests' time is part of the user's.
-    idle = {"idle", "iowait", "guest", "guest_nice"}
-    return float(sum(value for name, value in times._asdict().items() if name not in idle))
 
 
 def _moment(text: str) -> float:

@@ -63,11 +63,19 @@ find_llvm() {
       "To mend it install LLVM 17 or newer (Debian: apt install libllvm19; macOS: brew install llvm)."
 }
 
+find_chromium() {
+  command -v chromium >/dev/null || command -v chromium-browser >/dev/null \
+    || command -v google-chrome >/dev/null && return 0
+  if is_root_on_debian && apt_install chromium; then return 0; fi
+  say "no Chromium: the tests of the web page are skipped (Debian, Ubuntu: apt install chromium)."
+}
+
 # What .venv was made from; when that changes, it is made again.
 wanted=$(cat pyproject.toml constraints.txt | cksum)
 if [ "$(cat .venv/made-from 2>/dev/null)" != "$wanted" ]; then
   make_venv
   find_llvm
+  find_chromium
   say "compiling the metric (some 10 s, once)"
   .venv/bin/python -c 'from service.judge import warm_up; warm_up()'
   echo "$wanted" > .venv/made-from

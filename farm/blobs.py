@@ -55,9 +55,35 @@ def checkpoints(job_id: str) -> str:
 def results(job_id: str) -> str:
     """What the names of all results of a job begin with; `farm.jobs.Jobs.results` says which count.
 
-    A set of them is a folder with ``image.exr``, ``image.png`` and ``difference.png``.
+    A set of them is a folder with ``image.exr``, ``image.png``, ``difference.png`` and
+    ``thumbnail.png``.
     """
     return f"{of_job(job_id)}results/"
+
+
+def result_set(job_id: str, spp: int, token: str) -> str:
+    """Where the set of results lies that the monitor with this fencing token makes at `spp`."""
+    return f"{results(job_id)}{spp:07d}-{token}"
+
+
+def spp_of_set(name: str) -> int:
+    """The spp in the name that `result_set` gave."""
+    return int(name.rpartition("/")[2].partition("-")[0])
+
+
+def previews(job_id: str) -> str:
+    """What the names of all pictures that a job keeps of its way begin with."""
+    return f"{of_job(job_id)}previews/"
+
+
+def preview(job_id: str, spp: int) -> str:
+    """Where the picture of the merged image at `spp` samples per pixel is kept."""
+    return f"{previews(job_id)}{spp:07d}.png"
+
+
+def spp_of_preview(name: str) -> int:
+    """The spp in the name that `preview` gave."""
+    return int(name.rpartition("/")[2].removesuffix(".png"))
 
 
 class StoredBlob(NamedTuple):

@@ -5,8 +5,14 @@
     FarmError
     ├── JobNotFound        no job of that id
     ├── IllegalTransition  the job's state does not allow this move; carries its story
+    ├── BatchNotFound      no batch of that name
+    ├── UnevenBatch        a guarded batch has other jobs than the one that is to join it
     ├── JobEnded           the job has ended and cannot be changed any more; carries its story
+    ├── CannotContinue     no job can go on with this one so
     ├── FenceLost          another monitor owns the job now
+    ├── WorkerNotFound     no worker of that id lives
+    ├── TooManyJobs        the key that asks for a job has as many open ones as it may
+    ├── UnknownKey         no API key of that id that could be changed so
     ├── StoreUnavailable   Redis or the blob store cannot be reached, or refuses
     │   └── BlobsUnavailable   of the two, the blob store
     ├── WrongStore         the blob store is not the one that belongs to this Redis
@@ -40,6 +46,36 @@ class IllegalTransition(FarmError):
         self.story = story
 
 
+class BatchNotFound(FarmError):
+    """There is no job of this batch."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__(f"there is no batch {name!r}")
+        self.name = name
+
+
+class UnevenBatch(FarmError):
+    """A guarded batch takes only jobs that stop as its others do.
+
+    Attributes
+    ----------
+    batch, job_id
+        The batch, and the job of it that is otherwise.
+    differs
+        The fields in which they differ: name, value asked for, value of that job.
+    """
+
+    def __init__(self, batch: str, job_id: str, differs: list[tuple[str, object, object]]) -> None:
+        words = (f"{name} would be {asked!r}, not {had!r}" for name, asked, had in differs)
+        super().__init__(
+            f"batch {batch!r} is guarded against flicker, and beside job {job_id} "
+            f"{', '.join(words)}"
+        )
+        self.batch = batch
+        self.job_id = job_id
+        self.differs = differs
+
+
 class JobEnded(FarmError):
     """The job has ended: what it asks for cannot be changed any more."""
 
@@ -50,12 +86,43 @@ class JobEnded(FarmError):
         self.story = story
 
 
+class WorkerNotFound(FarmError):
+    """No worker of this id lives."""
+
+    def __init__(self, worker_id: str) -> None:
+        super().__init__(f"no worker {worker_id!r} lives")
+        self.worker_id = worker_id
+
+
+class CannotContinue(FarmError):
+    """No job can go on with this one, or not so; the message says why."""
+
+    def __init__(self, job_id: str, why: str) -> None:
+        super().__init__(f"job {job_id} cannot be continued: {why}")
+        self.job_id = job_id
+
+
 class FenceLost(FarmError):
     """This monitor no longer owns the job: its lease ran out and another took over."""
 
     def __init__(self, job_id: str) -> None:
         super().__init__(f"job {job_id} is owned by another monitor now")
         self.job_id = job_id
+
+
+class TooManyJobs(FarmError):
+    """The key has as many jobs that have not ended as it may have."""
+
+    def __init__(self, open_jobs: int, most: int) -> None:
+        super().__init__(
+            f"the key has {open_jobs:,} jobs that have not ended, and may have {most:,}"
+        )
+        self.open_jobs = open_jobs
+        self.most = most
+
+
+class UnknownKey(FarmError):
+    """There is no API key of this id, or it was revoked."""
 
 
 class StoreUnavailable(FarmError):

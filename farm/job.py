@@ -75,6 +75,10 @@ class Job(_Record):
 
     id: str
     name: str = Field(description="the name of the scene's file")
+    owner: str | None = Field(
+        None, description="id of the API key that made it; null where it was made without one"
+    )
+    owner_name: str | None = Field(None, description="name of that key")
     state: JobState
     reason: str = Field(description="why the job is in this state, in words")
     spec: JobSpec
@@ -83,6 +87,9 @@ class Job(_Record):
     width: int | None = Field(description="film width in pixels")
     height: int | None = Field(description="film height in pixels")
     spp: int = Field(description="samples per pixel in the merged image")
+    held: bool = Field(
+        False, description="whether it is queued and held back, until it or its batch is resumed"
+    )
     committed_spp: int = Field(description="samples per pixel in the ledger, merged or not")
     points: int = Field(description="points of the curve")
     visible_pixels: int | None = None
@@ -102,6 +109,12 @@ class Job(_Record):
     )
     machine_s: float = Field(description="seconds that render children spent on the job")
     notes: tuple[str, ...] = Field((), description="what the farm changed in the scene")
+    continues: str | None = Field(
+        None, description="id of the ended job whose samples this one went on with"
+    )
+    continued_spp: int = Field(
+        0, description="up to this spp, samples and points of the curve are that job's"
+    )
     created_at: datetime
     started_at: datetime | None = None
     paused_at: datetime | None = Field(None, description="since when it is paused, where it is")
@@ -165,6 +178,9 @@ class Worker(_Record):
     last_error: str | None
     trouble: str | None = Field(
         None, description="why it takes no work: it found that it can render nothing"
+    )
+    drained: bool = Field(
+        False, description="it was told to take no more work; what it has in hand it finishes"
     )
     started_at: datetime
     seen_at: datetime

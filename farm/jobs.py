@@ -9,18 +9,23 @@ from typing import Any, Final
 
 import redis
 
-from farm import keys, records
-from farm.errors import IllegalTransition, JobEnded, JobNotFound, StoreUnavailable
-from farm.job import CurvePoint, Event, Job, LogEntry, Worker, moment
+from farm import flicker, keys, records
+from farm.errors import (
+    IllegalTransition,
+    JobEnded,
+    JobNotFound,
+    StoreUnavailable,
+    TooManyJobs,
+)
+from farm.job import CurvePoint, Event, Job, LogEntry, Worker
+from farm.listing import jobs_before
 from farm.redis_link import unavailable_as_farm_error
 from farm.scripts import Scripts
 from farm.slice_log import slice_log
 from farm.spec import JobSpec
 from farm.states import JobState
 from farm.totals import Census, take_census
-
-#: A search reads so many jobs at once.
-_PAGE: Final = 200
+from farm.workers import ALIVE_S
 
 #: Removing a scene's blob takes milliseconds, as a rule.
 _SCENE_GOES_S: Final = 5.0
@@ -38,6 +43,11 @@ class Created:
     conflict: bool  #: it was known for another request
 
 
+def request_key(idempotency_key: str, owner: str) -> str:
+    """The idempotency key as it is stored: each owner has keys of its own."""
+    return f"{owner}:{idempotency_key}" if owner and idempotency_key else idempotency_key
+
+
 class Jobs:
     """All jobs. Every method raises `StoreUnavailable` when Redis is away."""
 
@@ -53,28 +63,54 @@ class Jobs:
         scene_sha256: str,
         idempotency_key: str = "",
         digest: str = "",
+        owner: str = "",
     ) -> Created:
-        """Create a job, `queued`; the same idempotency key creates it once."""
-        fields: dict[str, str | int] = {
-            "name": name,
-            "spec": spec.model_dump_json(),
-            "scene_sha256": scene_sha256,
-            "asked_variant": spec.variant,
-            "slice_spp": spec.slice_spp,
-            "batch": spec.batch or "",
-            "planned": 0,
-            "ready": 0,
-            "committed": 0,
-            "spp": 0,
-            "points": 0,
-            "machine_ms": 0,
-        }
-        flat = [item for pair in fields.items() for item in pair]
-        outcome, job_id = self._scripts.run(
-            "create", secrets.token_hex(6), idempotency_key, digest, spec.priority, *flat
+        """Create a job, `queued`; the same idempotency key of the same owner creates it once.
+
+        Raises
+        ------
+        TooManyJobs
+            Its owner, an API key's id, has as many open jobs as it may.
+        UnevenBatch
+            Its batch is guarded, and it would not stop as the others do.
+        """
+        return self.create_all(
+            [spec],
+            name=name,
+            scene_sha256=scene_sha256,
+            idempotency_key=idempotency_key,
+            digest=digest,
+            owner=owner,
         )
+
+    def create_all(
+        self,
+        specs: list[JobSpec],
+        *,
+        name: str,
+        scene_sha256: str,
+        idempotency_key: str = "",
+        digest: str = "",
+        owner: str = "",
+    ) -> Created:
+        """Create a job of each spec, all or none of them; as `create`, and returns the first.
+
+        They differ in their parameters only.
+        """
+        batch, guarded = specs[0].batch or "", "1" if specs[0].flicker_guard else ""
+        new: list[str | int] = []
+        for spec in specs:
+            fields = records.new_job(spec, name=name, scene_sha256=scene_sha256, owner=owner)
+            new += [secrets.token_hex(6), *fields]
+        shared = (request_key(idempotency_key, owner), digest, specs[0].priority, batch, guarded)
+        outcome, answer = "changed", []
+        while outcome == "changed":  # the batch, since it was looked at: others get on
+            compared = flicker.compared(self._redis, batch, specs[0]) if batch else ""
+            outcome, *answer = self._scripts.run("create", *shared, compared, len(specs), *new)
+        if outcome == "too many":
+            raise TooManyJobs(*map(int, answer))
         return Created(
-            job=self.get(job_id), repeated=outcome == "repeated", conflict=outcome == "conflict"
+            job=self.get(answer[0]), repeated=outcome == "repeated", conflict=outcome == "conflict"
         )
 
     def get(self, job_id: str) -> Job:
@@ -85,46 +121,22 @@ class Jobs:
             raise JobNotFound(job_id)
         return records.job(fields)
 
-    def page(self, *, before: int | None = None, limit: int = 50) -> tuple[list[Job], int | None]:
-        """Jobs, newest first, below the number `before`, and the number to go on from."""
-        with unavailable_as_farm_error():
-            rows = self._redis.zrevrangebyscore(
-                keys.JOBS,
-                f"({before}" if before is not None else "+inf",
-                "-inf",
-                start=0,
-                num=limit,
-                withscores=True,
-            )
-            pipe = self._redis.pipeline(transaction=False)
-            for job_id, _ in rows:
-                pipe.hgetall(keys.job(job_id))
-            jobs = [records.job(fields) for fields in pipe.execute() if fields]
-        return jobs, int(rows[-1][1]) if len(rows) == limit else None
-
     def search(
         self,
         *,
         state: JobState | None = None,
         batch: str | None = None,
+        owner: str | None = None,
         before: int | None = None,
         limit: int = 50,
     ) -> tuple[list[Job], int | None]:
-        """As `page`, of one state or one batch; reads pages until `limit` jobs are found."""
-        found: list[Job] = []
-        while True:
-            jobs, before = self.page(before=before, limit=max(limit, _PAGE))
-            found += [
-                job
-                for job in jobs
-                if state in {None, job.state} and batch in {None, job.spec.batch}
-            ]
-            if before is None or len(found) >= limit:
-                break
-        if len(found) > limit:
-            found = found[:limit]
-            before = self._number(found[-1].id)
-        return found, before
+        """Jobs, newest first, below the number `before`, and the number to go on from.
+
+        Of one state, of one batch, of one owner, or all; see `farm.listing`.
+        """
+        return jobs_before(
+            self._redis, state=state, batch=batch, owner=owner, before=before, limit=limit
+        )
 
     def curve(self, job_id: str) -> list[CurvePoint]:
         """The points of the job's curve, by rising spp."""
@@ -226,7 +238,7 @@ class Jobs:
         written = (fields for _, fields in entries if fields["slice"] == str(index))
         return ledger.get(index), slice_log(written, ledger)
 
-    def workers(self, within_s: float = 15.0) -> list[Worker]:
+    def workers(self, within_s: float = ALIVE_S) -> list[Worker]:
         """The workers whose heartbeat was heard within so many seconds."""
         with unavailable_as_farm_error():
             now = self.now_ms()
@@ -235,7 +247,7 @@ class Jobs:
             for worker_id in alive:
                 pipe.hgetall(keys.worker(worker_id))
             return [
-                Worker(**json.loads(fields["about"]), seen_at=moment(fields["seen_at"]))
+                records.worker(fields)
                 for fields in pipe.execute()
                 if fields
             ]
@@ -298,8 +310,3 @@ class Jobs:
                 raise JobNotFound(job_id)
             raise IllegalTransition(job_id, state[0], target.value, self.story(job_id))
         return self.get(job_id)
-
-    def _number(self, job_id: str) -> int | None:
-        with unavailable_as_farm_error():
-            score = self._redis.zscore(keys.JOBS, job_id)
-        return None if score is None else int(score)

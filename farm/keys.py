@@ -9,18 +9,31 @@ plateau:created           string  counter: jobs created so far                  
 plateau:jobs              zset    job id, scored by its number of creation             the job's
 plateau:jobs:open         zset    jobs that have not ended, scored by priority         till end
 plateau:jobs:unfinished   set     jobs that a monitor still has work with              till done
+plateau:jobs:in:STATE     zset    jobs in this state, scored as in plateau:jobs        the jobs'
+plateau:batches           zset    batch name, scored by the number of its newest job   its jobs'
+plateau:batches:guarded   set     batches of which all jobs have to stop alike         its jobs'
+plateau:batch:NAME        zset    the batch's jobs, scored as in plateau:jobs          its jobs'
 plateau:scenes            hash    scene SHA-256 → JSON summary                         the scene's
 plateau:scenes:used       zset    scene SHA-256, scored by its last use (ms)           the scene's
 plateau:scene:SHA:going   string  set while the scene's blob is being removed          5 min
 plateau:swept             string  set by the monitor that sweeps: no other need to     1 h
 plateau:workers           zset    worker id, scored by last heartbeat (ms)             1 h
-plateau:worker:ID         hash    the worker's description                             1 h
+plateau:worker:ID         hash    the worker's description; ``drained`` where it is    1 h
 plateau:monitors          zset    monitor id, scored by when its heartbeat is overdue  1 h
 plateau:monitor:ID        hash    the monitor's description, and what of its work is   1 d
                                   in the totals
 plateau:totals            hash    counters of the whole farm; see `farm.totals`        for ever
 plateau:heard             string  when any worker's heartbeat came last (ms)           for ever
 plateau:grace             string  set while no lease is taken from its worker          a lease
+plateau:keys              hash    key id → JSON of an API key; see `farm.api_keys`       for ever
+plateau:keys:used         hash    key id → when it was last used (ms), to a minute     for ever
+plateau:key:ID:rate       string  when the key's bucket of requests is full again (ms) till then
+plateau:key:ID:open       set     the key's jobs that have not ended                   till they do
+plateau:key:ID:jobs       zset    the key's jobs, scored by their number of creation   the jobs'
+plateau:webhooks          zset    receivers of webhooks, scored by when one is due      till told
+plateau:webhooks:due:URL  zset    job:number of deliveries to one, by when due (ms)    till told
+plateau:webhooks:secret   string  the farm's own secret, where a job brings none       for ever
+plateau:webhooks:before   string  the one before it, which signs too                   1 d
 plateau:idempotency:KEY   string  JSON of job id and request digest                    24 h
 plateau:job:ID            hash    the job; see `farm.jobs`                             the job's
 plateau:job:ID:slices     stream  planned slices; group `workers` holds the leases     till end
@@ -31,12 +44,15 @@ plateau:job:ID:spoiled    hash    slice index → how often its partial was lost
 plateau:job:ID:curve      stream  points; the entry's id is spp-0                      the job's
 plateau:job:ID:events     stream  state, point, slice, trouble, finished               the job's
 plateau:job:ID:log        stream  how tries of slices ended and what was printed, ~2000  the job's
+plateau:job:ID:deliveries hash    number → JSON of a webhook's message, its state, …   the job's
+plateau:job:ID:tries      stream  how tries of deliveries ended, ~1000                 the job's
 plateau:job:ID:owner      string  fencing token of the monitor that owns the job       15 s
 plateau:job:ID:fence      string  counter: fencing tokens given out                    the job's
 ========================= ======= ==================================================== =========
 
 Channels, hints only (who misses one looks again within a second):
-``plateau:wake:workers`` (``planned``, or ``ended ID``), ``plateau:wake:monitors`` (a job id).
+``plateau:wake:workers`` (``planned``, or ``ended ID``), ``plateau:wake:monitors`` and
+``plateau:wake:webhooks`` (a job id).
 
 Writers: everything is written by the scripts in ``farm/lua``.
 """
@@ -49,6 +65,8 @@ STORE: Final = PREFIX + "store"
 JOBS: Final = PREFIX + "jobs"
 OPEN: Final = PREFIX + "jobs:open"
 UNFINISHED: Final = PREFIX + "jobs:unfinished"
+BATCHES: Final = PREFIX + "batches"
+GUARDED: Final = PREFIX + "batches:guarded"
 SCENES: Final = PREFIX + "scenes"
 SCENES_USED: Final = PREFIX + "scenes:used"
 SWEPT: Final = PREFIX + "swept"
@@ -57,8 +75,14 @@ MONITORS: Final = PREFIX + "monitors"
 TOTALS: Final = PREFIX + "totals"
 HEARD: Final = PREFIX + "heard"
 GRACE: Final = PREFIX + "grace"
+API_KEYS: Final = PREFIX + "keys"
+API_KEYS_USED: Final = PREFIX + "keys:used"
+RECEIVERS: Final = PREFIX + "webhooks"
+WEBHOOK_SECRET: Final = PREFIX + "webhooks:secret"
+OLD_WEBHOOK_SECRET: Final = PREFIX + "webhooks:before"
 WAKE_WORKERS: Final = PREFIX + "wake:workers"
 WAKE_MONITORS: Final = PREFIX + "wake:monitors"
+WAKE_WEBHOOKS: Final = PREFIX + "wake:webhooks"
 
 #: The consumer group of every job's slices.
 GROUP: Final = "workers"
@@ -73,6 +97,8 @@ JOB_PARTS: Final = (
     "curve",
     "events",
     "log",
+    "deliveries",
+    "tries",
     "owner",
     "fence",
 )
@@ -83,9 +109,29 @@ def job(job_id: str, part: str = "") -> str:
     return f"{PREFIX}job:{job_id}:{part}" if part else f"{PREFIX}job:{job_id}"
 
 
+def in_state(state: str) -> str:
+    """The key of the index of the jobs in a state."""
+    return f"{PREFIX}jobs:in:{state}"
+
+
+def batch(name: str) -> str:
+    """The key of the index of a batch's jobs; whatever the name is, it is no other key."""
+    return f"{PREFIX}batch:{name}"
+
+
+def jobs_of_key(key_id: str) -> str:
+    """The key of the index of an API key's jobs."""
+    return f"{PREFIX}key:{key_id}:jobs"
+
+
 def worker(worker_id: str) -> str:
     """The key of a worker's description."""
     return f"{PREFIX}worker:{worker_id}"
+
+
+def webhooks_due(receiver: str) -> str:
+    """The key of what is to be delivered to a receiver of webhooks."""
+    return f"{RECEIVERS}:due:{receiver}"
 
 
 def scene_going(sha256: str) -> str:
@@ -102,12 +148,18 @@ local JOB_PARTS = {{'{"', '".join(JOB_PARTS)}'}}
 local SCENES, SCENES_USED, WORKERS = '{SCENES}', '{SCENES_USED}', '{WORKERS}'
 local MONITORS, TOTALS = '{MONITORS}', '{TOTALS}'
 local HEARD, GRACE = '{HEARD}', '{GRACE}'
+local API_KEYS, API_KEYS_USED = '{API_KEYS}', '{API_KEYS_USED}'
 local WAKE_WORKERS, WAKE_MONITORS = '{WAKE_WORKERS}', '{WAKE_MONITORS}'
+local RECEIVERS, WAKE_WEBHOOKS = '{RECEIVERS}', '{WAKE_WEBHOOKS}'
 local function job_key(id, part)
   if part then return PREFIX .. 'job:' .. id .. ':' .. part end
   return PREFIX .. 'job:' .. id
 end
+local BATCHES, GUARDED = '{BATCHES}', '{GUARDED}'
+local function in_state_key(state) return PREFIX .. 'jobs:in:' .. state end
+local function batch_key(name) return PREFIX .. 'batch:' .. name end
 local function worker_key(id) return PREFIX .. 'worker:' .. id end
+local function api_key_key(id, part) return PREFIX .. 'key:' .. id .. ':' .. part end
 local function monitor_key(id) return PREFIX .. 'monitor:' .. id end
 local function scene_going_key(sha256) return PREFIX .. 'scene:' .. sha256 .. ':going' end
 """

@@ -50,6 +50,15 @@ class Ownerships:
         with unavailable_as_farm_error():
             return set(self._redis.smembers(keys.UNFINISHED))
 
+    def by_age(self, job_ids: set[str]) -> list[str]:
+        """These jobs, the oldest first."""
+        if not job_ids:
+            return []
+        with unavailable_as_farm_error():
+            numbers = self._redis.zmscore(keys.JOBS, sorted(job_ids))
+        known = zip(numbers, sorted(job_ids), strict=True)
+        return [job_id for _, job_id in sorted(one for one in known if one[0] is not None)]
+
     def acquire(self, job_id: str) -> Ownership | None:
         """Own the job, unless another monitor does."""
         token = self._scripts.run("own", job_id, self._lease_ms)
@@ -169,9 +178,12 @@ class Ownerships:
         with unavailable_as_farm_error():
             return bool(self._redis.hexists(keys.job(job_id), "concluded"))
 
-    def finish(self, owned: Ownership) -> None:
-        """Say that everything else was cleared; no monitor has work with the job any more."""
-        self._checked("finish", owned)
+    def finish(self, owned: Ownership, *, keeps_sums: bool) -> None:
+        """Say that everything else was cleared; no monitor has work with the job any more.
+
+        `keeps_sums` leaves its last checkpoint for another job to go on from.
+        """
+        self._checked("finish", owned, "1" if keeps_sums else "")
 
     def _checked(self, script: str, owned: Ownership, *arguments: str | int) -> Any:
         answer = self._scripts.run(script, owned.job_id, owned.token, *arguments)

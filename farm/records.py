@@ -1,9 +1,9 @@
-"""What the scripts stored in Redis, read as the models of `farm.job`."""
+"""Jobs and what belongs to them as Redis has them, read as the models of `farm.job`."""
 
 import json
 from typing import Any
 
-from farm.job import CurvePoint, Event, Job, moment
+from farm.job import CurvePoint, Event, Job, Worker, moment
 from farm.spec import JobSpec
 from farm.states import JobState
 
@@ -25,6 +25,12 @@ def event(event_id: str, fields: dict[str, str]) -> Event:
 def ledger(records: dict[str, str]) -> dict[int, dict[str, Any]]:
     """Each slice's record by index, in order, as `commit` stored them."""
     return {int(index): json.loads(records[index]) for index in sorted(records, key=int)}
+
+
+def worker(fields: dict[str, str]) -> Worker:
+    """A worker as its last heartbeat described it, and whether it was drained."""
+    about = json.loads(fields["about"])
+    return Worker(**about, drained="drained" in fields, seen_at=moment(fields["seen_at"]))
 
 
 def job(fields: dict[str, str]) -> Job:
@@ -51,6 +57,8 @@ def job(fields: dict[str, str]) -> Job:
     return Job(
         id=fields["id"],
         name=fields["name"],
+        owner=fields.get("owner") or None,
+        owner_name=fields.get("owner_name"),
         state=JobState(fields["state"]),
         reason=fields["reason"],
         spec=spec,
@@ -59,6 +67,7 @@ def job(fields: dict[str, str]) -> Job:
         width=int(width) if width else None,
         height=int(height) if height else None,
         spp=spp,
+        held="held" in fields and fields["state"] == JobState.QUEUED,
         committed_spp=int(fields["committed"]) * spec.slice_spp,
         points=int(fields["points"]),
         **{name: latest.get(name) for name in judged},
@@ -67,9 +76,37 @@ def job(fields: dict[str, str]) -> Job:
         samples_saved=saved,
         machine_s=int(fields["machine_ms"]) / 1000,
         notes=tuple(json.loads(fields.get("notes", "[]"))),
+        continues=fields.get("continues"),
+        continued_spp=int(fields.get("continued_spp", 0)),
         paused_s=int(fields.get("paused_ms", 0)) / 1000,
         **times,
     )
+
+
+def new_job(spec: JobSpec, *, name: str, scene_sha256: str, owner: str = "") -> list[str | int]:
+    """The fields and values of a new job's hash, one after the other."""
+    fields: dict[str, str | int] = {
+        "name": name,
+        "spec": spec.model_dump_json(),
+        "scene_sha256": scene_sha256,
+        "owner": owner,
+        "asked_variant": spec.variant,
+        "slice_spp": spec.slice_spp,
+        "batch": spec.batch or "",
+        "guards": 1 if spec.flicker_guard else "",
+        "planned": 0,
+        "ready": 0,
+        "committed": 0,
+        "spp": 0,
+        "points": 0,
+        "machine_ms": 0,
+    }
+    if spec.webhook is not None:
+        secret = spec.webhook.secret
+        fields["webhook_receiver"] = spec.webhook.receiver
+        fields["webhook_events"] = f" {' '.join(spec.webhook.events)} "
+        fields["webhook_secret"] = "" if secret is None else secret.get_secret_value()
+    return [item for pair in fields.items() for item in pair]
 
 
 def _spec(fields: dict[str, str]) -> JobSpec:
@@ -85,6 +122,9 @@ def _seconds_to_forecast(latest: dict[str, Any], fields: dict[str, str]) -> floa
         return None
     paused_ms = int(fields.get("latest_paused_ms", 0))  # before the last point
     rendering_ms = latest["at"] - float(fields["started_at"]) - paused_ms
-    spp_per_ms = latest["spp"] / max(1.0, rendering_ms)
+    rendered = latest["spp"] - int(fields.get("continued_spp", 0))
+    if rendered <= 0:  # the points are those of the job that this one goes on with
+        return None
+    spp_per_ms = rendered / max(1.0, rendering_ms)
     seconds: float = max(0, latest["forecast_spp"] - latest["spp"]) / spp_per_ms / 1000
     return seconds

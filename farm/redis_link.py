@@ -3,7 +3,7 @@
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Final
+from typing import Final, TypeAlias
 
 import redis
 from redis.backoff import NoBackoff
@@ -14,8 +14,11 @@ from farm.errors import StoreUnavailable
 #: Longer than any blocking read, so that none is taken for a dead connection.
 SOCKET_TIMEOUT_S = 10.0
 
+#: What `connect` returns, for those who hand it on.
+RedisClient: TypeAlias = redis.Redis
 
-def connect(url: str) -> redis.Redis:
+
+def connect(url: str) -> RedisClient:
     """A client of the Redis at `url` that never sends a command twice by itself.
 
     redis-py retries ten times by default; a write whose answer was lost would then be stored

@@ -18,7 +18,7 @@ _LOG = logging.getLogger(__name__)
 _RETRY_S: Final = 1.0
 
 #: The layout that this Plateau reads and writes.
-VERSION: Final = 2
+VERSION: Final = 3
 
 #: From each older layout that can be brought forward, the Lua that turns it into the next. It must
 #: not fail half-way: Redis undoes nothing.
@@ -29,6 +29,22 @@ _MIGRATIONS: Final = {
       for _, id in ipairs(redis.call('ZRANGE', JOBS, 0, -1)) do
         redis.call('HSETNX', job_key(id), 'results', 'jobs/' .. id)
         redis.call('HDEL', job_key(id), 'checkpoint')
+      end
+    """,
+    # Layout 2 had no index of the jobs of a batch, nor of those in a state.
+    2: """
+      local jobs = redis.call('ZRANGE', JOBS, 0, -1, 'WITHSCORES')
+      for i = 1, #jobs, 2 do
+        local id, number = jobs[i], jobs[i + 1]
+        local job = redis.call('HMGET', job_key(id), 'state', 'batch')
+        if job[1] then
+          redis.call('HSETNX', job_key(id), 'number', number)
+          redis.call('ZADD', in_state_key(job[1]), number, id)
+        end
+        if job[2] and job[2] ~= '' then
+          redis.call('ZADD', batch_key(job[2]), number, id)
+          redis.call('ZADD', BATCHES, number, job[2])
+        end
       end
     """,
 }

@@ -1,5 +1,6 @@
 """The atomic scripts of ``farm/lua``, each opened by a comment that states its contract."""
 
+from collections.abc import Sequence
 from importlib.resources import files
 from typing import Any, Final
 
@@ -11,6 +12,9 @@ from farm.states import JOB_MOVES
 
 _LUA: Final = files("farm") / "lua"
 
+#: What every script may use, in this order.
+_SHARED: Final = ("prelude.lua", "outbox.lua")
+
 
 def _moves_in_lua() -> str:
     """The table of moves, so that the scripts enforce the one that Python has."""
@@ -21,15 +25,24 @@ def _moves_in_lua() -> str:
     return f"local MOVES = {{{', '.join(rows)}}}\n"
 
 
+def _whole(shared: str, script: str) -> str:
+    """The script as Redis runs it: wherever it returns, the outbox is filled after it."""
+    return (
+        f"{shared}\nlocal function script()\n{script}\nend\n"
+        "local answer = script()\nfill_outbox()\nreturn answer\n"
+    )
+
+
 class Scripts:
     """Runs the scripts by name on one Redis client."""
 
     def __init__(self, client: redis.Redis) -> None:
-        prelude = keys.LUA + _moves_in_lua() + (_LUA / "prelude.lua").read_text()
+        self._redis = client
+        shared = keys.LUA + _moves_in_lua() + "".join((_LUA / name).read_text() for name in _SHARED)
         self._scripts = {
-            file.name.removesuffix(".lua"): client.register_script(prelude + file.read_text())
+            file.name.removesuffix(".lua"): client.register_script(_whole(shared, file.read_text()))
             for file in _LUA.iterdir()
-            if file.name.endswith(".lua") and file.name != "prelude.lua"
+            if file.name.endswith(".lua") and file.name not in _SHARED
         }
 
     def run(self, script: str, *arguments: str | int | float) -> Any:
@@ -43,3 +56,15 @@ class Scripts:
         """
         with unavailable_as_farm_error():
             return self._scripts[script](args=list(arguments))
+
+    def run_each(self, script: str, arguments: Sequence[Sequence[str | int | float]]) -> list[Any]:
+        """What the script returns for each of these arguments, in one round trip.
+
+        Others may come in between two runs. Raises `StoreUnavailable` as `run` does.
+        """
+        with unavailable_as_farm_error():
+            pipe = self._redis.pipeline(transaction=False)
+            for one in arguments:
+                self._scripts[script](args=list(one), client=pipe)
+            answers: list[Any] = pipe.execute()
+        return answers

@@ -1,13 +1,17 @@
 """What the environment says, read once by the entry points and handed down."""
 
+import re
+from ipaddress import ip_network
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Final, Literal
 
 import platformdirs
-from pydantic import Field
-from pydantic_settings import BaseSettings, SettingsConfigDict
+from pydantic import Field, SecretStr, field_validator
+from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
 LogFormat = Literal["text", "json"]
+
+_HOST_NAME: Final = re.compile(r"[A-Za-z0-9_-]+(\.[A-Za-z0-9_-]+)*\.?")
 
 _DIRS = platformdirs.PlatformDirs("plateau", appauthor=False)
 
@@ -27,10 +31,27 @@ class Settings(BaseSettings):
         _DIRS.user_data_path, description="folder of the embedded Redis and the local blobs"
     )
     cache: Path = Field(
-        _DIRS.user_cache_path, description="folder of unpacked scenes and compiled kernels"
+        _DIRS.user_cache_path,
+        description="folder of unpacked scenes, compiled kernels and new uploads",
     )
     url: str = Field(
         "http://127.0.0.1:8713", description="the service that the client commands talk to"
+    )
+    key: SecretStr | None = Field(
+        None, description="API key that the client commands show the service"
+    )
+    key_file: Path | None = Field(None, description="a file with that key, instead")
+    key_requests_per_minute: float = Field(
+        1200.0, gt=0, le=1e6, description="how many requests a minute a new API key may make"
+    )
+    key_burst: int = Field(
+        200, ge=1, le=1_000_000, description="and how many at once, after a pause"
+    )
+    key_upload_gb: float | None = Field(
+        None, gt=0, description="largest upload of a new API key; unset, PLATEAU_MAX_UPLOAD_GB"
+    )
+    key_open_jobs: int = Field(
+        10_000, ge=1, description="how many jobs of a new API key may be open at once"
     )
     heartbeat_s: float = Field(5.0, gt=0, description="a worker renews its leases this often")
     lease_s: float = Field(
@@ -55,12 +76,45 @@ class Settings(BaseSettings):
         allow_inf_nan=False,
         description="finished jobs go after so many days; unset, they stay",
     )
+    keep_sums_days: float = Field(
+        3.0,
+        ge=0,
+        allow_inf_nan=False,
+        description="for so many days after its end a job can be gone on with, though its slices "
+        "are not kept; 0 keeps no sums",
+    )
     keep_scenes_days: float | None = Field(
         None,
         ge=0,
         allow_inf_nan=False,
         description="scenes of no job go after so many days without use; unset, they stay",
     )
+    webhook_allow: Annotated[tuple[str, ...], NoDecode] = Field(
+        (),
+        description="networks and host names, separated by commas, that may be sent webhooks "
+        "though they are private, by http too",
+    )
     log_format: LogFormat = Field(
         "text", description="how processes log: text, or json, an object for each line"
     )
+
+    @field_validator("webhook_allow", mode="before")
+    @classmethod
+    def _separate(cls, given: object) -> object:
+        if not isinstance(given, str):
+            return given
+        entries = given.replace(",", " ").split()
+        for entry in entries:
+            if not _is_network(entry) and not _HOST_NAME.fullmatch(entry):
+                raise ValueError(
+                    f"{entry!r} is neither a network, as 10.0.0.0/8, nor the name of a host"
+                )
+        return tuple(entries)
+
+
+def _is_network(text: str) -> bool:
+    try:
+        ip_network(text, strict=False)
+    except ValueError:
+        return False
+    return True

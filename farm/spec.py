@@ -1,16 +1,27 @@
 """What a user asks for: the specification of a job, checked field by field."""
 
-from typing import Annotated, Literal
+import json
+from typing import Annotated, Final, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from farm.webhook_spec import WebhookSpec
 
 ZoneCount = Annotated[int, Field(ge=1, le=64)]
 Priority = Annotated[int, Field(ge=-1000, le=1000)]
 Variant = Literal["auto", "scalar_rgb", "llvm_ad_rgb", "cuda_ad_rgb"]
 
 
+#: A list of parameters makes at most so many jobs.
+MAX_ENTRIES: Final = 1000
+
+
 class _Spec(BaseModel):
-    """Frozen, and unknown fields are refused."""
+    """Frozen, and unknown fields are refused.
+
+    Defaults are given by name (``Field(default=…)``): from one by position, a user's type checker
+    would not learn that the field may be left out.
+    """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
@@ -18,13 +29,20 @@ class _Spec(BaseModel):
 class ViewSpec(_Spec):
     """The display and the distance at which the image is judged."""
 
-    exposure_ev: float = Field(0.0, ge=-30, le=30, description="exposure in EV (powers of two)")
-    white_luminance: float = Field(100.0, gt=0, le=20_000, description="display white in cd/m²")
+    exposure_ev: float = Field(
+        default=0.0, ge=-30, le=30, description="exposure in EV (powers of two)"
+    )
+    white_luminance: float = Field(
+        default=100.0, gt=0, le=20_000, description="display white in cd/m²"
+    )
     field_of_view_deg: float = Field(
-        45.0, gt=0, lt=180, description="angle under which the image's width is seen, in degrees"
+        default=45.0,
+        gt=0,
+        lt=180,
+        description="angle under which the image's width is seen, in degrees",
     )
     primaries: Literal["rec709", "adobe1998"] = Field(
-        "rec709", description="the display's RGB primaries"
+        default="rec709", description="the display's RGB primaries"
     )
 
 
@@ -32,16 +50,20 @@ class FixedSpec(_Spec):
     """Stop at a number of samples, whatever the image looks like (algorithm 4.1)."""
 
     name: Literal["fixed"] = "fixed"
-    spp: int = Field(10_000, gt=0, description="samples per pixel at which to stop")
+    spp: int = Field(default=10_000, gt=0, description="samples per pixel at which to stop")
 
 
 class ReverseSpec(_Spec):
     """Stop when the difference to the first image has reached its plateau (algorithm 4.4)."""
 
     name: Literal["reverse"] = "reverse"
-    window: int = Field(5, ge=2, le=1000, description="points of the curve in the regression")
+    window: int = Field(
+        default=5, ge=2, le=1000, description="points of the curve in the regression"
+    )
     epsilon: float = Field(
-        0.1, gt=0, description="slope, in visible pixels per spp at 512×512, at which to stop"
+        default=0.1,
+        gt=0,
+        description="slope, in visible pixels per spp at 512×512, at which to stop",
     )
 
 
@@ -49,23 +71,29 @@ class SuccessiveSpec(_Spec):
     """Stop when an image hardly differs from the one before it (algorithm 4.2)."""
 
     name: Literal["successive"] = "successive"
-    threshold: float = Field(1.0, ge=0, description="visible pixels at 512×512 at which to stop")
+    threshold: float = Field(
+        default=1.0, ge=0, description="visible pixels at 512×512 at which to stop"
+    )
 
 
 class MultipleSpec(_Spec):
     """Stop when the last images hardly differ from the newest (algorithm 4.3)."""
 
     name: Literal["multiple"] = "multiple"
-    window: int = Field(5, ge=1, le=1000, description="earlier images that are compared")
-    threshold: float = Field(1.0, ge=0, description="visible pixels at 512×512 at which to stop")
+    window: int = Field(default=5, ge=1, le=1000, description="earlier images that are compared")
+    threshold: float = Field(
+        default=1.0, ge=0, description="visible pixels at 512×512 at which to stop"
+    )
 
 
 class MyszkowskiSpec(_Spec):
     """Stop when the image hardly differs from the one at a share of its samples (1998)."""
 
     name: Literal["myszkowski"] = "myszkowski"
-    alpha: float = Field(0.5, gt=0, lt=1, description="the share of the samples")
-    threshold: float = Field(1.0, ge=0, description="visible pixels at 512×512 at which to stop")
+    alpha: float = Field(default=0.5, gt=0, lt=1, description="the share of the samples")
+    threshold: float = Field(
+        default=1.0, ge=0, description="visible pixels at 512×512 at which to stop"
+    )
 
 
 class VisibleSpec(_Spec):
@@ -73,9 +101,12 @@ class VisibleSpec(_Spec):
 
     name: Literal["visible"] = "visible"
     target: float = Field(
-        0.0002, gt=0, lt=1, description="fraction of the pixels that may still differ visibly"
+        default=0.0002,
+        gt=0,
+        lt=1,
+        description="fraction of the pixels that may still differ visibly",
     )
-    min_spp: int = Field(200, ge=1, description="not before so many samples per pixel")
+    min_spp: int = Field(default=200, ge=1, description="not before so many samples per pixel")
 
 
 RuleSpec = Annotated[
@@ -84,46 +115,63 @@ RuleSpec = Annotated[
 ]
 
 
-class JobSpec(_Spec):
-    """A job: how one image is sampled, judged and stopped."""
+class SharedSpec(_Spec):
+    """How an image is sampled, judged and stopped, whatever the scene's parameters are."""
 
-    step: int = Field(100, gt=0, description="spp between two evaluations of the rule")
-    slice_spp: int = Field(25, gt=0, le=4096, description="spp of one slice, the unit of work")
-    max_spp: int = Field(10_000, gt=0, le=1_000_000, description="cap: the job is exhausted there")
+    step: int = Field(default=100, gt=0, description="spp between two evaluations of the rule")
+    slice_spp: int = Field(
+        default=25, gt=0, le=4096, description="spp of one slice, the unit of work"
+    )
+    max_spp: int = Field(
+        default=10_000, gt=0, le=1_000_000, description="cap: the job is exhausted there"
+    )
     time_limit_s: float | None = Field(
-        None,
+        default=None,
         gt=0,
         description="seconds from its first slice, pauses not counted, after which the job is "
         "exhausted",
     )
-    priority: Priority = Field(0, description="higher is served first")
+    min_spp: int | None = Field(
+        default=None,
+        ge=1,
+        description="whatever the rule says, not converged before so many samples per pixel; the "
+        "rule visible has a min_spp of its own, and the greater of the two counts",
+    )
+    priority: Priority = Field(default=0, description="higher is served first")
     batch: str | None = Field(
-        None, min_length=1, max_length=100, description="a name that groups jobs"
+        default=None, min_length=1, max_length=100, description="a name that groups jobs"
+    )
+    flicker_guard: bool = Field(
+        default=False,
+        description="guard the batch: every job of it has to stop alike (rule, min_spp, step, "
+        "view), and one that does not is refused, now and later",
     )
     variant: Variant = Field(
-        "auto", description="Mitsuba variant; auto takes the best of the first worker"
+        default="auto", description="Mitsuba variant; auto takes the best of the first worker"
     )
     seed: int = Field(
-        0, ge=0, lt=4096, description="another seed draws samples independent of all others"
+        default=0, ge=0, lt=4096, description="another seed draws samples independent of all others"
     )
-    sensor: int = Field(0, ge=0, le=1000, description="index of the scene's sensor")
-    parameters: dict[str, str | int | float | bool] = Field(
-        default_factory=dict, description="values for the scene's $parameters, as mitsuba -D"
-    )
+    sensor: int = Field(default=0, ge=0, le=1000, description="index of the scene's sensor")
     rule: RuleSpec = Field(default_factory=VisibleSpec, description="the rule that ends the job")
     watch: tuple[RuleSpec, ...] = Field(
-        (), max_length=16, description="rules that are evaluated and reported, and stop nothing"
+        default=(),
+        max_length=16,
+        description="rules that are evaluated and reported, and stop nothing",
     )
     view: ViewSpec = Field(default_factory=ViewSpec, description="how the image is looked at")
     zones: tuple[ZoneCount, ZoneCount] = Field(
-        (4, 4), description="rows and columns of zones that are judged apart"
+        default=(4, 4), description="rows and columns of zones that are judged apart"
     )
     keep_slices: bool = Field(
-        False, description="keep every slice, to be judged again by other rules and views"
+        default=False, description="keep every slice, to be judged again by other rules and views"
+    )
+    webhook: WebhookSpec | None = Field(
+        default=None, description="who is told of the job's changes, by signed requests"
     )
 
     @model_validator(mode="after")
-    def _consistent(self) -> "JobSpec":
+    def _consistent(self) -> "SharedSpec":
         if self.step % self.slice_spp:
             raise ValueError(
                 f"step must be a multiple of slice_spp, so that an evaluation falls on a whole "
@@ -133,6 +181,10 @@ class JobSpec(_Spec):
             raise ValueError(
                 f"max_spp must be a multiple of slice_spp: "
                 f"{self.max_spp} is not a multiple of {self.slice_spp}"
+            )
+        if self.min_spp is not None and self.min_spp > self.max_spp:
+            raise ValueError(
+                f"min_spp must not be above max_spp: {self.min_spp} is above {self.max_spp}"
             )
         names = [rule.name for rule in (self.rule, *self.watch)]
         if len(set(names)) < len(names):
@@ -144,13 +196,60 @@ class JobSpec(_Spec):
         """The number of slices at the cap."""
         return self.max_spp // self.slice_spp
 
-    def parameter_strings(self) -> dict[str, str]:
-        """`parameters` as Mitsuba reads them: text, with lower-case booleans."""
-        return {
-            name: str(value).lower() if isinstance(value, bool) else str(value)
-            for name, value in self.parameters.items()
-        }
+    def as_request(self) -> str:
+        """The spec as JSON, the webhook's secret included: never to be stored, nor shown."""
+        document = self.model_dump(mode="json")
+        if self.webhook is not None and self.webhook.secret is not None:
+            document["webhook"]["secret"] = self.webhook.secret.get_secret_value()
+        return json.dumps(document)
 
     def evaluates_at(self, spp: int) -> bool:
         """Whether the rule is evaluated when `spp` samples per pixel are merged."""
         return spp > 0 and (spp % self.step == 0 or spp == self.max_spp)
+
+
+#: Values for a scene's ``$parameters``.
+Parameters = dict[str, str | int | float | bool]
+
+
+def parameter_strings(parameters: Parameters) -> dict[str, str]:
+    """The parameters as Mitsuba reads them: text, with lower-case booleans."""
+    return {
+        name: str(value).lower() if isinstance(value, bool) else str(value)
+        for name, value in parameters.items()
+    }
+
+
+class JobSpec(SharedSpec):
+    """A job: how one image is sampled, judged and stopped."""
+
+    parameters: Parameters = Field(
+        default_factory=dict, description="values for the scene's $parameters, as mitsuba -D"
+    )
+
+    @model_validator(mode="after")
+    def _guards_a_batch(self) -> "JobSpec":
+        if self.flicker_guard and self.batch is None:
+            raise ValueError("flicker_guard guards a batch, and there is none: name one as batch")
+        return self
+
+    def parameter_strings(self) -> dict[str, str]:
+        """`parameters` as Mitsuba reads them."""
+        return parameter_strings(self.parameters)
+
+
+class BatchSpec(SharedSpec):
+    """Many jobs that are alike but for the scene's parameters, one for each entry of a list."""
+
+    parameters: tuple[Parameters, ...] = Field(
+        min_length=1,
+        max_length=MAX_ENTRIES,
+        description="for each job the values for the scene's $parameters, in their order",
+    )
+
+    def job_specs(self, batch: str) -> list[JobSpec]:
+        """The spec of each job, in a batch of this name."""
+        shared = {name: getattr(self, name) for name in SharedSpec.model_fields}
+        return [
+            JobSpec(**{**shared, "batch": batch}, parameters=values) for values in self.parameters
+        ]

@@ -8,6 +8,9 @@ nothing refers to, and the next one takes them.
 zombie worker or monitor that comes back to it is told that the job has ended, or has lost its
 fence; what it put before is an orphan.
 
+A job that another one goes on with stays as long as that one: its slices may be all that the other
+has.
+
 **Orphans.** A job is in Redis before its first blob is put, and its id is never given again. So a
 blob in a listing whose job Redis does not know, when asked after the listing, belongs to a job
 that is gone for good. Of a finished job the set of results and the ledger change no more, so
@@ -51,6 +54,7 @@ import redis
 from farm import blobs, keys
 from farm.blobs import Blobs, StoredBlob
 from farm.jobs import Jobs
+from farm.ownership import Checkpoint
 from farm.pairing import check_pair
 from farm.redis_link import unavailable_as_farm_error
 from farm.scripts import Scripts
@@ -72,6 +76,7 @@ class Swept:
     """What a sweep removed, or would remove."""
 
     jobs: int  #: finished jobs, with all that was known of them
+    sums: int = 0  #: checkpoints of ended jobs, from which another could have gone on
     scenes: int
     orphans: int  #: blobs of no job, of no use to their job, or half put
     blobs: int  #: in all
@@ -83,6 +88,7 @@ def sweep(
     store: Blobs,
     *,
     results_older_than_s: float | None = None,
+    sums_older_than_s: float | None = None,
     scenes_unused_for_s: float | None = None,
     dry_run: bool = False,
 ) -> Swept:
@@ -94,6 +100,9 @@ def sweep(
         Redis, and the blob store that belongs to it.
     results_older_than_s
         Forget the jobs that have been finished for so long; None to keep them.
+    sums_older_than_s
+        Let the sums go, which another job could go on from, of jobs that have been finished for so
+        long; None to keep them.
     scenes_unused_for_s
         Remove scenes that no job has and that were not used for so long, which is an hour at
         least; None to keep them.
@@ -112,6 +121,8 @@ def sweep(
         sweeping = _Sweep(client, store, dry_run=dry_run)
         if results_older_than_s is not None:
             sweeping.jobs(results_older_than_s)
+        if sums_older_than_s is not None:
+            sweeping.sums(sums_older_than_s)
         sweeping.orphans()
         if scenes_unused_for_s is not None:
             sweeping.scenes(scenes_unused_for_s)
@@ -135,12 +146,13 @@ class _Sweep:
         self._store = store
         self._dry_run = dry_run
         self._forgotten: set[str] = set()
-        self._scenes = self._orphans = self._blobs = self._bytes = 0
+        self._sums = self._scenes = self._orphans = self._blobs = self._bytes = 0
 
     def swept(self) -> Swept:
         """What was removed so far."""
         return Swept(
             jobs=len(self._forgotten),
+            sums=self._sums,
             scenes=self._scenes,
             orphans=self._orphans,
             blobs=self._blobs,
@@ -151,13 +163,27 @@ class _Sweep:
         """Forget the jobs that have been finished for so long."""
         older_than_ms = round(older_than_s * 1000)
         before = self._jobs.now_ms() - older_than_ms
-        for job_id, finished_at in self._field_of_all("finished_at"):
+        # From the newest on: one that goes on with another's slices comes before it.
+        for job_id, finished_at in reversed(list(self._field_of_all("finished_at"))):
             if finished_at is None or float(finished_at) > before:
                 continue
             forgotten = self._dry_run or self._scripts.run("forget", job_id, older_than_ms)
             if forgotten in {True, "forgotten"}:
                 self._forgotten.add(job_id)
                 self._remove(list(self._store.listing(blobs.of_job(job_id))))
+
+    def sums(self, older_than_s: float) -> None:
+        """Let the sums go of jobs that have been finished for so long."""
+        older_than_ms = round(older_than_s * 1000)
+        for job_id, checkpoint in list(self._field_of_all("checkpoint")):
+            if checkpoint is None:
+                continue
+            dropped = self._scripts.run("drop_sums", job_id, older_than_ms, int(self._dry_run))
+            blob = Checkpoint.model_validate_json(checkpoint).blob
+            size = self._store.size(blob) if dropped == "dropped" else None
+            if size is not None and blob.startswith(blobs.of_job(job_id)):
+                self._remove([StoredBlob(blob, size)])
+                self._sums += 1
 
     def orphans(self) -> None:
         """Remove blobs of unknown jobs, and what finished ones do not need."""
@@ -220,7 +246,9 @@ class _Sweep:
     def _keeps(self, job_id: str) -> Callable[[str], bool]:
         """Whether the job, as Redis knows it now, keeps the blob of a name."""
         job = keys.job(job_id)
-        spec, finished_at, results = self._redis.hmget(job, "spec", "finished_at", "results")
+        spec, finished_at, results, checkpoint = self._redis.hmget(
+            job, "spec", "finished_at", "results", "checkpoint"
+        )
         if spec is None:
             return lambda _: False
         if finished_at is None:
@@ -228,6 +256,8 @@ class _Sweep:
         kept: set[str] = set()
         if JobSpec.model_validate_json(spec).keep_slices:
             kept = {record["blob"] for record in self._jobs.ledger(job_id).values()}
+        if checkpoint is not None:
+            kept.add(Checkpoint.model_validate_json(checkpoint).blob)
         swept = (blobs.partials(job_id), blobs.checkpoints(job_id), blobs.results(job_id))
         return lambda name: (
             name in kept or name.startswith(f"{results or ''}/") or not name.startswith(swept)

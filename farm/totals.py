@@ -37,6 +37,9 @@ TRY_ENDS: Final = (
 #: The states at which jobs end.
 ENDS: Final = tuple(state.value for state in JobState if state.ended)
 
+#: How tries of deliveries of webhooks end: after ``failed``, another follows.
+DELIVERY_TRY_ENDS: Final = ("delivered", "failed", "given-up")
+
 MERGE_BOUNDS_S: Final = (0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 10.0)
 EVALUATION_BOUNDS_S: Final = (0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 5.0, 10.0, 25.0, 60.0)
 
@@ -60,6 +63,9 @@ class Census:
     machine_s: float  #: that render children spent
     merges: Histogram  #: of one slice, its fetch included
     evaluations: Histogram  #: of a merged image by all rules of its job
+    webhooks_waiting: int  #: messages that wait for a try, or are being tried
+    webhook_tries: dict[str, int]  #: by how they ended
+    webhooks_dropped: int  #: messages that were forgotten before they could be delivered
     swept_at: float | None  #: when a sweep was last done, in s since 1970
 
 
@@ -85,6 +91,9 @@ def take_census(scripts: Scripts, within_s: float = 15.0) -> Census:
         machine_s=totals.get("machine ms", 0) / 1000,
         merges=histogram(totals, "merge", MERGE_BOUNDS_S),
         evaluations=histogram(totals, "evaluation", EVALUATION_BOUNDS_S),
+        webhooks_waiting=found["webhooks"],
+        webhook_tries={end: totals.get(f"webhook tries {end}", 0) for end in DELIVERY_TRY_ENDS},
+        webhooks_dropped=totals.get("webhooks dropped", 0),
         swept_at=totals["swept at"] / 1000 if "swept at" in totals else None,
     )
 

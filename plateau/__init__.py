@@ -1,1 +1,68 @@
-"""Plateau's front door: the command line and the Python client."""
+"""Plateau's front door: the command line and the Python client.
+
+``from plateau import Client`` is all that most programs need. Names are looked up when they are
+asked for, so that the command line does not wait for what it does not use.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, Final
+
+if TYPE_CHECKING:
+    from farm.spec import (
+        FixedSpec,
+        JobSpec,
+        MultipleSpec,
+        MyszkowskiSpec,
+        ReverseSpec,
+        SuccessiveSpec,
+        ViewSpec,
+        VisibleSpec,
+    )
+    from farm.states import JobState
+    from plateau.client import (
+        ApiError,
+        Client,
+        ClientError,
+        FinishedEvent,
+        PointEvent,
+        SliceEvent,
+        StateEvent,
+        TimedOut,
+        TroubleEvent,
+        Unreachable,
+    )
+
+__all__ = [
+    "ApiError",
+    "Client",
+    "ClientError",
+    "FinishedEvent",
+    "FixedSpec",
+    "JobSpec",
+    "JobState",
+    "MultipleSpec",
+    "MyszkowskiSpec",
+    "PointEvent",
+    "ReverseSpec",
+    "SliceEvent",
+    "StateEvent",
+    "SuccessiveSpec",
+    "TimedOut",
+    "TroubleEvent",
+    "Unreachable",
+    "ViewSpec",
+    "VisibleSpec",
+]
+
+_HOMES: Final = {"JobState": "farm.states"}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in __all__:
+        raise AttributeError(f"module 'plateau' has no attribute {name!r}")
+    home = "farm.spec" if name.endswith("Spec") else _HOMES.get(name, "plateau.client")
+    return getattr(import_module(home), name)
+
+
+def __dir__() -> list[str]:
+    return __all__

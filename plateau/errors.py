@@ -4,7 +4,7 @@ from typing import Final
 
 from farm.bundle import BundleError
 from farm.errors import FarmError
-from plateau.client import ClientError
+from plateau.client import ApiError, ClientError
 from plateau.data_folder import InUse
 from plateau.judge import CannotJudge
 from plateau.read_settings import BadSetting
@@ -29,3 +29,20 @@ EXPECTED: Final = (
     OSError,
     TreeFailed,
 )
+
+#: What the API's own hints are on the command line, by the kind of problem.
+_HINTS: Final = {
+    "unknown-job": "`plateau list` shows those there are",
+    "no-image-yet": "`plateau watch` shows when it comes",
+    "unknown-scene": "give the file itself; `plateau scenes` shows what is stored",
+    "store-unavailable": "try again shortly; `plateau doctor` may know more",
+}
+
+
+def in_words(error: BaseException) -> str:
+    """What a command says of an error that is expected."""
+    if isinstance(error, ApiError) and error.slug in _HINTS:
+        return f"{str(error).partition(';')[0]}; {_HINTS[error.slug]}"
+    if isinstance(error, OSError) and error.strerror and error.filename is not None:
+        return f"{error.filename}: {error.strerror}"  # without the number, which is for programs
+    return str(error)

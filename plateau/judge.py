@@ -84,7 +84,10 @@ def find_series(folder: Path, *, image_spp: int | None, cumulative: bool) -> Ser
     """
     files = tuple(sorted(folder.glob("*.exr"), key=_by_numbers))
     if not files:
-        raise CannotJudge(f"{folder} has no .exr files")
+        known = "has no .exr files" if folder.is_dir() else "is no folder"
+        raise CannotJudge(
+            f"{folder} {known}: give the slices of a job that kept them, or images of any renderer"
+        )
     try:
         first = decode_partial(files[0].read_bytes())
     except CorruptPartial:

@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 
@@ -16,6 +17,7 @@ _LONGEST_BACKOFF_S: Final = 30.0
 _WELL_S: Final = 30.0
 _LOG_BYTES: Final = 10_000_000
 _LAST_WORDS_BYTES: Final = 2000
+_KEYS: Final = ("PLATEAU_KEY", "PLATEAU_KEY_FILE", "PLATEAU_WEBHOOK_SECRET")
 
 
 class Member:
@@ -70,7 +72,7 @@ class Member:
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=log,
-                env={**os.environ, **self._environment},
+                env={**_without_key(os.environ), **self._environment},
                 start_new_session=True,
                 pass_fds=(*self._inherited, *passed),
                 preexec_fn=die_with_parent(),
@@ -116,6 +118,11 @@ class Member:
             log.seek(max(0, self.log.stat().st_size - _LAST_WORDS_BYTES))
             lines = log.read().decode(errors="replace").splitlines()
         return "\n".join(f"  {line}" for line in lines[-15:])
+
+
+def _without_key(environment: Mapping[str, str]) -> dict[str, str]:
+    """What a process of the farm inherits: it shows nobody an API key, so it gets none."""
+    return {name: value for name, value in environment.items() if name not in _KEYS}
 
 
 def describe_exit(status: int) -> str:

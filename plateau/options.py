@@ -2,13 +2,16 @@
 
 import inspect
 from collections.abc import Callable
+from copy import copy
 from functools import wraps
 from pathlib import Path
-from typing import Annotated, Any, Final, TypeAlias
+from typing import Annotated, Any, TypeAlias, get_args
 
 import typer
 
 import scenes
+from plateau import complete
+from plateau.spec_fields import checked, spec_fields
 
 
 def _scene(given: Path) -> Path:
@@ -26,11 +29,32 @@ Scene = Annotated[
     Path,
     typer.Argument(
         callback=_scene,
+        autocompletion=complete.scene_files,
         help=f"A Mitsuba XML, a zip of one, a folder with scene.xml, or one of Plateau's own: "
         f"scenes:NAME, where NAME is {', '.join(scenes.NAMES)}.",
     ),
 ]
-JobId = Annotated[str, typer.Argument(help="The job's id.", metavar="ID")]
+JobId = Annotated[
+    str,
+    typer.Argument(
+        help="The job's id, or as much of its beginning as no other job has.",
+        metavar="ID",
+        autocompletion=complete.job_ids,
+    ),
+]
+#: Of the two, a command takes one: `one_of` sees to it.
+OrJobId = Annotated[
+    str | None,
+    typer.Argument(
+        help="The job's id, or as much of its beginning as no other job has.",
+        metavar="[ID]",
+        autocompletion=complete.job_ids,
+    ),
+]
+OrBatch = Annotated[
+    str | None,
+    typer.Option("--batch", metavar="NAME", help="Instead of a job, all of this batch."),
+]
 Url = Annotated[
     str | None,
     typer.Option(
@@ -41,9 +65,19 @@ Url = Annotated[
     ),
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON, for scripts.")]
+NoCurve = Annotated[
+    bool, typer.Option("--no-curve", help="On a terminal, show progress without the curve.")
+]
 
 #: A `farm.spec.JobSpec`, by `takes_spec`; its module is imported only where a command runs.
 Spec: TypeAlias = Any
+
+
+def one_of(job_id: str | None, batch: str | None) -> str:
+    """The job's id, "" where a batch is named; refuses a command line with neither, or both."""
+    if (job_id is None) == (batch is None):
+        raise typer.BadParameter("give the id of a job, or --batch NAME")
+    return job_id or ""
 
 
 def spec_from_options(
@@ -73,11 +107,15 @@ def spec_from_options(
             "its parameters as in visible:target=0.001,min_spp=300. --window and --epsilon alone "
             "mean reverse, --spp alone means fixed.",
             show_default="visible",
+            autocompletion=complete.rules,
         ),
     ] = None,
     watch: Annotated[
         list[str] | None,
-        typer.Option(help="A rule to report beside it, written the same way; repeatable."),
+        typer.Option(
+            help="A rule to report beside it, written the same way; repeatable.",
+            autocompletion=complete.rules,
+        ),
     ] = None,
     window: Annotated[
         int | None, typer.Option(help="reverse: points in the regression.", show_default="5")
@@ -101,6 +139,7 @@ def spec_from_options(
         typer.Option(
             help="auto, scalar_rgb, llvm_ad_rgb or cuda_ad_rgb.",
             show_default="auto",
+            autocompletion=complete.variants,
         ),
     ] = None,
     sensor: Annotated[
@@ -123,7 +162,18 @@ def spec_from_options(
     priority: Annotated[
         int | None, typer.Option(help="Higher is served first.", show_default="0")
     ] = None,
+    min_spp: Annotated[
+        int | None,
+        typer.Option(
+            help="Never converged before, whatever the rule says: for even frames.",
+            show_default="none",
+        ),
+    ] = None,
     batch: Annotated[str | None, typer.Option(help="A name that groups jobs.")] = None,
+    flicker_guard: Annotated[
+        bool,
+        typer.Option("--flicker-guard", help="Let the batch take only jobs that stop alike."),
+    ] = False,
     keep_slices: Annotated[
         bool, typer.Option("--keep-slices", help="Keep every slice, for `plateau judge`.")
     ] = False,
@@ -135,105 +185,50 @@ def spec_from_options(
     typer.BadParameter
         A value is not allowed; the message names the option.
     """
-    from pydantic import ValidationError
-
-    from farm.spec import JobSpec
-
-    given: dict[str, Any] = _given(
-        step=step,
-        slice_spp=slice_spp,
-        max_spp=max_spp,
-        time_limit_s=time_limit,
-        seed=seed,
-        variant=variant,
-        sensor=sensor,
-        priority=priority,
-        batch=batch,
-        keep_slices=keep_slices,
-    )
-    given["parameters"] = dict(map(_definition, define or ()))
-    given["rule"] = {
-        **_rule(rule or _rule_of(window, epsilon, spp)),
-        **_given(window=window, epsilon=epsilon, spp=spp),
-    }
-    given["watch"] = list(map(_rule, watch or ()))
-    given["view"] = _given(
-        exposure_ev=exposure,
-        white_luminance=white_luminance,
-        field_of_view_deg=field_of_view,
-        primaries=primaries,
-    )
-    try:
-        return JobSpec.model_validate(given)
-    except ValidationError as error:
-        messages = [_message(one["loc"], one["type"], one["msg"]) for one in error.errors()]
-        raise typer.BadParameter("; ".join(messages)) from error
+    return checked(spec_fields(**locals()))
 
 
 def takes_spec(command: Callable[..., None]) -> Callable[..., None]:
     """Give the command the options of a spec in place of its parameter `spec`."""
-    own = inspect.signature(command).parameters
     options = inspect.signature(spec_from_options).parameters
-
-    @wraps(command)
-    def with_options(**given: Any) -> None:
-        spec = spec_from_options(**{name: given.pop(name) for name in options})
-        command(spec=spec, **given)
-
-    parameters = [one.replace(kind=one.KEYWORD_ONLY) for one in own.values() if one.name != "spec"]
-    parameters += options.values()
-    with_options.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
-    with_options.__annotations__ = {one.name: one.annotation for one in parameters}
-    return with_options
+    return _taking("spec", spec_from_options, list(options.values()))(command)
 
 
-def _given(**options: object) -> dict[str, object]:
-    return {name: value for name, value in options.items() if value is not None}
+def takes_changes(*names: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Give a command these options of a spec in place of its parameter `changes`.
+
+    That is a dict of the spec's fields which were given.
+    """
+    options = inspect.signature(spec_from_options).parameters
+    return _taking("changes", spec_fields, [_as_it_was(options[name]) for name in names])
 
 
-def _definition(text: str) -> tuple[str, str]:
-    name, separator, value = text.partition("=")
-    if not (separator and name):
-        raise typer.BadParameter(f"-D takes NAME=VALUE, not {text!r}")
-    return name, value
+def _as_it_was(option: inspect.Parameter) -> inspect.Parameter:
+    """The option, of which the help says that the job's own value is the default."""
+    kind, told = get_args(option.annotation)
+    told = copy(told)
+    if told.show_default is not True:  # it names the spec's own default
+        told.show_default = "as it was"
+    return option.replace(annotation=Annotated[kind, told])
 
 
-def _rule(text: str) -> dict[str, str]:
-    """A rule as it is written on the command line: ``name`` or ``name:parameter=value,…``."""
-    name, _, parameters = text.partition(":")
-    given = {"name": name}
-    for definition in filter(None, parameters.split(",")):
-        parameter, separator, value = definition.partition("=")
-        if not (separator and parameter):
-            raise typer.BadParameter(f"a rule is NAME or NAME:PARAMETER=VALUE,…, not {text!r}")
-        given[parameter] = value
-    return given
+def _taking(
+    parameter: str, made_by: Callable[..., Any], options: list[inspect.Parameter]
+) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Give a command these options of a spec in place of a parameter that is made of them."""
 
+    def decorated(command: Callable[..., None]) -> Callable[..., None]:
+        own = inspect.signature(command).parameters
 
-def _rule_of(window: int | None, epsilon: float | None, spp: int | None) -> str:
-    """The rule that options mean which only it has."""
-    if window is not None or epsilon is not None:
-        return "reverse"
-    return "visible" if spp is None else "fixed"
+        @wraps(command)
+        def with_options(**given: Any) -> None:
+            made = made_by(**{option.name: given.pop(option.name) for option in options})
+            command(**{parameter: made}, **given)
 
+        taken = [one.replace(kind=one.KEYWORD_ONLY) for one in own.values()]
+        taken = [one for one in taken if one.name != parameter] + options
+        with_options.__signature__ = inspect.Signature(taken)  # type: ignore[attr-defined]
+        with_options.__annotations__ = {one.name: one.annotation for one in taken}
+        return with_options
 
-#: Where an option is not called as the spec's field.
-_OPTIONS: Final = {
-    "exposure_ev": "exposure",
-    "field_of_view_deg": "field-of-view",
-    "time_limit_s": "time-limit",
-    "name": "rule",
-}
-
-
-def _message(location: tuple[int | str, ...], kind: str, message: str) -> str:
-    message = message.removeprefix("Value error, ")
-    if not location:
-        return message
-    if kind == "union_tag_invalid":
-        return f"--rule: {message}"
-    name = str(location[-1])
-    option = f"--{_OPTIONS.get(name, name).replace('_', '-')}"
-    if kind == "extra_forbidden":
-        return f"{option} is not an option of the rule {location[1]}"
-    return f"{option}: {message}"
+    return decorated

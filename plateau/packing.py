@@ -64,15 +64,16 @@ class Packed:
         self.file.close()
 
 
-def pack(path: Path, parameters: Mapping[str, str] | None = None) -> Packed:
+def pack(path: Path, *parameters: Mapping[str, str]) -> Packed:
     """Return a scene as one file, open for reading.
 
     Parameters
     ----------
     path : Path
         A Mitsuba XML; a folder with a `scene.xml`; or a zip, which is taken as it is.
-    parameters : mapping of str to str, optional
-        Values of the scene's `$parameters`, since these can choose files.
+    parameters : mappings of str to str
+        Values of the scene's `$parameters`, since these can choose files. Of several, as the jobs
+        of a batch have them, all files go in that any of them chooses.
 
     Raises
     ------
@@ -86,15 +87,22 @@ def pack(path: Path, parameters: Mapping[str, str] | None = None) -> Packed:
     """
     if path.is_dir():
         path = path / SCENE_XML
+        missing = "there is no such file: a folder is a scene where it has one"
+    else:
+        missing = "there is no such file; `scenes:box` is a scene to try"
     if not path.is_file():
-        raise BundleError("missing-file", "there is no such file", file=str(path))
+        raise BundleError("missing-file", missing, file=str(path))
     with path.open("rb") as file:
         is_zip = file.read(len(_ZIP_MAGIC)) == _ZIP_MAGIC
     if is_zip:
         return Packed(path.open("rb"), _ZIP, path.name, (path,))
     disk = _Disk()
     entry = disk.parts(path)
-    references = read_scene(disk, entry, parameters or {}, _LIMITS).references
+    references = [
+        reference
+        for values in _distinct(parameters)
+        for reference in read_scene(disk, entry, values, _LIMITS).references
+    ]
     if not references:
         return Packed(path.open("rb"), _XML, path.name, (path,))
     for reference in references:
@@ -107,6 +115,13 @@ def pack(path: Path, parameters: Mapping[str, str] | None = None) -> Packed:
         until_it_is_good.pop_all()
     files = tuple(disk.path(parts) for parts in layout.files)
     return Packed(bundle, _ZIP, f"{path.stem}.zip", files)
+
+
+def _distinct(parameters: tuple[Mapping[str, str], ...]) -> list[dict[str, str]]:
+    """Each set of values once; the scene's own defaults where there is none."""
+    return [dict(values) for values in dict.fromkeys(tuple(one.items()) for one in parameters)] or [
+        {}
+    ]
 
 
 class _Disk:

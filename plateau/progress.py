@@ -16,11 +16,15 @@ from rich.text import Text
 from farm.job import CurvePoint, Event, Job
 from farm.states import JobState
 from plateau import words
+from plateau.terminal_curve import LEAST_COLUMNS, LEAST_ROWS, terminal_curve
 
 #: The rate is that of the slices of the last so many seconds.
 _RATE_S: Final = 20.0
 _SPARKS: Final = "▁▂▃▄▅▆▇█"
 _SPARK_COLUMNS: Final = 48
+#: The curve has so many lines where the terminal has room for them beside the others.
+_CURVE_ROWS: Final = 10
+_OTHER_ROWS: Final = 8
 
 
 class Progress(ABC):
@@ -75,20 +79,6 @@ class Progress(ABC):
         samples = (len(self._slices) - 1) * job.width * job.height * job.spec.slice_spp
         return f"{samples / seconds / 1e6:.2f} Msamples/s" if seconds > 0 else ""
 
-    def _figures(self, job: Job, point: CurvePoint) -> list[str]:
-        """Visible pixels, slope and estimate, as far as they are known."""
-        figures = [f"visible {words.pixels(point.visible_pixels, point.visible_fraction)}"]
-        if point.slope is not None:
-            stop = words.stop_slope(job)
-            aim = "" if stop is None else f" (stops at {stop:.3g})"
-            figures.append(f"slope {point.slope:.3g} px/spp{aim}")
-        if point.estimate_pixels is not None:
-            left = words.pixels(point.estimate_pixels, point.estimate_fraction)
-            target = words.stop_fraction(job)
-            aim = "" if target is None else f" (stops at {100 * target:g} %)"
-            figures.append(f"estimate {left}{aim}")
-        return figures
-
 
 class PlainProgress(Progress):
     """A line for each change of state and each point of the curve."""
@@ -115,18 +105,27 @@ class PlainProgress(Progress):
         if event.type == "point" and self._job is not None:
             point = self._points[-1]
             after = words.duration((point.at - self._job.created_at).total_seconds())
-            figures = [*self._figures(self._job, point), self._rate(self._job), after]
-            self.note(f"{point.spp:>6} spp  {'  '.join(filter(None, figures))}")
+            self.note(words.point_line(self._job, point, self._rate(self._job), after))
 
     def refresh(self) -> None:
         """Print nothing: time alone is no news."""
 
 
 class LiveProgress(Progress):
-    """A few lines that change in place."""
+    """A few lines, and the curve, that change in place.
 
-    def __init__(self, console: Console) -> None:
+    Parameters
+    ----------
+    console
+        A terminal.
+    curve
+        Whether the curve is drawn where there is room for it; a row of bars stands for it else.
+    """
+
+    def __init__(self, console: Console, *, curve: bool = True) -> None:
         super().__init__()
+        self._curve = curve
+        self._columns = console.width
         # No thread of its own: the process tree's processes are started from this one.
         self._live = Live(console=console, auto_refresh=False)
 
@@ -149,6 +148,10 @@ class LiveProgress(Progress):
 
     def refresh(self) -> None:
         """Draw the lines again."""
+        console = self._live.console
+        if console.width < self._columns:  # the terminal has broken the lines that were too long
+            console.clear()
+        self._columns = console.width
         if self._job is not None:
             self._live.update(self._lines(self._job), refresh=True)
 
@@ -170,20 +173,35 @@ class LiveProgress(Progress):
         bar.add_row(ProgressBar(total=job.spec.max_spp, completed=spp), "   ".join(figures))
         lines: list[Table | Text] = [head, bar]
         if self._points:
-            lines.append(Text("   ".join(self._figures(job, self._points[-1]))))
+            lines.append(Text("   ".join(words.figures(job, self._points[-1]))))
         elif job.state is not JobState.PAUSED:
             lines.append(Text(job.reason, style="dim"))
         if job.state is JobState.PAUSED:
             lines.append(Text(f"{job.reason}; `plateau resume {job.id}` lets it go on", "yellow"))
         if len(self._points) > 1:
-            lines.append(Text(sparkline([one.visible_pixels for one in self._points]), "cyan"))
+            lines.append(self._drawn_curve(job))
         return Group(*lines)
 
+    def _drawn_curve(self, job: Job) -> Text:
+        console = self._live.console
+        rows = min(_CURVE_ROWS, console.height - _OTHER_ROWS)
+        room = console.width >= LEAST_COLUMNS and rows >= LEAST_ROWS
+        if not (self._curve and room and console.encoding.startswith("utf")):
+            return Text(sparkline([one.visible_pixels for one in self._points]), "cyan")
+        return terminal_curve(
+            self._points,
+            target=words.stop_fraction(job),
+            forecast_spp=None if job.state.ended else self._points[-1].forecast_spp,
+            max_spp=job.spec.max_spp,
+            columns=console.width,
+            rows=rows,
+        )
 
-def progress_on(console: Console) -> Progress:
-    """The progress that suits the console."""
+
+def progress_on(console: Console, *, curve: bool = True) -> Progress:
+    """The progress that suits the console, with the curve where it is wanted."""
     if console.is_terminal and not console.is_dumb_terminal:
-        return LiveProgress(console)
+        return LiveProgress(console, curve=curve)
     return PlainProgress(console)
 
 

@@ -48,7 +48,8 @@ def fit_table(path: Path) -> list[FittedScene]:
         with path.open(newline="", encoding="utf-8") as file:
             header, *rows = [row for row in csv.reader(file) if row]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise CannotFit(f"{path}: {error}") from error
+        why = error.strerror if isinstance(error, OSError) else error
+        raise CannotFit(f"{path}: {why}") from error
     except ValueError:
         raise CannotFit(f"{path} is empty") from None
     if not rows:

@@ -14,6 +14,7 @@ from farm.redis_link import connect
 from farm.schema import check_schema
 from farm.settings import Settings
 from plateau.data_folder import DataFolder
+from plateau.door import Door
 from plateau.interrupts import Interrupts
 from plateau.member import Member, describe_exit
 
@@ -46,8 +47,8 @@ class Tree:
         Once it was asked, starting is given up; once it was insisted, stopping is by force.
     workers
         Number of workers; they share the machine's cores.
-    host, port
-        Where the API listens; port 0 takes a free one.
+    door
+        Where the API listens, and for whom.
     tell
         Takes a line about what was started again.
     most_deaths
@@ -71,8 +72,7 @@ class Tree:
         interrupts: Interrupts,
         *,
         workers: int,
-        host: str,
-        port: int,
+        door: Door,
         tell: Callable[[str], None],
         most_deaths: int | None,
     ) -> None:
@@ -83,7 +83,7 @@ class Tree:
         self._data = data
         self._interrupts = interrupts
         self._workers = workers
-        self._listen = (host, port)
+        self._door = door
         self._tell = tell
         self._most_deaths = most_deaths
         self._redis: EmbeddedRedis | None = None
@@ -154,7 +154,7 @@ class Tree:
             self.redis_url = self._redis.url
             with connect(self.redis_url) as client:
                 check_schema(client)
-        api = self._member("api", ("api", "--host", self._listen[0]))
+        api = self._member("api", ("api", *self._door.options()))
         others = [self._member("monitor", ("monitor",))]
         others += [
             self._member(f"worker-{number}", ("worker",), self._share_of_threads())
@@ -164,7 +164,7 @@ class Tree:
         reads, writes = os.pipe()
         try:
             api.start(
-                passed=(writes,), more=("--port", str(self._listen[1]), "--ready-fd", str(writes))
+                passed=(writes,), more=("--port", str(self._door.port), "--ready-fd", str(writes))
             )
         finally:
             os.close(writes)

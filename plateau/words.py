@@ -4,7 +4,7 @@ import math
 from datetime import datetime
 from typing import Final
 
-from farm.job import Job
+from farm.job import CurvePoint, Job
 from farm.spec import ReverseSpec, VisibleSpec
 from farm.states import JobState
 from metric.rules.reverse import EPSILON_PIXELS
@@ -35,6 +35,37 @@ def pixels(count: float | None, fraction: float | None) -> str:
         return "–"
     number = f"{count:,.0f}" if count >= 10 else f"{count:.2g}"  # an estimate may be half a pixel
     return f"{number} px ({100 * fraction:.3g} %)"
+
+
+def size(count: float) -> str:
+    """A number of bytes as people say it: ``512 bytes``, ``1.4 MB``."""
+    for unit in ("bytes", "kB", "MB"):
+        if count < 1000:
+            return f"{count:.0f} {unit}" if unit == "bytes" else f"{count:.1f} {unit}"
+        count /= 1000
+    return f"{count:,.1f} GB"
+
+
+def figures(job: Job, point: CurvePoint) -> list[str]:
+    """Visible pixels, slope, estimate and forecast of a point, as far as they are known."""
+    found = [f"visible {pixels(point.visible_pixels, point.visible_fraction)}"]
+    if point.slope is not None:
+        stop = stop_slope(job)
+        aim = "" if stop is None else f" (stops at {stop:.3g})"
+        found.append(f"slope {point.slope:.3g} px/spp{aim}")
+    if point.estimate_pixels is not None:
+        left = pixels(point.estimate_pixels, point.estimate_fraction)
+        target = stop_fraction(job)
+        aim = "" if target is None else f" (stops at {100 * target:g} %)"
+        found.append(f"estimate {left}{aim}")
+    if point.forecast_spp is not None and not job.state.ended:
+        found.append(f"forecast {point.forecast_spp:,} spp")
+    return found
+
+
+def point_line(job: Job, point: CurvePoint, *more: str) -> str:
+    """A point of the curve in a line, with more at its end."""
+    return f"{point.spp:>6} spp  {'  '.join(filter(None, (*figures(job, point), *more)))}"
 
 
 def rule_window(job: Job) -> int:

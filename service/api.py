@@ -2,28 +2,70 @@
 
 import logging
 import socket
+import ssl
 from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Final
 
 import uvicorn
 
+from farm.api_keys import ApiKeys
 from farm.blobs import Blobs
-from farm.jobs import Jobs
+from farm.errors import StoreUnavailable
 from farm.redis_link import connect
 from farm.settings import Settings
 from service.app import create_app
 from service.event_hub import EventHub
-from service.guards import is_loopback
+from service.key_guard import Access
+from service.loopback import is_loopback
+from service.spool import spool_in
 
 #: How long a request may take to end when the API stops; streams of events end at once.
 _GRACE_S: Final = 5
+
+
+#: How to keep keys from being read on their way.
+_TLS: Final = (
+    "give the API a certificate (--tls-certificate, --tls-key), or put a proxy with TLS in front"
+)
+
+_LOG = logging.getLogger(__name__)
 
 
 class CannotListen(Exception):
     """The API may not, or cannot, listen on this address."""
 
 
-def run(settings: Settings, *, host: str, port: int, ready: Callable[[str], None]) -> None:
+@dataclass(frozen=True)
+class Tls:
+    """A certificate, with those that it rests on, and its private key: PEM files."""
+
+    certificate: Path
+    private_key: Path
+
+    def check(self) -> None:
+        """Return where the two can be used together, or raise `CannotListen`."""
+        try:
+            ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER).load_cert_chain(
+                self.certificate, self.private_key
+            )
+        except OSError as error:
+            raise CannotListen(
+                f"the certificate {self.certificate} with the key {self.private_key} cannot be "
+                f"used: {error.strerror or error}"
+            ) from error
+
+
+def run(
+    settings: Settings,
+    *,
+    host: str,
+    port: int,
+    open_to_all: bool,
+    tls: Tls | None,
+    ready: Callable[[str], None],
+) -> None:
     """Serve the API until SIGTERM or SIGINT.
 
     Parameters
@@ -32,23 +74,37 @@ def run(settings: Settings, *, host: str, port: int, ready: Callable[[str], None
         With `redis_url` and `blobs` set.
     host, port
         Where to listen; port 0 takes a free one.
+    open_to_all
+        Want no keys, though there are some; for a loopback address alone.
+    tls
+        The certificate to show, for https.
     ready
         Called with the API's URL once it answers.
 
     Raises
     ------
     CannotListen
-        The host is not this machine's loopback, or the port is taken.
+        The host is not this machine's loopback and there is no key, the port is taken, or the
+        certificate cannot be used.
     """
     if settings.redis_url is None or settings.blobs is None:
         raise ValueError("the API needs redis_url and blobs")
+    spool_in(settings.cache / "uploads")
+    client = connect(settings.redis_url)
+    access = access_at(host, ApiKeys(client), open_to_all=open_to_all)
+    if tls is not None:
+        tls.check()
+    elif access is Access.KEYS:
+        _LOG.warning("keys come over plain HTTP, which others on the network can read: %s", _TLS)
     listener = listen(host, port)
     hub = EventHub(settings.redis_url)
     app = create_app(
-        jobs=Jobs(connect(settings.redis_url)),
+        client=client,
         blobs=Blobs(settings.blobs),
         hub=hub,
         max_upload_bytes=round(settings.max_upload_gb * 2**30),
+        access=access,
+        webhook_allow=settings.webhook_allow,
     )
     config = uvicorn.Config(
         app,
@@ -57,17 +113,44 @@ def run(settings: Settings, *, host: str, port: int, ready: Callable[[str], None
         access_log=False,
         server_header=False,
         timeout_graceful_shutdown=_GRACE_S,
+        ssl_certfile=None if tls is None else tls.certificate,
+        ssl_keyfile=None if tls is None else str(tls.private_key),
     )
-    _Server(config, hub, lambda: ready(url_of(listener))).run(sockets=[listener])
+    url = url_of(listener, "http" if tls is None else "https")
+    _Server(config, hub, lambda: ready(url)).run(sockets=[listener])
+
+
+def access_at(host: str, keys: ApiKeys, *, open_to_all: bool) -> Access:
+    """Where an API that listens on this host wants keys.
+
+    Raises
+    ------
+    CannotListen
+        Other machines could reach it, and it would be open, or nobody has a key to it.
+    """
+    if is_loopback(host):
+        return Access.OPEN if open_to_all else Access.UNTIL_KEYS
+    if open_to_all:
+        raise CannotListen(
+            f"refusing to listen on {host!r} with --open: other machines reach that address; an "
+            "open API listens on this machine only, as 127.0.0.1, ::1 or localhost"
+        )
+    try:
+        usable = any(key.usable for key in keys.all())
+    except StoreUnavailable as error:
+        _LOG.warning("%s; whether there are keys is not known, and each request needs one", error)
+        return Access.KEYS
+    if not usable:
+        raise CannotListen(
+            f"refusing to listen on {host!r} without a key: other machines reach that address; "
+            "make one with `plateau keys create NAME --role admin` and start again, or listen on "
+            "127.0.0.1"
+        )
+    return Access.KEYS
 
 
 def listen(host: str, port: int) -> socket.socket:
-    """A socket bound to a loopback address, or `CannotListen`."""
-    if not is_loopback(host):
-        raise CannotListen(
-            f"refusing to listen on {host!r}: the API has no keys yet, so it listens on this "
-            "machine only, as 127.0.0.1, ::1 or localhost; reach it from elsewhere by an SSH tunnel"
-        )
+    """A socket bound to the address, or `CannotListen`."""
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     # By its name: asyncio looks for it before it sends small answers at once (TCP_NODELAY).
     listener = socket.socket(family, socket.SOCK_STREAM, socket.IPPROTO_TCP)
@@ -83,10 +166,10 @@ def listen(host: str, port: int) -> socket.socket:
     return listener
 
 
-def url_of(listener: socket.socket) -> str:
+def url_of(listener: socket.socket, scheme: str = "http") -> str:
     """The URL under which a listening socket is reached."""
     host, port = listener.getsockname()[:2]
-    return f"http://[{host}]:{port}" if ":" in host else f"http://{host}:{port}"
+    return f"{scheme}://[{host}]:{port}" if ":" in host else f"{scheme}://{host}:{port}"
 
 
 class _Server(uvicorn.Server):

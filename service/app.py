@@ -6,22 +6,41 @@ from typing import Final
 
 from fastapi import Depends, FastAPI
 
+from farm.allowance import Allowance
+from farm.api_keys import ApiKeys
+from farm.batches import Batches
 from farm.blobs import Blobs
 from farm.bundle import BundleLimits
+from farm.continuation import Continuations
 from farm.jobs import Jobs
-from service import routes_farm, routes_images, routes_jobs, routes_results
+from farm.redis_link import RedisClient
+from farm.webhooks import Outbox
+from farm.workers import Workers
+from service import (
+    routes_batches,
+    routes_continue,
+    routes_farm,
+    routes_images,
+    routes_jobs,
+    routes_key,
+    routes_page,
+    routes_report,
+    routes_results,
+    routes_scenes,
+    routes_webhooks,
+)
 from service.event_hub import EventHub
-from service.guards import BodyLimit, LocalOnly
+from service.guards import ENVELOPE_BYTES, BodyLimit
 from service.head import HeadAsGet
 from service.http_metrics import CountRequests
+from service.key_guard import Access, KeyGuard
 from service.log_fields import LogFields
 from service.metrics import Metrics
 from service.openapi import DescribedAPI, refuse_unknown_parameters
 from service.parts import Parts
 from service.problems import add_problem_handlers
-
-#: What a multipart body may have beyond its scene: the spec and the boundaries.
-_ENVELOPE_BYTES: Final = 2 << 20
+from service.slashes import KeepSlashes
+from service.webhook_addresses import Receivers
 
 _DESCRIPTION: Final = """
 Renders Mitsuba 3 scenes until the eye can no longer tell that more samples were added.
@@ -31,15 +50,27 @@ Every error is a problem as RFC 9457 describes it, with a stable `type`.
 """
 
 
-def create_app(*, jobs: Jobs, blobs: Blobs, hub: EventHub, max_upload_bytes: int) -> FastAPI:
+def create_app(
+    *,
+    client: RedisClient,
+    blobs: Blobs,
+    hub: EventHub,
+    max_upload_bytes: int,
+    access: Access = Access.UNTIL_KEYS,
+    webhook_allow: tuple[str, ...] = (),
+) -> FastAPI:
     """The API over this queue and this blob store.
 
     Parameters
     ----------
-    jobs, blobs, hub
-        The queue, the blob store, and the fan-out of events, which is closed with the app.
+    client, blobs, hub
+        Redis, the blob store, and the fan-out of events, which is closed with the app.
     max_upload_bytes
         Size of the largest scene that is taken.
+    access
+        Whether requests need keys.
+    webhook_allow
+        Networks and host names that are private and may be sent webhooks all the same.
     """
 
     @asynccontextmanager
@@ -58,14 +89,39 @@ def create_app(*, jobs: Jobs, blobs: Blobs, hub: EventHub, max_upload_bytes: int
         # A job shows the spec that it was given, so one description serves both ways.
         separate_input_output_schemas=False,
     )
-    app.state.parts = Parts(jobs, blobs, BundleLimits(max_bytes=max_upload_bytes), hub)
-    app.state.metrics = Metrics(jobs, blobs)
+    parts = Parts(
+        jobs=Jobs(client),
+        batches=Batches(client),
+        continuations=Continuations(client),
+        blobs=blobs,
+        limits=BundleLimits(max_bytes=max_upload_bytes),
+        hub=hub,
+        outbox=Outbox(client),
+        workers=Workers(client),
+        receivers=Receivers(webhook_allow),
+    )
+    app.state.parts = parts
+    app.state.metrics = Metrics(parts.jobs, blobs)
     add_problem_handlers(app)
-    for routes in (routes_jobs, routes_results, routes_images, routes_farm):
+    for routes in (
+        routes_jobs,
+        routes_batches,
+        routes_continue,
+        routes_results,
+        routes_images,
+        routes_report,
+        routes_scenes,
+        routes_webhooks,
+        routes_farm,
+        routes_key,
+        routes_page,
+    ):
         app.include_router(routes.router)
+    app.webhooks.include_router(routes_webhooks.sent)
+    app.add_middleware(KeepSlashes)
     app.add_middleware(HeadAsGet)
-    app.add_middleware(BodyLimit, most=max_upload_bytes + _ENVELOPE_BYTES)
-    app.add_middleware(LocalOnly)
+    app.add_middleware(BodyLimit, most=max_upload_bytes + ENVELOPE_BYTES)
+    app.add_middleware(KeyGuard, keys=ApiKeys(client), allowance=Allowance(client), access=access)
     app.add_middleware(LogFields)
     app.add_middleware(CountRequests, requests=app.state.metrics.requests)
     return app

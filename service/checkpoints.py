@@ -47,9 +47,12 @@ class Checkpoints:
 
     def save(self, merge: Merge, judge: Judge) -> None:
         """Save the sums and the rules' memory, unless they are saved, or others were just now."""
+        if time.monotonic() >= self._saved_at + _INTERVAL_S:
+            self.save_now(merge, judge)
+
+    def save_now(self, merge: Merge, judge: Judge) -> None:
+        """Save the sums and the rules' memory, unless they are saved."""
         if merge.slices == self._saved_slices:
-            return
-        if time.monotonic() < self._saved_at + _INTERVAL_S:
             return
         numbers, images = judge.memory()
         content = _pack(
@@ -65,9 +68,9 @@ class Checkpoints:
         self._owners.save_checkpoint(self._owned, saved)
         before, self._last = self._last, saved
         if before is not None and before.blob != saved.blob:
-            self._blobs.delete(before.blob)
+            self._delete_own(before.blob)
         if not self._keep_slices:
-            self._blobs.delete(*self._contained)
+            self._delete_own(*self._contained)
         self._contained = []
         self._saved_slices, self._saved_at = merge.slices, time.monotonic()
 
@@ -93,6 +96,11 @@ class Checkpoints:
         self._saved_slices = self._last.slices
         return Merge.from_arrays(slice_spp, self._last.slices, arrays)
 
+    def _delete_own(self, *names: str) -> None:
+        """Delete these blobs, but for those of a job that this one goes on with."""
+        own = blobs.of_job(self._owned.job_id)
+        self._blobs.delete(*(name for name in names if name.startswith(own)))
+
     def _content(self, checkpoint: Checkpoint) -> bytes:
         content = self._blobs.get(checkpoint.blob)
         if hashlib.sha256(content).hexdigest() != checkpoint.sha256:
@@ -101,8 +109,10 @@ class Checkpoints:
 
     def _render_again(self, lost: Checkpoint) -> None:
         """Have every slice rendered again whose partial went when this checkpoint had it."""
-        stored = set(self._blobs.names(blobs.partials(self._owned.job_id)))
-        for record in self._owners.committed(self._owned.job_id, range(lost.slices)):
+        records = self._owners.committed(self._owned.job_id, range(lost.slices))
+        folders = {f"{record.blob.rpartition('/')[0]}/" for record in records}
+        stored = {name for folder in folders for name in self._blobs.names(folder)}
+        for record in records:
             if record.blob not in stored:
                 self._owners.reject(self._owned, record, "the checkpoint that had it was lost")
 

@@ -59,7 +59,7 @@ def read_if_none_match(lines: list[str]) -> Known:
     return Known(frozenset(_TAG.findall(text)), anything=False)
 
 
-def known(
+async def known(
     if_none_match: Annotated[
         list[str] | None,  # its lines, which are documented as the one that they mean
         WithJsonSchema({"type": "string", "examples": ['"0000400-7-image.png"']}),

@@ -4,38 +4,34 @@ import asyncio
 import contextlib
 import logging
 from collections.abc import AsyncIterator, Iterator
-from dataclasses import dataclass, field
 from typing import Final
 
 from redis.asyncio import Redis
 from redis.exceptions import RedisError
 
 from farm import keys
-from farm.job import Event
 from farm.log import concerning
 from farm.records import event
+from service.event_feed import Feed, Told, position
 
 #: Shorter than the socket's time-out, so that a quiet job is not taken for a dead connection.
 _BLOCK_MS: Final = 5000
 _SOCKET_TIMEOUT_S: Final = 10.0
 _RETRY_S: Final = 1.0
+#: Each job that is watched takes one; redis-py's own limit is 100, Redis's 10,000.
+_CONNECTIONS: Final = 5000
+#: So many read a job's past at a time, each over a connection: hundreds may come at once.
+_READERS_OF_THE_PAST: Final = 16
 
 _log = logging.getLogger(__name__)
-
-
-@dataclass(eq=False)
-class _Feed:
-    """A job that somebody watches: one blocking read in Redis wakes all its watchers."""
-
-    news: set[asyncio.Event] = field(default_factory=set)
-    reader: "asyncio.Task[None] | None" = None
 
 
 class EventHub:
     """Events of jobs as they happen, from any point of the past on.
 
-    However many watch a job, one connection waits for it; each watcher then reads on from its
-    own last event, so that none is lost or sent twice, through outages of Redis too.
+    However many watch a job, one connection reads its news, once for all of them; who comes later
+    first reads on from its own last event. So none is lost or sent twice, through outages of
+    Redis too.
     """
 
     def __init__(self, redis_url: str) -> None:
@@ -45,86 +41,88 @@ class EventHub:
             protocol=2,
             socket_timeout=_SOCKET_TIMEOUT_S,
             socket_connect_timeout=5.0,
+            max_connections=_CONNECTIONS,
         )
-        self._feeds: dict[str, _Feed] = {}
+        self._reading_the_past = asyncio.Semaphore(_READERS_OF_THE_PAST)
+        self._feeds: dict[str, Feed] = {}
         self._closing = False
 
     async def events(
         self, job_id: str, after: str, *, idle_s: float
-    ) -> AsyncIterator[tuple[Event, ...]]:
+    ) -> AsyncIterator[tuple[Told, ...]]:
         """The job's events since the event `after`, in batches, up to and including `finished`.
 
         An empty batch comes after `idle_s` seconds without news, and when Redis is away.
         """
-        with self._watching(job_id, after) as news:
+        known = position(after)
+        with self._feed(job_id) as feed, feed.watcher() as watcher:
             while not self._closing:
-                news.clear()
-                try:
-                    batch = await self._read(job_id, after)
-                except (RedisError, OSError) as error:
-                    with concerning(job_id):
-                        _log.warning("its events wait, Redis is away: %s", error)
-                    yield ()
-                    await asyncio.sleep(_RETRY_S)
-                    continue
+                feed.check()
+                watcher.has_seen_all()
+                batch = feed.since(known)
+                if batch is None:  # it reaches further back than the feed
+                    try:
+                        batch = await self._read(job_id, known)
+                    except (RedisError, OSError) as error:
+                        with concerning(job_id):
+                            _log.warning("its events wait, Redis is away: %s", error)
+                        yield ()
+                        await asyncio.sleep(_RETRY_S)
+                        continue
                 if batch:
                     yield batch
-                    after = batch[-1].id
-                    if any(happening.type == "finished" for happening in batch):
+                    known = batch[-1].position
+                    if any(one.is_last for one in batch):
                         return
-                    continue
-                try:
-                    await asyncio.wait_for(news.wait(), idle_s)
-                except asyncio.TimeoutError:
+                elif not await watcher.has_news(within_s=idle_s):
                     yield ()
 
     def stop_watching(self) -> None:
         """End every stream of events, so that the server need not wait for its clients."""
         self._closing = True
         for feed in self._feeds.values():
-            _wake(feed)
+            feed.wake_all()
 
     async def close(self) -> None:
         """Give the connections back."""
         self.stop_watching()
-        readers = [feed.reader for feed in self._feeds.values() if feed.reader is not None]
-        for reader in readers:
-            reader.cancel()
-        await asyncio.gather(*readers, return_exceptions=True)
+        await asyncio.gather(
+            *(feed.stop() for feed in self._feeds.values()), return_exceptions=True
+        )
         await self._redis.aclose()
 
-    async def _read(self, job_id: str, after: str) -> tuple[Event, ...]:
-        entries = await self._redis.xrange(keys.job(job_id, "events"), min=f"({after}")
-        return tuple(event(event_id, fields) for event_id, fields in entries)
+    async def _read(self, job_id: str, known: tuple[int, int]) -> tuple[Told, ...]:
+        first = f"({known[0]}-{known[1]}"
+        async with self._reading_the_past:
+            entries = await self._redis.xrange(keys.job(job_id, "events"), min=first)
+        return tuple(Told.of(event(*entry)) for entry in entries)
 
     @contextlib.contextmanager
-    def _watching(self, job_id: str, after: str) -> Iterator[asyncio.Event]:
-        feed = self._feeds.setdefault(job_id, _Feed())
-        if feed.reader is None:
-            feed.reader = asyncio.create_task(self._wait_for_news(job_id, feed, after))
-        news = asyncio.Event()
-        feed.news.add(news)
+    def _feed(self, job_id: str) -> Iterator[Feed]:
+        feed = self._feeds.get(job_id)
+        if feed is None:
+            feed = self._feeds[job_id] = Feed()
+            feed.read_by(asyncio.create_task(self._keep_up(job_id, feed)))
         try:
-            yield news
+            yield feed
         finally:
-            feed.news.discard(news)
-            if not feed.news:
-                feed.reader.cancel()
+            if not feed.is_watched:
+                feed.stop()
                 del self._feeds[job_id]
 
-    async def _wait_for_news(self, job_id: str, feed: _Feed, after: str) -> None:
-        stream = keys.job(job_id, "events")
+    async def _keep_up(self, job_id: str, feed: Feed) -> None:
+        stream, newest = keys.job(job_id, "events"), None
         while True:
             try:
-                answer = await self._redis.xread({stream: after}, block=_BLOCK_MS)
+                if newest is None:
+                    entries = await self._redis.xrevrange(stream, count=1)
+                    newest = entries[0][0] if entries else "0-0"
+                    # Who has read on their own before that may have missed what came since.
+                    await feed.start(position(newest))
+                answer = await self._redis.xread({stream: newest}, block=_BLOCK_MS)
             except (RedisError, OSError):
                 await asyncio.sleep(_RETRY_S)
                 continue
             for _, entries in answer:
-                after = entries[-1][0]
-                _wake(feed)
-
-
-def _wake(feed: _Feed) -> None:
-    for news in feed.news:
-        news.set()
+                newest = entries[-1][0]
+                await feed.add([Told.of(event(*entry)) for entry in entries])

@@ -4,6 +4,7 @@ import hashlib
 from typing import Any, Final
 
 JOB_ID: Final = "3b52dbb3a017"
+KEY_ID: Final = "c81e5a0f93d2"
 EVENT_ID: Final = "1795252332826-0"
 IDEMPOTENCY_KEY: Final = "sphere-at-noon"
 
@@ -21,6 +22,15 @@ SPEC: Final[dict[str, Any]] = {
     "watch": [{"name": "reverse", "window": 5, "epsilon": 0.1}],
     "view": {"exposure_ev": 0, "white_luminance": 100, "field_of_view_deg": 45},
     "parameters": {"width": 256, "height": 256},
+}
+
+#: And the same of many jobs.
+BATCH_SPEC: Final[dict[str, Any]] = {
+    "max_spp": 2000,
+    "min_spp": 300,
+    "batch": "exposures",
+    "flicker_guard": True,
+    "parameters": [{"width": 256, "height": 256}, {"width": 320, "height": 256}],
 }
 
 #: The smallest scene that can be rendered to something.
@@ -115,6 +125,7 @@ WORKER: Final[dict[str, Any]] = {
     "samples_per_s": 2.7e6,
     "last_error": "slice 3: the render child was ended by SIGSEGV while rendering a pass",
     "trouble": None,
+    "drained": False,
     "started_at": "2026-11-21T08:00:00Z",
     "seen_at": _AT,
 }
@@ -127,11 +138,25 @@ SCENE: Final[dict[str, Any]] = {
     "height": 256,
 }
 
+SCENE_FOUND: Final[dict[str, Any]] = {
+    **SCENE,
+    "kind": "xml",
+    "entry": "sphere.xml",
+    "files": 1,
+    "bytes_unpacked": len(SCENE_XML),
+    "sensors": 1,
+    "parameters": {"width": "256", "height": "256"},
+}
+
 _ROOT: Final = f"/v1/jobs/{JOB_ID}"
+
+PREVIEW: Final[dict[str, Any]] = {"spp": 100, "link": f"{_ROOT}/previews/100.png"}
 
 JOB: Final[dict[str, Any]] = {
     "id": JOB_ID,
     "name": "sphere.xml",
+    "owner": KEY_ID,
+    "owner_name": "nightly",
     "state": "rendering",
     "reason": "a worker took its first slice",
     "spec": SPEC,
@@ -162,6 +187,30 @@ JOB: Final[dict[str, Any]] = {
     },
 }
 
+WEBHOOK_MESSAGE: Final[dict[str, Any]] = {
+    "type": "job.converged",
+    "timestamp": _AT,
+    "data": {"sequence": 2, "job": {**JOB, "state": "converged", "ended_at": _AT}},
+}
+
+DELIVERY: Final[dict[str, Any]] = {
+    "number": 2,
+    "id": f"msg_{JOB_ID}_2",
+    "event": "converged",
+    "at": _AT,
+    "state": "waiting",
+    "next_try_at": "2026-11-21T08:12:18.102Z",
+    "tries": [
+        {"at": _AT, "status": 500, "error": "the receiver answered 500", "ms": 12},
+    ],
+}
+
+DELIVERIES: Final[dict[str, Any]] = {
+    "url": "https://studio.example/hooks/plateau",
+    "events": ["converged", "finished"],
+    "deliveries": [DELIVERY],
+}
+
 METRICS: Final = (
     "# HELP plateau_jobs Jobs that have not ended, by state.\n"
     "# TYPE plateau_jobs gauge\n"
@@ -171,14 +220,27 @@ METRICS: Final = (
 #: What a problem of each type may say.
 PROBLEM_DETAILS: Final = {
     "malformed-request": "Missing boundary in multipart.",
-    "foreign-host": "the request is addressed to 'farm.example'; this API has no keys yet and "
-    "answers only as localhost, 127.0.0.1 or [::1]",
+    "foreign-host": "the request is addressed to 'farm.example'; this API wants no keys, so it "
+    "answers only on its own machine, as localhost, 127.0.0.1 or [::1]; `plateau keys create NAME` "
+    "makes a key, and with keys it may have any name",
     "foreign-origin": "a page of 'https://example.org' made this request; only the API's own "
     "pages may",
+    "no-key": "this service wants an API key, as the header Authorization: Bearer KEY; plateau's "
+    "commands take it from PLATEAU_KEY or PLATEAU_KEY_FILE, its Python client as Client(key=…), "
+    "and `plateau keys create NAME`, where the service runs, makes one",
+    "bad-key": "the service does not know this key, or it was revoked; check PLATEAU_KEY, or ask "
+    "who runs the service for another: `plateau keys create NAME` makes one",
+    "role-too-low": "this needs a submitter's key, and the key 'web page' is a viewer's; "
+    "`plateau keys create NAME --role submitter` makes one",
+    "not-your-job": f"job {JOB_ID} belongs to another key; it takes that key, or an admin's, to "
+    "change it",
     "unknown-path": "nothing is served at /problems/none; /docs lists what is",
     "unknown-job": f"there is no job '{JOB_ID}'; GET /v1/jobs lists those there are",
+    "unknown-worker": f"no worker {_WORKER!r} lives; GET /v1/workers lists those that do",
+    "unknown-batch": "there is no batch 'exposures'; GET /v1/batches lists those there are",
     "no-image-yet": f"job {JOB_ID} is queued; its first image comes a moment after the first point "
     f"of its curve, which GET {_ROOT}/events announces",
+    "unknown-delivery": f"job {JOB_ID} has no delivery 9; GET {_ROOT}/webhooks lists those it has",
     "unknown-slice": f"slice 15 of job {JOB_ID} is not stored; slices stay where the job's spec "
     "says keep_slices",
     "not-acceptable": "Accept is 'image/png'; to be had are application/json and text/csv",
@@ -186,6 +248,10 @@ PROBLEM_DETAILS: Final = {
     "cannot-pause": f"job {JOB_ID} is queued; only a job that is rendering can be paused; a queued "
     "one can have a lower priority",
     "cannot-resume": f"job {JOB_ID} is converged; only a paused job can be resumed",
+    "cannot-continue": f"job {JOB_ID} cannot be continued: it has 2500 spp, so a cap of 2000 leaves "
+    "nothing to render",
+    "uneven-batch": f"batch 'exposures' is guarded against flicker, and beside job {JOB_ID} "
+    "rule.target would be 0.001, not 0.0002; ask for the same, or name another batch",
     "job-ended": f"job {JOB_ID} is converged; only a job that has not ended can be changed",
     "cannot-cancel": f"job {JOB_ID} is converged; only a job that has not ended can be cancelled",
     "upload-too-large": "the request has more than 1,075,838,976 bytes; PLATEAU_MAX_UPLOAD_GB "
@@ -201,6 +267,10 @@ PROBLEM_DETAILS: Final = {
     "broken-scene": "scene.xml, line 7: the file meshes/wall.ply is not in the bundle",
     "idempotency-key-reused": f"the Idempotency-Key '{IDEMPOTENCY_KEY}' made job {JOB_ID} from "
     "another scene or spec; use a new key for a new job",
+    "too-many-requests": "the key 'nightly' may make 1200 requests a minute, and 200 at once; try "
+    "again in 1 s",
+    "too-many-jobs": "the key has 1,000 jobs that have not ended, and may have 1,000; wait for one "
+    "to end, or cancel one",
     "internal-error": "an error that Plateau did not expect; the API's log has the details",
     "store-unavailable": "Redis cannot be reached; try again shortly",
 }

@@ -2,62 +2,56 @@
 
 import asyncio
 import contextlib
-import ipaddress
 from collections.abc import Iterable
+from typing import Final
 from urllib.parse import urlsplit
 
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from service.callers import ANYBODY, Caller
+from service.loopback import is_loopback
 from service.problems import FOREIGN_HOST, FOREIGN_ORIGIN, UPLOAD_TOO_LARGE, Problem
 
 
-def is_loopback(host: str) -> bool:
-    """Whether this name or address, without a port, can only mean this machine."""
-    if host.lower() == "localhost":
-        return True
-    try:
-        return ipaddress.ip_address(host.strip("[]")).is_loopback
-    except ValueError:
-        return False
+def refuse_foreign(scope: Scope) -> None:
+    """Return where a request names this machine and comes from no other web site; raise otherwise.
 
-
-class LocalOnly:
-    """Lets through requests that name this machine and come from no other web site.
-
-    The API has no keys yet, so it listens on loopback only. A web page elsewhere can still make
-    a browser on this machine call it: under a name that it controls and points at 127.0.0.1 (DNS
-    rebinding; seen in ``Host``), or by a form that posts across sites (seen in ``Origin``).
+    For an API that is open, which listens on loopback only. A web page elsewhere can still make a
+    browser on this machine call it: under a name that it controls and points at 127.0.0.1 (DNS
+    rebinding; seen in ``Host``), or by a form that posts across sites (seen in ``Origin``). And a
+    proxy on this machine can let others in without knowing what it does. Where keys are wanted none
+    of this matters: a browser adds no key by itself to what another page asks for, and the service
+    may have any name.
     """
-
-    def __init__(self, app: ASGIApp) -> None:
-        self._app = app
-
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer a foreign request with a problem; pass on any other."""
-        problem = _foreign(scope["headers"]) if scope["type"] == "http" else None
-        if problem is not None:
-            await problem.response(scope["path"])(scope, receive, send)
-        else:
-            await self._app(scope, receive, send)
-
-
-def _foreign(headers: Iterable[tuple[bytes, bytes]]) -> Problem | None:
-    host = _header(headers, b"host") or ""
+    host = header(scope["headers"], b"host") or ""
     if not is_loopback(_name_of(f"//{host}")):
-        return Problem(
-            FOREIGN_HOST,
-            f"the request is addressed to {host!r}; this API has no keys yet and "
-            "answers only as localhost, 127.0.0.1 or [::1]",
-        )
-    origin = _header(headers, b"origin")
-    if origin is not None and origin.lower() != f"http://{host}".lower():
-        return Problem(
+        raise _foreign_host(f"the request is addressed to {host!r}")
+    if any(name in _FROM_A_PROXY for name, _ in scope["headers"]):
+        raise _foreign_host("the request came through a proxy")
+    origin = header(scope["headers"], b"origin")
+    if origin is not None and origin.lower() != f"{scope['scheme']}://{host}".lower():
+        raise Problem(
             FOREIGN_ORIGIN, f"a page of {origin!r} made this request; only the API's own pages may"
         )
-    return None
 
 
-def _header(headers: Iterable[tuple[bytes, bytes]], name: bytes) -> str | None:
+#: Headers that a proxy adds to say for whom it asks.
+_FROM_A_PROXY: Final = frozenset(
+    {b"forwarded", b"x-forwarded-for", b"x-forwarded-host", b"x-real-ip"}
+)
+
+
+def _foreign_host(what: str) -> Problem:
+    return Problem(
+        FOREIGN_HOST,
+        f"{what}; this API wants no keys, so it answers only on its own machine, as localhost, "
+        "127.0.0.1 or [::1]; `plateau keys create NAME` makes a key, and with keys it may have any "
+        "name",
+    )
+
+
+def header(headers: Iterable[tuple[bytes, bytes]], name: bytes) -> str | None:
+    """The first header of this name, which is in lower case."""
     return next((value.decode("latin-1") for key, value in headers if key == name), None)
 
 
@@ -74,6 +68,9 @@ _LINGER_BYTES = 64 * 2**20
 _LINGER_S = 2.0
 
 
+#: What a form may have beyond its scene: the spec and the boundaries.
+ENVELOPE_BYTES: Final = 2 << 20
+
 #: A body that is no upload is read into memory, so it may have so many bytes at most.
 _MOST_OF_A_CHANGE = 2**16
 
@@ -81,7 +78,8 @@ _MOST_OF_A_CHANGE = 2**16
 class BodyLimit:
     """Refuses a body of more than `most` bytes, by its announced length or while it streams.
 
-    Only a POST may bring so many: any other body is some JSON.
+    Only a POST of a form may bring so many: any other body is some JSON. A key may have a lower
+    limit than the service; which key a request brings was looked up before.
     """
 
     def __init__(self, app: ASGIApp, most: int) -> None:
@@ -93,11 +91,11 @@ class BodyLimit:
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
-        most = self._most if scope["method"] == "POST" else _MOST_OF_A_CHANGE
-        announced = _header(scope["headers"], b"content-length")
+        most, setting = self._limit(scope)
+        announced = header(scope["headers"], b"content-length")
         if announced is not None and announced.isdigit() and int(announced) > most:
-            await _discard(receive)
-            await _too_large(most).response(scope["path"])(scope, receive, send)
+            await discard(receive)
+            await _too_large(most, setting).response(scope["path"])(scope, receive, send)
             return
         received = 0
 
@@ -107,15 +105,25 @@ class BodyLimit:
             received += len(message.get("body", b""))
             if received > most:
                 if message.get("more_body"):
-                    await _discard(receive)
-                raise _too_large(most)
+                    await discard(receive)
+                raise _too_large(most, setting)
             return message
 
         await self._app(scope, counted, send)
 
+    def _limit(self, scope: Scope) -> tuple[int, str]:
+        """How many bytes the body may have, and what sets that."""
+        kind = (header(scope["headers"], b"content-type") or "").lower()
+        if scope["method"] != "POST" or not kind.startswith("multipart/form-data"):
+            return _MOST_OF_A_CHANGE, ""
+        caller: Caller = scope.get("state", {}).get("caller", ANYBODY)
+        most = (caller.upload_bytes or self._most) + ENVELOPE_BYTES
+        if most < self._most:
+            return most, f"; the key {caller.name!r} may send no more"
+        return self._most, "; PLATEAU_MAX_UPLOAD_GB sets the limit"
 
-def _too_large(most: int) -> Problem:
-    setting = "" if most == _MOST_OF_A_CHANGE else "; PLATEAU_MAX_UPLOAD_GB sets the limit"
+
+def _too_large(most: int, setting: str) -> Problem:
     return Problem(
         UPLOAD_TOO_LARGE,
         f"the request has more than {most:,} bytes{setting}",
@@ -124,7 +132,15 @@ def _too_large(most: int) -> Problem:
     )
 
 
-async def _discard(receive: Receive) -> None:
+async def discard_body(scope: Scope, receive: Receive) -> None:
+    """Read the body of a refused request, where one comes, as far and as long as is worth it."""
+    names = {name for name, _ in scope["headers"]}
+    # Who expects to be told to go on sends no body once it is refused.
+    if b"expect" not in names and names & {b"content-length", b"transfer-encoding"}:
+        await discard(receive)
+
+
+async def discard(receive: Receive) -> None:
     """Read the rest of a body, as far and as long as is worth it."""
 
     async def read() -> None:

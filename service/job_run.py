@@ -39,14 +39,18 @@ class JobRun:
         owners: Ownerships,
         store: Blobs,
         work: MonitorWork,
+        *,
+        keeps_sums: bool,
     ) -> None:
         self.owned = owned
+        self._keeps_sums = keeps_sums
         self._jobs = jobs
         self._owners = owners
         self._blobs = store
         self._work = work
         job = jobs.get(owned.job_id)
         self._spec = job.spec
+        self._continued_spp = job.continued_spp
         self._judge = Judge(job.spec)
         self._judgement: Judgement | None = None  # made, but not yet written down
         self._planned_stop = -1
@@ -109,7 +113,7 @@ class JobRun:
             return True
         point, verdict, spp = self._judgement.point, self._judgement.verdict, self._merge.spp
         self._owners.append_point(self.owned, spp, point)
-        if verdict.stop:
+        if verdict.stop and spp > self._continued_spp:
             self._end_with_results(JobState.CONVERGED, verdict.reason, verdict.numbers)
         elif spp == self._spec.max_spp:
             reason = f"reached the cap of {spp} spp; {verdict.reason}"
@@ -205,8 +209,23 @@ class JobRun:
         """Write the results of the job's prefix, then clear everything else."""
         if not self._owners.concluded(job.id):
             self._conclude(job)
-        self._clear(job)
-        self._owners.finish(self.owned)
+        kept = self._keep_sums(job)
+        self._clear(job, kept)
+        self._owners.finish(self.owned, keeps_sums=bool(kept))
+
+    def _keep_sums(self, job: Job) -> set[str]:
+        """Save the sums of the whole image, from which another job can go on; returns their blob.
+
+        A job that keeps its slices needs none.
+        """
+        if self._spec.keep_slices or not self._keeps_sums:
+            return set()
+        self._merge_up_to(job)
+        if self._merge.slices:
+            self._checkpoints.save_now(self._merge, self._judge)
+        # As Redis has it: another monitor may have saved its own while we were suspended.
+        last = self._owners.checkpoint(job.id)
+        return set() if last is None else {last.blob}
 
     def _conclude(self, job: Job) -> None:
         notes = job.notes
@@ -219,13 +238,13 @@ class JobRun:
             results, spp = self._jobs.results(job.id), job.spp
         self._owners.conclude(self.owned, spp=spp, results=results, notes=notes)
 
-    def _clear(self, job: Job) -> None:
-        """Remove every blob of the job but its results and the slices that it keeps."""
+    def _clear(self, job: Job, sums: set[str]) -> None:
+        """Remove every blob of the job but its results, its sums and the slices that it keeps."""
         kept = self._slices_to_keep(job)
         results = self._jobs.results(job.id)
         self._blobs.delete(
             *(name for name in self._blobs.names(blobs.partials(job.id)) if name not in kept),
-            *self._blobs.names(blobs.checkpoints(job.id)),
+            *(name for name in self._blobs.names(blobs.checkpoints(job.id)) if name not in sums),
             *(
                 name
                 for name in self._blobs.names(blobs.results(job.id))

@@ -1,7 +1,7 @@
 """Judges a job's merged image: the rule that ends it, the rules it watches, and the curve."""
 
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +36,10 @@ def warm_up() -> None:
     metric.smooth(image, 1)
 
 
+#: Rules of which every job's judge has the memory, whichever rules the job names.
+REMEMBERED_ANYWAY: Final = ("reverse", "visible")
+
+
 @dataclass(frozen=True)
 class Judgement:
     """One evaluation: the point of the curve, and what the job's own rule said."""
@@ -49,11 +53,13 @@ class Judge:
 
     The curve is always that of the reverse comparison, whatever rule ends the job: where neither
     the rule nor a watched one is `reverse`, one with the paper's parameters is kept beside them.
+    So is one of `visible`: a job that goes on with this one may want what it remembers.
     """
 
     def __init__(self, spec: JobSpec) -> None:
         self._metric = CompiledVisibleDifferences(View(**spec.view.model_dump()))
         self._own = spec.rule.name
+        self._min_spp, self._step = spec.min_spp or 0, spec.step
         self._rules: dict[str, Rule] = {
             rule.name: create_rule(**rule.model_dump()) for rule in (spec.rule, *spec.watch)
         }
@@ -63,8 +69,9 @@ class Judge:
             (rule.target for rule in (spec.rule, *spec.watch) if isinstance(rule, VisibleSpec)),
             VisibleSpec().target,
         )
-        if "reverse" not in self._rules:
-            self._rules["reverse"] = create_rule("reverse")
+        for name in REMEMBERED_ANYWAY:
+            if name not in self._rules:
+                self._rules[name] = create_rule(name)
 
     def judge(self, merge: Merge) -> Judgement:
         """Evaluate every rule on the merged image; once for each evaluation, in order of spp."""
@@ -87,7 +94,17 @@ class Judge:
                 for name in self._shown
             },
         }
-        return Judgement(point, verdicts[self._own])
+        return Judgement(point, self._not_too_early(verdicts[self._own], merge.spp))
+
+    def _not_too_early(self, verdict: Verdict, spp: int) -> Verdict:
+        """The rule's verdict, which ends no job before its `min_spp`."""
+        if not verdict.stop or not self._min_spp or spp - self._step >= self._min_spp:
+            return verdict
+        stop = spp >= self._min_spp
+        may = "could end no earlier" if stop else "cannot end yet"
+        return replace(
+            verdict, stop=stop, reason=f"{verdict.reason}; by min_spp, {self._min_spp}, it {may}"
+        )
 
     def visible_map(self, merge: Merge) -> NDArray[np.bool_] | None:
         """Where the merged image differs visibly from the first one of the curve."""
@@ -118,8 +135,10 @@ class Judge:
         return numbers, images
 
     def recall(self, numbers: dict[str, Any], images: dict[str, NDArray[Any]]) -> None:
-        """Take up what `memory` gave."""
+        """Take up what `memory` gave; a rule that it does not name begins here."""
         for name, rule in self._rules.items():
+            if name not in numbers:
+                continue
             own = {
                 image.removeprefix(f"{name}:"): pixels
                 for image, pixels in images.items()

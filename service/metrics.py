@@ -69,6 +69,7 @@ class _Farm(Collector):
         yield build
         if census is not None:
             yield from _work_there_is(census)
+            yield from _messages_there_are(census)
             yield from _who_works(census)
             yield from _work_done(census)
 
@@ -92,6 +93,14 @@ def _work_there_is(census: Census) -> Iterator[Metric]:
         "for a worker, or are leased to one.",
         census.slices,
         "state",
+    )
+
+
+def _messages_there_are(census: Census) -> Iterator[Metric]:
+    yield gauge(
+        "plateau_webhooks_waiting",
+        "Messages to webhooks that wait for their first or next try.",
+        census.webhooks_waiting,
     )
 
 
@@ -154,6 +163,19 @@ def _work_done(census: Census) -> Iterator[Metric]:
         "plateau_machine_seconds_total",
         "Seconds that render children spent on slices, whatever came of them.",
         census.machine_s,
+    )
+    yield counter(
+        "plateau_webhook_tries_total",
+        "Tries to deliver a message to a job's webhook, by how they ended: delivered, failed "
+        "(another follows) or given up.",
+        census.webhook_tries,
+        "outcome",
+    )
+    yield counter(
+        "plateau_webhooks_dropped_total",
+        "Messages to webhooks that were forgotten, with their job or since a job remembers a "
+        "hundred, before they could be delivered.",
+        census.webhooks_dropped,
     )
     merges = HistogramMetricFamily(
         "plateau_merge_seconds",

@@ -26,10 +26,12 @@ from farm.wake import Wake
 from service.job_run import JobRun
 from service.judge import warm_up
 from service.sweeper import sweeping
+from service.webhooks import delivering
 
 _LOG = logging.getLogger(__name__)
 
 _IDLE_S: Final = 0.5  #: between two looks at the jobs, where no hint came
+_ROUND_S: Final = 0.1  #: so long jobs are looked at of which no hint came, till those are that have
 _CENSUS_S: Final = 2.0  #: between two counts of the workers
 _RETRY_S: Final = (0.5, 10.0)  #: the first and the longest wait where something is away
 
@@ -59,9 +61,12 @@ class Monitor:
         self._work = MonitorWork(client, self.id, settings.lease_s)
         self._wake = Wake(client, keys.WAKE_MONITORS)
         self._lease_s = settings.lease_s
+        self._keeps_sums = settings.keep_sums_days > 0
         self._owned: dict[str, Ownership] = {}
         self._runs: dict[str, JobRun] = {}
         self._waiting: dict[str, _Waiting] = {}  # jobs of ours whose blobs cannot be reached
+        self._round: list[str] = []  # jobs of ours that are still to be looked at in this round
+        self._round_due = float("-inf")  # when the next one begins
         self._workers = 0
         self._counted_at = float("-inf")
 
@@ -74,11 +79,12 @@ class Monitor:
         )
         renewer.start()
         backoff = Backoff(*_RETRY_S)
+        hinted: set[str] = set()
         try:
             while not stop.is_set():
                 try:
-                    self._look()
-                    self._wake.wait(_IDLE_S)
+                    self._look(hinted)
+                    hinted = self._wake.wait(0.0 if self._round else _IDLE_S)
                     backoff.reset()
                 except StoreUnavailable as error:
                     _LOG.warning("%s", error)
@@ -88,21 +94,35 @@ class Monitor:
             renewer.join()
             self._disown()
 
-    def _look(self) -> None:
-        """Take the jobs that nobody owns, and bring each of ours forward."""
-        for job_id in self._owners.unfinished() - self._owned.keys():
+    def _look(self, hinted: set[str]) -> None:
+        """Take the jobs that nobody owns, and bring ours forward: those first that a hint was of.
+
+        All others have their turn in rounds, since hints may be lost. A round that takes long, as
+        it does where a thousand jobs wait, is broken off and gone on with after the next hints.
+        """
+        for job_id in self._owners.by_age(self._owners.unfinished() - self._owned.keys()):
             owned = self._owners.acquire(job_id)
             if owned is not None:
                 self._owned[job_id] = owned
         look_ahead = self._look_ahead()
-        for owned in tuple(self._owned.values()):
-            waiting = self._waiting.get(owned.job_id)
-            if waiting is None or time.monotonic() >= waiting.until:
-                with log.concerning(owned.job_id):
-                    self._bring_forward(owned, look_ahead)
+        for job_id in [one for one in self._owned if one in hinted]:
+            self._bring_forward(job_id, look_ahead)
+        now = time.monotonic()
+        if not self._round and now >= self._round_due:
+            self._round, self._round_due = list(self._owned)[::-1], now + _IDLE_S
+        while self._round and time.monotonic() < now + _ROUND_S:
+            job_id = self._round.pop()
+            if job_id in self._owned and job_id not in hinted:
+                self._bring_forward(job_id, look_ahead)
 
-    def _bring_forward(self, owned: Ownership, look_ahead: int) -> None:
-        """Advance one job; where its blobs cannot be reached, the others go on."""
+    def _bring_forward(self, job_id: str, look_ahead: int) -> None:
+        """Advance one job, unless it waits; where its blobs cannot be reached, others go on."""
+        waiting = self._waiting.get(job_id)
+        if waiting is None or time.monotonic() >= waiting.until:
+            with log.concerning(job_id):
+                self._bring_one_forward(self._owned[job_id], look_ahead)
+
+    def _bring_one_forward(self, owned: Ownership, look_ahead: int) -> None:
         job_id = owned.job_id
         try:
             done = self._advance(owned, look_ahead)
@@ -120,7 +140,14 @@ class Monitor:
         try:
             run = self._runs.get(owned.job_id)
             if run is None:
-                run = JobRun(owned, self._jobs, self._owners, self._blobs, self._work)
+                run = JobRun(
+                    owned,
+                    self._jobs,
+                    self._owners,
+                    self._blobs,
+                    self._work,
+                    keeps_sums=self._keeps_sums,
+                )
                 self._runs[owned.job_id] = run
             return run.advance(look_ahead)
         except FenceLost as lost:
@@ -136,7 +163,7 @@ class Monitor:
         """Fail the job; where it had ended before, leave it without its last results."""
         try:
             if self._jobs.get(owned.job_id).state.ended:
-                self._owners.finish(owned)
+                self._owners.finish(owned, keeps_sums=False)
                 return True
             self._owners.end(owned, JobState.FAILED, reason)
         except FenceLost:
@@ -179,5 +206,5 @@ def run(settings: Settings, stop: threading.Event) -> None:
     store = Blobs(settings.blobs)
     monitor = Monitor(settings, store)
     log.identify(monitor=monitor.id)
-    with sweeping(settings, store):
+    with sweeping(settings, store), delivering(settings):
         monitor.run(stop)

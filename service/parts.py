@@ -6,12 +6,17 @@ from typing import Final
 
 from fastapi import Request
 
+from farm.batches import Batches
 from farm.blobs import Blobs
 from farm.bundle import BundleLimits
+from farm.continuation import Continuations
 from farm.errors import JobNotFound
 from farm.job import Job
 from farm.jobs import Jobs
+from farm.webhooks import Outbox
+from farm.workers import Workers
 from service.event_hub import EventHub
+from service.webhook_addresses import Receivers
 
 _JOB_ID: Final = re.compile(r"[0-9a-f]{12}")
 
@@ -21,9 +26,14 @@ class Parts:
     """The queue, the blob store, and the limits on what comes in."""
 
     jobs: Jobs
+    batches: Batches
+    continuations: Continuations
     blobs: Blobs
     limits: BundleLimits
     hub: EventHub
+    outbox: Outbox
+    workers: Workers
+    receivers: Receivers  #: of webhooks
 
     def job(self, job_id: str) -> Job:
         """The job, or `JobNotFound`; what cannot be an id is not looked up."""
@@ -32,7 +42,12 @@ class Parts:
         return self.jobs.get(job_id)
 
 
-def parts(request: Request) -> Parts:
+def parts_of(request: Request) -> Parts:
     """The parts of the app that serves the request."""
     found: Parts = request.app.state.parts
     return found
+
+
+async def parts(request: Request) -> Parts:
+    """As `parts_of`, as a route takes them: no function, for which FastAPI would fetch a thread."""
+    return parts_of(request)

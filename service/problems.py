@@ -12,7 +12,17 @@ from pydantic import BaseModel, ConfigDict, Field
 from starlette.exceptions import HTTPException
 from starlette.routing import compile_path
 
-from farm.errors import IllegalTransition, JobEnded, JobNotFound, StoreUnavailable
+from farm.errors import (
+    BatchNotFound,
+    CannotContinue,
+    IllegalTransition,
+    JobEnded,
+    JobNotFound,
+    StoreUnavailable,
+    TooManyJobs,
+    UnevenBatch,
+    WorkerNotFound,
+)
 from farm.states import JobState
 from service import examples
 
@@ -41,15 +51,24 @@ class ProblemType:
 MALFORMED_REQUEST: Final = ProblemType("malformed-request", 400, "The request cannot be read")
 FOREIGN_HOST: Final = ProblemType("foreign-host", 403, "This service answers this machine only")
 FOREIGN_ORIGIN: Final = ProblemType("foreign-origin", 403, "Other web sites may not call this API")
+NO_KEY: Final = ProblemType("no-key", 401, "An API key is wanted")
+BAD_KEY: Final = ProblemType("bad-key", 401, "The API key opens nothing here")
+ROLE_TOO_LOW: Final = ProblemType("role-too-low", 403, "The key's role does not allow this")
+NOT_YOUR_JOB: Final = ProblemType("not-your-job", 403, "The job is not this key's")
 UNKNOWN_PATH: Final = ProblemType("unknown-path", 404, "There is nothing here")
 UNKNOWN_JOB: Final = ProblemType("unknown-job", 404, "There is no such job")
+UNKNOWN_WORKER: Final = ProblemType("unknown-worker", 404, "No such worker lives")
+UNKNOWN_BATCH: Final = ProblemType("unknown-batch", 404, "There is no such batch")
 NO_IMAGE_YET: Final = ProblemType("no-image-yet", 404, "The job has no image yet")
 UNKNOWN_SLICE: Final = ProblemType("unknown-slice", 404, "The slice is not stored")
+UNKNOWN_DELIVERY: Final = ProblemType("unknown-delivery", 404, "The job has no such delivery")
 METHOD_NOT_ALLOWED: Final = ProblemType("method-not-allowed", 405, "Not by this method")
 NOT_ACCEPTABLE: Final = ProblemType("not-acceptable", 406, "It is not to be had in that form")
 CANNOT_CANCEL: Final = ProblemType("cannot-cancel", 409, "The job has already ended")
 CANNOT_PAUSE: Final = ProblemType("cannot-pause", 409, "The job is not rendering")
 CANNOT_RESUME: Final = ProblemType("cannot-resume", 409, "The job is not paused")
+CANNOT_CONTINUE: Final = ProblemType("cannot-continue", 409, "No job can go on with this one so")
+UNEVEN_BATCH: Final = ProblemType("uneven-batch", 409, "The job would stop unlike its batch")
 JOB_ENDED: Final = ProblemType("job-ended", 409, "The job has ended and cannot be changed")
 UPLOAD_TOO_LARGE: Final = ProblemType("upload-too-large", 413, "The upload is too large")
 NOT_MULTIPART: Final = ProblemType("not-multipart", 415, "The body is not multipart/form-data")
@@ -61,6 +80,8 @@ BROKEN_SCENE: Final = ProblemType("broken-scene", 422, "The scene cannot be take
 KEY_REUSED: Final = ProblemType(
     "idempotency-key-reused", 422, "The idempotency key was used for another request"
 )
+TOO_MANY_REQUESTS: Final = ProblemType("too-many-requests", 429, "The key asks too often")
+TOO_MANY_JOBS: Final = ProblemType("too-many-jobs", 429, "The key has too many open jobs")
 INTERNAL_ERROR: Final = ProblemType("internal-error", 500, "The service failed")
 STORE_UNAVAILABLE: Final = ProblemType("store-unavailable", 503, "Redis or the blob store is away")
 
@@ -200,6 +221,28 @@ def add_problem_handlers(app: FastAPI) -> None:
         detail = f"{error}; GET /v1/jobs lists those there are"
         return Problem(UNKNOWN_JOB, detail).response(request.url.path)
 
+    @app.exception_handler(BatchNotFound)
+    def answer_unknown_batch(request: Request, error: BatchNotFound) -> JSONResponse:
+        detail = f"{error}; GET /v1/batches lists those there are"
+        return Problem(UNKNOWN_BATCH, detail).response(request.url.path)
+
+    @app.exception_handler(WorkerNotFound)
+    def answer_unknown_worker(request: Request, error: WorkerNotFound) -> JSONResponse:
+        detail = f"{error}; GET /v1/workers lists those that do"
+        return Problem(UNKNOWN_WORKER, detail).response(request.url.path)
+
+    @app.exception_handler(UnevenBatch)
+    def answer_uneven(request: Request, error: UnevenBatch) -> JSONResponse:
+        fields = [
+            {"field": f"spec.{name}", "value": asked, "others": had}
+            for name, asked, had in error.differs
+        ]
+        detail = f"{error}; ask for the same, or name another batch"
+        problem = Problem(
+            UNEVEN_BATCH, detail, batch=error.batch, job_id=error.job_id, differs=fields
+        )
+        return problem.response(request.url.path)
+
     @app.exception_handler(IllegalTransition)
     def answer_illegal(request: Request, error: IllegalTransition) -> JSONResponse:
         kind, possible = _REFUSALS[JobState(error.target)]
@@ -215,17 +258,32 @@ def add_problem_handlers(app: FastAPI) -> None:
         problem = Problem(JOB_ENDED, detail, state=error.state, story=error.story)
         return problem.response(request.url.path)
 
+    @app.exception_handler(CannotContinue)
+    def answer_cannot_continue(request: Request, error: CannotContinue) -> JSONResponse:
+        return Problem(CANNOT_CONTINUE, str(error)).response(request.url.path)
+
     @app.exception_handler(StoreUnavailable)
     def answer_unavailable(request: Request, error: StoreUnavailable) -> JSONResponse:
-        _log.warning("%s %s: %s", request.method, request.url.path, error)
-        headers = {"Retry-After": str(_RETRY_AFTER_S)}
-        problem = Problem(STORE_UNAVAILABLE, f"{error}; try again shortly", headers=headers)
+        return unavailable(request.method, request.url.path, error).response(request.url.path)
+
+    @app.exception_handler(TooManyJobs)
+    def answer_too_many_jobs(request: Request, error: TooManyJobs) -> JSONResponse:
+        detail = f"{error}; wait for one to end, or cancel one"
+        problem = Problem(TOO_MANY_JOBS, detail, open_jobs=error.open_jobs, limit=error.most)
         return problem.response(request.url.path)
 
     @app.exception_handler(Exception)
     def answer_unexpected(request: Request, _: Exception) -> JSONResponse:
         detail = "an error that Plateau did not expect; the API's log has the details"
         return Problem(INTERNAL_ERROR, detail).response(request.url.path)
+
+
+def unavailable(method: str, path: str, error: Exception) -> Problem:
+    """What is answered to a request while Redis or the blob store is away; the log has it too."""
+    _log.warning("%s %s: %s", method, path, error)
+    headers = {"Retry-After": str(_RETRY_AFTER_S)}
+    words = str(error) or "Redis does not answer"
+    return Problem(STORE_UNAVAILABLE, f"{words}; try again shortly", headers=headers)
 
 
 def _from_http(request: Request, error: HTTPException) -> Problem:

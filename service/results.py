@@ -12,6 +12,8 @@ from farm.spec import JobSpec
 from metric import difference_picture, encode_srgb
 from service.judge import Judge
 from service.merge import Merge
+from service.previews import Previews
+from service.thumbnails import thumbnail
 
 _INTERVAL_S: Final = 2.0  #: at least so long between two previews
 
@@ -27,7 +29,8 @@ class Results:
         self._owned = owned
         self._owners = owners
         self._blobs = store
-        self._exposure_ev = spec.view.exposure_ev
+        self._spec = spec
+        self._previews = Previews(store, owned.job_id)
         self._shown: str | None = None
         self._shown_spp = 0
         self._shown_at = float("-inf")
@@ -36,26 +39,34 @@ class Results:
         """Show the merged image, unless it is shown, or another was a moment ago."""
         if merge.spp == self._shown_spp or time.monotonic() < self._shown_at + _INTERVAL_S:
             return
-        written, before = self.write(merge, judge), self._shown
+        pictures = self._pictures(merge, judge)
+        written, before = self._put(merge.spp, pictures), self._shown
         self._owners.show_results(self._owned, written)
+        if self._spec.evaluates_at(merge.spp):
+            self._previews.keep(merge.spp, pictures["image.png"])
         self._shown, self._shown_spp, self._shown_at = written, merge.spp, time.monotonic()
         if before not in {None, written}:
             self._blobs.delete(*self._blobs.names(f"{before}/"))
 
     def write(self, merge: Merge, judge: Judge) -> str:
         """Write the pictures of the merged image; returns the set's name, which nobody sees yet."""
-        image = merge.image()
+        return self._put(merge.spp, self._pictures(merge, judge))
+
+    def _pictures(self, merge: Merge, judge: Judge) -> dict[str, bytes]:
+        image, exposure_ev = merge.image(), self._spec.view.exposure_ev
         about: dict[str, str | int] = {"plateau:job": self._owned.job_id, "plateau:spp": merge.spp}
         pictures = {
             "image.exr": encode_image(image, about),
-            "image.png": encode_png(encode_srgb(image, self._exposure_ev)),
+            "image.png": encode_png(encode_srgb(image, exposure_ev)),
+            "thumbnail.png": encode_png(thumbnail(image, exposure_ev)),
         }
         visible = judge.visible_map(merge)
         if visible is not None:
-            pictures["difference.png"] = encode_png(
-                difference_picture(image, visible, self._exposure_ev)
-            )
-        name = f"{blobs.results(self._owned.job_id)}{merge.spp:07d}-{self._owned.token}"
+            pictures["difference.png"] = encode_png(difference_picture(image, visible, exposure_ev))
+        return pictures
+
+    def _put(self, spp: int, pictures: dict[str, bytes]) -> str:
+        name = blobs.result_set(self._owned.job_id, spp, self._owned.token)
         for picture, content in pictures.items():
             self._blobs.put(f"{name}/{picture}", content)
         return name

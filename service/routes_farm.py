@@ -4,17 +4,51 @@ from typing import Annotated
 
 from fastapi import APIRouter, Depends, Path, Request, Response
 
+from farm.api_keys import Role
 from service import examples, metrics, problems
+from service.callers import CallerOf
 from service.parts import Parts, parts
 from service.problems import TYPES, Problem, documented
-from service.views import Health, ProblemTypeView, Scenes, SceneView, Workers
+from service.views import Health, ProblemTypeView, Scenes, SceneView, WhoAmI, Workers
 
 router = APIRouter(tags=["farm"])
+
+
+@router.get("/v1/whoami", responses=documented())
+def whoami(by: CallerOf) -> WhoAmI:
+    """Say whose key came with the request, and what it allows."""
+    if by.key is None:
+        return WhoAmI(id=None, name=None, role=Role.ADMIN)
+    return WhoAmI(id=by.key.id, name=by.key.name, role=by.key.role)
 
 
 @router.get("/v1/workers", responses=documented())
 def workers(farm: Annotated[Parts, Depends(parts)]) -> Workers:
     """List the workers that live, and what each renders."""
+    return Workers(workers=farm.jobs.workers())
+
+
+_WorkerId = Annotated[str, Path(description="the worker's `id`", examples=[examples.WORKER["id"]])]
+_STEERING = documented(problems.UNKNOWN_WORKER)
+
+
+@router.post("/v1/workers/{worker_id}/drain", status_code=202, responses=_STEERING)
+def drain(worker_id: _WorkerId, farm: Annotated[Parts, Depends(parts)], by: CallerOf) -> Workers:
+    """Tell a worker to take no more slices; what it has in hand it finishes.
+
+    It lives on, idle, and may be stopped without a loss. Doing it again is harmless, and `resume`
+    takes it back. Where the API wants keys, it takes an admin's. Answers all workers.
+    """
+    by.check_may_steer_workers()
+    farm.workers.drain(worker_id)
+    return Workers(workers=farm.jobs.workers())
+
+
+@router.post("/v1/workers/{worker_id}/resume", status_code=202, responses=_STEERING)
+def let_work(worker_id: _WorkerId, farm: Annotated[Parts, Depends(parts)], by: CallerOf) -> Workers:
+    """Let a drained worker take slices again; harmless where it is not. Answers all workers."""
+    by.check_may_steer_workers()
+    farm.workers.resume(worker_id)
     return Workers(workers=farm.jobs.workers())
 
 

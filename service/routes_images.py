@@ -6,18 +6,22 @@ from typing import Annotated, Any, Final
 from fastapi import APIRouter, Depends, Path, Request, Response
 from fastapi.responses import StreamingResponse
 
+from farm import blobs
 from farm.job import Job
-from service import problems
-from service.etags import NOT_MODIFIED, Known, cache_control, known, not_modified, strong
+from service import previews, problems
+from service.etags import FINAL, NOT_MODIFIED, Known, cache_control, known, not_modified, strong
 from service.head import HEADERS_ONLY
 from service.parts import Parts, parts
 from service.problems import Problem, documented
 from service.routes_jobs import JobId
+from service.views import Preview, PreviewList
 
 router = APIRouter(prefix="/v1/jobs/{job_id}", tags=["results"])
 
 _PNG: Final = "image/png"
 _EXR: Final = "image/x-exr"
+#: The header that says how many samples per pixel an image has: a running job's grow on.
+_SPP: Final = "Plateau-Spp"
 
 _Farm = Annotated[Parts, Depends(parts)]
 _Known = Annotated[Known, Depends(known)]
@@ -25,7 +29,7 @@ _Known = Annotated[Known, Depends(known)]
 
 def _served(media_type: str, *kinds: problems.ProblemType) -> dict[int | str, dict[str, Any]]:
     """The ``responses`` of a route that serves a blob."""
-    names = ("ETag", "Cache-Control", "Content-Disposition")
+    names = ("ETag", "Cache-Control", "Content-Disposition", _SPP)
     binary = {"schema": {"type": "string", "format": "binary"}}
     return {
         200: {
@@ -62,6 +66,59 @@ def image_exr(request: Request, job_id: JobId, farm: _Farm, has: _Known) -> Resp
 def difference_png(request: Request, job_id: JobId, farm: _Farm, has: _Known) -> Response:
     """Show where the merged image differs visibly from the first image of the curve."""
     return _image("difference.png", _PNG, job_id, farm, has, request)
+
+
+@router.get(
+    "/thumbnail.png",
+    response_class=StreamingResponse,
+    responses=_served(_PNG, problems.NO_IMAGE_YET),
+)
+def thumbnail_png(request: Request, job_id: JobId, farm: _Farm, has: _Known) -> Response:
+    """Show the merged image in small, for lists: its longer side has 192 pixels at most."""
+    return _image("thumbnail.png", _PNG, job_id, farm, has, request)
+
+
+@router.get("/previews", responses=documented(problems.UNKNOWN_JOB))
+def list_previews(job_id: JobId, farm: _Farm) -> PreviewList:
+    """List the pictures that the job keeps of its way: of 24 points of its curve at most.
+
+    Each is what `image.png` was then. There is at most one for every 2 s, and the first point's is
+    among them; where there are too many, those stay that are spread best in ratios of spp.
+    """
+    job = farm.job(job_id)
+    root = f"/v1/jobs/{job.id}/previews"
+    spps = previews.kept(farm.blobs, job.id)
+    return PreviewList(previews=[Preview(spp=spp, link=f"{root}/{spp}.png") for spp in spps])
+
+
+@router.get(
+    "/previews/{spp}.png",
+    response_class=StreamingResponse,
+    responses=_served(_PNG, problems.NO_IMAGE_YET, problems.INVALID_REQUEST),
+)
+def preview_png(
+    request: Request,
+    job_id: JobId,
+    spp: Annotated[
+        int, Path(ge=1, le=1_000_000, description="as `previews` lists it", examples=[100])
+    ],
+    farm: _Farm,
+    has: _Known,
+) -> Response:
+    """Show what the merged image looked like at a point of the curve."""
+    job = farm.job(job_id)
+    # What the image was at some spp never changes.
+    headers = _headers(job, strong(job.id, spp, "preview.png"), f"{job.id}-{spp}-spp.png")
+    headers |= {"Cache-Control": FINAL, _SPP: str(spp)}
+    try:
+        return _blob(blobs.preview(job.id, spp), _PNG, headers, farm, has, request)
+    except FileNotFoundError as error:
+        raise Problem(
+            problems.NO_IMAGE_YET,
+            f"job {job.id} keeps no picture of {spp} spp; GET /v1/jobs/{job.id}/previews lists "
+            "those that it keeps",
+            state=job.state.value,
+        ) from error
 
 
 @router.get(
@@ -102,6 +159,8 @@ def _image(
         tag = strong(results.rpartition("/")[2], name)
         try:
             headers = _headers(job, tag, f"{job.id}-{name}")
+            if results:
+                headers[_SPP] = str(blobs.spp_of_set(results))
             return _blob(f"{results}/{name}", media_type, headers, farm, has, request)
         except FileNotFoundError:
             continue

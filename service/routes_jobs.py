@@ -1,11 +1,14 @@
 """Routes that create, show, list and steer jobs."""
 
-from typing import Annotated, Any
+from typing import Annotated, Any, Final
 
 from fastapi import APIRouter, Depends, Path, Query, Response
 
+from farm.spec import JobSpec
 from farm.states import JobState
-from service import examples, problems
+from service import examples, idempotency, problems
+from service.batch_views import BATCH, BatchView, batch_path, batch_view
+from service.callers import CallerOf
 from service.parts import Parts, parts
 from service.problems import Problem, documented
 from service.uploads import Submission, create_job, submission
@@ -15,7 +18,8 @@ router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
 
 JobId = Annotated[str, Path(description="the job's `id`", examples=[examples.JOB_ID])]
 
-_SUBMISSION: dict[str, Any] = {
+#: The body of a request that brings or names a scene.
+SUBMISSION_BODY: Final[dict[str, Any]] = {
     "requestBody": {
         "required": True,
         "content": {
@@ -35,7 +39,13 @@ _SUBMISSION: dict[str, Any] = {
                             "description": "instead of `scene`: one that is already stored; "
                             "empty, as a web form sends it, it counts as left out",
                         },
-                        "spec": {"$ref": "#/components/schemas/JobSpec"},
+                        "spec": {
+                            "oneOf": [
+                                {"$ref": "#/components/schemas/JobSpec"},
+                                {"$ref": "#/components/schemas/BatchSpec"},
+                            ],
+                            "description": "of one job, or of many where `parameters` is a list",
+                        },
                     },
                     "anyOf": [{"required": ["scene"]}, {"required": ["scene_sha256"]}],
                     "additionalProperties": False,
@@ -45,37 +55,49 @@ _SUBMISSION: dict[str, Any] = {
                     "a stored scene": {
                         "value": {"scene_sha256": examples.SCENE_SHA256, "spec": {}}
                     },
+                    "a batch": {
+                        "value": {"scene": examples.SCENE_XML, "spec": examples.BATCH_SPEC}
+                    },
                 },
                 "encoding": {"spec": {"contentType": "application/json"}},
             }
         },
     },
-    "parameters": [
-        {
-            "name": "Idempotency-Key",
-            "in": "header",
-            "required": False,
-            "schema": {"type": "string", "pattern": "^[\\x21-\\x7e]{1,255}$"},
-            "example": examples.IDEMPOTENCY_KEY,
-            "description": "a request repeated with the same key within a day makes one job",
-        }
-    ],
+}
+_SUBMISSION: Final[dict[str, Any]] = {
+    **SUBMISSION_BODY,
+    "parameters": idempotency.PARAMETERS,
 }
 
 
 @router.post(
     "",
     status_code=201,
+    response_model=None,  # it would be described as any of the two
     openapi_extra=_SUBMISSION,
     responses={
         201: {
+            "content": {
+                "application/json": {
+                    "schema": {
+                        "oneOf": [
+                            {"$ref": "#/components/schemas/JobView"},
+                            {"$ref": "#/components/schemas/BatchView"},
+                        ]
+                    },
+                    "examples": {
+                        "a job": {"value": examples.JOB},
+                        "a batch": {"value": BATCH},
+                    },
+                }
+            },
             "headers": {
-                "Location": {"schema": {"type": "string"}, "description": "path of the job"},
-                "Idempotency-Replayed": {
-                    "schema": {"const": "true"},
-                    "description": "only where the key's first request had made the job",
+                "Location": {
+                    "schema": {"type": "string"},
+                    "description": "path of the job, or of the batch",
                 },
-            }
+                **idempotency.REPLAYED,
+            },
         },
         **documented(
             problems.MALFORMED_REQUEST,
@@ -87,6 +109,8 @@ _SUBMISSION: dict[str, Any] = {
             problems.UNKNOWN_SCENE,
             problems.BROKEN_SCENE,
             problems.KEY_REUSED,
+            problems.UNEVEN_BATCH,
+            problems.TOO_MANY_JOBS,
         ),
     },
 )
@@ -94,17 +118,23 @@ def submit(
     response: Response,
     asked: Annotated[Submission, Depends(submission)],
     farm: Annotated[Parts, Depends(parts)],
-) -> JobView:
-    """Submit a scene: it is checked, stored once, and queued as a new job.
+    who: CallerOf,
+) -> JobView | BatchView:
+    """Submit a scene: it is checked, stored once, and queued as a new job, or as many.
 
-    `spec` may be left out, as may any of its fields. Answers 201 with the job; the header
-    `Idempotency-Replayed: true` says that the key's first request had made it already.
+    `spec` may be left out, as may any of its fields. Where `parameters` is a list, each of its
+    entries makes a job, all of them or none, and the answer is their batch; without a `batch` in
+    the spec its name is made up. Answers 201; the header `Idempotency-Replayed: true` says that
+    the key's first request had made it already.
     """
-    created = create_job(asked, farm.jobs, farm.blobs, farm.limits)
-    response.headers["Location"] = f"/v1/jobs/{created.job.id}"
-    if created.repeated:
-        response.headers["Idempotency-Replayed"] = "true"
-    return job_view(created.job)
+    created = create_job(asked, farm.jobs, farm.blobs, farm.limits, owner=who.id)
+    idempotency.settle(created, asked.idempotency_key, response)
+    batch = created.job.spec.batch
+    if isinstance(asked.spec, JobSpec) or batch is None:
+        response.headers["Location"] = f"/v1/jobs/{created.job.id}"
+        return job_view(created.job)
+    response.headers["Location"] = batch_path(batch)
+    return batch_view(farm.batches.get(batch))
 
 
 @router.get("", responses=documented(problems.INVALID_REQUEST))
@@ -115,6 +145,14 @@ def page(
     ] = None,
     batch: Annotated[
         str | None, Query(description="only jobs of this batch", examples=["exposures"])
+    ] = None,
+    owner: Annotated[
+        str | None,
+        Query(
+            pattern="^[0-9a-f]{12}$",
+            description="only jobs that this API key made, by its id",
+            examples=[examples.KEY_ID],
+        ),
     ] = None,
     cursor: Annotated[
         str | None,
@@ -130,7 +168,9 @@ def page(
 ) -> JobPage:
     """List jobs, newest first."""
     before = None if cursor is None else int(cursor)
-    found, after = farm.jobs.search(state=state, batch=batch, before=before, limit=limit)
+    found, after = farm.jobs.search(
+        state=state, batch=batch, owner=owner, before=before, limit=limit
+    )
     return JobPage(
         jobs=[job_view(job) for job in found], next_cursor=None if after is None else str(after)
     )
@@ -166,13 +206,13 @@ def change(job_id: JobId, asked: JobChange, farm: Annotated[Parts, Depends(parts
     status_code=202,
     responses=documented(problems.UNKNOWN_JOB, problems.CANNOT_CANCEL),
 )
-def cancel(job_id: JobId, farm: Annotated[Parts, Depends(parts)]) -> JobView:
+def cancel(job_id: JobId, farm: Annotated[Parts, Depends(parts)], who: CallerOf) -> JobView:
     """Cancel a job. Its state changes at once; workers stop within a pass, about a second.
 
     What is merged by then is kept and written as its image. Cancelling it again is harmless; a
     job that ended otherwise answers 409 with its state.
     """
-    return job_view(farm.jobs.cancel(farm.job(job_id).id))
+    return job_view(farm.jobs.cancel(farm.job(job_id).id, f"cancelled by {who.name}"))
 
 
 @router.post(
@@ -180,14 +220,14 @@ def cancel(job_id: JobId, farm: Annotated[Parts, Depends(parts)]) -> JobView:
     status_code=202,
     responses=documented(problems.UNKNOWN_JOB, problems.CANNOT_PAUSE),
 )
-def pause(job_id: JobId, farm: Annotated[Parts, Depends(parts)]) -> JobView:
+def pause(job_id: JobId, farm: Annotated[Parts, Depends(parts)], who: CallerOf) -> JobView:
     """Pause a rendering job: workers take no more slices of it, and its time limit stands still.
 
     The slices that they are rendering are finished, merged and judged, so the job may yet converge
     or reach its cap. Pausing it again is harmless; a job that waits for its first slice, or has
     ended, answers 409 with its state.
     """
-    return job_view(farm.jobs.pause(farm.job(job_id).id))
+    return job_view(farm.jobs.pause(farm.job(job_id).id, f"paused by {who.name}"))
 
 
 @router.post(
@@ -195,13 +235,13 @@ def pause(job_id: JobId, farm: Annotated[Parts, Depends(parts)]) -> JobView:
     status_code=202,
     responses=documented(problems.UNKNOWN_JOB, problems.CANNOT_RESUME),
 )
-def resume(job_id: JobId, farm: Annotated[Parts, Depends(parts)]) -> JobView:
+def resume(job_id: JobId, farm: Annotated[Parts, Depends(parts)], who: CallerOf) -> JobView:
     """Let a paused job go on where it stood: its image and curve are those of one never paused.
 
     Resuming a job that is rendering is harmless; one that waits for its first slice, or has ended,
     answers 409 with its state.
     """
-    return job_view(farm.jobs.resume(farm.job(job_id).id))
+    return job_view(farm.jobs.resume(farm.job(job_id).id, f"resumed by {who.name}"))
 
 
 @router.get("/{job_id}/slices", responses=documented(problems.UNKNOWN_JOB))

@@ -12,12 +12,12 @@ from fastapi import APIRouter, Depends, Header, Query, Request, Response
 from fastapi.responses import StreamingResponse
 from starlette.concurrency import run_in_threadpool
 
-from farm.job import CurvePoint, Event
+from farm.job import CurvePoint
 from farm.jobs import BEFORE_ALL_EVENTS
 from service import examples, problems
 from service.accept import chosen
 from service.etags import NOT_MODIFIED, REVALIDATE, Known, known, not_modified, strong
-from service.parts import Parts, parts
+from service.parts import Parts, parts, parts_of
 from service.problems import documented
 from service.routes_jobs import JobId
 from service.views import Curve, Happened
@@ -169,7 +169,7 @@ async def events(
     are written, `finished`, after which the stream ends. An event's `id` resumes the stream. With
     `Accept: application/json`, what has happened so far.
     """
-    farm = parts(request)
+    farm = parts_of(request)
     media_type = chosen(accept, (_SSE, _JSON))
     start = last_event_id or after
     job = await run_in_threadpool(farm.job, job_id)
@@ -185,13 +185,7 @@ async def events(
     )
 
 
-async def _frames(farm: Parts, job_id: str, after: str) -> AsyncIterator[str]:
-    yield f"retry: {_RECONNECT_MS}\n\n"
+async def _frames(farm: Parts, job_id: str, after: str) -> AsyncIterator[bytes]:
+    yield f"retry: {_RECONNECT_MS}\n\n".encode()
     async for batch in farm.hub.events(job_id, after, idle_s=_HEARTBEAT_S):
-        yield "".join(map(frame, batch)) or ": still here\n\n"
-
-
-def frame(event: Event) -> str:
-    """The event as a frame of a Server-Sent Events stream; its data has its time as ``at``."""
-    data = json.dumps({"at": event.at.isoformat(), **event.data})
-    return f"id: {event.id}\nevent: {event.type}\ndata: {data}\n\n"
+        yield b"".join(told.frame for told in batch) or b": still here\n\n"

@@ -7,38 +7,43 @@ checked there, and goes to the blob store from there.
 import hashlib
 import os
 import re
+import secrets
 import tempfile
+import time
 from collections.abc import AsyncIterator, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import BinaryIO, Final
 
 from fastapi import Request
-from pydantic import ValidationError
 from starlette.datastructures import FormData, UploadFile
 
 from farm import blobs as blob_names
 from farm.blobs import Blobs
 from farm.bundle import BundleError, BundleLimits, SceneSummary, inspect_bundle
 from farm.jobs import Created, Jobs
-from farm.seeds import SeedSchedule, SeedsExhausted
-from farm.spec import JobSpec
+from farm.spec import BatchSpec, JobSpec
 from service import problems
-from service.problems import FieldError, Problem
+from service.idempotency import idempotency_key
+from service.parts import parts_of
+from service.problems import Problem
+from service.spec_checks import check_seeds, check_webhook, invalid_field
+from service.submitted_spec import submitted_spec
 
 _FIELDS: Final = frozenset({"scene", "scene_sha256", "spec"})
 _MAX_SPEC_BYTES: Final = 1 << 20
-_MAX_NAME: Final = 100
+_MAX_NAME: Final = 90  #: a made-up batch is called by it
+#: A scene may take a second to check, and a list has up to a thousand entries.
+_MOST_CHECKING_S: Final = 60.0
 _CHUNK_BYTES: Final = 1 << 20
 _SHA256: Final = re.compile(r"[0-9a-f]{64}")
-_IDEMPOTENCY_KEY: Final = re.compile(r"[\x21-\x7e]{1,255}")
 
 
 @dataclass(frozen=True)
 class Submission:
     """The parts of a request to create a job."""
 
-    spec: JobSpec
+    spec: JobSpec | BatchSpec
     idempotency_key: str
     scene: UploadFile | str  #: the upload, or the SHA-256 of a stored scene
 
@@ -54,24 +59,23 @@ async def submission(request: Request) -> AsyncIterator[Submission]:
         )
     try:
         async with request.form(max_files=2, max_fields=8, max_part_size=_MAX_SPEC_BYTES) as form:
-            yield await _submission(form, request.headers.get("idempotency-key"))
+            asked = await _submission(form, idempotency_key(request))
+            check_webhook(asked.spec, parts_of(request).receivers)
+            yield asked
     except OSError as error:
         raise Problem(
             problems.STORE_UNAVAILABLE, f"the upload could not be kept: {error.strerror}"
         ) from error
 
 
-async def _submission(form: FormData, idempotency_key: str | None) -> Submission:
+async def _submission(form: FormData, key: str) -> Submission:
     unknown = sorted(set(form) - _FIELDS)
     if unknown:
         message = f"there is no part {unknown[0]!r}; the parts are scene, scene_sha256 and spec"
-        raise _invalid(problems.INVALID_REQUEST, unknown[0], message)
-    if idempotency_key is not None and not _IDEMPOTENCY_KEY.fullmatch(idempotency_key):
-        message = "must be 1 to 255 printable ASCII characters without spaces"
-        raise _invalid(problems.INVALID_REQUEST, "Idempotency-Key", message)
+        raise invalid_field(problems.INVALID_REQUEST, unknown[0], message)
     return Submission(
         spec=await _spec(form.get("spec")),
-        idempotency_key=idempotency_key or "",
+        idempotency_key=key,
         scene=_scene(form.get("scene"), form.get("scene_sha256")),
     )
 
@@ -85,96 +89,84 @@ def _scene(upload: UploadFile | str | None, sha256: UploadFile | str | None) -> 
         )
     if upload and sha256:
         message = "send either scene or scene_sha256, not both"
-        raise _invalid(problems.INVALID_REQUEST, "scene_sha256", message)
+        raise invalid_field(problems.INVALID_REQUEST, "scene_sha256", message)
     if upload:
         if isinstance(upload, str):
             message = "must be a file: curl takes it as -F scene=@FILE, with the @"
-            raise _invalid(problems.INVALID_REQUEST, "scene", message)
+            raise invalid_field(problems.INVALID_REQUEST, "scene", message)
         return upload
     if not (isinstance(sha256, str) and _SHA256.fullmatch(sha256)):
         message = "must be 64 lower-case hexadecimal digits"
-        raise _invalid(problems.INVALID_REQUEST, "scene_sha256", message)
+        raise invalid_field(problems.INVALID_REQUEST, "scene_sha256", message)
     return sha256
 
 
-async def _spec(part: UploadFile | str | None) -> JobSpec:
+async def _spec(part: UploadFile | str | None) -> JobSpec | BatchSpec:
     text = (await part.read(_MAX_SPEC_BYTES)) if isinstance(part, UploadFile) else part
-    try:
-        return JobSpec.model_validate_json(text or b"{}", strict=True)
-    except ValidationError as error:
-        errors = [
-            FieldError(field=_field(one["loc"]), message=_message(one["type"], one["msg"]))
-            for one in error.errors(include_url=False, include_context=False)
-        ]
-        raise Problem(
-            problems.INVALID_SPEC,
-            "; ".join(f"{one.field}: {one.message}" for one in errors),
-            errors=[one.model_dump() for one in errors],
-        ) from error
+    return submitted_spec(text or b"{}")
 
 
-def _field(location: tuple[int | str, ...]) -> str:
-    """The field as the user wrote it: without the branches that the check tried."""
-    names = [str(part) for part in location]
-    if names[:1] == ["parameters"]:
-        names = names[:2]
-    if names[:1] == ["rule"]:
-        names = names[:1] + names[2:]
-    if names[:1] == ["watch"]:
-        names = names[:2] + names[3:]
-    return ".".join(["spec", *names])
+@dataclass(frozen=True)
+class StoredScene:
+    """A scene that passed the check and is stored."""
+
+    sha256: str  #: of the uploaded file
+    name: str
+    bytes: int  #: size of the uploaded file
+    summary: SceneSummary
 
 
-def _message(kind: str, message: str) -> str:
-    if kind == "extra_forbidden":
-        return "there is no such field; /docs lists those there are"
-    return message.removeprefix("Value error, ")
+def store_scene(asked: Submission, jobs: Jobs, blobs: Blobs, limits: BundleLimits) -> StoredScene:
+    """What was found in the scene that a request brings or names, checked with the spec's values.
 
-
-def _invalid(kind: problems.ProblemType, field: str, message: str) -> Problem:
-    return Problem(kind, f"{field}: {message}", errors=[{"field": field, "message": message}])
-
-
-def create_job(asked: Submission, jobs: Jobs, blobs: Blobs, limits: BundleLimits) -> Created:
-    """The job that was asked for; nothing is created unless its scene passes the check.
-
-    The scene is stored before the job exists, so that no worker finds a job without one.
+    An upload is stored; a sweep leaves it for an hour at least.
     """
-    if isinstance(asked.scene, UploadFile):
-        with _on_disk(asked.scene) as file:
-            sha256 = _sha256(file)
-            summary = _inspected(file, asked.spec, limits)
-            size = file.seek(0, os.SEEK_END)
-            file.seek(0)
-            jobs.use_scene(sha256)
-            blobs.put_once(blob_names.scene(sha256), file, size)
-        name = _clean_name(asked.scene.filename)
-        jobs.remember_scene(
-            sha256,
-            {"name": name, "bytes": size, "width": summary.width, "height": summary.height},
-        )
-    else:
-        sha256 = asked.scene
-        name = _name_of_stored(sha256, jobs)
+    if isinstance(asked.scene, str):
+        name = _name_of_stored(asked.scene, jobs)
+        jobs.use_scene(asked.scene)
+        with _fetched(asked.scene, jobs, blobs) as file:
+            size = _size(file)
+            return StoredScene(asked.scene, name, size, _inspected(file, asked.spec, limits))
+    with _on_disk(asked.scene) as file:
+        sha256 = _sha256(file)
+        summary = _inspected(file, asked.spec, limits)
+        size = _size(file)
         jobs.use_scene(sha256)
-        with _fetched(sha256, jobs, blobs) as file:
-            _inspected(file, asked.spec, limits)
-    digest = hashlib.sha256(f"{sha256} {asked.spec.model_dump_json()}".encode()).hexdigest()
-    created = jobs.create(
-        asked.spec,
+        blobs.put_once(blob_names.scene(sha256), file, size)
+    name = _clean_name(asked.scene.filename)
+    jobs.remember_scene(
+        sha256, {"name": name, "bytes": size, "width": summary.width, "height": summary.height}
+    )
+    return StoredScene(sha256, name, size, summary)
+
+
+def create_job(
+    asked: Submission, jobs: Jobs, blobs: Blobs, limits: BundleLimits, *, owner: str
+) -> Created:
+    """The job that was asked for, its owner's, or the first of many: all of them or none.
+
+    Nothing is created unless the scene passes the check with the values of each. The scene is
+    stored before a job exists, so that no worker finds a job without one.
+    """
+    scene = store_scene(asked, jobs, blobs, limits)
+    sha256, name = scene.sha256, scene.name
+    digest = hashlib.sha256(f"{sha256} {asked.spec.as_request()}".encode()).hexdigest()
+    return jobs.create_all(
+        _job_specs(asked.spec, name),
         name=name,
         scene_sha256=sha256,
         idempotency_key=asked.idempotency_key,
         digest=digest,
+        owner=owner,
     )
-    if created.conflict:
-        raise Problem(
-            problems.KEY_REUSED,
-            f"the Idempotency-Key {asked.idempotency_key!r} made job {created.job.id} from another "
-            "scene or spec; use a new key for a new job",
-            job_id=created.job.id,
-        )
-    return created
+
+
+def _job_specs(spec: JobSpec | BatchSpec, scene: str) -> list[JobSpec]:
+    """The spec of each job that is asked for, in a batch of the given name or one made up."""
+    if isinstance(spec, JobSpec):
+        return [spec]
+    stem = scene.rpartition(".")[0] or scene
+    return spec.job_specs(spec.batch or f"{stem}-{secrets.token_hex(3)}")
 
 
 @contextmanager
@@ -207,6 +199,12 @@ def _fetched(sha256: str, jobs: Jobs, blobs: Blobs) -> Iterator[BinaryIO]:
         yield file
 
 
+def _size(file: BinaryIO) -> int:
+    size = file.seek(0, os.SEEK_END)
+    file.seek(0)
+    return size
+
+
 def _sha256(file: BinaryIO) -> str:
     digest = hashlib.sha256()
     while chunk := file.read(_CHUNK_BYTES):
@@ -215,35 +213,45 @@ def _sha256(file: BinaryIO) -> str:
     return digest.hexdigest()
 
 
-def _inspected(file: BinaryIO, spec: JobSpec, limits: BundleLimits) -> SceneSummary:
+def _inspected(file: BinaryIO, spec: JobSpec | BatchSpec, limits: BundleLimits) -> SceneSummary:
+    """What is found with the spec's values; with the first entry's, where each passes the check."""
+    if isinstance(spec, JobSpec):
+        return _inspected_once(file, spec, limits)
+    summary, known = None, set()
+    started = time.monotonic()
+    for index, one in enumerate(spec.job_specs("checked")):
+        values = frozenset(one.parameter_strings().items())
+        if values in known:
+            continue
+        if time.monotonic() - started > _MOST_CHECKING_S:
+            message = f"with {index} entries the scene took {_MOST_CHECKING_S:g} s to check; "
+            message += "send fewer at once, each time with the same batch"
+            raise invalid_field(problems.INVALID_SPEC, "spec.parameters", message)
+        known.add(values)
+        found = _inspected_once(file, one, limits, f"spec.parameters.{index}")
+        summary = summary or found
+    assert summary is not None  # a list has an entry at least
+    return summary
+
+
+def _inspected_once(
+    file: BinaryIO, spec: JobSpec, limits: BundleLimits, field: str = ""
+) -> SceneSummary:
+    """What is found with the values of one job, which are in this field of a list."""
     try:
         summary = inspect_bundle(
             file, parameters=spec.parameter_strings(), sensor=spec.sensor, limits=limits
         )
     except BundleError as error:
         kind = problems.UPLOAD_TOO_LARGE if error.code == "too-large" else problems.BROKEN_SCENE
-        raise Problem(
-            kind, str(error), code=error.code, file=error.file, line=error.line
-        ) from error
-    _check_seeds(summary, spec)
+        problem = Problem(kind, str(error), code=error.code, file=error.file, line=error.line)
+        if field:
+            problem.detail = f"with {field}: {error}"
+            problem.members["errors"] = [{"field": field, "message": str(error)}]
+        raise problem from error
+    check_seeds(spec, summary.width, summary.height, field or "spec")
     file.seek(0)
     return summary
-
-
-def _check_seeds(scene: SceneSummary, spec: JobSpec) -> None:
-    """Refuse a job that would run out of distinct sampler seeds on any worker that may take it."""
-    try:
-        SeedSchedule(
-            # Of the variants that a worker may choose, JIT ones have the most seeds.
-            variant="llvm_ad_rgb" if spec.variant == "auto" else spec.variant,
-            width=scene.width,
-            height=scene.height,
-            slice_spp=spec.slice_spp,
-            max_spp=spec.max_spp,
-            job_seed=spec.seed,
-        )
-    except SeedsExhausted as error:
-        raise _invalid(problems.INVALID_SPEC, "spec", str(error)) from error
 
 
 def _name_of_stored(sha256: str, jobs: Jobs) -> str:

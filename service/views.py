@@ -1,10 +1,11 @@
 """What the API shows, as pydantic models that the client shares."""
 
-from typing import Any
+from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 from pydantic.config import JsonDict
 
+from farm.api_keys import Role
 from farm.job import CurvePoint, Event, Job, LogEntry, Worker
 from farm.spec import Priority
 from service import examples
@@ -136,6 +137,36 @@ class Scenes(BaseModel):
     scenes: list[SceneView]
 
 
+class SceneFound(SceneView):
+    """What the check of a scene found in it."""
+
+    model_config = ConfigDict(json_schema_extra=_shows(examples.SCENE_FOUND))
+
+    kind: Literal["xml", "zip"] = Field(description="a single XML file, or a zip")
+    entry: str = Field(description="the scene's XML, by its name in the bundle")
+    files: int = Field(description="how many files there are")
+    bytes_unpacked: int = Field(description="and their size when unpacked")
+    sensors: int = Field(description="how many sensors the scene has")
+    parameters: dict[str, str] = Field(description="the scene's parameters with their defaults")
+
+
+class Preview(BaseModel):
+    """A picture that a job keeps of its way."""
+
+    model_config = ConfigDict(json_schema_extra=_shows(examples.PREVIEW))
+
+    spp: int = Field(description="samples per pixel of the merged image that it shows")
+    link: str = Field(description="path of the picture")
+
+
+class PreviewList(BaseModel):
+    """The pictures that a job keeps of its way."""
+
+    model_config = ConfigDict(json_schema_extra=_shows({"previews": [examples.PREVIEW]}))
+
+    previews: list[Preview] = Field(description="by rising spp; the newest image is not among them")
+
+
 class ProblemTypeView(BaseModel):
     """What a problem's type means."""
 
@@ -148,6 +179,21 @@ class ProblemTypeView(BaseModel):
     type: str
     status: int
     title: str
+
+
+class WhoAmI(BaseModel):
+    """Who makes a request, and what that allows."""
+
+    model_config = ConfigDict(
+        json_schema_extra=_shows({"id": "7c1e90ab", "name": "anna", "role": "submitter"})
+    )
+
+    id: str | None = Field(description="id of the API key; null where the API is open")
+    name: str | None = Field(description="name of the key")
+    role: Role = Field(
+        description="a viewer looks, a submitter steers its own jobs, an admin all of them and the "
+        "workers; who calls an open API is an admin"
+    )
 
 
 class Health(BaseModel):
@@ -170,8 +216,13 @@ def job_view(job: Job) -> JobView:
         "image_png": f"{root}/image.png",
         "image_exr": f"{root}/image.exr",
         "difference_png": f"{root}/difference.png",
+        "thumbnail_png": f"{root}/thumbnail.png",
+        "previews": f"{root}/previews",
+        "report": f"{root}/report.html",
         "cancel": f"{root}/cancel",
         "pause": f"{root}/pause",
         "resume": f"{root}/resume",
+        "continue": f"{root}/continue",
+        "webhooks": f"{root}/webhooks",
     }
     return JobView(**job.model_dump(), links=links)

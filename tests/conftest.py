@@ -1,5 +1,8 @@
 """What most tests need: a real Redis, empty, and a blob store, empty."""
 
+import os
+import signal
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -11,6 +14,38 @@ from farm.embedded import EmbeddedRedis
 from farm.redis_link import connect
 
 pytest.register_assert_rewrite("tests.support")
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_auto_num_workers() -> int:
+    """For ``-n auto``: one process more than cores, since a test waits as long as it computes.
+
+    No more than six, for each of them starts farms of its own.
+    """
+    return min((os.cpu_count() or 1) + 1, 6)
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_configure(config: pytest.Config) -> None:
+    """Give a process of ``-n`` a folder with a short name: sockets lie in it, see unix(7)."""
+    number: str | None = getattr(config, "workerinput", {}).get("workerid")
+    if number is not None:
+        theirs = Path(config.option.basetemp)
+        config.option.basetemp = str(theirs.with_name(number.removeprefix("gw")))
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        # As it is for what a shell runs in the background; what we start has to hear of it.
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Let each test have a name of its own: of two with one name, ``-n`` would run but one."""
+    for item in items:
+        operation: str | None = getattr(item, "operation_label", None)
+        if operation and operation not in item.nodeid:  # schemathesis names it, pytest 9 forgets
+            item._id = item.id.with_params(operation)
+    twice = [name for name, count in Counter(item.nodeid for item in items).items() if count > 1]
+    if twice:
+        raise pytest.UsageError(f"tests that share a name: {twice}")
 
 
 @pytest.fixture(scope="session")
@@ -33,6 +68,12 @@ def client(redis_url: str) -> Iterator[redis.Redis]:
     client = connect(redis_url)
     yield client
     client.close()
+
+
+@pytest.fixture(scope="session")
+def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A cache for whoever renders: what was found of this machine, and what Mitsuba compiled."""
+    return tmp_path_factory.mktemp("cache")
 
 
 @pytest.fixture

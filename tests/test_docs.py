@@ -8,10 +8,15 @@ import typer.main
 from farm.settings import Settings
 from plateau.cli import app
 from service.problems import TYPES, ProblemType
+from service.routes_batches import router as batches_router
 from service.routes_farm import router as farm_router
 from service.routes_images import router as images_router
 from service.routes_jobs import router as jobs_router
+from service.routes_key import router as key_router
+from service.routes_report import router as report_router
 from service.routes_results import router as results_router
+from service.routes_scenes import router as scenes_router
+from service.routes_webhooks import router as webhooks_router
 
 ROOT = Path(__file__).parents[1]
 
@@ -28,7 +33,17 @@ def test_every_command_is_in_the_readme(command: str) -> None:
 
 ROUTES = [
     (method, route.path)
-    for router in (jobs_router, results_router, images_router, farm_router)
+    for router in (
+        jobs_router,
+        batches_router,
+        results_router,
+        images_router,
+        report_router,
+        scenes_router,
+        webhooks_router,
+        farm_router,
+        key_router,
+    )
     for route in router.routes
     for method in route.methods  # type: ignore[attr-defined]
 ]

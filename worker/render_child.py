@@ -14,6 +14,7 @@ import sys
 import tempfile
 import threading
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -41,6 +42,10 @@ _LAST_WORDS: Final = 1000
 _COLOURS: Final = re.compile(r"\x1b\[[0-9;]*m")
 #: The file of a slice's film: R, G, B and W in float32, and the header of .npy.
 _LARGEST_FILM_BYTES: Final = BundleLimits().max_pixels * 4 * 4 + 4096
+
+#: A render takes every core for hours; what answers people takes little of one, but at once. Cores
+#: that are idle are the child's as before.
+_NICE: Final = 10
 
 
 class ChildDied(Exception):
@@ -120,7 +125,7 @@ class RenderChild:
                 stdout=self._words,
                 stderr=self._words,
                 start_new_session=True,
-                preexec_fn=die_with_parent(signal.SIGKILL),
+                preexec_fn=_below_others(),
             )
         self._socket = ours
         self._readable = selectors.DefaultSelector()
@@ -254,3 +259,14 @@ def _how(status: int) -> str:
     if status >= 0:
         return f"exited with {status}"
     return f"was ended by {signal.Signals(-status).name}"
+
+
+def _below_others() -> Callable[[], None]:
+    """What a child does before its program starts, so that it holds for all its threads."""
+    arrange = die_with_parent(signal.SIGKILL)
+
+    def before_the_program() -> None:
+        arrange()
+        os.nice(_NICE)
+
+    return before_the_program

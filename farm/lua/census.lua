@@ -3,7 +3,7 @@
 -- Returns JSON. Times (ms) and totals are text in it, for JSON from Lua has 14 digits only.
 local jobs, waiting, leased, oldest = {queued = 0, rendering = 0, paused = 0}, 0, 0, nil
 for _, id in ipairs(redis.call('SMEMBERS', UNFINISHED)) do  -- those that have not ended, and a few more
-  local job = redis.call('HMGET', job_key(id), 'state', 'ready', 'committed', 'created_at')
+  local job = redis.call('HMGET', job_key(id), 'state', 'ready', 'committed', 'created_at', 'held')
   local state = job[1]
   if state and jobs[state] then
     jobs[state] = jobs[state] + 1
@@ -15,7 +15,7 @@ for _, id in ipairs(redis.call('SMEMBERS', UNFINISHED)) do  -- those that have n
       end
       leased = leased + pending[1] - put_back
     end
-    if state ~= 'paused' then
+    if state ~= 'paused' and not job[5] then
       waiting = waiting + job[2] + put_back
       if job[3] == '0' and (not oldest or tonumber(job[4]) < tonumber(oldest)) then oldest = job[4] end
     end
@@ -37,8 +37,14 @@ for _, id in ipairs(redis.call('ZRANGEBYSCORE', MONITORS, now(), '+inf')) do
   monitors, owned = monitors + 1, owned + (about.jobs or 0)
 end
 
+local webhooks = 0
+for _, receiver in ipairs(redis.call('ZRANGE', RECEIVERS, 0, -1)) do
+  webhooks = webhooks + redis.call('ZCARD', due_key(receiver))
+end
+
 return cjson.encode({
   now = now(), jobs = jobs, slices = {waiting = waiting, leased = leased}, oldest = oldest,
+  webhooks = webhooks,
   workers = workers, monitors = monitors, owned = owned, stored = redis.call('ZCARD', JOBS),
   created = redis.call('GET', PREFIX .. 'created') or '0', totals = redis.call('HGETALL', TOTALS),
 })

@@ -1,15 +1,22 @@
--- Create a job, once for each idempotency key.
--- ARGV: id, idempotency key or '', request digest, priority, then field, value, …
--- Returns {'created', id}, {'repeated', id} or {'conflict', id}.
-local id, idempotency, digest, priority = ARGV[1], ARGV[2], ARGV[3], ARGV[4]
-if idempotency ~= '' then
-  local known = redis.call('GET', PREFIX .. 'idempotency:' .. idempotency)
-  if known then
-    known = cjson.decode(known)
-    return {known.digest == digest and 'repeated' or 'conflict', known.id}
-  end
-  redis.call('SET', PREFIX .. 'idempotency:' .. idempotency,
-             cjson.encode({id = id, digest = digest}), 'EX', 86400)
+-- Create a job, or many of one batch: all or none, and once for each idempotency key.
+-- ARGV: idempotency key or '', request digest, priority, batch or '', '1' where all jobs of the batch
+--       have to stop alike or '', number of the newest job of the batch with which these were compared
+--       or '', how many jobs, then of each: id, field, value, … (as many fields for each)
+-- Returns {'created', first id}, {'repeated', first id}, {'conflict', first id}, {'changed'} (the batch
+-- is guarded, and these were not compared with its newest job) or, where their owner would have too
+-- many open jobs, {'too many', how many it has, how many it may have}.
+local idempotency, digest, priority = ARGV[1], ARGV[2], ARGV[3]
+local batch, guarded, compared, jobs = ARGV[4], ARGV[5], ARGV[6], tonumber(ARGV[7])
+local first, width = 8, (#ARGV - 7) / jobs
+local made, by_then = made_before(idempotency, digest)
+if made then return {made, by_then} end
+if batch ~= '' and (guarded == '1' or redis.call('SISMEMBER', GUARDED, batch) == 1) then
+  if (redis.call('ZSCORE', BATCHES, batch) or '') ~= compared then return {'changed'} end
 end
-new_job(id, priority, 'created', unpack(ARGV, 5))
-return {'created', id}
+local open, most = too_many_jobs(jobs, unpack(ARGV, first + 1, first + width - 1))
+if open then return {'too many', open, most} end
+remember_request(idempotency, digest, ARGV[first])
+for at = first, #ARGV, width do
+  new_job(ARGV[at], priority, 'created', unpack(ARGV, at + 1, at + width - 1))
+end
+return {'created', ARGV[first]}

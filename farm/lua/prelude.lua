@@ -18,8 +18,16 @@ local function spend(id, ms)
   count('machine ms', ms)
 end
 
+-- What webhooks may want to be told when the script is done: job, event, job, event, …
+local happened = {}
+
 local function announce(id, type, data)
   redis.call('XADD', job_key(id, 'events'), '*', 'type', type, 'at', now(), 'data', data)
+  local event = type == 'state' and cjson.decode(data).to or type == 'finished' and type
+  if event then
+    happened[#happened + 1] = id
+    happened[#happened + 1] = event
+  end
 end
 
 -- For how long the job's clock has stood still (ms), the pause that lasts included.
@@ -41,8 +49,44 @@ local function move(id, target, reason)
     redis.call('HSET', job_key(id), 'paused_at', now())
   end
   redis.call('HSET', job_key(id), 'state', target, 'reason', reason)
+  redis.call('ZREM', in_state_key(state), id)
+  redis.call('ZADD', in_state_key(target), redis.call('HGET', job_key(id), 'number'), id)
   announce(id, 'state', cjson.encode({from = state, to = target, reason = reason}))
   return true, state
+end
+
+-- The API key that a new job with these fields and values belongs to: its id and what is known of it.
+local function owner_among(...)
+  local fields = {...}
+  for i = 1, #fields, 2 do
+    if fields[i] == 'owner' and fields[i + 1] ~= '' then
+      return fields[i + 1], cjson.decode(redis.call('HGET', API_KEYS, fields[i + 1]) or '{}')
+    end
+  end
+end
+
+-- How many open jobs the owner has and how many it may have, where so many more would be too many.
+local function too_many_jobs(more, ...)
+  local owner, key = owner_among(...)
+  local most = owner and key.limits and tonumber(key.limits.open_jobs)  -- null is no number
+  if not most then return nil end
+  local open = redis.call('SCARD', api_key_key(owner, 'open'))
+  if open + more > most then return open, most end
+end
+
+-- Whether a request with this idempotency key was there before: 'repeated' or, where it was another,
+-- 'conflict', and the id that it was answered with. '' is no key.
+local function made_before(idempotency, digest)
+  local known = idempotency ~= '' and redis.call('GET', PREFIX .. 'idempotency:' .. idempotency)
+  if not known then return nil end
+  known = cjson.decode(known)
+  return known.digest == digest and 'repeated' or 'conflict', known.id
+end
+
+local function remember_request(idempotency, digest, id)
+  if idempotency == '' then return end
+  redis.call('SET', PREFIX .. 'idempotency:' .. idempotency,
+             cjson.encode({id = id, digest = digest}), 'EX', 86400)
 end
 
 -- A new job, queued; what follows `reason` are fields and values of its hash.
@@ -51,8 +95,21 @@ local function new_job(id, priority, reason, ...)
   redis.call('HSET', job_key(id), 'id', id, 'state', 'queued', 'reason', 'waiting for a worker',
              'created_at', now(), 'number', number, ...)
   redis.call('ZADD', JOBS, number, id)
+  redis.call('ZADD', in_state_key('queued'), number, id)
+  local batch = redis.call('HMGET', job_key(id), 'batch', 'guards')
+  if batch[1] and batch[1] ~= '' then
+    redis.call('ZADD', batch_key(batch[1]), number, id)
+    redis.call('ZADD', BATCHES, number, batch[1])
+    if batch[2] == '1' then redis.call('SADD', GUARDED, batch[1]) end
+  end
   redis.call('ZADD', OPEN, priority, id)
   redis.call('SADD', UNFINISHED, id)
+  local owner, key = owner_among(...)
+  if owner then
+    redis.call('HSET', job_key(id), 'owner_name', key.name or '')
+    redis.call('SADD', api_key_key(owner, 'open'), id)
+    redis.call('ZADD', api_key_key(owner, 'jobs'), number, id)
+  end
   redis.call('XGROUP', 'CREATE', job_key(id, 'slices'), GROUP, '0', 'MKSTREAM')
   announce(id, 'state', cjson.encode({to = 'queued', reason = reason}))
   redis.call('PUBLISH', WAKE_MONITORS, id)
@@ -64,10 +121,11 @@ local function is_open(id)
   return state and MOVES[state]['cancelled'] or false
 end
 
--- Count the samples that a job which has converged did not need of its cap.
+-- Count the samples that a job which has converged did not need of its cap. One that goes on with
+-- another's adds nothing: that one was counted.
 local function count_saved(id)
-  local job = redis.call('HMGET', job_key(id), 'spec', 'spp', 'width', 'height')
-  if not job[3] or not job[4] then return end
+  local job = redis.call('HMGET', job_key(id), 'spec', 'spp', 'width', 'height', 'continues')
+  if not job[3] or not job[4] or job[5] then return end
   count('samples saved', (cjson.decode(job[1]).max_spp - job[2]) * job[3] * job[4])
 end
 
@@ -80,6 +138,8 @@ local function end_job(id, target, reason)
   redis.call('HSET', job_key(id), 'ended_at', now(), 'ready', 0)
   redis.call('DEL', job_key(id, 'slices'), job_key(id, 'deaths'), job_key(id, 'spoiled'))
   redis.call('ZREM', OPEN, id)
+  local owner = redis.call('HGET', job_key(id), 'owner')
+  if owner and owner ~= '' then redis.call('SREM', api_key_key(owner, 'open'), id) end
   redis.call('PUBLISH', WAKE_WORKERS, 'ended ' .. id)
   redis.call('PUBLISH', WAKE_MONITORS, id)
   return true, state

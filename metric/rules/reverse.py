@@ -118,7 +118,7 @@ class Reverse(Rule):
         )
 
     def recall(self, memory: Memory) -> None:
-        """Take up the first image and the points of an earlier rule of the same window."""
+        """Take up the first image and the points of an earlier rule, of its own window."""
         self._first_spp, self._first_image, self._first_percept, self._points = None, None, None, []
         if memory.numbers or memory.images:
             self._first_spp, self._first_image, self._points = self._parse(memory)
@@ -139,9 +139,10 @@ class Reverse(Rule):
         match memory.numbers:
             case {"first_spp": int(first_spp), "points": list(rows)} if "first" in memory.images:
                 points = [(spp, pixels) for row in rows for spp, pixels in _point(row)]
-                if len(points) == len(rows) <= self.window:
-                    return first_spp, as_image(memory.images["first"]).copy(), points
-        raise ValueError(f"not a memory of the rule 'reverse' with a window of {self.window}")
+                if len(points) == len(rows):
+                    first = as_image(memory.images["first"]).copy()
+                    return first_spp, first, points[-self.window :]
+        raise ValueError("not a memory of the rule 'reverse'")
 
     def _reason(self, evidence: Evidence, slope: float | None, epsilon: float) -> str:
         if not self._points:

@@ -46,7 +46,6 @@ class Command(typer.core.TyperCommand):
 app = typer.Typer(
     help=_HELP,
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
@@ -79,9 +78,9 @@ def plain_errors() -> Iterator[None]:
     except typer.Exit:  # an exit code, not an error
         raise
     except Exception as error:
-        from plateau.errors import EXPECTED
+        from plateau.errors import EXPECTED, in_words
 
         if not isinstance(error, EXPECTED):
             raise
-        print(f"plateau: {error}", file=sys.stderr)
+        print(f"plateau: {in_words(error)}", file=sys.stderr)
         raise typer.Exit(ExitCode.FAILED) from None

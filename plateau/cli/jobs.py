@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from plateau import complete
 from plateau import options as o
 from plateau.cli.app import command, plain_errors
 
@@ -14,41 +15,112 @@ from plateau.cli.app import command, plain_errors
 def submit(
     scene: o.Scene,
     spec: o.Spec,
-    url: o.Url = None,
-    as_json: o.Json = False,
-) -> None:
-    """Submit a scene to a running service; prints the new job's id.
-
-    For example:
-      plateau submit scenes:box --max-spp 2000 --batch tuesday
-      plateau watch $(plateau submit scene.zip -D width=512) -o out
-    """
-    from plateau.commands.jobs import submit as run
-
-    with plain_errors():
-        run(scene, spec, url=url, as_json=as_json)
-
-
-@command()
-def watch(
-    job_id: o.JobId,
-    out: Annotated[
-        Path | None, typer.Option("--out", "-o", metavar="DIR", help="Write the results there.")
+    each: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME=VALUES",
+            help="A job for each value of the scene's $NAME: 0..99 or 0..99..2 (whole numbers, the "
+            "last one too), or a,b,c; repeated, for each combination.",
+        ),
+    ] = None,
+    parameters: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="A job for each entry of a CSV, with the names in its first row, or of a JSON "
+            "list of objects.",
+        ),
+    ] = None,
+    webhook: Annotated[
+        str | None,
+        typer.Option(
+            metavar="URL",
+            help="Who is told of the job's changes, by requests that PLATEAU_WEBHOOK_SECRET signs, "
+            "or else the farm's own secret.",
+        ),
+    ] = None,
+    webhook_event: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="EVENT",
+            help="Tell this one: a state that the job comes to, or finished, when its results are "
+            "written; repeatable.",
+            show_default="all but queued",
+        ),
     ] = None,
     url: o.Url = None,
     as_json: o.Json = False,
 ) -> None:
-    """Watch a job until it is finished; the exit code says how it ended.
+    """Submit a scene to a running service; prints the new job's id, or the new batch's name.
+
+    For example:
+      plateau submit scenes:box --max-spp 2000 --batch tuesday
+      plateau watch $(plateau submit scene.zip -D width=512) -o out
+      plateau submit walk.zip --each frame=0..99 --batch walk --min-spp 400
+      plateau watch --batch walk -o frames
+      plateau submit scene.zip --webhook https://studio.example/plateau --webhook-event finished
+    """
+    from plateau.commands.batches import submit as submit_batch
+    from plateau.commands.jobs import submit as run
+    from plateau.commands.webhooks import with_webhook
+
+    with plain_errors():
+        spec = with_webhook(spec, webhook, webhook_event or ())
+        if parameters is None and not each:
+            run(scene, spec, url=url, as_json=as_json)
+        else:
+            submit_batch(
+                scene,
+                spec,
+                parameters=parameters,
+                definitions=each or [],
+                url=url,
+                as_json=as_json,
+            )
+
+
+@command()
+def watch(
+    job_id: o.OrJobId = None,
+    batch: o.OrBatch = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", metavar="DIR", help="Write the results there.")
+    ] = None,
+    no_curve: o.NoCurve = False,
+    events: Annotated[
+        bool,
+        typer.Option(
+            "--events", help="Print each event as a line of JSON as it happens, and nothing else."
+        ),
+    ] = False,
+    url: o.Url = None,
+    as_json: o.Json = False,
+) -> None:
+    """Watch a job, or a batch, until it is finished; the exit code says how it ended.
 
     For example:
       plateau watch 3f9ac2d01b77 -o out
+      plateau watch --batch walk -o frames
+      plateau watch 3f9ac2d01b77 --events | jq 'select(.type == "point") | .data.visible_pixels'
 
-    Ctrl-C stops watching; the job goes on.
+    On a terminal the curve is drawn as it grows. Ctrl-C stops watching; the job goes on. --json
+    prints the summary when it has ended.
     """
+    from plateau.commands.batches import watch as watch_batch
+    from plateau.commands.jobs import stream
     from plateau.commands.jobs import watch as run
 
+    if events and (out is not None or as_json):
+        raise typer.BadParameter("--events goes with neither --out nor --json")
+    if events and batch is not None:
+        raise typer.BadParameter("--events is of one job")
+    job = o.one_of(job_id, batch)
     with plain_errors():
-        raise typer.Exit(run(job_id, out, url=url, as_json=as_json))
+        if batch is not None:
+            raise typer.Exit(watch_batch(batch, out, url=url, as_json=as_json))
+        if events:
+            raise typer.Exit(stream(job, url=url))
+        raise typer.Exit(run(job, out, url=url, as_json=as_json, curve=not no_curve))
 
 
 @command()
@@ -87,9 +159,15 @@ def log(
 @command("list")
 def list_jobs(
     state: Annotated[
-        str | None, typer.Option(help="Only jobs in this state, such as rendering.")
+        str | None,
+        typer.Option(
+            help="Only jobs in this state, such as rendering.", autocompletion=complete.states
+        ),
     ] = None,
     batch: Annotated[str | None, typer.Option(help="Only jobs of this batch.")] = None,
+    owner: Annotated[
+        str | None, typer.Option(metavar="ID", help="Only jobs of this API key.")
+    ] = None,
     limit: Annotated[int, typer.Option(help="Most jobs to list.", min=1, max=10_000)] = 20,
     url: o.Url = None,
     as_json: o.Json = False,
@@ -102,50 +180,83 @@ def list_jobs(
     from plateau.commands.jobs import list_jobs as run
 
     with plain_errors():
-        run(state=state, batch=batch, limit=limit, url=url, as_json=as_json)
+        run(state=state, batch=batch, owner=owner, limit=limit, url=url, as_json=as_json)
 
 
 @command()
-def cancel(job_id: o.JobId, url: o.Url = None, as_json: o.Json = False) -> None:
-    """Cancel a job; what is merged by then is kept as its image.
+def cancel(
+    job_id: o.OrJobId = None,
+    batch: o.OrBatch = None,
+    url: o.Url = None,
+    as_json: o.Json = False,
+) -> None:
+    """Cancel a job, or all of a batch; what is merged by then is kept as its image.
 
     For example:
       plateau cancel 3f9ac2d01b77
+      plateau cancel --batch walk
     """
+    from plateau.commands.batches import steer
     from plateau.commands.jobs import cancel as run
 
+    job = o.one_of(job_id, batch)
     with plain_errors():
-        run(job_id, url=url, as_json=as_json)
+        if batch is None:
+            run(job, url=url, as_json=as_json)
+        else:
+            steer(batch, "cancel", url=url, as_json=as_json)
 
 
 @command()
-def pause(job_id: o.JobId, url: o.Url = None, as_json: o.Json = False) -> None:
-    """Pause a rendering job; workers finish the slices they have and take no more of it.
+def pause(
+    job_id: o.OrJobId = None,
+    batch: o.OrBatch = None,
+    url: o.Url = None,
+    as_json: o.Json = False,
+) -> None:
+    """Pause a rendering job, or a batch: workers finish the slices they have and take no more.
 
     For example:
       plateau pause 3f9ac2d01b77
+      plateau pause --batch walk
       plateau resume 3f9ac2d01b77
 
     What is rendered already is merged and judged, so the job may still converge. Its time limit
     stands still. A job that only has to wait its turn needs a lower priority instead.
     """
+    from plateau.commands.batches import steer
     from plateau.commands.jobs import pause as run
 
+    job = o.one_of(job_id, batch)
     with plain_errors():
-        run(job_id, url=url, as_json=as_json)
+        if batch is None:
+            run(job, url=url, as_json=as_json)
+        else:
+            steer(batch, "pause", url=url, as_json=as_json)
 
 
 @command()
-def resume(job_id: o.JobId, url: o.Url = None, as_json: o.Json = False) -> None:
-    """Let a paused job go on where it stood; its image is as if it had never been paused.
+def resume(
+    job_id: o.OrJobId = None,
+    batch: o.OrBatch = None,
+    url: o.Url = None,
+    as_json: o.Json = False,
+) -> None:
+    """Let a paused job or batch go on where it stood; no image is another for its pause.
 
     For example:
       plateau resume 3f9ac2d01b77
+      plateau resume --batch walk
     """
+    from plateau.commands.batches import steer
     from plateau.commands.jobs import resume as run
 
+    job = o.one_of(job_id, batch)
     with plain_errors():
-        run(job_id, url=url, as_json=as_json)
+        if batch is None:
+            run(job, url=url, as_json=as_json)
+        else:
+            steer(batch, "resume", url=url, as_json=as_json)
 
 
 @command(takes_negative_numbers=True)

@@ -7,6 +7,7 @@ import typer
 
 from plateau import options as o
 from plateau.cli.app import command, plain_errors
+from plateau.door import Door
 
 
 @command()
@@ -22,6 +23,7 @@ def render(
         int | None,
         typer.Option(help="Threads of each worker.", show_default="its share of the cores", min=1),
     ] = None,
+    no_curve: o.NoCurve = False,
     as_json: o.Json = False,
 ) -> None:
     """Render one scene, here and now, until it has converged.
@@ -38,13 +40,52 @@ def render(
     from plateau.commands.render import render as run
 
     with plain_errors():
-        raise typer.Exit(run(scene, out, spec, workers=workers, threads=threads, as_json=as_json))
+        code = run(
+            scene,
+            out,
+            spec,
+            workers=workers,
+            threads=threads,
+            as_json=as_json,
+            curve=not no_curve,
+        )
+        raise typer.Exit(code)
 
 
-_Host = Annotated[str, typer.Option(help="Address to listen on; this machine's own only.")]
+_Host = Annotated[
+    str,
+    typer.Option(
+        help="Address to listen on; one that other machines reach needs an API key first."
+    ),
+]
 _Port = Annotated[
     int, typer.Option(help="Port to listen on; 0 takes a free one.", min=0, max=65535)
 ]
+_Open = Annotated[
+    bool,
+    typer.Option(
+        "--open", help="Want no keys, though there are some; on this machine's own address only."
+    ),
+]
+_Certificate = Annotated[
+    Path | None,
+    typer.Option(
+        "--tls-certificate",
+        metavar="FILE",
+        help="Serve https with this certificate, a PEM file with those that it rests on.",
+    ),
+]
+_PrivateKey = Annotated[
+    Path | None, typer.Option("--tls-key", metavar="FILE", help="The certificate's private key.")
+]
+
+
+def _door(
+    host: str, port: int, *, open_to_all: bool, certificate: Path | None, private_key: Path | None
+) -> Door:
+    if (certificate is None) != (private_key is None):
+        raise typer.BadParameter("--tls-certificate and --tls-key go together")
+    return Door(host, port, open_to_all, certificate, private_key)
 
 
 @command()
@@ -52,6 +93,9 @@ def up(
     workers: Annotated[int, typer.Option(help="Worker processes.", min=0, max=256)] = 1,
     host: _Host = "127.0.0.1",
     port: _Port = 8713,
+    open_to_all: _Open = False,
+    tls_certificate: _Certificate = None,
+    tls_key: _PrivateKey = None,
 ) -> None:
     """Run the whole service on this machine until Ctrl-C.
 
@@ -63,14 +107,20 @@ def up(
     """
     from plateau.commands.serve import up as run
 
+    door = _door(
+        host, port, open_to_all=open_to_all, certificate=tls_certificate, private_key=tls_key
+    )
     with plain_errors():
-        raise typer.Exit(run(workers=workers, host=host, port=port))
+        raise typer.Exit(run(door, workers=workers))
 
 
 @command()
 def api(
     host: _Host = "127.0.0.1",
     port: _Port = 8713,
+    open_to_all: _Open = False,
+    tls_certificate: _Certificate = None,
+    tls_key: _PrivateKey = None,
     ready_fd: Annotated[int | None, typer.Option(hidden=True)] = None,
 ) -> None:
     """Run one API process.
@@ -80,8 +130,11 @@ def api(
     """
     from plateau.commands.serve import api as run
 
+    door = _door(
+        host, port, open_to_all=open_to_all, certificate=tls_certificate, private_key=tls_key
+    )
     with plain_errors():
-        run(host=host, port=port, ready_fd=ready_fd)
+        run(door, ready_fd=ready_fd)
 
 
 @command()
@@ -125,6 +178,16 @@ def gc(
             min=0,
         ),
     ] = None,
+    sums_older_than: Annotated[
+        float | None,
+        typer.Option(
+            metavar="DAYS",
+            help="Remove the sums of jobs that were finished so long ago; with them a job can be "
+            "gone on with.",
+            show_default="PLATEAU_KEEP_SUMS_DAYS, else 3",
+            min=0,
+        ),
+    ] = None,
     scenes_unused_for: Annotated[
         float | None,
         typer.Option(
@@ -146,8 +209,8 @@ def gc(
       plateau gc --results-older-than 30 --scenes-unused-for 7
 
     Orphaned blobs, which no job refers to since a process was killed, go in any case; jobs that
-    are not finished keep all they have. Monitors do the same by themselves once an hour, by
-    PLATEAU_KEEP_RESULTS_DAYS and PLATEAU_KEEP_SCENES_DAYS.
+    are not finished keep all they have. Monitors do the same by themselves once an hour, by the
+    settings PLATEAU_KEEP_RESULTS_DAYS, PLATEAU_KEEP_SUMS_DAYS and PLATEAU_KEEP_SCENES_DAYS.
 
     Works on PLATEAU_REDIS_URL and PLATEAU_BLOBS where they are set, and on the data folder else,
     whether `plateau up` runs there or not.
@@ -155,7 +218,7 @@ def gc(
     from plateau.commands.gc import gc as run
 
     with plain_errors():
-        run(results_older_than, scenes_unused_for, dry_run=dry_run, as_json=as_json)
+        run(results_older_than, sums_older_than, scenes_unused_for, dry_run=dry_run, as_json=as_json)
 
 
 @command()

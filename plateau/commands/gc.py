@@ -6,21 +6,21 @@ from dataclasses import asdict
 from typing import Final
 
 from farm.blobs import Blobs
-from farm.embedded import EmbeddedRedis
 from farm.pairing import check_pair
 from farm.redis_link import connect
 from farm.schema import check_schema
-from farm.settings import Settings
 from farm.sweep import Swept, sweep
-from plateau.data_folder import DataFolder, InUse
+from plateau.data_folder import DataFolder
 from plateau.errors import CommandFailed
 from plateau.read_settings import read_settings
+from plateau.redis_at_hand import redis_at_hand
 
 _DAY_S: Final = 86_400.0
 
 
 def gc(
     results_older_than_days: float | None,
+    sums_older_than_days: float | None,
     scenes_unused_for_days: float | None,
     *,
     dry_run: bool,
@@ -30,12 +30,19 @@ def gc(
     settings = read_settings()
     if results_older_than_days is None:
         results_older_than_days = settings.keep_results_days
+    if sums_older_than_days is None:
+        sums_older_than_days = settings.keep_sums_days
     if scenes_unused_for_days is None:
         scenes_unused_for_days = settings.keep_scenes_days
     data = DataFolder(settings.data)
+    if settings.redis_url and settings.blobs is None:
+        raise CommandFailed(
+            "set PLATEAU_BLOBS too: of the blobs there, those go that PLATEAU_REDIS_URL does not "
+            "know"
+        )
     where = settings.blobs or str(data.blobs.absolute())
     with ExitStack() as stack:
-        client = stack.enter_context(connect(_redis_url(settings, data, stack)))
+        client = stack.enter_context(connect(redis_at_hand(settings, data, stack)))
         store = Blobs(where)
         check_schema(client)
         check_pair(client, store)
@@ -43,46 +50,24 @@ def gc(
             client,
             store,
             results_older_than_s=_seconds(results_older_than_days),
+            sums_older_than_s=_seconds(sums_older_than_days),
             scenes_unused_for_s=_seconds(scenes_unused_for_days),
             dry_run=dry_run,
         )
     if as_json:
         print(json.dumps({"dry_run": dry_run, **asdict(swept)}, indent=2))
     else:
-        print(_report(swept, results_older_than_days, scenes_unused_for_days, where, dry_run))
-
-
-def _redis_url(settings: Settings, data: DataFolder, stack: ExitStack) -> str:
-    """The Redis that the settings mean; an embedded one is started where none runs."""
-    if settings.redis_url:
-        if settings.blobs is None:
-            raise CommandFailed(
-                "set PLATEAU_BLOBS too: of the blobs there, those go that PLATEAU_REDIS_URL does "
-                "not know"
-            )
-        return settings.redis_url
-    if not data.redis.is_dir():
-        raise CommandFailed(
-            f"there is nothing of Plateau's in {data.path}: set PLATEAU_DATA to the folder that "
-            "`plateau up` says it uses, or PLATEAU_REDIS_URL and PLATEAU_BLOBS"
-        )
-    try:
-        stack.enter_context(data)
-    except InUse as held:
-        socket = data.redis.absolute() / "redis.sock"
-        if not socket.exists():
-            raise CommandFailed(
-                f"{held}; its Redis is not in that folder: set PLATEAU_REDIS_URL and PLATEAU_BLOBS "
-                "as it printed them at its start"
-            ) from held
-        return f"unix://{socket}"
-    server = EmbeddedRedis(data.redis)
-    stack.callback(server.stop)
-    return server.url
+        days = (results_older_than_days, sums_older_than_days, scenes_unused_for_days)
+        print(_report(swept, *days, where, dry_run))
 
 
 def _report(
-    swept: Swept, results_days: float | None, scenes_days: float | None, where: str, dry_run: bool
+    swept: Swept,
+    results_days: float | None,
+    sums_days: float,
+    scenes_days: float | None,
+    where: str,
+    dry_run: bool,
 ) -> str:
     verb = "Would remove" if dry_run else "Removed"
     count = "1 blob" if swept.blobs == 1 else f"{swept.blobs:,} blobs"
@@ -90,6 +75,7 @@ def _report(
         (
             f"{verb} {count}, {_size(swept.freed_bytes)}, from {where}:",
             _line("jobs", swept.jobs, "finished", results_days, "results-older-than"),
+            _line("sums", swept.sums, "of jobs finished", sums_days, "sums-older-than"),
             _line("scenes", swept.scenes, "of no job, last used", scenes_days, "scenes-unused-for"),
             f"  {'orphans':<8}{swept.orphans:>8,}  blobs that no job needs",
         )

@@ -5,37 +5,43 @@ import sys
 from pathlib import Path
 
 from rich.console import Console
-from rich.table import Table
 
 from farm.job import Job
 from farm.spec import JobSpec
 from farm.states import JobState
 from plateau import words
-from plateau.client import Client
 from plateau.commands.render import EXIT_CODES
+from plateau.commands.webhooks import undelivered
+from plateau.connect import connect
 from plateau.errors import CommandFailed
 from plateau.follow import follow
+from plateau.job_ids import whole_id
 from plateau.outputs import summary_json, write_results
 from plateau.progress import progress_on
-from plateau.read_settings import read_settings
 from plateau.story import log_lines, story
+from plateau.tables import print_rows
 from service.views import JobView
 
 _PAGE = 100
+_COLUMNS = ("id", "state", "spp", "visible", "wall", "created (UTC)", "batch", "scene")
 
 
 def submit(scene: Path, spec: JobSpec, *, url: str | None, as_json: bool) -> None:
     """Submit a scene; prints the job's id."""
-    with _client(url) as client:
+    with connect(url) as client:
         job = client.submit(scene, spec)
     print(job.model_dump_json(indent=2) if as_json else job.id)
 
 
-def watch(job_id: str, out: Path | None, *, url: str | None, as_json: bool) -> int:
+def watch(
+    job_id: str, out: Path | None, *, url: str | None, as_json: bool, curve: bool = True
+) -> int:
     """Follow a job to its end; returns the exit code."""
-    with _client(url) as client:
+    shown = progress_on(Console(stderr=True), curve=curve)
+    with connect(url) as client:
+        job_id = whole_id(client, job_id)
         try:
-            job = follow(client, job_id, progress_on(Console(stderr=True)), lambda: None)
+            job = follow(client, job_id, shown, lambda: None)
         except KeyboardInterrupt:
             print(f"plateau: not watching any more; job {job_id} goes on", file=sys.stderr)
             raise
@@ -52,18 +58,35 @@ def watch(job_id: str, out: Path | None, *, url: str | None, as_json: bool) -> i
     return EXIT_CODES[job.state]
 
 
+def stream(job_id: str, *, url: str | None) -> int:
+    """Print each event of a job as a line of JSON, to its end; returns the exit code."""
+    with connect(url) as client:
+        job_id = whole_id(client, job_id)
+        for event in client.events(job_id):
+            print(event.model_dump_json(), flush=True)
+        return EXIT_CODES[client.job(job_id).state]
+
+
 def show(job_id: str, *, url: str | None, as_json: bool) -> None:
     """Print a job, its story and its links."""
-    with _client(url) as client:
+    with connect(url) as client:
+        job_id = whole_id(client, job_id)
         job = client.job(job_id)
         told = story(job_id, client.happened(job_id), client.log(job_id))
+        not_told = undelivered(client, job)
     if as_json:
         print(job.model_dump_json(indent=2))
         return
     print(f"{'job:':<9}{job.id} ({job.name})")
+    if job.owner is not None:
+        print(f"{'owner:':<9}{job.owner_name} (key {job.owner})")
     print(words.summary(job))
     print("story:")
     for line in told:
+        print(f"  {line}")
+    if not_told:
+        print("webhook messages that are not delivered:")
+    for line in not_told:
         print(f"  {line}")
     print("links:")
     for name, path in job.links.items():
@@ -72,7 +95,8 @@ def show(job_id: str, *, url: str | None, as_json: bool) -> None:
 
 def log(job_id: str, *, index: int | None, url: str | None, as_json: bool) -> None:
     """Print the log of a job, or of one of its slices."""
-    with _client(url) as client:
+    with connect(url) as client:
+        job_id = whole_id(client, job_id)
         if index is None:
             entries = client.log(job_id)
             shown: dict[str, object] = {}
@@ -91,16 +115,23 @@ def log(job_id: str, *, index: int | None, url: str | None, as_json: bool) -> No
 
 
 def list_jobs(
-    *, state: str | None, batch: str | None, limit: int, url: str | None, as_json: bool
+    *,
+    state: str | None,
+    batch: str | None,
+    owner: str | None,
+    limit: int,
+    url: str | None,
+    as_json: bool,
 ) -> None:
     """Print jobs, newest first."""
     jobs: list[JobView] = []
     cursor = None
-    with _client(url) as client:
+    with connect(url) as client:
         while len(jobs) < limit:
             page = client.jobs(
                 state=_state(state),
                 batch=batch,
+                owner=owner,
                 cursor=cursor,
                 limit=min(limit - len(jobs), _PAGE),
             )
@@ -110,34 +141,32 @@ def list_jobs(
                 break
     if as_json:
         print(json.dumps([job.model_dump(mode="json") for job in jobs], indent=2))
-    elif not jobs:
-        print("no jobs", file=sys.stderr)
     else:
-        _print_table(jobs)
+        print_rows(_COLUMNS, list(map(_row, jobs)), none="no jobs")
 
 
 def cancel(job_id: str, *, url: str | None, as_json: bool) -> None:
     """Cancel a job."""
-    with _client(url) as client:
-        _print_state(client.cancel(job_id), as_json=as_json)
+    with connect(url) as client:
+        _print_state(client.cancel(whole_id(client, job_id)), as_json=as_json)
 
 
 def pause(job_id: str, *, url: str | None, as_json: bool) -> None:
     """Pause a job."""
-    with _client(url) as client:
-        _print_state(client.pause(job_id), as_json=as_json)
+    with connect(url) as client:
+        _print_state(client.pause(whole_id(client, job_id)), as_json=as_json)
 
 
 def resume(job_id: str, *, url: str | None, as_json: bool) -> None:
     """Let a paused job go on."""
-    with _client(url) as client:
-        _print_state(client.resume(job_id), as_json=as_json)
+    with connect(url) as client:
+        _print_state(client.resume(whole_id(client, job_id)), as_json=as_json)
 
 
 def priority(job_id: str, value: int, *, url: str | None, as_json: bool) -> None:
     """Change a job's priority."""
-    with _client(url) as client:
-        job = client.set_priority(job_id, value)
+    with connect(url) as client:
+        job = client.set_priority(whole_id(client, job_id), value)
     shown = f"{job.id} {job.state.value}, priority {job.spec.priority}"
     print(job.model_dump_json(indent=2) if as_json else shown)
 
@@ -146,30 +175,12 @@ def _print_state(job: JobView, *, as_json: bool) -> None:
     print(job.model_dump_json(indent=2) if as_json else f"{job.id} {job.state.value}")
 
 
-def _client(url: str | None) -> Client:
-    return Client(url or read_settings().url, patience_s=0.0)
-
-
 def _state(name: str | None) -> JobState | None:
     try:
         return None if name is None else JobState(name)
     except ValueError:
         states = ", ".join(state.value for state in JobState)
         raise CommandFailed(f"there is no state {name!r}; the states are {states}") from None
-
-
-def _print_table(jobs: list[JobView]) -> None:
-    console = Console()
-    table = Table(box=None, padding=(0, 2, 0, 0), header_style="bold")
-    for column in ("id", "state", "spp", "visible", "wall", "created (UTC)", "batch", "scene"):
-        table.add_column(column, no_wrap=True)
-    for job in jobs:
-        table.add_row(*_row(job))
-    if console.is_terminal:
-        console.print(table)
-    else:  # whole lines, for grep and cut
-        for job in jobs:
-            print("\t".join(_row(job)))
 
 
 def _row(job: Job) -> tuple[str, ...]:

@@ -17,6 +17,7 @@ from farm.states import JobState
 from plateau import words
 from plateau.client import ApiError, Client
 from plateau.data_folder import DataFolder, is_in_use
+from plateau.door import Door
 from plateau.exits import ExitCode
 from plateau.follow import follow
 from plateau.interrupts import Interrupts
@@ -42,7 +43,14 @@ EXIT_CODES: Final = {
 
 
 def render(
-    scene: Path, out: Path, spec: JobSpec, *, workers: int, threads: int | None, as_json: bool
+    scene: Path,
+    out: Path,
+    spec: JobSpec,
+    *,
+    workers: int,
+    threads: int | None,
+    as_json: bool,
+    curve: bool = True,
 ) -> int:
     """Render the scene until its job has ended, and write its results; returns the exit code."""
     # What can be refused is refused before anything is started.
@@ -54,7 +62,7 @@ def render(
     settings = asked.model_copy(
         update={"redis_url": None, "blobs": None, "threads": threads or asked.threads}
     )
-    shown = progress_on(Console(stderr=True))
+    shown = progress_on(Console(stderr=True), curve=curve)
     with Interrupts() as interrupts, _temporary_data() as data:
         try:
             with (
@@ -63,8 +71,7 @@ def render(
                     data,
                     interrupts,
                     workers=workers,
-                    host="127.0.0.1",
-                    port=0,
+                    door=Door(open_to_all=True),  # nobody else knows of it
                     tell=shown.note,
                     most_deaths=_MOST_DEATHS,
                 ) as tree,

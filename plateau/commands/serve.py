@@ -6,22 +6,27 @@ import sys
 import threading
 from typing import Final
 
+from farm.api_keys import ApiKeys
 from farm.blobs import Blobs
+from farm.errors import StoreUnavailable
+from farm.redis_link import connect
 from farm.settings import Settings
 from plateau.data_folder import DataFolder
+from plateau.door import Door
 from plateau.errors import CommandFailed
 from plateau.exits import ExitCode
 from plateau.interrupts import Interrupts
 from plateau.process import LateCheck, run_until_signal, when_checked
 from plateau.read_settings import read_settings
 from plateau.tree import Tree
+from service.loopback import is_loopback
 
 _LOG = logging.getLogger("plateau")
 
 _TICK_S: Final = 0.2
 
 
-def up(*, workers: int, host: str, port: int) -> int:
+def up(door: Door, *, workers: int) -> int:
     """Run the whole service until a signal; returns the exit code."""
     settings = read_settings()
     with Interrupts() as interrupts, DataFolder(settings.data) as data:
@@ -31,12 +36,11 @@ def up(*, workers: int, host: str, port: int) -> int:
                 data,
                 interrupts,
                 workers=workers,
-                host=host,
-                port=port,
+                door=door,
                 tell=_tell,
                 most_deaths=None,
             ) as tree:
-                _greet(tree, data, workers)
+                _greet(tree, data, door, workers)
                 while not interrupts.asked.wait(_TICK_S):
                     tree.check()
                 _tell("stopping; once more to stop by force")
@@ -45,22 +49,36 @@ def up(*, workers: int, host: str, port: int) -> int:
     return ExitCode.OK
 
 
-def api(*, host: str, port: int, ready_fd: int | None) -> None:
+def api(door: Door, *, ready_fd: int | None) -> None:
     """Run an API until a signal."""
     from service import api as process
+
+    tls = None
+    if door.certificate is not None and door.private_key is not None:
+        tls = process.Tls(door.certificate, door.private_key)
 
     def serve(settings: Settings, stop: threading.Event) -> None:
         late_check = LateCheck(settings.redis_url or "", Blobs(settings.blobs or ""), stop)
 
+        who_may = _who_may(settings.redis_url or "", door)
+
         def ready(url: str) -> None:
             _LOG.info("the API listens at %s", url)
+            _LOG.info(who_may)
             if ready_fd is not None:
                 with os.fdopen(ready_fd, "w") as pipe:
                     pipe.write(f"{url}\n")
             late_check.start()
 
         try:
-            process.run(settings, host=host, port=port, ready=ready)
+            process.run(
+                settings,
+                host=door.host,
+                port=door.port,
+                open_to_all=door.open_to_all,
+                tls=tls,
+                ready=ready,
+            )
         except process.CannotListen as error:
             raise CommandFailed(str(error)) from error
         late_check.end()
@@ -82,10 +100,11 @@ def worker() -> None:
     run_until_signal("worker", when_checked(run))
 
 
-def _greet(tree: Tree, data: DataFolder, workers: int) -> None:
+def _greet(tree: Tree, data: DataFolder, door: Door, workers: int) -> None:
     count = {0: "no worker", 1: "1 worker"}.get(workers, f"{workers} workers")
     print(
         f"Plateau listens at {tree.url} (API: {tree.url}/docs), with {count}.\n"
+        f"{_who_may(tree.redis_url, door)}\n{_about_tls(door)}"
         f"Data, logs: {data.path}\n"
         f"More workers on this machine:\n"
         f"  PLATEAU_REDIS_URL={tree.redis_url} PLATEAU_BLOBS={tree.blobs} plateau worker\n"
@@ -93,6 +112,34 @@ def _greet(tree: Tree, data: DataFolder, workers: int) -> None:
         f"  plateau submit scenes:box{_url_option(tree.url)}\n"
         f"Ctrl-C stops; jobs go on at the next start.",
         flush=True,
+    )
+
+
+def _who_may(redis_url: str, door: Door) -> str:
+    """Who may use the service, in a sentence."""
+    if door.open_to_all:
+        return "It is open to everybody on this machine, as --open asks."
+    try:
+        with connect(redis_url) as client:
+            keys = ApiKeys(client).all()
+    except StoreUnavailable:
+        return "Who may use it shows when Redis answers."
+    if not keys:
+        return (
+            "It is open to everybody on this machine, and to nobody else: no key was ever made "
+            "(`plateau keys create NAME`)."
+        )
+    usable = sum(key.usable for key in keys)
+    count = {0: "all were revoked", 1: "there is 1"}.get(usable, f"there are {usable}")
+    return f"Every request needs an API key ({count}); commands take it from PLATEAU_KEY."
+
+
+def _about_tls(door: Door) -> str:
+    if door.certificate is not None or is_loopback(door.host):
+        return ""
+    return (
+        "Keys come over plain HTTP, which others on the network can read: give it a certificate\n"
+        "(--tls-certificate, --tls-key), or put a proxy with TLS in front.\n"
     )
 
 

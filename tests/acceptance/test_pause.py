@@ -1,8 +1,5 @@
 """A paused job frees its workers; resumed, it ends as if it had never been paused."""
 
-from collections.abc import Iterator
-from pathlib import Path
-
 import pytest
 
 from farm import blobs
@@ -12,19 +9,12 @@ from tests.support.real_farm import RealFarm, until
 
 
 @pytest.fixture(scope="module")
-def farm(tmp_path_factory: pytest.TempPathFactory, cache: Path) -> Iterator[RealFarm]:
-    """One farm for this module: each test leaves it with nothing but its API."""
-    with RealFarm(tmp_path_factory.mktemp("farm"), cache) as farm:
-        yield farm
-
-
-@pytest.fixture(scope="module")
-def undisturbed(farm: RealFarm) -> Outcome:
+def undisturbed(shared_farm: RealFarm) -> Outcome:
     """What comes of the job where nothing happens."""
-    monitor, worker = farm.start("monitor"), farm.start("worker")
-    found = outcome(farm, farm.submit(**SPEC).id)
-    farm.kill(monitor)
-    farm.kill(worker)
+    shared_farm.start("monitor")
+    shared_farm.start("worker")
+    found = outcome(shared_farm, shared_farm.submit(**SPEC).id)
+    shared_farm.stop_all()
     assert found.job.state == "converged"
     return found
 
@@ -38,7 +28,8 @@ def paused_half_way(farm: RealFarm) -> str:
 
 
 def test_a_paused_job_ends_as_any_other(farm: RealFarm, undisturbed: Outcome) -> None:
-    started = [farm.start("monitor"), *farm.workers(2)]
+    farm.start("monitor")
+    farm.workers(2)
     until(lambda: len(farm.client.workers()) == 2)
     job = paused_half_way(farm)
     # Its workers come to an end with what they have, and take another job
@@ -63,8 +54,6 @@ def test_a_paused_job_ends_as_any_other(farm: RealFarm, undisturbed: Outcome) ->
     found = outcome(farm, job)
     assert_same(found, undisturbed)
     assert found.job.paused_s > 0
-    for process in started:
-        farm.kill(process)
 
 
 def test_everything_may_die_while_a_job_is_paused(farm: RealFarm, undisturbed: Outcome) -> None:
@@ -80,10 +69,9 @@ def test_everything_may_die_while_a_job_is_paused(farm: RealFarm, undisturbed: O
     before = farm.client.job(job)
     assert before.state == "paused"
     # Others come; nothing happens to the job until it is resumed
-    started = [farm.start("monitor"), farm.start("worker")]
+    farm.start("monitor")
+    farm.start("worker")
     until(lambda: len(farm.jobs.workers(1.0)) == 1)
     assert farm.client.job(job).committed_spp == before.committed_spp
     farm.client.resume(job)
     assert_same(outcome(farm, job), undisturbed)
-    for process in started:
-        farm.kill(process)

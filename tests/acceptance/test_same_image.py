@@ -44,12 +44,13 @@ def assert_same(one: Outcome, other: Outcome) -> None:
 
 
 @pytest.fixture(scope="module")
-def undisturbed(tmp_path_factory: pytest.TempPathFactory, cache: Path) -> Outcome:
+def undisturbed(shared_farm: RealFarm) -> Outcome:
     """One worker, nothing happens."""
-    with RealFarm(tmp_path_factory.mktemp("undisturbed"), cache) as farm:
-        farm.start("monitor")
-        farm.workers(1)
-        return outcome(farm, farm.submit(**SPEC))
+    shared_farm.start("monitor")
+    shared_farm.workers(1)
+    found = outcome(shared_farm, shared_farm.submit(**SPEC))
+    shared_farm.stop_all()
+    return found
 
 
 def test_it_converges_below_the_cap(undisturbed: Outcome) -> None:

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from bench import estimate, paper, stopping, vdp
+from bench import api, estimate, paper, stopping, vdp
 from bench.support import markdown, report
 
 
@@ -19,11 +19,12 @@ def tables() -> dict[str, str]:
         "estimate": estimate.table(figures("estimate")),
         "rules": stopping.table(figures("stopping")),
         "vdp": vdp.table(figures("vdp")),
+        **api.tables(figures("api")),
         **paper.tables_of(paper.known()),
     }
 
 
-@pytest.mark.parametrize("document", ["metric.md", "stopping.md", "paper.md"])
+@pytest.mark.parametrize("document", ["metric.md", "stopping.md", "paper.md", "performance.md"])
 def test_a_document_shows_what_was_found(document: str, tables: dict[str, str]) -> None:
     shown = markdown.places(markdown.DOCS / document)
     assert shown

@@ -55,7 +55,7 @@ def test_pages_list_every_job_once_newest_first(jobs: Jobs) -> None:
     made = [create(jobs) for _ in range(7)]
     seen, before = [], None
     while True:
-        page, before = jobs.page(before=before, limit=3)
+        page, before = jobs.search(before=before, limit=3)
         seen += [job.id for job in page]
         if before is None:
             break

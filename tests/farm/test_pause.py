@@ -15,7 +15,7 @@ from farm.queue import Committed, Lease, SliceQueue, SliceRecord
 from farm.spec import JobSpec
 from farm.states import JOB_MOVES, JobState
 
-LEASE_S = 0.2
+LEASE_S = 0.5
 POINT = {"visible_pixels": 3, "visible_fraction": 0.1, "slope": None}
 ESTIMATE = {"estimate_pixels": 9.0, "estimate_fraction": 0.1}
 

@@ -15,7 +15,7 @@ from farm.queue import Committed, Lease, SliceQueue, SliceRecord
 from farm.spec import JobSpec
 from farm.states import JobState
 
-LEASE_S = 0.15
+LEASE_S = 0.5  # a busy machine may hold a test up for a tenth of a second
 VARIANTS = ("llvm_ad_rgb", "scalar_rgb")
 
 
@@ -273,7 +273,7 @@ def test_a_monitor_that_lost_its_job_can_write_nothing(farm: Farm) -> None:
         lambda: farm.owners.show_results(old, "x"),
         lambda: farm.owners.conclude(old, spp=9, results="x", notes=()),
         lambda: farm.owners.end(old, JobState.CONVERGED, "x"),
-        lambda: farm.owners.finish(old),
+        lambda: farm.owners.finish(old, keeps_sums=False),
     ):
         with pytest.raises(FenceLost):
             write()

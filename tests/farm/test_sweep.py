@@ -113,7 +113,7 @@ class TestFinishedJobs:
         assert store.names(f"jobs/{old.id}/") == []
         with pytest.raises(JobNotFound):
             jobs.get(old.id)
-        assert [job.id for job in jobs.page()[0]] == [new.id]
+        assert [job.id for job in jobs.search()[0]] == [new.id]
         # And all of the new one
         assert keys_of(client, new.id) == kept_keys
         assert store.names(f"jobs/{new.id}/") == kept_blobs
@@ -143,6 +143,7 @@ class TestFinishedJobs:
         assert sweep(client, store, **asked) == said
         assert asdict(said) == {
             "jobs": 2,
+            "sums": 0,
             "scenes": 1,
             "orphans": 3,
             "blobs": 3 + 6 + 3 + 1,

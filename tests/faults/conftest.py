@@ -10,11 +10,6 @@ from tests.support.invariants import Outcome, outcome
 
 
 @pytest.fixture(scope="session")
-def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return tmp_path_factory.mktemp("cache")
-
-
-@pytest.fixture(scope="session")
 def shared_farm(tmp_path_factory: pytest.TempPathFactory, cache: Path) -> Iterator[FaultyFarm]:
     with FaultyFarm(tmp_path_factory.mktemp("farm"), cache) as farm:
         yield farm

@@ -24,12 +24,17 @@ Up = Callable[[Path], Command]
 
 
 @pytest.fixture
-def up(tmp_path: Path) -> Iterator[Up]:
+def up(tmp_path: Path, cache: Path) -> Iterator[Up]:
     started: list[Command] = []
 
     def start(data: Path) -> Command:
         arguments = ("up", "--workers", "1", "--port", "0")
-        settings = {"PLATEAU_DATA": str(data), "PLATEAU_LEASE_S": "2", "PLATEAU_HEARTBEAT_S": "0.5"}
+        settings = {
+            "PLATEAU_DATA": str(data),
+            "PLATEAU_CACHE": str(cache),
+            "PLATEAU_LEASE_S": "2",
+            "PLATEAU_HEARTBEAT_S": "0.5",
+        }
         started.append(Command(*arguments, folder=tmp_path, **settings))
         return started[-1]
 

@@ -24,9 +24,15 @@ def fill(disk: LoopDisk) -> Path:
     return ballast
 
 
-def test_redis_stops_and_goes_on_when_there_is_room(tmp_path: Path, undisturbed: Outcome) -> None:
+def test_redis_stops_and_goes_on_when_there_is_room(
+    tmp_path: Path, cache: Path, undisturbed: Outcome
+) -> None:
     with LoopDisk(tmp_path / "disk", megabytes=24) as disk:
-        settings = {"PLATEAU_LEASE_S": "2", "PLATEAU_HEARTBEAT_S": "0.5"}
+        settings = {
+            "PLATEAU_CACHE": str(cache),
+            "PLATEAU_LEASE_S": "2",
+            "PLATEAU_HEARTBEAT_S": "0.5",
+        }
         data = str(disk.folder / "data")
         up = Command("up", "--port", "0", folder=tmp_path, PLATEAU_DATA=data, **settings)
         try:

@@ -62,7 +62,7 @@ def bundle(path: Path, body: str, *, size: int = 16, depth: int = 4, **files: by
 def small_farm(tmp_path_factory: pytest.TempPathFactory, cache: Path) -> Iterator[FaultyFarm]:
     """A farm of two workers whose children may take little."""
     limits = {
-        "PLATEAU_CHILD_MEMORY_GB": "2",
+        "PLATEAU_CHILD_MEMORY_GB": "1",
         "PLATEAU_PASS_TIMEOUT_S": "4",
         "PLATEAU_LOAD_TIMEOUT_S": "20",
     }

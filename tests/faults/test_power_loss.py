@@ -143,7 +143,8 @@ def _submit_until_the_power_goes(
         service = _up(folder, data)
         try:
             url = service.wait_for(READY)
-            with connect(f"unix://{data}/redis/redis.sock") as client:
+            # Not in its folder where that has a long path, as it has here
+            with connect(service.wait_for(r"PLATEAU_REDIS_URL=(\S+)")) as client:
                 prepare(client)
             switch = threading.Timer(rng.uniform(2, 4), _kill_at_once, (service,))
             with Client(url, patience_s=0) as http:

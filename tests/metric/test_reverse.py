@@ -218,6 +218,12 @@ class TestMemory:
         assert list(memory.images) == ["first"]
         assert np.array_equal(memory.images["first"], image_with(0))
 
+    def test_of_a_longer_window_it_takes_the_last_points(self):
+        longer, shorter = Reverse(window=5), Reverse(window=2)
+        told(longer, [0, 10, 20, 30, 40])
+        shorter.recall(longer.memory())
+        assert shorter.memory().numbers["points"] == [[400, 30], [500, 40]]
+
     @pytest.mark.parametrize(
         "numbers",
         [
@@ -225,7 +231,6 @@ class TestMemory:
             {"first_spp": "100", "points": []},
             {"first_spp": 100, "points": [[200]]},
             {"first_spp": 100, "points": [[200, "1"]]},
-            {"first_spp": 100, "points": [[n, 0] for n in range(200, 206)]},
         ],
     )
     def test_what_is_no_such_memory_is_refused(self, numbers):

@@ -76,6 +76,7 @@ def test_without_a_limit_orphans_go_and_it_says_how_to_set_one(tmp_path: Path, d
     assert said.splitlines() == [
         f"Removed 1 blob, 500 bytes, from {data / 'blobs'}:",
         "  jobs           –  kept for ever: --results-older-than DAYS sets a limit",
+        "  sums           0  of jobs finished more than 3 days ago",
         "  scenes         –  kept for ever: --scenes-unused-for DAYS sets a limit",
         "  orphans        1  blobs that no job needs",
     ]
@@ -89,7 +90,7 @@ def test_a_dry_run_is_true_and_removes_nothing(tmp_path: Path, data: Path) -> No
     assert "jobs           1  finished more than 0 days ago" in would
     assert kept(data) == (2, 5)
     did = json.loads(gc("--results-older-than", "0", "--json"))
-    expected = {"jobs": 1, "scenes": 0, "orphans": 0, "blobs": 4, "freed_bytes": 3500}
+    expected = {"jobs": 1, "sums": 0, "scenes": 0, "orphans": 0, "blobs": 4, "freed_bytes": 3500}
     assert did == {"dry_run": False, **expected}
     # What is not finished is as it was
     assert kept(data) == (1, 1)
@@ -108,8 +109,8 @@ def test_it_works_beside_a_service(tmp_path: Path, data: Path) -> None:
     try:
         up.wait_for(READY)
         assert "Removed 4 blobs" in Gc(tmp_path)("--results-older-than", "0")
-        with connect(f"unix://{data}/redis/redis.sock") as client:
-            jobs = Jobs(client).page()[0]
+        with connect(up.wait_for(r"PLATEAU_REDIS_URL=(\S+)")) as client:
+            jobs = Jobs(client).search()[0]
             assert len(jobs) == 1
         up.process.send_signal(signal.SIGTERM)
         assert up.exit_code() == 0, up.said

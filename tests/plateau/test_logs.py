@@ -28,13 +28,14 @@ def bench(client: redis.Redis, redis_url: str, store: Blobs, tmp_path: Path) -> 
 
 
 @pytest.fixture
-def run(redis_url: str, store: Blobs, tmp_path: Path) -> Iterator[Run]:
+def run(redis_url: str, store: Blobs, tmp_path: Path, cache: Path) -> Iterator[Run]:
     started: list[Command] = []
 
     def start(*arguments: str, log_format: str = "json", **environment: str) -> Command:
         settings = {
             "PLATEAU_REDIS_URL": redis_url,
             "PLATEAU_BLOBS": store.where,
+            "PLATEAU_CACHE": str(cache),
             "PLATEAU_LOG_FORMAT": log_format,
             **environment,
         }
@@ -170,7 +171,7 @@ main()
     ],
 )
 def test_a_process_does_not_outlive_one_of_its_threads(
-    bench: Bench, tmp_path: Path, role: str, where: str, words: str
+    bench: Bench, cache: Path, role: str, where: str, words: str
 ) -> None:
     job, _ = bench.job(slices=1)
     done = subprocess.run(
@@ -179,7 +180,7 @@ def test_a_process_does_not_outlive_one_of_its_threads(
             "PATH": "/usr/bin:/bin",
             "PLATEAU_REDIS_URL": str(bench.settings.redis_url),
             "PLATEAU_BLOBS": bench.store.where,
-            "PLATEAU_CACHE": str(tmp_path / "cache"),
+            "PLATEAU_CACHE": str(cache),
             "PLATEAU_LEASE_S": "1",
             "PLATEAU_LOG_FORMAT": "json",
         },

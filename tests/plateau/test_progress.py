@@ -1,6 +1,7 @@
 """What is shown of a job while it runs."""
 
 import io
+import re
 from datetime import datetime, timedelta, timezone
 
 import pytest
@@ -12,12 +13,20 @@ from plateau.progress import LiveProgress, PlainProgress, progress_on, sparkline
 from tests.support.staged_job import StagedJob
 
 
-def shown(client: redis.Redis, *, terminal: bool, **spec: object) -> str:
+def shown(
+    client: redis.Redis,
+    *,
+    terminal: bool,
+    curve: bool = True,
+    size: dict[str, int] | None = None,
+    **spec: object,
+) -> str:
     """All that a watcher sees of a job with three points."""
     staged = StagedJob(client, **spec)
     text = io.StringIO()
-    console = Console(file=text, force_terminal=terminal, width=120, legacy_windows=False)
-    progress = progress_on(console)
+    size = size or {"width": 120, "height": 30}
+    console = Console(file=text, force_terminal=terminal, legacy_windows=False, **size)
+    progress = progress_on(console, curve=curve)
     assert isinstance(progress, LiveProgress if terminal else PlainProgress)
     jobs = Jobs(client)
     with progress:
@@ -60,7 +69,20 @@ def test_a_terminal_gets_lines_that_change(client: redis.Redis) -> None:
     text = shown(client, terminal=True)
     assert "300 of at most 10,000 spp" in text
     assert "scalar_rgb · 32×24" in text
+    # with the curve, in dots
+    assert re.search("[\u2801-\u28ff]", text)
+    assert " estimate\n" in re.sub(r"\x1b\[[0-9;]*m", "", text)
+
+
+@pytest.mark.parametrize(
+    ("narrower", "curve"), [({"width": 40}, True), ({"height": 11}, True), ({}, False)]
+)
+def test_a_row_of_bars_stands_for_the_curve_where_it_has_no_room_or_is_not_wanted(
+    client: redis.Redis, narrower: dict[str, int], curve: bool
+) -> None:
+    text = shown(client, terminal=True, curve=curve, size={"width": 120, "height": 30, **narrower})
     assert "▁▆█" in text
+    assert not re.search("[\u2801-\u28ff]", text)
 
 
 @pytest.mark.parametrize("terminal", [False, True])

@@ -2,8 +2,9 @@
 
 Schemathesis derives requests from the document: its examples, the boundaries of each parameter,
 methods that are not there, and random requests, valid and invalid. Each goes to a live API over a
-real Redis that has jobs in several states. No answer may be a 5xx, and each has to be as the
-document says: its status, content type, headers and schema. What is invalid has to be refused.
+real Redis that has jobs in several states, once while it is open and once with keys. No answer may
+be a 5xx, and each has to be as the document says: its status, content type, headers and schema.
+What is invalid has to be refused.
 
 Left out are
 
@@ -32,6 +33,7 @@ from schemathesis.config import (
 )
 from schemathesis.core.parameters import ParameterLocation
 
+from farm.api_keys import ApiKeys, KeyLimits, Role
 from farm.blobs import Blobs
 from farm.jobs import Jobs
 from farm.redis_link import connect
@@ -44,6 +46,7 @@ from tests.support.staged_job import StagedJob
 
 SEED = int(os.environ.get("FUZZ_SEED", "20261121"))
 REQUESTS = 1000 if long_tests.WANTED else 25  #: random ones for each operation, at most
+REQUESTS_WITH_KEY = 200 if long_tests.WANTED else 5  #: the doors are other ones, the rooms the same
 
 
 @pytest.fixture
@@ -51,7 +54,7 @@ def job_ids(client: redis.Redis, api_store: Blobs) -> list[str]:
     """Jobs that wait, render, are paused, have failed, and have converged with all results."""
     print(f"FUZZ_SEED={SEED}")
     queued, rendering, paused, failed, finished = (
-        StagedJob(client, keep_slices=True) for _ in range(5)
+        StagedJob(client, keep_slices=True, batch="exposures") for _ in range(5)
     )
     api_store.put("partial", b"a slice")  # where each staged ledger says that it is
     for job in (rendering, paused, finished):
@@ -67,33 +70,63 @@ def job_ids(client: redis.Redis, api_store: Blobs) -> list[str]:
     return [job.id for job in (queued, rendering, paused, failed, finished)]
 
 
-def described() -> schemathesis.BaseSchema:
-    """The API's description, with how much is asked of it; for that it needs no Redis."""
+@pytest.fixture
+def key(client: redis.Redis) -> str:
+    """An admin's, beside which no request without one is taken."""
+    limits = KeyLimits(requests_per_minute=1e6, burst=1_000_000, upload_bytes=None, open_jobs=None)
+    return ApiKeys(client).create("fuzz", Role.ADMIN, limits)[1]
+
+
+def described(requests: int, *, keys: bool) -> schemathesis.BaseSchema:
+    """The API's description, with how much is asked of it; for that it needs no Redis.
+
+    Where `keys` are wanted, each request is repeated without one, and with another: a 401 is due.
+    Else nothing is said of them.
+    """
     nowhere = "redis://127.0.0.1:1"
     with tempfile.TemporaryDirectory() as folder:
         app = create_app(
-            jobs=Jobs(connect(nowhere)),
+            client=connect(nowhere),
             blobs=Blobs(folder),
             hub=EventHub(nowhere),
             max_upload_bytes=LARGEST_UPLOAD,
         )
     project = ProjectConfig(
-        generation=GenerationConfig(max_examples=REQUESTS, database="none"),
+        generation=GenerationConfig(max_examples=requests, database="none"),
         checks=ChecksConfig(positive_data_acceptance=PositiveDataAcceptanceConfig(enabled=False)),
     )
     config = SchemathesisConfig(seed=SEED, projects=ProjectsConfig(default=project))
-    return schemathesis.openapi.from_dict(app.openapi(), config=config)
+    document = app.openapi()
+    if not keys:
+        for operations in document["paths"].values():
+            for operation in operations.values():
+                operation.pop("security", None)
+    return schemathesis.openapi.from_dict(document, config=config)
 
 
-@described().parametrize()
+@described(REQUESTS, keys=False).parametrize()
 @settings(deadline=None, suppress_health_check=list(HealthCheck))
 def test_no_request_breaks_the_api(
     case: schemathesis.Case, session_api: str, job_ids: list[str]
 ) -> None:
+    attack(case, session_api, job_ids)
+
+
+@described(REQUESTS_WITH_KEY, keys=True).parametrize()
+@settings(deadline=None, suppress_health_check=list(HealthCheck))
+def test_nor_does_one_with_a_key(
+    case: schemathesis.Case, session_api: str, job_ids: list[str], key: str
+) -> None:
+    attack(case, session_api, job_ids, headers={"Authorization": f"Bearer {key}"})
+
+
+def attack(
+    case: schemathesis.Case, url: str, job_ids: list[str], headers: dict[str, str] | None = None
+) -> None:
     name_a_real_job(case, job_ids)
     if case.path.endswith("/events"):
         case.headers["Accept"] = "application/json"
-    case.call_and_validate(base_url=session_api, timeout=10)
+    case.call_and_validate(base_url=url, timeout=10, headers=headers)
 
 
 def name_a_real_job(case: schemathesis.Case, job_ids: list[str]) -> None:

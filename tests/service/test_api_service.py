@@ -15,9 +15,10 @@ from farm.queue import SliceQueue
 from farm.redis_link import connect
 from service import problems
 from service.api import CannotListen, listen
-from service.guards import is_loopback
+from service.loopback import is_loopback
 from tests.service.test_api_jobs import problem, submit
 from tests.support.live_api import live_api
+from tests.support.real_farm import until
 from tests.support.staged_job import StagedJob
 
 
@@ -65,9 +66,8 @@ class TestErrors:
         assert "/problems/broken-scene" in answers["422"]["description"]
         assert "application/problem+json" in answers["413"]["content"]
         form = described["paths"]["/v1/jobs"]["post"]["requestBody"]["content"]
-        assert form["multipart/form-data"]["schema"]["properties"]["spec"] == {
-            "$ref": "#/components/schemas/JobSpec"
-        }
+        spec = form["multipart/form-data"]["schema"]["properties"]["spec"]
+        assert {"$ref": "#/components/schemas/JobSpec"} in spec["oneOf"]
         assert "required" not in described["components"]["schemas"]["JobSpec"]
         assert http.get("/docs").status_code == 200
 
@@ -78,6 +78,11 @@ class TestStrangers:
     @pytest.mark.parametrize("host", ["evil.example", "evil.example:80", "127.0.0.1.evil.example"])
     def test_are_refused_under_a_name_of_their_own(self, http: httpx.Client, host: str) -> None:
         problem(http.get("/v1/jobs", headers={"Host": host}), 403, "foreign-host")
+
+    @pytest.mark.parametrize("header", ["X-Forwarded-For", "Forwarded", "X-Real-IP"])
+    def test_are_refused_through_a_proxy(self, http: httpx.Client, header: str) -> None:
+        said = problem(http.get("/v1/jobs", headers={header: "10.1.2.3"}), 403, "foreign-host")
+        assert "came through a proxy" in said["detail"]
 
     @pytest.mark.parametrize("origin", ["http://evil.example", "http://localhost:1", "null"])
     def test_are_refused_from_their_own_pages(self, http: httpx.Client, origin: str) -> None:
@@ -92,9 +97,8 @@ class TestStrangers:
         assert is_loopback(host)
 
     @pytest.mark.parametrize("host", ["0.0.0.0", "::", "192.168.0.1", "example.org", ""])
-    def test_cannot_be_listened_to(self, host: str) -> None:
-        with pytest.raises(CannotListen, match="no keys yet"):
-            listen(host, 0)
+    def test_can_be_other_machines(self, host: str) -> None:
+        assert not is_loopback(host)
 
 
 def test_a_taken_port_is_said_to_be(session_api: str) -> None:
@@ -133,7 +137,7 @@ class TestWithoutRedis:
 
             watcher = threading.Thread(target=watch)
             watcher.start()
-            time.sleep(0.3)
+            until(lambda: heard == ["state"])
             # If Redis goes, and comes back
             before.stop()
             after = EmbeddedRedis(tmp_path / "redis")
@@ -175,6 +179,6 @@ def test_a_stopping_api_does_not_wait_for_who_watches(
         watcher.start()
         time.sleep(0.3)
         started = time.monotonic()
-    assert time.monotonic() - started < 1.5
+    assert time.monotonic() - started < 6  # at 8 s the API would cut off who watches
     watcher.join(5)
     assert not watcher.is_alive()

@@ -91,7 +91,7 @@ class TestAQueryParameter:
         )
         [error] = found["errors"]
         assert error["field"] == "stat"
-        assert error["message"].endswith("there are state, batch, cursor, limit")
+        assert error["message"].endswith("there are state, batch, owner, cursor, limit")
         events = f"/v1/jobs/{StagedJob(client).id}/events"
         problem(http.get(events, params={"from": "0-0"}), 422, "invalid-request")
 

@@ -11,11 +11,11 @@ import pytest
 import redis
 
 from farm.blobs import Blobs
-from farm.jobs import Jobs
 from farm.redis_link import connect
 from service import examples
 from service.app import create_app
 from service.event_hub import EventHub
+from service.key_guard import needs_key
 from service.problems import TYPES
 from tests.service.test_api_jobs import submit
 from tests.support.live_api import LARGEST_UPLOAD
@@ -81,6 +81,8 @@ def test_every_header_that_is_read_is_there(operations: list[Operation]) -> None
     job = "/v1/jobs/{job_id}"
     assert headers == {
         ("/v1/jobs", "idempotency-key"),
+        ("/v1/jobs/{job_id}/continue", "idempotency-key"),
+        ("/v1/jobs/{job_id}/rejudge", "idempotency-key"),
         (f"{job}/events", "last-event-id"),
         *(
             (f"{job}/{name}", "if-none-match")
@@ -90,6 +92,9 @@ def test_every_header_that_is_read_is_there(operations: list[Operation]) -> None
                 "image.png",
                 "image.exr",
                 "difference.png",
+                "thumbnail.png",
+                "previews/{spp}.png",
+                "report.html",
                 "slices/{index}.exr",
             )
         ),
@@ -121,7 +126,8 @@ def of_its_schema(document: dict[str, Any], schema: dict[str, Any]) -> list[obje
 def test_every_error_is_a_problem_of_a_known_type(operations: list[Operation]) -> None:
     for method, path, described in operations:
         statuses = set(described["responses"])
-        assert {"403", "500"} < statuses, path
+        refusals = {"401", "403", "429"} if needs_key(path) else set()
+        assert {*refusals, "500"} < statuses, path
         assert "default" not in statuses
         for status, answer in described["responses"].items():
             if status < "400":
@@ -179,7 +185,7 @@ class TestTheRequestExamples:
     def test_are_understood_where_they_are_parameters(
         self, http: httpx.Client, client: redis.Redis, operations: list[Operation]
     ) -> None:
-        job = StagedJob(client)
+        job = StagedJob(client, batch="exposures")
         for method, path, described in operations:
             if method != "GET":
                 continue
@@ -201,7 +207,7 @@ class TestTheRequestExamples:
 def test_a_route_that_is_left_out_of_the_description_works(tmp_path: Path) -> None:
     nowhere = "redis://127.0.0.1:1"
     app = create_app(
-        jobs=Jobs(connect(nowhere)),
+        client=connect(nowhere),
         blobs=Blobs(str(tmp_path)),
         hub=EventHub(nowhere),
         max_upload_bytes=LARGEST_UPLOAD,

@@ -60,7 +60,7 @@ def test_only_one_of_many_monitors_sweeps_in_an_hour(
 ) -> None:
     finished_job(client, store)
     with sweeping(settings, store), sweeping(settings, store):
-        until(lambda: client.exists(keys.STORE) == 1, 20)
+        until(lambda: client.hexists(keys.TOTALS, "swept at"), 20)
         store.put(ORPHAN, b"x")
         assert 3_500_000 < client.pttl(keys.SWEPT) <= 3_600_000
         with pytest.raises(AssertionError):

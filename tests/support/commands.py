@@ -23,7 +23,7 @@ class Command:
     """
 
     def __init__(self, *arguments: str, folder: Path, **environment: str) -> None:
-        self.temporary = folder / "tmp"
+        self.temporary = folder / "t"  # short: a socket's path may have 107 bytes
         self.temporary.mkdir(parents=True, exist_ok=True)
         self._said = folder / f"said-{time.monotonic_ns()}"
         with self._said.open("wb") as said:

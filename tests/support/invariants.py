@@ -1,17 +1,24 @@
 """Every invariant of a finished job, checked from outside: by API, Redis and blob store."""
 
+from contextlib import suppress
 from dataclasses import dataclass
+from hashlib import sha256
 from itertools import pairwise
 
 import redis
 
-from farm import keys
+from farm import blobs, keys
 from farm.blobs import Blobs
 from farm.exr import Pixels
 from farm.jobs import Jobs
+from farm.ownership import Checkpoint
 from farm.states import JOB_MOVES, JobState
+from service.previews import MOST as MOST_PREVIEWS
 from service.views import JobView
 from tests.support.real_farm import RealFarm, until
+
+#: The pictures of any job that has an image.
+RESULTS = ("image.exr", "image.png", "thumbnail.png")
 
 #: What Redis keeps of a job that is finished.
 KEPT = {"", "ledger", "seeds", "curve", "events", "log", "fence"}
@@ -62,12 +69,28 @@ def check_job(jobs: Jobs, store: Blobs, client: redis.Redis, job_id: str) -> Non
     assert all(job.spec.evaluates_at(spp) for spp in spps)
     _check_story(jobs, job_id)
     # No blob is orphaned
-    expected = {f"{jobs.results(job_id)}/{name}" for name in ("image.exr", "image.png")}
+    expected = {f"{jobs.results(job_id)}/{name}" for name in RESULTS}
     if job.points:
         expected.add(f"{jobs.results(job_id)}/difference.png")
     if job.spec.keep_slices:
-        expected |= {record["blob"] for record in jobs.ledger(job_id).values()}
-    assert set(store.names(f"jobs/{job_id}/")) == (expected if job.spp else set())
+        blobs_kept = {record["blob"] for record in jobs.ledger(job_id).values()}
+        expected |= {name for name in blobs_kept if name.startswith(f"jobs/{job_id}/")}
+    sums = client.hget(keys.job(job_id), "checkpoint")
+    if sums is not None:  # of all that its image shows, unless it keeps the slices themselves
+        checkpoint = Checkpoint.model_validate_json(sums)
+        assert not job.spec.keep_slices
+        assert checkpoint.slices == job.spp // job.spec.slice_spp
+        assert sha256(store.get(checkpoint.blob)).hexdigest() == checkpoint.sha256
+        expected.add(checkpoint.blob)
+    if not job.spp:
+        expected = set()
+    previews = set(store.names(blobs.previews(job_id)))
+    assert len(previews) <= MOST_PREVIEWS
+    expected |= previews
+    # A worker whose commit came too late takes its partial back a moment later
+    with suppress(AssertionError):
+        until(lambda: set(store.names(f"jobs/{job_id}/")) == expected, 10)
+    assert set(store.names(f"jobs/{job_id}/")) == expected
     # And Redis keeps nothing that only a running job needs
     left = set(client.scan_iter(f"{keys.job(job_id)}*", count=1000))
     assert {key.removeprefix(keys.job(job_id)).removeprefix(":") for key in left} <= KEPT

@@ -7,25 +7,37 @@ from contextlib import contextmanager
 import uvicorn
 
 from farm.blobs import Blobs
-from farm.jobs import Jobs
 from farm.redis_link import connect
 from service.api import listen, url_of
 from service.app import create_app
 from service.event_hub import EventHub
+from service.key_guard import Access
 
 LARGEST_UPLOAD = 3_000_000
 
 
 @contextmanager
-def live_api(redis_url: str, store: Blobs, *, port: int = 0) -> Iterator[str]:
+def live_api(
+    redis_url: str,
+    store: Blobs,
+    *,
+    port: int = 0,
+    access: Access = Access.UNTIL_KEYS,
+    webhook_allow: tuple[str, ...] = (),
+) -> Iterator[str]:
     """The URL of an API over this Redis and this store; it is stopped on leaving."""
     listener = listen("127.0.0.1", port)
     url = url_of(listener)
     hub = EventHub(redis_url)
     app = create_app(
-        jobs=Jobs(connect(redis_url)), blobs=store, hub=hub, max_upload_bytes=LARGEST_UPLOAD
+        client=connect(redis_url),
+        blobs=store,
+        hub=hub,
+        max_upload_bytes=LARGEST_UPLOAD,
+        access=access,
+        webhook_allow=webhook_allow,
     )
-    config = uvicorn.Config(app, log_level="critical", timeout_graceful_shutdown=2)
+    config = uvicorn.Config(app, log_level="critical", timeout_graceful_shutdown=8)
     server = uvicorn.Server(config)
     # The socket listens before the loop runs: whoever connects now waits a moment.
     listener.listen()
@@ -36,6 +48,6 @@ def live_api(redis_url: str, store: Blobs, *, port: int = 0) -> Iterator[str]:
     finally:
         hub.stop_watching()
         server.should_exit = True
-        thread.join(10)
+        thread.join(20)
         listener.close()
         assert not thread.is_alive(), "the API did not stop"

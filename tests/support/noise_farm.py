@@ -6,6 +6,7 @@ index, as a rendered one is.
 
 import hashlib
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -44,8 +45,20 @@ class NoiseFarm:
         self.queue = SliceQueue(client, "noise", 60)
         self.sigma = sigma
 
-    def submit(self, **spec: object) -> Job:
-        return self.jobs.create(JobSpec.model_validate(spec), name="noise", scene_sha256="00").job
+    def submit(self, name: str = "noise", **spec: object) -> Job:
+        return self.jobs.create(JobSpec.model_validate(spec), name=name, scene_sha256="00").job
+
+    def render(self, slices: int) -> None:
+        """Render slices as a worker would, of whatever job is next, until there were so many."""
+        deadline = time.monotonic() + 60
+        while slices:
+            lease = self.lease()
+            if lease is not None:
+                self.commit(lease)
+                slices -= 1
+            else:
+                assert time.monotonic() < deadline, "nothing more was planned"
+                time.sleep(0.02)
 
     @contextmanager
     def monitor(self) -> Iterator[Monitor]:

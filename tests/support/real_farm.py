@@ -46,7 +46,8 @@ class RealFarm:
         self.redis_client = connect(self.redis.url)
         self.jobs = Jobs(self.redis_client)
         self.processes: list[subprocess.Popen[bytes]] = []
-        self.client = Client(self._start_api())
+        self.url = self._start_api()
+        self.client = Client(self.url)
 
     def __enter__(self) -> "RealFarm":
         return self
@@ -97,6 +98,16 @@ class RealFarm:
         process.wait()
         self.processes.remove(process)
 
+    def stop_all(self) -> None:
+        """Stop all but the API, cleanly."""
+        for process in self.processes[1:]:
+            process.send_signal(signal.SIGCONT)
+            process.send_signal(signal.SIGTERM)
+        codes = [process.wait(60) for process in self.processes[1:]]
+        del self.processes[1:]
+        # One that was told before it listened is ended by the signal itself.
+        assert set(codes) <= {0, -signal.SIGTERM}, f"a process did not stop cleanly: {codes}"
+
     def submit(self, scene: Path = BOX, **spec: object) -> JobView:
         return self.client.submit(scene, JobSpec.model_validate(spec))
 
@@ -121,4 +132,4 @@ def until(condition: Callable[[], object], seconds: float = 60) -> None:
     deadline = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < deadline, "waited in vain"
-        time.sleep(0.01)
+        time.sleep(0.03)

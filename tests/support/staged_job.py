@@ -91,7 +91,7 @@ class StagedJob:
     def finish(self, spp: int = 100) -> None:
         """Say that its results are written."""
         self._owners.conclude(self._owned, spp=spp, results=self._pictures, notes=())
-        self._owners.finish(self._owned)
+        self._owners.finish(self._owned, keeps_sums=False)
 
     def picture(self, store: Blobs, name: str, content: bytes) -> None:
         """Put a picture where the API finds it."""
@@ -100,4 +100,4 @@ class StagedJob:
 
     @property
     def _pictures(self) -> str:
-        return f"{blobs.results(self.id)}staged"
+        return blobs.result_set(self.id, 100, "staged")

@@ -1,0 +1,223 @@
+"""Goes on with a job that has ended: a new job that takes over its samples.
+
+The old job stays as it is, with its image, its curve and its reason. The new one starts where the
+samples end that are left of the old one, so that no sample is rendered twice, and its image is to
+the bit that of a job that was never stopped there. What is left of an ended job is either
+
+- its *slices*, where it kept them: they are merged again, so anything may change but how they were
+  sampled. Where the cap is not beyond them, nothing is rendered at all;
+- or its *sums*, the last checkpoint: they go on, and so does the curve. Then the view, the step and
+  the zones stay, and a rule that must see earlier images can only be one that saw them.
+"""
+
+import hashlib
+import secrets
+from dataclasses import dataclass
+from typing import Any, Final
+
+import redis
+
+from farm import flicker, keys, records
+from farm.errors import CannotContinue, JobNotFound, TooManyJobs
+from farm.job import Job
+from farm.jobs import Created, Jobs, request_key
+from farm.ownership import Checkpoint
+from farm.redis_link import unavailable_as_farm_error
+from farm.scripts import Scripts
+from farm.spec import JobSpec
+
+#: What determines the samples.
+_SAMPLING: Final = ("slice_spp", "variant", "seed", "sensor", "parameters")
+#: What concerns the old job alone.
+_OWN: Final = ("batch", "flicker_guard", "webhook")
+#: What the points of a curve have in common.
+_JUDGING: Final = ("view", "step", "zones")
+#: Rules that remember no more than every job's judge does.
+_ALWAYS_READY: Final = frozenset({"fixed", "reverse", "visible"})
+
+
+@dataclass(frozen=True)
+class Remains:
+    """What is left of an ended job: its first slices."""
+
+    slices: int
+    checkpoint: str  #: of their sums, as JSON; "" where the slices themselves are kept
+
+    @property
+    def kept(self) -> bool:
+        """Whether the slices themselves are kept."""
+        return not self.checkpoint
+
+
+class Continuations:
+    """Goes on with jobs that have ended. Methods raise `StoreUnavailable` when Redis is away."""
+
+    def __init__(self, client: redis.Redis) -> None:
+        self._redis = client
+        self._scripts = Scripts(client)
+        self._jobs = Jobs(client)
+
+    def remains(self, job: Job) -> Remains:
+        """What is left of the job to go on from.
+
+        Raises
+        ------
+        CannotContinue
+            It has not ended, its results are still being written, or nothing is left.
+        """
+        if not job.state.ended:
+            raise CannotContinue(
+                job.id,
+                f"it is {job.state.value}: it goes on by itself; its priority, its pause and its "
+                "cancelling are what can be steered",
+            )
+        if job.finished_at is None:
+            raise CannotContinue(job.id, "its results are being written: try again in a moment")
+        with unavailable_as_farm_error():
+            checkpoint = self._redis.hget(keys.job(job.id), "checkpoint")
+            indices = {int(index) for index in self._redis.hkeys(keys.job(job.id, "ledger"))}
+        if job.spec.keep_slices:
+            slices = next(index for index in range(len(indices) + 1) if index not in indices)
+            remains = Remains(slices, "")
+        elif checkpoint is not None:
+            remains = Remains(Checkpoint.model_validate_json(checkpoint).slices, checkpoint)
+        else:
+            remains = Remains(0, "")
+        if not remains.slices:
+            raise CannotContinue(
+                job.id,
+                "none of its samples are left: PLATEAU_KEEP_SUMS_DAYS says for how long they stay, "
+                "and a job that keeps its slices keeps them for good; submit its scene again",
+            )
+        return remains
+
+    def start(
+        self,
+        job: Job,
+        remains: Remains,
+        spec: JobSpec,
+        *,
+        idempotency_key: str = "",
+        owner: str = "",
+    ) -> Created:
+        """The new job that goes on with the ended one; it is rendering at once.
+
+        Parameters
+        ----------
+        job
+            The ended one.
+        remains
+            What is left of it.
+        spec
+            Of the new job, checked by `check`.
+        idempotency_key
+            A request that is repeated with it makes one job.
+        owner
+            Id of the API key that asks for it, if any.
+
+        Raises
+        ------
+        JobNotFound, CannotContinue
+            The job, or what was left of it, went in the meantime.
+        TooManyJobs
+            The owner has as many open jobs as it may.
+        UnevenBatch
+            The batch that it is to join is guarded, and it would not stop as the others do.
+        """
+        if spec.batch is not None:
+            flicker.compared(self._redis, spec.batch, spec)
+        digest = hashlib.sha256(f"{job.id} {spec.as_request()}".encode()).hexdigest()
+        fields = records.new_job(spec, name=job.name, scene_sha256=job.scene_sha256, owner=owner)
+        outcome, *answer = self._scripts.run(
+            "continue",
+            secrets.token_hex(6),
+            job.id,
+            request_key(idempotency_key, owner),
+            digest,
+            remains.slices,
+            remains.checkpoint,
+            0 if remains.kept else remains.slices * spec.slice_spp,
+            spec.priority,
+            *fields,
+        )
+        if outcome == "missing":
+            raise JobNotFound(job.id)
+        if outcome == "changed":
+            raise CannotContinue(job.id, "what was left of it has just changed: try again")
+        if outcome == "too many":
+            raise TooManyJobs(*map(int, answer))
+        return Created(
+            job=self._jobs.get(answer[0]),
+            repeated=outcome == "repeated",
+            conflict=outcome == "conflict",
+        )
+
+
+def changed_spec(spec: JobSpec, changes: dict[str, Any]) -> dict[str, Any]:
+    """The fields of the spec with these changes: a JSON merge patch (RFC 7396), but for one thing.
+
+    Objects are merged and null means the default; a rule that has a name is another rule, so
+    nothing of the one before stays in it. The batch and the webhook were the old job's own.
+    """
+    own = dict.fromkeys(_OWN)
+    merged: dict[str, Any] = _merged(_merged(spec.model_dump(mode="json"), own), changes)
+    rule = changes.get("rule")
+    if isinstance(rule, dict) and "name" in rule:
+        merged["rule"] = rule
+    return merged
+
+
+def _merged(target: Any, patch: Any) -> Any:
+    if not isinstance(patch, dict):
+        return patch
+    merged = dict(target) if isinstance(target, dict) else {}
+    for name, value in patch.items():
+        if value is None:
+            merged.pop(name, None)
+        else:
+            merged[name] = _merged(merged.get(name), value)
+    return merged
+
+
+def check(job: Job, remains: Remains, spec: JobSpec) -> None:
+    """Return where a job of this spec can go on from what remains of the ended one.
+
+    Raises
+    ------
+    CannotContinue
+        It cannot; the message says why, and what would be possible.
+    """
+    for name in _SAMPLING:
+        if getattr(spec, name) != getattr(job.spec, name):
+            raise CannotContinue(
+                job.id,
+                f"{name} makes other samples, so that none could be taken over: submit the scene "
+                "as a new job",
+            )
+    if not remains.kept:
+        _check_sums(job, remains, spec)
+
+
+def _check_sums(job: Job, remains: Remains, spec: JobSpec) -> None:
+    spp = remains.slices * spec.slice_spp
+    for name in _JUDGING:
+        if getattr(spec, name) != getattr(job.spec, name):
+            raise CannotContinue(
+                job.id, f"its slices were not kept (keep_slices), so its {name} cannot change"
+            )
+    if spec.keep_slices:
+        raise CannotContinue(
+            job.id, f"its first {spp} spp were not kept, so the slices would have a gap"
+        )
+    seen = {rule for rule in (job.spec.rule, *job.spec.watch) if rule.name not in _ALWAYS_READY}
+    for rule in (spec.rule, *spec.watch):
+        if rule.name not in _ALWAYS_READY and rule not in seen:
+            raise CannotContinue(
+                job.id,
+                f"the rule {rule.name} compares with earlier images, which were not kept: it could "
+                "go on only as it was; visible, reverse and fixed can be named in any case",
+            )
+    if spec.max_spp <= spp:
+        raise CannotContinue(
+            job.id, f"it has {spp} spp, so a cap of {spec.max_spp} leaves nothing to render"
+        )

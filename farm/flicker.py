@@ -1,0 +1,86 @@
+"""What the frames of a sequence have to have in common to stop at the same visible noise.
+
+Frames that stop at different noise flicker. How much is left in one is decided by its rule with
+the target, by the least spp, by how often it is judged and by how it is looked at. Jobs that are
+alike in these are *even*; a batch with a guarded job takes even ones only.
+"""
+
+from dataclasses import dataclass
+from typing import Final
+
+import redis
+
+from farm import keys
+from farm.errors import UnevenBatch
+from farm.redis_link import unavailable_as_farm_error
+from farm.spec import JobSpec
+
+#: The fields of a spec that even jobs have in common.
+EVEN: Final = ("rule", "min_spp", "step", "view")
+
+Value = str | int | float | bool | None
+
+
+@dataclass(frozen=True)
+class Difference:
+    """A field in which one job stops otherwise than the others."""
+
+    field: str
+    value: Value
+    others: Value
+
+
+def stops_by(spec: JobSpec) -> dict[str, Value]:
+    """What decides how much noise is left in a job's image: values by the names of their fields."""
+    values: dict[str, Value] = {}
+    for name, value in spec.model_dump(include=set(EVEN)).items():
+        if isinstance(value, dict):
+            values |= {f"{name}.{part}": one for part, one in value.items()}
+        else:
+            values[name] = value
+    return values
+
+
+def differences(values: dict[str, Value], others: dict[str, Value]) -> list[Difference]:
+    """Where `stops_by` of a job differs from that of others; of another rule, just its name."""
+    names = sorted(values.keys() | others.keys())
+    if values["rule.name"] != others["rule.name"]:
+        names = [name for name in names if name == "rule.name" or not name.startswith("rule.")]
+    return [
+        Difference(name, values.get(name), others.get(name))
+        for name in names
+        if values.get(name) != others.get(name)
+    ]
+
+
+def compared(client: redis.Redis, batch: str, spec: JobSpec) -> str:
+    """The number of the batch's newest job, if new ones of this spec had to be even with its jobs.
+
+    "" where nothing guards the batch, or where it has no jobs yet.
+
+    Raises
+    ------
+    UnevenBatch
+        They are not.
+    """
+    with unavailable_as_farm_error():
+        pipe = client.pipeline(transaction=True)
+        pipe.zscore(keys.BATCHES, batch)
+        pipe.sismember(keys.GUARDED, batch)
+        newest, guarded = pipe.execute()
+        if newest is None or not (guarded or spec.flicker_guard):
+            return ""
+        # All jobs of a guarded batch are even, so one of them stands for all.
+        job_ids = client.zrevrange(keys.batch(batch), 0, 0 if guarded else -1)
+        pipe = client.pipeline(transaction=False)
+        for job_id in job_ids:
+            pipe.hget(keys.job(job_id), "spec")
+        specs = pipe.execute()
+    asked = stops_by(spec)
+    for job_id, stored in zip(job_ids, specs, strict=True):
+        if stored is None:  # forgotten a moment ago
+            continue
+        found = differences(asked, stops_by(JobSpec.model_validate_json(stored)))
+        if found:
+            raise UnevenBatch(batch, job_id, [(one.field, one.value, one.others) for one in found])
+    return f"{newest:.0f}"

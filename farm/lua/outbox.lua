@@ -1,0 +1,80 @@
+-- The outbox: what happened to jobs that have a webhook, waiting to be told to their receivers. The
+-- script that changes a job fills it in the same step, so no change is lost and none is made up.
+-- Shared by every script, as prelude.lua is.
+
+-- So many deliveries a job remembers; one that is older is dropped, told or not.
+local MOST_DELIVERIES = 100
+
+local function due_key(receiver) return RECEIVERS .. ':due:' .. receiver end
+
+local function receiver_of(id) return redis.call('HGET', job_key(id), 'webhook_receiver') end
+
+-- A receiver is due when the first of its deliveries is.
+local function reschedule(receiver)
+  local first = redis.call('ZRANGE', due_key(receiver), 0, 0, 'WITHSCORES')
+  if first[1] then
+    redis.call('ZADD', RECEIVERS, first[2], receiver)
+  else
+    redis.call('ZREM', RECEIVERS, receiver)
+  end
+end
+
+-- Have a delivery tried at a time (ms), which may be the end of a lease on it.
+local function deliver_at(id, number, at)
+  local receiver = receiver_of(id)
+  redis.call('ZADD', due_key(receiver), at, id .. ':' .. number)
+  reschedule(receiver)
+end
+
+-- Have a delivery not tried again.
+local function deliver_no_more(id, number)
+  local receiver = receiver_of(id)
+  redis.call('ZREM', due_key(receiver), id .. ':' .. number)
+  reschedule(receiver)
+end
+
+-- Note how a try of a delivery ended.
+local function note_delivery(id, number, status, error, ms)
+  redis.call('XADD', job_key(id, 'tries'), 'MAXLEN', '~', 1000, '*', 'delivery', number, 'at', now(),
+             'status', status, 'error', head(error, 300), 'ms', ms)
+end
+
+-- Forget a delivery of a job, if it has it.
+local function drop_delivery(id, number)
+  local deliveries = job_key(id, 'deliveries')
+  local state = redis.call('HGET', deliveries, number .. ' state')
+  if not state then return end
+  if state == 'waiting' then count('webhooks dropped') end
+  deliver_no_more(id, number)
+  redis.call('HDEL', deliveries, number, number .. ' state', number .. ' tries', number .. ' token')
+end
+
+-- Forget all deliveries of a job that is about to be forgotten itself.
+local function drop_deliveries(id)
+  local last = tonumber(redis.call('HGET', job_key(id), 'webhook_count') or 0)
+  for number = math.max(1, last - MOST_DELIVERIES + 1), last do drop_delivery(id, number) end
+end
+
+-- Put what happened to a job into the outbox, with the job as it is now, where its webhook wants it.
+-- The spec is left out: it may be large, and does not change.
+local function put_into_outbox(id, event)
+  local hook = redis.call('HMGET', job_key(id), 'webhook_receiver', 'webhook_events')
+  if not hook[1] or not string.find(hook[2], ' ' .. event .. ' ', 1, true) then return end
+  local number = redis.call('HINCRBY', job_key(id), 'webhook_count', 1)
+  local fields, job = redis.call('HGETALL', job_key(id)), {}
+  for i = 1, #fields, 2 do
+    if fields[i] ~= 'spec' and string.sub(fields[i], 1, 8) ~= 'webhook_' then
+      job[fields[i]] = fields[i + 1]
+    end
+  end
+  redis.call('HSET', job_key(id, 'deliveries'), number .. ' state', 'waiting', number .. ' tries', 0,
+             number, cjson.encode({event = event, at = now(), job = job}))
+  drop_delivery(id, number - MOST_DELIVERIES)
+  deliver_at(id, number, now())
+  redis.call('PUBLISH', WAKE_WEBHOOKS, id)
+end
+
+-- Called when a script is done: so a message shows the job as the script left it.
+local function fill_outbox()
+  for i = 1, #happened, 2 do put_into_outbox(happened[i], happened[i + 1]) end
+end

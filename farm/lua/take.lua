@@ -1,0 +1,16 @@
+-- Take up to so many requests out of a key's bucket, and note that the key is used.
+-- ARGV: key's id, requests wanted, ms in which the bucket gains one, requests that it holds
+-- Returns {taken, ms until there is one}; nothing is written where none is taken.
+local id, wanted, interval, burst = ARGV[1], tonumber(ARGV[2]), tonumber(ARGV[3]), tonumber(ARGV[4])
+local rate, at = api_key_key(id, 'rate'), tonumber(now())
+local full_at = math.max(at, tonumber(redis.call('GET', rate) or 0))
+local there = math.floor(burst - (full_at - at) / interval + 1e-6)
+if there < 1 then
+  local wait = (1 - burst) * interval + full_at - at
+  return {0, string.format('%.0f', math.ceil(wait))}
+end
+local taken = math.min(wanted, there)
+full_at = full_at + taken * interval
+redis.call('SET', rate, string.format('%.3f', full_at), 'PX', math.ceil(full_at - at))
+redis.call('HSET', API_KEYS_USED, id, string.format('%.0f', at))
+return {taken, '0'}

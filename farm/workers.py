@@ -1,0 +1,38 @@
+"""Steering workers: a drained one takes no more work, and says so, until it is let work again."""
+
+from typing import Final
+
+import redis
+
+from farm.errors import WorkerNotFound
+from farm.scripts import Scripts
+
+#: A worker lives whose heartbeat was heard within so many seconds.
+ALIVE_S: Final = 15.0
+
+
+class Workers:
+    """The workers that live. Every method raises `StoreUnavailable` when Redis is away."""
+
+    def __init__(self, client: redis.Redis) -> None:
+        self._scripts = Scripts(client)
+
+    def drain(self, worker_id: str) -> None:
+        """Give the worker no more slices; what it has in hand it finishes. Harmless to repeat.
+
+        It holds for the worker's life: one that is started again has another id.
+
+        Raises
+        ------
+        WorkerNotFound
+            No such worker lives.
+        """
+        self._tell(worker_id, "1")
+
+    def resume(self, worker_id: str) -> None:
+        """Let a drained worker take work again; raises `WorkerNotFound` as `drain` does."""
+        self._tell(worker_id, "0")
+
+    def _tell(self, worker_id: str, drains: str) -> None:
+        if self._scripts.run("drain", worker_id, drains, round(ALIVE_S * 1000)) == "missing":
+            raise WorkerNotFound(worker_id)

@@ -1,0 +1,48 @@
+"""Commands for batches: many jobs under one name."""
+
+from typing import Annotated
+
+import typer
+
+from plateau import options as o
+from plateau.cli.app import command, plain_errors
+
+
+@command()
+def batches(
+    limit: Annotated[int, typer.Option(help="Most batches to list.", min=1, max=10_000)] = 20,
+    url: o.Url = None,
+    as_json: o.Json = False,
+) -> None:
+    """List batches, those with the newest jobs first.
+
+    For example:
+      plateau batches
+      plateau list --batch walk
+
+    `plateau submit --each` makes one, and so does --batch, which names one.
+    """
+    from plateau.commands.batches import list_batches as run
+
+    with plain_errors():
+        run(limit=limit, url=url, as_json=as_json)
+
+
+@command()
+def batch(
+    name: Annotated[str, typer.Argument(help="The batch's name.", metavar="NAME")],
+    url: o.Url = None,
+    as_json: o.Json = False,
+) -> None:
+    """Show how far a batch is, and whether its frames stop at the same noise.
+
+    For example:
+      plateau batch walk
+
+    Frames that stop at different noise flicker. The guard's lines say whether all jobs stop by the
+    same rule, target, minimum and view, and which ended short of their target.
+    """
+    from plateau.commands.batches import show as run
+
+    with plain_errors():
+        run(name, url=url, as_json=as_json)

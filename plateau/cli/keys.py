@@ -1,0 +1,122 @@
+"""Commands that make, list, rotate and revoke API keys."""
+
+from typing import Annotated
+
+import typer
+
+from plateau import options as o
+from plateau.cli.app import Command, app, plain_errors
+
+_KeyId = Annotated[
+    str, typer.Argument(metavar="ID", help="The key's id, as `plateau keys list` shows it.")
+]
+
+keys = typer.Typer(
+    no_args_is_help=True,
+    rich_markup_mode=None,
+    help="""
+    API keys: who may use the service, as what, and how much.
+
+    Works on PLATEAU_REDIS_URL where it is set, and on the data folder else, whether `plateau up`
+    runs there or not. Once a key was ever made, every request to the service needs one.
+    """,
+)
+app.add_typer(keys, name="keys")
+
+
+@keys.command(cls=Command)
+def create(
+    name: Annotated[str, typer.Argument(help="Whose it is, or what for: shown with each job.")],
+    role: Annotated[
+        str,
+        typer.Option(
+            help="viewer (looks), submitter (submits, and steers its own jobs) or admin (steers "
+            "everybody's)."
+        ),
+    ] = "submitter",
+    requests_per_minute: Annotated[
+        float | None,
+        typer.Option(
+            help="How many requests a minute it may make.",
+            show_default="PLATEAU_KEY_REQUESTS_PER_MINUTE",
+        ),
+    ] = None,
+    burst: Annotated[
+        int | None,
+        typer.Option(help="And how many at once, after a pause.", show_default="PLATEAU_KEY_BURST"),
+    ] = None,
+    upload_gb: Annotated[
+        float | None,
+        typer.Option(
+            help="Largest scene that it may upload.", show_default="PLATEAU_KEY_UPLOAD_GB"
+        ),
+    ] = None,
+    open_jobs: Annotated[
+        int | None,
+        typer.Option(
+            help="How many of its jobs may be open at once.", show_default="PLATEAU_KEY_OPEN_JOBS"
+        ),
+    ] = None,
+    as_json: o.Json = False,
+) -> None:
+    """Make a key, and print it: this once, for only a hash of it is kept.
+
+    For example:
+      export PLATEAU_KEY=$(plateau keys create me)
+      plateau keys create prometheus --role viewer > /etc/prometheus/plateau.key
+    """
+    from plateau.commands.keys import create as run
+
+    with plain_errors():
+        run(
+            name,
+            role,
+            {
+                "requests_per_minute": requests_per_minute,
+                "burst": burst,
+                "upload_gb": upload_gb,
+                "open_jobs": open_jobs,
+            },
+            as_json=as_json,
+        )
+
+
+@keys.command("list", cls=Command)
+def list_keys(as_json: o.Json = False) -> None:
+    """List the keys that were ever made; what they open with, nobody can show again.
+
+    For example:
+      plateau keys list
+    """
+    from plateau.commands.keys import list_keys as run
+
+    with plain_errors():
+        run(as_json=as_json)
+
+
+@keys.command(cls=Command)
+def rotate(key_id: _KeyId, as_json: o.Json = False) -> None:
+    """Give a key another secret, and print it; the old one opens nothing from now on.
+
+    For example:
+      plateau keys rotate 3f9ac2d01b77
+
+    Name, role and limits stay, and so do its jobs, which another key could not steer.
+    """
+    from plateau.commands.keys import rotate as run
+
+    with plain_errors():
+        run(key_id, as_json=as_json)
+
+
+@keys.command(cls=Command)
+def revoke(key_id: _KeyId, as_json: o.Json = False) -> None:
+    """Revoke a key: it opens nothing from now on. Its jobs go on, and keep its name.
+
+    For example:
+      plateau keys revoke 3f9ac2d01b77
+    """
+    from plateau.commands.keys import revoke as run
+
+    with plain_errors():
+        run(key_id, as_json=as_json)

@@ -1,0 +1,84 @@
+"""Commands that fetch what a job has come to, and show what the farm has."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from plateau import options as o
+from plateau.cli.app import command, plain_errors
+
+
+@command()
+def curve(
+    job_id: o.JobId,
+    as_csv: Annotated[bool, typer.Option("--csv", help="Print CSV.")] = False,
+    url: o.Url = None,
+    as_json: o.Json = False,
+) -> None:
+    """Print the curve of a job, a line for each point, and draw it on a terminal.
+
+    For example:
+      plateau curve 3f9ac2d01b77
+      plateau curve 3f9ac2d01b77 --csv > curve.csv
+    """
+    if as_csv and as_json:
+        raise typer.BadParameter("--csv and --json are two forms: choose one")
+    from plateau.commands.fetch import CurveForm
+    from plateau.commands.fetch import curve as run
+
+    form = CurveForm.CSV if as_csv else CurveForm.JSON if as_json else CurveForm.TEXT
+    with plain_errors():
+        run(job_id, form=form, url=url)
+
+
+@command()
+def fetch(
+    job_id: o.JobId,
+    out: Annotated[
+        Path, typer.Option("--out", "-o", metavar="DIR", help="Write the files there.")
+    ] = Path("plateau-out"),
+    url: o.Url = None,
+    as_json: o.Json = False,
+) -> None:
+    """Fetch the images, the curve and a summary of a job, whether it has ended or not.
+
+    For example:
+      plateau fetch 3f9ac2d01b77 -o out
+
+    Prints the files that it wrote; slices too, where the job keeps them. --json prints the summary.
+    """
+    from plateau.commands.fetch import fetch as run
+
+    with plain_errors():
+        run(job_id, out, url=url, as_json=as_json)
+
+
+@command()
+def workers(url: o.Url = None, as_json: o.Json = False) -> None:
+    """List the workers that live, and what each renders.
+
+    For example:
+      plateau workers
+
+    In a pipe, columns are separated by tabs: id, host, best variant, threads, job and slice, rate
+    over the last slice, slices done, time since its start, trouble.
+    """
+    from plateau.commands.farm import workers as run
+
+    with plain_errors():
+        run(url=url, as_json=as_json)
+
+
+@command()
+def scenes(url: o.Url = None, as_json: o.Json = False) -> None:
+    """List the scenes that the service has stored.
+
+    For example:
+      plateau scenes
+      plateau scenes --json | jq -r '.[].sha256'
+    """
+    from plateau.commands.farm import scenes as run
+
+    with plain_errors():
+        run(url=url, as_json=as_json)

@@ -1,0 +1,74 @@
+"""Commands about webhooks: what became of their messages, and what signs them."""
+
+from typing import Annotated
+
+import typer
+
+from plateau import options as o
+from plateau.cli.app import Command, app, plain_errors
+
+webhooks = typer.Typer(
+    no_args_is_help=True,
+    rich_markup_mode=None,
+    help="""
+    Webhooks: whom the farm tells of a job's changes, as `plateau submit --webhook URL` asks it to.
+    """,
+)
+app.add_typer(webhooks, name="webhooks")
+
+
+@webhooks.command("list", cls=Command)
+def list_deliveries(job_id: o.JobId, url: o.Url = None, as_json: o.Json = False) -> None:
+    """List the messages to a job's webhook, and what became of each.
+
+    For example:
+      plateau webhooks list 3f9ac2d01b77
+    """
+    from plateau.commands.webhooks import list_deliveries as run
+
+    with plain_errors():
+        run(job_id, url=url, as_json=as_json)
+
+
+@webhooks.command(cls=Command)
+def redeliver(
+    job_id: o.JobId,
+    number: Annotated[
+        int, typer.Argument(metavar="N", min=1, help="The message's number, as `list` shows it.")
+    ],
+    url: o.Url = None,
+    as_json: o.Json = False,
+) -> None:
+    """Send a message again, now, as it was: under its id, so that receivers know it.
+
+    For example:
+      plateau webhooks redeliver 3f9ac2d01b77 2
+    """
+    from plateau.commands.webhooks import redeliver as run
+
+    with plain_errors():
+        run(job_id, number, url=url, as_json=as_json)
+
+
+@webhooks.command(cls=Command)
+def secret(
+    renew: Annotated[
+        bool,
+        typer.Option(
+            "--renew", help="Make another one; for a day messages are signed by both of them."
+        ),
+    ] = False,
+    as_json: o.Json = False,
+) -> None:
+    """Print the secret that signs the messages of jobs that bring none of their own.
+
+    For example:
+      plateau webhooks secret > /etc/studio/plateau-webhooks.secret
+
+    Works on PLATEAU_REDIS_URL where it is set, and on the data folder else, whether `plateau up`
+    runs there or not.
+    """
+    from plateau.commands.webhooks import secret as run
+
+    with plain_errors():
+        run(renew=renew, as_json=as_json)

@@ -1,0 +1,82 @@
+"""What happens to a job, each kind of event with a type of its own.
+
+>>> for event in client.events(job_id):  # doctest: +SKIP
+...     match event:
+...         case PointEvent():
+...             print(event.point.spp, event.point.visible_pixels)
+...         case StateEvent():
+...             print(event.state.value, event.reason)
+"""
+
+from typing import Final
+
+from farm.job import CurvePoint, Event
+from farm.states import JobState
+
+
+class StateEvent(Event):
+    """The job has moved to another state."""
+
+    @property
+    def state(self) -> JobState:
+        """The state that it moved to."""
+        return JobState(self.data["to"])
+
+    @property
+    def reason(self) -> str:
+        """Why, in words."""
+        return str(self.data["reason"])
+
+
+class PointEvent(Event):
+    """The merged image was judged: the curve has another point."""
+
+    @property
+    def point(self) -> CurvePoint:
+        """The point."""
+        return CurvePoint.model_validate({"at": self.at, **self.data})
+
+
+class _OfASlice(Event):
+    @property
+    def index(self) -> int:
+        """The slice's index."""
+        return int(str(self.data["index"]))
+
+    @property
+    def worker(self) -> str:
+        """The worker that had it."""
+        return str(self.data["worker"])
+
+
+class SliceEvent(_OfASlice):
+    """A slice was committed."""
+
+
+class TroubleEvent(_OfASlice):
+    """A worker died on a slice, or the partial of a slice was lost; it is rendered again."""
+
+    @property
+    def cause(self) -> str:
+        """Why, in words."""
+        return str(self.data["cause"])
+
+
+class FinishedEvent(Event):
+    """The final images are written; nothing follows."""
+
+
+#: Other types may come from a newer service; they are plain events.
+_KINDS: Final[dict[str, type[Event]]] = {
+    "state": StateEvent,
+    "point": PointEvent,
+    "slice": SliceEvent,
+    "trouble": TroubleEvent,
+    "finished": FinishedEvent,
+}
+
+
+def typed(event: Event) -> Event:
+    """The same event as its type's own class."""
+    kind = _KINDS.get(event.type, Event)
+    return kind(id=event.id, type=event.type, data=event.data, at=event.at)

@@ -1,0 +1,17 @@
+"""Calls about the farm itself."""
+
+from farm.job import Worker
+from plateau.client.calls import Calls
+from service.views import Scenes, SceneView, Workers
+
+
+class FarmCalls(Calls):
+    """Who works, and what is stored."""
+
+    def workers(self) -> list[Worker]:
+        """The workers that live, and what each renders."""
+        return self._transport.read(Workers, "/v1/workers").workers
+
+    def scenes(self) -> list[SceneView]:
+        """The stored scenes; `Client.submit` takes one by its SHA-256."""
+        return self._transport.read(Scenes, "/v1/scenes").scenes

@@ -1,0 +1,131 @@
+"""Calls that fetch what a job has come to: its curve, its images, its slices."""
+
+import secrets
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from farm.job import CurvePoint
+from plateau.client.calls import Calls
+from service.views import Curve
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+#: The whole file is on its way: between two parts of it there is little to wait for.
+_READ_S: Final = 45.0
+
+
+class ResultCalls(Calls):
+    """The curve, the images and the slices of a job, while it runs as well as afterwards."""
+
+    def curve(self, job_id: str) -> list[CurvePoint]:
+        """The points of the job's curve, by rising spp; none before the first evaluation.
+
+        Raises
+        ------
+        ApiError
+            ``unknown-job``.
+        """
+        return self._transport.read(Curve, f"/v1/jobs/{job_id}/curve").points
+
+    def curve_csv(self, job_id: str) -> str:
+        """The job's curve as CSV.
+
+        Raises
+        ------
+        ApiError
+            ``unknown-job``.
+        """
+        return self._transport.send("GET", f"/v1/jobs/{job_id}/curve.csv").text
+
+    def curve_columns(self, job_id: str) -> "dict[str, NDArray[Any]]":
+        """The job's curve as one array for each column of its CSV, all of the same length.
+
+        Returns
+        -------
+        dict
+            ``spp``, ``visible_pixels`` and ``non_finite_pixels`` are int64; ``at`` is datetime64,
+            in UTC; each rule's ``NAME_stop`` is bool; all others, among them ``visible_fraction``,
+            ``slope``, ``estimate_pixels``, ``forecast_spp`` and each rule's ``NAME_value``, are
+            float64, with NaN where nothing is known.
+
+        Raises
+        ------
+        ApiError
+            ``unknown-job``.
+        """
+        from plateau.client.columns import columns
+
+        return columns(self.curve(job_id))
+
+    def image(self, job_id: str, name: str = "image.png") -> bytes:
+        """One of the job's images: ``image.png``, ``image.exr`` or ``difference.png``.
+
+        Raises
+        ------
+        ApiError
+            ``unknown-job``; ``no-image-yet`` before the first point of its curve.
+        """
+        return self._transport.send("GET", f"/v1/jobs/{job_id}/{name}").content
+
+    def array(self, job_id: str) -> "NDArray[np.float32]":
+        """The job's merged image: the newest while it runs, in the end the final one.
+
+        Returns
+        -------
+        NDArray
+            (height, width, 3) float32: linear Rec. 709 radiance, as Mitsuba has it.
+
+        Raises
+        ------
+        ApiError
+            ``unknown-job``; ``no-image-yet`` before the first point of its curve.
+        """
+        from farm.exr import decode_image
+
+        return decode_image(self.image(job_id, "image.exr"))
+
+    def film(self, job_id: str, index: int) -> "NDArray[np.float32]":
+        """The film of one slice of a job that keeps its slices, before normalisation.
+
+        So films can be added: with ``total`` the sum of some, their image is
+        ``total[..., :3] / total[..., 3:]``.
+
+        Returns
+        -------
+        NDArray
+            (height, width, 4) float32: the sums of filter-weighted linear R, G and B, and of the
+            filter weights.
+
+        Raises
+        ------
+        ApiError
+            ``unknown-job``; ``unknown-slice`` where the job's spec does not say `keep_slices`, or
+            the slice is not committed yet.
+        """
+        from farm.exr import decode_partial
+
+        return decode_partial(self.image(job_id, f"slices/{index}.exr")).pixels
+
+    def download(self, job_id: str, name: str, path: Path) -> None:
+        """Write one of the job's files (``image.exr``, ``slices/3.exr``) whole or not at all.
+
+        Raises
+        ------
+        ApiError
+            ``unknown-job``, ``no-image-yet``, ``unknown-slice``.
+        OSError
+            The file cannot be written.
+        """
+        unfinished = path.with_name(f".{path.name}.{secrets.token_hex(4)}")
+        try:
+            with (
+                self._transport.stream(f"/v1/jobs/{job_id}/{name}", read_s=_READ_S) as answer,
+                unfinished.open("wb") as file,
+            ):
+                for chunk in answer.iter_bytes():
+                    file.write(chunk)
+            unfinished.replace(path)
+        finally:
+            unfinished.unlink(missing_ok=True)

@@ -1,0 +1,166 @@
+"""`plateau batches | batch`, and submit, watch, cancel, pause and resume of a whole batch."""
+
+import json
+import sys
+import time
+from pathlib import Path
+from typing import Final
+
+from rich.console import Console
+
+from farm.batch import Extent
+from farm.spec import JobSpec
+from farm.states import JobState
+from plateau import words
+from plateau.batch_progress import batch_progress_on, in_states
+from plateau.client import Client
+from plateau.connect import connect
+from plateau.errors import CommandFailed
+from plateau.exits import ExitCode
+from plateau.frames import Values, each, from_file
+from plateau.outputs import write_results
+from plateau.tables import print_rows
+from service.batch_views import BatchSteered, BatchView
+
+_LOOK_EVERY_S: Final = 1.0
+_COLUMNS: Final = ("batch", "jobs", "states", "newest (UTC)")
+_SHOWN: Final = 10
+
+
+def submit(
+    scene: Path,
+    spec: JobSpec,
+    *,
+    parameters: Path | None,
+    definitions: list[str],
+    url: str | None,
+    as_json: bool,
+) -> None:
+    """Submit a scene once for each entry of the file, or each combination; prints the batch."""
+    if parameters is not None and definitions:
+        raise CommandFailed("--each and --parameters both say which jobs there are: give one")
+    entries: list[Values] = each(definitions) if parameters is None else from_file(parameters)
+    with connect(url) as client:
+        batch = client.submit_batch(scene, entries, spec)
+    print(batch.model_dump_json(indent=2) if as_json else batch.name)
+
+
+def watch(name: str, out: Path | None, *, url: str | None, as_json: bool) -> int:
+    """Follow a batch until all of its jobs are finished; returns the exit code.
+
+    Results are written as they come, each job's into a folder named by its place in the batch.
+    """
+    with connect(url) as client:
+        try:
+            batch = _follow(client, name, out)
+        except KeyboardInterrupt:
+            print(f"plateau: not watching any more; batch {name} goes on", file=sys.stderr)
+            raise
+    print(batch.model_dump_json(indent=2) if as_json else _summary(batch))
+    if JobState.FAILED in batch.states:
+        return ExitCode.FAILED
+    return ExitCode.CANCELLED if JobState.CANCELLED in batch.states else ExitCode.OK
+
+
+def _follow(client: Client, name: str, out: Path | None) -> BatchView:
+    written: set[str] = set()
+    with batch_progress_on(Console(stderr=True)) as shown:
+        while True:
+            batch = client.batch(name)
+            shown.batch(batch)
+            if out is not None and batch.finished > len(written):
+                _fetch(client, batch, out, written)
+            if batch.finished == batch.jobs and (out is None or len(written) == batch.jobs):
+                return batch
+            time.sleep(_LOOK_EVERY_S)
+
+
+def _fetch(client: Client, batch: BatchView, out: Path, written: set[str]) -> None:
+    """Write the results of the jobs that have finished since; those of an earlier call stay."""
+    places = {job_id: place for place, job_id in enumerate(batch.job_ids)}
+    for job in client.all_jobs(batch=batch.name):
+        if job.finished_at is None or job.id in written or job.id not in places:
+            continue
+        folder = out / f"{places[job.id]:04d}-{job.id}"
+        if not (folder / "summary.json").exists():  # it is written last
+            write_results(client, job, folder)
+        written.add(job.id)
+
+
+def list_batches(*, limit: int, url: str | None, as_json: bool) -> None:
+    """Print batches, those with the newest jobs first."""
+    with connect(url) as client:
+        found = [line for _, line in zip(range(limit), client.all_batches(), strict=False)]
+    if as_json:
+        print(json.dumps([line.model_dump(mode="json") for line in found], indent=2))
+        return
+    rows = [
+        (line.name, str(line.jobs), in_states(line.states), f"{line.newest_at:%Y-%m-%d %H:%M:%S}")
+        for line in found
+    ]
+    print_rows(_COLUMNS, rows, none="no batches")
+
+
+def show(name: str, *, url: str | None, as_json: bool) -> None:
+    """Print how far a batch is, and whether its jobs are even."""
+    with connect(url) as client:
+        batch = client.batch(name)
+    print(batch.model_dump_json(indent=2) if as_json else _summary(batch))
+
+
+def steer(name: str, what: str, *, url: str | None, as_json: bool) -> None:
+    """Cancel, pause or resume all jobs of a batch, and print what became of each."""
+    with connect(url) as client:
+        calls = {
+            "cancel": client.cancel_batch,
+            "pause": client.pause_batch,
+            "resume": client.resume_batch,
+        }
+        steered: BatchSteered = calls[what](name)
+    if as_json:
+        print(steered.model_dump_json(indent=2))
+        return
+    for one in steered.jobs:
+        state = "" if one.state is None else f" {one.state.value}"
+        print(f"{one.job}{state}" + (f" ({one.why_not})" if one.why_not else ""))
+
+
+def _summary(batch: BatchView) -> str:
+    """A batch in a few lines."""
+    guard = batch.guard
+    rows = [
+        ("batch", f"{batch.name}, {batch.jobs:,} jobs: {in_states(batch.states)}"),
+        ("samples", f"{_extent(batch.spp, '{:,.0f}')} spp"),
+        ("time", f"machine time {words.duration(batch.machine_s)}"),
+    ]
+    if batch.held:
+        rows.append(("held", f"{batch.held:,} of the queued jobs, until the batch is resumed"))
+    if batch.samples_saved:
+        rows.append(("saved", f"{batch.samples_saved:,} samples that the caps would have cost"))
+    if batch.forecast_end_at is not None:
+        rows.append(("ends", f"about {batch.forecast_end_at:%Y-%m-%d %H:%M:%S} UTC"))
+    target = "" if guard.target is None else f", {100 * guard.target:g} % of the pixels"
+    least = f", not before {guard.min_spp:,} spp" if guard.min_spp else ""
+    rows.append(("stops by", f"{guard.rule}{target}{least}"))
+    if guard.even:
+        kept = "; the batch takes no other" if guard.guarded else ""
+        rows.append(("guard", f"even: all jobs stop alike{kept}"))
+    rows += [
+        ("guard", f"NOT EVEN: {one.job} has {one.field} {one.value}, most others {one.others}")
+        for one in guard.differs[:_SHOWN]
+    ]
+    if guard.missed_jobs:
+        more = ", …" if guard.missed_jobs > _SHOWN else ""
+        missed = f"{guard.missed_jobs:,} ended short of the target: "
+        rows.append(("missed", missed + ", ".join(guard.missed[:_SHOWN]) + more))
+    if guard.estimate_fraction is not None:
+        left = _extent(guard.estimate_fraction, "{:.3%}")
+        rows.append(("left", f"{left} of the pixels, in the jobs that converged"))
+    return "\n".join(f"{name + ':':<10}{text}" for name, text in rows)
+
+
+def _extent(extent: Extent | None, form: str) -> str:
+    if extent is None:
+        return "–"
+    least, most, mean = (form.format(value) for value in (extent.least, extent.most, extent.mean))
+    return least if least == most else f"{least} to {most}, {mean} on average,"

@@ -1,0 +1,59 @@
+"""`plateau workers | scenes`: what the farm has."""
+
+import json
+from datetime import datetime, timezone
+
+from farm.job import Worker
+from plateau.connect import connect
+from plateau.tables import print_rows
+from plateau.words import duration, size
+from service.views import SceneView
+
+WORKER_COLUMNS = ("id", "host", "variant", "threads", "renders", "rate", "done", "up", "trouble")
+_SCENE_COLUMNS = ("sha256", "name", "size", "film")
+
+
+def workers(*, url: str | None, as_json: bool) -> None:
+    """Print the workers that live."""
+    with connect(url) as client:
+        found = client.workers()
+    if as_json:
+        print(json.dumps([worker.model_dump(mode="json") for worker in found], indent=2))
+    else:
+        now = datetime.now(timezone.utc)
+        print_rows(
+            WORKER_COLUMNS,
+            [worker_row(worker, now) for worker in found],
+            none="no worker lives; `plateau worker` starts one, `plateau up --workers N` some",
+        )
+
+
+def scenes(*, url: str | None, as_json: bool) -> None:
+    """Print the stored scenes."""
+    with connect(url) as client:
+        found = client.scenes()
+    if as_json:
+        print(json.dumps([scene.model_dump(mode="json") for scene in found], indent=2))
+    else:
+        print_rows(_SCENE_COLUMNS, list(map(_scene, found)), none="no scene is stored")
+
+
+def worker_row(worker: Worker, now: datetime) -> tuple[str, ...]:
+    """The worker as a row of the table, below `WORKER_COLUMNS`."""
+    rate = worker.samples_per_s
+    return (
+        worker.id,
+        worker.host,
+        worker.variants[0] if worker.variants else "–",
+        str(worker.threads),
+        "–" if worker.job is None else f"{worker.job}/{worker.slice}",
+        "–" if rate is None else f"{rate / 1e6:.2f} Msamples/s",
+        str(worker.slices_done),
+        duration(max(0.0, (now - worker.started_at).total_seconds())),
+        worker.trouble or worker.last_error or "–",
+    )
+
+
+def _scene(scene: SceneView) -> tuple[str, ...]:
+    film = "–" if scene.width is None or scene.height is None else f"{scene.width}×{scene.height}"
+    return (scene.sha256, scene.name, size(scene.bytes), film)

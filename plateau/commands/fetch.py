@@ -1,0 +1,65 @@
+"""`plateau curve | fetch`: what a job has come to, whether it has ended or not."""
+
+import json
+import sys
+from enum import Enum
+from pathlib import Path
+
+from rich.console import Console
+
+from plateau import words
+from plateau.connect import connect
+from plateau.job_ids import whole_id
+from plateau.outputs import write_results
+from plateau.terminal_curve import terminal_curve
+
+_CURVE_ROWS = 16
+
+
+class CurveForm(str, Enum):
+    """How a curve is printed."""
+
+    TEXT = "text"
+    CSV = "csv"
+    JSON = "json"
+
+
+def curve(job_id: str, *, form: CurveForm, url: str | None) -> None:
+    """Print the curve of a job."""
+    with connect(url) as client:
+        job_id = whole_id(client, job_id)
+        if form is CurveForm.CSV:
+            print(client.curve_csv(job_id), end="")
+            return
+        job, points = client.job(job_id), client.curve(job_id)
+    if form is CurveForm.JSON:
+        print(json.dumps([point.model_dump(mode="json") for point in points], indent=2))
+        return
+    if not points:
+        print(f"no point yet: the first comes at {job.spec.step:,} spp", file=sys.stderr)
+        return
+    for point in points:
+        print(words.point_line(job, point))
+    console = Console()
+    if console.is_terminal and console.encoding.startswith("utf"):
+        drawn = terminal_curve(
+            points,
+            target=words.stop_fraction(job),
+            forecast_spp=None if job.state.ended else points[-1].forecast_spp,
+            max_spp=job.spec.max_spp,
+            columns=console.width,
+            rows=_CURVE_ROWS,
+        )
+        console.print(drawn)
+
+
+def fetch(job_id: str, out: Path, *, url: str | None, as_json: bool) -> None:
+    """Write what there is of a job into a folder."""
+    with connect(url) as client:
+        job_id = whole_id(client, job_id)
+        about = write_results(client, client.job(job_id), out)
+    if as_json:
+        print(json.dumps(about, indent=2))
+        return
+    for path in about["files"]:
+        print(path)

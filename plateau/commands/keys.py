@@ -1,0 +1,139 @@
+"""`plateau keys`: work on the farm's Redis directly, so that whoever runs the farm needs no key."""
+
+import json
+import sys
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from datetime import datetime
+from typing import Any, Final
+
+from pydantic import ValidationError
+
+from farm.api_keys import ApiKey, ApiKeys, KeyLimits, Role
+from farm.redis_link import connect
+from farm.schema import check_schema
+from farm.settings import Settings
+from plateau.data_folder import DataFolder
+from plateau.errors import CommandFailed
+from plateau.read_settings import read_settings
+from plateau.redis_at_hand import redis_at_hand
+from plateau.tables import print_rows
+
+_COLUMNS: Final = ("id", "name", "role", "made", "last used", "requests", "open jobs", "revoked")
+_MAX_NAME: Final = 100
+
+
+def create(name: str, role: str, limits: dict[str, float | None], *, as_json: bool) -> None:
+    """Make a key; it goes to standard output, what there is to say to standard error."""
+    settings = read_settings()
+    if not (name.isprintable() and name.strip() and len(name) <= _MAX_NAME):
+        raise CommandFailed(f"a key's name has 1 to {_MAX_NAME} printable characters")
+    known, allowed = _role(role), _limits(settings, limits)
+    with _keys(settings, may_begin=True) as keys:
+        first = not keys.any_made()
+        key, shown = keys.create(name, known, allowed)
+    _show(key, shown, as_json=as_json)
+    _say(f"made key {key.id} ({key.name}), a {key.role.value}'s")
+    if first:
+        _say("it is the first one: from now on every request to the service needs a key")
+
+
+def list_keys(*, as_json: bool) -> None:
+    """Print all keys, by age."""
+    with _keys(read_settings()) as keys:
+        found, used = keys.all(), keys.last_used()
+    if as_json:
+        print(json.dumps([_document(key, used.get(key.id)) for key in found], indent=2))
+    else:
+        print_rows(
+            _COLUMNS,
+            [_row(key, used.get(key.id)) for key in found],
+            none="no key was ever made: the service is open to everybody on its machine, and "
+            "listens there only; `plateau keys create NAME` makes one",
+        )
+
+
+def rotate(key_id: str, *, as_json: bool) -> None:
+    """Give a key another secret; prints as `create`."""
+    with _keys(read_settings()) as keys:
+        key, shown = keys.rotate(key_id)
+    _show(key, shown, as_json=as_json)
+    _say(f"key {key.id} ({key.name}) has another secret; the old one opens nothing any more")
+
+
+def revoke(key_id: str, *, as_json: bool) -> None:
+    """Revoke a key."""
+    with _keys(read_settings()) as keys:
+        key = keys.revoke(key_id)
+        left = any(one.usable for one in keys.all())
+    if as_json:
+        print(json.dumps(_document(key, None), indent=2))
+    _say(f"key {key.id} ({key.name}) opens nothing any more; its jobs go on")
+    if not left:
+        _say("that was the last one; requests go on to need a key: `plateau keys create NAME`")
+
+
+@contextmanager
+def _keys(settings: Settings, *, may_begin: bool = False) -> Iterator[ApiKeys]:
+    data = DataFolder(settings.data)
+    with ExitStack() as stack:
+        url = redis_at_hand(settings, data, stack, may_begin=may_begin)
+        client = stack.enter_context(connect(url))
+        check_schema(client)
+        yield ApiKeys(client)
+
+
+def _role(name: str) -> Role:
+    try:
+        return Role(name)
+    except ValueError:
+        known = ", ".join(role.value for role in Role)
+        raise CommandFailed(f"there is no role {name!r}; there are {known}") from None
+
+
+def _limits(settings: Settings, given: dict[str, float | None]) -> KeyLimits:
+    """The limits that were given, and for the others those of the settings."""
+    asked = {
+        name: getattr(settings, f"key_{name}") if value is None else value
+        for name, value in given.items()
+    }
+    upload_gb = asked.pop("upload_gb")
+    try:
+        return KeyLimits(
+            **asked, upload_bytes=None if upload_gb is None else round(upload_gb * 2**30)
+        )
+    except ValidationError as error:
+        found = error.errors()[0]
+        option = str(found["loc"][-1]).replace("upload_bytes", "upload_gb").replace("_", "-")
+        raise CommandFailed(f"--{option}: {found['msg']}") from None
+
+
+def _show(key: ApiKey, shown: str, *, as_json: bool) -> None:
+    print(json.dumps({**_document(key, None), "key": shown}, indent=2) if as_json else shown)
+
+
+def _document(key: ApiKey, last_used: datetime | None) -> dict[str, Any]:
+    document: dict[str, Any] = key.model_dump(mode="json", exclude={"sha256"})
+    return {**document, "last_used_at": None if last_used is None else last_used.isoformat()}
+
+
+def _row(key: ApiKey, last_used: datetime | None) -> tuple[str, ...]:
+    limits = key.limits
+    return (
+        key.id,
+        key.name,
+        key.role.value,
+        _day(key.created_at),
+        "never" if last_used is None else f"{last_used:%Y-%m-%d %H:%M}",
+        f"{limits.requests_per_minute:g}/min, {limits.burst:,} at once",
+        "any" if limits.open_jobs is None else f"{limits.open_jobs:,}",
+        "–" if key.revoked_at is None else _day(key.revoked_at),
+    )
+
+
+def _day(moment: datetime) -> str:
+    return f"{moment:%Y-%m-%d}"
+
+
+def _say(line: str) -> None:
+    print(f"plateau: {line}", file=sys.stderr)

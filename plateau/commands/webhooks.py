@@ -1,0 +1,121 @@
+"""`plateau webhooks`, and what `submit` and `show` have to do with them."""
+
+import json
+import os
+import sys
+from collections.abc import Sequence
+from contextlib import ExitStack
+
+from pydantic import ValidationError
+
+from farm.redis_link import connect as connect_to_redis
+from farm.schema import check_schema
+from farm.spec import JobSpec
+from farm.webhook_spec import WebhookSpec
+from farm.webhooks import Delivery, Outbox
+from plateau.client import Client
+from plateau.connect import connect
+from plateau.data_folder import DataFolder
+from plateau.errors import CommandFailed
+from plateau.job_ids import whole_id
+from plateau.read_settings import read_settings
+from plateau.redis_at_hand import redis_at_hand
+from plateau.tables import print_rows
+from service.views import JobView
+
+_COLUMNS = ("number", "event", "happened (UTC)", "state", "tries", "last answer", "next (UTC)")
+_SECRET = "PLATEAU_WEBHOOK_SECRET"
+
+
+def with_webhook(spec: JobSpec, url: str | None, events: Sequence[str]) -> JobSpec:
+    """The spec with this webhook; its secret is read from the environment, where others see none.
+
+    Raises
+    ------
+    CommandFailed
+        The URL, an event or the secret is not allowed.
+    """
+    if url is None:
+        if events:
+            raise CommandFailed("--webhook-event says what --webhook URL is told: name that too")
+        return spec
+    asked: dict[str, object] = {"url": url, "secret": os.environ.get(_SECRET) or None}
+    if events:
+        asked["events"] = tuple(events)
+    try:
+        return spec.model_copy(update={"webhook": WebhookSpec.model_validate(asked)})
+    except ValidationError as error:
+        found = error.errors()[0]
+        names = {"url": "--webhook", "events": "--webhook-event", "secret": _SECRET}
+        name = names[str(found["loc"][0])]
+        raise CommandFailed(f"{name}: {found['msg'].removeprefix('Value error, ')}") from None
+
+
+def undelivered(client: Client, job: JobView) -> list[str]:
+    """A line for each message of the job's webhook that was tried and is not delivered."""
+    if job.spec.webhook is None:
+        return []
+    return [
+        f"{one.number} ({one.event}): {one.state.replace('-', ' ')} after {_tries(one)}, "
+        f"{_next(one)}: {one.tries[-1].error}"
+        for one in client.webhooks(job.id).deliveries
+        if one.state != "delivered" and one.tries
+    ]
+
+
+def list_deliveries(job_id: str, *, url: str | None, as_json: bool) -> None:
+    """Print the messages to a job's webhook."""
+    with connect(url) as client:
+        found = client.webhooks(whole_id(client, job_id))
+    if as_json:
+        print(found.model_dump_json(indent=2))
+        return
+    none = "nothing was to be told yet" if found.url else "the job has no webhook"
+    print_rows(_COLUMNS, list(map(_row, found.deliveries)), none=none)
+
+
+def redeliver(job_id: str, number: int, *, url: str | None, as_json: bool) -> None:
+    """Have a message sent again."""
+    with connect(url) as client:
+        found = client.redeliver(whole_id(client, job_id), number)
+    print(found.model_dump_json(indent=2) if as_json else f"{found.id} {found.state}")
+
+
+def secret(*, renew: bool, as_json: bool) -> None:
+    """Print the farm's secret; what there is to say of it goes to standard error."""
+    settings = read_settings()
+    with ExitStack() as stack:
+        data = DataFolder(settings.data)
+        redis_url = redis_at_hand(settings, data, stack, may_begin=True)
+        client = stack.enter_context(connect_to_redis(redis_url))
+        check_schema(client)
+        outbox = Outbox(client)
+        found = outbox.renew_farm_secret() if renew else outbox.farm_secrets()[0]
+    print(json.dumps({"secret": found}) if as_json else found)
+    if renew:
+        print("plateau: for a day the one before it signs too", file=sys.stderr)
+
+
+def _row(one: Delivery) -> tuple[str, ...]:
+    last = one.tries[-1] if one.tries else None
+    return (
+        str(one.number),
+        one.event,
+        f"{one.at:%Y-%m-%d %H:%M:%S}",
+        one.state,
+        str(len(one.tries)),
+        "–" if last is None else last.error or str(last.status),
+        "–" if one.next_try_at is None else f"{one.next_try_at:%Y-%m-%d %H:%M:%S}",
+    )
+
+
+def _tries(one: Delivery) -> str:
+    return "1 try" if len(one.tries) == 1 else f"{len(one.tries)} tries"
+
+
+def _next(one: Delivery) -> str:
+    if one.state == "given-up":
+        return "`plateau webhooks redeliver` sends it again"
+    if one.next_try_at is None:
+        return "being tried"
+    return f"next at {one.next_try_at:%Y-%m-%d %H:%M:%S} UTC"

@@ -1,0 +1,72 @@
+"""Who makes a request, as the routes see it; `service.key_guard` found it out before them."""
+
+from dataclasses import dataclass
+from typing import Annotated, Final
+
+from fastapi import Depends, Request
+
+from farm.api_keys import ApiKey, Role
+from service.problems import NOT_YOUR_JOB, ROLE_TOO_LOW, Problem
+
+
+@dataclass(frozen=True)
+class Caller:
+    """The key that came with a request; None where the API is open."""
+
+    key: ApiKey | None
+
+    @property
+    def id(self) -> str:
+        """The key's id, as jobs note their owner: "" where the API is open."""
+        return "" if self.key is None else self.key.id
+
+    @property
+    def name(self) -> str:
+        """What a job's story calls who steered it."""
+        return "a user" if self.key is None else self.key.name
+
+    @property
+    def upload_bytes(self) -> int | None:
+        """The largest upload that the key may bring; None where it has no limit of its own."""
+        return None if self.key is None else self.key.limits.upload_bytes
+
+    def may_steer(self, owner: str | None) -> bool:
+        """Whether it may change what belongs to the owner, a key's id: its own, or all as admin."""
+        if self.key is None or self.key.role is Role.ADMIN:
+            return True
+        return owner == self.key.id
+
+    def check_may_steer_workers(self) -> None:
+        """Return where it may tell workers what to do; raise the problem where it may not."""
+        if self.key is not None and self.key.role is not Role.ADMIN:
+            raise Problem(
+                ROLE_TOO_LOW,
+                f"workers serve every key, so it takes an {Role.ADMIN.value}'s to steer them, and "
+                f"the key {self.key.name!r} is a {self.key.role.value}'s",
+                role=self.key.role.value,
+                needed=Role.ADMIN.value,
+            )
+
+    def check_may_steer(self, job_id: str, owner: str | None) -> None:
+        """Return where it may change the job of this owner; raise the problem where it may not."""
+        if not self.may_steer(owner):
+            whose = "belongs to another key" if owner else "was made without a key"
+            raise Problem(
+                NOT_YOUR_JOB,
+                f"job {job_id} {whose}; it takes that key, or an admin's, to change it",
+                job_id=job_id,
+            )
+
+
+#: Who calls an open API.
+ANYBODY: Final = Caller(None)
+
+
+async def caller(request: Request) -> Caller:
+    """Who makes the request; no function, as `service.parts.parts` is none."""
+    found: Caller = getattr(request.state, "caller", ANYBODY)
+    return found
+
+
+#: Who makes the request, as a route takes it.
+CallerOf = Annotated[Caller, Depends(caller)]

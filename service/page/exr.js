@@ -1,0 +1,90 @@
+// Reads the EXR files that Plateau writes: one part, scan lines, float32 R, G and B, zip or none.
+// See "OpenEXR File Layout" (openexr.com): what is needed of it is little.
+
+const MAGIC = 20000630;
+const MULTIPART_OR_TILES = 0x1a00;
+const FLOAT = 2;
+/** Lines in a chunk, by compression. */
+const LINES = new Map([[0, 1], [2, 1], [3, 16]]);
+
+/** A file's pixels: `{ width, height, planes: { R, G, B } }` of Float32Array, linear radiance. */
+export async function readExr(buffer) {
+  const view = new DataView(buffer);
+  const flags = view.getUint32(4, true);
+  if (view.getUint32(0, true) !== MAGIC || flags & MULTIPART_OR_TILES) throw new Error("not an EXR file of this kind");
+  const { attributes, end } = header(view, 8);
+  const channels = channelList(attributes.get("channels"));
+  const lines = LINES.get(attributes.get("compression").getUint8(0));
+  if (!lines || channels.some(({ type }) => type !== FLOAT)) throw new Error("not an EXR file of this kind");
+  const box = attributes.get("dataWindow");
+  const [left, top, right, bottom] = [0, 4, 8, 12].map((offset) => box.getInt32(offset, true));
+  const [width, height] = [right - left + 1, bottom - top + 1];
+  const planes = Object.fromEntries(channels.map(({ name }) => [name, new Float32Array(width * height)]));
+
+  const chunk = async (number) => {
+    const start = Number(view.getBigUint64(end + 8 * number, true));
+    const first = view.getInt32(start, true) - top;
+    const size = view.getInt32(start + 4, true);
+    const rows = Math.min(lines, height - first);
+    const whole = rows * width * channels.length * 4;
+    const packed = new Uint8Array(buffer, start + 8, size);
+    // A chunk that packing would not make smaller is stored as it is.
+    const bytes = size === whole ? packed.slice() : unpredicted(await inflated(packed));
+    const values = new Float32Array(bytes.buffer, bytes.byteOffset, whole / 4);
+    let at = 0;
+    for (let row = first; row < first + rows; row += 1) {
+      for (const { name } of channels) {
+        planes[name].set(values.subarray(at, at + width), row * width);
+        at += width;
+      }
+    }
+  };
+  await Promise.all(Array.from({ length: Math.ceil(height / lines) }, (_, number) => chunk(number)));
+  return { width, height, planes };
+}
+
+function header(view, offset) {
+  const attributes = new Map();
+  let at = offset;
+  const text = () => {
+    const start = at;
+    while (view.getUint8(at) !== 0) at += 1;
+    at += 1;
+    return new TextDecoder().decode(new Uint8Array(view.buffer, start, at - start - 1));
+  };
+  for (;;) {
+    const name = text();
+    if (name === "") return { attributes, end: at };
+    text();  // its type
+    const size = view.getInt32(at, true);
+    attributes.set(name, new DataView(view.buffer, at + 4, size));
+    at += 4 + size;
+  }
+}
+
+function channelList(view) {
+  const found = [];
+  let at = 0;
+  while (view.getUint8(at) !== 0) {
+    let name = "";
+    for (; view.getUint8(at) !== 0; at += 1) name += String.fromCharCode(view.getUint8(at));
+    found.push({ name, type: view.getInt32(at + 1, true) });
+    at += 17;
+  }
+  return found;
+}
+
+async function inflated(packed) {
+  const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("deflate"));
+  return new Uint8Array(await new Response(stream).arrayBuffer());
+}
+
+/** Undoes what precedes the zip: differences of neighbours, and the halves of all bytes interleaved. */
+function unpredicted(bytes) {
+  for (let at = 1; at < bytes.length; at += 1) bytes[at] = (bytes[at - 1] + bytes[at] - 128) & 255;
+  const found = new Uint8Array(bytes.length);
+  const half = (bytes.length + 1) >> 1;
+  for (let at = 0; at < half; at += 1) found[2 * at] = bytes[at];
+  for (let at = half; at < bytes.length; at += 1) found[2 * (at - half) + 1] = bytes[at];
+  return found;
+}

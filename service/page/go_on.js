@@ -1,0 +1,51 @@
+// Going on with a job that has ended: to a stricter rule or a higher cap, as a new job.
+
+import { send } from "./api.js";
+import { h, setText } from "./dom.js";
+import { fieldsOf } from "./fields.js";
+import { maySubmit } from "./me.js";
+import { ENDED, title, whole } from "./words.js";
+
+/** A button that asks how far; null where there is nothing to go on with. */
+export function goOnButton(job, go) {
+  if (!ENDED.has(job.state) || !job.finished_at || !job.spp || job.state === "failed" || !maySubmit()) return null;
+  return h("button", { onclick: () => ask(job, go) }, "Go on…");
+}
+
+function ask(job, go) {
+  const { rule, max_spp: cap } = job.spec;
+  const limits = fieldsOf("spec", [{
+    name: "max_spp", label: "At most", unit: "spp", value: Math.max(cap, 2 * job.spp), min: job.spp + 1, step: 1,
+    help: `It has ${whole(job.spp)} by now, and loses none of them.`,
+  }]);
+  const stricter = fieldsOf("spec.rule", rule.name !== "visible" ? [] : [{
+    name: "target", label: "Pixels that may still differ", unit: "%", scale: 0.01, step: "any", min: 0.0001, max: 99,
+    value: Number((100 * (job.state === "converged" ? rule.target / 2 : rule.target)).toPrecision(3)),
+    help: "The smaller, the stricter.",
+  }]);
+  const wrong = h("p", { class: "bad", role: "alert" });
+  const start = h("button", { type: "submit", class: "primary" }, "Go on");
+  const dialog = h("dialog", { class: "ask", "aria-labelledby": "go-on", onclose: () => dialog.remove() },
+    h("form", { onsubmit: submit },
+      h("h2", { id: "go-on" }, `Go on with ${title(job)}`),
+      h("p", {}, "A new job takes over its samples; this one stays as it is."),
+      ...limits.elements, ...stricter.elements, wrong,
+      h("div", { class: "answers" },
+        h("button", { type: "button", onclick: () => dialog.close() }, "Leave it"), start)));
+  async function submit(event) {
+    event.preventDefault();
+    start.disabled = true;
+    try {
+      const target = stricter.values();
+      const changes = { ...limits.values(), ...("target" in target ? { rule: target } : {}) };
+      const next = await send("POST", job.links.continue, changes);
+      dialog.close();
+      go(`/jobs/${next.id}`);
+    } catch (error) {
+      setText(wrong, error.message);
+      start.disabled = false;
+    }
+  }
+  document.body.append(dialog);
+  dialog.showModal();
+}

@@ -1,0 +1,76 @@
+// Which screen is shown: the path says, and going from one to another loads no page.
+
+import { complain, setAttribute } from "./dom.js";
+import { forgetKey, hasKey } from "./key.js";
+import { maySubmit, meetMe } from "./me.js";
+import * as job from "./job.js";
+import * as jobs from "./jobs.js";
+import * as submit from "./submit.js";
+import * as workers from "./workers.js";
+
+const SCREENS = [
+  [/^\/$/, "jobs", jobs],
+  [/^\/submit$/, "submit", submit],
+  [/^\/workers$/, "workers", workers],
+  [/^\/jobs\/([^/]+)$/, "job", job],
+];
+
+const main = document.getElementById("main");
+let leaving = new AbortController();
+
+function open({ focus }) {
+  leaving.abort();
+  leaving = new AbortController();
+  complain("");
+  main.replaceChildren();
+  const [match, name, screen] =
+    SCREENS.map(([path, ...rest]) => [path.exec(location.pathname), ...rest]).find(([match]) => match) ??
+    [[], "jobs", jobs];
+  main.dataset.screen = name;
+  for (const link of document.querySelectorAll("a[data-screen]")) {
+    setAttribute(link, "aria-current", link.dataset.screen === name ? "page" : null);
+  }
+  screen.open(main, { id: match[1], signal: leaving.signal, go });
+  if (focus) {
+    scrollTo(0, 0);
+    main.focus({ preventScroll: true });
+  }
+}
+
+/** Goes to another screen. */
+function go(path) {
+  history.pushState(null, "", path);
+  open({ focus: true });
+}
+
+document.addEventListener("click", (event) => {
+  const link = event.target.closest?.("a[href]");
+  if (!link || event.defaultPrevented || event.button || event.metaKey || event.ctrlKey || event.shiftKey) return;
+  const there = new URL(link.href, location.href);
+  const ours = SCREENS.some(([path]) => path.test(there.pathname));
+  if (there.origin !== location.origin || !ours || there.hash || link.hasAttribute("download")) return;
+  event.preventDefault();
+  go(there.pathname + there.search);
+});
+addEventListener("popstate", () => open({ focus: true }));
+
+// A file that is dropped beside its place would take the page away.
+for (const type of ["dragover", "drop"]) addEventListener(type, (event) => event.preventDefault());
+
+const forget = document.getElementById("forget-key");
+forget.addEventListener("click", () => {
+  forgetKey();
+  location.reload();
+});
+const showForget = () => (forget.hidden = !hasKey());
+document.addEventListener("plateau-key", showForget);
+showForget();
+
+async function meet() {
+  await meetMe();
+  document.querySelector('.top [data-screen="submit"]').hidden = !maySubmit();
+}
+
+document.addEventListener("plateau-key", meet);
+meet();
+open({ focus: false });

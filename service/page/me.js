@@ -1,0 +1,26 @@
+// What the key in hand allows, so that nothing is offered that would be refused.
+
+import { get } from "./api.js";
+
+/** Until the API has said otherwise everything is offered: it is the API that decides. */
+let known = { id: null, role: "admin" };
+
+/** Asks the API whose key it is; resolves when that is known. */
+export async function meetMe() {
+  known = await get("/v1/whoami").catch(() => known);
+}
+
+/** Whether a scene may be submitted. */
+export function maySubmit() {
+  return known.role !== "viewer";
+}
+
+/** Whether a job may be changed: one's own, or all as admin. */
+export function maySteer(job) {
+  return known.role === "admin" || (known.role === "submitter" && job.owner === known.id);
+}
+
+/** Whether workers may be told what to do. */
+export function maySteerWorkers() {
+  return known.role === "admin";
+}

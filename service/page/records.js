@@ -1,0 +1,124 @@
+// What is on record of a job: its story, who rendered its slices, its log, what was asked, its files.
+
+import { download, get } from "./api.js";
+import { complain, h, setText } from "./dom.js";
+import { clock, duration, several, three, whole } from "./words.js";
+
+const EVERY_MS = 4000;
+
+export class Records {
+  #path;
+  #signal;
+  #job = null;
+  #events = [];
+  #fetchedAt = new Map();
+  #story = h("ol", { class: "story" });
+  #notes = h("ul", { class: "notes" });
+  #workers = h("tbody");
+  #log = h("div", { class: "log" });
+  #spec = h("pre", { tabindex: 0, "aria-label": "The job's spec" });
+  #files = h("ul", { class: "files" });
+  #slices;
+  #logBox;
+
+  constructor(path, signal) {
+    this.#path = path;
+    this.#signal = signal;
+    const box = (name, ...inside) => h("details", {}, h("summary", {}, name), ...inside);
+    this.#slices = box("Who rendered it",
+      h("div", { class: "scroll" }, h("table", {}, h("thead", {}, h("tr", {},
+        ...["worker", "slices", "spp", "rendering", "a slice", "share"].map((name) => h("th", { scope: "col" }, name)))),
+      this.#workers)));
+    this.#logBox = box("Log", this.#log);
+    for (const one of [this.#slices, this.#logBox]) one.addEventListener("toggle", () => this.#fetch());
+    this.element = h("section", { class: "records", "aria-label": "Records" },
+      h("div", {}, h("h2", {}, "Files"), this.#files),
+      h("details", { open: true }, h("summary", {}, "Story"), this.#story, this.#notes),
+      this.#slices, this.#logBox, box("What was asked", this.#spec));
+  }
+
+  /** Takes in events of the job's stream. */
+  tell(events) {
+    this.#events.push(...events.filter(({ type }) => ["state", "trouble", "finished"].includes(type)));
+    this.#story.replaceChildren(...this.#events.map(({ type, data }) => h("li", { "data-type": type },
+      h("time", { datetime: data.at }, clock(data.at)), " ", ...told(type, data))));
+  }
+
+  show(job) {
+    const first = this.#job === null;
+    const hadImage = Boolean(this.#job?.points);
+    this.#job = job;
+    if (first || hadImage !== Boolean(job.points)) this.#showFiles();
+    this.#notes.replaceChildren(...job.notes.map((note) => h("li", {}, note)));
+    this.#notes.hidden = !job.notes.length;
+    setText(this.#spec, JSON.stringify(job.spec, null, 2));
+    this.#fetch();
+  }
+
+  #showFiles() {
+    const { id, links, points } = this.#job;
+    const files = [
+      ["image.exr", "EXR", "the merged image, linear float32", links.image_exr],
+      ["image.png", "PNG", "the image as judged", links.image_png],
+      ["difference.png", "Difference", "what differs visibly from the first image", links.difference_png],
+      ["curve.csv", "CSV", "the points of the curve", `${links.self}/curve.csv`],
+      ["report.html", "Report", "all of it on one page that stands alone", links.report],
+    ];
+    const save = (name, path) => async (event) => {
+      event.preventDefault();
+      await download(path, `${id}-${name}`).catch((error) => complain(error.message));
+    };
+    this.#files.replaceChildren(...(points ? files.map(([name, short, what, path]) => h("li", {},
+      h("a", { href: path, download: `${id}-${name}`, onclick: save(name, path) }, short), " ", h("span", {}, what)))
+      : [h("li", {}, "They come with the first step.")]));
+  }
+
+  /** Fetches what is open, now and then while the job runs. */
+  #fetch() {
+    if (!this.#job) return;
+    if (this.#slices.open && this.#due("slices")) this.#fetchSlices().catch((error) => complain(error.message));
+    if (this.#logBox.open && this.#due("log")) this.#fetchLog().catch((error) => complain(error.message));
+  }
+
+  #due(what) {
+    const state = this.#job.finished_at ?? "";
+    const before = this.#fetchedAt.get(what);
+    if (before && before.state === state && (state || Date.now() < before.at + EVERY_MS)) return false;
+    this.#fetchedAt.set(what, { state, at: Date.now() });
+    return true;
+  }
+
+  async #fetchSlices() {
+    const { slices } = await get(this.#job.links.slices, this.#signal);
+    const workers = new Map();
+    for (const { worker, spp, render_s: seconds } of slices) {
+      const sum = workers.get(worker) ?? { slices: 0, spp: 0, seconds: 0 };
+      workers.set(worker, { slices: sum.slices + 1, spp: sum.spp + spp, seconds: sum.seconds + seconds });
+    }
+    const all = slices.reduce((sum, { spp }) => sum + spp, 0);
+    this.#workers.replaceChildren(...[...workers].sort(([, a], [, b]) => b.spp - a.spp).map(([name, sum]) =>
+      h("tr", {}, h("th", { scope: "row" }, name),
+        ...[whole(sum.slices), whole(sum.spp), duration(sum.seconds), duration(sum.seconds / sum.slices)].map((text) => h("td", {}, text)),
+        h("td", {}, h("meter", { min: 0, max: 1, value: sum.spp / all, "aria-label": `Share of ${name}` }), ` ${three((100 * sum.spp) / all)} %`))));
+    setText(this.#slices.querySelector("summary"), `Who rendered it: ${several(workers.size, "worker")}, ${several(slices.length, "slice")}`);
+  }
+
+  async #fetchLog() {
+    const { entries } = await get(this.#job.links.log, this.#signal);
+    const shown = entries.filter(({ what, text }) => what !== "committed" || text);
+    const quiet = entries.length - shown.length;
+    this.#log.replaceChildren(
+      h("p", { class: "hint" }, quiet ? `${several(quiet, "slice")} went through without a word.` : ""),
+      ...shown.map((entry) => h("div", {},
+        h("p", { "data-what": entry.what }, h("time", { datetime: entry.at }, clock(entry.at)),
+          ` slice ${entry.slice} ${entry.what} by ${entry.worker}`, entry.cause ? `: ${entry.cause}` : ""),
+        entry.text && h("pre", { tabindex: 0, "aria-label": `Output of slice ${entry.slice}` }, entry.text))));
+  }
+}
+
+function told(type, data) {
+  if (type === "finished") return ["The final images are written."];
+  if (type === "trouble") return [`Slice ${data.index}, worker ${data.worker}: ${data.cause}`];
+  const reason = data.reason && data.reason !== data.to ? `: ${data.reason}` : "";
+  return [h("b", { class: "state", "data-state": data.to }, data.to), reason];
+}

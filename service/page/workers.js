@@ -1,0 +1,95 @@
+// Who renders: which workers live, what each does, and what troubles it.
+
+import { attempt } from "./actions.js";
+import { get, send } from "./api.js";
+import { confirmed, h, KeyedList, repeat, setAttribute, setText } from "./dom.js";
+import { maySteerWorkers } from "./me.js";
+import { ago, several, three, title, whole } from "./words.js";
+
+const EVERY_MS = 2000;
+
+export function open(main, { signal }) {
+  document.title = "Workers · Plateau";
+  const summary = h("p", { class: "summary", "aria-live": "polite" });
+  const list = h("ul", { class: "workers", "aria-label": "Workers" });
+  const nothing = h("div", { class: "nothing", hidden: true },
+    h("p", { class: "lead" }, "Nobody renders."),
+    h("p", {}, "Start a worker on any machine that reaches Redis and the blob store: ", h("code", {}, "plateau worker")));
+  main.append(h("div", { class: "head" }, h("div", {}, h("h1", {}, "Workers"), summary)), list, nothing);
+  const rows = new KeyedList(list, () => new WorkerRow(refresh));
+  const names = new Map();
+
+  async function refresh() {
+    const { workers } = await get("/v1/workers", signal);
+    const unknown = [...new Set(workers.map(({ job }) => job))].filter((id) => id && !names.has(id));
+    await Promise.all(unknown.map(async (id) => {
+      names.set(id, await get(`/v1/jobs/${id}`, signal).then(title, () => id));
+    }));
+    workers.sort((a, b) => a.id.localeCompare(b.id));
+    rows.show(workers.map((worker) => ({ ...worker, jobName: names.get(worker.job) })), ({ id }) => id);
+    const busy = workers.filter(({ job }) => job).length;
+    const rate = workers.reduce((sum, worker) => sum + (worker.job ? worker.samples_per_s ?? 0 : 0), 0);
+    setText(summary, workers.length
+      ? [several(workers.length, "worker"), `${busy} rendering`, rate ? `${three(rate / 1e6)} million samples a second` : ""].filter(Boolean).join(" · ")
+      : "");
+    nothing.hidden = workers.length > 0;
+  }
+  repeat(refresh, () => EVERY_MS, signal);
+}
+
+class WorkerRow {
+  #name = h("h2");
+  #where = h("p", { class: "summary" });
+  #job = h("a");
+  #does = h("p", { class: "does" });
+  #rate = h("p", { class: "figure" });
+  #done = h("p", { class: "figure" });
+  #trouble = h("p", { class: "bad" });
+  #drain = h("button");
+  #worker = null;
+  element = h("li", { class: "worker" },
+    h("div", {}, this.#name, this.#where), this.#does, this.#rate, this.#done, this.#drain, this.#trouble);
+
+  constructor(refresh) {
+    this.#drain.addEventListener("click", async () => {
+      const { id, drained } = this.#worker;
+      const tell = (what, done) => attempt(() => send("POST", `/v1/workers/${encodeURIComponent(id)}/${what}`), done, refresh);
+      if (drained) await tell("resume", `${id} takes work again`);
+      else if (await confirmed(`Drain ${id}?`,
+        "It finishes the slice that it has in hand and takes no more, so that it can be stopped without a loss.", "Drain it", "Let it work")) {
+        await tell("drain", `${id} takes no more work`);
+      }
+    });
+  }
+
+  update(worker) {
+    this.#worker = worker;
+    this.#drain.hidden = !maySteerWorkers();
+    setText(this.#drain, worker.drained ? "Let it work" : "Drain");
+    setAttribute(this.#drain, "aria-label", `${worker.drained ? "Let it work:" : "Drain"} ${worker.id}`);
+    const { id, host, pid, variants, threads, job, slice, samples_per_s: rate, last_error: error, trouble } = worker;
+    setAttribute(this.element, "data-worker", id);
+    setText(this.#name, id);
+    setText(this.#where, `${host}, process ${pid} · ${variants[0]} · ${several(threads, "thread")} · since ${ago(worker.started_at)}`);
+    setAttribute(this.#does, "data-busy", String(Boolean(job)));
+    if (job) {
+      setAttribute(this.#job, "href", `/jobs/${job}`);
+      setText(this.#job, worker.jobName ?? job);
+      const text = [slice == null ? "" : `, slice ${slice}`, worker.drained ? ", its last" : ""].join("");
+      if (this.#does.firstChild !== this.#job) this.#does.replaceChildren(this.#job, document.createTextNode(""));
+      if (this.#does.lastChild.data !== text) this.#does.lastChild.data = text;
+    } else {
+      setText(this.#does, worker.drained ? "drained: it may be stopped" : trouble ? "takes no work" : "idle");
+    }
+    show(this.#rate, rate ? `${three(rate / 1e6)} M` : "–", "samples a second");
+    show(this.#done, whole(worker.slices_done), "slices done");
+    setText(this.#trouble, trouble ?? (error ? `Last error: ${error}` : ""));
+    this.#trouble.hidden = !(trouble || error);
+  }
+}
+
+function show(place, figure, name) {
+  if (!place.firstChild) place.append(h("strong"), h("span"));
+  setText(place.firstChild, figure);
+  setText(place.lastChild, name);
+}

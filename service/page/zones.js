@@ -1,0 +1,68 @@
+// A judgement by zones of the image, as a map over it.
+
+import { setText, svg } from "./dom.js";
+import { percent } from "./words.js";
+
+const BLOCK = 16;
+const WORDS = {
+  estimate_fraction: "share of each zone's pixels that more samples would still change",
+  visible_fraction: "share of each zone's pixels that differ visibly from the first image",
+};
+
+export class ZoneMap {
+  #measure = "estimate_fraction";
+  #job = null;
+  #point = null;
+  element = svg("svg", { class: "layer zones", role: "img", hidden: true });
+
+  show(job, point) {
+    this.#job = job;
+    this.#point = point;
+    this.#draw();
+  }
+
+  /** Shows the other measure of a point's zones. */
+  measure(name) {
+    this.#measure = name;
+    this.#draw();
+  }
+
+  caption() {
+    return this.#fractions() ? WORDS[this.#measure] : "no zone has been judged yet";
+  }
+
+  #fractions() {
+    return this.#point?.zones?.[this.#measure] ?? null;
+  }
+
+  #draw() {
+    const fractions = this.#fractions();
+    const { width, height } = this.#job;
+    this.element.replaceChildren();
+    if (!fractions || !width) return;
+    this.element.setAttribute("viewBox", `0 0 ${width} ${height}`);
+    this.element.setAttribute("preserveAspectRatio", "none");
+    const [rows, columns] = [edges(height, fractions.length), edges(width, fractions[0].length)];
+    const most = Math.max(...fractions.flat());
+    const size = Math.min(height / fractions.length / 4, width / fractions[0].length / 5.5);
+    const title = svg("title");
+    setText(title, `Zones from the top: ${fractions.map((row) => row.map(percent).join(", ")).join("; ")}`);
+    this.element.append(title);
+    fractions.forEach((row, r) => row.forEach((fraction, c) => {
+      const [x, y] = [columns[c], rows[r]];
+      const [w, hgt] = [columns[c + 1] - x, rows[r + 1] - y];
+      const strength = most > 0 ? 0.75 * Math.sqrt(fraction / most) : 0;
+      this.element.append(
+        svg("rect", { x, y, width: w, height: hgt, "fill-opacity": strength.toFixed(3) }),
+        svg("text", { x: x + w / 2, y: y + hgt / 2, "font-size": size, "stroke-width": size / 6, "aria-hidden": "true" },
+          percent(fraction)));
+    }));
+  }
+}
+
+/** Where zones begin and end along a line of pixels: what metric.zone_edges does. */
+function edges(size, zones) {
+  const blocks = Math.ceil(size / BLOCK);
+  const starts = Array.from({ length: zones }, (_, zone) => Math.floor((blocks * zone) / zones) * BLOCK);
+  return [...starts, size];
+}

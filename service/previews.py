@@ -1,0 +1,50 @@
+"""What a job looked like on its way: a bounded number of pictures at points of its curve."""
+
+from itertools import pairwise
+from typing import Final
+
+from farm import blobs
+from farm.blobs import Blobs
+
+#: A job keeps so many pictures of its way at most.
+MOST: Final = 24
+
+
+class Previews:
+    """The pictures that a job keeps beside its newest, spread over its curve.
+
+    A picture is what the merged image looked like at some spp, which does not depend on who merged
+    it: a monitor that takes over goes on with those that it finds.
+    """
+
+    def __init__(self, store: Blobs, job_id: str) -> None:
+        self._blobs = store
+        self._job_id = job_id
+        self._kept: list[int] | None = None
+
+    def keep(self, spp: int, png: bytes) -> None:
+        """Keep a picture; where there are too many, the one that is missed least goes."""
+        if self._kept is None:
+            self._kept = kept(self._blobs, self._job_id)
+        self._blobs.put(blobs.preview(self._job_id, spp), png)
+        if spp not in self._kept:
+            self._kept = sorted([*self._kept, spp])
+        if len(self._kept) > MOST:
+            gone = missed_least(self._kept)
+            self._blobs.delete(blobs.preview(self._job_id, gone))
+            self._kept.remove(gone)
+
+
+def kept(store: Blobs, job_id: str) -> list[int]:
+    """At which spp there is a picture, in order."""
+    return sorted(blobs.spp_of_preview(name) for name in store.names(blobs.previews(job_id)))
+
+
+def missed_least(spps: list[int]) -> int:
+    """The spp whose neighbours are closest to each other, as a ratio; never the first or the last.
+
+    Noise falls with the square root of spp, so pictures at equal ratios are equal steps to the eye.
+    """
+    ratios = [after / before for before, after in pairwise(spps)]
+    gaps = [one * next_one for one, next_one in pairwise(ratios)]
+    return spps[1 + gaps.index(min(gaps))]

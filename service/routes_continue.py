@@ -1,0 +1,135 @@
+"""Routes that go on with a job that has ended: to more samples, or under another judgement."""
+
+from dataclasses import dataclass
+from typing import Annotated, Any, Final
+
+from fastapi import APIRouter, Body, Depends, Response
+from pydantic import ValidationError
+
+from farm.continuation import Remains, changed_spec, check
+from farm.errors import CannotContinue
+from farm.job import Job
+from farm.spec import JobSpec
+from service import idempotency, problems
+from service.callers import CallerOf
+from service.idempotency import IdempotencyKey
+from service.parts import Parts, parts
+from service.problems import documented
+from service.routes_jobs import JobId
+from service.spec_checks import check_seeds, check_webhook, invalid_field, invalid_spec
+from service.submitted_spec import check_batch_name
+from service.views import JobView, job_view
+
+router = APIRouter(prefix="/v1/jobs/{job_id}", tags=["jobs"])
+
+_RESPONSES: Final[dict[int | str, dict[str, Any]]] = {
+    201: {
+        "headers": {
+            **idempotency.REPLAYED,
+            "Location": {"schema": {"type": "string"}, "description": "path of the new job"},
+        }
+    },
+    **documented(
+        problems.MALFORMED_REQUEST,
+        problems.UNKNOWN_JOB,
+        problems.CANNOT_CONTINUE,
+        problems.UNEVEN_BATCH,
+        problems.TOO_MANY_JOBS,
+        problems.KEY_REUSED,
+        problems.UPLOAD_TOO_LARGE,
+        problems.INVALID_REQUEST,
+        problems.INVALID_SPEC,
+    ),
+}
+
+Changes = Annotated[
+    dict[str, Any],
+    Body(
+        description="fields of the spec that are to be others than the old job's: a JSON merge "
+        "patch (RFC 7396), except that a `rule` with a `name` replaces the old one whole",
+        openapi_examples={
+            "a stricter target": {"value": {"rule": {"target": 0.0001}}},
+            "a higher cap": {"value": {"max_spp": 20_000}},
+            "another view": {"value": {"view": {"field_of_view_deg": 20}}},
+        },
+    ),
+]
+
+
+@dataclass(frozen=True)
+class Asker:
+    """Who asks for the new job, and how it is answered."""
+
+    response: Response
+    farm: Annotated[Parts, Depends(parts)]
+    who: CallerOf
+    key: IdempotencyKey
+
+    def look_at(self, job_id: str) -> tuple[Job, Remains]:
+        """The ended job, and what is left of it."""
+        job = self.farm.job(job_id)
+        return job, self.farm.continuations.remains(job)
+
+    def start(self, job: Job, remains: Remains, changes: dict[str, Any]) -> JobView:
+        """The job that goes on with the ended one, its spec changed so."""
+        try:
+            spec = JobSpec.model_validate(changed_spec(job.spec, changes))
+        except ValidationError as error:
+            raise invalid_spec(error) from error
+        check_webhook(spec, self.farm.receivers)
+        check_batch_name(spec)
+        check(job, remains, spec)
+        assert job.width is not None  # it has samples
+        assert job.height is not None
+        check_seeds(spec, job.width, job.height)
+        new = self.farm.continuations.start(
+            job, remains, spec, idempotency_key=self.key, owner=self.who.id
+        )
+        idempotency.settle(new, self.key, self.response)
+        self.response.headers["Location"] = f"/v1/jobs/{new.job.id}"
+        return job_view(new.job)
+
+
+@router.post(
+    "/continue",
+    status_code=201,
+    responses=_RESPONSES,
+    openapi_extra={"parameters": idempotency.PARAMETERS},
+)
+def continue_job(job_id: JobId, asker: Annotated[Asker, Depends()], changes: Changes) -> JobView:
+    """Go on with an ended job, to a stricter rule or a higher cap, as a new job.
+
+    No sample is rendered twice: the new job takes over those of the old one, which stays as it is.
+    Where the old one kept its slices they are judged anew, so its view, step and zones may change
+    too; otherwise its sums go on, for as long after its end as PLATEAU_KEEP_SUMS_DAYS says. The
+    batch and the webhook are the old job's own: name them, if the new one is to have any.
+    """
+    return asker.start(*asker.look_at(job_id), changes)
+
+
+@router.post(
+    "/rejudge",
+    status_code=201,
+    responses=_RESPONSES,
+    openapi_extra={"parameters": idempotency.PARAMETERS},
+)
+def rejudge(job_id: JobId, asker: Annotated[Asker, Depends()], changes: Changes) -> JobView:
+    """Judge an ended job's slices again, under another view or by other rules, as a new job.
+
+    For a job that kept its slices (`keep_slices`). Nothing is rendered: the new job's cap is where
+    the slices end.
+    """
+    job, remains = asker.look_at(job_id)
+    if not remains.kept:
+        raise CannotContinue(
+            job.id,
+            "its slices were not kept, so they cannot be judged again: submit with keep_slices",
+        )
+    cap = remains.slices * job.spec.slice_spp
+    if "max_spp" in changes:
+        raise invalid_field(
+            problems.INVALID_SPEC,
+            "spec.max_spp",
+            f"is where the slices end, at {cap} spp; to render more of them, POST to continue",
+        )
+    return asker.start(job, remains, {**changes, "max_spp": cap})

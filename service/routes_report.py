@@ -1,0 +1,78 @@
+"""The route of a job's report."""
+
+from typing import Annotated, Final
+
+from fastapi import APIRouter, Depends, Response
+
+from service import problems
+from service.etags import NOT_MODIFIED, REVALIDATE, Known, known, not_modified, strong
+from service.parts import Parts, parts
+from service.problems import documented
+from service.report import POLICY, report_html
+from service.routes_jobs import JobId
+
+router = APIRouter(prefix="/v1/jobs/{job_id}", tags=["results"])
+
+_HTML: Final = "text/html"
+_PICTURES: Final = ("image.png", "difference.png")
+_HEADERS: Final = {
+    "Content-Security-Policy": POLICY,
+    "X-Content-Type-Options": "nosniff",
+    "Cache-Control": REVALIDATE,
+}
+
+
+class _HtmlResponse(Response):
+    media_type = _HTML
+
+
+@router.get(
+    "/report.html",
+    response_class=_HtmlResponse,
+    responses={
+        200: {
+            "description": "the report",
+            "content": {
+                _HTML: {
+                    "schema": {"type": "string"},
+                    "example": "<!doctype html><title>box.zip: converged at 475 spp</title>…",
+                }
+            },
+            "headers": {
+                name: {"schema": {"type": "string"}}
+                for name in ("ETag", "Cache-Control", "Content-Disposition")
+            },
+        },
+        **NOT_MODIFIED,
+        **documented(problems.UNKNOWN_JOB),
+    },
+)
+def report(
+    job_id: JobId,
+    farm: Annotated[Parts, Depends(parts)],
+    has: Annotated[Known, Depends(known)],
+) -> Response:
+    """Show all of a job on one page that stands alone: pictures, curve, figures, points and story.
+
+    It has no script and asks for nothing, so it can be kept beside the image.
+    """
+    job = farm.job(job_id)
+    results = farm.jobs.results(job.id)
+    happened = farm.jobs.events(job.id)
+    # Whatever changes a report is an event, or a set of pictures.
+    tag = strong(results.rpartition("/")[2], len(happened), job.points, "report.html")
+    headers = {
+        **_HEADERS,
+        "ETag": tag,
+        "Content-Disposition": f'inline; filename="{job.id}-report.html"',
+    }
+    if has.anything or has.has(tag):
+        return not_modified(headers)
+    pictures = {}
+    for name in _PICTURES if results else ():
+        try:
+            pictures[name] = farm.blobs.get(f"{results}/{name}")
+        except FileNotFoundError:  # a newer set has just been shown, or there is no map yet
+            continue
+    content = report_html(job, farm.jobs.curve(job.id), happened, pictures)
+    return _HtmlResponse(content, headers=headers)

@@ -1,0 +1,52 @@
+"""Routes for scenes: what is stored, and what a check finds in one."""
+
+from typing import Annotated
+
+from fastapi import APIRouter, Depends
+
+from service import problems
+from service.parts import Parts, parts
+from service.problems import documented
+from service.routes_jobs import SUBMISSION_BODY
+from service.uploads import Submission, store_scene, submission
+from service.views import SceneFound
+
+router = APIRouter(prefix="/v1/scenes", tags=["scenes"])
+
+
+@router.post(
+    "",
+    openapi_extra=SUBMISSION_BODY,
+    responses=documented(
+        problems.MALFORMED_REQUEST,
+        problems.UPLOAD_TOO_LARGE,
+        problems.NOT_MULTIPART,
+        problems.INVALID_REQUEST,
+        problems.INVALID_SPEC,
+        problems.NO_SCENE,
+        problems.UNKNOWN_SCENE,
+        problems.BROKEN_SCENE,
+    ),
+)
+def check(
+    asked: Annotated[Submission, Depends(submission)], farm: Annotated[Parts, Depends(parts)]
+) -> SceneFound:
+    """Check a scene and store it, without a job: what `POST /v1/jobs` would find in it.
+
+    Takes the same parts. Of `spec`, `parameters`, `sensor` and what decides on seeds count. A scene
+    that no job uses stays for an hour at least, and is submitted by its `sha256`.
+    """
+    found = store_scene(asked, farm.jobs, farm.blobs, farm.limits)
+    return SceneFound(
+        sha256=found.sha256,
+        name=found.name,
+        bytes=found.bytes,
+        width=found.summary.width,
+        height=found.summary.height,
+        kind=found.summary.kind,
+        entry=found.summary.entry,
+        files=found.summary.files,
+        bytes_unpacked=found.summary.bytes_unpacked,
+        sensors=found.summary.sensors,
+        parameters=found.summary.parameters,
+    )

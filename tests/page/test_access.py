@@ -1,0 +1,94 @@
+"""Anybody can use the page: by keyboard, by ear, on a phone, in the dark."""
+
+from collections.abc import Iterator
+from importlib import resources
+
+import pytest
+from playwright.sync_api import Page, expect
+
+from farm.job import Job
+from tests.page.conftest import Visit
+from tests.support.commands import until
+from tests.support.noise_farm import NoiseFarm
+
+AXE = (resources.files("axe_playwright_python") / "axe.min.js").read_text("utf-8")
+#: WCAG 2.2, level AA, and what is good practice beside it.
+RULES = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice"]
+PHONE = {"width": 360, "height": 740}
+
+
+@pytest.fixture
+def job(farm: NoiseFarm) -> Job:
+    """A job that renders, with a worker and a point, beside one of a batch."""
+    job = farm.submit("box-with-a-name-that-is-longer-than-a-phone-is-wide-" * 2, step=25)
+    with farm.monitor():
+        farm.render(3)
+        until(lambda: bool(farm.jobs.results(job.id)), 60)
+    farm.submit("other", batch="exposures")
+    return job
+
+
+def violations(page: Page) -> list[str]:
+    page.evaluate(AXE)
+    found = page.evaluate("rules => axe.run({ runOnly: rules })", RULES)
+    assert len(found["passes"]) > 15, "axe has hardly looked"
+    return [
+        f"{one['id']}: {one['help']}: {[node['html'] for node in one['nodes']]}"
+        for one in found["violations"]
+    ]
+
+
+def screens(page: Page, job: Job) -> Iterator[str]:
+    """Each screen, opened and filled."""
+    for path, place in (
+        ("/", ".job"),
+        ("/workers", ".nothing"),
+        ("/submit", ".drop"),
+        (f"/jobs/{job.id}", ".frame .layer"),
+    ):
+        page.goto(path)
+        expect(page.locator(place).first).to_be_visible()
+        for summary in page.locator("main details > summary:visible").all():
+            if summary.evaluate("one => !one.parentElement.open"):
+                summary.click()
+        yield path
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_no_rule_of_accessibility_is_broken(visit: Visit, job: Job, scheme: str) -> None:
+    # Only here the policy is off, for axe to be put in
+    page = visit(color_scheme=scheme, bypass_csp=True, reduced_motion="reduce").page
+    for path in screens(page, job):
+        assert violations(page) == [], path
+    page.goto("/")
+    page.get_by_role("button", name="Actions for other").click()
+    assert violations(page) == []
+
+
+def test_a_phone_needs_no_scrolling_sideways(visit: Visit, job: Job) -> None:
+    page = visit(viewport=PHONE, has_touch=True).page
+    for path in screens(page, job):
+        widths = page.evaluate("[document.documentElement.scrollWidth, innerWidth]")
+        assert widths[0] <= widths[1], path
+
+
+def test_the_dark_is_dark(visit: Visit, job: Job) -> None:
+    backgrounds = []
+    for scheme in ("light", "dark"):
+        page = visit(f"/jobs/{job.id}", color_scheme=scheme).page
+        backgrounds.append(page.evaluate("getComputedStyle(document.body).backgroundColor"))
+    light, dark = (sum(map(int, one[4:-1].split(","))) for one in backgrounds)
+    assert light > 700
+    assert dark < 100
+
+
+def test_a_new_screen_is_told_to_who_listens(visit: Visit, job: Job) -> None:
+    page = visit().page
+    page.get_by_role("link", name="Workers").click()
+    expect(page.locator("main")).to_be_focused()
+    assert page.title() == "Workers · Plateau"
+    expect(page.get_by_role("link", name="Workers")).to_have_attribute("aria-current", "page")
+    for role in ("banner", "main", "navigation"):
+        expect(page.get_by_role(role)).to_have_count(1)
+    page.go_back()
+    expect(page.get_by_role("heading", name="Jobs")).to_be_visible()

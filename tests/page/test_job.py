@@ -1,0 +1,323 @@
+"""A job's own screen: its image, its curve, and why it stopped."""
+
+import io
+import re
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+from playwright.sync_api import Browser, Locator, Page, expect
+
+from farm import blobs
+from farm.embedded import EmbeddedRedis
+from farm.exr import decode_image
+from farm.job import Job
+from farm.redis_link import connect
+from metric import encode_srgb
+from metric.zones import zone_edges
+from service.previews import kept
+from tests.page.conftest import Visit
+from tests.support.browser import Visitor
+from tests.support.commands import until
+from tests.support.live_api import live_api
+from tests.support.noise_farm import SIZE, NoiseFarm
+
+SPEC = {
+    "step": 25,
+    "max_spp": 250,
+    "rule": {"name": "fixed", "spp": 200},
+    "watch": [{"name": "visible", "target": 0.001}, {"name": "reverse"}],
+}
+
+#: The colours of the layer that is shown, as a list of bytes.
+PIXELS = """(layer) => {
+  const canvas = document.createElement("canvas");
+  canvas.width = layer.naturalWidth ?? layer.width;
+  canvas.height = layer.naturalHeight ?? layer.height;
+  const context = canvas.getContext("2d");
+  context.drawImage(layer, 0, 0);
+  const { data } = context.getImageData(0, 0, canvas.width, canvas.height);
+  return [canvas.width, canvas.height, ...data.filter((_, at) => at % 4 < 3)];
+}"""
+
+
+def pixels(layer: Locator) -> np.ndarray:
+    width, height, *values = layer.evaluate(PIXELS)
+    return np.array(values, np.int16).reshape(height, width, 3)
+
+
+def png(content: bytes) -> np.ndarray:
+    return np.asarray(Image.open(io.BytesIO(content)).convert("RGB")).astype(np.int16)
+
+
+def is_shown(layer: Locator, picture: np.ndarray) -> None:
+    """Assert that a layer shows these pixels, soon and to the last one."""
+    until(lambda: bool((pixels(layer) == picture).all()), 20)
+
+
+@dataclass(frozen=True)
+class Finished:
+    """A job that has come to its end, with a few pictures of its way, where it can be seen."""
+
+    farm: NoiseFarm
+    job: Job
+    url: str
+    previews: list[int]
+
+    def preview(self, spp: int) -> np.ndarray:
+        return png(self.farm.store.get(blobs.preview(self.job.id, spp)))
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Finished]:
+    """Only looked at, so one is enough; it has a Redis of its own, which no test empties."""
+    folder = tmp_path_factory.mktemp("finished")
+    server = EmbeddedRedis(folder / "redis")
+    client = connect(server.url)
+    farm = NoiseFarm(client, server.url, folder)
+    job = farm.submit("box.zip", **SPEC)
+    with farm.monitor():
+        for slices in (1, 3, 4):
+            farm.render(slices)
+            if slices < 4:  # a preview is kept at most every 2 s
+                time.sleep(2.2)
+        until(lambda: farm.jobs.get(job.id).finished_at is not None, 60)
+    with live_api(server.url, farm.store) as url:
+        spps = kept(farm.store, job.id)
+        assert len(spps) > 1
+        yield Finished(farm, farm.jobs.get(job.id), url, spps)
+    client.close()
+    server.stop()
+
+
+@pytest.fixture(scope="module")
+def looker(browser: Browser, finished: Finished) -> Iterator[Visitor]:
+    """Who looks at the finished job, again and again."""
+    visitor = Visitor(browser, finished.url)
+    yield visitor
+    visitor.leave()
+
+
+@pytest.fixture
+def shown(looker: Visitor, finished: Finished) -> Page:
+    """The finished job's screen, as it is at first."""
+    page = looker.page
+    page.mouse.move(0, 0)
+    page.goto(f"/jobs/{finished.job.id}")
+    expect(page.locator(".frame .layer").first).to_be_visible()
+    return page
+
+
+def test_a_job_is_watched_until_it_stops(visit: Visit, farm: NoiseFarm) -> None:
+    job = farm.submit("box.zip", **SPEC)
+    visitor = visit(f"/jobs/{job.id}", expected={404})  # an image comes a moment after its point
+    page = visitor.page
+    expect(page.get_by_role("heading", name="box", exact=True)).to_be_visible()
+    expect(page.get_by_text("It waits for a worker.")).to_be_visible()
+    expect(page.get_by_text("The curve begins at its first step, 25 spp.")).to_be_visible()
+    with farm.monitor():
+        farm.render(3)
+        # Points come as they are made, without a reload
+        expect(page.locator(".readout")).to_contain_text("75 spp")
+        expect(page.locator(".caption")).to_contain_text("32 × 24")
+        farm.render(5)
+        expect(page.locator(".one-job .title .state")).to_have_text("converged")
+        expect(page.locator(".reason")).to_contain_text("stopped by itself at 200 spp")
+        # The final image, and the story with its last line
+        expect(page.locator(".caption")).to_contain_text("200 spp")
+        expect(page.locator(".story")).to_contain_text("The final images are written.")
+    assert page.title() == "box: converged · Plateau"
+    expect(page.locator(".facts")).to_contain_text("20 %")
+    expect(page.get_by_role("button", name="Cancel")).to_have_count(0)
+
+
+def test_an_ended_job_is_gone_on_with(visit: Visit, farm: NoiseFarm) -> None:
+    job = farm.submit("box.zip", step=25, max_spp=50, rule={"name": "visible", "target": 0.001})
+    with farm.monitor():
+        farm.render(2)
+        until(lambda: farm.jobs.get(job.id).finished_at is not None, 60)
+    visitor = visit(f"/jobs/{job.id}", expected={422})
+    page = visitor.page
+    page.get_by_role("button", name="Go on…").click()
+    # What cannot be is said in the dialog, which stays
+    page.get_by_label("At most").fill("60")
+    page.get_by_role("button", name="Go on", exact=True).click()
+    expect(page.get_by_role("dialog")).to_contain_text("must be a multiple of slice_spp")
+    page.get_by_label("At most").fill("100")
+    page.get_by_label("Pixels that may still differ").fill("0.05")
+    page.get_by_role("button", name="Go on", exact=True).click()
+    expect(page.get_by_text("It goes on from an earlier job, at 50 spp.")).to_be_visible()
+    new = farm.jobs.get(page.url.rpartition("/")[2])
+    assert (new.continues, new.spec.max_spp) == (job.id, 100)
+    assert new.spec.rule.model_dump()["target"] == 0.0005
+
+
+class TestTheImage:
+    def test_is_the_one_that_was_judged(self, shown: Page, finished: Finished) -> None:
+        assert (
+            pixels(shown.locator("img.layer").first)
+            == png(finished.farm.picture(finished.job, "image.png"))
+        ).all()
+
+    @pytest.mark.parametrize("ev", [-1.5, 2.0])
+    def test_at_another_exposure_comes_from_the_linear_one(
+        self, shown: Page, finished: Finished, ev: float
+    ) -> None:
+        shown.get_by_label("Exposure").fill(str(ev))
+        canvas = shown.locator("canvas.layer")
+        expect(canvas).to_be_visible()
+        linear = decode_image(finished.farm.picture(finished.job, "image.exr"))
+        assert (pixels(canvas) == encode_srgb(linear, ev)).mean() > 0.999
+        assert np.abs(pixels(canvas) - encode_srgb(linear, ev)).max() <= 1
+        # And back to what was judged
+        shown.get_by_role("button", name="As judged").click()
+        expect(canvas).to_be_hidden()
+
+    def test_is_compared_with_earlier_ones_by_a_wipe(self, shown: Page, finished: Finished) -> None:
+        shown.get_by_role("button", name="Compare").click()
+        left, right = (shown.get_by_role("combobox", name=name) for name in ("Left", "Right"))
+        names = [f"{spp} spp" for spp in finished.previews]
+        expect(left.locator("option")).to_have_text([*names, "final image"])
+        below, above = shown.locator("img.layer").first, shown.locator("img.layer").last
+        expect(above).to_be_visible()
+        first, *_, second = finished.previews
+        is_shown(below, finished.preview(first))
+        is_shown(above, png(finished.farm.picture(finished.job, "image.png")))
+        shown.get_by_label("Wipe").fill("25")
+        expect(above).to_have_css("clip-path", "inset(0px 0px 0px 25%)")
+        # Any two of them
+        left.select_option(str(second))
+        right.select_option(str(first))
+        is_shown(below, finished.preview(second))
+        is_shown(above, finished.preview(first))
+
+    def test_is_wiped_by_pulling_on_it(self, shown: Page) -> None:
+        shown.get_by_role("button", name="Compare").click()
+        box = shown.locator(".frame").bounding_box()
+        assert box is not None
+        shown.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 20)
+        shown.mouse.down()
+        shown.mouse.move(box["x"] + 0.75 * box["width"], box["y"] + 30)
+        shown.mouse.up()
+        assert float(shown.get_by_label("Wipe").input_value()) == pytest.approx(75, abs=1)
+
+    def test_shows_where_it_differs_visibly(self, shown: Page, finished: Finished) -> None:
+        shown.get_by_role("button", name="Difference", exact=True).click()
+        above = shown.locator("img.layer").last
+        expect(above).to_be_visible()
+        is_shown(above, png(finished.farm.picture(finished.job, "difference.png")))
+        shown.get_by_label("Overlay").fill("40")
+        expect(above).to_have_css("opacity", "0.4")
+
+    def test_shows_its_zones(self, shown: Page, finished: Finished) -> None:
+        shown.get_by_role("button", name="Zones").click()
+        rects = shown.locator(".zones rect")
+        zones = finished.farm.jobs.curve(finished.job.id)[-1].zones
+        assert zones is not None
+        fractions = zones.visible_fraction
+        expect(rects).to_have_count(len(fractions) * len(fractions[0]))
+        edges = zone_edges(SIZE[1], len(fractions[0]))
+        xs = [float(x) for x in rects.evaluate_all("all => all.map(one => one.getAttribute('x'))")]
+        assert sorted(set(xs)) == edges[:-1]
+        shown.get_by_label("By zones").select_option("visible_fraction")
+        worst = max(max(row) for row in fractions)
+        expect(shown.locator(".zones")).to_contain_text(
+            f"{100 * worst:.3g} %".replace(" ", "\u00a0")[:4]
+        )
+
+    def test_is_zoomed_and_moved_by_keyboard(self, shown: Page) -> None:
+        frame = shown.locator(".frame")
+        frame.focus()
+        fitted = shown.locator(".zoom").inner_text()
+        for key in ("+", "+", "ArrowLeft"):
+            shown.keyboard.press(key)
+        assert "scale(2.25)" in (shown.locator(".sheet").get_attribute("style") or "")
+        shown.keyboard.press("0")
+        expect(shown.locator(".zoom")).to_have_text(fitted)
+
+
+class TestTheCurve:
+    def test_is_walked_by_keyboard_and_read_out(self, shown: Page, finished: Finished) -> None:
+        shown.locator(".plots").focus()
+        points = finished.farm.jobs.curve(finished.job.id)
+        for point in points[:2]:
+            shown.keyboard.press("ArrowRight")
+            for place in (shown.locator(".readout"), shown.locator("#said")):
+                expect(place).to_contain_text(f"{point.spp} spp")
+                expect(place).to_contain_text(f"{point.visible_pixels} px")
+        shown.keyboard.press("End")
+        expect(shown.locator(".readout")).to_contain_text("200 spp")
+
+    def test_is_read_under_the_mouse(self, shown: Page) -> None:
+        plot = shown.locator(".plot .u-over").first
+        box = plot.bounding_box()
+        assert box is not None
+        shown.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"])
+        expect(shown.locator(".readout")).to_contain_text("100 spp")
+
+    def test_is_drawn_on_every_kind_of_axis(self, shown: Page) -> None:
+        def drawn() -> list[str]:
+            found: list[str] = shown.locator(".plot canvas").evaluate_all(
+                "all => all.map(one => one.toDataURL())"
+            )
+            return found
+
+        before = drawn()
+        assert len(before) == 2
+        for toggle in shown.locator(".curve .toggle input").all():
+            toggle.click()
+            after = drawn()
+            assert after != before
+            before = after
+        shown.get_by_role("button", name="Zoom in", exact=True).click()
+        zoomed = drawn()
+        assert zoomed != before
+        shown.get_by_role("button", name="Show all of the curve").click()
+        assert drawn() == before
+
+    def test_has_its_points_as_a_table(self, shown: Page, finished: Finished) -> None:
+        shown.get_by_text("The points as a table").click()
+        rows = shown.locator(".points tbody tr")
+        points = finished.farm.jobs.curve(finished.job.id)
+        expect(rows).to_have_count(len(points))
+        expect(rows.last).to_contain_text(f"{points[-1].visible_pixels}")
+
+
+def test_its_records_are_there(shown: Page, finished: Finished) -> None:
+    shown.get_by_text("Who rendered it").click()
+    expect(shown.get_by_role("cell", name="200", exact=True)).to_be_visible()
+    expect(shown.locator("summary", has_text="1 worker, 8 slices")).to_be_visible()
+    shown.locator("summary", has_text="Log").click()
+    expect(shown.get_by_text("8 slices went through without a word.")).to_be_visible()
+    shown.get_by_text("What was asked").click()
+    expect(shown.get_by_label("The job's spec")).to_contain_text('"max_spp": 250')
+
+
+@pytest.mark.parametrize(
+    ("link", "name", "begins"),
+    [
+        ("EXR", "image.exr", b"v/1\x01"),
+        ("PNG", "image.png", b"\x89PNG"),
+        ("Difference", "difference.png", b"\x89PNG"),
+        ("CSV", "curve.csv", b"spp,visible_pixels"),
+        ("Report", "report.html", b"<!doctype html>"),
+    ],
+)
+def test_its_files_can_be_saved(
+    shown: Page, finished: Finished, tmp_path: Path, link: str, name: str, begins: bytes
+) -> None:
+    with shown.expect_download() as download:
+        shown.locator(".files").get_by_role("link", name=re.compile(f"^{link}")).click()
+    assert download.value.suggested_filename == f"{finished.job.id}-{name}"
+    download.value.save_as(tmp_path / name)
+    assert (tmp_path / name).read_bytes().startswith(begins)
+
+
+def test_a_job_that_is_not_there_is_said_so(visit: Visit) -> None:
+    visitor = visit("/jobs/0123456789ab", expected={404})
+    expect(visitor.page.get_by_role("heading", name="There is no such job")).to_be_visible()
+    expect(visitor.page.get_by_role("link", name="All jobs")).to_be_visible()

@@ -1,0 +1,126 @@
+"""Where the service wants a key, the page asks for it, and sends it with everything."""
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import httpx
+import pytest
+import redis
+from playwright.sync_api import Page, expect
+
+from farm.api_keys import ApiKeys, Role
+from service.examples import SCENE_XML
+from service.key_guard import Access
+from tests.page.conftest import Visit
+from tests.service.test_api_workers import LIMITS
+from tests.support.commands import until
+from tests.support.live_api import live_api
+from tests.support.noise_farm import NoiseFarm
+
+
+@pytest.fixture
+def url(redis_url: str, farm: NoiseFarm) -> Iterator[str]:
+    with live_api(redis_url, farm.store, access=Access.KEYS) as url:
+        yield url
+
+
+@pytest.fixture
+def keys(client: redis.Redis) -> ApiKeys:
+    return ApiKeys(client)
+
+
+def give(page: Page, key: str) -> None:
+    page.get_by_label("API key").fill(key)
+    page.keyboard.press("Enter")
+
+
+def test_it_is_asked_for_once_and_opens_everything(
+    visit: Visit, farm: NoiseFarm, keys: ApiKeys, tmp_path: Path
+) -> None:
+    _, key = keys.create("page", Role.SUBMITTER, LIMITS)
+    job = farm.submit("box", step=25, max_spp=50, rule={"name": "fixed", "spp": 50})
+    with farm.monitor():
+        farm.render(2)
+        until(lambda: farm.jobs.get(job.id).finished_at is not None, 60)
+    visitor = visit(f"/jobs/{job.id}", expected={401})
+    page = visitor.page
+    dialog = page.get_by_role("dialog")
+    expect(dialog).to_be_visible()
+    expect(page.get_by_label("API key")).to_be_focused()
+    # A wrong one is said to be wrong
+    give(page, "plateau_wrong")
+    expect(dialog).to_contain_text("does not know this key")
+    give(page, key)
+    expect(dialog).to_have_count(0)
+    # JSON, pictures and events come with it
+    expect(page.locator(".frame img.layer").first).to_have_js_property("naturalWidth", 32)
+    expect(page.locator(".story")).to_contain_text("The final images are written.")
+    with page.expect_download() as download:
+        page.locator(".files").get_by_role("link", name=re.compile("^PNG")).click()
+    assert download.value.path().read_bytes() == farm.picture(job, "image.png")
+    # So does an upload, and the next screen asks no more
+    (tmp_path / "sphere.xml").write_text(SCENE_XML)
+    page.goto("/submit")
+    page.set_input_files("#scene-file", tmp_path / "sphere.xml")
+    page.get_by_role("button", name="Render it").click()
+    expect(page.get_by_role("heading", name="sphere")).to_be_visible()
+    # Until it is forgotten
+    page.get_by_role("button", name="Forget the key").click()
+    expect(page.get_by_role("dialog")).to_be_visible()
+
+
+def test_a_viewer_is_offered_what_it_may(visit: Visit, farm: NoiseFarm, keys: ApiKeys) -> None:
+    _, key = keys.create("guest", Role.VIEWER, LIMITS)
+    job = farm.submit("box")
+    visitor = visit("/submit", expected={401})
+    page = visitor.page
+    give(page, key)
+    expect(page.get_by_role("link", name="Submit a scene")).to_be_hidden()
+    page.get_by_role("link", name="Jobs").click()
+    page.get_by_role("button", name="Actions for box").click()
+    expect(page.get_by_text("It is nobody's, and your key may not change it.")).to_be_visible()
+    page.goto(f"/jobs/{job.id}")
+    expect(page.get_by_role("heading", name="box")).to_be_visible()
+    expect(page.get_by_role("button", name="Cancel")).to_have_count(0)
+
+
+def test_a_submitter_steers_its_own_jobs(
+    visit: Visit, farm: NoiseFarm, keys: ApiKeys, url: str
+) -> None:
+    _, key = keys.create("anna", Role.SUBMITTER, LIMITS)
+    farm.submit("other")
+    files = {"scene": ("mine.xml", SCENE_XML)}
+    headers = {"Authorization": f"Bearer {key}"}
+    answer = httpx.post(f"{url}/v1/jobs", files=files, headers=headers, trust_env=False)
+    assert answer.status_code == 201
+    who = httpx.get(f"{url}/v1/whoami", headers=headers, trust_env=False).json()
+    assert (who["name"], who["role"]) == ("anna", "submitter")
+    visitor = visit(expected={401})
+    page = visitor.page
+    give(page, key)
+    expect(page.locator(".job", has_text="mine")).to_contain_text("by anna")
+    page.get_by_role("button", name="Actions for mine").click()
+    expect(page.get_by_role("button", name="Cancel", exact=True)).to_be_visible()
+    page.keyboard.press("Escape")
+    page.get_by_role("button", name="Actions for other").click()
+    expect(page.get_by_text("your key may not change it")).to_be_visible()
+
+
+def test_what_is_refused_all_the_same_is_said(visit: Visit, farm: NoiseFarm, keys: ApiKeys) -> None:
+    _, key = keys.create("guest", Role.VIEWER, LIMITS)
+    farm.submit("box")
+    visitor = visit(expected={401, 403})
+    page = visitor.page
+    # The page does not know yet what the key allows: the API decides
+    page.route("**/v1/whoami", lambda route: route.fulfill(json={"id": None, "role": "admin"}))
+    give(page, key)
+    page.get_by_role("button", name="Actions for box").click()
+    page.get_by_role("button", name="Cancel", exact=True).click()
+    page.get_by_role("button", name="Cancel the job").click()
+    expect(page.get_by_role("alert")).to_contain_text("submitter's key")
+
+
+def test_the_page_itself_needs_none(visit: Visit) -> None:
+    visitor = visit("/submit", expected={401})
+    expect(visitor.page.get_by_role("heading", name="Submit a scene")).to_be_visible()

@@ -1,0 +1,94 @@
+"""What a scene or a user says is never more than text, and the page obeys its own policy."""
+
+import httpx
+import pytest
+from playwright.sync_api import expect
+
+from farm.states import JobState
+from tests.page.conftest import Visit
+from tests.support.noise_farm import NoiseFarm
+
+MARKUP = "<img src=x onerror=\"document.title='taken'\"><b>bold</b>"
+
+
+def test_names_batches_and_reasons_are_text(visit: Visit, farm: NoiseFarm) -> None:
+    job = farm.submit(MARKUP, batch=MARKUP[:100], parameters={"a": MARKUP, "b": 1})
+    other = farm.submit(MARKUP, batch=MARKUP[:100], parameters={"a": "plain", "b": 1})
+    with farm.monitor():
+        farm.render(1)
+    farm.jobs.cancel(job.id, reason=MARKUP)
+    farm.jobs.cancel(other.id, reason=MARKUP)
+    visitor = visit(expected={404})  # they were cancelled before their first point
+    for path, place in (("/", ".job .why"), (f"/jobs/{job.id}", ".reason")):
+        visitor.page.goto(path)
+        expect(visitor.page.locator(place).first).to_contain_text(MARKUP)
+        expect(visitor.page.locator("main")).to_contain_text(MARKUP)
+        expect(visitor.page.locator("main b", has_text="bold")).to_have_count(0)
+        assert "taken" not in visitor.page.title().replace(MARKUP, "")
+
+
+def test_a_report_has_text_only(visit: Visit, farm: NoiseFarm) -> None:
+    job = farm.submit(MARKUP, batch=MARKUP[:100])
+    farm.jobs.cancel(job.id, reason=MARKUP)
+    page = visit(f"/v1/jobs/{job.id}/report.html").page
+    expect(page.locator("h1")).to_have_text(MARKUP)
+    expect(page.locator(".lead")).to_contain_text(MARKUP)
+    expect(page.locator("img, script")).to_have_count(0)
+
+
+def test_a_scene_called_like_markup(visit: Visit, farm: NoiseFarm) -> None:
+    farm.jobs.remember_scene("ab" * 32, {"name": MARKUP, "bytes": 1, "width": 1, "height": 1})
+    page = visit("/submit").page
+    expect(page.get_by_label("A stored scene").locator("option").last).to_contain_text(MARKUP)
+
+
+@pytest.mark.parametrize(
+    "path", ["/", "/submit", "/workers", "/jobs/0123456789ab", "/page/main.js"]
+)
+def test_every_file_comes_with_its_policy(url: str, path: str) -> None:
+    answer = httpx.get(url + path, trust_env=False)
+    policy = dict(
+        directive.split(" ", 1)
+        for directive in answer.headers["content-security-policy"].split("; ")
+    )
+    assert policy["default-src"] == "'none'"
+    assert policy["script-src"] == policy["style-src"] == policy["connect-src"] == "'self'"
+    assert policy["require-trusted-types-for"] == "'script'"
+    assert "unsafe" not in answer.headers["content-security-policy"]
+    assert answer.headers["x-content-type-options"] == "nosniff"
+    assert answer.headers["referrer-policy"] == "no-referrer"
+
+
+def test_files_are_asked_for_again_and_not_sent_again(url: str) -> None:
+    first = httpx.get(url + "/page/style.css", trust_env=False)
+    assert first.headers["cache-control"] == "no-cache"
+    headers = {"If-None-Match": first.headers["etag"]}
+    assert httpx.get(url + "/page/style.css", headers=headers, trust_env=False).status_code == 304
+
+
+@pytest.mark.parametrize(
+    "path", ["/page/none.js", "/page/../routes_page.py", "/page/%2e%2e/app.py"]
+)
+def test_nothing_else_is_served(url: str, path: str) -> None:
+    answer = httpx.get(url + path, trust_env=False)
+    assert answer.status_code == 404
+    assert answer.headers["content-type"] == "application/problem+json"
+
+
+def test_a_page_that_breaks_its_policy_would_be_noticed(visit: Visit) -> None:
+    visitor = visit()
+    visitor.page.evaluate(
+        "() => { const image = document.createElement('img'); image.src = 'data:,';"
+        " document.body.append(image); }"
+    )
+    visitor.page.wait_for_timeout(300)
+    with pytest.raises(AssertionError, match="img-src"):
+        visitor.leave()
+    visitor.forgive()
+
+
+def test_states_are_all_told_apart(visit: Visit) -> None:
+    """Each state has words of its own in the page's filter, as the farm knows them."""
+    page = visit().page
+    options = page.get_by_label("State").locator("option").all_inner_texts()
+    assert sorted(options[1:]) == sorted(state.value for state in JobState)

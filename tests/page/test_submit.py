@@ -1,0 +1,161 @@
+"""Submitting a scene by the page: what was found in it, what is refused, and where it leads."""
+
+import io
+import re
+import zipfile
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Page, expect
+
+from service.examples import SCENE_XML
+from tests.page.conftest import Visit
+from tests.support.noise_farm import NoiseFarm
+
+DROP = """(place, text) => {
+  const dataTransfer = new DataTransfer();
+  dataTransfer.items.add(new File([text], "dropped.xml", { type: "text/xml" }));
+  const how = { dataTransfer, bubbles: true, cancelable: true };
+  place.dispatchEvent(new DragEvent("drop", how));
+}"""
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> Path:
+    path = tmp_path / "sphere.xml"
+    path.write_text(SCENE_XML)
+    return path
+
+
+@pytest.fixture
+def form(visit: Visit) -> Page:
+    return visit("/submit").page
+
+
+def choose(form: Page, scene: Path) -> None:
+    form.set_input_files("#scene-file", scene)
+
+
+def test_a_scene_is_looked_at_and_rendered(form: Page, farm: NoiseFarm, scene: Path) -> None:
+    expect(form.get_by_role("button", name="Render it")).to_be_hidden()
+    choose(form, scene)
+    # What was found in it
+    expect(form.locator(".found")).to_contain_text("sphere.xml")
+    expect(form.locator(".found")).to_contain_text("256 × 256 pixels")
+    # A parameter that is changed is taken into account at once
+    form.get_by_label("width", exact=True).fill("64")
+    form.get_by_label("height", exact=True).fill("48")
+    form.get_by_label("height", exact=True).blur()
+    expect(form.locator(".found")).to_contain_text("64 × 48 pixels")
+    form.get_by_label("At most").fill("2000")
+    form.get_by_label("Pixels that may still differ").fill("0.1")
+    form.get_by_label("Time limit").fill("2")
+    form.get_by_text("More", exact=True).click()
+    form.get_by_label("Batch").fill("evening")
+    form.get_by_role("button", name="Render it").click()
+    expect(form).to_have_url(re.compile("/jobs/[0-9a-f]{12}$"))
+    expect(form.get_by_role("heading", name="sphere")).to_be_visible()
+    job = farm.jobs.get(form.url.rpartition("/")[2])
+    assert job.name == "sphere.xml"
+    assert job.spec.rule.model_dump() == {"name": "visible", "target": 0.001, "min_spp": 200}
+    assert job.spec.parameters == {"width": "64", "height": "48"}
+    assert (job.spec.max_spp, job.spec.time_limit_s, job.spec.batch) == (2000, 120, "evening")
+    assert [rule.name for rule in job.spec.watch] == ["reverse"]
+
+
+def test_another_rule_and_view(form: Page, farm: NoiseFarm, scene: Path) -> None:
+    choose(form, scene)
+    form.get_by_label("The paper's plateau").first.check()
+    form.get_by_label("Slope to stop at").fill("0.5")
+    form.get_by_label("Display white").fill("300")
+    form.get_by_role("button", name="Render it").click()
+    expect(form).to_have_url(re.compile("/jobs/[0-9a-f]{12}$"))
+    spec = farm.jobs.get(form.url.rpartition("/")[2]).spec
+    assert spec.rule.model_dump() == {"name": "reverse", "window": 5, "epsilon": 0.5}
+    assert spec.view.white_luminance == 300
+    assert spec.watch == ()
+
+
+def test_a_scene_is_dropped(form: Page) -> None:
+    form.locator(".drop").evaluate(DROP, SCENE_XML)
+    expect(form.locator(".found")).to_contain_text("dropped.xml")
+
+
+def test_a_zip_says_what_it_holds(form: Page, tmp_path: Path) -> None:
+    content = io.BytesIO()
+    with zipfile.ZipFile(content, "w") as bundle:
+        bundle.writestr("scene.xml", SCENE_XML)
+        bundle.writestr("notes.txt", "by hand")
+    (tmp_path / "sphere.zip").write_bytes(content.getvalue())
+    choose(form, tmp_path / "sphere.zip")
+    expect(form.locator(".found")).to_contain_text("2 files")
+
+
+def test_it_works_by_keyboard_alone(form: Page, scene: Path) -> None:
+    # The file's place is the first thing in the content
+    form.keyboard.press("Tab")
+    expect(form.get_by_role("link", name="Skip to the content")).to_be_focused()
+    form.locator("#main").focus()
+    form.keyboard.press("Tab")
+    expect(form.locator("#scene-file")).to_be_focused()
+    with form.expect_file_chooser() as chooser:
+        form.keyboard.press("Enter")
+    chooser.value.set_files(scene)
+    button = form.get_by_role("button", name="Render it")
+    expect(button).to_be_visible()
+    for _ in range(30):
+        form.keyboard.press("Tab")
+        if button.evaluate("button => button === document.activeElement"):
+            break
+    form.keyboard.press("Enter")
+    expect(form).to_have_url(re.compile("/jobs/[0-9a-f]{12}$"))
+
+
+def test_a_stored_scene_is_used_again(visit: Visit, form: Page, scene: Path) -> None:
+    choose(form, scene)
+    expect(form.locator(".found")).to_contain_text("sphere.xml")
+    again = visit("/submit").page
+    stored = again.get_by_label("A stored scene")
+    stored.select_option(label=stored.locator("option").last.inner_text())
+    expect(again.locator(".found")).to_contain_text("256 × 256 pixels")
+
+
+class TestWhatIsRefused:
+    @pytest.fixture
+    def form(self, visit: Visit) -> Page:
+        visitor = visit("/submit", expected={413, 422})
+        return visitor.page
+
+    def test_a_broken_scene_says_where(self, form: Page, tmp_path: Path) -> None:
+        (tmp_path / "broken.xml").write_text("<scene version='3.0.0'>\n<shape></scene>")
+        choose(form, tmp_path / "broken.xml")
+        expect(form.get_by_role("alert").filter(has_text="line 2")).to_be_visible()
+        expect(form.get_by_role("button", name="Render it")).to_be_hidden()
+
+    def test_a_file_that_is_too_large(self, form: Page, tmp_path: Path) -> None:
+        (tmp_path / "large.xml").write_bytes(b" " * 6_000_000)
+        choose(form, tmp_path / "large.xml")
+        expect(form.locator(".wrong")).to_contain_text("more than")
+
+    def test_a_field_that_does_not_fit_is_named_and_focused(self, form: Page, scene: Path) -> None:
+        choose(form, scene)
+        form.get_by_text("More", exact=True).click()
+        form.get_by_label("Priority").fill("5")
+        form.get_by_label("Look every").fill("30")  # no whole number of slices
+        form.get_by_role("button", name="Render it").click()
+        expect(form.locator(".wrong")).to_contain_text("step must be a multiple of slice_spp")
+        # What was typed is still there, and can be mended
+        form.get_by_label("Look every").fill("50")
+        form.get_by_role("button", name="Render it").click()
+        expect(form).to_have_url(re.compile("/jobs/[0-9a-f]{12}$"))
+
+    def test_a_parameter_that_the_scene_needs_is_asked_for(
+        self, form: Page, tmp_path: Path
+    ) -> None:
+        needy = SCENE_XML.replace('  <default name="width" value="256"/>\n', "")
+        (tmp_path / "needy.xml").write_text(needy)
+        choose(form, tmp_path / "needy.xml")
+        expect(form.locator(".wrong")).to_contain_text("$width has no value")
+        form.get_by_label("width", exact=True).fill("80")
+        form.get_by_label("width", exact=True).blur()
+        expect(form.locator(".found")).to_contain_text("80 × 256 pixels")

@@ -1,0 +1,216 @@
+"""Commands that fetch what a job has come to, and name jobs by the beginning of their ids."""
+
+import json
+from collections.abc import Iterator
+from datetime import datetime, timezone
+from pathlib import Path
+
+import pytest
+import redis
+from typer.testing import CliRunner
+
+from farm.blobs import Blobs
+from farm.job import Worker
+from farm.states import JobState
+from plateau import job_ids
+from plateau.cli import app
+from plateau.client import Client
+from plateau.commands.farm import WORKER_COLUMNS, worker_row
+from plateau.errors import CommandFailed
+from service.api import listen
+from tests.support.bundles import scene
+from tests.support.staged_job import StagedJob
+
+
+@pytest.fixture(autouse=True)
+def _service(api: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PLATEAU_URL", api)
+
+
+@pytest.fixture
+def job(client: redis.Redis) -> Iterator[StagedJob]:
+    """A rendering job with two points of its curve."""
+    job = StagedJob(client)
+    job.commit(8)
+    job.point(100, 5)
+    job.point(200, 9, slope=0.5)
+    return job
+
+
+def plateau(*arguments: str) -> tuple[int, str, str]:
+    done = CliRunner().invoke(app, arguments)
+    assert done.exception is None or isinstance(done.exception, SystemExit), done.exception
+    return done.exit_code, done.stdout, done.stderr
+
+
+class TestCurve:
+    def test_is_lines_or_csv_or_json(self, job: StagedJob, plateau_client: Client) -> None:
+        code, out, _ = plateau("curve", job.id)
+        assert code == 0
+        assert [line.split()[0] for line in out.splitlines()] == ["100", "200"]
+        assert "visible 9 px (1.17 %)  slope 0.5 px/spp" in out
+        assert plateau("curve", job.id, "--csv")[1] == plateau_client.curve_csv(job.id)
+        points = json.loads(plateau("curve", job.id, "--json")[1])
+        assert [point["visible_pixels"] for point in points] == [5, 9]
+        code, _, err = plateau("curve", job.id, "--json", "--csv")
+        assert (code, "choose one" in err) == (2, True)
+
+    def test_that_has_no_point_yet_says_when_it_will(self, client: redis.Redis) -> None:
+        new = StagedJob(client, step=50)
+        assert plateau("curve", new.id) == (0, "", "no point yet: the first comes at 50 spp\n")
+        assert plateau("curve", new.id, "--json") == (0, "[]\n", "")
+
+
+class TestFetch:
+    def test_takes_what_there_is_of_a_job_that_runs(
+        self, job: StagedJob, store: Blobs, tmp_path: Path
+    ) -> None:
+        job.picture(store, "image.png", b"a picture")
+        out = tmp_path / "out"
+        code, said, _ = plateau("fetch", job.id, "-o", str(out))
+        assert code == 0
+        written = {Path(line).name for line in said.splitlines()}
+        assert written == {
+            "image.png",
+            "curve.csv",
+            "curve.png",
+            "summary.txt",
+            "summary.json",
+        }
+        assert (out / "image.png").read_bytes() == b"a picture"
+        about = json.loads(plateau("fetch", job.id, "-o", str(out), "--json")[1])
+        assert (about["state"], len(about["files"])) == ("rendering", 5)
+
+
+class TestWatch:
+    def test_streams_events_as_lines_of_json(self, job: StagedJob) -> None:
+        job.end(JobState.CANCELLED, "cancelled by a user")
+        job.finish(200)
+        code, out, err = plateau("watch", job.id, "--events")
+        assert (code, err) == (4, "")
+        events = [json.loads(line) for line in out.splitlines()]
+        assert [event["type"] for event in events][-4:] == ["point", "point", "state", "finished"]
+        assert events[-3]["data"]["visible_pixels"] == 9
+        for more in (["--json"], ["-o", "out"]):
+            code, _, err = plateau("watch", job.id, "--events", *more)
+            assert (code, "--events goes with neither" in err) == (2, True)
+
+
+class TestFarm:
+    def test_scenes_are_listed(self, plateau_client: Client, tmp_path: Path) -> None:
+        assert plateau("scenes") == (0, "", "no scene is stored\n")
+        assert plateau("scenes", "--json") == (0, "[]\n", "")
+        path = tmp_path / "box.xml"
+        path.write_bytes(scene())
+        sha256 = plateau_client.submit(path).scene_sha256
+        row = plateau("scenes")[1].rstrip("\n").split("\t")
+        assert row[:2] == [sha256, "box.xml"]
+        assert json.loads(plateau("scenes", "--json")[1])[0]["sha256"] == sha256
+
+    def test_workers_are_listed(self) -> None:
+        code, out, err = plateau("workers")
+        assert (code, out) == (0, "")
+        assert "plateau worker" in err
+        assert plateau("workers", "--json") == (0, "[]\n", "")
+
+    def test_a_worker_is_a_row(self) -> None:
+        now = datetime(2026, 1, 1, 12, tzinfo=timezone.utc)
+        worker = Worker(
+            id="vm-1-a",
+            host="vm",
+            pid=1,
+            variants=("llvm_ad_rgb", "scalar_rgb"),
+            threads=8,
+            job="3b52dbb3a017",
+            slice=16,
+            slices_done=12,
+            samples_per_s=2.7e6,
+            last_error="slice 3: SIGSEGV",
+            started_at=now.replace(hour=11),
+            seen_at=now,
+        )
+        shown = dict(zip(WORKER_COLUMNS, worker_row(worker, now), strict=True))
+        assert shown == {
+            "id": "vm-1-a",
+            "host": "vm",
+            "variant": "llvm_ad_rgb",
+            "threads": "8",
+            "renders": "3b52dbb3a017/16",
+            "rate": "2.70 Msamples/s",
+            "done": "12",
+            "up": "1 h 00 min",
+            "trouble": "slice 3: SIGSEGV",
+        }
+
+
+@pytest.fixture
+def plateau_client(plateau: Client) -> Client:
+    return plateau
+
+
+class TestShortIds:
+    def test_name_a_job_where_no_other_begins_so(self, client: redis.Redis) -> None:
+        jobs = [StagedJob(client).id for _ in range(3)]
+        for job_id in jobs:
+            assert json.loads(plateau("show", job_id[:8], "--json")[1])["id"] == job_id
+        assert plateau("cancel", jobs[0][:8]) == (0, f"{jobs[0]} cancelled\n", "")
+
+    def test_that_no_job_has_are_said_to_be_so(self, job: StagedJob) -> None:
+        unknown = "ffff" if not job.id.startswith("ffff") else "eeee"
+        code, out, err = plateau("cancel", unknown)
+        assert (code, out) == (1, "")
+        assert err == (
+            f"plateau: no job has an id that begins with {unknown}; see `plateau list`\n"
+        )
+
+    def test_that_several_jobs_have_do_nothing(
+        self, client: redis.Redis, plateau_client: Client, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        jobs = [plateau_client.job(StagedJob(client).id) for _ in range(2)]
+        alike = [
+            job.model_copy(update={"id": f"abcd0000000{number}"}) for number, job in enumerate(jobs)
+        ]
+        monkeypatch.setattr(plateau_client, "all_jobs", lambda: iter(alike))
+        with pytest.raises(
+            CommandFailed, match="abcd may be abcd00000000, abcd00000001: give more"
+        ):
+            job_ids.whole_id(plateau_client, "abcd")
+        assert job_ids.whole_id(plateau_client, "abcd00000001") == "abcd00000001"
+
+    @pytest.mark.parametrize("given", ["abc", "nope", "../jobs", "0123456789ab", "abcdefg"])
+    def test_other_words_are_left_to_the_service(self, given: str) -> None:
+        code, _, err = plateau("show", given)
+        assert code == 1
+        assert err.startswith(f"plateau: there is no job {given!r}; `plateau list`") or given == (
+            "../jobs"
+        )
+
+
+class TestErrorsSayWhatToDo:
+    @pytest.mark.parametrize("command", ["show", "log", "cancel", "curve", "fetch", "watch"])
+    def test_of_a_job_that_is_not_there(self, command: str) -> None:
+        code, out, err = plateau(command, "0123456789ab")
+        assert (code, out) == (1, "")
+        said = "there is no job '0123456789ab'; `plateau list` shows those there are"
+        assert err == f"plateau: {said}\n"
+
+    @pytest.mark.parametrize(
+        "command", [["list"], ["workers"], ["scenes"], ["show", "x"], ["submit", "scenes:box"]]
+    )
+    def test_of_a_service_that_is_not_there(self, command: list[str]) -> None:
+        with listen("127.0.0.1", 0) as free:
+            port = free.getsockname()[1]
+        code, _, err = plateau(*command, "--url", f"http://127.0.0.1:{port}")
+        assert code == 1
+        assert "start one with `plateau up`, or name it by --url or PLATEAU_URL" in err
+        assert len(err.splitlines()) == 1
+
+    def test_of_a_url_that_is_none(self) -> None:
+        code, _, err = plateau("list", "--url", "localhost:8713")
+        assert code == 1
+        assert "write it as http://127.0.0.1:8713" in err
+
+    def test_of_a_file_that_cannot_be_written(self, job: StagedJob, tmp_path: Path) -> None:
+        (tmp_path / "out").write_text("a file, where a folder should be")
+        code, _, err = plateau("fetch", job.id, "-o", str(tmp_path / "out"))
+        assert (code, err) == (1, f"plateau: {tmp_path / 'out'}: File exists\n")

@@ -1,0 +1,145 @@
+"""The live curve as it is seen on a real terminal."""
+
+import json
+import re
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+import redis
+
+from tests.support.staged_job import StagedJob
+from tests.support.terminal import Terminal
+
+DOTS = re.compile("[\u2801-\u28ff]")
+
+Watch = Callable[..., Terminal]
+
+
+@pytest.fixture
+def job(client: redis.Redis) -> StagedJob:
+    """A job with two points of its curve."""
+    job = StagedJob(client, max_spp=2000)
+    job.commit(8)
+    for spp in (100, 200):
+        job.point(spp, spp // 10)
+    return job
+
+
+@pytest.fixture
+def watch(api: str, job: StagedJob) -> Iterator[Watch]:
+    running: list[Terminal] = []
+
+    def start(*options: str, **more: object) -> Terminal:
+        running.append(Terminal("watch", job.id, "--url", api, *options, **more))
+        return running[-1]
+
+    yield start
+    for one in running:
+        one.close()
+
+
+def has_curve(lines: list[str]) -> bool:
+    """Whether all of it is there, to its last line."""
+    return sum(map(bool, map(DOTS.search, lines))) >= 2 and ends(lines, "spp") == 1
+
+
+def ends(lines: list[str], word: str) -> int:
+    return sum(line.endswith(f" {word}") for line in lines)
+
+
+def test_it_grows_with_each_point_and_stays_when_the_job_has_ended(
+    watch: Watch, job: StagedJob
+) -> None:
+    terminal = watch()
+    lines = terminal.until(has_curve)
+    assert "200" in next(line for line in lines if line.endswith(" spp"))
+    assert {ends(lines, name) for name in ("visible", "estimate", "target")} == {1}
+    # A new point is drawn
+    job.commit(40)
+    job.point(1200, 400)
+    terminal.until(lambda lines: any("1,000" in line and line.endswith("spp") for line in lines))
+    job.end(reason="levelled off")
+    job.finish(1200)
+    assert terminal.exit_code() == 0
+    lines = terminal.lines()
+    assert has_curve(lines)
+    assert ends(lines, "target") == 1
+    assert any(line.startswith("reason:  levelled off") for line in lines)
+    assert not terminal.screen.cursor.hidden
+
+
+@pytest.mark.parametrize("columns", [60, 95])
+def test_it_fits_again_when_the_terminal_changes_its_size(watch: Watch, columns: int) -> None:
+    terminal = watch(columns=80)
+    before = terminal.until(has_curve)
+    place = next(line for line in before if line.endswith(" target")).index(" target")
+    terminal.resize(columns, 30)
+
+    def fits(lines: list[str]) -> bool:
+        targets = [line for line in lines if line.endswith(" target")]
+        return len(targets) == 1 and targets[0].index(" target") != place and has_curve(lines)
+
+    lines = terminal.until(fits)
+    # Once, and nothing is left of what was drawn before
+    assert sum("at most 2,000 spp" in line for line in lines) == 1
+    assert {ends(lines, name) for name in ("visible", "estimate", "target")} == {1}
+
+
+def test_a_small_terminal_has_a_row_of_bars(watch: Watch) -> None:
+    lines = watch(columns=38, rows=12).until(lambda lines: any("▄█" in line for line in lines))
+    assert not has_curve(lines)
+
+
+def test_it_is_left_out_where_nobody_wants_it(watch: Watch) -> None:
+    lines = watch("--no-curve").until(lambda lines: any("▄█" in line for line in lines))
+    assert not has_curve(lines)
+
+
+def test_colours_are_left_out_where_they_are_not_wanted(watch: Watch) -> None:
+    colour = re.compile(rb"\x1b\[[0-9;]*3[0-7]m")
+    coloured, plain = watch(), watch(NO_COLOR="1")
+    for terminal in (coloured, plain):
+        terminal.until(has_curve)
+    assert colour.search(coloured.written)
+    assert not colour.search(plain.written)
+
+
+def test_a_dumb_terminal_gets_lines(watch: Watch) -> None:
+    terminal = watch(TERM="dumb")
+    terminal.until(lambda lines: any("200 spp" in line for line in lines))
+    assert b"\x1b" not in terminal.written
+
+
+def test_it_stays_out_of_standard_output(watch: Watch, job: StagedJob, tmp_path: Path) -> None:
+    with (tmp_path / "said").open("wb") as said:
+        terminal = watch("--json", stdout=said.fileno())
+        terminal.until(has_curve)
+        job.end()
+        job.finish(200)
+        assert terminal.exit_code() == 0
+    assert json.loads((tmp_path / "said").read_text())["state"] == "converged"
+
+
+def test_no_terminal_no_curve(api: str, job: StagedJob) -> None:
+    job.end()
+    job.finish(200)
+    command = ["plateau", "watch", job.id, "--url", api]
+    done = subprocess.run(
+        [sys.executable, "-m", *command], capture_output=True, text=True, check=True
+    )
+    assert not DOTS.search(done.stdout + done.stderr)
+    assert "\x1b" not in done.stdout + done.stderr
+
+
+def test_a_curve_is_drawn_below_its_points(api: str, job: StagedJob) -> None:
+    terminal = Terminal("curve", job.id, "--url", api)
+    try:
+        assert terminal.exit_code() == 0
+        lines = terminal.lines()
+    finally:
+        terminal.close()
+    assert re.match(r" +100 spp  visible 10 px", lines[0])
+    assert has_curve(lines)

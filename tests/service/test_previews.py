@@ -1,0 +1,101 @@
+"""The pictures that a job keeps of its way: few, well spread, and true."""
+
+import io
+from itertools import pairwise
+from pathlib import Path
+
+import httpx
+import numpy as np
+import pytest
+import redis
+from PIL import Image
+
+from farm import blobs
+from farm.blobs import Blobs
+from service.previews import MOST, Previews, kept, missed_least
+from service.thumbnails import LONGEST, thumbnail
+from tests.support.commands import until
+from tests.support.live_api import live_api
+from tests.support.noise_farm import NoiseFarm
+
+
+def test_the_one_that_is_missed_least_lies_between_the_closest_by_ratio() -> None:
+    assert missed_least([100, 200, 300, 400]) == 300  # 400/200 = 2, 300/100 = 3
+    assert missed_least([100, 110, 1000]) == 110
+
+
+def test_they_stay_spread_however_many_come(store: Blobs) -> None:
+    previews = Previews(store, "job")
+    for spp in range(100, 20_001, 100):
+        previews.keep(spp, b"picture")
+    spps = kept(store, "job")
+    assert len(spps) == MOST
+    assert (spps[0], spps[-1]) == (100, 20_000)
+    ratios = [after / before for before, after in pairwise(spps)]
+    assert max(ratios[1:]) < 1.8  # the first step, from 100 to 200, is 2
+
+
+def test_a_monitor_that_takes_over_goes_on_with_what_there_is(store: Blobs) -> None:
+    Previews(store, "job").keep(100, b"one")
+    heir = Previews(store, "job")
+    heir.keep(200, b"two")
+    heir.keep(100, b"one")
+    assert kept(store, "job") == [100, 200]
+    assert store.get(blobs.preview("job", 100)) == b"one"
+
+
+class TestOverHttp:
+    @pytest.fixture
+    def farm(self, client: redis.Redis, redis_url: str, tmp_path: Path) -> NoiseFarm:
+        return NoiseFarm(client, redis_url, tmp_path)
+
+    def test_a_preview_is_what_the_image_was(self, farm: NoiseFarm, redis_url: str) -> None:
+        job = farm.submit(step=25, max_spp=75, rule={"name": "fixed", "spp": 75})
+        path = f"/v1/jobs/{job.id}"
+        with (
+            live_api(redis_url, farm.store) as url,
+            httpx.Client(base_url=url, trust_env=False) as http,
+            farm.monitor(),
+        ):
+            assert http.get(f"{path}/previews").json() == {"previews": []}
+            farm.render(1)
+            until(lambda: bool(farm.jobs.results(job.id)), 30)
+            newest = http.get(f"{path}/image.png")
+            until(lambda: kept(farm.store, job.id) == [25], 30)
+            farm.render(2)
+            until(lambda: farm.jobs.get(job.id).finished_at is not None, 30)
+            listed = http.get(f"{path}/previews").json()["previews"]
+            assert listed[0] == {"spp": 25, "link": f"{path}/previews/25.png"}
+            preview = http.get(f"{path}/previews/25.png")
+            final = http.get(f"{path}/image.png")
+            # It is what was shown then, and never changes
+            assert preview.content == newest.content != final.content
+            assert [one.headers["plateau-spp"] for one in (newest, preview, final)] == [
+                "25",
+                "25",
+                "75",
+            ]
+            again = {"If-None-Match": preview.headers["etag"]}
+            assert http.get(f"{path}/previews/25.png", headers=again).status_code == 304
+            # One that was not kept is a problem that says where to look
+            assert http.get(f"{path}/previews/30.png").status_code == 404
+            small = Image.open(io.BytesIO(http.get(f"{path}/thumbnail.png").content))
+            assert small.size == (32, 24)
+
+
+class TestAThumbnail:
+    def test_is_small_whatever_the_image_is(self) -> None:
+        assert thumbnail(np.ones((1080, 1921, 3), np.float32), 0).shape == (99, 175, 3)
+        assert thumbnail(np.ones((5, 1000, 3), np.float32), 0).shape == (1, 167, 3)
+        assert thumbnail(np.ones((20, 30, 3), np.float32), 0).shape == (20, 30, 3)
+        assert max(thumbnail(np.ones((193, 1, 3), np.float32), 0).shape) <= LONGEST
+
+    def test_averages_light_and_not_codes(self) -> None:
+        stripes = np.zeros((400, 400, 3), np.float32)
+        stripes[::3] = 1.0
+        middle = thumbnail(stripes, 0)[50, 50]
+        assert (abs(middle.astype(int) - 156) <= 1).all()  # the code of 1/3; of the codes it is 85
+
+    def test_shows_what_is_not_finite_as_black(self) -> None:
+        image = np.full((400, 400, 3), np.nan, np.float32)
+        assert thumbnail(image, 0).max() == 0

@@ -1,0 +1,82 @@
+"""A real Chromium that looks at the web page, and notes everything that goes wrong in it."""
+
+import os
+import re
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import pytest
+from playwright.sync_api import Browser, BrowserContext, Page, expect, sync_playwright
+
+#: Machines that run the tests of others beside ours are slow.
+_PATIENCE_MS = 20_000
+expect.set_options(timeout=_PATIENCE_MS)
+
+#: What the console says of every answer that is no success.
+_FAILED_ANSWER = re.compile(r"the server responded with a status of (\d{3})")
+#: So that a page that breaks its own policy says so where a test sees it.
+_TELL_VIOLATIONS = """
+document.addEventListener("securitypolicyviolation", (event) =>
+  console.error(`policy: ${event.violatedDirective} ${event.blockedURI} ${event.sample}`));
+"""
+
+
+@contextmanager
+def chromium() -> Iterator[Browser]:
+    """Chromium; without one the test skips, and fails in CI."""
+    names = ("chromium", "chromium-browser", "google-chrome")
+    path = next(filter(None, map(shutil.which, names)), None)
+    if path is None:
+        message = "the web page is tested in Chromium (Debian: apt install chromium)"
+        pytest.fail(message) if os.environ.get("CI") == "true" else pytest.skip(message)
+    with sync_playwright() as playwright:
+        # Its sandbox does not run as root.
+        arguments = ["--no-sandbox"] if os.geteuid() == 0 else []
+        browser = playwright.chromium.launch(executable_path=path, args=arguments)
+        yield browser
+        browser.close()
+
+
+class Visitor:
+    """Somebody who looks at the page with a browser of their own.
+
+    Parameters
+    ----------
+    browser, url
+        The browser and where the page is.
+    options
+        As `playwright.sync_api.Browser.new_context` takes them.
+    """
+
+    def __init__(self, browser: Browser, url: str, **options: Any) -> None:
+        self.url = url
+        self.context: BrowserContext = browser.new_context(base_url=url, **options)
+        self.page: Page = self.context.new_page()
+        self.page.set_default_timeout(_PATIENCE_MS)
+        self.page.add_init_script(_TELL_VIOLATIONS)
+        #: Statuses that a test expects the API to answer.
+        self.expected: set[int] = set()
+        self._wrong: list[str] = []
+        self.page.on("pageerror", lambda error: self._wrong.append(str(error)))
+        self.page.on("console", lambda message: self._note(message.type, message.text))
+        self.page.on("request", lambda request: self._check_origin(request.url))
+
+    def _note(self, kind: str, text: str) -> None:
+        answer = _FAILED_ANSWER.search(text)
+        if kind in {"error", "warning"} and not (answer and int(answer[1]) in self.expected):
+            self._wrong.append(text)
+
+    def _check_origin(self, url: str) -> None:
+        if not url.startswith((self.url, "blob:", "data:")):
+            self._wrong.append(f"the page asked for {url}")
+
+    def leave(self) -> None:
+        """Close the browser's window; nothing may have gone wrong in it."""
+        self.context.close()
+        assert not self._wrong, self._wrong
+
+    def forgive(self) -> None:
+        """Forget what has gone wrong so far."""
+        self._wrong.clear()
