@@ -124,8 +124,7 @@ class Continuations:
         UnevenBatch
             The batch that it is to join is guarded, and it would not stop as the others do.
         """
-        if spec.batch is not None:
-            flicker.compared(self._redis, spec.batch, spec)
+        compared = flicker.compared(self._redis, spec.batch, spec) if spec.batch else ""
         digest = hashlib.sha256(f"{job.id} {spec.as_request()}".encode()).hexdigest()
         fields = records.new_job(spec, name=job.name, scene_sha256=job.scene_sha256, owner=owner)
         outcome, *answer = self._scripts.run(
@@ -138,6 +137,9 @@ class Continuations:
             remains.checkpoint,
             0 if remains.kept else remains.slices * spec.slice_spp,
             spec.priority,
+            spec.batch or "",
+            "1" if spec.flicker_guard else "",
+            compared,
             *fields,
         )
         if outcome == "missing":

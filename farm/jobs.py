@@ -246,11 +246,7 @@ class Jobs:
             pipe = self._redis.pipeline(transaction=False)
             for worker_id in alive:
                 pipe.hgetall(keys.worker(worker_id))
-            return [
-                records.worker(fields)
-                for fields in pipe.execute()
-                if fields
-            ]
+            return [records.worker(fields) for fields in pipe.execute() if fields]
 
     def now_ms(self) -> int:
         """Redis's clock in milliseconds: the only one that counts."""

@@ -248,8 +248,8 @@ PROBLEM_DETAILS: Final = {
     "cannot-pause": f"job {JOB_ID} is queued; only a job that is rendering can be paused; a queued "
     "one can have a lower priority",
     "cannot-resume": f"job {JOB_ID} is converged; only a paused job can be resumed",
-    "cannot-continue": f"job {JOB_ID} cannot be continued: it has 2500 spp, so a cap of 2000 leaves "
-    "nothing to render",
+    "cannot-continue": f"job {JOB_ID} cannot be continued: it has 2500 spp, so a cap of 2000 "
+    "leaves nothing to render",
     "uneven-batch": f"batch 'exposures' is guarded against flicker, and beside job {JOB_ID} "
     "rule.target would be 0.001, not 0.0002; ask for the same, or name another batch",
     "job-ended": f"job {JOB_ID} is converged; only a job that has not ended can be changed",

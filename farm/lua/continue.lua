@@ -1,12 +1,14 @@
 -- Go on with a finished job as a new one, which takes over its first slices and is rendering at once.
 -- ARGV: new id, old id, idempotency key or '', request digest, slices, checkpoint of their sums
---       (JSON) or '' where the slices are kept, curve's last spp that it takes over, priority, then
---       field, value, … of the new job
+--       (JSON) or '' where the slices are kept, curve's last spp that it takes over, priority, batch,
+--       '1' where it guards the batch, number of the batch's newest job with which it was compared,
+--       then field, value, … of the new job
 -- Returns {'created', id}, {'repeated', id}, {'conflict', id}, {'missing'} (there is no old job),
--- {'changed'} (it has not these slices, or these sums, any more) or, where the owner would have too
--- many open jobs, {'too many', how many it has, how many it may have}.
+-- {'changed'} (it has not these slices, or these sums, any more, or the batch has changed) or, where
+-- the owner would have too many open jobs, {'too many', how many it has, how many it may have}.
 local id, old, idempotency, digest = ARGV[1], ARGV[2], ARGV[3], ARGV[4]
 local slices, checkpoint, judged_spp, priority = tonumber(ARGV[5]), ARGV[6], ARGV[7], ARGV[8]
+local batch, guarded, compared, first = ARGV[9], ARGV[10], ARGV[11], 12
 local made, by_then = made_before(idempotency, digest)
 if made then return {made, by_then} end
 local before = redis.call('HMGET', job_key(old), 'finished_at', 'checkpoint', 'variant', 'width',
@@ -17,11 +19,13 @@ if checkpoint ~= '' and before[2] ~= checkpoint then return {'changed'} end
 for index = 0, slices - 1 do
   if redis.call('HEXISTS', job_key(old, 'ledger'), index) == 0 then return {'changed'} end
 end
-local open, most = too_many_jobs(1, unpack(ARGV, 9))
+if joins_unseen(batch, guarded, compared) then return {'changed'} end
+local open, most = too_many_jobs(1, unpack(ARGV, first))
 if open then return {'too many', open, most} end
 
 remember_request(idempotency, digest, id)
-new_job(id, priority, 'goes on with job ' .. old, unpack(ARGV, 9))
+new_job(id, priority, 'goes on with job ' .. old, unpack(ARGV, first))
+if guarded == '1' then redis.call('SADD', GUARDED, batch) end
 redis.call('HINCRBY', job_key(old), 'continued', 1)
 redis.call('HSET', job_key(id), 'continues', old, 'continued_spp', judged_spp, 'variant', before[3],
            'width', before[4], 'height', before[5], 'notes', before[6] or '[]',

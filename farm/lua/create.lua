@@ -10,9 +10,7 @@ local batch, guarded, compared, jobs = ARGV[4], ARGV[5], ARGV[6], tonumber(ARGV[
 local first, width = 8, (#ARGV - 7) / jobs
 local made, by_then = made_before(idempotency, digest)
 if made then return {made, by_then} end
-if batch ~= '' and (guarded == '1' or redis.call('SISMEMBER', GUARDED, batch) == 1) then
-  if (redis.call('ZSCORE', BATCHES, batch) or '') ~= compared then return {'changed'} end
-end
+if joins_unseen(batch, guarded, compared) then return {'changed'} end
 local open, most = too_many_jobs(jobs, unpack(ARGV, first + 1, first + width - 1))
 if open then return {'too many', open, most} end
 remember_request(idempotency, digest, ARGV[first])

@@ -89,6 +89,14 @@ local function remember_request(idempotency, digest, id)
              cjson.encode({id = id, digest = digest}), 'EX', 86400)
 end
 
+-- Would a job join a guarded batch with whose newest job it was not compared? `guarded` is '1' where
+-- the job itself guards the batch, `compared` the number of the newest job that it was compared with.
+local function joins_unseen(batch, guarded, compared)
+  if batch == '' then return false end
+  if guarded ~= '1' and redis.call('SISMEMBER', GUARDED, batch) == 0 then return false end
+  return (redis.call('ZSCORE', BATCHES, batch) or '') ~= compared
+end
+
 -- A new job, queued; what follows `reason` are fields and values of its hash.
 local function new_job(id, priority, reason, ...)
   local number = redis.call('INCR', PREFIX .. 'created')

@@ -218,7 +218,9 @@ def gc(
     from plateau.commands.gc import gc as run
 
     with plain_errors():
-        run(results_older_than, sums_older_than, scenes_unused_for, dry_run=dry_run, as_json=as_json)
+        run(
+            results_older_than, sums_older_than, scenes_unused_for, dry_run=dry_run, as_json=as_json
+        )
 
 
 @command()

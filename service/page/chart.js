@@ -1,7 +1,8 @@
 // A job's convergence: what differs visibly from the first image, and what is left to see.
 
-import { h, say, setText } from "./dom.js";
+import { colours, compact, decades, fromZero } from "./chart_axes.js";
 import { drawForecast, drawLevel, drawStops, forecastOf, stopsOf } from "./chart_marks.js";
+import { h, say, setText } from "./dom.js";
 import { pixels, percent, rulesOf, stopSlope, three, whole } from "./words.js";
 import uPlot from "./vendor/uPlot.esm.js";
 
@@ -276,22 +277,6 @@ function line(stroke) {
   return { stroke, width: 2, points: { show: true, size: 6, fill: stroke } };
 }
 
-function fromZero(_, min, max) {
-  return [0, Math.max(1, max) * 1.12];
-}
-
-/** The range of a logarithmic axis: with room for the target, which may lie below all points. */
-function decades(plot, min, max) {
-  const [low, high] = [Math.min(min ?? 1, plot.target ?? Infinity), Math.max(max ?? 1, plot.target ?? 0)];
-  return [10 ** Math.floor(Math.log10(low) - 0.1), 10 ** Math.ceil(Math.log10(high) + 0.05)];
-}
-
-function compact(value) {
-  if (value >= 1e6) return `${three(value / 1e6)} M`;
-  if (value >= 1e4) return `${three(value / 1e3)} k`;
-  return value >= 1 || value === 0 ? three(value) : value.toPrecision(1);
-}
-
 function told(point) {
   const parts = [`${whole(point.spp)} spp`,
     `${pixels(point.visible_pixels)} px (${percent(point.visible_fraction)}) differ from the first image`];
@@ -301,14 +286,4 @@ function told(point) {
     parts.push(`${pixels(point.estimate_pixels)} px${band} still visible`);
   }
   return parts.join(" · ");
-}
-
-/** The colours of the plots, as the style sheet has them now. */
-function colours() {
-  const style = getComputedStyle(document.documentElement);
-  const of = (name) => style.getPropertyValue(`--${name}`).trim();
-  return {
-    ink: of("ink-2"), grid: of("line"), curve: of("curve"), estimate: of("estimate"), band: of("band"),
-    stop: of("stop"), stopFaint: of("stop-faint"), font: `12px ${style.fontFamily}`,
-  };
 }

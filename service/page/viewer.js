@@ -202,7 +202,7 @@ export class Viewer {
     const [left, right] = [choose("Left"), choose("Right")];
     const wipe = slider("Wipe", { min: 0, max: 100, step: 0.5, value: 50 }, () => this.#layers());
     return { input: wipe.input, left: left.select, right: right.select,
-      panel: h("div", { class: "panel" }, left.label, wipe.label, right.label,
+      panel: h("div", { class: "panel" }, wipe.label, left.label, right.label,
         h("span", { class: "hint" }, "Earlier images are kept as they were shown: exposure works on the newest alone.")) };
   }
 

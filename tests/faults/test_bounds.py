@@ -28,7 +28,9 @@ from farm.queue import SliceQueue
 from farm.redis_link import connect
 from farm.spec import JobSpec
 from farm.sweep import sweep
+from service.previews import MOST as MOST_PREVIEWS
 from tests.support import long_tests
+from tests.support.invariants import RESULTS, check_job
 from tests.support.noise_farm import NoiseFarm
 from tests.support.real_farm import BOX, RealFarm, until
 
@@ -40,8 +42,8 @@ LEASE_S = 15.0
 
 #: Planned beyond the merged slices: each worker renders one and finds the next, one is merged.
 LOOK_AHEAD = 2 * WORKERS + 1
-#: Old and new while one replaces the other: a checkpoint, and a set of three pictures.
-MOST_OTHERS = 2 + 2 * 3
+#: Old and new while one replaces the other: a checkpoint, and a set of pictures; and previews.
+MOST_OTHERS = 2 + 2 * len((*RESULTS, "difference.png")) + MOST_PREVIEWS + 1
 
 #: What a process may grow from the run's first third to its last, in bytes. Were the film of each
 #: slice kept in memory, it would be 10 MB in the short form and 100 MB in the long.
@@ -242,12 +244,10 @@ def test_many_jobs_and_slices(tmp_path: Path, cache: Path) -> None:
         # What Redis keeps of a slice and of a job is little
         assert per_slice < MOST_PER_SLICE
         assert per_queued < MOST_PER_JOB
-        # And of the ten, results are on the disk and nothing else
-        assert set(farm.store.names(blobs.JOBS)) == {
-            f"{farm.jobs.results(job_id)}/{picture}"
-            for job_id in rendering
-            for picture in ("image.exr", "image.png", "difference.png")
-        }
+        # And of the ten, results, sums and previews are on the disk and nothing else
+        for job_id in rendering:
+            check_job(farm.jobs, farm.store, farm.redis_client, job_id)
+        assert {name.split("/")[1] for name in farm.store.names(blobs.JOBS)} == set(rendering)
         # When the others are cancelled
         for job_id in queued:
             farm.jobs.cancel(job_id)

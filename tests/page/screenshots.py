@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Final
 
 from PIL import Image
-from playwright.sync_api import Page
+from playwright.sync_api import Browser, Page
 
 from tests.support.browser import Visitor, chromium
 from tests.support.real_farm import BOX, RealFarm
@@ -21,13 +21,15 @@ RULE: Final = {"name": "visible", "target": 0.002, "min_spp": 100}
 SIZE: Final = {"width": 256, "height": 256}
 #: So long a job may render, in seconds.
 PATIENCE_S: Final = 900
+#: So long pictures and curves take to come.
+SETTLES_MS: Final = 2500
 
 
-def take(page: Page, name: str, *, height: int | None = None) -> None:
+def take(page: Page, name: str) -> None:
     """Write what the page shows."""
-    page.wait_for_timeout(1500)
+    page.wait_for_timeout(SETTLES_MS)
     path = IMAGES / f"page-{name}.png"
-    page.screenshot(path=path, full_page=height is None)
+    page.screenshot(path=path)
     Image.open(path).convert("RGB").save(path, optimize=True)
     print(path, path.stat().st_size)
 
@@ -41,6 +43,36 @@ def until(farm: RealFarm, job_id: str, spp: int) -> None:
             return
         time.sleep(0.5)
     raise TimeoutError(job_id)
+
+
+def take_all(browser: Browser, farm: RealFarm, *, converged: str, rendering: str) -> None:
+    """Take every picture, of a job that has converged and one that renders."""
+
+    def look(**options: object) -> Visitor:
+        return Visitor(browser, farm.url, viewport={"width": 1280, "height": 900}, **options)
+
+    visitor = look(color_scheme="light")
+    visitor.expected = {404}
+    page = visitor.page
+    page.set_viewport_size({"width": 1280, "height": 1000})
+    page.goto(f"/jobs/{converged}")
+    page.get_by_role("button", name="Compare").click()
+    take(page, "job")
+    page.get_by_role("button", name="Zones").click()
+    page.wait_for_timeout(SETTLES_MS)
+    page.locator(".viewer").screenshot(path=IMAGES / "page-zones.png")
+    page.goto("/submit")
+    stored = page.get_by_label("A stored scene")
+    stored.select_option(label=stored.locator("option").last.inner_text())
+    take(page, "submit")
+    page.set_viewport_size({"width": 1280, "height": 640})
+    page.goto("/")
+    take(page, "jobs")
+    visitor.leave()
+    visitor = look(color_scheme="dark")
+    visitor.page.goto(f"/jobs/{rendering}")
+    take(visitor.page, "rendering")
+    visitor.leave()
 
 
 def main() -> None:
@@ -78,29 +110,7 @@ def main() -> None:
         )
         until(farm, bar.id, 250)
         farm.submit(SCENES / "plants", step=50, max_spp=3000, parameters=SIZE)
-        wide = {"width": 1280, "height": 900}
-        for scheme in ("light", "dark"):
-            visitor = Visitor(browser, farm.url, viewport=wide, color_scheme=scheme)
-            visitor.expected = {404}
-            page = visitor.page
-            if scheme == "light":
-                page.goto(f"/jobs/{box.id}")
-                page.get_by_role("button", name="Compare").click()
-                page.set_viewport_size({"width": 1280, "height": 1000})
-                take(page, "job", height=1000)
-                page.get_by_role("button", name="Zones").click()
-                page.locator(".viewer").screenshot(path=IMAGES / "page-zones.png")
-                page.goto("/submit")
-                stored = page.get_by_label("A stored scene")
-                stored.select_option(label=stored.locator("option").last.inner_text())
-                take(page, "submit", height=880)
-            else:
-                page.goto(f"/jobs/{bar.id}")
-                take(page, "rendering", height=900)
-            page.set_viewport_size({"width": 1280, "height": 640})
-            page.goto("/")
-            take(page, f"jobs-{scheme}", height=640)
-            visitor.leave()
+        take_all(browser, farm, converged=box.id, rendering=bar.id)
         for job in farm.client.jobs().jobs:
             if not job.state.ended:
                 farm.client.cancel(job.id)

@@ -63,6 +63,9 @@ def test_no_rule_of_accessibility_is_broken(visit: Visit, job: Job, scheme: str)
     page.goto("/")
     page.get_by_role("button", name="Actions for other").click()
     assert violations(page) == []
+    page.get_by_role("button", name="Cancel", exact=True).click()
+    expect(page.get_by_role("dialog")).to_be_visible()
+    assert violations(page) == []
 
 
 def test_a_phone_needs_no_scrolling_sideways(visit: Visit, job: Job) -> None:
