@@ -22,7 +22,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from farm import keys
 from farm.errors import UnknownKey
 from farm.job import moment
-from farm.redis_link import unavailable_as_farm_error
+from farm.redis_link import now_ms, unavailable_as_farm_error
 
 _SECRET_BYTES: Final = 32
 _SHOWN: Final = re.compile(r"plateau_([0-9a-f]{12})_([0-9a-f]{64})")
@@ -180,8 +180,7 @@ class ApiKeys:
                 return key
 
     def _now(self) -> datetime:
-        seconds, microseconds = self._redis.time()
-        return moment(int(seconds) * 1000 + int(microseconds) // 1000)
+        return moment(now_ms(self._redis))
 
 
 def opens(key: ApiKey, shown: str) -> bool:

@@ -1,9 +1,6 @@
 """Jobs in Redis: creating, reading, listing and steering them."""
 
-import json
 import secrets
-import time
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -14,21 +11,17 @@ from farm.errors import (
     IllegalTransition,
     JobEnded,
     JobNotFound,
-    StoreUnavailable,
     TooManyJobs,
 )
 from farm.job import CurvePoint, Event, Job, LogEntry, Worker
 from farm.listing import jobs_before
-from farm.redis_link import unavailable_as_farm_error
+from farm.redis_link import now_ms, unavailable_as_farm_error
 from farm.scripts import Scripts
 from farm.slice_log import slice_log
 from farm.spec import JobSpec
 from farm.states import JobState
 from farm.totals import Census, take_census
 from farm.workers import ALIVE_S
-
-#: Removing a scene's blob takes milliseconds, as a rule.
-_SCENE_GOES_S: Final = 5.0
 
 #: The first event of a job has a greater id than this.
 BEFORE_ALL_EVENTS: Final = "0-0"
@@ -250,44 +243,7 @@ class Jobs:
 
     def now_ms(self) -> int:
         """Redis's clock in milliseconds: the only one that counts."""
-        seconds, microseconds = self._redis.time()
-        return int(seconds) * 1000 + int(microseconds) // 1000
-
-    def use_scene(self, sha256: str) -> None:
-        """Note that the scene is wanted, before anyone looks whether the blob store has it.
-
-        From now on no sweep removes it for an hour at least; see `farm.sweep`. Where one is just
-        removing it, this waits until that is done.
-
-        Raises
-        ------
-        StoreUnavailable
-            That takes long: call again later.
-        """
-        patience = time.monotonic() + _SCENE_GOES_S
-        with unavailable_as_farm_error():
-            self._redis.zadd(keys.SCENES_USED, {sha256: self.now_ms()})
-            while self._redis.exists(keys.scene_going(sha256)):
-                if time.monotonic() > patience:
-                    raise StoreUnavailable(f"scene {sha256} is being removed; send it again soon")
-                time.sleep(0.05)
-
-    def disuse_scene(self, sha256: str) -> None:
-        """Take the note of `use_scene` back: the blob store has no such scene."""
-        with unavailable_as_farm_error():
-            self._redis.zrem(keys.SCENES_USED, sha256)
-
-    def remember_scene(self, sha256: str, summary: dict[str, Any]) -> None:
-        """Note that the blob store holds this scene."""
-        with unavailable_as_farm_error():
-            self._redis.hsetnx(keys.SCENES, sha256, json.dumps(summary))
-
-    def scenes(self) -> Iterator[dict[str, Any]]:
-        """The scenes that the blob store holds, with their summaries."""
-        with unavailable_as_farm_error():
-            scenes = self._redis.hgetall(keys.SCENES)
-        for sha256, summary in scenes.items():
-            yield {"sha256": sha256, **json.loads(summary)}
+        return now_ms(self._redis)
 
     def census(self) -> Census:
         """What the whole farm has to do, and has done."""

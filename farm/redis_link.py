@@ -34,6 +34,12 @@ def connect(url: str) -> RedisClient:
     )
 
 
+def now_ms(client: RedisClient) -> int:
+    """Redis's clock in milliseconds: the only one that counts."""
+    seconds, microseconds = client.time()
+    return int(seconds) * 1000 + int(microseconds) // 1000
+
+
 _AWAY: Final = (
     redis.exceptions.ConnectionError,
     redis.exceptions.TimeoutError,

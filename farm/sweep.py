@@ -20,7 +20,7 @@ an unfinished job nothing is touched, and neither is a kind of blob that this mo
 **Scenes.** The danger is one that is submitted again just as it goes: the API sees its blob and
 does not put it again, the sweep removes it, and the job has no scene. Therefore
 
-1. the API notes the use (`Jobs.use_scene`), then looks whether the scene is going, then at the
+1. the API notes the use (`SceneIndex.use`), then looks whether the scene is going, then at the
    blob;
 2. a sweep fixes a moment, an hour in the past or more, then reads which scenes the jobs have, and
    asks ``forget_scene.lua`` for each other scene that was last used before that moment: the

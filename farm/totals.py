@@ -16,7 +16,7 @@ import redis
 
 from farm import keys
 from farm.durations import Durations, Histogram, histogram
-from farm.redis_link import unavailable_as_farm_error
+from farm.redis_link import now_ms, unavailable_as_farm_error
 from farm.scripts import Scripts
 from farm.states import JobState
 
@@ -137,5 +137,4 @@ class MonitorWork:
 def note_sweep(client: redis.Redis) -> None:
     """Note that a sweep was done just now."""
     with unavailable_as_farm_error():
-        seconds, microseconds = client.time()
-        client.hset(keys.TOTALS, "swept at", seconds * 1000 + microseconds // 1000)
+        client.hset(keys.TOTALS, "swept at", now_ms(client))

@@ -14,6 +14,7 @@ from farm.bundle import BundleLimits
 from farm.continuation import Continuations
 from farm.jobs import Jobs
 from farm.redis_link import RedisClient
+from farm.scene_index import SceneIndex
 from farm.webhooks import Outbox
 from farm.workers import Workers
 from service import (
@@ -91,6 +92,7 @@ def create_app(
     )
     parts = Parts(
         jobs=Jobs(client),
+        scenes=SceneIndex(client),
         batches=Batches(client),
         continuations=Continuations(client),
         blobs=blobs,

@@ -13,6 +13,7 @@ from farm.continuation import Continuations
 from farm.errors import JobNotFound
 from farm.job import Job
 from farm.jobs import Jobs
+from farm.scene_index import SceneIndex
 from farm.webhooks import Outbox
 from farm.workers import Workers
 from service.event_hub import EventHub
@@ -26,6 +27,7 @@ class Parts:
     """The queue, the blob store, and the limits on what comes in."""
 
     jobs: Jobs
+    scenes: SceneIndex
     batches: Batches
     continuations: Continuations
     blobs: Blobs

@@ -55,7 +55,7 @@ def let_work(worker_id: _WorkerId, farm: Annotated[Parts, Depends(parts)], by: C
 @router.get("/v1/scenes", responses=documented())
 def scenes(farm: Annotated[Parts, Depends(parts)]) -> Scenes:
     """List the stored scenes; a job can be made from one by its SHA-256."""
-    return Scenes(scenes=[SceneView(**scene) for scene in farm.jobs.scenes()])
+    return Scenes(scenes=[SceneView(**scene) for scene in farm.scenes.all()])
 
 
 @router.get("/healthz")

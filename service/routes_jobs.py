@@ -127,7 +127,7 @@ def submit(
     the spec its name is made up. Answers 201; the header `Idempotency-Replayed: true` says that
     the key's first request had made it already.
     """
-    created = create_job(asked, farm.jobs, farm.blobs, farm.limits, owner=who.id)
+    created = create_job(asked, farm, owner=who.id)
     idempotency.settle(created, asked.idempotency_key, response)
     batch = created.job.spec.batch
     if isinstance(asked.spec, JobSpec) or batch is None:

@@ -36,7 +36,7 @@ def check(
     Takes the same parts. Of `spec`, `parameters`, `sensor` and what decides on seeds count. A scene
     that no job uses stays for an hour at least, and is submitted by its `sha256`.
     """
-    found = store_scene(asked, farm.jobs, farm.blobs, farm.limits)
+    found = store_scene(asked, farm)
     return SceneFound(
         sha256=found.sha256,
         name=found.name,

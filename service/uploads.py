@@ -19,13 +19,13 @@ from fastapi import Request
 from starlette.datastructures import FormData, UploadFile
 
 from farm import blobs as blob_names
-from farm.blobs import Blobs
 from farm.bundle import BundleError, BundleLimits, SceneSummary, inspect_bundle
-from farm.jobs import Created, Jobs
+from farm.jobs import Created
+from farm.scene_index import SceneIndex
 from farm.spec import BatchSpec, JobSpec
 from service import problems
 from service.idempotency import idempotency_key
-from service.parts import parts_of
+from service.parts import Parts, parts_of
 from service.problems import Problem
 from service.spec_checks import check_seeds, check_webhook, invalid_field
 from service.submitted_spec import submitted_spec
@@ -116,42 +116,40 @@ class StoredScene:
     summary: SceneSummary
 
 
-def store_scene(asked: Submission, jobs: Jobs, blobs: Blobs, limits: BundleLimits) -> StoredScene:
+def store_scene(asked: Submission, farm: Parts) -> StoredScene:
     """What was found in the scene that a request brings or names, checked with the spec's values.
 
     An upload is stored; a sweep leaves it for an hour at least.
     """
     if isinstance(asked.scene, str):
-        name = _name_of_stored(asked.scene, jobs)
-        jobs.use_scene(asked.scene)
-        with _fetched(asked.scene, jobs, blobs) as file:
+        name = _name_of_stored(asked.scene, farm.scenes)
+        farm.scenes.use(asked.scene)
+        with _fetched(asked.scene, farm) as file:
             size = _size(file)
-            return StoredScene(asked.scene, name, size, _inspected(file, asked.spec, limits))
+            return StoredScene(asked.scene, name, size, _inspected(file, asked.spec, farm.limits))
     with _on_disk(asked.scene) as file:
         sha256 = _sha256(file)
-        summary = _inspected(file, asked.spec, limits)
+        summary = _inspected(file, asked.spec, farm.limits)
         size = _size(file)
-        jobs.use_scene(sha256)
-        blobs.put_once(blob_names.scene(sha256), file, size)
+        farm.scenes.use(sha256)
+        farm.blobs.put_once(blob_names.scene(sha256), file, size)
     name = _clean_name(asked.scene.filename)
-    jobs.remember_scene(
+    farm.scenes.remember(
         sha256, {"name": name, "bytes": size, "width": summary.width, "height": summary.height}
     )
     return StoredScene(sha256, name, size, summary)
 
 
-def create_job(
-    asked: Submission, jobs: Jobs, blobs: Blobs, limits: BundleLimits, *, owner: str
-) -> Created:
+def create_job(asked: Submission, farm: Parts, *, owner: str) -> Created:
     """The job that was asked for, its owner's, or the first of many: all of them or none.
 
     Nothing is created unless the scene passes the check with the values of each. The scene is
     stored before a job exists, so that no worker finds a job without one.
     """
-    scene = store_scene(asked, jobs, blobs, limits)
+    scene = store_scene(asked, farm)
     sha256, name = scene.sha256, scene.name
     digest = hashlib.sha256(f"{sha256} {asked.spec.as_request()}".encode()).hexdigest()
-    return jobs.create_all(
+    return farm.jobs.create_all(
         _job_specs(asked.spec, name),
         name=name,
         scene_sha256=sha256,
@@ -178,13 +176,13 @@ def _on_disk(upload: UploadFile) -> Iterator[BinaryIO]:
 
 
 @contextmanager
-def _fetched(sha256: str, jobs: Jobs, blobs: Blobs) -> Iterator[BinaryIO]:
+def _fetched(sha256: str, farm: Parts) -> Iterator[BinaryIO]:
     with tempfile.TemporaryFile() as file:
         try:
-            for chunk in blobs.chunks(blob_names.scene(sha256)):
+            for chunk in farm.blobs.chunks(blob_names.scene(sha256)):
                 file.write(chunk)
         except FileNotFoundError as error:
-            jobs.disuse_scene(sha256)
+            farm.scenes.disuse(sha256)
             raise Problem(
                 problems.UNKNOWN_SCENE,
                 f"no scene {sha256} is stored here; send the file itself as the part scene",
@@ -254,8 +252,8 @@ def _inspected_once(
     return summary
 
 
-def _name_of_stored(sha256: str, jobs: Jobs) -> str:
-    names = (scene["name"] for scene in jobs.scenes() if scene["sha256"] == sha256)
+def _name_of_stored(sha256: str, scenes: SceneIndex) -> str:
+    names = (scene["name"] for scene in scenes.all() if scene["sha256"] == sha256)
     return next(names, sha256[:12])
 
 

@@ -25,7 +25,6 @@ if open then return {'too many', open, most} end
 
 remember_request(idempotency, digest, id)
 new_job(id, priority, 'goes on with job ' .. old, unpack(ARGV, first))
-if guarded == '1' then redis.call('SADD', GUARDED, batch) end
 redis.call('HINCRBY', job_key(old), 'continued', 1)
 redis.call('HSET', job_key(id), 'continues', old, 'continued_spp', judged_spp, 'variant', before[3],
            'width', before[4], 'height', before[5], 'notes', before[6] or '[]',

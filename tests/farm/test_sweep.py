@@ -22,6 +22,7 @@ from farm.jobs import Jobs
 from farm.ownership import Ownerships
 from farm.pairing import check_pair
 from farm.queue import Committed, Lease, SliceQueue, SliceRecord
+from farm.scene_index import SceneIndex
 from farm.spec import JobSpec
 from farm.sweep import Swept, sweep
 from tests.support.staged_job import StagedJob
@@ -330,9 +331,9 @@ class TestScenes:
     def keep(self, client: redis.Redis, store: Blobs, sha256: str, *, days_ago: float) -> None:
         """Submit a scene so long ago."""
         jobs = Jobs(client)
-        jobs.use_scene(sha256)
+        SceneIndex(client).use(sha256)
         store.put(blobs.scene(sha256), b"scene")
-        jobs.remember_scene(sha256, {"name": "a.xml"})
+        SceneIndex(client).remember(sha256, {"name": "a.xml"})
         then = jobs.now_ms() - days_ago * DAY_S * 1000
         client.zadd(keys.SCENES_USED, {sha256: then})
 
@@ -350,7 +351,11 @@ class TestScenes:
         client.hset(keys.job(done.id), "scene_sha256", "finished")
         swept = sweep(client, store, scenes_unused_for_s=7 * DAY_S)
         assert (swept.scenes, swept.freed_bytes) == (1, 5)
-        assert {one["sha256"] for one in jobs.scenes()} == {"used", "rendered", "finished"}
+        assert {one["sha256"] for one in SceneIndex(client).all()} == {
+            "used",
+            "rendered",
+            "finished",
+        }
         assert len(store.names(blobs.SCENES)) == 3
         # The finished job's goes when the job does
         swept = sweep(client, store, results_older_than_s=7 * DAY_S, scenes_unused_for_s=7 * DAY_S)
@@ -390,7 +395,7 @@ class TestScenes:
         self.keep(client, store, SCENE, days_ago=8)
 
         def submit() -> None:
-            jobs.use_scene(SCENE)
+            SceneIndex(client).use(SCENE)
             assert store.exists(blobs.scene(SCENE))  # so it is not put again
             if then == "the job is created":
                 jobs.create(JobSpec(), name="a", scene_sha256=SCENE)
@@ -408,7 +413,7 @@ class TestScenes:
         found: list[bool] = []
 
         def submit() -> None:
-            jobs.use_scene(SCENE)
+            SceneIndex(client).use(SCENE)
             found.append(store.exists(blobs.scene(SCENE)))
             store.put(blobs.scene(SCENE), b"scene")
 
@@ -435,12 +440,12 @@ class TestScenes:
         with pytest.raises(KeyboardInterrupt):
             sweep(client, store, scenes_unused_for_s=7 * DAY_S)
         monkeypatch.undo()
-        monkeypatch.setattr("farm.jobs._SCENE_GOES_S", 0.2)
+        monkeypatch.setattr("farm.scene_index._SCENE_GOES_S", 0.2)
         with pytest.raises(StoreUnavailable, match="being removed"):
-            jobs.use_scene(SCENE)
+            SceneIndex(client).use(SCENE)
         assert 0 < client.pttl(keys.scene_going(SCENE)) <= 300_000
         client.delete(keys.scene_going(SCENE))  # as time does
-        jobs.use_scene(SCENE)
+        SceneIndex(client).use(SCENE)
         assert sweep(client, store, scenes_unused_for_s=7 * DAY_S) == NOTHING
         assert store.exists(blobs.scene(SCENE))
 
@@ -452,7 +457,7 @@ class TestScenes:
 
         def submit(sha256: str) -> None:
             while not over.is_set():
-                jobs.use_scene(sha256)
+                SceneIndex(client).use(sha256)
                 if not store.exists(blobs.scene(sha256)):
                     store.put(blobs.scene(sha256), b"scene")
                 job = jobs.create(JobSpec(), name="a", scene_sha256=sha256).job

@@ -61,7 +61,9 @@ def test_a_receiver_is_named_without_the_path(url: str, receiver: str) -> None:
     assert WebhookSpec(url=url).receiver == receiver
 
 
-@pytest.mark.parametrize("secret", [new_secret(), secret_of(24), secret_of(64)])
+@pytest.mark.parametrize(
+    "secret", [new_secret(), secret_of(24), secret_of(64)], ids=["new", "short", "long"]
+)
 def test_secrets_of_standard_webhooks(secret: str) -> None:
     assert WebhookSpec(url=URL, secret=secret).secret is not None
 

@@ -8,6 +8,9 @@ import pytest
 import redis
 from playwright.sync_api import Browser, Page
 
+from farm import keys
+from farm.blobs import Blobs
+from farm.embedded import EmbeddedRedis
 from tests.support.browser import Visitor, chromium
 from tests.support.live_api import live_api
 from tests.support.noise_farm import NoiseFarm
@@ -20,15 +23,30 @@ def browser() -> Iterator[Browser]:
         yield browser
 
 
-@pytest.fixture
-def farm(client: redis.Redis, redis_url: str, tmp_path: Path) -> NoiseFarm:
-    return NoiseFarm(client, redis_url, tmp_path)
+@pytest.fixture(scope="session")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("page-farm")
 
 
 @pytest.fixture
-def url(redis_url: str, farm: NoiseFarm) -> Iterator[str]:
-    with live_api(redis_url, farm.store) as url:
+def farm(client: redis.Redis, redis_url: str, folder: Path) -> NoiseFarm:
+    farm = NoiseFarm(client, redis_url, folder)
+    mark = farm.store.mark()
+    if mark is not None:  # the blobs of another test's farm: this Redis has forgotten its pair
+        client.hset(keys.STORE, mapping={"id": mark, "paired": 1})
+    return farm
+
+
+@pytest.fixture(scope="session")
+def shared_url(embedded_redis: EmbeddedRedis, folder: Path) -> Iterator[str]:
+    """The page on an API that all tests share."""
+    with live_api(embedded_redis.url, Blobs(str(folder / "blobs"))) as url:
         yield url
+
+
+@pytest.fixture
+def url(shared_url: str, farm: NoiseFarm) -> str:
+    return shared_url
 
 
 Visit = Callable[..., Visitor]

@@ -2,8 +2,10 @@
 
 import httpx
 import pytest
+import redis
 from playwright.sync_api import expect
 
+from farm.scene_index import SceneIndex
 from farm.states import JobState
 from tests.page.conftest import Visit
 from tests.support.noise_farm import NoiseFarm
@@ -36,8 +38,8 @@ def test_a_report_has_text_only(visit: Visit, farm: NoiseFarm) -> None:
     expect(page.locator("img, script")).to_have_count(0)
 
 
-def test_a_scene_called_like_markup(visit: Visit, farm: NoiseFarm) -> None:
-    farm.jobs.remember_scene("ab" * 32, {"name": MARKUP, "bytes": 1, "width": 1, "height": 1})
+def test_a_scene_called_like_markup(visit: Visit, client: redis.Redis) -> None:
+    SceneIndex(client).remember("ab" * 32, {"name": MARKUP, "bytes": 1, "width": 1, "height": 1})
     page = visit("/submit").page
     expect(page.get_by_label("A stored scene").locator("option").last).to_contain_text(MARKUP)
 

@@ -1,0 +1,58 @@
+"""Which scenes the blob store holds, and when each was last wanted."""
+
+import json
+import time
+from collections.abc import Iterator
+from typing import Any, Final
+
+import redis
+
+from farm import keys
+from farm.errors import StoreUnavailable
+from farm.redis_link import now_ms, unavailable_as_farm_error
+
+#: Removing a scene's blob takes milliseconds, as a rule.
+_SCENE_GOES_S: Final = 5.0
+
+
+class SceneIndex:
+    """The stored scenes, by SHA-256. Every method raises `StoreUnavailable` when Redis is away."""
+
+    def __init__(self, client: redis.Redis) -> None:
+        self._redis = client
+
+    def use(self, sha256: str) -> None:
+        """Note that the scene is wanted, before anyone looks whether the blob store has it.
+
+        From now on no sweep removes it for an hour at least; see `farm.sweep`. Where one is just
+        removing it, this waits until that is done.
+
+        Raises
+        ------
+        StoreUnavailable
+            That takes long: call again later.
+        """
+        patience = time.monotonic() + _SCENE_GOES_S
+        with unavailable_as_farm_error():
+            self._redis.zadd(keys.SCENES_USED, {sha256: now_ms(self._redis)})
+            while self._redis.exists(keys.scene_going(sha256)):
+                if time.monotonic() > patience:
+                    raise StoreUnavailable(f"scene {sha256} is being removed; send it again soon")
+                time.sleep(0.05)
+
+    def disuse(self, sha256: str) -> None:
+        """Take the note of `use` back: the blob store has no such scene."""
+        with unavailable_as_farm_error():
+            self._redis.zrem(keys.SCENES_USED, sha256)
+
+    def remember(self, sha256: str, summary: dict[str, Any]) -> None:
+        """Note that the blob store holds this scene."""
+        with unavailable_as_farm_error():
+            self._redis.hsetnx(keys.SCENES, sha256, json.dumps(summary))
+
+    def all(self) -> Iterator[dict[str, Any]]:
+        """The scenes that the blob store holds, with their summaries."""
+        with unavailable_as_farm_error():
+            scenes = self._redis.hgetall(keys.SCENES)
+        for sha256, summary in scenes.items():
+            yield {"sha256": sha256, **json.loads(summary)}
