@@ -39,7 +39,7 @@ from service.log_fields import LogFields
 from service.metrics import Metrics
 from service.openapi import DescribedAPI, refuse_unknown_parameters
 from service.parts import Parts
-from service.problems import add_problem_handlers
+from service.problem_handlers import add_problem_handlers
 from service.slashes import KeepSlashes
 from service.webhook_addresses import Receivers
 

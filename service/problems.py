@@ -5,25 +5,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
-from fastapi import FastAPI, Request
-from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
 from pydantic import BaseModel, ConfigDict, Field
 from starlette.exceptions import HTTPException
-from starlette.routing import compile_path
 
-from farm.errors import (
-    BatchNotFound,
-    CannotContinue,
-    IllegalTransition,
-    JobEnded,
-    JobNotFound,
-    StoreUnavailable,
-    TooManyJobs,
-    UnevenBatch,
-    WorkerNotFound,
-)
-from farm.states import JobState
 from service import examples
 
 MEDIA_TYPE: Final = "application/problem+json"
@@ -89,24 +74,6 @@ STORE_UNAVAILABLE: Final = ProblemType("store-unavailable", 503, "Redis or the b
 TYPES: Final[dict[str, ProblemType]] = {
     value.slug: value for value in tuple(globals().values()) if isinstance(value, ProblemType)
 }
-
-#: What a move is called that a job's state does not allow, and what would be possible.
-_REFUSALS: Final = {
-    JobState.CANCELLED: (CANNOT_CANCEL, "only a job that has not ended can be cancelled"),
-    JobState.PAUSED: (
-        CANNOT_PAUSE,
-        "only a job that is rendering can be paused; a queued one can have a lower priority",
-    ),
-    JobState.RENDERING: (CANNOT_RESUME, "only a paused job can be resumed"),
-}
-
-#: What a bare status that the framework raises is called here.
-_BY_STATUS: Final = {
-    400: MALFORMED_REQUEST,
-    404: UNKNOWN_PATH,
-    405: METHOD_NOT_ALLOWED,
-}
-
 
 _SCHEMA: Final = {"$ref": "#/components/schemas/ProblemDetails"}
 
@@ -198,118 +165,9 @@ def _example(kind: ProblemType) -> dict[str, Any]:
     return Problem(kind, examples.PROBLEM_DETAILS[kind.slug]).body(f"/v1/jobs/{examples.JOB_ID}")
 
 
-def add_problem_handlers(app: FastAPI) -> None:
-    """Answer every error with a problem: our own, the framework's and the unexpected."""
-
-    @app.exception_handler(HTTPException)
-    def answer_http(request: Request, error: HTTPException) -> JSONResponse:
-        return _from_http(request, error).response(request.url.path)
-
-    @app.exception_handler(RequestValidationError)
-    def answer_invalid(request: Request, error: RequestValidationError) -> JSONResponse:
-        if any(one["type"] == "json_invalid" for one in error.errors()):
-            return Problem(MALFORMED_REQUEST, "the body is not JSON").response(request.url.path)
-        fields = [
-            FieldError(field=str(one["loc"][-1]), message=one["msg"]) for one in error.errors()
-        ]
-        detail = "; ".join(f"{field.field}: {field.message}" for field in fields)
-        problem = Problem(INVALID_REQUEST, detail, errors=[one.model_dump() for one in fields])
-        return problem.response(request.url.path)
-
-    @app.exception_handler(JobNotFound)
-    def answer_unknown_job(request: Request, error: JobNotFound) -> JSONResponse:
-        detail = f"{error}; GET /v1/jobs lists those there are"
-        return Problem(UNKNOWN_JOB, detail).response(request.url.path)
-
-    @app.exception_handler(BatchNotFound)
-    def answer_unknown_batch(request: Request, error: BatchNotFound) -> JSONResponse:
-        detail = f"{error}; GET /v1/batches lists those there are"
-        return Problem(UNKNOWN_BATCH, detail).response(request.url.path)
-
-    @app.exception_handler(WorkerNotFound)
-    def answer_unknown_worker(request: Request, error: WorkerNotFound) -> JSONResponse:
-        detail = f"{error}; GET /v1/workers lists those that do"
-        return Problem(UNKNOWN_WORKER, detail).response(request.url.path)
-
-    @app.exception_handler(UnevenBatch)
-    def answer_uneven(request: Request, error: UnevenBatch) -> JSONResponse:
-        fields = [
-            {"field": f"spec.{name}", "value": asked, "others": had}
-            for name, asked, had in error.differs
-        ]
-        detail = f"{error}; ask for the same, or name another batch"
-        problem = Problem(
-            UNEVEN_BATCH, detail, batch=error.batch, job_id=error.job_id, differs=fields
-        )
-        return problem.response(request.url.path)
-
-    @app.exception_handler(IllegalTransition)
-    def answer_illegal(request: Request, error: IllegalTransition) -> JSONResponse:
-        kind, possible = _REFUSALS[JobState(error.target)]
-        detail = f"job {error.job_id} is {error.state}; {possible}"
-        problem = Problem(kind, detail, state=error.state, story=error.story)
-        return problem.response(request.url.path)
-
-    @app.exception_handler(JobEnded)
-    def answer_ended(request: Request, error: JobEnded) -> JSONResponse:
-        detail = (
-            f"job {error.job_id} is {error.state}; only a job that has not ended can be changed"
-        )
-        problem = Problem(JOB_ENDED, detail, state=error.state, story=error.story)
-        return problem.response(request.url.path)
-
-    @app.exception_handler(CannotContinue)
-    def answer_cannot_continue(request: Request, error: CannotContinue) -> JSONResponse:
-        return Problem(CANNOT_CONTINUE, str(error)).response(request.url.path)
-
-    @app.exception_handler(StoreUnavailable)
-    def answer_unavailable(request: Request, error: StoreUnavailable) -> JSONResponse:
-        return unavailable(request.method, request.url.path, error).response(request.url.path)
-
-    @app.exception_handler(TooManyJobs)
-    def answer_too_many_jobs(request: Request, error: TooManyJobs) -> JSONResponse:
-        detail = f"{error}; wait for one to end, or cancel one"
-        problem = Problem(TOO_MANY_JOBS, detail, open_jobs=error.open_jobs, limit=error.most)
-        return problem.response(request.url.path)
-
-    @app.exception_handler(Exception)
-    def answer_unexpected(request: Request, _: Exception) -> JSONResponse:
-        detail = "an error that Plateau did not expect; the API's log has the details"
-        return Problem(INTERNAL_ERROR, detail).response(request.url.path)
-
-
 def unavailable(method: str, path: str, error: Exception) -> Problem:
     """What is answered to a request while Redis or the blob store is away; the log has it too."""
     _log.warning("%s %s: %s", method, path, error)
     headers = {"Retry-After": str(_RETRY_AFTER_S)}
     words = str(error) or "Redis does not answer"
     return Problem(STORE_UNAVAILABLE, f"{words}; try again shortly", headers=headers)
-
-
-def _from_http(request: Request, error: HTTPException) -> Problem:
-    if isinstance(error, Problem):
-        return error
-    kind = _BY_STATUS.get(error.status_code)
-    if kind is None:
-        kind = ProblemType("http-error", error.status_code, str(error.detail))
-    path, headers = request.url.path, error.headers
-    if kind is METHOD_NOT_ALLOWED:
-        headers = {**(headers or {}), **_allow(request)}
-    details = {
-        UNKNOWN_PATH: f"nothing is served at {path}; /docs lists what is"
-        + (", without a slash at its end" if path.endswith("/") else ""),
-        METHOD_NOT_ALLOWED: f"{path} does not take {request.method}; /docs says what it takes",
-    }
-    return Problem(kind, details.get(kind, str(error.detail)), headers=headers)
-
-
-def _allow(request: Request) -> dict[str, str]:
-    """The ``Allow`` of a path; the framework's knows one of its routes only."""
-    app: FastAPI = request.app
-    methods: set[str] = set()
-    for path, operations in app.openapi()["paths"].items():
-        if compile_path(path)[0].match(request.url.path):
-            methods |= {method.upper() for method in operations}
-    if "GET" in methods:
-        methods.add("HEAD")
-    return {"Allow": ", ".join(sorted(methods))} if methods else {}

@@ -92,5 +92,5 @@ def test_a_page_that_breaks_its_policy_would_be_noticed(visit: Visit) -> None:
 def test_states_are_all_told_apart(visit: Visit) -> None:
     """Each state has words of its own in the page's filter, as the farm knows them."""
     page = visit().page
-    options = page.get_by_label("State").locator("option").all_inner_texts()
+    options = page.get_by_role("combobox", name="State").locator("option").all_inner_texts()
     assert sorted(options[1:]) == sorted(state.value for state in JobState)

@@ -1,0 +1,156 @@
+"""What becomes of an error: every one that a route lets out is answered with a problem."""
+
+from typing import Final
+
+from fastapi import FastAPI, Request
+from fastapi.exceptions import RequestValidationError
+from fastapi.responses import JSONResponse
+from starlette.exceptions import HTTPException
+from starlette.routing import compile_path
+
+from farm.errors import (
+    BatchNotFound,
+    CannotContinue,
+    IllegalTransition,
+    JobEnded,
+    JobNotFound,
+    StoreUnavailable,
+    TooManyJobs,
+    UnevenBatch,
+    WorkerNotFound,
+)
+from farm.states import JobState
+from service import problems
+from service.problems import FieldError, Problem, ProblemType, unavailable
+
+#: What a move is called that a job's state does not allow, and what would be possible.
+_REFUSALS: Final = {
+    JobState.CANCELLED: (problems.CANNOT_CANCEL, "only a job that has not ended can be cancelled"),
+    JobState.PAUSED: (
+        problems.CANNOT_PAUSE,
+        "only a job that is rendering can be paused; a queued one can have a lower priority",
+    ),
+    JobState.RENDERING: (problems.CANNOT_RESUME, "only a paused job can be resumed"),
+}
+
+#: What a bare status that the framework raises is called here.
+_BY_STATUS: Final = {
+    400: problems.MALFORMED_REQUEST,
+    404: problems.UNKNOWN_PATH,
+    405: problems.METHOD_NOT_ALLOWED,
+}
+
+
+def add_problem_handlers(app: FastAPI) -> None:
+    """Answer every error with a problem: our own, the framework's and the unexpected."""
+
+    @app.exception_handler(HTTPException)
+    def answer_http(request: Request, error: HTTPException) -> JSONResponse:
+        return _from_http(request, error).response(request.url.path)
+
+    @app.exception_handler(RequestValidationError)
+    def answer_invalid(request: Request, error: RequestValidationError) -> JSONResponse:
+        if any(one["type"] == "json_invalid" for one in error.errors()):
+            problem = Problem(problems.MALFORMED_REQUEST, "the body is not JSON")
+            return problem.response(request.url.path)
+        fields = [
+            FieldError(field=str(one["loc"][-1]), message=one["msg"]) for one in error.errors()
+        ]
+        detail = "; ".join(f"{field.field}: {field.message}" for field in fields)
+        problem = Problem(
+            problems.INVALID_REQUEST, detail, errors=[one.model_dump() for one in fields]
+        )
+        return problem.response(request.url.path)
+
+    @app.exception_handler(JobNotFound)
+    def answer_unknown_job(request: Request, error: JobNotFound) -> JSONResponse:
+        detail = f"{error}; GET /v1/jobs lists those there are"
+        return Problem(problems.UNKNOWN_JOB, detail).response(request.url.path)
+
+    @app.exception_handler(BatchNotFound)
+    def answer_unknown_batch(request: Request, error: BatchNotFound) -> JSONResponse:
+        detail = f"{error}; GET /v1/batches lists those there are"
+        return Problem(problems.UNKNOWN_BATCH, detail).response(request.url.path)
+
+    @app.exception_handler(WorkerNotFound)
+    def answer_unknown_worker(request: Request, error: WorkerNotFound) -> JSONResponse:
+        detail = f"{error}; GET /v1/workers lists those that do"
+        return Problem(problems.UNKNOWN_WORKER, detail).response(request.url.path)
+
+    @app.exception_handler(UnevenBatch)
+    def answer_uneven(request: Request, error: UnevenBatch) -> JSONResponse:
+        fields = [
+            {"field": f"spec.{name}", "value": asked, "others": had}
+            for name, asked, had in error.differs
+        ]
+        detail = f"{error}; ask for the same, or name another batch"
+        problem = Problem(
+            problems.UNEVEN_BATCH, detail, batch=error.batch, job_id=error.job_id, differs=fields
+        )
+        return problem.response(request.url.path)
+
+    @app.exception_handler(IllegalTransition)
+    def answer_illegal(request: Request, error: IllegalTransition) -> JSONResponse:
+        kind, possible = _REFUSALS[JobState(error.target)]
+        detail = f"job {error.job_id} is {error.state}; {possible}"
+        problem = Problem(kind, detail, state=error.state, story=error.story)
+        return problem.response(request.url.path)
+
+    @app.exception_handler(JobEnded)
+    def answer_ended(request: Request, error: JobEnded) -> JSONResponse:
+        detail = (
+            f"job {error.job_id} is {error.state}; only a job that has not ended can be changed"
+        )
+        problem = Problem(problems.JOB_ENDED, detail, state=error.state, story=error.story)
+        return problem.response(request.url.path)
+
+    @app.exception_handler(CannotContinue)
+    def answer_cannot_continue(request: Request, error: CannotContinue) -> JSONResponse:
+        return Problem(problems.CANNOT_CONTINUE, str(error)).response(request.url.path)
+
+    @app.exception_handler(StoreUnavailable)
+    def answer_unavailable(request: Request, error: StoreUnavailable) -> JSONResponse:
+        return unavailable(request.method, request.url.path, error).response(request.url.path)
+
+    @app.exception_handler(TooManyJobs)
+    def answer_too_many_jobs(request: Request, error: TooManyJobs) -> JSONResponse:
+        detail = f"{error}; wait for one to end, or cancel one"
+        problem = Problem(
+            problems.TOO_MANY_JOBS, detail, open_jobs=error.open_jobs, limit=error.most
+        )
+        return problem.response(request.url.path)
+
+    @app.exception_handler(Exception)
+    def answer_unexpected(request: Request, _: Exception) -> JSONResponse:
+        detail = "an error that Plateau did not expect; the API's log has the details"
+        return Problem(problems.INTERNAL_ERROR, detail).response(request.url.path)
+
+
+def _from_http(request: Request, error: HTTPException) -> Problem:
+    if isinstance(error, Problem):
+        return error
+    kind = _BY_STATUS.get(error.status_code)
+    if kind is None:
+        kind = ProblemType("http-error", error.status_code, str(error.detail))
+    path, headers = request.url.path, error.headers
+    if kind is problems.METHOD_NOT_ALLOWED:
+        headers = {**(headers or {}), **_allow(request)}
+    details = {
+        problems.UNKNOWN_PATH: f"nothing is served at {path}; /docs lists what is"
+        + (", without a slash at its end" if path.endswith("/") else ""),
+        problems.METHOD_NOT_ALLOWED: f"{path} does not take {request.method}; /docs says what it "
+        "takes",
+    }
+    return Problem(kind, details.get(kind, str(error.detail)), headers=headers)
+
+
+def _allow(request: Request) -> dict[str, str]:
+    """The ``Allow`` of a path; the framework's knows one of its routes only."""
+    app: FastAPI = request.app
+    methods: set[str] = set()
+    for path, operations in app.openapi()["paths"].items():
+        if compile_path(path)[0].match(request.url.path):
+            methods |= {method.upper() for method in operations}
+    if "GET" in methods:
+        methods.add("HEAD")
+    return {"Allow": ", ".join(sorted(methods))} if methods else {}
