@@ -13,6 +13,10 @@
     ├── WorkerNotFound     no worker of that id lives
     ├── TooManyJobs        the key that asks for a job has as many open ones as it may
     ├── UnknownKey         no API key of that id that could be changed so
+    ├── StudyNotFound      no observer study of that id
+    ├── ObserverNotFound   nobody takes part in the study under that name
+    ├── TrialNotFound      the observer is shown no pair of that number
+    ├── CannotStudy        no study can be made so, or taken part in
     ├── StoreUnavailable   Redis or the blob store cannot be reached, or refuses
     │   └── BlobsUnavailable   of the two, the blob store
     ├── WrongStore         the blob store is not the one that belongs to this Redis
@@ -123,6 +127,38 @@ class TooManyJobs(FarmError):
 
 class UnknownKey(FarmError):
     """There is no API key of this id, or it was revoked."""
+
+
+class StudyNotFound(FarmError):
+    """There is no observer study of this id."""
+
+    def __init__(self, study_id: str) -> None:
+        super().__init__(f"there is no study {study_id!r}")
+        self.study_id = study_id
+
+
+class ObserverNotFound(FarmError):
+    """Nobody takes part in the study under this name."""
+
+    def __init__(self, study_id: str, name: str) -> None:
+        super().__init__(f"nobody takes part in study {study_id} as {name!r}")
+        self.study_id = study_id
+        self.name = name
+
+
+class TrialNotFound(FarmError):
+    """The observer is shown no pair of this number."""
+
+    def __init__(self, study_id: str, trial: int, trials: int) -> None:
+        super().__init__(
+            f"study {study_id} shows each observer {trials} pairs, numbered from 0: there is no "
+            f"pair {trial}"
+        )
+        self.trial = trial
+
+
+class CannotStudy(FarmError):
+    """No study can be made so, or taken part in."""
 
 
 class StoreUnavailable(FarmError):

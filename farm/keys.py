@@ -35,6 +35,12 @@ plateau:webhooks:due:URL  zset    job:number of deliveries to one, by when due (
 plateau:webhooks:secret   string  the farm's own secret, where a job brings none       for ever
 plateau:webhooks:before   string  the one before it, which signs too                   1 d
 plateau:idempotency:KEY   string  JSON of job id and request digest                    24 h
+plateau:studies           zset    observer study, scored by its creation (ms)          the study's
+plateau:studies:asked     hash    digest of a request → the study that it made         the study's
+plateau:study:ID          hash    the study; see `farm.studies`                        till DELETE
+plateau:study:ID:making   string  set while its pictures are put                       30 min
+plateau:study:ID:observers hash   pseudonym → JSON of number and screen                the study's
+plateau:study:ID:answers  hash    pseudonym:number of a pair → JSON of the answer      the study's
 plateau:job:ID            hash    the job; see `farm.jobs`                             the job's
 plateau:job:ID:slices     stream  planned slices; group `workers` holds the leases     till end
 plateau:job:ID:ledger     hash    slice index → JSON of its commit                     the job's
@@ -77,6 +83,8 @@ HEARD: Final = PREFIX + "heard"
 GRACE: Final = PREFIX + "grace"
 API_KEYS: Final = PREFIX + "keys"
 API_KEYS_USED: Final = PREFIX + "keys:used"
+STUDIES: Final = PREFIX + "studies"
+STUDIES_ASKED: Final = PREFIX + "studies:asked"
 RECEIVERS: Final = PREFIX + "webhooks"
 WEBHOOK_SECRET: Final = PREFIX + "webhooks:secret"
 OLD_WEBHOOK_SECRET: Final = PREFIX + "webhooks:before"
@@ -129,6 +137,11 @@ def worker(worker_id: str) -> str:
     return f"{PREFIX}worker:{worker_id}"
 
 
+def study(study_id: str, part: str = "") -> str:
+    """The key of an observer study, or of one of its parts (``observers``, …)."""
+    return f"{PREFIX}study:{study_id}:{part}" if part else f"{PREFIX}study:{study_id}"
+
+
 def webhooks_due(receiver: str) -> str:
     """The key of what is to be delivered to a receiver of webhooks."""
     return f"{RECEIVERS}:due:{receiver}"
@@ -156,6 +169,10 @@ local function job_key(id, part)
   return PREFIX .. 'job:' .. id
 end
 local BATCHES, GUARDED = '{BATCHES}', '{GUARDED}'
+local STUDIES, STUDIES_ASKED = '{STUDIES}', '{STUDIES_ASKED}'
+local function study_key(id, part)
+  return PREFIX .. 'study:' .. id .. (part and ':' .. part or '')
+end
 local function in_state_key(state) return PREFIX .. 'jobs:in:' .. state end
 local function batch_key(name) return PREFIX .. 'batch:' .. name end
 local function worker_key(id) return PREFIX .. 'worker:' .. id end

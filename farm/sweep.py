@@ -51,7 +51,7 @@ from typing import Final
 
 import redis
 
-from farm import blobs, keys
+from farm import blobs, keys, studies
 from farm.blobs import Blobs, StoredBlob
 from farm.jobs import Jobs
 from farm.ownership import Checkpoint
@@ -198,6 +198,7 @@ class _Sweep:
         for job_id, orphans in found.items():
             keeps = self._keeps(job_id)
             self._orphans += self._remove(blob for blob in orphans if not keeps(blob.name))
+        self._orphans += self._remove(studies.orphans(self._redis, self._store))
 
     def scenes(self, unused_for_s: float) -> None:
         """Remove scenes of no job that were not used for so long."""

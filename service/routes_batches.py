@@ -5,7 +5,7 @@ from typing import Annotated, Any, Final
 from fastapi import APIRouter, Depends, Query
 
 from farm.batches import Steer
-from service import problems
+from service import paging, problems
 from service.batch_views import (
     BatchPage,
     BatchSteered,
@@ -28,24 +28,17 @@ _RESPONSES: Final[dict[int | str, dict[str, Any]]] = documented(problems.UNKNOWN
 @router.get("", responses=documented(problems.INVALID_REQUEST))
 def page(
     farm: _Farm,
-    cursor: Annotated[
-        str | None,
-        Query(
-            pattern="^[0-9]{1,15}$",
-            description="`next_cursor` of the page before",
-            examples=["42"],
-        ),
-    ] = None,
+    cursor: paging.Cursor = None,
     limit: Annotated[
         int, Query(ge=1, le=100, description="most batches on the page", examples=[20])
     ] = 20,
 ) -> BatchPage:
     """List batches, those with the newest jobs first."""
-    before = None if cursor is None else int(cursor)
+    before = paging.number_of(cursor)
     lines, after = farm.batches.page(before=before, limit=limit)
     return BatchPage(
         batches=[line_view(line) for line in lines],
-        next_cursor=None if after is None else str(after),
+        next_cursor=paging.cursor_of(after),
     )
 
 

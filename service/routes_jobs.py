@@ -6,7 +6,7 @@ from fastapi import APIRouter, Depends, Path, Query, Response
 
 from farm.spec import JobSpec
 from farm.states import JobState
-from service import examples, idempotency, problems
+from service import examples, idempotency, paging, problems
 from service.batch_views import BATCH, BatchView, batch_path, batch_view
 from service.callers import CallerOf
 from service.parts import Parts, parts
@@ -154,26 +154,17 @@ def page(
             examples=[examples.KEY_ID],
         ),
     ] = None,
-    cursor: Annotated[
-        str | None,
-        Query(
-            pattern="^[0-9]{1,15}$",
-            description="`next_cursor` of the page before",
-            examples=["42"],
-        ),
-    ] = None,
+    cursor: paging.Cursor = None,
     limit: Annotated[
         int, Query(ge=1, le=200, description="most jobs on the page", examples=[20])
     ] = 50,
 ) -> JobPage:
     """List jobs, newest first."""
-    before = None if cursor is None else int(cursor)
+    before = paging.number_of(cursor)
     found, after = farm.jobs.search(
         state=state, batch=batch, owner=owner, before=before, limit=limit
     )
-    return JobPage(
-        jobs=[job_view(job) for job in found], next_cursor=None if after is None else str(after)
-    )
+    return JobPage(jobs=[job_view(job) for job in found], next_cursor=paging.cursor_of(after))
 
 
 @router.get("/{job_id}", responses=documented(problems.UNKNOWN_JOB))

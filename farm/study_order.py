@@ -1,0 +1,101 @@
+"""In which order an observer sees the pairs of a study: a pure function of the study and the observer.
+
+So a page that is loaded again goes on where it stood, and the order need not be stored.
+
+*Method of constant stimuli*: two blocks, each with every level once. A block is a row of a Williams
+square over a shuffle of the levels that each study has of its own: over 2 L observers, each level
+stands at each place of the first block equally often, and follows each other one equally often. The
+second block is another row, and never begins with the level that the first has ended with. Of the
+two times that a level is shown, the reference is once at the left and once at the right, and in
+each block as often at one side as at the other (an odd one goes to either in turn).
+
+*Method of limits*: all levels rising and all falling; every other observer begins with the falling
+ones. The sides are drawn in the same way.
+
+References
+----------
+E. J. Williams, Experimental designs balanced for the estimation of residual effects of treatments,
+Australian Journal of Scientific Research A 2, 1949. doi:10.1071/CH9490149
+"""
+
+import hashlib
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Final, Literal, TypeVar
+
+Method = Literal["constant", "limits"]
+Side = Literal["left", "right"]
+
+#: How often each level is shown to an observer.
+TIMES: Final = 2
+
+_Item = TypeVar("_Item")
+
+
+@dataclass(frozen=True)
+class Pair:
+    """What is shown at once: the reference and a test image."""
+
+    spp: int  #: of the test image
+    reference: Side
+
+
+def pairs(study_id: str, levels: tuple[int, ...], method: Method, number: int) -> tuple[Pair, ...]:
+    """The pairs in the order in which an observer sees them: each level twice.
+
+    Parameters
+    ----------
+    study_id
+        Shuffles the levels and draws the sides.
+    levels
+        Spp of the test images, by rising spp; two at least.
+    method
+        That of the study.
+    number
+        The observer's, from 0, by which the order is counterbalanced.
+    """
+    first, second = _blocks(study_id, levels, method, number)
+    sides = _sides(study_id, levels, number)
+    return (
+        *(Pair(spp, sides[spp]) for spp in first),
+        *(Pair(spp, _other(sides[spp])) for spp in second),
+    )
+
+
+def _blocks(
+    study_id: str, levels: tuple[int, ...], method: Method, number: int
+) -> tuple[list[int], list[int]]:
+    if method == "limits":
+        rising, falling = sorted(levels), sorted(levels, reverse=True)
+        return (rising, falling) if number % 2 == 0 else (falling, rising)
+    shuffled = _shuffled(levels, study_id)
+    count = len(levels)
+    first = _williams_row(count, number)
+    # Some later row; the next one after it where it would begin as the first has ended.
+    ahead = 1 + number // (2 * count)
+    while (second := _williams_row(count, number + ahead))[0] == first[-1]:
+        ahead += 1
+    return [shuffled[place] for place in first], [shuffled[place] for place in second]
+
+
+def _williams_row(count: int, row: int) -> list[int]:
+    """A row of the square: 0, 1, n-1, 2, n-2, …, shifted; reversed in every other square."""
+    zigzag = [(place + 1) // 2 if place % 2 else -(place // 2) for place in range(count)]
+    shifted = [(place + row) % count for place in zigzag]
+    return shifted[::-1] if (row // count) % 2 else shifted
+
+
+def _sides(study_id: str, levels: tuple[int, ...], number: int) -> dict[int, Side]:
+    """At which side the reference is in the first block, for each level."""
+    half = (len(levels) + number % 2) // 2
+    drawn = _shuffled(levels, f"{study_id}:{number}")
+    return {spp: "left" if place < half else "right" for place, spp in enumerate(drawn)}
+
+
+def _other(side: Side) -> Side:
+    return "right" if side == "left" else "left"
+
+
+def _shuffled(items: Iterable[_Item], seed: str) -> list[_Item]:
+    """The items in an order that no version of Python will change."""
+    return sorted(items, key=lambda item: hashlib.sha256(f"{seed}:{item}".encode()).digest())
