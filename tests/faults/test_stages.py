@@ -243,7 +243,7 @@ def test_an_api_that_is_killed_in_a_submission_makes_one_job_in_the_end(
     farm: FaultyFarm, when: str
 ) -> None:
     port = free_port()
-    victim = farm.start_armed("api", "farm.jobs:Jobs.create", "--port", str(port), when=when)
+    victim = farm.start_armed("api", "farm.jobs:Jobs.create_all", "--port", str(port), when=when)
     until(lambda: answers(f"http://127.0.0.1:{port}/readyz"))
     request: dict[str, Any] = {
         "headers": {"Idempotency-Key": f"once-{when}"},
