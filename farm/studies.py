@@ -22,6 +22,7 @@ from farm.job import moment
 from farm.redis_link import unavailable_as_farm_error
 from farm.scripts import Scripts
 from farm.study import MOST_OBSERVERS, MOST_STUDIES, Answer, Observer, Screen, Study
+from farm.study_order import Pair
 
 #: No study takes so long to make.
 _MAKING_S: Final = 1800.0
@@ -55,8 +56,9 @@ class Studies:
         CannotStudy
             There are too many, or it took too long to make.
         """
+        digest = _digest(request, owner)
         outcome, *found = self._scripts.run(
-            "create_study", study_id, _digest(request, owner), owner, json.dumps(about), MOST_STUDIES
+            "create_study", study_id, digest, owner, json.dumps(about), MOST_STUDIES
         )
         if outcome == "late":
             raise CannotStudy("its pictures took too long to make; ask for fewer levels")
@@ -114,6 +116,15 @@ class Studies:
         found = [_observer(name, record) for name, record in records.items()]
         return sorted(found, key=lambda observer: observer.number)
 
+    def counts(self, study: Study) -> tuple[int, int]:
+        """How many observers and how many answers it has; neither ever changes but by growing."""
+        with unavailable_as_farm_error():
+            pipe = self._redis.pipeline(transaction=False)
+            pipe.hlen(keys.study(study.id, "observers"))
+            pipe.hlen(keys.study(study.id, "answers"))
+            observers, answers = pipe.execute()
+        return observers, answers
+
     def answer(
         self, study: Study, observer: Observer, trial: int, *, seen: bool, seconds: float
     ) -> Answer:
@@ -135,18 +146,20 @@ class Studies:
         stored = self._scripts.run("answer_study", study.id, observer.name, trial, given)
         if stored == "missing":
             raise StudyNotFound(study.id)
-        return _answer(study, observer, trial, stored)
+        return _answer(observer, trial, shown[trial], stored)
 
     def answers(self, study: Study) -> list[Answer]:
         """All answers, by observer in the order of coming, then in the order of the pairs."""
         observers = {observer.name: observer for observer in self.observers(study)}
         with unavailable_as_farm_error():
             records = self._redis.hgetall(keys.study(study.id, "answers"))
+        shown = {name: study.pairs(observer.number) for name, observer in observers.items()}
         found = []
         for place, record in records.items():
-            name, trial = place.split(":")
-            if name in observers:  # one that came since we looked
-                found.append(_answer(study, observers[name], int(trial), record))
+            name, number = place.split(":")
+            if name in shown:  # and has not come since we looked
+                trial = int(number)
+                found.append(_answer(observers[name], trial, shown[name][trial], record))
         return sorted(found, key=lambda one: (observers[one.observer].number, one.trial))
 
     def forget(self, study_id: str, store: Blobs) -> None:
@@ -189,8 +202,7 @@ def _observer(name: str, record: str) -> Observer:
     return Observer(name=name, number=known["number"], screen=screen, joined_at=joined_at)
 
 
-def _answer(study: Study, observer: Observer, trial: int, record: str) -> Answer:
-    pair = study.pairs(observer.number)[trial]
+def _answer(observer: Observer, trial: int, pair: Pair, record: str) -> Answer:
     known = json.loads(record)
     given = json.loads(known["given"])
     return Answer(

@@ -47,6 +47,7 @@ class Study(BaseModel):
     )
     levels: tuple[int, ...] = Field(description="spp of the test images, rising")
     reference_spp: int
+    slice_spp: int = Field(description="of the job: levels are multiples of it")
     exposure_ev: float = Field(description="of all images, as the job's view has it")
     width: int
     height: int

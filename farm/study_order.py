@@ -1,6 +1,7 @@
-"""In which order an observer sees the pairs of a study: a pure function of the study and the observer.
+"""In which order an observer sees the pairs of a study.
 
-So a page that is loaded again goes on where it stood, and the order need not be stored.
+It is a pure function of the study and the observer: so a page that is loaded again goes on where it
+stood, and the order need not be stored.
 
 *Method of constant stimuli*: two blocks, each with every level once. A block is a row of a Williams
 square over a shuffle of the levels that each study has of its own: over 2 L observers, each level

@@ -37,6 +37,8 @@ minutes exactly between its look at the clock and its call to the blob store.
 A scene without a note, from before there were notes or from a sweep that died, gets one by the
 first sweep that sees it; its time runs from then.
 
+**Studies** have pictures of their own, see `farm.studies`; only those of unfinished ones go.
+
 **Whose blobs?** A Redis that lost its data, or the wrong one, knows none of the jobs, and all
 results would be orphans. So nothing is removed where `farm.pairing` says that the two do not belong
 together.

@@ -1,5 +1,6 @@
 """Perception: what a screen shows, which differences an eye sees, and when to stop rendering."""
 
+from metric.answers import AnswersFit, fit_answers
 from metric.display import Image, Mask, Primaries, View, encode_srgb
 from metric.estimate import Estimate, half_buffer_estimate
 from metric.forecasts import Forecast, forecast
@@ -26,6 +27,7 @@ from metric.zones import zone_edges, zone_fractions
 
 __all__ = [
     "RULES",
+    "AnswersFit",
     "Difference",
     "Estimate",
     "Evidence",
@@ -51,6 +53,7 @@ __all__ = [
     "create_rule",
     "difference_picture",
     "encode_srgb",
+    "fit_answers",
     "fit_logit",
     "forecast",
     "half_buffer_estimate",

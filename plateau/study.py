@@ -1,8 +1,12 @@
 """An observer study: what people saw, fitted by the paper's psychometric function.
 
-A table is a CSV file in the form of the paper's table 1: a column `scene`, then one column for each
-number of samples per pixel that was shown, holding the share of the observers that perceived a
-difference from the reference.
+A table is a CSV file in one of two forms:
+
+- that of the paper's table 1: a column `scene`, then one column for each number of samples per
+  pixel that was shown, holding the share of the observers that perceived a difference from the
+  reference. It is fitted as the paper fits it;
+- single answers, a line each, as a study exports them: the columns `scene`, `observer`, `spp` and
+  `seen` count. They are fitted so that each answer counts once, and thresholds have intervals.
 """
 
 import csv
@@ -12,10 +16,14 @@ from typing import Final
 
 import numpy as np
 
-from metric import LogitFit, fit_logit
+from metric import AnswersFit, LogitFit, fit_answers, fit_logit
 
 #: The paper's thresholds: a difference is perceived by half of the observers, and by a tenth.
 PROBABILITIES: Final = (0.5, 0.1)
+
+
+#: What a table of single answers has.
+_ANSWERS: Final = frozenset({"scene", "observer", "spp", "seen"})
 
 
 class CannotFit(Exception):
@@ -24,20 +32,24 @@ class CannotFit(Exception):
 
 @dataclass(frozen=True)
 class FittedScene:
-    """A row of the table, with its fit."""
+    """A scene of the table, with its fit."""
 
     scene: str
     spp: tuple[float, ...]
     probabilities: tuple[float, ...]
-    fit: LogitFit
+    fit: LogitFit | AnswersFit
 
     def threshold(self, probability: float) -> float | None:
         """The spp at which a difference is perceived so often; None where the fit is flat."""
         return None if self.fit.a == 0 else self.fit.threshold(probability)
 
+    def interval(self, probability: float) -> tuple[float, float] | None:
+        """Where that spp lies with 95 % confidence; None where single answers are not known."""
+        return self.fit.interval(probability) if isinstance(self.fit, AnswersFit) else None
+
 
 def fit_table(path: Path) -> list[FittedScene]:
-    """Fit each row of a table.
+    """Fit each scene of a table.
 
     Raises
     ------
@@ -54,6 +66,8 @@ def fit_table(path: Path) -> list[FittedScene]:
         raise CannotFit(f"{path} is empty") from None
     if not rows:
         raise CannotFit(f"{path} has no rows below its header")
+    if set(header) >= _ANSWERS:
+        return _fit_answers(path, header, rows)
     spp = tuple(_number(path, 1, text) for text in header[1:])
     fitted = []
     for line, (scene, *cells) in enumerate(rows, start=2):
@@ -63,7 +77,33 @@ def fit_table(path: Path) -> list[FittedScene]:
         try:
             fitted.append(FittedScene(scene, spp, probabilities, fit_logit(spp, probabilities)))
         except ValueError as error:
-            raise CannotFit(f"{path}, line {line} ({scene}): {error}") from error
+            hint = "; fit the single answers (trials.csv)" if 0 in probabilities else ""
+            raise CannotFit(f"{path}, line {line} ({scene}): {error}{hint}") from error
+    return fitted
+
+
+def _fit_answers(path: Path, header: list[str], rows: list[list[str]]) -> list[FittedScene]:
+    """Fit single answers, each scene on its own."""
+    scenes: dict[str, list[tuple[float, bool, str]]] = {}
+    for line, cells in enumerate(rows, start=2):
+        if len(cells) != len(header):
+            raise CannotFit(f"{path}, line {line}: {len(cells)} values for {len(header)} columns")
+        row = dict(zip(header, cells, strict=True))
+        if row["seen"] not in {"true", "false"}:
+            raise CannotFit(f"{path}, line {line}: seen is {row['seen']!r}, not true or false")
+        answer = (_number(path, line, row["spp"]), row["seen"] == "true", row["observer"])
+        scenes.setdefault(row["scene"], []).append(answer)
+    fitted = []
+    for scene, answers in scenes.items():
+        spps, seen, observers = zip(*answers, strict=True)
+        levels = tuple(sorted(set(spps)))
+        shares = tuple(
+            float(np.mean([yes for spp, yes, _ in answers if spp == level])) for level in levels
+        )
+        try:
+            fitted.append(FittedScene(scene, levels, shares, fit_answers(spps, seen, observers)))
+        except ValueError as error:
+            raise CannotFit(f"{path} ({scene}): {error}") from error
     return fitted
 
 
@@ -71,7 +111,7 @@ def plot_study(fitted: list[FittedScene], path: Path) -> None:
     """Write the fits as a PNG file in the form of the paper's figure 1.
 
     For each scene, the answers as points and the fitted probability as a curve over spp; dotted
-    lines stand at the thresholds of 50 % and 10 %.
+    lines stand at the thresholds of 50 % and 10 %, in bands that are their intervals.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -89,6 +129,9 @@ def plot_study(fitted: list[FittedScene], path: Path) -> None:
             place = one.threshold(probability)
             if place is not None:
                 axes.axvline(place, color="#5a5a5a", linewidth=0.8, linestyle=":")
+            interval = one.interval(probability)
+            if interval is not None:
+                axes.axvspan(*interval, color="#5a5a5a", alpha=0.12, linewidth=0)
         axes.set_title(one.scene, fontsize=9)
         axes.set_ylim(0, 1.05)
         axes.set_xlim(over[0], over[-1])

@@ -15,11 +15,13 @@ from farm.continuation import Continuations
 from farm.jobs import Jobs
 from farm.redis_link import RedisClient
 from farm.scene_index import SceneIndex
+from farm.studies import Studies
 from farm.webhooks import Outbox
 from farm.workers import Workers
 from service import (
     routes_batches,
     routes_continue,
+    routes_docs,
     routes_farm,
     routes_images,
     routes_jobs,
@@ -28,6 +30,7 @@ from service import (
     routes_report,
     routes_results,
     routes_scenes,
+    routes_studies,
     routes_webhooks,
 )
 from service.event_hub import EventHub
@@ -41,6 +44,7 @@ from service.openapi import DescribedAPI, refuse_unknown_parameters
 from service.parts import Parts
 from service.problem_handlers import add_problem_handlers
 from service.slashes import KeepSlashes
+from service.study_results import StudyResults
 from service.webhook_addresses import Receivers
 
 _DESCRIPTION: Final = """
@@ -87,14 +91,20 @@ def create_app(
         dependencies=[Depends(refuse_unknown_parameters)],
         # A path has one form: a redirect would end an upload by curl in silence.
         redirect_slashes=False,
+        # The framework's pages are fetched from elsewhere: see `service.routes_docs`.
+        docs_url=None,
+        redoc_url=None,
         # A job shows the spec that it was given, so one description serves both ways.
         separate_input_output_schemas=False,
     )
+    studies = Studies(client)
     parts = Parts(
         jobs=Jobs(client),
         scenes=SceneIndex(client),
         batches=Batches(client),
         continuations=Continuations(client),
+        studies=studies,
+        study_results=StudyResults(studies),
         blobs=blobs,
         limits=BundleLimits(max_bytes=max_upload_bytes),
         hub=hub,
@@ -113,10 +123,12 @@ def create_app(
         routes_images,
         routes_report,
         routes_scenes,
+        routes_studies,
         routes_webhooks,
         routes_farm,
         routes_key,
         routes_page,
+        routes_docs,
     ):
         app.include_router(routes.router)
     app.webhooks.include_router(routes_webhooks.sent)

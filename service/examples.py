@@ -238,6 +238,13 @@ PROBLEM_DETAILS: Final = {
     "unknown-job": f"there is no job '{JOB_ID}'; GET /v1/jobs lists those there are",
     "unknown-worker": f"no worker {_WORKER!r} lives; GET /v1/workers lists those that do",
     "unknown-batch": "there is no batch 'exposures'; GET /v1/batches lists those there are",
+    "unknown-study": "there is no study '9c1f47be02d8'; GET /v1/studies lists those there are",
+    "unknown-observer": "nobody takes part in study 9c1f47be02d8 as 'o-7f3a'; PUT "
+    "/v1/studies/9c1f47be02d8/observers/o-7f3a takes part",
+    "unknown-trial": "study 9c1f47be02d8 shows each observer 14 pairs, numbered from 0: there is "
+    "no pair 14",
+    "not-your-study": "study 9c1f47be02d8 belongs to another key; it takes that key, or an admin's",
+    "cannot-study": f"job {JOB_ID} did not keep its slices: submit with keep_slices",
     "no-image-yet": f"job {JOB_ID} is queued; its first image comes a moment after the first point "
     f"of its curve, which GET {_ROOT}/events announces",
     "unknown-delivery": f"job {JOB_ID} has no delivery 9; GET {_ROOT}/webhooks lists those it has",

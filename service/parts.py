@@ -14,9 +14,11 @@ from farm.errors import JobNotFound
 from farm.job import Job
 from farm.jobs import Jobs
 from farm.scene_index import SceneIndex
+from farm.studies import Studies
 from farm.webhooks import Outbox
 from farm.workers import Workers
 from service.event_hub import EventHub
+from service.study_results import StudyResults
 from service.webhook_addresses import Receivers
 
 _JOB_ID: Final = re.compile(r"[0-9a-f]{12}")
@@ -30,6 +32,8 @@ class Parts:
     scenes: SceneIndex
     batches: Batches
     continuations: Continuations
+    studies: Studies
+    study_results: StudyResults
     blobs: Blobs
     limits: BundleLimits
     hub: EventHub

@@ -11,11 +11,15 @@ from starlette.routing import compile_path
 from farm.errors import (
     BatchNotFound,
     CannotContinue,
+    CannotStudy,
     IllegalTransition,
     JobEnded,
     JobNotFound,
+    ObserverNotFound,
     StoreUnavailable,
+    StudyNotFound,
     TooManyJobs,
+    TrialNotFound,
     UnevenBatch,
     WorkerNotFound,
 )
@@ -107,6 +111,25 @@ def add_problem_handlers(app: FastAPI) -> None:
     @app.exception_handler(CannotContinue)
     def answer_cannot_continue(request: Request, error: CannotContinue) -> JSONResponse:
         return Problem(problems.CANNOT_CONTINUE, str(error)).response(request.url.path)
+
+    @app.exception_handler(CannotStudy)
+    def answer_cannot_study(request: Request, error: CannotStudy) -> JSONResponse:
+        return Problem(problems.CANNOT_STUDY, str(error)).response(request.url.path)
+
+    @app.exception_handler(StudyNotFound)
+    def answer_unknown_study(request: Request, error: StudyNotFound) -> JSONResponse:
+        detail = f"{error}; GET /v1/studies lists those there are"
+        return Problem(problems.UNKNOWN_STUDY, detail).response(request.url.path)
+
+    @app.exception_handler(ObserverNotFound)
+    def answer_unknown_observer(request: Request, error: ObserverNotFound) -> JSONResponse:
+        path = f"/v1/studies/{error.study_id}/observers/{error.name}"
+        detail = f"{error}; PUT {path} takes part"
+        return Problem(problems.UNKNOWN_OBSERVER, detail).response(request.url.path)
+
+    @app.exception_handler(TrialNotFound)
+    def answer_unknown_trial(request: Request, error: TrialNotFound) -> JSONResponse:
+        return Problem(problems.UNKNOWN_TRIAL, str(error)).response(request.url.path)
 
     @app.exception_handler(StoreUnavailable)
     def answer_unavailable(request: Request, error: StoreUnavailable) -> JSONResponse:

@@ -16,6 +16,7 @@ from service.routes_key import router as key_router
 from service.routes_report import router as report_router
 from service.routes_results import router as results_router
 from service.routes_scenes import router as scenes_router
+from service.routes_studies import router as studies_router
 from service.routes_webhooks import router as webhooks_router
 
 ROOT = Path(__file__).parents[1]
@@ -40,6 +41,7 @@ ROUTES = [
         images_router,
         report_router,
         scenes_router,
+        studies_router,
         webhooks_router,
         farm_router,
         key_router,

@@ -3,7 +3,7 @@
 No module of weight is imported here, so that --help and a mistyped option answer at once.
 """
 
-from plateau.cli import serving, jobs, continuing, batches, results, webhooks, images, keys  # isort: skip  # in the order in which help lists them
+from plateau.cli import serving, jobs, continuing, batches, results, webhooks, images, studies, keys  # isort: skip  # in the order in which help lists them
 from plateau.cli.app import app
 from plateau.cli.bash_words import completing_in_bash, with_whole_words
 
@@ -17,6 +17,7 @@ __all__ = [
     "main",
     "results",
     "serving",
+    "studies",
     "webhooks",
 ]
 

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from plateau import options as o
-from plateau.cli.app import Command, app, command, plain_errors
+from plateau.cli.app import command, plain_errors
 
 
 @command()
@@ -104,29 +104,3 @@ def judge(
 
     with plain_errors():
         raise typer.Exit(run(folder, spec, cumulative=cumulative, out=out, as_json=as_json))
-
-
-study = typer.Typer(help="Observer studies.", no_args_is_help=True, rich_markup_mode=None)
-app.add_typer(study, name="study")
-
-
-@study.command("fit", cls=Command)
-def study_fit(
-    table: Annotated[Path, typer.Argument(help="A CSV file in the form of the paper's table 1.")],
-    plot: Annotated[
-        Path | None, typer.Option(metavar="OUT.png", help="Plot answers and fits, there.")
-    ] = None,
-    as_json: o.Json = False,
-) -> None:
-    """Fit the probability to perceive a difference, for each scene of a study.
-
-    TABLE has a column "scene", then one for each number of samples per pixel that was shown, with
-    the share of the observers that saw a difference.
-
-    For example:
-      plateau study fit answers.csv --plot answers.png
-    """
-    from plateau.commands.study import fit
-
-    with plain_errors():
-        raise typer.Exit(fit(table, plot=plot, as_json=as_json))

@@ -8,6 +8,7 @@ from plateau.client.continuing import ContinuingCalls
 from plateau.client.farm_calls import FarmCalls
 from plateau.client.jobs import JobCalls
 from plateau.client.results import ResultCalls
+from plateau.client.studies import StudyCalls
 from plateau.client.transport import Transport
 from plateau.client.watching import WatchingCalls
 from plateau.client.webhooks import WebhookCalls
@@ -16,7 +17,14 @@ DEFAULT_URL: Final = "http://127.0.0.1:8713"
 
 
 class Client(
-    JobCalls, ContinuingCalls, BatchCalls, WatchingCalls, ResultCalls, WebhookCalls, FarmCalls
+    JobCalls,
+    ContinuingCalls,
+    BatchCalls,
+    WatchingCalls,
+    ResultCalls,
+    StudyCalls,
+    WebhookCalls,
+    FarmCalls,
 ):
     """A Plateau service, as a Python program sees it; may be used from several threads.
 

@@ -1,10 +1,79 @@
-"""`plateau study fit`: psychometrics of an observer study."""
+"""`plateau study`: observer studies, made, exported and fitted."""
 
 import json
+import sys
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
+from farm.study_order import Method
+from metric import AnswersFit
+from plateau.connect import connect
+from plateau.job_ids import whole_id
 from plateau.study import PROBABILITIES, FittedScene, fit_table, plot_study
+from plateau.tables import print_rows
+from service.study_views import StudyView
+
+_COLUMNS = ("id", "name", "method", "levels", "observers", "answers", "50 % at", "95 % interval")
+
+
+def create(
+    job_id: str,
+    *,
+    reference: str | None,
+    method: Method,
+    levels: list[int],
+    name: str | None,
+    url: str | None,
+    as_json: bool,
+) -> None:
+    """Make a study of a job; prints its id, and says where observers take part."""
+    with connect(url) as client:
+        study = client.create_study(
+            whole_id(client, job_id),
+            reference_job_id=None if reference is None else whole_id(client, reference),
+            method=method,
+            levels=levels or None,
+            name=name,
+        )
+        print(study.model_dump_json(indent=2) if as_json else study.id)
+        if not as_json:
+            print(f"plateau: observers go to {client.url}{study.links['observe']}", file=sys.stderr)
+            if not study.independent:
+                print(
+                    "plateau: the test images are parts of the reference; --reference names a job "
+                    "with another seed",
+                    file=sys.stderr,
+                )
+
+
+def list_studies(*, url: str | None, as_json: bool) -> None:
+    """Print all studies."""
+    with connect(url) as client:
+        studies = client.studies()
+    if as_json:
+        print(json.dumps([study.model_dump(mode="json") for study in studies], indent=2))
+        return
+    print_rows(_COLUMNS, list(map(_row, studies)), none="there are no studies")
+
+
+def export(study_id: str, *, table: bool, out: Path | None, url: str | None, as_json: bool) -> None:
+    """Write the answers of a study, or its table, to a file or to standard output."""
+    with connect(url) as client:
+        if as_json:
+            text = client.study(study_id).model_dump_json(indent=2) + "\n"
+        else:
+            text = client.study_csv(study_id, "answers" if table else "trials")
+    if out is None:
+        sys.stdout.write(text)
+    else:
+        out.write_text(text, encoding="utf-8")
+
+
+def delete(study_id: str, *, url: str | None) -> None:
+    """Remove a study with its answers."""
+    with connect(url) as client:
+        client.delete_study(study_id)
 
 
 def fit(table: Path, *, plot: Path | None, as_json: bool) -> int:
@@ -14,23 +83,71 @@ def fit(table: Path, *, plot: Path | None, as_json: bool) -> int:
         plot_study(fitted, plot)
     if as_json:
         print(json.dumps([_as_json(one) for one in fitted], indent=2))
-        return 0
+    elif isinstance(fitted[0].fit, AnswersFit):
+        _print_answers(fitted)
+    else:
+        _print_table(fitted)
+    return 0
+
+
+def _print_table(fitted: list[FittedScene]) -> None:
     width = max(len(one.scene) for one in fitted)
     thresholds = "".join(f"{f'{probability:.0%} at':>10}" for probability in PROBABILITIES)
     print(f"{'scene':<{width}}{'a':>11}{'b':>9}{'c':>7}{'r':>9}{thresholds}")
     for one in fitted:
         places = "".join(_place(one.threshold(probability)) for probability in PROBABILITIES)
+        figures = asdict(one.fit)
         print(
-            f"{one.scene:<{width}}{one.fit.a:>11.5f}{one.fit.b:>9.3f}{one.fit.c:>7.2f}"
-            f"{one.fit.r:>9.3f}{places}"
+            f"{one.scene:<{width}}{figures['a']:>11.5f}{figures['b']:>9.3f}{figures['c']:>7.2f}"
+            f"{figures['r']:>9.3f}{places}"
         )
-    return 0
+
+
+def _print_answers(fitted: list[FittedScene]) -> None:
+    width = max(len("scene"), *(len(one.scene) for one in fitted))
+    thresholds = "".join(f"{f'{p:.0%} at':>10}{'95 % interval':>18}" for p in PROBABILITIES)
+    print(f"{'scene':<{width}}{'answers':>9}{'observers':>11}{'a':>11}{'b':>9}{thresholds}")
+    for one in fitted:
+        assert isinstance(one.fit, AnswersFit)
+        places = "".join(
+            f"{_place(one.threshold(p))}{_between(one.interval(p)):>18}" for p in PROBABILITIES
+        )
+        print(
+            f"{one.scene:<{width}}{one.fit.answers:>9}{one.fit.observers:>11}"
+            f"{one.fit.a:>11.5f}{one.fit.b:>9.3f}{places}"
+        )
 
 
 def _place(spp: float | None) -> str:
     return f"{'–' if spp is None else f'{spp:,.0f}':>10}"
 
 
+def _between(interval: tuple[float, float] | None) -> str:
+    return "–" if interval is None else f"{interval[0]:,.0f} – {interval[1]:,.0f}"
+
+
 def _as_json(one: FittedScene) -> dict[str, object]:
+    figures: dict[str, Any] = asdict(one.fit)
+    figures.pop("covariances", None)
     thresholds = {f"{probability:g}": one.threshold(probability) for probability in PROBABILITIES}
-    return {"scene": one.scene, **asdict(one.fit), "threshold_spp": thresholds}
+    found: dict[str, object] = {"scene": one.scene, **figures, "threshold_spp": thresholds}
+    if isinstance(one.fit, AnswersFit):
+        found["interval_spp"] = {f"{p:g}": one.interval(p) for p in PROBABILITIES}
+    return found
+
+
+def _row(study: StudyView) -> tuple[str, ...]:
+    half = next((one for one in study.result.thresholds if one.probability == 0.5), None)
+    interval = None
+    if half is not None and half.low_spp is not None and half.high_spp is not None:
+        interval = (half.low_spp, half.high_spp)
+    return (
+        study.id,
+        study.name,
+        study.method,
+        f"{study.levels[0]}–{study.levels[-1]} spp",
+        f"{study.result.finished} of {study.result.observers}",
+        str(study.result.answers),
+        "–" if half is None else f"{half.spp:,.0f} spp",
+        _between(interval),
+    )

@@ -45,7 +45,8 @@ export async function send(method, path, body) {
     options.body = JSON.stringify(body);
     options.headers = { "Content-Type": "application/json" };
   }
-  return (await fetched(path, options)).json();
+  const answer = await fetched(path, options);
+  return answer.status === 204 ? null : answer.json();
 }
 
 /** GETs bytes, with the tag that says whether they are new, and the spp of an image. */

@@ -6,6 +6,7 @@ import { CurveChart } from "./chart.js";
 import { complain, h, repeat, setAttribute, setText } from "./dom.js";
 import { Facts } from "./facts.js";
 import { goOnButton } from "./go_on.js";
+import { studyButton } from "./make_study.js";
 import { maySteer } from "./me.js";
 import { Records } from "./records.js";
 import { reasonInWords } from "./reason.js";
@@ -91,7 +92,7 @@ export function open(main, { id, signal, go }) {
     const kind = `${job.state} ${job.spec.priority} ${job.finished_at ?? ""} ${maySteer(job)}`;
     if (kind !== shown) {
       shown = kind;
-      actions.replaceChildren(...[goOnButton(job, go), ...controls(job, look)].filter(Boolean));
+      actions.replaceChildren(...[goOnButton(job, go), studyButton(job, go), ...controls(job, look)].filter(Boolean));
     }
     chart.show(job, points);
     facts.show(job);

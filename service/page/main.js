@@ -5,6 +5,9 @@ import { forgetKey, hasKey } from "./key.js";
 import { maySubmit, meetMe } from "./me.js";
 import * as job from "./job.js";
 import * as jobs from "./jobs.js";
+import * as observe from "./observe.js";
+import * as studies from "./studies.js";
+import * as study from "./study.js";
 import * as submit from "./submit.js";
 import * as workers from "./workers.js";
 
@@ -13,6 +16,9 @@ const SCREENS = [
   [/^\/submit$/, "submit", submit],
   [/^\/workers$/, "workers", workers],
   [/^\/jobs\/([^/]+)$/, "job", job],
+  [/^\/studies$/, "studies", studies],
+  [/^\/studies\/([^/]+)$/, "study", study],
+  [/^\/studies\/([^/]+)\/observe$/, "observe", observe],
 ];
 
 const main = document.getElementById("main");

@@ -12,7 +12,9 @@ import redis
 
 from farm.blobs import Blobs
 from farm.redis_link import connect
-from service import examples
+from farm.studies import Studies
+from farm.study import Screen, Study
+from service import examples, study_examples
 from service.app import create_app
 from service.event_hub import EventHub
 from service.key_guard import needs_key
@@ -23,6 +25,9 @@ from tests.support.staged_job import StagedJob
 
 JSON = "application/json"
 PROBLEM = "application/problem+json"
+
+#: What is told of a study when it is made; the rest is Redis's own.
+ABOUT = Study.model_fields.keys() - {"id", "owner", "created_at"}
 
 Operation = tuple[str, str, dict[str, Any]]
 
@@ -186,6 +191,7 @@ class TestTheRequestExamples:
         self, http: httpx.Client, client: redis.Redis, operations: list[Operation]
     ) -> None:
         job = StagedJob(client, batch="exposures")
+        study_id = staged_study(client)
         for method, path, described in operations:
             if method != "GET":
                 continue
@@ -194,14 +200,26 @@ class TestTheRequestExamples:
                 given[parameter["in"]][parameter["name"]] = examples_of(parameter)[0]
             if "job_id" in given["path"]:
                 given["path"]["job_id"] = job.id
+            if "study_id" in given["path"]:
+                given["path"]["study_id"] = study_id
             answer = http.get(
                 path.format(**given["path"]),
                 params=given["query"],
                 headers={**given["header"], "Accept": f"{JSON}, */*;q=0.1"},
             )
-            # The job has no images and keeps no slices
+            # The job has no images and keeps no slices, and the study has no pictures
             expected = 404 if path.endswith((".png", ".exr")) else 200
             assert answer.status_code == expected, f"{path}: {answer.text}"
+
+
+def staged_study(client: redis.Redis) -> str:
+    """A study without pictures, with the observer of the examples."""
+    studies = Studies(client)
+    about = {name: study_examples.STUDY[name] for name in ABOUT}
+    study = studies.create(studies.begin(), {}, "", about)
+    screen = Screen.model_validate(study_examples.OBSERVER["screen"])
+    studies.join(study, study_examples.OBSERVER["name"], screen)
+    return study.id
 
 
 def test_a_route_that_is_left_out_of_the_description_works(tmp_path: Path) -> None:

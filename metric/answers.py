@@ -1,0 +1,184 @@
+"""What an observer study tells of its thresholds, and how well: a logistic fit to single answers.
+
+`metric.psychometrics` fits the paper's curve to shares, all points alike. Here each answer counts
+once, so shares of 0 and 1 have their due, and the thresholds come with an interval.
+
+References
+----------
+D. Firth, Bias reduction of maximum likelihood estimates, Biometrika 80(1), 1993.
+doi:10.1093/biomet/80.1.27
+E. C. Fieller, Some problems in interval estimation, Journal of the Royal Statistical Society B
+16(2), 1954. doi:10.1111/j.2517-6161.1954.tb00159.x
+K.-Y. Liang and S. L. Zeger, Longitudinal data analysis using generalized linear models, Biometrika
+73(1), 1986. doi:10.1093/biomet/73.1.13
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from statistics import NormalDist
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import ArrayLike, NDArray
+
+_MOST_STEPS: Final = 200
+_CLOSE: Final = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class AnswersFit:
+    """The probability to perceive a difference: p(x) = 1 / (1 + e^-(ax+b))."""
+
+    #: Slope of the logit, per sample per pixel; below 0 where more samples help.
+    a: float
+    #: The logit at no sample.
+    b: float
+    answers: int
+    observers: int
+    #: (2, 2) of a and b: as if all answers were independent, and by how observers differ.
+    covariances: tuple[NDArray[np.float64], ...]
+
+    def probability(self, spp: ArrayLike) -> NDArray[np.float64]:
+        """Return the probability to perceive a difference at these spp, of their shape."""
+        logit = self.a * np.asarray(spp, dtype=np.float64) + self.b
+        share: NDArray[np.float64] = 0.5 * (1 + np.tanh(logit / 2))
+        return share
+
+    def threshold(self, probability: float) -> float:
+        """Return the spp at which a difference is perceived with this probability, in (0, 1).
+
+        Raises
+        ------
+        ValueError
+            If the probability is not between 0 and 1, or the fit is flat.
+        """
+        if self.a == 0:
+            raise ValueError("a flat fit has no thresholds")
+        return (_logit(probability) - self.b) / self.a
+
+    def interval(self, probability: float, confidence: float = 0.95) -> tuple[float, float] | None:
+        """Return the spp between which the threshold lies with this confidence, lower first.
+
+        None where the answers do not bound it: they hardly depend on spp.
+
+        Notes
+        -----
+        Fieller's interval: all x for which a x + b is as far from the logit of the probability as
+        chance would have it. Of the two covariances the one with the wider interval counts.
+        """
+        z2 = NormalDist().inv_cdf(0.5 + confidence / 2) ** 2
+        offset = self.b - _logit(probability)
+        bounds = []
+        for covariance in self.covariances:
+            ((v_aa, v_ab), (_, v_bb)) = covariance.tolist()
+            # (a x + offset)² ≤ z² (v_aa x² + 2 v_ab x + v_bb), as A x² + 2 B x + C ≤ 0.
+            quadratic = self.a**2 - z2 * v_aa
+            linear = self.a * offset - z2 * v_ab
+            constant = offset**2 - z2 * v_bb
+            if quadratic <= 0:
+                return None
+            # The threshold itself is always inside, so below 0 it is rounded.
+            root = math.sqrt(max(0.0, linear**2 - quadratic * constant))
+            bounds.append(((-linear - root) / quadratic, (-linear + root) / quadratic))
+        return max(bounds, key=lambda bound: bound[1] - bound[0])
+
+
+def fit_answers(spp: Sequence[float], seen: Sequence[bool], observers: Sequence[str]) -> AnswersFit:
+    """Return the logistic curve that makes these answers likely, by Firth's penalised likelihood.
+
+    Parameters
+    ----------
+    spp
+        Samples per pixel of the test image of each answer, at least two different ones.
+    seen
+        Whether a difference was perceived, for each answer.
+    observers
+        Who gave each answer: theirs are no independent ones.
+
+    Raises
+    ------
+    ValueError
+        If the three are not of one length, or there are not two different spp.
+
+    Notes
+    -----
+    The penalty (Jeffreys' prior) keeps the fit finite where all answers below some spp are yes and
+    all above it no. With two observers or more there is a second covariance, from the differences
+    between them (the sandwich estimator, clusters being observers, times n/(n-1)).
+
+    Examples
+    --------
+    >>> spp = [100, 200, 300, 400] * 10
+    >>> seen = [True, True, False, False] * 9 + [True, False, True, False]
+    >>> fit = fit_answers(spp, seen, ["a"] * 20 + ["b"] * 20)
+    >>> round(fit.threshold(0.5))
+    250
+    """
+    x = np.asarray(spp, dtype=np.float64)
+    y = np.asarray(seen, dtype=np.float64)
+    if not x.ndim == 1 or not len(x) == len(y) == len(observers):
+        raise ValueError("there is one spp, one answer and one observer for each answer")
+    if not np.isfinite(x).all() or np.unique(x).size < 2:
+        raise ValueError("a fit needs answers at two different spp or more")
+
+    # In units in which the numbers are about 1.
+    centre, unit = float(x.mean()), float(x.std())
+    design = np.stack([(x - centre) / unit, np.ones_like(x)], axis=-1)
+    beta, information = _firth(design, y)
+    inverse = np.linalg.inv(information)
+
+    to_spp = np.array([[1 / unit, 0.0], [-centre / unit, 1.0]])
+    covariances = [inverse]
+    names, who = np.unique(np.asarray(observers), return_inverse=True)
+    if names.size > 1:
+        residuals = design * (y - _share(design @ beta))[:, None]
+        scores = np.zeros((names.size, 2))
+        np.add.at(scores, who, residuals)
+        between = scores.T @ scores * names.size / (names.size - 1)
+        covariances.append(inverse @ between @ inverse)
+    a, b = (to_spp @ beta).tolist()
+    return AnswersFit(
+        a=a,
+        b=b,
+        answers=x.size,
+        observers=names.size,
+        covariances=tuple(to_spp @ one @ to_spp.T for one in covariances),
+    )
+
+
+def _firth(
+    design: NDArray[np.float64], y: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The coefficients where Firth's modified score is 0, and the information there."""
+    beta = np.zeros(design.shape[1])
+    for _ in range(_MOST_STEPS):
+        p = _share(design @ beta)
+        weight = p * (1 - p)
+        information = design.T @ (design * weight[:, None])
+        leverage = weight * np.einsum("ij,jk,ik->i", design, np.linalg.inv(information), design)
+        score = design.T @ (y - p + leverage * (0.5 - p))
+        step = np.linalg.solve(information, score)
+        # A long step from far away would overshoot.
+        step /= max(1.0, float(np.abs(step).max()))
+        beta += step
+        if np.abs(step).max() < _CLOSE:
+            break
+    p = _share(design @ beta)
+    return beta, design.T @ (design * (p * (1 - p))[:, None])
+
+
+def _share(logit: NDArray[np.float64]) -> NDArray[np.float64]:
+    share: NDArray[np.float64] = 0.5 * (1 + np.tanh(logit / 2))
+    return share
+
+
+def _logit(probability: float) -> float:
+    if not 0 < probability < 1:
+        raise ValueError(f"a probability must lie between 0 and 1, both excluded: {probability:g}")
+    return math.log(probability / (1 - probability))

@@ -1,0 +1,154 @@
+"""Commands for observer studies: what people see, measured."""
+
+from enum import Enum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from plateau import options as o
+from plateau.cli.app import Command, app, plain_errors
+
+study = typer.Typer(
+    help="Observer studies: from which spp on do people see no difference?",
+    no_args_is_help=True,
+    rich_markup_mode=None,
+)
+app.add_typer(study, name="study")
+
+_StudyId = Annotated[str, typer.Argument(metavar="ID", help="The study's id.")]
+
+
+class _Method(str, Enum):
+    CONSTANT = "constant"
+    LIMITS = "limits"
+
+
+@study.command(cls=Command)
+def create(
+    job_id: o.JobId,
+    reference: Annotated[
+        str | None,
+        typer.Option(
+            metavar="JOB_ID",
+            help="A job that is the reference, of another seed.",
+            show_default="the job itself",
+        ),
+    ] = None,
+    method: Annotated[
+        _Method,
+        typer.Option(help="constant stimuli, or limits: a first stage to find the interval."),
+    ] = _Method.CONSTANT,
+    level: Annotated[
+        list[int] | None,
+        typer.Option(
+            metavar="SPP",
+            help="Spp of a test image; may be given many times.",
+            show_default="1 % to 25 % of the reference's",
+        ),
+    ] = None,
+    name: Annotated[
+        str | None, typer.Option(help="What tables call it.", show_default="the job's name")
+    ] = None,
+    url: o.Url = None,
+    as_json: o.Json = False,
+) -> None:
+    """Make a study from the kept slices of an ended job; prints its id.
+
+    For example:
+      plateau study create 3f9ac2d01b77 --reference 8e11d0c2b7a4
+      plateau study create 3f9ac2d01b77 --method limits --name "BAR, first stage"
+
+    The job has to have kept its slices (--keep-slices). Observers take part on the web page, at
+    the address that is printed to standard error; docs/study.md says how to run a study.
+    """
+    from plateau.commands.study import create as run
+
+    with plain_errors():
+        run(
+            job_id,
+            reference=reference,
+            method=method.value,
+            levels=level or [],
+            name=name,
+            url=url,
+            as_json=as_json,
+        )
+
+
+@study.command("list", cls=Command)
+def list_studies(url: o.Url = None, as_json: o.Json = False) -> None:
+    """List the studies, newest first, and what each has found so far.
+
+    For example:
+      plateau study list
+    """
+    from plateau.commands.study import list_studies as run
+
+    with plain_errors():
+        run(url=url, as_json=as_json)
+
+
+@study.command(cls=Command)
+def export(
+    study_id: _StudyId,
+    table: Annotated[
+        bool,
+        typer.Option("--table", help="The share for each level, as in the paper's table 1."),
+    ] = False,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", "-o", metavar="FILE", help="Write it there.", show_default="stdout"),
+    ] = None,
+    url: o.Url = None,
+    as_json: o.Json = False,
+) -> None:
+    """Export the answers of a study as CSV, a line each; with --json, what it has found.
+
+    For example:
+      plateau study export 9c1f47be02d8 -o trials.csv
+      plateau study fit trials.csv --plot thresholds.png
+    """
+    from plateau.commands.study import export as run
+
+    with plain_errors():
+        run(study_id, table=table, out=out, url=url, as_json=as_json)
+
+
+@study.command(cls=Command)
+def delete(study_id: _StudyId, url: o.Url = None) -> None:
+    """Remove a study with all its answers and pictures: they are gone for good.
+
+    For example:
+      plateau study delete 9c1f47be02d8
+    """
+    from plateau.commands.study import delete as run
+
+    with plain_errors():
+        run(study_id, url=url)
+
+
+@study.command("fit", cls=Command)
+def fit(
+    table: Annotated[
+        Path, typer.Argument(help="A CSV file: single answers, or the paper's table 1.")
+    ],
+    plot: Annotated[
+        Path | None, typer.Option(metavar="OUT.png", help="Plot answers and fits, there.")
+    ] = None,
+    as_json: o.Json = False,
+) -> None:
+    """Fit the probability to perceive a difference, for each scene of a study.
+
+    TABLE has a column "scene", then one for each number of samples per pixel that was shown, with
+    the share of the observers that saw a difference: it is fitted as the paper fits it. Or it has
+    a line for each answer, as `plateau study export` writes it: then each answer counts once, and
+    each threshold has an interval in which it lies with 95 % confidence.
+
+    For example:
+      plateau study fit trials.csv --plot thresholds.png
+    """
+    from plateau.commands.study import fit as run
+
+    with plain_errors():
+        raise typer.Exit(run(table, plot=plot, as_json=as_json))

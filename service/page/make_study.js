@@ -1,0 +1,66 @@
+// Making an observer study of a job that kept its slices.
+
+import { get, send } from "./api.js";
+import { h, setText } from "./dom.js";
+import { maySubmit } from "./me.js";
+import { title, whole } from "./words.js";
+
+/** A button that asks what is to be compared; null where nothing can be. */
+export function studyButton(job, go) {
+  if (!job.spec.keep_slices || !job.finished_at || !job.spp || !maySubmit()) return null;
+  return h("button", { onclick: () => ask(job, go) }, "Study…");
+}
+
+async function ask(job, go) {
+  const reference = h("select", { id: "study-reference", "aria-describedby": "study-reference-help" },
+    h("option", { value: "" }, "this job, all of it"));
+  const method = h("select", { id: "study-method", "aria-describedby": "study-method-help" },
+    h("option", { value: "constant" }, "constant stimuli: how many see a difference"),
+    h("option", { value: "limits" }, "first stage: find the interval"));
+  const levels = h("input", { id: "study-levels", type: "text", autocomplete: "off", pattern: "[0-9, ]*", "aria-describedby": "study-levels-help" });
+  const name = h("input", { id: "study-name", type: "text", maxlength: 200, value: title(job), required: true, autocomplete: "off" });
+  const wrong = h("p", { class: "bad", role: "alert" });
+  const make = h("button", { type: "submit", class: "primary" }, "Make it");
+  const dialog = h("dialog", { class: "ask", "aria-labelledby": "make-study", onclose: () => dialog.remove() },
+    h("form", { onsubmit: submit },
+      h("h2", { id: "make-study" }, "Ask people what they see"),
+      h("p", {}, "Images of this job's first samples are shown beside a reference, to as many observers as you like."),
+      field(name, "Name", ""),
+      field(reference, "Reference", "Best a job of the same scene with another seed and more samples."),
+      field(method, "Method", "The first stage shows the levels rising and falling; its answers suggest levels for the second."),
+      field(levels, "Levels, in spp", `Whole slices of ${whole(job.spec.slice_spp)} spp up to ${whole(job.spp)}; empty for the paper's: 1 % to 25 % of the reference.`),
+      wrong,
+      h("div", { class: "answers" },
+        h("button", { type: "button", onclick: () => dialog.close() }, "Leave it"), make)));
+
+  async function submit(event) {
+    event.preventDefault();
+    make.disabled = true;
+    setText(make, "Merging…");
+    try {
+      const wanted = levels.value.split(/[, ]+/).filter(Boolean).map(Number);
+      const study = await send("POST", "/v1/studies", {
+        job_id: job.id, reference_job_id: reference.value || null, method: method.value,
+        levels: wanted.length ? wanted : null, name: name.value,
+      });
+      dialog.close();
+      go(study.links.page);
+    } catch (error) {
+      setText(wrong, error.message);
+      setText(make, "Make it");
+      make.disabled = false;
+    }
+  }
+  document.body.append(dialog);
+  dialog.showModal();
+  const { jobs } = await get("/v1/jobs?limit=200").catch(() => ({ jobs: [] }));
+  for (const other of jobs) {
+    const fits = other.spec.keep_slices && other.finished_at && other.id !== job.id && other.width === job.width && other.height === job.height;
+    if (fits) reference.append(h("option", { value: other.id }, `${title(other)}, ${whole(other.spp)} spp, seed ${other.spec.seed}`));
+  }
+}
+
+function field(input, label, help) {
+  return h("div", { class: "field" }, h("label", { for: input.id }, label), input,
+    help && h("p", { class: "help", id: `${input.id}-help` }, help));
+}

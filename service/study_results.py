@@ -1,0 +1,196 @@
+"""What a study has found: how often a difference was seen at each level, the fit, and CSV files."""
+
+import csv
+import io
+from collections import Counter
+from typing import Final
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from farm.studies import Studies
+from farm.study import MOST_STUDIES, Answer, Observer, Study
+from metric import AnswersFit, fit_answers
+
+_THRESHOLDS: Final = (0.5, 0.1)
+#: A fit to fewer answers would say nothing.
+_FEWEST: Final = 20
+
+_FORMULA: Final = ("=", "+", "-", "@", "\t", "\r")
+
+TRIALS_HEADER: Final = (
+    "scene",
+    "observer",
+    "trial",
+    "spp",
+    "reference",
+    "seen",
+    "seconds",
+    "at",
+    "pixels_per_degree",
+    "viewing_distance_cm",
+    "gamma_matches",
+)
+
+
+class LevelResult(BaseModel):
+    """What was answered at one level."""
+
+    model_config = ConfigDict(extra="ignore")
+
+    spp: int
+    shown: int = Field(description="answers")
+    seen: int = Field(description="of these, how often a difference was seen")
+
+
+class Threshold(BaseModel):
+    """From where on a difference is seen less often."""
+
+    model_config = ConfigDict(extra="ignore")
+
+    probability: float = Field(description="to see a difference")
+    spp: float
+    low_spp: float | None = Field(description="95 % interval; null where the answers give none")
+    high_spp: float | None
+
+
+class StudyResult(BaseModel):
+    """What a study has found so far."""
+
+    model_config = ConfigDict(extra="ignore")
+
+    observers: int
+    finished: int = Field(description="observers who have answered to all their pairs")
+    answers: int
+    levels: list[LevelResult] = Field(description="by rising spp")
+    a: float | None = Field(
+        description="of p = 1 / (1 + e^-(a·spp + b)), fitted to all answers (Firth); null while "
+        f"there are fewer than {_FEWEST}, or more samples do not help"
+    )
+    b: float | None
+    thresholds: list[Threshold] = Field(description="where p is 0.5 and 0.1; none without a fit")
+    suggested_levels: list[int] = Field(
+        description="for a study by constant stimuli: seven at equal distances over the interval "
+        "in which the answers change"
+    )
+
+
+class StudyResults:
+    """What studies have found so far, computed anew only where there are new answers."""
+
+    def __init__(self, studies: Studies) -> None:
+        self._studies = studies
+        self._known: dict[str, tuple[tuple[int, int], StudyResult]] = {}
+
+    def of(self, study: Study) -> StudyResult:
+        """What the study has found so far."""
+        # Counted before the answers are read: what comes in between is found by the next look.
+        counts = self._studies.counts(study)
+        known = self._known.get(study.id)
+        if known is not None and known[0] == counts:
+            return known[1]
+        observers, answers = self._studies.observers(study), self._studies.answers(study)
+        found = study_result(study, observers, answers)
+        if len(self._known) >= 2 * MOST_STUDIES:  # most of them are forgotten by now
+            self._known.clear()
+        self._known[study.id] = (counts, found)
+        return found
+
+
+def study_result(study: Study, observers: list[Observer], answers: list[Answer]) -> StudyResult:
+    """What the study has found so far."""
+    levels = _levels(study, answers)
+    fit = _fit(answers)
+    pairs = len(study.pairs(0))
+    given = Counter(one.observer for one in answers)
+    return StudyResult(
+        observers=len(observers),
+        finished=list(given.values()).count(pairs),
+        answers=len(answers),
+        levels=levels,
+        a=None if fit is None else fit.a,
+        b=None if fit is None else fit.b,
+        thresholds=[] if fit is None else [_threshold(fit, p) for p in _THRESHOLDS],
+        suggested_levels=_suggested(levels, study.slice_spp),
+    )
+
+
+def table_csv(study: Study, answers: list[Answer]) -> str:
+    """The form of the paper's table 1: at each level, the share of answers that saw a difference.
+
+    Levels without an answer are left out.
+    """
+    levels = [level for level in _levels(study, answers) if level.shown]
+    shares = [f"{level.seen / level.shown:.6g}" for level in levels]
+    return _csv([["scene", *(level.spp for level in levels)], [study.name, *shares]])
+
+
+def trials_csv(study: Study, observers: list[Observer], answers: list[Answer]) -> str:
+    """Every answer with all that is known of it, a line each."""
+    screens = {observer.name: observer.screen for observer in observers}
+    rows: list[list[object]] = [list(TRIALS_HEADER)]
+    for one in answers:
+        screen = screens[one.observer]
+        gamma = "" if screen.gamma_matches is None else str(screen.gamma_matches).lower()
+        rows.append(
+            [
+                study.name,
+                one.observer,
+                one.trial,
+                one.spp,
+                one.reference,
+                str(one.seen).lower(),
+                f"{one.seconds:.3f}",
+                one.at.isoformat(),
+                f"{screen.pixels_per_degree:.2f}",
+                f"{screen.viewing_distance_cm:g}",
+                gamma,
+            ]
+        )
+    return _csv(rows)
+
+
+def _levels(study: Study, answers: list[Answer]) -> list[LevelResult]:
+    found = {spp: LevelResult(spp=spp, shown=0, seen=0) for spp in study.levels}
+    for one in answers:
+        found[one.spp].shown += 1
+        found[one.spp].seen += one.seen
+    return [found[spp] for spp in study.levels]
+
+
+def _fit(answers: list[Answer]) -> AnswersFit | None:
+    if len(answers) < _FEWEST or len({one.spp for one in answers}) < 2:
+        return None
+    fit = fit_answers(
+        [one.spp for one in answers],
+        [one.seen for one in answers],
+        [one.observer for one in answers],
+    )
+    return fit if fit.a < 0 else None
+
+
+def _threshold(fit: AnswersFit, probability: float) -> Threshold:
+    low, high = fit.interval(probability) or (None, None)
+    spp = fit.threshold(probability)
+    return Threshold(probability=probability, spp=spp, low_spp=low, high_spp=high)
+
+
+def _suggested(levels: list[LevelResult], slice_spp: int) -> list[int]:
+    """From the last level that nearly all see to the first that hardly anybody does."""
+    shares = [(one.spp, one.seen / one.shown) for one in levels if one.shown]
+    if not shares:
+        return []
+    low = max((spp for spp, share in shares if share >= 0.95), default=shares[0][0])
+    high = min((spp for spp, share in shares if share <= 0.05 and spp > low), default=shares[-1][0])
+    steps = ((low + (high - low) * place / 6) / slice_spp for place in range(7))
+    return sorted({slice_spp * max(1, round(one)) for one in steps})
+
+
+def _csv(rows: list[list[object]]) -> str:
+    stream = io.StringIO()
+    csv.writer(stream, lineterminator="\n").writerows(map(_plain, rows))
+    return stream.getvalue()
+
+
+def _plain(row: list[object]) -> list[object]:
+    """No cell that a spreadsheet would take for a formula: a study may have any name."""
+    return [f"'{one}" if str(one).startswith(_FORMULA) else one for one in row]
