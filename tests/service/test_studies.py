@@ -34,9 +34,9 @@ def farm(client: redis.Redis, redis_url: str, api_store: Blobs) -> NoiseFarm:
     folder = Path(api_store.where).parent
     farm = NoiseFarm(client, redis_url, folder)
     farm.store = api_store
-    mark = api_store.mark()
-    if mark is not None:  # another test's Redis, which has forgotten its pair
-        client.hset(keys.STORE, mapping={"id": mark, "paired": 1})
+    # The store has blobs of other tests, and Redis has forgotten whose it is
+    mark = api_store.mark() or api_store.make_mark("the tests'")
+    client.hset(keys.STORE, mapping={"id": mark, "paired": 1})
     check_pair(client, api_store)
     return farm
 
