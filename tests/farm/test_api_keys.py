@@ -138,15 +138,15 @@ def test_roles_include_those_before_them() -> None:
 
 class TestAnAllowance:
     def test_grants_a_burst_and_then_the_rate(self, keys: ApiKeys, client: redis.Redis) -> None:
-        key, _ = keys.create("me", Role.VIEWER, limits(requests_per_minute=1200, burst=5))
+        key, _ = keys.create("me", Role.VIEWER, limits(requests_per_minute=30, burst=5))
         allowance = Allowance(client)
         granted = 0
         while allowance.seconds_to_wait(key) == 0:
             granted += 1
-        assert 5 <= granted <= 7  # one comes back each 50 ms
+        assert 5 <= granted <= 6  # one comes back every 2 s
         wait_s = allowance.seconds_to_wait(key)
-        assert 0 < wait_s <= 0.05
-        time.sleep(wait_s + 0.002)
+        assert 0 < wait_s <= 2
+        time.sleep(wait_s + 0.01)
         assert allowance.seconds_to_wait(key) == 0
 
     def test_is_shared_by_all_processes(self, keys: ApiKeys, client: redis.Redis) -> None:
