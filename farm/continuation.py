@@ -77,8 +77,7 @@ class Continuations:
             checkpoint = self._redis.hget(keys.job(job.id), "checkpoint")
             indices = {int(index) for index in self._redis.hkeys(keys.job(job.id, "ledger"))}
         if job.spec.keep_slices:
-            slices = next(index for index in range(len(indices) + 1) if index not in indices)
-            remains = Remains(slices, "")
+            remains = Remains(records.prefix_length(indices), "")
         elif checkpoint is not None:
             remains = Remains(Checkpoint.model_validate_json(checkpoint).slices, checkpoint)
         else:

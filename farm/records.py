@@ -1,6 +1,8 @@
 """Jobs and what belongs to them as Redis has them, read as the models of `farm.job`."""
 
 import json
+from collections.abc import Container
+from itertools import count
 from typing import Any
 
 from farm.job import CurvePoint, Event, Job, Worker, moment
@@ -31,6 +33,11 @@ def worker(fields: dict[str, str]) -> Worker:
     """A worker as its last heartbeat described it, and whether it was drained."""
     about = json.loads(fields["about"])
     return Worker(**about, drained="drained" in fields, seen_at=moment(fields["seen_at"]))
+
+
+def prefix_length(indices: Container[int]) -> int:
+    """How many first slices are among these indices, without a gap."""
+    return next(index for index in count() if index not in indices)
 
 
 def job(fields: dict[str, str]) -> Job:

@@ -1,8 +1,8 @@
 """Progress of a batch: live on a terminal, a line for each change elsewhere."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from datetime import datetime, timezone
-from types import TracebackType
 
 from rich.console import Console, Group
 from rich.live import Live
@@ -14,62 +14,34 @@ from farm.states import JobState
 from plateau import words
 from service.batch_views import BatchView
 
-
-class PlainBatchProgress:
-    """A line for each change of the jobs' states."""
-
-    def __init__(self, console: Console) -> None:
-        self._console = console
-        self._said: dict[JobState, int] = {}
-
-    def __enter__(self) -> "PlainBatchProgress":
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        """Leave what was shown."""
-
-    def batch(self, batch: BatchView) -> None:
-        """Print a line where a job has moved."""
-        if batch.states != self._said:
-            self._said = batch.states
-            line = "  ".join(filter(None, (in_states(batch.states), _left(batch))))
-            self._console.print(line, markup=False, highlight=False, soft_wrap=True)
+#: Shows a batch as it stands.
+Show = Callable[[BatchView], None]
 
 
-class LiveBatchProgress:
-    """A few lines that change in place."""
+@contextmanager
+def batch_progress_on(console: Console) -> Iterator[Show]:
+    """What shows the batch on this console: lines that change in place, or a line for each change.
 
-    def __init__(self, console: Console) -> None:
-        self._live = Live(console=console, auto_refresh=False)
-
-    def __enter__(self) -> "LiveBatchProgress":
-        self._live.start()
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        """Leave the last lines where they are."""
-        self._live.stop()
-
-    def batch(self, batch: BatchView) -> None:
-        """Draw the lines again."""
-        self._live.update(_lines(batch), refresh=True)
-
-
-def batch_progress_on(console: Console) -> PlainBatchProgress | LiveBatchProgress:
-    """The progress that suits the console."""
+    The last lines stay.
+    """
     if console.is_terminal and not console.is_dumb_terminal:
-        return LiveBatchProgress(console)
-    return PlainBatchProgress(console)
+        with Live(console=console, auto_refresh=False) as live:
+            yield lambda batch: live.update(_lines(batch), refresh=True)
+    else:
+        yield _on_lines(console)
+
+
+def _on_lines(console: Console) -> Show:
+    said: dict[JobState, int] = {}
+
+    def show(batch: BatchView) -> None:
+        nonlocal said
+        if batch.states != said:
+            said = batch.states
+            line = "  ".join(filter(None, (in_states(batch.states), _left(batch))))
+            console.print(line, markup=False, highlight=False, soft_wrap=True)
+
+    return show
 
 
 def in_states(states: Mapping[JobState, int]) -> str:

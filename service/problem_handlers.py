@@ -37,6 +37,17 @@ _REFUSALS: Final = {
     JobState.RENDERING: (problems.CANNOT_RESUME, "only a paused job can be resumed"),
 }
 
+#: Errors that say it all, the problems that they are, and what to do about each.
+_AS_THEY_ARE: Final[dict[type[Exception], tuple[ProblemType, str]]] = {
+    JobNotFound: (problems.UNKNOWN_JOB, "; GET /v1/jobs lists those there are"),
+    BatchNotFound: (problems.UNKNOWN_BATCH, "; GET /v1/batches lists those there are"),
+    WorkerNotFound: (problems.UNKNOWN_WORKER, "; GET /v1/workers lists those that do"),
+    StudyNotFound: (problems.UNKNOWN_STUDY, "; GET /v1/studies lists those there are"),
+    TrialNotFound: (problems.UNKNOWN_TRIAL, ""),
+    CannotContinue: (problems.CANNOT_CONTINUE, ""),
+    CannotStudy: (problems.CANNOT_STUDY, ""),
+}
+
 #: What a bare status that the framework raises is called here.
 _BY_STATUS: Final = {
     400: problems.MALFORMED_REQUEST,
@@ -47,6 +58,13 @@ _BY_STATUS: Final = {
 
 def add_problem_handlers(app: FastAPI) -> None:
     """Answer every error with a problem: our own, the framework's and the unexpected."""
+
+    def answer_as_it_is(request: Request, error: Exception) -> JSONResponse:
+        kind, what_to_do = _AS_THEY_ARE[type(error)]
+        return Problem(kind, f"{error}{what_to_do}").response(request.url.path)
+
+    for expected in _AS_THEY_ARE:
+        app.add_exception_handler(expected, answer_as_it_is)
 
     @app.exception_handler(HTTPException)
     def answer_http(request: Request, error: HTTPException) -> JSONResponse:
@@ -65,21 +83,6 @@ def add_problem_handlers(app: FastAPI) -> None:
             problems.INVALID_REQUEST, detail, errors=[one.model_dump() for one in fields]
         )
         return problem.response(request.url.path)
-
-    @app.exception_handler(JobNotFound)
-    def answer_unknown_job(request: Request, error: JobNotFound) -> JSONResponse:
-        detail = f"{error}; GET /v1/jobs lists those there are"
-        return Problem(problems.UNKNOWN_JOB, detail).response(request.url.path)
-
-    @app.exception_handler(BatchNotFound)
-    def answer_unknown_batch(request: Request, error: BatchNotFound) -> JSONResponse:
-        detail = f"{error}; GET /v1/batches lists those there are"
-        return Problem(problems.UNKNOWN_BATCH, detail).response(request.url.path)
-
-    @app.exception_handler(WorkerNotFound)
-    def answer_unknown_worker(request: Request, error: WorkerNotFound) -> JSONResponse:
-        detail = f"{error}; GET /v1/workers lists those that do"
-        return Problem(problems.UNKNOWN_WORKER, detail).response(request.url.path)
 
     @app.exception_handler(UnevenBatch)
     def answer_uneven(request: Request, error: UnevenBatch) -> JSONResponse:
@@ -108,28 +111,11 @@ def add_problem_handlers(app: FastAPI) -> None:
         problem = Problem(problems.JOB_ENDED, detail, state=error.state, story=error.story)
         return problem.response(request.url.path)
 
-    @app.exception_handler(CannotContinue)
-    def answer_cannot_continue(request: Request, error: CannotContinue) -> JSONResponse:
-        return Problem(problems.CANNOT_CONTINUE, str(error)).response(request.url.path)
-
-    @app.exception_handler(CannotStudy)
-    def answer_cannot_study(request: Request, error: CannotStudy) -> JSONResponse:
-        return Problem(problems.CANNOT_STUDY, str(error)).response(request.url.path)
-
-    @app.exception_handler(StudyNotFound)
-    def answer_unknown_study(request: Request, error: StudyNotFound) -> JSONResponse:
-        detail = f"{error}; GET /v1/studies lists those there are"
-        return Problem(problems.UNKNOWN_STUDY, detail).response(request.url.path)
-
     @app.exception_handler(ObserverNotFound)
     def answer_unknown_observer(request: Request, error: ObserverNotFound) -> JSONResponse:
         path = f"/v1/studies/{error.study_id}/observers/{error.name}"
         detail = f"{error}; PUT {path} takes part"
         return Problem(problems.UNKNOWN_OBSERVER, detail).response(request.url.path)
-
-    @app.exception_handler(TrialNotFound)
-    def answer_unknown_trial(request: Request, error: TrialNotFound) -> JSONResponse:
-        return Problem(problems.UNKNOWN_TRIAL, str(error)).response(request.url.path)
 
     @app.exception_handler(StoreUnavailable)
     def answer_unavailable(request: Request, error: StoreUnavailable) -> JSONResponse:

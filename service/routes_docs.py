@@ -7,23 +7,16 @@ from typing import Annotated, Final
 
 from fastapi import APIRouter, Depends, Response
 
-from service import problems
 from service.etags import Known, known
-from service.problems import Problem
-from service.static_files import StaticFile, answer, read_folder
+from service.static_files import OWN_ONLY, StaticFile, read_folder, serve
 
 router = APIRouter(include_in_schema=False)
 
 #: Swagger UI styles its elements one by one, and has its icons in its style sheet.
 _POLICY: Final = {
-    "default-src": "'none'",
-    "script-src": "'self'",
+    **OWN_ONLY,
     "style-src": "'self' 'unsafe-inline'",
     "img-src": "'self' data:",
-    "connect-src": "'self'",
-    "base-uri": "'none'",
-    "form-action": "'none'",
-    "frame-ancestors": "'none'",
 }
 
 _Known = Annotated[Known, Depends(known)]
@@ -32,16 +25,13 @@ _Known = Annotated[Known, Depends(known)]
 @router.get("/docs")
 def docs(has: _Known) -> Response:
     """Show what the API takes and answers, and let calls be tried."""
-    return answer(_files()["docs.html"], has, _POLICY)
+    return serve(_files(), "docs.html", has, _POLICY)
 
 
 @router.get("/docs/{name}")
 def file(name: str, has: _Known) -> Response:
     """Serve a file of that page."""
-    found = _files().get(name)
-    if found is None:
-        raise Problem(problems.UNKNOWN_PATH, f"the API's page has no file {name!r}")
-    return answer(found, has, _POLICY)
+    return serve(_files(), name, has, _POLICY)
 
 
 @cache

@@ -4,22 +4,13 @@ from typing import Annotated
 
 from fastapi import APIRouter, Depends, Path, Request, Response
 
-from farm.api_keys import Role
 from service import examples, metrics, problems
 from service.callers import CallerOf
 from service.parts import Parts, parts
 from service.problems import TYPES, Problem, documented
-from service.views import Health, ProblemTypeView, Scenes, SceneView, WhoAmI, Workers
+from service.views import Health, ProblemTypeView, Scenes, SceneView, Workers
 
 router = APIRouter(tags=["farm"])
-
-
-@router.get("/v1/whoami", responses=documented())
-def whoami(by: CallerOf) -> WhoAmI:
-    """Say whose key came with the request, and what it allows."""
-    if by.key is None:
-        return WhoAmI(id=None, name=None, role=Role.ADMIN)
-    return WhoAmI(id=by.key.id, name=by.key.name, role=by.key.role)
 
 
 @router.get("/v1/workers", responses=documented())

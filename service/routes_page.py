@@ -10,23 +10,16 @@ from typing import Annotated, Final
 
 from fastapi import APIRouter, Depends, Response
 
-from service import problems
 from service.etags import Known, known
-from service.problems import Problem
-from service.static_files import StaticFile, answer, read_folder
+from service.static_files import OWN_ONLY, StaticFile, read_folder, serve
 
 router = APIRouter(include_in_schema=False)
 
 #: Trusted types without a policy: no text can become markup, whatever a script of ours does.
 _POLICY: Final = {
-    "default-src": "'none'",
-    "script-src": "'self'",
+    **OWN_ONLY,
     "style-src": "'self'",
     "img-src": "'self' blob:",
-    "connect-src": "'self'",
-    "base-uri": "'none'",
-    "form-action": "'none'",
-    "frame-ancestors": "'none'",
     "require-trusted-types-for": "'script'",
     "trusted-types": "'none'",
 }
@@ -42,16 +35,13 @@ _Known = Annotated[Known, Depends(known)]
 @router.get("/studies/{study_id}/observe")
 def page(has: _Known) -> Response:
     """Show the page; which of its screens is shown, it reads from the path."""
-    return answer(_files()["index.html"], has, _POLICY)
+    return serve(_files(), "index.html", has, _POLICY)
 
 
 @router.get("/page/{name:path}")
 def file(name: str, has: _Known) -> Response:
     """Serve a file of the page."""
-    found = _files().get(name)
-    if found is None:
-        raise Problem(problems.UNKNOWN_PATH, f"the page has no file {name!r}")
-    return answer(found, has, _POLICY)
+    return serve(_files(), name, has, _POLICY)
 
 
 @cache

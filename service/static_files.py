@@ -8,7 +8,9 @@ from typing import Final
 
 from fastapi import Response
 
+from service import problems
 from service.etags import REVALIDATE, Known, not_modified, strong
+from service.problems import Problem
 
 _MEDIA_TYPES: Final = {
     ".html": "text/html; charset=utf-8",
@@ -49,7 +51,28 @@ def read_folder(folder: Path) -> dict[str, StaticFile]:
     return found
 
 
-def answer(found: StaticFile, has: Known, policy: Mapping[str, str]) -> Response:
+#: A page runs its own scripts and talks to this API: what its policy says beside, it adds.
+OWN_ONLY: Final = {
+    "default-src": "'none'",
+    "script-src": "'self'",
+    "connect-src": "'self'",
+    "base-uri": "'none'",
+    "form-action": "'none'",
+    "frame-ancestors": "'none'",
+}
+
+
+def serve(
+    files: Mapping[str, StaticFile], name: str, has: Known, policy: Mapping[str, str]
+) -> Response:
+    """The answer to a request for the file of this name."""
+    found = files.get(name)
+    if found is None:
+        raise Problem(problems.UNKNOWN_PATH, f"the page has no file {name!r}")
+    return _answer(found, has, policy)
+
+
+def _answer(found: StaticFile, has: Known, policy: Mapping[str, str]) -> Response:
     """The file under this content-security policy, or 304 where the client has it."""
     header = "; ".join(" ".join(directive) for directive in policy.items())
     headers = {**_HEADERS, "Content-Security-Policy": header, "ETag": found.tag}

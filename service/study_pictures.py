@@ -17,6 +17,7 @@ from farm.exr import decode_partial
 from farm.job import Job
 from farm.jobs import Jobs
 from farm.png import encode_png
+from farm.records import prefix_length
 from farm.study import MOST_LEVELS, MOST_PIXELS
 from farm.study_order import Method
 from metric import encode_srgb
@@ -44,9 +45,7 @@ def kept_slices(jobs: Jobs, job: Job) -> list[str]:
     if not job.spec.keep_slices:
         raise CannotStudy(f"job {job.id} did not keep its slices: submit with keep_slices")
     ledger = jobs.ledger(job.id)
-    kept: list[str] = []
-    while len(kept) in ledger:
-        kept.append(ledger[len(kept)]["blob"])
+    kept = [ledger[index]["blob"] for index in range(prefix_length(ledger))]
     if not kept or job.width is None or job.height is None:
         raise CannotStudy(f"job {job.id} has no slices")
     if job.width * job.height > MOST_PIXELS:

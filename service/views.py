@@ -5,7 +5,6 @@ from typing import Any, Literal
 from pydantic import BaseModel, ConfigDict, Field
 from pydantic.config import JsonDict
 
-from farm.api_keys import Role
 from farm.job import CurvePoint, Event, Job, LogEntry, Worker
 from farm.spec import Priority
 from service import examples
@@ -179,21 +178,6 @@ class ProblemTypeView(BaseModel):
     type: str
     status: int
     title: str
-
-
-class WhoAmI(BaseModel):
-    """Who makes a request, and what that allows."""
-
-    model_config = ConfigDict(
-        json_schema_extra=_shows({"id": "7c1e90ab", "name": "anna", "role": "submitter"})
-    )
-
-    id: str | None = Field(description="id of the API key; null where the API is open")
-    name: str | None = Field(description="name of the key")
-    role: Role = Field(
-        description="a viewer looks, a submitter steers its own jobs, an admin all of them and the "
-        "workers; who calls an open API is an admin"
-    )
 
 
 class Health(BaseModel):

@@ -196,15 +196,7 @@ def cancel(
       plateau cancel 3f9ac2d01b77
       plateau cancel --batch walk
     """
-    from plateau.commands.batches import steer
-    from plateau.commands.jobs import cancel as run
-
-    job = o.one_of(job_id, batch)
-    with plain_errors():
-        if batch is None:
-            run(job, url=url, as_json=as_json)
-        else:
-            steer(batch, "cancel", url=url, as_json=as_json)
+    _steer(job_id, batch, "cancel", url=url, as_json=as_json)
 
 
 @command()
@@ -224,15 +216,7 @@ def pause(
     What is rendered already is merged and judged, so the job may still converge. Its time limit
     stands still. A job that only has to wait its turn needs a lower priority instead.
     """
-    from plateau.commands.batches import steer
-    from plateau.commands.jobs import pause as run
-
-    job = o.one_of(job_id, batch)
-    with plain_errors():
-        if batch is None:
-            run(job, url=url, as_json=as_json)
-        else:
-            steer(batch, "pause", url=url, as_json=as_json)
+    _steer(job_id, batch, "pause", url=url, as_json=as_json)
 
 
 @command()
@@ -248,15 +232,22 @@ def resume(
       plateau resume 3f9ac2d01b77
       plateau resume --batch walk
     """
-    from plateau.commands.batches import steer
-    from plateau.commands.jobs import resume as run
+    _steer(job_id, batch, "resume", url=url, as_json=as_json)
+
+
+def _steer(
+    job_id: str | None, batch: str | None, what: str, *, url: str | None, as_json: bool
+) -> None:
+    """Cancel, pause or resume the one of the two that is named."""
+    from plateau.commands.batches import steer as steer_batch
+    from plateau.commands.jobs import steer as steer_job
 
     job = o.one_of(job_id, batch)
     with plain_errors():
         if batch is None:
-            run(job, url=url, as_json=as_json)
+            steer_job(job, what, url=url, as_json=as_json)
         else:
-            steer(batch, "resume", url=url, as_json=as_json)
+            steer_batch(batch, what, url=url, as_json=as_json)
 
 
 @command(takes_negative_numbers=True)

@@ -64,10 +64,10 @@ def watch(name: str, out: Path | None, *, url: str | None, as_json: bool) -> int
 
 def _follow(client: Client, name: str, out: Path | None) -> BatchView:
     written: set[str] = set()
-    with batch_progress_on(Console(stderr=True)) as shown:
+    with batch_progress_on(Console(stderr=True)) as show:
         while True:
             batch = client.batch(name)
-            shown.batch(batch)
+            show(batch)
             if out is not None and batch.finished > len(written):
                 _fetch(client, batch, out, written)
             if batch.finished == batch.jobs and (out is None or len(written) == batch.jobs):

@@ -145,22 +145,12 @@ def list_jobs(
         print_rows(_COLUMNS, list(map(_row, jobs)), none="no jobs")
 
 
-def cancel(job_id: str, *, url: str | None, as_json: bool) -> None:
-    """Cancel a job."""
+def steer(job_id: str, what: str, *, url: str | None, as_json: bool) -> None:
+    """Cancel, pause or resume a job."""
     with connect(url) as client:
-        _print_state(client.cancel(whole_id(client, job_id)), as_json=as_json)
-
-
-def pause(job_id: str, *, url: str | None, as_json: bool) -> None:
-    """Pause a job."""
-    with connect(url) as client:
-        _print_state(client.pause(whole_id(client, job_id)), as_json=as_json)
-
-
-def resume(job_id: str, *, url: str | None, as_json: bool) -> None:
-    """Let a paused job go on."""
-    with connect(url) as client:
-        _print_state(client.resume(whole_id(client, job_id)), as_json=as_json)
+        calls = {"cancel": client.cancel, "pause": client.pause, "resume": client.resume}
+        job = calls[what](whole_id(client, job_id))
+    print(job.model_dump_json(indent=2) if as_json else f"{job.id} {job.state.value}")
 
 
 def priority(job_id: str, value: int, *, url: str | None, as_json: bool) -> None:
@@ -169,10 +159,6 @@ def priority(job_id: str, value: int, *, url: str | None, as_json: bool) -> None
         job = client.set_priority(whole_id(client, job_id), value)
     shown = f"{job.id} {job.state.value}, priority {job.spec.priority}"
     print(job.model_dump_json(indent=2) if as_json else shown)
-
-
-def _print_state(job: JobView, *, as_json: bool) -> None:
-    print(job.model_dump_json(indent=2) if as_json else f"{job.id} {job.state.value}")
 
 
 def _state(name: str | None) -> JobState | None:

@@ -7,7 +7,7 @@ let known = { id: null, role: "admin" };
 
 /** Asks the API whose key it is; resolves when that is known. */
 export async function meetMe() {
-  known = await get("/v1/whoami").catch(() => known);
+  known = await get("/v1/key").catch(() => known);
 }
 
 /** Whether a scene may be submitted. */

@@ -94,7 +94,7 @@ def test_a_submitter_steers_its_own_jobs(
     headers = {"Authorization": f"Bearer {key}"}
     answer = httpx.post(f"{url}/v1/jobs", files=files, headers=headers, trust_env=False)
     assert answer.status_code == 201
-    who = httpx.get(f"{url}/v1/whoami", headers=headers, trust_env=False).json()
+    who = httpx.get(f"{url}/v1/key", headers=headers, trust_env=False).json()
     assert (who["name"], who["role"]) == ("anna", "submitter")
     visitor = visit(expected={401})
     page = visitor.page
@@ -113,7 +113,7 @@ def test_what_is_refused_all_the_same_is_said(visit: Visit, farm: NoiseFarm, key
     visitor = visit(expected={401, 403})
     page = visitor.page
     # The page does not know yet what the key allows: the API decides
-    page.route("**/v1/whoami", lambda route: route.fulfill(json={"id": None, "role": "admin"}))
+    page.route("**/v1/key", lambda route: route.fulfill(json={"id": None, "role": "admin"}))
     give(page, key)
     page.get_by_role("button", name="Actions for box").click()
     page.get_by_role("button", name="Cancel", exact=True).click()

@@ -15,7 +15,7 @@ from farm.blobs import Blobs
 from farm.jobs import Jobs
 from farm.spec import JobSpec
 from farm.states import JobState
-from plateau.batch_progress import LiveBatchProgress
+from plateau.batch_progress import batch_progress_on
 from plateau.client import ApiError, Client, TimedOut
 from plateau.errors import CommandFailed
 from plateau.frames import each, from_file
@@ -279,9 +279,9 @@ def test_live_progress_shows_how_far_all_are(
     batch = plateau.submit_batch(walk, [{"frame": 0}, {"frame": 1}], JobSpec(batch="w"))
     end(client, store, batch.job_ids[0], JobState.CONVERGED)
     plateau.submit(walk, JobSpec(batch="w", step=50))
-    console = Console(force_terminal=True, width=100, record=True)
-    with LiveBatchProgress(console) as shown:
-        shown.batch(plateau.batch("w"))
+    console = Console(force_terminal=True, width=100, record=True, _environ={"TERM": "xterm"})
+    with batch_progress_on(console) as show:
+        show(plateau.batch("w"))
     text = console.export_text()
     assert "w  2 queued, 1 converged   not even: `plateau batch w` says why" in text
     assert "1 of 3 jobs" in text

@@ -7,8 +7,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-import pytest
 from playwright.sync_api import Browser, BrowserContext, Page, expect, sync_playwright
+
+from tests.support.missing import missing
 
 #: Machines that run the tests of others beside ours are slow.
 _PATIENCE_MS = 20_000
@@ -29,8 +30,7 @@ def chromium() -> Iterator[Browser]:
     names = ("chromium", "chromium-browser", "google-chrome")
     path = next(filter(None, map(shutil.which, names)), None)
     if path is None:
-        message = "the web page is tested in Chromium (Debian: apt install chromium)"
-        pytest.fail(message) if os.environ.get("CI") == "true" else pytest.skip(message)
+        missing("the web page is tested in Chromium (Debian: apt install chromium)")
     with sync_playwright() as playwright:
         # Its sandbox does not run as root.
         arguments = ["--no-sandbox"] if os.geteuid() == 0 else []

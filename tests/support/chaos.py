@@ -53,6 +53,7 @@ class Chaos:
             (1, self.lose_a_blob),
         )
         self.struck: dict[str, int] = {}
+        self.damaged: set[str] = set()  #: blobs that were spoilt or lost
         self.redis_is_away = False
         for role, count in MEMBERS.items():
             for _ in range(count):
@@ -181,17 +182,21 @@ class Chaos:
             content = bytearray(path.read_bytes())
             content[self._random.randrange(len(content))] ^= 1 << self._random.randrange(8)
             path.write_bytes(content)
-        return path.name
+        return self._damaged(path)
 
     def lose_a_blob(self) -> str | None:
         path = self._some_blob()
         if path is None:
             return None
         path.unlink(missing_ok=True)
+        return self._damaged(path)
+
+    def _damaged(self, path: Path) -> str:
+        self.damaged.add(path.relative_to(self._farm.store.where).as_posix())
         return path.name
 
     def _some_blob(self) -> Path | None:
-        """A partial or a checkpoint: what can be made again."""
+        """A partial or a checkpoint: what a job that runs makes again."""
         root = Path(self._farm.store.where)
         found = [
             path

@@ -15,6 +15,8 @@ from typing import Final
 
 import pytest
 
+from tests.support.missing import missing
+
 _ROOT: Final = 0
 #: Administrators' commands are not on everybody's PATH.
 _PATH: Final = f"{os.environ.get('PATH', '')}:/usr/sbin:/sbin"
@@ -85,7 +87,7 @@ class LoopDisk:
 
 
 def _needs_root_and_loop_devices() -> None:
-    missing = [
+    lacking = [
         name
         for name, there in (
             ("root", os.geteuid() == _ROOT),
@@ -93,11 +95,10 @@ def _needs_root_and_loop_devices() -> None:
         )
         if not there
     ]
-    if missing:  # what nobody can install
-        pytest.skip(f"a disk of our own needs {' and '.join(missing)}")
+    if lacking:  # what nobody can install
+        pytest.skip(f"a disk of our own needs {' and '.join(lacking)}")
     if shutil.which("mkfs.ext4", path=_PATH) is None:
-        message = "a disk of our own needs mkfs.ext4 (Debian: e2fsprogs)"
-        pytest.fail(message) if os.environ.get("CI") == "true" else pytest.skip(message)
+        missing("a disk of our own needs mkfs.ext4 (Debian: e2fsprogs)")
 
 
 def _run(*command: str) -> None:
