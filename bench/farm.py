@@ -10,21 +10,19 @@ from __future__ import annotations
 import argparse
 import json
 import os
-import resource
 import subprocess
 import sys
 import tempfile
-import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 from itertools import accumulate
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import psutil
 
-from bench.support.cores import machine_cpu_s
+from bench.support import markdown
+from bench.support.cores import Taken, timed
 from bench.support.plateau_render import Look, monitors_share, render
 from bench.support.report import Figure, figure, write_report
 from farm.exr import decode_image
@@ -38,6 +36,12 @@ if TYPE_CHECKING:
 
 ROOT = Path(__file__).parents[1]
 _SPEC = JobSpec()
+#: Scene, size, spp and step. Larger films take fewer spp, and smaller steps, or a day.
+_CASES = ("box:512x512:400:100", "bar:512x512:300:100", "box:1920x1080:200:50")
+_EFFICIENCY = "efficiency: spp per second once under way, merged and judged"
+_CPU = "CPU time of all processes"
+_MONITOR = "the monitor's share of the farm's CPU time, once under way"
+_OTHERS = "other work on the cores meanwhile"
 _BARE = "one Mitsuba process that renders the same passes and writes nothing"
 
 
@@ -49,8 +53,14 @@ class Work:
     width: int
     height: int
     spp: int
+    step: int
     choice: VariantChoice
     threads: int
+
+    @property
+    def name(self) -> str:
+        """How its figures call it."""
+        return f"{self.scene.name} {self.width}×{self.height}"
 
     @property
     def parameters(self) -> dict[str, str]:
@@ -80,55 +90,33 @@ class Run:
     steady_spp_s: float
     #: Seconds from the first lease, or from Mitsuba's import, until every sample was there.
     rendering_s: float
-    #: Seconds of the whole process or process tree.
-    wall_s: float
-    #: CPU seconds of the process and all that it started.
-    cpu_s: float
-    #: How much of the cores everything else took meanwhile, this machine's host included.
-    others: float
+    #: By the whole process, or process tree.
+    took: Taken
     #: The monitor's share of all CPU time over the same stretch as `steady_spp_s`; 0 without one.
     monitor: float = 0.0
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--scene", type=Path, default=ROOT / "scenes" / "box", help="a folder")
-    parser.add_argument("--size", type=_size, default=(256, 256), help="512, or 1920x1080")
-    parser.add_argument("--spp", type=int, default=1000, help="a multiple of the step")
+    parser.add_argument("--cases", type=_case, nargs="+", default=list(map(_case, _CASES)))
     parser.add_argument("--pairs", type=int, default=3, help="runs of each")
     options = parser.parse_args()
-    if options.spp % _SPEC.step or options.spp < 3 * _SPEC.step:
-        parser.error(f"--spp must be a multiple of {_SPEC.step}, and at least three of it")
 
-    width, height = options.size
-    work = Work(
-        scene=options.scene.resolve(),
-        width=width,
-        height=height,
-        spp=options.spp,
-        choice=choose(Settings().cache),
-        threads=len(os.sched_getaffinity(0)),
-    )
-    _warm_up(work)
-    pairs = []
-    for number in range(options.pairs):
-        # Whichever goes first alternates, so that a machine that slows down slows both.
-        runs = {kind: kind(work) for kind in ((_farm, _bare), (_bare, _farm))[number % 2]}
-        pairs.append((runs[_farm], runs[_bare]))
-        print(f"pair {number + 1} of {options.pairs}: {pairs[-1]}", file=sys.stderr)
-    write_report(
+    choice, threads = choose(Settings().cache), len(os.sched_getaffinity(0))
+    works = [Work(**case, choice=choice, threads=threads) for case in options.cases]
+    figures = [one for work in works for one in _figures(work, _pairs(work, options.pairs))]
+    path = write_report(
         "farm",
-        _figures(pairs),
+        figures,
         settings={
-            "scene": work.scene.name,
-            "size": f"{width}×{height}",
-            "spp": work.spp,
+            "cases": {
+                work.name: {"spp": work.spp, "step": work.step, "slice_spp": _SPEC.slice_spp}
+                for work in works
+            },
             "pairs": options.pairs,
-            "variant": work.choice.variant,
+            "variant": choice.variant,
             "workers": 1,
-            "threads": work.threads,
-            "step": _SPEC.step,
-            "slice_spp": _SPEC.slice_spp,
+            "threads": threads,
         },
         notes=[
             "The rule is fixed at the cap, so no sample is rendered only to be thrown away.",
@@ -137,54 +125,87 @@ def main() -> None:
             "Where other work had a share of the cores, the spread is mostly its doing.",
         ],
     )
+    markdown.fill(markdown.DOCS / "performance.md", tables(json.loads(path.read_text())))
 
 
-def _figures(pairs: list[tuple[Run, Run]]) -> list[Figure]:
-    def ratios(of: str) -> list[float]:
-        return [getattr(farm, of) / getattr(bare, of) for farm, bare in pairs]
+def _pairs(work: Work, count: int) -> list[tuple[Run, Run]]:
+    """The farm's run and the bare renderer's, so many times."""
+    _warm_up(work)
+    pairs = []
+    for number in range(count):
+        # Whichever goes first alternates, so that a machine that slows down slows both.
+        runs = {kind: kind(work) for kind in ((_farm, _bare), (_bare, _farm))[number % 2]}
+        pairs.append((runs[_farm], runs[_bare]))
+        print(f"{work.name}, pair {number + 1} of {count}: {pairs[-1]}", file=sys.stderr)
+    return pairs
 
-    return [
+
+def _figures(work: Work, pairs: list[tuple[Run, Run]]) -> list[Figure]:
+    def ratios(of: Callable[[Run], float]) -> list[float]:
+        return [of(farm) / of(bare) for farm, bare in pairs]
+
+    found = [
         figure(
-            "efficiency: spp per second once under way, merged and judged",
-            ratios("steady_spp_s"),
+            _EFFICIENCY,
+            ratios(lambda run: run.steady_spp_s),
             "ratio",
             compared_with=_BARE,
             goal="at least 0.97",
         ),
         figure(
             "time from the first lease to the verdict on the last sample",
-            ratios("rendering_s"),
+            ratios(lambda run: run.rendering_s),
             "ratio",
             compared_with=f"{_BARE}, from its import of Mitsuba on",
         ),
         figure(
             "time from the command line to the results",
-            ratios("wall_s"),
+            ratios(lambda run: run.took.wall_s),
             "ratio",
             compared_with=_BARE,
         ),
-        figure("CPU time of all processes", ratios("cpu_s"), "ratio", compared_with=_BARE),
+        figure(_CPU, ratios(lambda run: run.took.cpu_s), "ratio", compared_with=_BARE),
         figure(
-            "the monitor's share of the farm's CPU time, once under way",
+            _MONITOR,
             [farm.monitor for farm, _ in pairs],
             "of the CPU time",
             goal="under 0.02",
         ),
         figure(
-            "other work on the cores meanwhile",
-            [run.others for pair in pairs for run in pair],
+            _OTHERS,
+            [run.took.others for pair in pairs for run in pair],
             "of the cores",
             goal="none, for figures to quote",
         ),
         figure("the farm's rate", [farm.steady_spp_s for farm, _ in pairs], "spp/s"),
-        figure("the farm's whole time", [farm.wall_s for farm, _ in pairs], "s"),
+        figure("the farm's whole time", [farm.took.wall_s for farm, _ in pairs], "s"),
         figure("the bare renderer's rate", [bare.steady_spp_s for _, bare in pairs], "spp/s"),
-        figure("the bare renderer's whole time", [bare.wall_s for _, bare in pairs], "s"),
+        figure("the bare renderer's whole time", [bare.took.wall_s for _, bare in pairs], "s"),
     ]
+    return [replace(one, name=f"{work.name}: {one.name}") for one in found]
+
+
+def tables(report: dict[str, Any]) -> dict[str, str]:
+    """Return a report as Markdown: each case's efficiency, and where the rest goes."""
+    found = {one["name"]: one for one in report["figures"]}
+
+    def cell(case: str, name: str) -> str:
+        one = found[f"{case}: {name}"]
+        spread = one["spread"]
+        return f"{one['value']:.3f} ({spread['lowest']:.3f} to {spread['highest']:.3f})"
+
+    rows = [
+        [f"{case}, {settings['spp']} spp, step {settings['step']}"]
+        + [cell(case, name) for name in (_EFFICIENCY, _CPU, _MONITOR, _OTHERS)]
+        for case, settings in report["settings"]["cases"].items()
+    ]
+    head = ["", "efficiency", "CPU time", "the monitor's share of it", "other work on the cores"]
+    return {"farm": markdown.table(head, rows)}
 
 
 def _warm_up(work: Work) -> None:
     """Run both once, so that kernels are compiled; raises where they render different images."""
+    work = replace(work, spp=3 * work.step)
     with tempfile.TemporaryDirectory() as folder:
         _render(work, Path(folder))
         ours = decode_image((Path(folder) / "image.exr").read_bytes())
@@ -196,7 +217,8 @@ def _warm_up(work: Work) -> None:
 
 def _farm(work: Work) -> Run:
     with tempfile.TemporaryDirectory() as folder:
-        took, looks = _timed(lambda: _render(work, Path(folder)))
+        with timed() as took:
+            looks = _render(work, Path(folder))
         job = json.loads((Path(folder) / "summary.json").read_text())
     second, last = job["curve"][1], job["curve"][-1]
     start, end = _moment(second["at"]), _moment(last["at"])
@@ -205,19 +227,20 @@ def _farm(work: Work) -> Run:
         steady_spp_s=(last["spp"] - second["spp"]) / (end - start),
         rendering_s=end - _moment(job["started_at"]),
         monitor=monitors_share(under_way),
-        **took,
+        took=took,
     )
 
 
 def _bare(work: Work) -> Run:
-    took, told = _timed(lambda: _ask_bare(work, image=None))
+    with timed() as took:
+        told = _ask_bare(work, image=None)
     spp = list(accumulate(spp for spp, _ in work.passes))
-    second, last = spp.index(2 * _SPEC.step), spp.index(work.spp)
+    second, last = spp.index(2 * work.step), spp.index(work.spp)
     seconds = told["ended_s"][last] - told["ended_s"][second]
     return Run(
         steady_spp_s=(spp[last] - spp[second]) / seconds,
         rendering_s=told["ended_s"][last],
-        **took,
+        took=took,
     )
 
 
@@ -229,6 +252,7 @@ def _render(work: Work, out: Path) -> list[Look]:
         options={
             "--rule": "fixed",
             "--spp": work.spp,
+            "--step": work.step,
             "--max-spp": work.spp,
             "--variant": work.choice.variant,
             "--threads": work.threads,
@@ -263,29 +287,27 @@ def _ask_bare(work: Work, *, image: Path | None) -> dict[str, Any]:
     return told
 
 
-def _timed(run: Callable[[], Any]) -> tuple[dict[str, float], Any]:
-    """Return the last three fields of a `Run`, measured around a call; and its answer."""
-    ours, all_, started = _children_cpu_s(), machine_cpu_s(), time.monotonic()
-    answer = run()
-    wall_s, cpu_s = time.monotonic() - started, _children_cpu_s() - ours
-    cores = psutil.cpu_count() or 1
-    others = max(0.0, machine_cpu_s() - all_ - cpu_s) / (wall_s * cores)
-    return {"wall_s": wall_s, "cpu_s": cpu_s, "others": others}, answer
-
-
-def _children_cpu_s() -> float:
-    used = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return used.ru_utime + used.ru_stime
-
-
 def _moment(text: str) -> float:
     """Return a moment of a job in seconds of `time.time`."""
     return datetime.fromisoformat(text.replace("Z", "+00:00")).timestamp()  # for Python 3.10
 
 
-def _size(text: str) -> tuple[int, int]:
-    width, _, height = text.partition("x")
-    return int(width), int(height or width)
+def _case(text: str) -> dict[str, Any]:
+    """Parse SCENE:WIDTHxHEIGHT:SPP:STEP."""
+    scene, size, spp, step = text.split(":")
+    width, height = size.split("x")
+    if int(spp) % int(step) or int(spp) < 3 * int(step) or int(step) % _SPEC.slice_spp:
+        raise argparse.ArgumentTypeError(
+            f"{text}: spp must be a multiple of the step, at least three of it, and the step one "
+            f"of {_SPEC.slice_spp}"
+        )
+    return {
+        "scene": ROOT / "scenes" / scene,
+        "width": int(width),
+        "height": int(height),
+        "spp": int(spp),
+        "step": int(step),
+    }
 
 
 if __name__ == "__main__":

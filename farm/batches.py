@@ -12,9 +12,9 @@ from typing import Final
 
 import redis
 
-from farm import keys
+from farm import flicker, keys
 from farm.batch import Batch, Member, summarise
-from farm.errors import BatchNotFound
+from farm.errors import BatchNotFound, UnevenBatch
 from farm.job import moment
 from farm.redis_link import unavailable_as_farm_error
 from farm.scripts import Scripts
@@ -100,6 +100,40 @@ class Batches:
             raise BatchNotFound(name)
         now = moment(int(seconds) * 1000 + int(microseconds) / 1000)
         return summarise(name, members, guarded=bool(guarded), now=now)
+
+    def guard(self, name: str, check: Callable[[str, str | None], None] = lambda *_: None) -> Batch:
+        """Let the batch take only jobs that stop as those that it has; repeating it is harmless.
+
+        Parameters
+        ----------
+        name
+            The batch.
+        check
+            Raises where the caller may not steer this job of this owner: a guard concerns them all.
+
+        Raises
+        ------
+        BatchNotFound
+            There is no such batch.
+        UnevenBatch
+            Its jobs do not stop alike.
+        """
+        while True:
+            with unavailable_as_farm_error():
+                job_ids = self._redis.zrange(keys.batch(name), 0, -1)
+                for job_id, owner in zip(job_ids, self._of_each(job_ids, "owner"), strict=True):
+                    check(job_id, owner)
+                spec = self._redis.hget(keys.job(job_ids[-1]), "spec") if job_ids else None
+            if spec is None:
+                raise BatchNotFound(name)
+            asked = JobSpec.model_validate_json(spec).model_copy(update={"flicker_guard": True})
+            try:
+                compared = flicker.compared(self._redis, name, asked)
+            except UnevenBatch as error:
+                raise UnevenBatch(name, error.job_id, error.differs, joins=False) from None
+            # Who joins it in between is compared too.
+            if self._scripts.run("guard", name, compared) != "changed":
+                return self.get(name)
 
     def steer(
         self,

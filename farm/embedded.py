@@ -10,12 +10,9 @@ import time
 from pathlib import Path
 from typing import BinaryIO, Final
 
-import redis
-
 from farm.durable import make_folder, sync
 from farm.errors import StoreUnavailable
 from farm.processes import die_with_parent
-from farm.redis_link import connect
 
 _START_S: Final = 30.0
 #: In bytes; Linux takes 107, macOS 103.
@@ -73,6 +70,9 @@ class EmbeddedRedis:
     ----------
     data
         Folder of its files; a later server on the same folder has all that this one had.
+    wait
+        Whether it is waited for until it answers; else `await_ready` does that, which must be
+        called.
 
     Raises
     ------
@@ -80,7 +80,7 @@ class EmbeddedRedis:
         There is no server binary, or it did not start; the message carries its last words.
     """
 
-    def __init__(self, data: Path) -> None:
+    def __init__(self, data: Path, *, wait: bool = True) -> None:
         binary = find_redis_server()
         if binary is None:
             raise StoreUnavailable(
@@ -112,13 +112,23 @@ class EmbeddedRedis:
         self._command = [str(binary), *arguments]
         self.url = f"unix://{socket}"
         try:
-            self.start()
+            self._launch()
         except BaseException:
             self._forget_socket()
             raise
+        if wait:
+            try:
+                self.await_ready()
+            except BaseException:
+                self._forget_socket()
+                raise
 
     def start(self) -> None:
-        """Start the server; in the constructor, and again where it has died."""
+        """Start the server again where it has died."""
+        self._launch()
+        self.await_ready()
+
+    def _launch(self) -> None:
         _cut_unwritten_end(self._data)
         # A session of its own, so that a Ctrl-C in the terminal does not stop it before the rest.
         self.process = subprocess.Popen(
@@ -129,6 +139,9 @@ class EmbeddedRedis:
             start_new_session=True,
             preexec_fn=die_with_parent(),
         )
+
+    def await_ready(self) -> None:
+        """Return once the server answers; where it does not, it is stopped."""
         try:
             self._wait_until_ready()
             for folder in (self._data / "appendonlydir", self._data):  # the former from Redis 7 on
@@ -139,6 +152,11 @@ class EmbeddedRedis:
             raise
 
     def _wait_until_ready(self) -> None:
+        # Its client takes a tenth of a second to import, in which the server starts.
+        import redis
+
+        from farm.redis_link import connect
+
         deadline = time.monotonic() + _START_S
         client = connect(self.url)
         while True:

@@ -59,7 +59,7 @@ class BatchNotFound(FarmError):
 
 
 class UnevenBatch(FarmError):
-    """A guarded batch takes only jobs that stop as its others do.
+    """A guarded batch has only jobs that stop alike.
 
     Attributes
     ----------
@@ -67,14 +67,27 @@ class UnevenBatch(FarmError):
         The batch, and the job of it that is otherwise.
     differs
         The fields in which they differ: name, value asked for, value of that job.
+    joins
+        Whether a job was to join it; else the batch was to be guarded, and it is its newest job
+        that has the values asked for.
     """
 
-    def __init__(self, batch: str, job_id: str, differs: list[tuple[str, object, object]]) -> None:
-        words = (f"{name} would be {asked!r}, not {had!r}" for name, asked, had in differs)
-        super().__init__(
-            f"batch {batch!r} is guarded against flicker, and beside job {job_id} "
-            f"{', '.join(words)}"
-        )
+    def __init__(
+        self,
+        batch: str,
+        job_id: str,
+        differs: list[tuple[str, object, object]],
+        *,
+        joins: bool = True,
+    ) -> None:
+        if joins:
+            words = (f"{name} would be {asked!r}, not {had!r}" for name, asked, had in differs)
+            why = "is guarded against flicker, and beside job"
+        else:
+            words = (f"{name} is {had!r} and not {asked!r}" for name, asked, had in differs)
+            why = "cannot be guarded: its jobs do not stop alike, of job"
+        super().__init__(f"batch {batch!r} {why} {job_id} {', '.join(words)}")
+        self.joins = joins
         self.batch = batch
         self.job_id = job_id
         self.differs = differs

@@ -9,6 +9,17 @@ plateau:created           string  counter: jobs created so far                  
 plateau:jobs              zset    job id, scored by its number of creation             the job's
 plateau:jobs:open         zset    jobs that have not ended, scored by priority         till end
 plateau:jobs:unfinished   set     jobs that a monitor still has work with              till done
+plateau:waiting           zset    queues, "PRIORITY VARIANT", in which a job waits     their jobs'
+                                  for a worker, scored by priority; see waiting.lua
+plateau:waiting:Q         zset    each owner's next job in queue Q                     its jobs'
+plateau:waiting:Q:ID      zset    each batch's, and each single job, of key ID or ""   its jobs'
+plateau:waiting:Q:ID:NAME zset    the jobs of a batch that wait, scored by number      its jobs'
+plateau:idle              hash    workers that have nothing to do → 1                   while so
+plateau:idle:VARIANT      set     those that can render the variant, and maybe others  till woken
+plateau:share:ID          hash    of key ID or "": priority → spp leased, queue → the  till none
+                                  entry of its next job there
+plateau:share:ID:NAME     hash    the same of a batch                                  till none
+plateau:leases            zset    "ID ENTRY" of each lease, scored by its renewal (ms)  the lease's
 plateau:jobs:in:STATE     zset    jobs in this state, scored as in plateau:jobs        the jobs'
 plateau:batches           zset    batch name, scored by the number of its newest job   its jobs'
 plateau:batches:guarded   set     batches of which all jobs have to stop alike         its jobs'
@@ -42,7 +53,8 @@ plateau:study:ID:making   string  set while its pictures are put                
 plateau:study:ID:observers hash   pseudonym → JSON of number and screen                the study's
 plateau:study:ID:answers  hash    pseudonym:number of a pair → JSON of the answer      the study's
 plateau:job:ID            hash    the job; see `farm.jobs`                             the job's
-plateau:job:ID:slices     stream  planned slices; group `workers` holds the leases     till end
+plateau:job:ID:slices     stream  slices that were leased; group `workers` holds them  till end
+plateau:job:ID:lost       zset    leased entries that nobody has, scored by slice      till end
 plateau:job:ID:ledger     hash    slice index → JSON of its commit                     the job's
 plateau:job:ID:seeds      zset    "first-last" of each commit, scored by first         till done
 plateau:job:ID:deaths     hash    slice index → JSON list of the causes                till end
@@ -57,7 +69,8 @@ plateau:job:ID:fence      string  counter: fencing tokens given out             
 ========================= ======= ==================================================== =========
 
 Channels, hints only (who misses one looks again within a second):
-``plateau:wake:workers`` (``planned``, or ``ended ID``), ``plateau:wake:monitors`` and
+``plateau:wake:workers`` (``ended ID``), ``plateau:wake:workers:ID`` (``planned``, to one that
+had nothing to do), ``plateau:wake:monitors`` (``free ID``, or a job id) and
 ``plateau:wake:webhooks`` (a job id).
 
 Writers: everything is written by the scripts in ``farm/lua``.
@@ -71,6 +84,9 @@ STORE: Final = PREFIX + "store"
 JOBS: Final = PREFIX + "jobs"
 OPEN: Final = PREFIX + "jobs:open"
 UNFINISHED: Final = PREFIX + "jobs:unfinished"
+WAITING: Final = PREFIX + "waiting"
+LEASES: Final = PREFIX + "leases"
+IDLE: Final = PREFIX + "idle"
 BATCHES: Final = PREFIX + "batches"
 GUARDED: Final = PREFIX + "batches:guarded"
 SCENES: Final = PREFIX + "scenes"
@@ -90,6 +106,8 @@ WEBHOOK_SECRET: Final = PREFIX + "webhooks:secret"
 OLD_WEBHOOK_SECRET: Final = PREFIX + "webhooks:before"
 WAKE_WORKERS: Final = PREFIX + "wake:workers"
 WAKE_MONITORS: Final = PREFIX + "wake:monitors"
+#: Before the id in a hint to monitors: the job's owner has given it back.
+FREE: Final = "free "
 WAKE_WEBHOOKS: Final = PREFIX + "wake:webhooks"
 
 #: The consumer group of every job's slices.
@@ -98,6 +116,7 @@ GROUP: Final = "workers"
 #: The keys of a job beside its hash.
 JOB_PARTS: Final = (
     "slices",
+    "lost",
     "ledger",
     "seeds",
     "deaths",
@@ -137,6 +156,11 @@ def worker(worker_id: str) -> str:
     return f"{PREFIX}worker:{worker_id}"
 
 
+def wake_worker(worker_id: str) -> str:
+    """The channel on which one worker hears that there is something to do."""
+    return f"{WAKE_WORKERS}:{worker_id}"
+
+
 def study(study_id: str, part: str = "") -> str:
     """The key of an observer study, or of one of its parts (``observers``, …)."""
     return f"{PREFIX}study:{study_id}:{part}" if part else f"{PREFIX}study:{study_id}"
@@ -157,6 +181,9 @@ def scene_going(sha256: str) -> str:
 LUA: Final = f"""
 local PREFIX, GROUP = '{PREFIX}', '{GROUP}'
 local JOBS, UNFINISHED, OPEN = '{JOBS}', '{UNFINISHED}', '{OPEN}'
+local FREE = '{FREE}'
+local WAITING, LEASES, IDLE = '{WAITING}', '{LEASES}', '{IDLE}'
+local function wake_worker_key(id) return '{WAKE_WORKERS}:' .. id end
 local JOB_PARTS = {{'{"', '".join(JOB_PARTS)}'}}
 local SCENES, SCENES_USED, WORKERS = '{SCENES}', '{SCENES_USED}', '{WORKERS}'
 local MONITORS, TOTALS = '{MONITORS}', '{TOTALS}'

@@ -108,8 +108,11 @@ class Ownerships:
         return int(self._checked("reject", owned, record.index, record.blob, cause))
 
     def plan(self, owned: Ownership, slices: range) -> None:
-        """Put these slices into the job's stream; those already planned are left alone."""
-        self._checked("plan", owned, slices.start, slices.stop)
+        """Let these slices be leased; those planned before are left alone.
+
+        Planned are always the slices from the first on, so those before these are planned too.
+        """
+        self._checked("plan", owned, slices.stop)
 
     def append_point(self, owned: Ownership, spp: int, point: dict[str, object]) -> None:
         """Append a point to the curve, once for each spp."""

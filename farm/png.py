@@ -1,6 +1,7 @@
 """PNG files: written with 8 bits a channel, read with any."""
 
 import io
+import zlib
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -25,7 +26,8 @@ class CodeValues:
 def encode_png(pixels: NDArray[np.uint8]) -> bytes:
     """An (height, width, 3) or (height, width, 4) uint8 picture as a PNG file."""
     stream = io.BytesIO()
-    Image.fromarray(pixels).save(stream, "PNG", compress_level=3)
+    # Of renderings no smaller than by the default strategy, in a half of its time or less.
+    Image.fromarray(pixels).save(stream, "PNG", compress_level=1, compress_type=zlib.Z_RLE)
     return stream.getvalue()
 
 

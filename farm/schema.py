@@ -3,6 +3,7 @@
 import logging
 import random
 import threading
+from importlib.resources import files
 from typing import Any, Final
 
 import redis
@@ -17,8 +18,11 @@ _LOG = logging.getLogger(__name__)
 
 _RETRY_S: Final = 1.0
 
+#: What keeps the index of the jobs that wait for a worker.
+_INDEX: Final = (files("farm") / "lua" / "waiting.lua").read_text()
+
 #: The layout that this Plateau reads and writes.
-VERSION: Final = 3
+VERSION: Final = 4
 
 #: From each older layout that can be brought forward, the Lua that turns it into the next. It must
 #: not fail half-way: Redis undoes nothing.
@@ -47,6 +51,30 @@ _MIGRATIONS: Final = {
         end
       end
     """,
+    # Layout 3 had no index of what waits and what is leased: a lease read every open job. And all
+    # planned slices were in the stream.
+    3: """
+      local time = redis.call('TIME')
+      local now_ms = time[1] * 1000 + time[2] / 1000
+      for _, id in ipairs(redis.call('ZRANGE', OPEN, 0, -1)) do
+        local slices, leased = job_key(id, 'slices'), {}
+        if redis.call('EXISTS', slices) == 1 then
+          leased = redis.call('XPENDING', slices, GROUP, '-', '+', 1000000)
+        end
+        for _, lease in ipairs(leased) do
+          local entry, worker, idle_ms = lease[1], lease[2], lease[3]
+          local found = redis.call('XRANGE', slices, entry, entry)[1]
+          if found and worker == 'nobody' then
+            redis.call('ZADD', job_key(id, 'lost'), found[2][2], entry)
+          else
+            redis.call('ZADD', LEASES, now_ms - idle_ms, id .. ' ' .. entry)
+          end
+        end
+        local planned = redis.call('HGET', job_key(id), 'planned') or 0
+        redis.call('HSET', job_key(id), 'leased', #leased, 'issued', planned)
+        changed[id] = true
+      end
+    """,
 }
 
 _CHECK: Final = """
@@ -66,6 +94,7 @@ while from and from < wanted and MIGRATIONS[from] do
 end
 if from ~= wanted then return version end
 for _, migrate in ipairs(path) do migrate() end
+file_changed()
 redis.call('SET', SCHEMA, ARGV[1])
 return ARGV[1]
 """
@@ -105,7 +134,7 @@ def await_checks(client: redis.Redis, store: Blobs, stop: threading.Event) -> No
 def _script(migrations: dict[int, str]) -> str:
     functions = (f"[{version}] = function() {lua} end" for version, lua in migrations.items())
     return (
-        f"{keys.LUA}\nlocal SCHEMA = '{keys.SCHEMA}'\n"
+        f"{keys.LUA}\n{_INDEX}\nlocal SCHEMA = '{keys.SCHEMA}'\n"
         f"local MIGRATIONS = {{{', '.join(functions)}}}\n{_CHECK}"
     )
 

@@ -1,6 +1,7 @@
 """The atomic scripts of ``farm/lua``, each opened by a comment that states its contract."""
 
 from collections.abc import Sequence
+from functools import cache
 from importlib.resources import files
 from typing import Any, Final
 
@@ -13,7 +14,7 @@ from farm.states import JOB_MOVES
 _LUA: Final = files("farm") / "lua"
 
 #: What every script may use, in this order.
-_SHARED: Final = ("prelude.lua", "outbox.lua")
+_SHARED: Final = ("waiting.lua", "prelude.lua", "outbox.lua")
 
 
 def _moves_in_lua() -> str:
@@ -26,11 +27,22 @@ def _moves_in_lua() -> str:
 
 
 def _whole(shared: str, script: str) -> str:
-    """The script as Redis runs it: wherever it returns, the outbox is filled after it."""
+    """The script as Redis runs it: wherever it returns, what it did is filed and told after it."""
     return (
         f"{shared}\nlocal function script()\n{script}\nend\n"
-        "local answer = script()\nfill_outbox()\nreturn answer\n"
+        "local answer = script()\nfile_changed()\nfill_outbox()\nreturn answer\n"
     )
+
+
+@cache
+def _texts() -> dict[str, str]:
+    """The scripts by name, each with what all of them share."""
+    shared = keys.LUA + _moves_in_lua() + "".join((_LUA / name).read_text() for name in _SHARED)
+    return {
+        file.name.removesuffix(".lua"): _whole(shared, file.read_text())
+        for file in _LUA.iterdir()
+        if file.name.endswith(".lua") and file.name not in _SHARED
+    }
 
 
 class Scripts:
@@ -38,12 +50,7 @@ class Scripts:
 
     def __init__(self, client: redis.Redis) -> None:
         self._redis = client
-        shared = keys.LUA + _moves_in_lua() + "".join((_LUA / name).read_text() for name in _SHARED)
-        self._scripts = {
-            file.name.removesuffix(".lua"): client.register_script(_whole(shared, file.read_text()))
-            for file in _LUA.iterdir()
-            if file.name.endswith(".lua") and file.name not in _SHARED
-        }
+        self._scripts = {name: client.register_script(text) for name, text in _texts().items()}
 
     def run(self, script: str, *arguments: str | int | float) -> Any:
         """What the script returns; its first comment says what that may be.

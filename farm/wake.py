@@ -1,10 +1,15 @@
 """Waking each other up: hints over pub/sub, so that nobody polls quickly and nobody waits long."""
 
+import threading
 import time
+from typing import Final
 
 import redis
 
 from farm.redis_link import unavailable_as_farm_error
+
+#: Between two looks whether a wait is to end; Redis is not asked for it.
+_STOP_LOOK_S: Final = 0.1
 
 
 class Wake:
@@ -15,8 +20,11 @@ class Wake:
         self._channel = channel
         self._subscribed = False
 
-    def wait(self, timeout_s: float) -> set[str]:
-        """The messages that arrived, after waiting up to `timeout_s` for the first."""
+    def wait(self, timeout_s: float, stop: threading.Event) -> set[str]:
+        """The messages that arrived, after waiting up to `timeout_s` for the first.
+
+        The wait ends soon after `stop` is set.
+        """
         with unavailable_as_farm_error():
             if not self._subscribed:
                 self._pubsub.subscribe(self._channel)
@@ -24,8 +32,9 @@ class Wake:
             heard: set[str] = set()
             deadline = time.monotonic() + timeout_s
             while True:
-                left = 0.0 if heard else max(0.0, deadline - time.monotonic())
-                message = self._pubsub.get_message(timeout=left)
+                over = heard or stop.is_set()
+                left = 0.0 if over else max(0.0, deadline - time.monotonic())
+                message = self._pubsub.get_message(timeout=min(left, _STOP_LOOK_S))
                 if message is not None:
                     heard.add(message["data"])
                 elif left == 0.0:

@@ -9,11 +9,13 @@ from pathlib import Path
 from types import TracebackType
 from typing import Final, TextIO
 
+from plateau.errors import PlateauError
+
 #: Processes of a tree that was killed outright need a moment to notice and leave.
 _LEAVING_S: Final = 10.0
 
 
-class InUse(Exception):
+class InUse(PlateauError):
     """Another process tree uses the data folder."""
 
 

@@ -4,31 +4,19 @@ from typing import Final
 
 from farm.bundle import BundleError
 from farm.errors import FarmError
-from plateau.client import ApiError, ClientError
-from plateau.data_folder import InUse
-from plateau.judge import CannotJudge
-from plateau.read_settings import BadSetting
-from plateau.study import CannotFit
-from plateau.tree import TreeFailed
 
 
-class CommandFailed(Exception):
+class PlateauError(Exception):
+    """What went wrong is not the program's fault; the message is all that a user needs."""
+
+
+class CommandFailed(PlateauError):
     """A command cannot do what was asked; the message says why and what to do."""
 
 
+# No module of weight is imported for this: every process of the farm looks here.
 #: Errors whose message is all that a user needs.
-EXPECTED: Final = (
-    BadSetting,
-    BundleError,
-    CannotFit,
-    CannotJudge,
-    ClientError,
-    CommandFailed,
-    FarmError,
-    InUse,
-    OSError,
-    TreeFailed,
-)
+EXPECTED: Final = (BundleError, FarmError, OSError, PlateauError)
 
 #: What the API's own hints are on the command line, by the kind of problem.
 _HINTS: Final = {
@@ -41,6 +29,8 @@ _HINTS: Final = {
 
 def in_words(error: BaseException) -> str:
     """What a command says of an error that is expected."""
+    from plateau.client import ApiError
+
     if isinstance(error, ApiError) and error.slug in _HINTS:
         return f"{str(error).partition(';')[0]}; {_HINTS[error.slug]}"
     if isinstance(error, OSError) and error.strerror and error.filename is not None:

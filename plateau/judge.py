@@ -21,11 +21,12 @@ from farm.errors import CorruptPartial
 from farm.exr import Pixels, decode_image, decode_partial
 from farm.job import CurvePoint
 from farm.spec import JobSpec
+from plateau.errors import PlateauError
 from service.judge import Judge
 from service.merge import Merge
 
 
-class CannotJudge(Exception):
+class CannotJudge(PlateauError):
     """The folder holds no series that can be judged; the message says why, in one line."""
 
 

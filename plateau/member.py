@@ -53,6 +53,7 @@ class Member:
         self._environment = environment
         self._inherited = inherited
         self._process: subprocess.Popen[bytes] | None = None
+        self._asked_to_stop = False
         self._started_at = 0.0
         self._start_after = 0.0
 
@@ -77,6 +78,7 @@ class Member:
                 pass_fds=(*self._inherited, *passed),
                 preexec_fn=die_with_parent(),
             )
+        self._asked_to_stop = False
         self._started_at = time.monotonic()
 
     def has_died(self) -> str | None:
@@ -96,9 +98,10 @@ class Member:
             self.start()
 
     def ask_to_stop(self) -> None:
-        """Send SIGTERM."""
-        if self._process is not None and self._process.poll() is None:
+        """Send SIGTERM, once: it may be on its way out, where a second one would end it."""
+        if self._process is not None and not self._asked_to_stop:
             self._process.terminate()
+            self._asked_to_stop = True
 
     def is_running(self) -> bool:
         """Whether it runs."""

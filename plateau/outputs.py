@@ -1,6 +1,7 @@
 """The files that a job leaves with its user."""
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final
 
@@ -13,12 +14,15 @@ from service.views import JobView
 _IMAGES: Final = ("image.exr", "image.png", "difference.png")
 
 
-def write_results(client: Client, job: JobView, folder: Path) -> dict[str, Any]:
+def write_results(
+    client: Client, job: JobView, folder: Path, *, when_fetched: Callable[[], None] | None = None
+) -> dict[str, Any]:
     """Write all that is known of an ended job into a folder; returns the summary as JSON.
 
     These are ``image.exr``, ``image.png`` and ``difference.png``, where the job has an image;
     ``curve.csv`` and ``curve.png``, where its curve has points; ``slices``, where it kept them, for
-    `plateau judge`; ``summary.txt`` and ``summary.json``.
+    `plateau judge`; ``summary.txt`` and ``summary.json``. `when_fetched` is called where nothing
+    more is asked of the service, and only drawing and writing is left.
     """
     folder.mkdir(parents=True, exist_ok=True)
     files = [folder / name for name in _IMAGES if _download(client, job.id, name, folder / name)]
@@ -28,6 +32,9 @@ def write_results(client: Client, job: JobView, folder: Path) -> dict[str, Any]:
     if points:
         files += [folder / "curve.csv", folder / "curve.png"]
         (folder / "curve.csv").write_text(client.curve_csv(job.id))
+    if when_fetched is not None:
+        when_fetched()
+    if points:
         plot_job(job, points, folder / "curve.png")
     files += [folder / "summary.txt", folder / "summary.json"]
     (folder / "summary.txt").write_text(words.summary(job) + "\n")

@@ -1,6 +1,8 @@
 """The curve as a picture: visible pixels over spp, and what is left to see."""
 
+import threading
 from collections.abc import Mapping
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -18,6 +20,13 @@ _LINE: Final = "#d1495b"
 _ESTIMATE: Final = "#6b4e9b"
 _STOP: Final = "#5a5a5a"
 _DPI: Final = 150
+
+
+def import_ahead() -> None:
+    """Import what plotting needs, in a thread: it takes half a second, which others may wait in."""
+    threading.Thread(
+        target=import_module, args=("matplotlib.figure",), name="imports", daemon=True
+    ).start()
 
 
 def plot_job(job: Job, points: list[CurvePoint], path: Path) -> None:

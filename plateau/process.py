@@ -1,5 +1,6 @@
 """What every process of the farm does around its work: checks, logs, and stops on a signal."""
 
+import gc
 import logging
 import os
 import signal
@@ -53,6 +54,7 @@ def run_until_signal(role: str, run: Work) -> None:
     _check_addresses(settings.redis_url, settings.blobs)
     log.set_up(role, settings.log_format)
     threading.excepthook = _end_with_its_thread
+    gc.freeze()  # what was imported stays: no look for garbage need stop at it
     stop = threading.Event()
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: stop.set())

@@ -3,9 +3,10 @@
 from pydantic import ValidationError
 
 from farm.settings import Settings
+from plateau.errors import PlateauError
 
 
-class BadSetting(Exception):
+class BadSetting(PlateauError):
     """A PLATEAU_… variable has a value that is not allowed."""
 
 

@@ -17,6 +17,7 @@ from typing import Final
 import numpy as np
 
 from metric import AnswersFit, LogitFit, fit_answers, fit_logit
+from plateau.errors import PlateauError
 
 #: The paper's thresholds: a difference is perceived by half of the observers, and by a tenth.
 PROBABILITIES: Final = (0.5, 0.1)
@@ -26,7 +27,7 @@ PROBABILITIES: Final = (0.5, 0.1)
 _ANSWERS: Final = frozenset({"scene", "observer", "spp", "seen"})
 
 
-class CannotFit(Exception):
+class CannotFit(PlateauError):
     """The table cannot be fitted; the message says where and why, in one line."""
 
 

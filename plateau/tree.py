@@ -5,16 +5,15 @@ import select
 import time
 from collections.abc import Callable
 from types import TracebackType
-from typing import Final
+from typing import Final, TextIO
 
 from farm.backoff import Backoff
 from farm.embedded import EmbeddedRedis
 from farm.errors import StoreUnavailable
-from farm.redis_link import connect
-from farm.schema import check_schema
 from farm.settings import Settings
 from plateau.data_folder import DataFolder
 from plateau.door import Door
+from plateau.errors import PlateauError
 from plateau.interrupts import Interrupts
 from plateau.member import Member, describe_exit
 
@@ -27,7 +26,7 @@ _TICK_S: Final = 0.05
 _REDIS_WELL_S: Final = 30.0
 
 
-class TreeFailed(Exception):
+class TreeFailed(PlateauError):
     """A process of the tree died and will not be started again."""
 
 
@@ -51,6 +50,8 @@ class Tree:
         Where the API listens, and for whom.
     tell
         Takes a line about what was started again.
+    is_temporary
+        Whether the data folder goes with the tree, so that nothing in it need outlive a power loss.
     most_deaths
         A process that dies so often in a row, each time within 30 s of its start, fails the
         tree; None to try for ever.
@@ -60,9 +61,9 @@ class Tree:
     SchemaMismatch
         On entering: the data folder holds another layout.
     TreeFailed
-        By `check`, and on entering, where the API does not start.
+        By `check`; by `await_api`, where the API does not start.
     KeyboardInterrupt
-        On entering: the interrupts were asked.
+        By `await_api`: the interrupts were asked.
     """
 
     def __init__(
@@ -75,6 +76,7 @@ class Tree:
         door: Door,
         tell: Callable[[str], None],
         most_deaths: int | None,
+        is_temporary: bool = False,
     ) -> None:
         self.url = ""
         self.blobs = settings.blobs or str(data.blobs.absolute())
@@ -86,10 +88,12 @@ class Tree:
         self._door = door
         self._tell = tell
         self._most_deaths = most_deaths
+        self._is_temporary = is_temporary
         self._redis: EmbeddedRedis | None = None
         self._redis_backoff = Backoff(0.5, 30.0)
         self._redis_start_at = 0.0  # not before that
         self._members: list[Member] = []
+        self._api_says: TextIO | None = None  # where the API writes its URL once it answers
 
     def __enter__(self) -> "Tree":
         try:
@@ -106,6 +110,17 @@ class Tree:
         traceback: TracebackType | None,
     ) -> None:
         self.stop()
+
+    def await_api(self) -> str:
+        """The API's URL, once it answers; to be called once, before `check`."""
+        api, says = self._members[0], self._api_says
+        if says is None:
+            raise ValueError("the tree is not entered")
+        with says:
+            self.url = self._wait_for_url(api, says)
+        api.arguments += ("--port", self.url.rpartition(":")[2])
+        self._data.note_url(self.url)
+        return self.url
 
     def check(self) -> None:
         """Start again what has died; to be called a few times a second."""
@@ -129,6 +144,14 @@ class Tree:
         elif time.monotonic() > self._redis_start_at + _REDIS_WELL_S:
             self._redis_backoff.reset()
 
+    def wind_down(self) -> None:
+        """Ask all but Redis to stop, and do not wait: there is nothing left for them to do.
+
+        `check` would start them again.
+        """
+        for member in self._members:
+            member.ask_to_stop()
+
     def stop(self) -> None:
         """Stop workers, monitor, API and Redis, in this order; by force what does not stop."""
         for role in ("worker", "monitor", "api"):
@@ -144,16 +167,34 @@ class Tree:
             for member in ones:
                 member.kill()
         self._members = []
+        if self._api_says is not None:
+            self._api_says.close()
         if self._redis is not None:
             self._redis.stop()
             self._redis = None
 
     def _start(self) -> None:
         if self._settings.redis_url is None:
-            self._redis = EmbeddedRedis(self._data.redis)
+            self._redis = EmbeddedRedis(self._data.redis, wait=False)
             self.redis_url = self._redis.url
-            with connect(self.redis_url) as client:
-                check_schema(client)
+        if self._is_temporary:  # the others take longer than Redis until they first ask for it
+            self._start_members()
+            self._await_redis()
+        else:  # nothing is written before Redis's folder is on the disk
+            self._await_redis()
+            self._start_members()
+
+    def _await_redis(self) -> None:
+        if self._redis is None:
+            return
+        self._redis.await_ready()
+        from farm.redis_link import connect
+        from farm.schema import check_schema
+
+        with connect(self.redis_url) as client:
+            check_schema(client)
+
+    def _start_members(self) -> None:
         api = self._member("api", ("api", *self._door.options()))
         others = [self._member("monitor", ("monitor",))]
         others += [
@@ -162,6 +203,7 @@ class Tree:
         ]
         self._members = [api, *others]
         reads, writes = os.pipe()
+        self._api_says = os.fdopen(reads)
         try:
             api.start(
                 passed=(writes,), more=("--port", str(self._door.port), "--ready-fd", str(writes))
@@ -170,9 +212,6 @@ class Tree:
             os.close(writes)
         for member in others:
             member.start()
-        self.url = self._wait_for_api(api, reads)
-        api.arguments += ("--port", self.url.rpartition(":")[2])
-        self._data.note_url(self.url)
 
     def _member(
         self, name: str, arguments: tuple[str, ...], environment: dict[str, str] | None = None
@@ -193,16 +232,15 @@ class Tree:
         share = max(1, len(os.sched_getaffinity(0)) // self._workers)
         return {"PLATEAU_THREADS": str(self._settings.threads or share)}
 
-    def _wait_for_api(self, api: Member, reads: int) -> str:
+    def _wait_for_url(self, api: Member, pipe: TextIO) -> str:
         """The URL that the API writes into its end of the pipe once it answers."""
         deadline = time.monotonic() + _API_START_S
-        with os.fdopen(reads) as pipe:
-            while not select.select([pipe], [], [], _TICK_S)[0]:
-                if self._interrupts.asked.is_set():
-                    raise KeyboardInterrupt
-                if time.monotonic() > deadline:
-                    raise TreeFailed(f"the API did not start; its log:\n{api.last_words()}")
-            url = pipe.readline().strip()
+        while not select.select([pipe], [], [], _TICK_S)[0]:
+            if self._interrupts.asked.is_set():
+                raise KeyboardInterrupt
+            if time.monotonic() > deadline:
+                raise TreeFailed(f"the API did not start; its log:\n{api.last_words()}")
+        url = pipe.readline().strip()
         if not url:  # it died, and its end was closed
             raise TreeFailed(f"the API did not start; its log:\n{api.last_words()}")
         return url

@@ -7,7 +7,6 @@ from typing import Final
 from farm.job import CurvePoint, Job
 from farm.spec import ReverseSpec, VisibleSpec
 from farm.states import JobState
-from metric.rules.reverse import EPSILON_PIXELS
 
 _MINUTE_S: Final = 60
 _HOUR_S: Final = 3600
@@ -78,6 +77,8 @@ def stop_slope(job: Job) -> float | None:
     """The slope at which the job's rule stops, in visible pixels per spp of its own image."""
     if not isinstance(job.spec.rule, ReverseSpec) or job.width is None or job.height is None:
         return None
+    from metric.rules.reverse import EPSILON_PIXELS  # with numpy: for those alone who ask
+
     return job.spec.rule.epsilon * job.width * job.height / EPSILON_PIXELS
 
 

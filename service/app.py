@@ -27,6 +27,7 @@ from service import (
     routes_jobs,
     routes_key,
     routes_page,
+    routes_previews,
     routes_report,
     routes_results,
     routes_scenes,
@@ -42,6 +43,7 @@ from service.log_fields import LogFields
 from service.metrics import Metrics
 from service.openapi import DescribedAPI, refuse_unknown_parameters
 from service.parts import Parts
+from service.point_images import PointImages
 from service.problem_handlers import add_problem_handlers
 from service.slashes import KeepSlashes
 from service.study_results import StudyResults
@@ -82,6 +84,7 @@ def create_app(
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:
         yield
         await hub.close()
+        points.close()
 
     app = DescribedAPI(
         title="Plateau",
@@ -97,7 +100,7 @@ def create_app(
         # A job shows the spec that it was given, so one description serves both ways.
         separate_input_output_schemas=False,
     )
-    studies = Studies(client)
+    studies, points = Studies(client), PointImages(blobs)
     parts = Parts(
         jobs=Jobs(client),
         scenes=SceneIndex(client),
@@ -106,6 +109,7 @@ def create_app(
         studies=studies,
         study_results=StudyResults(studies),
         blobs=blobs,
+        points=points,
         limits=BundleLimits(max_bytes=max_upload_bytes),
         hub=hub,
         outbox=Outbox(client),
@@ -121,6 +125,7 @@ def create_app(
         routes_continue,
         routes_results,
         routes_images,
+        routes_previews,
         routes_report,
         routes_scenes,
         routes_studies,

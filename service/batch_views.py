@@ -19,6 +19,7 @@ _LINKS: Final = {
     "cancel": f"{_ROOT}/cancel",
     "pause": f"{_ROOT}/pause",
     "resume": f"{_ROOT}/resume",
+    "guard": f"{_ROOT}/guard",
 }
 _OTHER_ID: Final = "9d01c2aa4be7"
 
@@ -155,4 +156,5 @@ def _links(name: str) -> dict[str, str]:
         "cancel": f"{root}/cancel",
         "pause": f"{root}/pause",
         "resume": f"{root}/resume",
+        "guard": f"{root}/guard",
     }

@@ -150,7 +150,11 @@ SCENE_FOUND: Final[dict[str, Any]] = {
 
 _ROOT: Final = f"/v1/jobs/{JOB_ID}"
 
-PREVIEW: Final[dict[str, Any]] = {"spp": 100, "link": f"{_ROOT}/previews/100.png"}
+PREVIEW: Final[dict[str, Any]] = {
+    "spp": 100,
+    "link": f"{_ROOT}/previews/100.png",
+    "linear": f"{_ROOT}/previews/100.exr",
+}
 
 JOB: Final[dict[str, Any]] = {
     "id": JOB_ID,
@@ -245,8 +249,13 @@ PROBLEM_DETAILS: Final = {
     "no pair 14",
     "not-your-study": "study 9c1f47be02d8 belongs to another key; it takes that key, or an admin's",
     "cannot-study": f"job {JOB_ID} did not keep its slices: submit with keep_slices",
-    "no-image-yet": f"job {JOB_ID} is queued; its first image comes a moment after the first point "
-    f"of its curve, which GET {_ROOT}/events announces",
+    "no-image-yet": f"job {JOB_ID} is queued; its first image comes a moment after its first "
+    f"slice, which GET {_ROOT}/events announces",
+    "unknown-point": f"job {JOB_ID} has no point at 130 spp: they are 100 spp apart, up to 400; "
+    f"GET {_ROOT}/previews lists the pictures to be had",
+    "cannot-merge": f"job {JOB_ID} keeps no picture of 300 spp, and did not keep its slices; "
+    f"GET {_ROOT}/previews lists the pictures to be had",
+    "busy": "8 images of points are waited for already; try again in 5 s",
     "unknown-delivery": f"job {JOB_ID} has no delivery 9; GET {_ROOT}/webhooks lists those it has",
     "unknown-slice": f"slice 15 of job {JOB_ID} is not stored; slices stay where the job's spec "
     "says keep_slices",

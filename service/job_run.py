@@ -18,6 +18,7 @@ from farm.states import MAX_TRIES, JobState
 from farm.totals import MonitorWork
 from service.checkpoints import Checkpoints
 from service.judge import Judge, Judgement
+from service.look_ahead import LookAhead
 from service.results import Results
 
 _LOG = logging.getLogger(__name__)
@@ -54,6 +55,7 @@ class JobRun:
         self._judge = Judge(job.spec)
         self._judgement: Judgement | None = None  # made, but not yet written down
         self._planned_stop = -1
+        self._look_ahead = LookAhead(job)
         self._results = Results(owned, owners, store, job.spec)
         self._checkpoints = Checkpoints(owned, owners, store, keep_slices=job.spec.keep_slices)
         self._merge = self._checkpoints.recover(job.spec.slice_spp, self._judge)
@@ -85,9 +87,12 @@ class JobRun:
         return False
 
     def _plan(self, look_ahead: int) -> None:
-        """Keep so many slices planned beyond the merged ones."""
-        stop = min(self._merge.slices + look_ahead, self._spec.max_slices)
-        if stop > self._planned_stop:
+        """Keep so many slices planned beyond the merged ones.
+
+        Not one by one, where they are many: Redis waits for its disk each time.
+        """
+        stop = self._look_ahead.stop(self._merge.slices, look_ahead)
+        if stop - self._planned_stop > (self._planned_stop - self._merge.slices) // 8:
             self._owners.plan(self.owned, range(self._merge.slices, stop))
             self._planned_stop = stop
 
@@ -102,9 +107,12 @@ class JobRun:
                 if not self._add(record):
                     return
                 self._checkpoints.note(record.blob)
+                if self._merge.slices == 1 and not self._jobs.results(self.owned.job_id):
+                    self._results.show(self._merge, self._judge)  # long before the first point
                 if self._spec.evaluates_at(self._merge.spp):
                     with self._work.evaluations.timed():
                         self._judgement = self._judge.judge(self._merge)
+                    self._look_ahead.expect(self._judgement.expected_spp)
                     break
 
     def _judged(self) -> bool:

@@ -1,12 +1,13 @@
 """Judges a job's merged image: the rule that ends it, the rules it watches, and the curve."""
 
+import math
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from farm.spec import JobSpec, VisibleSpec
+from farm.spec import FixedSpec, JobSpec, VisibleSpec
 from metric import (
     Estimate,
     Evidence,
@@ -46,6 +47,8 @@ class Judgement:
 
     point: dict[str, object]
     verdict: Verdict
+    #: At which spp the job's own rule is likely to end it; None where nothing tells.
+    expected_spp: int | None
 
 
 class Judge:
@@ -59,12 +62,15 @@ class Judge:
     def __init__(self, spec: JobSpec) -> None:
         self._metric = CompiledVisibleDifferences(View(**spec.view.model_dump()))
         self._own = spec.rule.name
+        self._fixed_spp = spec.rule.spp if isinstance(spec.rule, FixedSpec) else None
+        self._before: tuple[int, float] | None = None  # where its value was one evaluation ago
         self._min_spp, self._step = spec.min_spp or 0, spec.step
         self._rules: dict[str, Rule] = {
             rule.name: create_rule(**rule.model_dump()) for rule in (spec.rule, *spec.watch)
         }
         self._shown = tuple(self._rules)
         self._zones = spec.zones
+        self._curve_map: tuple[int, NDArray[np.bool_]] | None = None  # of the last evaluation
         self._target = next(
             (rule.target for rule in (spec.rule, *spec.watch) if isinstance(rule, VisibleSpec)),
             VisibleSpec().target,
@@ -83,18 +89,37 @@ class Judge:
             metric=self._metric,
         )
         verdicts = {name: rule.judge(evidence) for name, rule in self._rules.items()}
+        visible = verdicts["reverse"].visible
+        assert visible is not None  # it always judges a map
+        self._curve_map = (merge.spp, visible)
+        forecast = evidence.forecast(self._target)
         point = {
             "spp": merge.spp,
             **_curve(verdicts["reverse"]),
             **_estimate(evidence.estimate),
-            **_forecast(evidence.forecast(self._target)),
-            "zones": self._zone_fractions(verdicts["reverse"], evidence.estimate),
+            **_forecast(forecast),
+            "zones": self._zone_fractions(visible, evidence.estimate),
             "rules": {
                 name: {"value": verdicts[name].value, "stop": verdicts[name].stop}
                 for name in self._shown
             },
         }
-        return Judgement(point, self._not_too_early(verdicts[self._own], merge.spp))
+        own = verdicts[self._own]
+        expected = self._expected_spp(own, forecast, merge.spp)
+        return Judgement(point, self._not_too_early(own, merge.spp), expected)
+
+    def _expected_spp(self, own: Verdict, forecast: Forecast | None, spp: int) -> int | None:
+        """Where the rule is likely to stop: by the forecast, or by the way its value goes."""
+        before, self._before = self._before, None if own.value is None else (spp, own.value)
+        if self._fixed_spp is not None:
+            expected: int | None = self._fixed_spp
+        elif self._own == "visible":
+            expected = None if forecast is None else forecast.spp
+        elif before is None or own.value is None or own.limit is None:
+            expected = None
+        else:
+            expected = _crossing(before, (spp, own.value), own.limit)
+        return None if expected is None else max(expected, self._min_spp)
 
     def _not_too_early(self, verdict: Verdict, spp: int) -> Verdict:
         """The rule's verdict, which ends no job before its `min_spp`."""
@@ -108,16 +133,19 @@ class Judge:
 
     def visible_map(self, merge: Merge) -> NDArray[np.bool_] | None:
         """Where the merged image differs visibly from the first one of the curve."""
+        if self._curve_map is not None and self._curve_map[0] == merge.spp:
+            return self._curve_map[1]
         first = self._rules["reverse"].memory().images.get("first")
         if first is None:
             return None
         reference, test = (self._metric.percept(image) for image in (first, merge.image()))
         return self._metric.compare(reference, test).visible
 
-    def _zone_fractions(self, curve: Verdict, estimate: Estimate | None) -> dict[str, object]:
-        assert curve.visible is not None  # the reverse rule always judges a map
+    def _zone_fractions(
+        self, visible: NDArray[np.bool_], estimate: Estimate | None
+    ) -> dict[str, object]:
         return {
-            "visible_fraction": zone_fractions(curve.visible, self._zones).tolist(),
+            "visible_fraction": zone_fractions(visible, self._zones).tolist(),
             "estimate_fraction": None
             if estimate is None
             else zone_fractions(estimate.visible, self._zones).tolist(),
@@ -145,6 +173,16 @@ class Judge:
                 if image.startswith(f"{name}:")
             }
             rule.recall(Memory(numbers[name], own))
+
+
+def _crossing(before: tuple[int, float], now: tuple[int, float], limit: float) -> int | None:
+    """At which spp the line through two values comes down to the limit; None where it rises."""
+    (earlier, higher), (spp, value) = before, now
+    if value <= limit:
+        return spp
+    if value >= higher:
+        return None
+    return math.ceil(spp + (spp - earlier) * (value - limit) / (higher - value))
 
 
 # The fields of a point, as `farm.job.CurvePoint` has them.

@@ -55,7 +55,7 @@ class Merge:
     def image(self) -> Pixels:
         """The merged image: (height, width, 3) float32 linear radiance."""
         assert self._total is not None
-        return _normalised(self._total)
+        return normalised(self._total)
 
     def halves(self) -> tuple[tuple[Pixels, int], tuple[Pixels, int]] | None:
         """The images of the even- and of the odd-indexed slices, each with its spp."""
@@ -64,8 +64,8 @@ class Merge:
         odd = self.slices // 2
         even = self.slices - odd
         return (
-            (_normalised(self._even), even * self.slice_spp),
-            (_normalised(self._total - self._even), odd * self.slice_spp),
+            (normalised(self._even), even * self.slice_spp),
+            (normalised(self._total - self._even), odd * self.slice_spp),
         )
 
     def arrays(self) -> dict[str, NDArray[Any]]:
@@ -80,9 +80,19 @@ class Merge:
         return cls(slice_spp=slice_spp, slices=slices, _total=arrays["total"], _even=arrays["even"])
 
 
-def _normalised(film: NDArray[np.float64]) -> Pixels:
-    weights = film[..., 3:]
-    # A pixel that no sample has reached is black.
-    return np.divide(
-        film[..., :3], weights, out=np.zeros_like(film[..., :3]), where=weights != 0
-    ).astype(np.float32)
+def normalised(film: NDArray[np.float64]) -> Pixels:
+    """The (height, width, 3) float32 image of a (height, width, 4) float64 sum of films."""
+    weights = film[..., 3]
+    reached = weights != 0  # a pixel that no sample has reached is black
+    where = True if reached.all() else reached
+    image = np.zeros((*weights.shape, 3), np.float32)
+    # Channel by channel, for rows of one of them are a quarter of the time of rows of three.
+    for channel in range(3):
+        np.divide(
+            film[..., channel],
+            weights,
+            out=image[..., channel],
+            where=where,
+            casting="same_kind",
+        )
+    return image

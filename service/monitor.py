@@ -31,6 +31,8 @@ from service.webhooks import delivering
 _LOG = logging.getLogger(__name__)
 
 _IDLE_S: Final = 0.5  #: between two looks at the jobs, where no hint came
+_ROUNDS_SHARE: Final = 0.1  #: of a monitor's time, where looking at all of its jobs takes long,
+_LONGEST_IDLE_S: Final = 5.0  #: as far as this is not too long between two looks
 _ROUND_S: Final = 0.1  #: so long jobs are looked at of which no hint came, till those are that have
 _CENSUS_S: Final = 2.0  #: between two counts of the workers
 _RETRY_S: Final = (0.5, 10.0)  #: the first and the longest wait where something is away
@@ -65,8 +67,12 @@ class Monitor:
         self._owned: dict[str, Ownership] = {}
         self._runs: dict[str, JobRun] = {}
         self._waiting: dict[str, _Waiting] = {}  # jobs of ours whose blobs cannot be reached
+        self._others: set[str] = set()  # jobs that other monitors owned a moment ago
+        self._others_due = float("-inf")  # when they are asked for again
+        self._taken_at = float("-inf")  # when we last looked which jobs there are
         self._round: list[str] = []  # jobs of ours that are still to be looked at in this round
         self._round_due = float("-inf")  # when the next one begins
+        self._round_s = 0.0  # spent in this one
         self._workers = 0
         self._counted_at = float("-inf")
 
@@ -84,7 +90,7 @@ class Monitor:
             while not stop.is_set():
                 try:
                     self._look(hinted)
-                    hinted = self._wake.wait(0.0 if self._round else _IDLE_S)
+                    hinted = self._wake.wait(0.0 if self._round else _IDLE_S, stop)
                     backoff.reset()
                 except StoreUnavailable as error:
                     _LOG.warning("%s", error)
@@ -98,22 +104,48 @@ class Monitor:
         """Take the jobs that nobody owns, and bring ours forward: those first that a hint was of.
 
         All others have their turn in rounds, since hints may be lost. A round that takes long, as
-        it does where a thousand jobs wait, is broken off and gone on with after the next hints.
+        it does where a thousand jobs wait, is broken off and gone on with after the next hints; and
+        the next one is put off, so that a monitor whose jobs all wait has little to do.
         """
-        for job_id in self._owners.by_age(self._owners.unfinished() - self._owned.keys()):
-            owned = self._owners.acquire(job_id)
-            if owned is not None:
-                self._owned[job_id] = owned
+        self._take(hinted)
         look_ahead = self._look_ahead()
         for job_id in [one for one in self._owned if one in hinted]:
             self._bring_forward(job_id, look_ahead)
         now = time.monotonic()
         if not self._round and now >= self._round_due:
-            self._round, self._round_due = list(self._owned)[::-1], now + _IDLE_S
+            self._round, self._round_s = list(self._owned)[::-1], 0.0
         while self._round and time.monotonic() < now + _ROUND_S:
             job_id = self._round.pop()
             if job_id in self._owned and job_id not in hinted:
                 self._bring_forward(job_id, look_ahead)
+            if not self._round:
+                pause_s = (self._round_s + time.monotonic() - now) / _ROUNDS_SHARE
+                pause_s = min(max(_IDLE_S, pause_s), _LONGEST_IDLE_S)
+                self._round_due = time.monotonic() + pause_s
+        self._round_s += time.monotonic() - now
+
+    def _take(self, hinted: set[str]) -> None:
+        """Own the jobs that nobody owns.
+
+        Those that others own are asked for when they are given back, and now and then: a monitor
+        that died gives nothing back. So what one monitor does costs the others next to nothing.
+        """
+        now = time.monotonic()
+        free = {hint for hint in hinted if hint.startswith(keys.FREE)}
+        self._others -= {hint.removeprefix(keys.FREE) for hint in free}
+        if now >= self._others_due:
+            self._others, self._others_due = set(), now + self._lease_s / 3
+        elif now < self._taken_at + _IDLE_S and hinted <= self._owned.keys() | self._others:
+            return
+        self._taken_at = now
+        unknown = self._owners.unfinished() - self._owned.keys() - self._others
+        for job_id in self._owners.by_age(unknown):
+            owned = self._owners.acquire(job_id)
+            if owned is None:
+                self._others.add(job_id)
+            else:
+                self._owned[job_id] = owned
+                self._round.append(job_id)  # though no hint may be of it
 
     def _bring_forward(self, job_id: str, look_ahead: int) -> None:
         """Advance one job, unless it waits; where its blobs cannot be reached, others go on."""

@@ -18,6 +18,7 @@ from farm.studies import Studies
 from farm.webhooks import Outbox
 from farm.workers import Workers
 from service.event_hub import EventHub
+from service.point_images import PointImages
 from service.study_results import StudyResults
 from service.webhook_addresses import Receivers
 
@@ -35,6 +36,7 @@ class Parts:
     studies: Studies
     study_results: StudyResults
     blobs: Blobs
+    points: PointImages
     limits: BundleLimits
     hub: EventHub
     outbox: Outbox

@@ -6,8 +6,11 @@ from typing import Final
 from farm import blobs
 from farm.blobs import Blobs
 
-#: A job keeps so many pictures of its way at most.
-MOST: Final = 24
+#: A job keeps so many pictures of its way at most, and no more than so many bytes of them.
+MOST: Final = 256
+MOST_BYTES: Final = 64 << 20
+#: However large they are, it keeps so many.
+LEAST: Final = 24
 
 
 class Previews:
@@ -20,19 +23,19 @@ class Previews:
     def __init__(self, store: Blobs, job_id: str) -> None:
         self._blobs = store
         self._job_id = job_id
-        self._kept: list[int] | None = None
+        self._sizes: dict[int, int] | None = None
 
     def keep(self, spp: int, png: bytes) -> None:
-        """Keep a picture; where there are too many, the one that is missed least goes."""
-        if self._kept is None:
-            self._kept = kept(self._blobs, self._job_id)
+        """Keep a picture; where there are too many, those go that are missed least."""
+        if self._sizes is None:
+            listing = self._blobs.listing(blobs.previews(self._job_id))
+            self._sizes = {blobs.spp_of_preview(one.name): one.size for one in listing}
         self._blobs.put(blobs.preview(self._job_id, spp), png)
-        if spp not in self._kept:
-            self._kept = sorted([*self._kept, spp])
-        if len(self._kept) > MOST:
-            gone = missed_least(self._kept)
+        self._sizes[spp] = len(png)
+        while _are_too_many(self._sizes):
+            gone = missed_least(sorted(self._sizes))
             self._blobs.delete(blobs.preview(self._job_id, gone))
-            self._kept.remove(gone)
+            del self._sizes[gone]
 
 
 def kept(store: Blobs, job_id: str) -> list[int]:
@@ -48,3 +51,7 @@ def missed_least(spps: list[int]) -> int:
     ratios = [after / before for before, after in pairwise(spps)]
     gaps = [one * next_one for one, next_one in pairwise(ratios)]
     return spps[1 + gaps.index(min(gaps))]
+
+
+def _are_too_many(sizes: dict[int, int]) -> bool:
+    return len(sizes) > MOST or (len(sizes) > LEAST and sum(sizes.values()) > MOST_BYTES)

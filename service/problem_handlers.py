@@ -90,7 +90,7 @@ def add_problem_handlers(app: FastAPI) -> None:
             {"field": f"spec.{name}", "value": asked, "others": had}
             for name, asked, had in error.differs
         ]
-        detail = f"{error}; ask for the same, or name another batch"
+        detail = f"{error}; ask for the same, or name another batch" if error.joins else str(error)
         problem = Problem(
             problems.UNEVEN_BATCH, detail, batch=error.batch, job_id=error.job_id, differs=fields
         )

@@ -46,6 +46,7 @@ UNKNOWN_JOB: Final = ProblemType("unknown-job", 404, "There is no such job")
 UNKNOWN_WORKER: Final = ProblemType("unknown-worker", 404, "No such worker lives")
 UNKNOWN_BATCH: Final = ProblemType("unknown-batch", 404, "There is no such batch")
 NO_IMAGE_YET: Final = ProblemType("no-image-yet", 404, "The job has no image yet")
+UNKNOWN_POINT: Final = ProblemType("unknown-point", 404, "The curve has no such point")
 UNKNOWN_SLICE: Final = ProblemType("unknown-slice", 404, "The slice is not stored")
 UNKNOWN_DELIVERY: Final = ProblemType("unknown-delivery", 404, "The job has no such delivery")
 UNKNOWN_STUDY: Final = ProblemType("unknown-study", 404, "There is no such study")
@@ -57,6 +58,7 @@ CANNOT_CANCEL: Final = ProblemType("cannot-cancel", 409, "The job has already en
 CANNOT_PAUSE: Final = ProblemType("cannot-pause", 409, "The job is not rendering")
 CANNOT_RESUME: Final = ProblemType("cannot-resume", 409, "The job is not paused")
 CANNOT_CONTINUE: Final = ProblemType("cannot-continue", 409, "No job can go on with this one so")
+CANNOT_MERGE: Final = ProblemType("cannot-merge", 409, "That image cannot be made again")
 CANNOT_STUDY: Final = ProblemType("cannot-study", 409, "No study can be made so")
 UNEVEN_BATCH: Final = ProblemType("uneven-batch", 409, "The job would stop unlike its batch")
 JOB_ENDED: Final = ProblemType("job-ended", 409, "The job has ended and cannot be changed")
@@ -73,6 +75,7 @@ KEY_REUSED: Final = ProblemType(
 TOO_MANY_REQUESTS: Final = ProblemType("too-many-requests", 429, "The key asks too often")
 TOO_MANY_JOBS: Final = ProblemType("too-many-jobs", 429, "The key has too many open jobs")
 INTERNAL_ERROR: Final = ProblemType("internal-error", 500, "The service failed")
+BUSY: Final = ProblemType("busy", 503, "Too many ask for this at once")
 STORE_UNAVAILABLE: Final = ProblemType("store-unavailable", 503, "Redis or the blob store is away")
 
 #: Every type, by its slug.

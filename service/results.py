@@ -39,24 +39,29 @@ class Results:
         """Show the merged image, unless it is shown, or another was a moment ago."""
         if merge.spp == self._shown_spp or time.monotonic() < self._shown_at + _INTERVAL_S:
             return
-        pictures = self._pictures(merge, judge)
+        self.show(merge, judge)
+        self._shown_at = time.monotonic()
+
+    def show(self, merge: Merge, judge: Judge) -> None:
+        """Show the merged image."""
+        pictures = self._pictures(merge, judge, compressed=False)  # another comes in a moment
         written, before = self._put(merge.spp, pictures), self._shown
         self._owners.show_results(self._owned, written)
         if self._spec.evaluates_at(merge.spp):
             self._previews.keep(merge.spp, pictures["image.png"])
-        self._shown, self._shown_spp, self._shown_at = written, merge.spp, time.monotonic()
+        self._shown, self._shown_spp = written, merge.spp
         if before not in {None, written}:
             self._blobs.delete(*self._blobs.names(f"{before}/"))
 
     def write(self, merge: Merge, judge: Judge) -> str:
         """Write the pictures of the merged image; returns the set's name, which nobody sees yet."""
-        return self._put(merge.spp, self._pictures(merge, judge))
+        return self._put(merge.spp, self._pictures(merge, judge, compressed=True))
 
-    def _pictures(self, merge: Merge, judge: Judge) -> dict[str, bytes]:
+    def _pictures(self, merge: Merge, judge: Judge, *, compressed: bool) -> dict[str, bytes]:
         image, exposure_ev = merge.image(), self._spec.view.exposure_ev
         about: dict[str, str | int] = {"plateau:job": self._owned.job_id, "plateau:spp": merge.spp}
         pictures = {
-            "image.exr": encode_image(image, about),
+            "image.exr": encode_image(image, about, compressed=compressed),
             "image.png": encode_png(encode_srgb(image, exposure_ev)),
             "thumbnail.png": encode_png(thumbnail(image, exposure_ev)),
         }

@@ -82,6 +82,21 @@ def resume(name: BatchName, who: CallerOf, farm: _Farm) -> BatchSteered:
     return _steered(name, Steer.RESUME, who, farm)
 
 
+@router.post(
+    "/{name}/guard",
+    status_code=202,
+    responses=documented(problems.UNKNOWN_BATCH, problems.UNEVEN_BATCH, problems.NOT_YOUR_JOB),
+)
+def guard(name: BatchName, who: CallerOf, farm: _Farm) -> BatchView:
+    """Guard a batch against flicker: from now on it takes only jobs that stop as those it has.
+
+    Those have to stop alike already: 409 names one that does not, and in what. All of them have to
+    be the key's own, or it takes an admin's. Repeating it is harmless; it lasts as long as the
+    batch.
+    """
+    return batch_view(farm.batches.guard(name, who.check_may_steer))
+
+
 def _steered(name: str, steer: Steer, who: Caller, farm: Parts) -> BatchSteered:
     steered = farm.batches.steer(name, steer, by=who.name, may_touch=who.may_steer)
     return steered_view(name, steered)

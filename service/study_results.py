@@ -3,13 +3,15 @@
 import csv
 import io
 from collections import Counter
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from pydantic import BaseModel, ConfigDict, Field
 
 from farm.studies import Studies
 from farm.study import MOST_STUDIES, Answer, Observer, Study
-from metric import AnswersFit, fit_answers
+
+if TYPE_CHECKING:
+    from metric import AnswersFit
 
 _THRESHOLDS: Final = (0.5, 0.1)
 #: A fit to fewer answers would say nothing.
@@ -157,9 +159,11 @@ def _levels(study: Study, answers: list[Answer]) -> list[LevelResult]:
     return [found[spp] for spp in study.levels]
 
 
-def _fit(answers: list[Answer]) -> AnswersFit | None:
+def _fit(answers: list[Answer]) -> "AnswersFit | None":
     if len(answers) < _FEWEST or len({one.spp for one in answers}) < 2:
         return None
+    from metric import fit_answers  # here, since clients import this module for its models
+
     fit = fit_answers(
         [one.spp for one in answers],
         [one.seen for one in answers],
@@ -168,7 +172,7 @@ def _fit(answers: list[Answer]) -> AnswersFit | None:
     return fit if fit.a < 0 else None
 
 
-def _threshold(fit: AnswersFit, probability: float) -> Threshold:
+def _threshold(fit: "AnswersFit", probability: float) -> Threshold:
     low, high = fit.interval(probability) or (None, None)
     spp = fit.threshold(probability)
     return Threshold(probability=probability, spp=spp, low_spp=low, high_spp=high)

@@ -150,16 +150,19 @@ class SceneFound(SceneView):
 
 
 class Preview(BaseModel):
-    """A picture that a job keeps of its way."""
+    """A picture of a job's way."""
 
     model_config = ConfigDict(json_schema_extra=_shows(examples.PREVIEW))
 
     spp: int = Field(description="samples per pixel of the merged image that it shows")
     link: str = Field(description="path of the picture")
+    linear: str | None = Field(
+        description="path of the same as a linear EXR; null where the job did not keep its slices"
+    )
 
 
 class PreviewList(BaseModel):
-    """The pictures that a job keeps of its way."""
+    """The pictures that can be had of a job's way."""
 
     model_config = ConfigDict(json_schema_extra=_shows({"previews": [examples.PREVIEW]}))
 
@@ -207,6 +210,7 @@ def job_view(job: Job) -> JobView:
         "pause": f"{root}/pause",
         "resume": f"{root}/resume",
         "continue": f"{root}/continue",
+        "rejudge": f"{root}/rejudge",
         "webhooks": f"{root}/webhooks",
     }
     return JobView(**job.model_dump(), links=links)

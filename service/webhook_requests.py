@@ -17,7 +17,6 @@ from typing import Any, Final
 from urllib.parse import urlsplit
 
 import httpcore
-import httpx
 
 from farm.webhook_spec import SECRET_PREFIX
 from service.webhook_addresses import ReceiverRefused, Receivers
@@ -47,6 +46,8 @@ class Answer:
 
 def tls_context() -> ssl.SSLContext:
     """What certificates are verified by: certifi's authorities, or those of ``SSL_CERT_FILE``."""
+    import httpx  # a monitor starts sooner without it
+
     return httpx.create_ssl_context()
 
 

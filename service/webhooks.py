@@ -112,7 +112,7 @@ class Deliverer:
             try:
                 while (taken := self._take()) is not None:
                     self._start(taken)
-                self._wake.wait(self._look_s)
+                self._wake.wait(self._look_s, self._over)
                 backoff.reset()
             except StoreUnavailable as error:
                 _LOG.warning("webhooks wait: %s", error)

@@ -114,11 +114,13 @@ def _render(
 ) -> float | None:
     """Sum the passes, in order, in float64, into the film's file; None where a cancel came."""
     started = time.monotonic()
-    total = np.zeros(())
+    total = np.zeros(1)
     for spp, seed in request["passes"]:
         if requests.cancelled_id == request["id"]:
             return None
-        total = total + renderer.render_pass(spp, seed).astype(np.float64)
+        film = renderer.render_pass(spp, seed)
+        # In place: the cores wait for this between two passes.
+        total = np.add(total, film, out=total if total.shape == film.shape else None)
         answer("pass")
     with open(film_descriptor, "wb", closefd=False) as file:
         file.seek(0)

@@ -1,5 +1,6 @@
 """The render child that suits a lease, with the lease's scene loaded: kept from slice to slice."""
 
+from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
@@ -40,6 +41,11 @@ class RenderHost:
         self._child: RenderChild | None = None
         self._loaded: tuple[tuple[object, ...], Loaded] | None = None
         self._files: Path | None = None  # where the scene's files are
+
+    def warm_up(self, variant: str) -> None:
+        """Start a child, and do not wait for it, so that the first lease need not."""
+        with suppress(OSError):  # it shows when there is something to render
+            self._child_for(variant)
 
     def render(self, lease: Lease) -> Rendered:
         """The lease's slice, rendered.

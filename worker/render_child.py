@@ -80,6 +80,8 @@ class Loaded:
 class RenderChild:
     """A child process with Mitsuba in it, kept alive between slices.
 
+    Making one does not wait for it: that takes a second, in which others can do something.
+
     Every request raises `ChildDied` when the process ends or does not answer in time (its whole
     process group is killed then), and `SceneError` with Mitsuba's words. After `cancel`, called
     from another thread, the request under way raises `Cancelled`.
@@ -131,14 +133,21 @@ class RenderChild:
         self._readable = selectors.DefaultSelector()
         self._readable.register(ours, selectors.EVENT_READ)
         self._received = b""
-        unconfined = self._expect(_START_TIMEOUT_S, "starting")["unconfined"]
-        if unconfined is not None:
-            _LOG.warning("the render child may start processes and open sockets: %s", unconfined)
+        self._is_ready = False
 
     @property
     def pid(self) -> int:
         """The child's process id."""
         return self._process.pid
+
+    def await_ready(self) -> None:
+        """Return once the child has imported Mitsuba; `load` does this by itself."""
+        if self._is_ready:
+            return
+        unconfined = self._expect(_START_TIMEOUT_S, "starting")["unconfined"]
+        if unconfined is not None:
+            _LOG.warning("the render child may start processes and open sockets: %s", unconfined)
+        self._is_ready = True
 
     def load(self, folder: Path, entry: str, parameters: dict[str, str], sensor: int) -> Loaded:
         """Load a scene, which takes the place of the one before."""
@@ -151,6 +160,7 @@ class RenderChild:
                 "sensor": sensor,
             }
         )
+        self.await_ready()
         answer = self._expect(self._limits.load_timeout_s, "loading the scene")
         return Loaded(answer["width"], answer["height"], tuple(answer["notes"]))
 

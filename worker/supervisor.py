@@ -34,7 +34,7 @@ from worker.variants import VariantChoice, choose
 
 _LOG = logging.getLogger(__name__)
 
-_IDLE_S: Final = 0.5  #: between two looks for work, where no hint came
+_IDLE_S: Final = (0.5, 5.0)  #: the first and the longest between two looks for work without a hint
 _TURN_S: Final = 20.0  #: a worker keeps to its loaded scene for so long, then looks who waits
 _DRAIN_S: Final = 5.0  #: a stopping worker tries to commit what it has for so long
 _STOPS: Final = "the worker stops"
@@ -86,6 +86,7 @@ class Supervisor:
         for watcher in watchers:
             watcher.start()
         try:
+            self._host.warm_up(self._choice.variant)
             self._work()
         finally:
             self._host.close()
@@ -96,13 +97,13 @@ class Supervisor:
             self._sign_off()
 
     def _work(self) -> None:
-        work_there_is = Wake(self._client, keys.WAKE_WORKERS)
-        backoff = Backoff(*_RETRY_S)
+        work_there_is = Wake(self._client, keys.wake_worker(self.id))
+        backoff, idle = Backoff(*_RETRY_S), Backoff(*_IDLE_S)
         while not self._stop.is_set():
             try:
                 lease = self._next_lease()
-                if lease is None:
-                    work_there_is.wait(_IDLE_S)
+                if lease is not None or work_there_is.wait(idle.delay_s(), self._stop):
+                    idle.reset()
             except (StoreUnavailable, OSError) as error:
                 self._note(str(error))
                 self._stop.wait(backoff.delay_s())
@@ -197,7 +198,7 @@ class Supervisor:
         news = Wake(self._client, keys.WAKE_WORKERS)
         while not over.is_set():
             try:
-                heard = news.wait(0.5)
+                heard = news.wait(0.5, over)
             except StoreUnavailable:
                 over.wait(1.0)
                 continue

@@ -36,8 +36,8 @@ def plot_counts(series: Sequence[Measured], rules: Sequence[str], path: Path) ->
     path
         The PNG file.
     """
-    with _panels(series, path, "visible pixels") as panels:
-        for axes, one in zip(panels, series, strict=True):
+    with panels(_names(series), path, "visible pixels") as every:
+        for axes, one in zip(every, series, strict=True):
             for ink, name in zip(_INKS, rules, strict=False):
                 curve = one.curves[name]
                 counts = _numbers(curve.value if curve.visible[-1] is None else curve.visible)
@@ -50,8 +50,9 @@ def plot_counts(series: Sequence[Measured], rules: Sequence[str], path: Path) ->
 def plot_reverse(series: Sequence[Measured], path: Path) -> None:
     """Write the reverse curves and their regression coefficients, at both steps: figure 6."""
     names = [name for name in series[0].curves if name.startswith("reverse @")]
-    with _panels(series, path, "visible pixels against the first image") as panels:
-        for axes, one in zip(panels, series, strict=True):
+    label = "visible pixels against the first image"
+    with panels(_names(series), path, label) as every:
+        for axes, one in zip(every, series, strict=True):
             slopes = axes.twinx()
             slopes.set_yscale("log")
             slopes.tick_params(labelsize=7, colors="#808080")
@@ -71,8 +72,8 @@ def plot_truth(series: Sequence[Measured], path: Path) -> None:
 
     Both axes are logarithmic.
     """
-    with _panels(series, path, "pixels still visibly wrong") as panels:
-        for axes, one in zip(panels, series, strict=True):
+    with panels(_names(series), path, "pixels still visibly wrong") as every:
+        for axes, one in zip(every, series, strict=True):
             known = [
                 (spp, *estimate)
                 for spp, estimate in zip(one.spp, one.estimate, strict=True)
@@ -91,32 +92,40 @@ def plot_truth(series: Sequence[Measured], path: Path) -> None:
 
 
 @contextmanager
-def _panels(series: Sequence[Measured], path: Path, label: str) -> Iterator[Sequence[Axes]]:
-    """Offer one panel for each series, and write the picture when they are drawn."""
+def panels(
+    names: Sequence[str], path: Path, label: str, *, columns: int = 2
+) -> Iterator[Sequence[Axes]]:
+    """Offer one panel for each name, and write the picture when they are drawn.
+
+    The legend is the first panel's.
+    """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    columns = 2
-    rows = -(-len(series) // columns)
+    rows = -(-len(names) // columns)
     figure = Figure(figsize=(10, 2.5 * rows + 0.6), layout="constrained")
     FigureCanvasAgg(figure)
-    panels = list(figure.subplots(rows, columns, squeeze=False).flat)
-    for unused in panels[len(series) :]:
+    all_ = list(figure.subplots(rows, columns, squeeze=False).flat)
+    for unused in all_[len(names) :]:
         unused.set_axis_off()
-    panels = panels[: len(series)]
-    for axes, one in zip(panels, series, strict=True):
-        axes.set_title(one.name, fontsize=10, loc="left")
+    used = all_[: len(names)]
+    for axes, name in zip(used, names, strict=True):
+        axes.set_title(name, fontsize=10, loc="left")
         axes.grid(visible=True, color="#e8e8e8", linewidth=0.7)
         axes.set_axisbelow(True)
         axes.spines[["top", "right"]].set_visible(False)
         axes.tick_params(labelsize=8)
-    yield panels
+    yield used
     figure.supxlabel("samples per pixel (spp)", fontsize=9)
     figure.supylabel(label, fontsize=9)
-    handles, labels = panels[0].get_legend_handles_labels()
+    handles, labels = used[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper right", ncols=len(labels), fontsize=8)
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, dpi=_DPI)
+
+
+def _names(series: Sequence[Measured]) -> list[str]:
+    return [one.name for one in series]
 
 
 def _numbers(values: Sequence[float | None]) -> NDArray[np.float64]:

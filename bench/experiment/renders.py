@@ -46,11 +46,34 @@ class Rendered:
     #: The reference's EXR.
     reference: Path
 
+    @property
+    def parameters(self) -> dict[str, str]:
+        """Values of the scene's ``$parameters``."""
+        return _parameters(self.case, self.size)
+
 
 def rendered(case: Case, size: Size, data: Path, *, workers: int) -> Rendered:
     """Return the renders of a scene, made now where the folder does not have them yet."""
     series, reference = (_render(case, size, data, kind, workers=workers) for kind in _KINDS)
     return Rendered(case, size, series / "slices", reference / "image.exr")
+
+
+def longest(case: Case, pixels: int, data: Path) -> Size | None:
+    """Return the size of the longest renders of a scene that a folder has; None where it has none.
+
+    They are as many pixels across and down as asked for.
+    """
+    names = [f"{case.slug}-{pixels}-*-{kind}" for kind in _KINDS]
+    series, reference = (
+        {int(one.name.split("-")[-2]) for one in data.glob(name)} for name in names
+    )
+    both = series & reference
+    return Size(pixels, max(both)) if both else None
+
+
+def _parameters(case: Case, size: Size) -> dict[str, str]:
+    pixels = str(size.pixels)
+    return {"width": pixels, "height": pixels, "intensity": f"{case.intensity:g}"}
 
 
 def _render(case: Case, size: Size, data: Path, kind: str, *, workers: int) -> Path:
@@ -75,11 +98,7 @@ def _render(case: Case, size: Size, data: Path, kind: str, *, workers: int) -> P
     render(
         scenes.FOLDER / case.family,
         unfinished,
-        parameters={
-            "width": size.pixels,
-            "height": size.pixels,
-            "intensity": f"{case.intensity:g}",
-        },
+        parameters=_parameters(case, size),
         options=options,
     )
     print(f"{case.name}: took {time.monotonic() - started:.0f} s", file=sys.stderr)

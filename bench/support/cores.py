@@ -2,9 +2,43 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
+import resource
+import time
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import psutil
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+
+@dataclass
+class Taken:
+    """What a stretch of work took, once it is over."""
+
+    wall_s: float = 0.0
+    cpu_s: float = 0.0  #: of this process's children that ended meanwhile, and theirs
+    #: How much of the cores everything else took meanwhile, this machine's host included.
+    others: float = 0.0
+
+
+@contextmanager
+def timed() -> Iterator[Taken]:
+    """Yield what the context takes; its numbers are there when it is left."""
+    taken = Taken()
+    ours, all_, started = _children_cpu_s(), machine_cpu_s(), time.monotonic()
+    yield taken
+    taken.wall_s = time.monotonic() - started
+    taken.cpu_s = _children_cpu_s() - ours
+    cores = psutil.cpu_count() or 1
+    taken.others = max(0.0, machine_cpu_s() - all_ - taken.cpu_s) / (taken.wall_s * cores)
+
+
+def _children_cpu_s() -> float:
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
 
 
 def machine_cpu_s() -> float:

@@ -93,8 +93,11 @@ class ServiceFarm:
                 raise AssertionError(f"the farm did not start: {greeting}")
             greeting += line
         self.url = _said(r"listens at (\S+)", greeting)
-        self._client = connect(_said(r"PLATEAU_REDIS_URL=(\S+)", greeting))
+        self.redis_url = _said(r"PLATEAU_REDIS_URL=(\S+)", greeting)
+        self.blobs = _said(r"PLATEAU_BLOBS=(\S+)", greeting)
+        self._client = connect(self.redis_url)
         self.jobs = Jobs(self._client)
+        self.pid = self._process.pid
         return self
 
     def __exit__(

@@ -132,6 +132,12 @@ class Render:
             )
             yield spp, (sums.sum(axis=0) / spp).astype(np.float32), (even, odd)
 
+    def film(self, index: int, spp: int) -> NDArray[np.float32]:
+        """Return a slice's film before normalisation, (size, size, 4), by its index alone."""
+        total = self._sum(np.random.default_rng([self.seed, self.size, index]), spp)
+        weights = np.full((*total.shape[:2], 1), spp)
+        return np.concatenate([total, weights], axis=-1).astype(np.float32)
+
     def _sum(self, rng: np.random.Generator, spp: int) -> Array:
         light = SCENES[self.scene](self.size)
         noise = NOISES[self.noise](rng, light.shape, spp)

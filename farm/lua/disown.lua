@@ -3,6 +3,6 @@
 for i = 1, #ARGV, 2 do
   if owned(ARGV[i], ARGV[i + 1]) then
     redis.call('DEL', job_key(ARGV[i], 'owner'))
-    redis.call('PUBLISH', WAKE_MONITORS, ARGV[i])
+    redis.call('PUBLISH', WAKE_MONITORS, FREE .. ARGV[i])
   end
 end

@@ -6,8 +6,9 @@ local seen = redis.call('ZSCORE', WORKERS, worker)
 if not seen or now() - seen > tonumber(within_ms) then return 'missing' end
 if drains then
   redis.call('HSET', worker_key(worker), 'drained', '1')
+  redis.call('HDEL', IDLE, worker)
   return 'drained'
 end
 redis.call('HDEL', worker_key(worker), 'drained')
-redis.call('PUBLISH', WAKE_WORKERS, 'planned')
+redis.call('PUBLISH', wake_worker_key(worker), 'planned')
 return 'working'

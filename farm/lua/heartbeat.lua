@@ -12,6 +12,7 @@ for i = 4, #ARGV, 2 do
   local id, entry = ARGV[i], ARGV[i + 1]
   if holds(id, entry, worker) then
     redis.call('XCLAIM', job_key(id, 'slices'), GROUP, worker, 0, entry, 'JUSTID')
+    note_lease(id, entry)
   else
     gone[#gone + 1] = id
   end

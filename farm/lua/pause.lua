@@ -5,6 +5,7 @@ local id, reason = ARGV[1], ARGV[2]
 local moved, state = move(id, 'paused', reason)
 if not moved and state == 'queued' and ARGV[3] == '1' then
   if redis.call('HSETNX', job_key(id), 'held', 1) == 1 then
+    changed[id] = true
     redis.call('HSET', job_key(id), 'reason', reason)
     announce(id, 'state', cjson.encode({from = 'queued', to = 'queued', reason = reason}))
   end

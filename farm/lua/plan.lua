@@ -1,15 +1,14 @@
--- Plan the slices from `first` up to, not including, `stop`; a repeated call plans nothing twice.
--- ARGV: job, token, first, stop
+-- Plan the slices up to, not including, `stop`; a repeated call plans nothing twice. They come into
+-- the job's stream as they are leased, so to plan many costs no more than to plan one.
+-- ARGV: job, token, stop
 -- Returns 'planned', 'fenced' or 'ended'.
-local id, token, first, stop = ARGV[1], ARGV[2], tonumber(ARGV[3]), tonumber(ARGV[4])
+local id, token, stop = ARGV[1], ARGV[2], tonumber(ARGV[3])
 if not owned(id, token) then return 'fenced' end
 if not is_open(id) then return 'ended' end
 local planned = tonumber(redis.call('HGET', job_key(id), 'planned'))
-for index = math.max(first, planned), stop - 1 do
-  redis.call('XADD', job_key(id, 'slices'), '*', 'index', index)
-  planned = index + 1
-  redis.call('HINCRBY', job_key(id), 'ready', 1)
+if stop > planned then
+  redis.call('HSET', job_key(id), 'planned', stop)
+  redis.call('HINCRBY', job_key(id), 'ready', stop - planned)
+  changed[id], has_more[id] = true, true
 end
-redis.call('HSET', job_key(id), 'planned', planned)
-redis.call('PUBLISH', WAKE_WORKERS, 'planned')
 return 'planned'

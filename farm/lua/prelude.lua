@@ -51,6 +51,7 @@ local function move(id, target, reason)
   redis.call('HSET', job_key(id), 'state', target, 'reason', reason)
   redis.call('ZREM', in_state_key(state), id)
   redis.call('ZADD', in_state_key(target), redis.call('HGET', job_key(id), 'number'), id)
+  changed[id] = true
   announce(id, 'state', cjson.encode({from = state, to = target, reason = reason}))
   return true, state
 end
@@ -137,14 +138,55 @@ local function count_saved(id)
   count('samples saved', (cjson.decode(job[1]).max_spp - job[2]) * job[3] * job[4])
 end
 
+-- The slice of this entry needs nobody any more.
+local function drop_entry(id, entry)
+  if redis.call('XACK', job_key(id, 'slices'), GROUP, entry) == 1 then
+    redis.call('HINCRBY', job_key(id), 'leased', -1)
+    redis.call('ZREM', LEASES, id .. ' ' .. entry)
+    redis.call('ZREM', job_key(id, 'lost'), entry)
+    changed[id] = true
+  end
+  redis.call('XDEL', job_key(id, 'slices'), entry)
+end
+
+-- A worker has an entry of the job's stream from now on, or renews it.
+local function note_lease(id, entry)
+  redis.call('ZADD', LEASES, now(), id .. ' ' .. entry)
+  if redis.call('ZREM', job_key(id, 'lost'), entry) == 1 then changed[id] = true end
+end
+
+-- Nobody has it any more who lives: the next worker may take it, the job's lowest slice first.
+local function note_lost(id, entry)
+  redis.call('ZREM', LEASES, id .. ' ' .. entry)
+  local found = redis.call('XRANGE', job_key(id, 'slices'), entry, entry)[1]
+  if found then
+    redis.call('ZADD', job_key(id, 'lost'), found[2][2], entry)
+    changed[id], has_more[id] = true, true
+  else  -- it is pending and yet not in the stream, as Redis 6.2 can leave one
+    drop_entry(id, entry)
+  end
+end
+
+-- Nothing of the job is leased any more, nor will be.
+local function withdraw(id)
+  if redis.call('EXISTS', job_key(id, 'slices')) == 1 then
+    for _, lease in ipairs(redis.call('XPENDING', job_key(id, 'slices'), GROUP, '-', '+', 1e6)) do
+      redis.call('ZREM', LEASES, id .. ' ' .. lease[1])
+    end
+  end
+  redis.call('DEL', job_key(id, 'slices'), job_key(id, 'lost'))
+  redis.call('HSET', job_key(id), 'ready', 0, 'leased', 0)
+end
+
 -- Move a job to an end: what is not committed is withdrawn, and everyone is told.
 local function end_job(id, target, reason)
   local moved, state = move(id, target, reason)
   if not moved then return false, state end
   count('ended ' .. target)
   if target == 'converged' then count_saved(id) end
-  redis.call('HSET', job_key(id), 'ended_at', now(), 'ready', 0)
-  redis.call('DEL', job_key(id, 'slices'), job_key(id, 'deaths'), job_key(id, 'spoiled'))
+  redis.call('HSET', job_key(id), 'ended_at', now())
+  withdraw(id)
+  redis.call('DEL', job_key(id, 'deaths'), job_key(id, 'spoiled'))
   redis.call('ZREM', OPEN, id)
   local owner = redis.call('HGET', job_key(id), 'owner')
   if owner and owner ~= '' then redis.call('SREM', api_key_key(owner, 'open'), id) end
@@ -170,17 +212,11 @@ local function is_silent(lease_ms)
   return true
 end
 
--- The slice of this entry needs nobody any more.
-local function drop_entry(id, entry)
-  redis.call('XACK', job_key(id, 'slices'), GROUP, entry)
-  redis.call('XDEL', job_key(id, 'slices'), entry)
-end
-
 -- Put a leased slice back: nobody holds it, and the next worker may take it at once.
 local function put_back(id, entry, tries)
   redis.call('XCLAIM', job_key(id, 'slices'), GROUP, 'nobody', 0, entry,
              'IDLE', 86400000, 'RETRYCOUNT', tries, 'JUSTID')
-  redis.call('PUBLISH', WAKE_WORKERS, 'planned')
+  note_lost(id, entry)
 end
 
 -- The start or the end of a text in so many bytes, without half a character of UTF-8.

@@ -15,7 +15,7 @@ redis.call('ZREM', job_key(id, 'seeds'), string.format('%.0f-%.0f', record.first
 redis.call('HINCRBY', job, 'committed', -1)
 redis.call('XADD', job_key(id, 'slices'), '*', 'index', index)
 redis.call('HINCRBY', job, 'ready', 1)
+changed[id], has_more[id] = true, true
 announce(id, 'trouble', cjson.encode({index = tonumber(index), worker = record.worker, cause = ARGV[5]}))
 note_try(id, index, record.worker, 'rejected', ARGV[5], '', '')
-redis.call('PUBLISH', WAKE_WORKERS, 'planned')
 return redis.call('HINCRBY', job_key(id, 'spoiled'), index, 1)

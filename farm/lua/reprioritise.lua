@@ -6,6 +6,6 @@ if not is_open(id) then
   return {'illegal', redis.call('HGET', job_key(id), 'state') or 'missing'}
 end
 redis.call('ZADD', OPEN, priority, id)
+changed[id] = true
 redis.call('HSET', job_key(id), 'priority', priority)
-redis.call('PUBLISH', WAKE_WORKERS, 'planned')
 return {'changed'}

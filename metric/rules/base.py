@@ -114,6 +114,8 @@ class Verdict:
     numbers: dict[str, float | None]
     #: The verdict in plain words, numbers included.
     reason: str
+    #: What `value` must come down to; None where the rule waits for something else.
+    limit: float | None = None
     #: The map of visible pixels that was judged, (H, W) bool, where there is one.
     visible: Mask | None = field(default=None, repr=False, compare=False)
 

@@ -148,6 +148,7 @@ def verdict_on(
     return Verdict(
         stop=stop,
         value=float(visible),
+        limit=allowed,
         numbers={
             "visible_pixels": float(visible),
             "visible_fraction": visible / evidence.pixels,

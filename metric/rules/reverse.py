@@ -91,6 +91,7 @@ class Reverse(Rule):
         return Verdict(
             stop=slope is not None and slope <= epsilon,
             value=slope,
+            limit=epsilon,
             numbers={
                 "visible_pixels": float(difference.count),
                 "visible_fraction": difference.fraction,

@@ -69,6 +69,7 @@ class Visible(Rule):
         return Verdict(
             stop=passed and on_trend and evidence.spp >= self.min_spp,
             value=None if pixels is None else pixels / evidence.pixels,
+            limit=allowed / evidence.pixels,
             numbers={
                 "estimate_pixels": pixels,
                 "low_pixels": None if estimate is None else estimate.low_pixels,

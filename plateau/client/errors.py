@@ -13,8 +13,10 @@
 
 from typing import Any
 
+from plateau.errors import PlateauError
 
-class ClientError(Exception):
+
+class ClientError(PlateauError):
     """A call to the service did not succeed; the message says what to do."""
 
 

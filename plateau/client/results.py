@@ -65,7 +65,7 @@ class ResultCalls(Calls):
         Raises
         ------
         ApiError
-            ``unknown-job``; ``no-image-yet`` before the first point of its curve.
+            ``unknown-job``; ``no-image-yet`` before its first slice is merged.
         """
         return self._transport.send("GET", f"/v1/jobs/{job_id}/{name}").content
 
@@ -80,7 +80,7 @@ class ResultCalls(Calls):
         Raises
         ------
         ApiError
-            ``unknown-job``; ``no-image-yet`` before the first point of its curve.
+            ``unknown-job``; ``no-image-yet`` before its first slice is merged.
         """
         from farm.exr import decode_image
 

@@ -7,26 +7,23 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Final
-
-from rich.console import Console
+from typing import TYPE_CHECKING, Final
 
 from farm.bundle import inspect_bundle
 from farm.spec import JobSpec
 from farm.states import JobState
-from plateau import words
-from plateau.client import ApiError, Client
 from plateau.data_folder import DataFolder, is_in_use
 from plateau.door import Door
 from plateau.exits import ExitCode
-from plateau.follow import follow
 from plateau.interrupts import Interrupts
-from plateau.outputs import write_results
 from plateau.packing import pack
-from plateau.progress import Progress, progress_on
 from plateau.read_settings import read_settings
 from plateau.tree import Tree
-from service.views import JobView
+
+if TYPE_CHECKING:
+    from plateau.client import Client
+    from plateau.progress import Progress
+    from service.views import JobView
 
 _PREFIX: Final = "plateau-render-"
 _MOST_DEATHS: Final = 3
@@ -62,23 +59,31 @@ def render(
     settings = asked.model_copy(
         update={"redis_url": None, "blobs": None, "threads": threads or asked.threads}
     )
-    shown = progress_on(Console(stderr=True), curve=curve)
     with Interrupts() as interrupts, _temporary_data() as data:
         try:
-            with (
-                Tree(
-                    settings,
-                    data,
-                    interrupts,
-                    workers=workers,
-                    door=Door(open_to_all=True),  # nobody else knows of it
-                    tell=shown.note,
-                    most_deaths=_MOST_DEATHS,
-                ) as tree,
-                Client(tree.url, patience_s=_PATIENCE_S) as client,
-            ):
-                job = _run(client, scene, spec, tree, interrupts, shown)
-                about = write_results(client, job, out)
+            with Tree(
+                settings,
+                data,
+                interrupts,
+                workers=workers,
+                door=Door(open_to_all=True),  # nobody else knows of it
+                tell=lambda line: shown.note(line),
+                most_deaths=_MOST_DEATHS,
+                is_temporary=True,
+            ) as tree:
+                # Imported while the tree's processes start.
+                from rich.console import Console
+
+                from plateau import words
+                from plateau.client import Client
+                from plateau.outputs import write_results
+                from plateau.progress import progress_on
+
+                shown = progress_on(Console(stderr=True), curve=curve)
+                with Client(tree.await_api(), patience_s=_PATIENCE_S) as client:
+                    job = _run(client, scene, spec, tree, interrupts, shown)
+                    # Nothing is asked of the tree while the curve is drawn: it stops meanwhile.
+                    about = write_results(client, job, out, when_fetched=tree.wind_down)
         except KeyboardInterrupt:
             return interrupts.exit_code
 
@@ -95,15 +100,20 @@ def render(
 
 
 def _run(
-    client: Client,
+    client: "Client",
     scene: Path,
     spec: JobSpec,
     tree: Tree,
     interrupts: Interrupts,
-    shown: Progress,
-) -> JobView:
+    shown: "Progress",
+) -> "JobView":
     """The job, submitted and followed to its end; the first interrupt cancels it."""
+    from plateau.client import ApiError
+    from plateau.follow import follow
+    from plateau.plot import import_ahead
+
     job = client.submit(scene, spec)
+    import_ahead()
     cancelled = False
 
     def tick() -> None:

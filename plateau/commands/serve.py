@@ -40,6 +40,7 @@ def up(door: Door, *, workers: int) -> int:
                 tell=_tell,
                 most_deaths=None,
             ) as tree:
+                tree.await_api()
                 _greet(tree, data, door, workers)
                 while not interrupts.asked.wait(_TICK_S):
                     tree.check()

@@ -2,7 +2,8 @@
 
 import { send } from "./api.js";
 import { complain, confirmed, h, say, setAttribute } from "./dom.js";
-import { maySteer } from "./me.js";
+import { showGuard } from "./guard.js";
+import { maySteer, maySubmit } from "./me.js";
 import { ENDED, title, whole } from "./words.js";
 
 /** Does something and says so; what the API refuses is shown in its words. */
@@ -13,7 +14,7 @@ export async function attempt(work, done, refresh) {
     complain("");
     await refresh();
   } catch (error) {
-    complain(error.message);
+    complain(error.message, true);
   }
 }
 
@@ -67,12 +68,14 @@ export function jobMenu(jobNow, refresh) {
     });
 }
 
-/** A menu of what can be done to a whole batch. */
-export function batchMenu(batch, jobsNow, refresh) {
+/** A menu of what can be done to a whole batch; `nameOf(id)` is what its jobs are called. */
+export function batchMenu(batch, jobsNow, nameOf, refresh) {
   const menu = menuButton(
     (close) => {
       const states = new Set(jobsNow().filter((job) => !ENDED.has(job.state)).map((job) => job.state));
-      if (!states.size) return [h("p", {}, "All its jobs have ended.")];
+      const guard = h("button", { onclick: () => { close(); showGuard(batch, nameOf); } }, "Will it flicker?");
+      if (!states.size) return [h("p", {}, "All its jobs have ended."), guard];
+      if (!maySubmit()) return [guard];
       const all = (what) => send("POST", `/v1/batches/${encodeURIComponent(batch)}/${what}`);
       const button = (text, what, done) => h("button", { onclick: () => {
         close();
@@ -88,6 +91,7 @@ export function batchMenu(batch, jobsNow, refresh) {
             await attempt(() => all("cancel"), `${batch} is cancelled`, refresh);
           }
         } }, "Cancel all"),
+        guard,
       ];
     });
   menu.name(`Actions for the batch ${batch}`);

@@ -2,7 +2,7 @@
 
 import { batchMenu } from "./actions.js";
 import { h, KeyedList, setAttribute, setText } from "./dom.js";
-import { JobRow } from "./job_row.js";
+import { JobRow, nameOf } from "./job_row.js";
 import { several } from "./words.js";
 
 const MANY = 6;
@@ -21,19 +21,24 @@ export class BatchGroup {
       h("summary", {}, h("span", { class: "batch-name" }, group.batch), this.#counts),
       list);
     this.element = h("li", { class: "batch" }, this.#details,
-      batchMenu(this.#batch, () => this.#jobs, refresh).element);
+      batchMenu(this.#batch, () => this.#jobs, (id) => this.#nameOf(id), refresh).element);
     this.#rows = new KeyedList(list, () => new JobRow({ signal, refresh, visible }));
   }
 
   update({ jobs }) {
-    this.#jobs = jobs;
     const counts = new Map();
     for (const { state } of jobs) counts.set(state, (counts.get(state) ?? 0) + 1);
     const states = [...counts].map(([state, count]) => `${count} ${state}`).join(", ");
     setText(this.#counts, `${several(jobs.length, "job")}: ${states}`);
     setAttribute(this.element, "data-batch", this.#batch);
     const differing = namesOfDiffering(jobs);
-    this.#rows.show(jobs.map((job) => ({ ...job, told: told(job, differing) })), (job) => job.id);
+    this.#jobs = jobs.map((job) => ({ ...job, told: told(job, differing) }));
+    this.#rows.show(this.#jobs, (job) => job.id);
+  }
+
+  #nameOf(id) {
+    const job = this.#jobs.find((one) => one.id === id);
+    return job ? nameOf(job) : id;
   }
 }
 

@@ -2,8 +2,9 @@
 
 import { colours, compact, decades, fromZero } from "./chart_axes.js";
 import { drawForecast, drawLevel, drawStops, forecastOf, stopsOf } from "./chart_marks.js";
+import { PointTable, told } from "./chart_points.js";
 import { h, say, setText } from "./dom.js";
-import { pixels, percent, rulesOf, stopSlope, three, whole } from "./words.js";
+import { rulesOf, stopSlope, three, whole } from "./words.js";
 import uPlot from "./vendor/uPlot.esm.js";
 
 const HEIGHT_ABOVE = 250;
@@ -20,7 +21,8 @@ export class CurveChart {
   #below = h("div", { class: "plot" });
   #readout = h("p", { class: "readout" });
   #slope = h("span", { class: "slope" });
-  #table = h("tbody");
+  #table = new PointTable();
+  #drawn = "";
   #logX = toggle("spp", false, () => this.#build());
   #logAbove = toggle("different", false, () => this.#build());
   #logBelow = toggle("still visible", true, () => this.#build());
@@ -47,11 +49,7 @@ export class CurveChart {
           button("−", "Zoom out", () => this.#zoomBy(2)), button("+", "Zoom in", () => this.#zoomBy(0.5)),
           button("All", "Show all of the curve", () => this.#zoomTo(null)))),
       this.#host, this.#readout,
-      h("details", { class: "points" }, h("summary", {}, "The points as a table"),
-        h("div", { class: "scroll", tabindex: 0, role: "group", "aria-label": "The points of the curve" },
-          h("table", {}, h("thead", {}, h("tr", {},
-            ...["spp", "visible", "slope", "still visible", "between", "forecast"].map((name) => h("th", { scope: "col" }, name)))),
-          this.#table))));
+      this.#table.element);
     this.element = h("section", { class: "curve", "aria-labelledby": "curve-title" },
       h("h2", { id: "curve-title" }, "Its way to the plateau"), this.#empty, this.#full);
     const observer = new ResizeObserver(() => this.#resize());
@@ -75,6 +73,10 @@ export class CurveChart {
         : `The curve begins at its first step, ${whole(job.spec.step)} spp.`);
       return;
     }
+    // Most looks bring nothing new.
+    const drawn = `${points.length} ${job.state}`;
+    if (!rebuild && drawn === this.#drawn) return;
+    this.#drawn = drawn;
     if (rebuild) this.#build();
     else this.#update();
     this.#words();
@@ -225,12 +227,7 @@ export class CurveChart {
     const aim = rule ? `; reverse waits for ${three(stopSlope(this.#job, rule))}` : "";
     setText(this.#slope, slope == null ? "" : `: rising by ${three(slope)} px/spp${aim}`);
     if (this.#at == null) this.#read(null);
-    this.#table.replaceChildren(...this.#points.map((point) => h("tr", {},
-      h("th", { scope: "row" }, whole(point.spp)),
-      ...[whole(point.visible_pixels), point.slope == null ? "–" : three(point.slope),
-        point.estimate_pixels == null ? "–" : pixels(point.estimate_pixels),
-        point.estimate_low_pixels == null ? "–" : `${pixels(point.estimate_low_pixels)} – ${pixels(point.estimate_high_pixels)}`,
-        point.forecast_spp == null ? "–" : `${whole(point.forecast_spp)} spp`].map((text) => h("td", {}, text)))));
+    this.#table.show(this.#points);
   }
 
   #read(index) {
@@ -275,15 +272,4 @@ function toggle(name, checked, act) {
 
 function line(stroke) {
   return { stroke, width: 2, points: { show: true, size: 6, fill: stroke } };
-}
-
-function told(point) {
-  const parts = [`${whole(point.spp)} spp`,
-    `${pixels(point.visible_pixels)} px (${percent(point.visible_fraction)}) differ from the first image`];
-  if (point.slope != null) parts.push(`slope ${three(point.slope)} px/spp`);
-  if (point.estimate_pixels != null) {
-    const band = point.estimate_low_pixels == null ? "" : ` (${pixels(point.estimate_low_pixels)} to ${pixels(point.estimate_high_pixels)})`;
-    parts.push(`${pixels(point.estimate_pixels)} px${band} still visible`);
-  }
-  return parts.join(" · ");
 }

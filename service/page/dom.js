@@ -70,8 +70,12 @@ export function say(text) {
   setText(document.getElementById("said"), text);
 }
 
+/** Whether what is wrong is what somebody asked for: they may not have read it as the next look goes well. */
+let lasting = false;
+
 /** Shows what is wrong at the foot of the window; "" when all is well again. */
-export function complain(text) {
+export function complain(text, lasts = false) {
+  lasting = lasts;
   const place = document.getElementById("trouble");
   setText(place, text);
   place.hidden = !text;
@@ -113,7 +117,7 @@ export async function repeat(work, everyMs, signal) {
   while (!signal.aborted) {
     try {
       await work();
-      complain("");
+      if (!lasting) complain("");
     } catch (error) {
       if (signal.aborted) return;
       complain(error.message);

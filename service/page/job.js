@@ -9,6 +9,7 @@ import { goOnButton } from "./go_on.js";
 import { studyButton } from "./make_study.js";
 import { maySteer } from "./me.js";
 import { Records } from "./records.js";
+import { rejudgeButton } from "./rejudge.js";
 import { reasonInWords } from "./reason.js";
 import { Viewer } from "./viewer.js";
 import { ago, ENDED, timeLeft, title, took, whole } from "./words.js";
@@ -42,7 +43,8 @@ export function open(main, { id, signal, go }) {
       reason, progress),
     h("div", { class: "pair" }, viewer.element, chart.element),
     facts.element, records.element);
-  const absent = h("div", { class: "nothing", hidden: true });
+  // Until the job is here, its place has a name for who listens.
+  const absent = h("div", { class: "nothing" }, h("h1", { class: "unseen" }, "A job"));
   main.append(screen, absent);
 
   async function look() {
@@ -67,6 +69,7 @@ export function open(main, { id, signal, go }) {
 
   function show(job) {
     screen.hidden = false;
+    absent.hidden = true;
     document.title = `${title(job)}: ${job.state} · Plateau`;
     setText(name, title(job));
     setText(state, job.state);
@@ -92,7 +95,7 @@ export function open(main, { id, signal, go }) {
     const kind = `${job.state} ${job.spec.priority} ${job.finished_at ?? ""} ${maySteer(job)}`;
     if (kind !== shown) {
       shown = kind;
-      actions.replaceChildren(...[goOnButton(job, go), studyButton(job, go), ...controls(job, look)].filter(Boolean));
+      actions.replaceChildren(...[goOnButton(job, go), rejudgeButton(job, go), studyButton(job, go), ...controls(job, look)].filter(Boolean));
     }
     chart.show(job, points);
     facts.show(job);

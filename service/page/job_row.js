@@ -71,7 +71,7 @@ export class JobRow {
     setAttribute(this.element, "data-state", state);
     setAttribute(this.element, "data-job", job.id);
     setAttribute(this.#name, "href", `/jobs/${job.id}`);
-    const name = [title(job), job.told].filter(Boolean).join(", ");
+    const name = nameOf(job);
     setText(this.#name, name);
     this.#menu.name(`Actions for ${name}`);
     setText(this.#state, state);
@@ -120,6 +120,11 @@ export class JobRow {
     }
     this.#image.hidden = false;
   }
+}
+
+/** What a job is called in a list: with what tells it from the others of its batch. */
+export function nameOf(job) {
+  return [title(job), job.told].filter(Boolean).join(", ");
 }
 
 function who(job) {

@@ -3,10 +3,10 @@
 import { get } from "./api.js";
 import { BatchGroup } from "./batch_group.js";
 import { h, KeyedList, repeat, setText } from "./dom.js";
+import { JobFeed } from "./job_feed.js";
 import { JobRow } from "./job_row.js";
 import { ENDED, several } from "./words.js";
 
-const PAGE = 50;
 const BUSY_MS = 2000;
 const CALM_MS = 3000;
 const STATES = ["rendering", "queued", "paused", "converged", "exhausted", "cancelled", "failed"];
@@ -14,7 +14,8 @@ const STATES = ["rendering", "queued", "paused", "converged", "exhausted", "canc
 export function open(main, { signal, go }) {
   document.title = "Jobs · Plateau";
   const asked = new URLSearchParams(location.search);
-  const state = { jobs: [], next: null, workers: [] };
+  const feed = new JobFeed(asked, signal);
+  let workers = [];
 
   const summary = h("p", { class: "summary", "aria-live": "polite" });
   const states = filter("State", "state", [["", "any state"], ...STATES.map((one) => [one, one])]);
@@ -63,51 +64,30 @@ export function open(main, { signal, go }) {
     return { label, offer };
   }
 
-  async function page(cursor) {
-    const query = new URLSearchParams({ limit: PAGE });
-    for (const field of ["state", "batch"]) if (asked.get(field)) query.set(field, asked.get(field));
-    if (cursor) query.set("cursor", cursor);
-    return get(`/v1/jobs?${query}`, signal);
-  }
-
   async function refresh() {
-    const [first, { workers }] = await Promise.all([page(), get("/v1/workers", signal)]);
-    const newest = new Set(first.jobs.map((job) => job.id));
-    const before = state.jobs.filter((job) => !newest.has(job.id));
-    const wasLonger = state.jobs.length > PAGE && before.length;
-    // Older ones that are still under way are few: each is asked for by itself.
-    const older = wasLonger ? await Promise.all(before.map(current)) : [];
-    if (!wasLonger) state.next = first.next_cursor;
-    state.jobs = [...first.jobs, ...older];
-    state.workers = workers;
+    const [, { workers: alive }] = await Promise.all([feed.refresh(), get("/v1/workers", signal)]);
+    workers = alive;
     show();
   }
 
-  async function current(job) {
-    return ENDED.has(job.state) && job.finished_at ? job : get(job.links.self, signal).catch(() => job);
-  }
-
   async function older() {
-    const next = await page(state.next);
-    const known = new Set(state.jobs.map((job) => job.id));
-    state.jobs.push(...next.jobs.filter((job) => !known.has(job.id)));
-    state.next = next.next_cursor;
+    await feed.older();
     show();
   }
 
   function show() {
     const serving = new Map();
-    for (const { job } of state.workers) if (job) serving.set(job, (serving.get(job) ?? 0) + 1);
-    for (const job of state.jobs) job.serving = serving.get(job.id) ?? 0;
-    rows.show(grouped(state.jobs), (item) => (item.batch ? `batch ${item.batch}` : item.id));
-    batches.offer([...new Set(state.jobs.map((job) => job.spec.batch).filter(Boolean))].map((one) => [one, one]));
-    setText(summary, summed(state));
-    more.hidden = !state.next;
-    nothing.hidden = state.jobs.length > 0;
+    for (const { job } of workers) if (job) serving.set(job, (serving.get(job) ?? 0) + 1);
+    for (const job of feed.jobs) job.serving = serving.get(job.id) ?? 0;
+    rows.show(grouped(feed.jobs), (item) => (item.batch ? `batch ${item.batch}` : item.id));
+    batches.offer([...new Set(feed.jobs.map((job) => job.spec.batch).filter(Boolean))].map((one) => [one, one]));
+    setText(summary, summed(feed, workers));
+    more.hidden = !feed.next;
+    nothing.hidden = feed.jobs.length > 0;
     if (!nothing.hidden && !nothing.firstChild) nothing.append(...emptiness(asked.size > 0));
   }
 
-  repeat(refresh, () => (state.jobs.some((job) => !job.finished_at) ? BUSY_MS : CALM_MS), signal);
+  repeat(refresh, () => (feed.jobs.some((job) => !job.finished_at) ? BUSY_MS : CALM_MS), signal);
 }
 
 /** The jobs in their order, those of one batch together where its newest one is. */
@@ -126,7 +106,7 @@ function grouped(jobs) {
   return items;
 }
 
-function summed({ jobs, workers, next }) {
+function summed({ jobs, next }, workers) {
   const counts = STATES.slice(0, 3)
     .map((state) => [state, jobs.filter((job) => job.state === state).length])
     .filter(([, count]) => count)

@@ -3,7 +3,10 @@
 import { get, send } from "./api.js";
 import { h, setText } from "./dom.js";
 import { maySubmit } from "./me.js";
-import { title, whole } from "./words.js";
+import { roughly, several, title, whole } from "./words.js";
+
+/** To read and add a slice takes about so long for each pixel, in seconds. */
+const A_PIXEL_S = 6e-8;
 
 /** A button that asks what is to be compared; null where nothing can be. */
 export function studyButton(job, go) {
@@ -12,6 +15,7 @@ export function studyButton(job, go) {
 }
 
 async function ask(job, go) {
+  const others = new Map();
   const reference = h("select", { id: "study-reference", "aria-describedby": "study-reference-help" },
     h("option", { value: "" }, "this job, all of it"));
   const method = h("select", { id: "study-method", "aria-describedby": "study-method-help" },
@@ -20,6 +24,8 @@ async function ask(job, go) {
   const levels = h("input", { id: "study-levels", type: "text", autocomplete: "off", pattern: "[0-9, ]*", "aria-describedby": "study-levels-help" });
   const name = h("input", { id: "study-name", type: "text", maxlength: 200, value: title(job), required: true, autocomplete: "off" });
   const wrong = h("p", { class: "bad", role: "alert" });
+  const merging = h("p", { class: "hint", role: "status" });
+  const progress = h("progress", { hidden: true, "aria-label": "Merging slices" });
   const make = h("button", { type: "submit", class: "primary" }, "Make it");
   const dialog = h("dialog", { class: "ask", "aria-labelledby": "make-study", onclose: () => dialog.remove() },
     h("form", { onsubmit: submit },
@@ -29,14 +35,13 @@ async function ask(job, go) {
       field(reference, "Reference", "Best a job of the same scene with another seed and more samples."),
       field(method, "Method", "The first stage shows the levels rising and falling; its answers suggest levels for the second."),
       field(levels, "Levels, in spp", `Whole slices of ${whole(job.spec.slice_spp)} spp up to ${whole(job.spp)}; empty for the paper's: 1 % to 25 % of the reference.`),
-      wrong,
+      wrong, progress, merging,
       h("div", { class: "answers" },
         h("button", { type: "button", onclick: () => dialog.close() }, "Leave it"), make)));
 
   async function submit(event) {
     event.preventDefault();
-    make.disabled = true;
-    setText(make, "Merging…");
+    work(true);
     try {
       const wanted = levels.value.split(/[, ]+/).filter(Boolean).map(Number);
       const study = await send("POST", "/v1/studies", {
@@ -47,17 +52,37 @@ async function ask(job, go) {
       go(study.links.page);
     } catch (error) {
       setText(wrong, error.message);
-      setText(make, "Make it");
-      make.disabled = false;
+      work(false);
     }
+  }
+
+  /** All slices are merged within the one request: says how many, and how long that takes. */
+  function work(isUnderWay) {
+    const slices = slicesOf(job) + (others.has(reference.value) ? slicesOf(others.get(reference.value)) : 0);
+    make.disabled = isUnderWay;
+    progress.hidden = !isUnderWay;
+    setText(make, isUnderWay ? "Merging…" : "Make it");
+    setText(merging, isUnderWay
+      ? `Merging ${several(slices, "slice")}, about ${roughly(slices * secondsOf(job))}. Should you leave this page, it goes on, and is then among the studies.`
+      : "");
   }
   document.body.append(dialog);
   dialog.showModal();
   const { jobs } = await get("/v1/jobs?limit=200").catch(() => ({ jobs: [] }));
   for (const other of jobs) {
     const fits = other.spec.keep_slices && other.finished_at && other.id !== job.id && other.width === job.width && other.height === job.height;
-    if (fits) reference.append(h("option", { value: other.id }, `${title(other)}, ${whole(other.spp)} spp, seed ${other.spec.seed}`));
+    if (!fits) continue;
+    others.set(other.id, other);
+    reference.append(h("option", { value: other.id }, `${title(other)}, ${whole(other.spp)} spp, seed ${other.spec.seed}`));
   }
+}
+
+function slicesOf({ committed_spp: spp, spec }) {
+  return spp / spec.slice_spp;
+}
+
+function secondsOf({ width, height }) {
+  return A_PIXEL_S * width * height;
 }
 
 function field(input, label, help) {

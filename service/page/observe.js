@@ -9,7 +9,7 @@ import { several } from "./words.js";
 export async function open(main, { id, signal }) {
   document.title = "Take part · Plateau";
   const root = `/v1/studies/${encodeURIComponent(id)}`;
-  const screen = h("article", { class: "observe" });
+  const screen = h("article", { class: "observe" }, h("h1", { class: "unseen" }, "Take part"));
   main.append(screen);
   try {
     const study = await get(root, signal);

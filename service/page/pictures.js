@@ -15,6 +15,11 @@ export class Picture {
     this.#image = image;
   }
 
+  /** The path of what is shown; null before anything is. */
+  get path() {
+    return this.#path;
+  }
+
   /** Fetches it and shows it where it is new; the old one stays until the new one is decoded. */
   async show(path, signal) {
     this.#wanted = path;

@@ -26,7 +26,7 @@ export class Records {
     this.#signal = signal;
     const box = (name, ...inside) => h("details", {}, h("summary", {}, name), ...inside);
     this.#slices = box("Who rendered it",
-      h("div", { class: "scroll" }, h("table", {}, h("thead", {}, h("tr", {},
+      h("div", { class: "scroll", tabindex: 0, role: "group", "aria-label": "The slices of each worker" }, h("table", {}, h("thead", {}, h("tr", {},
         ...["worker", "slices", "spp", "rendering", "a slice", "share"].map((name) => h("th", { scope: "col" }, name)))),
       this.#workers)));
     this.#logBox = box("Log", this.#log);
@@ -66,7 +66,7 @@ export class Records {
     ];
     const save = (name, path) => async (event) => {
       event.preventDefault();
-      await download(path, `${id}-${name}`).catch((error) => complain(error.message));
+      await download(path, `${id}-${name}`).catch((error) => complain(error.message, true));
     };
     this.#files.replaceChildren(...(points ? files.map(([name, short, what, path]) => h("li", {},
       h("a", { href: path, download: `${id}-${name}`, onclick: save(name, path) }, short), " ", h("span", {}, what)))

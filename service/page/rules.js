@@ -71,6 +71,8 @@ export const LIMITS = [
 
 export const MORE = [
   { name: "batch", label: "Batch", value: "", type: "text", maxlength: 100, optional: true, help: "A name that groups jobs." },
+  { name: "min_spp", label: "No sooner than", unit: "spp", value: "", min: 1, step: 1, optional: true,
+    help: "No job of a sequence converges before, whatever its rule says." },
   { name: "priority", label: "Priority", value: 0, min: -1000, max: 1000, step: 1, help: "Higher is served first." },
   { name: "slice_spp", label: "Slice", unit: "spp", value: 25, min: 1, max: 4096, step: 1,
     help: "What a worker renders at a time." },

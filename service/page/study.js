@@ -13,7 +13,7 @@ const EVERY_MS = 5000;
 export function open(main, { id, signal, go }) {
   document.title = "Study · Plateau";
   const path = `/v1/studies/${encodeURIComponent(id)}`;
-  const screen = h("article", { class: "one-study" });
+  const screen = h("article", { class: "one-study" }, h("h1", { class: "unseen" }, "A study"));
   main.append(screen);
   let shown = "";
 
@@ -53,7 +53,7 @@ export function open(main, { id, signal, go }) {
       h("h2", {}, `${several(result.finished, "observer")} finished${result.observers > result.finished ? `, ${result.observers - result.finished} under way` : ""} · ${several(result.answers, "answer")}`),
       ...thresholds(result),
       result.answers > 0 && studyPlot(result),
-      h("div", { class: "scroll" }, table(result)),
+      h("div", { class: "scroll", tabindex: 0, role: "group", "aria-label": "The answers at each level" }, table(result)),
       h("div", { class: "files" },
         file(study.links.trials_csv, `${study.id}-trials.csv`, "Every answer (CSV)"),
         file(study.links.answers_csv, `${study.id}-answers.csv`, "The paper's table 1 (CSV)"),

@@ -30,11 +30,12 @@ class Submission {
   #limits = fieldsOf("spec", LIMITS);
   #more = fieldsOf("spec", MORE);
   #keep = h("input", { type: "checkbox", id: "keep-slices" });
+  #guard = h("input", { type: "checkbox", id: "flicker-guard" });
 
   #picker = h("input", { type: "file", accept: ".zip,.xml,application/zip,text/xml", id: "scene-file", class: "unseen",
-    onchange: () => this.#bring(this.#picker.files[0]) });
+    onchange: () => { this.#bring(this.#picker.files[0]); this.#picker.value = ""; } }); // so that the same may be brought again
   #drop;
-  #stored = h("select", { class: "stored", onchange: () => this.#takeStored() }, h("option", { value: "" }, "or take one that is stored…"));
+  #stored = h("select", { class: "stored", "aria-label": "A stored scene", hidden: true, onchange: () => this.#takeStored() }, h("option", { value: "" }, "or take one that is stored…"));
   #progress = h("progress", { max: 1, value: 0, "aria-label": "Upload", hidden: true });
   #said = h("p", { class: "drop-said" }, "A Mitsuba XML, or a zip of one with its meshes and textures");
   #wrong = h("p", { class: "bad wrong", role: "alert", tabindex: -1, hidden: true });
@@ -67,7 +68,9 @@ class Submission {
       h("details", {}, h("summary", {}, "More"),
         h("div", { class: "fields" }, this.#more.elements),
         h("p", { class: "check" }, this.#keep, h("label", { for: "keep-slices" },
-          "Keep every slice, to judge it again by other rules and views (some MB each)")),
+          "Keep every slice, to compare any two points of its way and to judge it again (some MB each)")),
+        h("p", { class: "check" }, this.#guard, h("label", { for: "flicker-guard" },
+          "Guard it against flicker: only jobs that stop alike may join")),
         h("fieldset", { class: "watch" }, h("legend", {}, "Rules to watch beside it: they stop nothing, and mark the curve where they would have"),
           RULES.filter(({ name }) => name !== "fixed").map((rule) => this.#watch(rule)))),
       h("p", { class: "send" }, this.#button, h("span", { class: "hint" }, "It can be cancelled at any time; what is rendered by then is kept.")));
@@ -81,7 +84,6 @@ class Submission {
   async #listStored() {
     const { scenes } = await get("/v1/scenes", this.#signal).catch(() => ({ scenes: [] }));
     this.#stored.hidden = !scenes.length;
-    this.#stored.setAttribute("aria-label", "A stored scene");
     for (const { sha256, name, bytes: size } of scenes) {
       this.#stored.append(h("option", { value: sha256 }, `${name} (${bytes(size)}, ${sha256.slice(0, 6)})`));
     }
@@ -218,7 +220,7 @@ class Submission {
     return {
       ...this.#limits.values(), ...this.#more.values(),
       rule: { name: this.#chosen, ...this.#rules.get(this.#chosen).values() },
-      watch, view: this.#view.values(), parameters: this.#values(), keep_slices: this.#keep.checked,
+      watch, view: this.#view.values(), parameters: this.#values(), keep_slices: this.#keep.checked, flicker_guard: this.#guard.checked,
     };
   }
 

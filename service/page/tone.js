@@ -4,6 +4,12 @@ const SHIFT = 12;
 /** The code of every 2¹²th positive float32 up to 1, by its bits. */
 const TABLE = table();
 
+/** The light of every sRGB code (IEC 61966-2-1). */
+const LIGHT = Float32Array.from({ length: 256 }, (_, code) => {
+  const encoded = code / 255;
+  return encoded <= 0.04045 ? encoded / 12.92 : ((encoded + 0.055) / 1.055) ** 2.4;
+});
+
 /** The sRGB code, 0 to 255, of a linear value (IEC 61966-2-1). */
 export function code(linear) {
   if (!(linear > 0)) return 0;
@@ -49,4 +55,19 @@ export function toned({ width, height, planes: { R, G, B } }, ev) {
   });
   for (let at = 3; at < out.length; at += 4) out[at] = 255;
   return data;
+}
+
+/** The linear light of an <img>, as far as its 8 bits tell: `{ width, height, planes }`. */
+export function linearised(image) {
+  const { naturalWidth: width, naturalHeight: height } = image;
+  const canvas = new OffscreenCanvas(width, height);
+  const context = canvas.getContext("2d", { willReadFrequently: true });
+  context.drawImage(image, 0, 0);
+  const { data } = context.getImageData(0, 0, width, height);
+  const planes = [0, 1, 2].map((channel) => {
+    const plane = new Float32Array(width * height);
+    for (let at = 0; at < plane.length; at += 1) plane[at] = LIGHT[data[4 * at + channel]];
+    return plane;
+  });
+  return { width, height, planes: { R: planes[0], G: planes[1], B: planes[2] } };
 }

@@ -1,16 +1,14 @@
 // A job's image: as it improves, at any exposure, against earlier ones, and where it differs.
 
-import { bytes, get } from "./api.js";
+import { Comparison, newestOf } from "./comparison.js";
 import { h, setAttribute, setText } from "./dom.js";
-import { readExr } from "./exr.js";
-import { Picture } from "./pictures.js";
+import { Side } from "./side.js";
 import { Stage } from "./stage.js";
-import { toned } from "./tone.js";
 import { whole } from "./words.js";
 import { ZoneMap } from "./zones.js";
 
-const NEWEST = "newest";
-const LINEAR_EVERY_MS = 4000;
+/** What takes longer than this is said to be under way. */
+const SOON_MS = 400;
 const MODES = [
   ["image", "Image"],
   ["compare", "Compare"],
@@ -21,38 +19,33 @@ const MODES = [
 export class Viewer {
   #signal;
   #job = null;
+  #points = [];
   #mode = "image";
-  #base = h("img", { alt: "", class: "layer", draggable: "false" });
-  #linear = h("canvas", { class: "layer", hidden: true });
-  #over = h("img", { alt: "", class: "layer", draggable: "false", hidden: true });
+  #lower = new Side();
+  #upper = new Side();
   #zones = new ZoneMap();
-  #lower = new Picture(this.#base);
-  #upper = new Picture(this.#over);
-  #stage = new Stage([this.#base, this.#linear, this.#over, this.#zones.element], (at) => this.#wipeTo(at));
-  #spp = null;
+  #stage = new Stage([this.#lower.element, this.#upper.element, this.#zones.element], (at) => this.#wipeTo(at));
   #listed = "";
   #busy = false;
-  #exr = { image: null, finished: null, at: 0 };
-  #previews = [];
+  #asked = 0;
   #nothing = h("p", { class: "nothing-yet" });
   #caption = h("p", { class: "caption" });
+  #compare = new Comparison(() => this.#choose(), () => this.#layers());
+  #exposure = slider("Exposure", { min: -6, max: 6, step: 0.1, value: 0 }, () => this.#expose());
+  #overlay = slider("Overlay", { min: 0, max: 100, step: 1, value: 100 }, () => this.#layers());
+  #light;
+  #doubt = h("p", { class: "hint" });
   #panels;
-  #exposure;
-  #compare;
-  #overlay;
 
   constructor(signal) {
     this.#signal = signal;
-    this.#exposure = slider("Exposure", { min: -6, max: 6, step: 0.1, value: 0 }, () => this.#expose());
-    this.#overlay = slider("Overlay", { min: 0, max: 100, step: 1, value: 100 }, () => this.#layers());
-    this.#compare = this.#comparison();
     const zones = h("select", { onchange: () => { this.#zones.measure(zones.value); this.#words(); } },
       h("option", { value: "estimate_fraction" }, "what is still visible"),
       h("option", { value: "visible_fraction" }, "what differs from the first image"));
     const reset = h("button", { class: "quiet", onclick: () => { this.#exposure.input.value = 0; this.#expose(); } }, "As judged");
+    this.#light = h("div", { class: "panel" }, this.#exposure.label, reset, this.#doubt);
     this.#panels = {
-      image: h("div", { class: "panel" }, this.#exposure.label, reset),
-      compare: this.#compare.panel,
+      compare: this.#compare.element,
       difference: h("div", { class: "panel" }, this.#overlay.label,
         h("span", { class: "hint" }, "Orange: a person would see that it differs from the first image.")),
       zones: h("div", { class: "panel" }, h("label", {}, h("span", {}, "By zones"), zones)),
@@ -65,7 +58,7 @@ export class Viewer {
     this.element = h("section", { class: "viewer", "aria-labelledby": "image-title" },
       h("div", { class: "viewer-head" }, h("h2", { id: "image-title" }, "Its image"), modes),
       this.#nothing, this.#stage.element, this.#caption,
-      ...Object.values(this.#panels));
+      ...Object.values(this.#panels), this.#light);
     this.#turn("image");
     signal.addEventListener("abort", () => {
       this.#lower.letGo();
@@ -76,13 +69,15 @@ export class Viewer {
   /** Shows the job's newest image and its newest point; at most one look is under way. */
   async show(job, points) {
     this.#job = job;
+    this.#points = points;
     this.#zones.show(job, points[points.length - 1]);
-    if (!this.#spp) setText(this.#nothing, "Its first image comes with its first step.");
+    if (this.#stage.element.hidden) setText(this.#nothing, "Its first image comes with its first step.");
     if (this.#busy || !job.points) return;
     this.#busy = true;
     try {
       await this.#look();
     } catch (error) {
+      if (error.name === "AbortError") return;
       if (error.slug !== "no-image-yet") throw error;
       if (job.finished_at) setText(this.#nothing, error.message);
     } finally {
@@ -92,27 +87,31 @@ export class Viewer {
 
   /** Fetches what the chosen mode shows; what has not changed is not shown again. */
   async #look() {
-    const { links, points, finished_at: finished } = this.#job;
+    const { points, finished_at: finished } = this.#job;
     const stamp = `${points} ${finished ?? ""}`;
-    if (stamp !== this.#listed) {
-      await this.#listPreviews();
+    if (this.#mode === "compare" && stamp !== this.#listed) {
+      await this.#compare.list(this.#job, this.#points, this.#signal);
       this.#listed = stamp;
     }
-    const comparing = this.#mode === "compare";
-    const base = comparing ? this.#pathOf(this.#compare.left.value) : links.image_png;
-    const over = comparing ? this.#pathOf(this.#compare.right.value)
-      : this.#mode === "difference" ? links.difference_png : null;
+    const [base, over] = this.#sources();
     await Promise.all([
-      this.#lower.show(base, this.#signal),
-      over && this.#upper.show(over, this.#signal),
-      this.#ev() !== 0 && this.#fetchLinear(),
+      this.#lower.show(base, this.#ev(), this.#signal),
+      over && this.#upper.show(over, this.#ev(), this.#signal),
     ]);
     this.#nothing.hidden = true;
     this.#stage.element.hidden = false;
-    this.#stage.fit(this.#base.naturalWidth, this.#base.naturalHeight);
-    if (!comparing) this.#spp = this.#lower.spp;
-    setAttribute(this.#base, "alt", `The image of ${this.#job.name} at ${whole(this.#spp ?? this.#job.spp)} spp`);
+    this.#stage.fit(this.#lower.size.width, this.#lower.size.height);
+    this.#lower.describe(`The image of ${this.#job.name} at ${whole(this.#lower.spp ?? this.#job.spp)} spp`);
+    this.#upper.describe(this.#mode === "compare" ? `The same at ${whole(this.#upper.spp ?? this.#job.spp)} spp, at the right` : "");
     this.#paint();
+  }
+
+  /** What lies below and, where there is something, above. */
+  #sources() {
+    if (this.#mode === "compare") return this.#compare.sides();
+    const newest = newestOf(this.#job);
+    const difference = { png: this.#job.links.difference_png, exr: null, ev: 0, version: newest.version };
+    return [newest, this.#mode === "difference" ? difference : null];
   }
 
   #turn(mode) {
@@ -121,60 +120,56 @@ export class Viewer {
       setAttribute(button, "aria-pressed", String(button.dataset.mode === mode));
     }
     for (const [name, panel] of Object.entries(this.#panels)) panel.hidden = name !== mode;
+    this.#light.hidden = !["image", "compare"].includes(mode);
     this.#zones.element.toggleAttribute("hidden", mode !== "zones");
-    this.#layers();
-    this.#words();
+    this.#paint();
     this.#choose();
   }
 
   /** Shows what was just chosen; a look that is under way would show what was chosen before. */
   async #choose() {
     if (!this.#job?.points) return;
+    const asked = (this.#asked += 1);
+    const patience = setTimeout(() => {
+      const names = this.#sources().map((one) => one?.name).filter(Boolean);
+      setText(this.#caption, `Getting ${names.join(" and ")} …`);
+    }, SOON_MS);
     try {
       await this.#look();
     } catch (error) {
-      if (!this.#signal.aborted) setText(this.#caption, error.message);
+      if (error.name !== "AbortError") setText(this.#caption, error.message);
+    } finally {
+      clearTimeout(patience);
+      if (asked === this.#asked && this.#caption.textContent.endsWith("…")) this.#words();
     }
   }
 
   // Layers.
 
   #layers() {
-    const linear = this.#mode === "image" && this.#ev() !== 0 && this.#exr.image !== null;
-    this.#linear.hidden = !linear;
-    this.#base.hidden = linear;
-    this.#over.hidden = !["compare", "difference"].includes(this.#mode) || !this.#over.src;
-    this.#over.style.opacity = this.#mode === "difference" ? this.#overlay.input.value / 100 : 1;
+    const [mode, above] = [this.#mode, this.#upper.element];
+    above.hidden = !["compare", "difference"].includes(mode) || !this.#upper.hasPicture;
+    above.style.opacity = mode === "difference" ? this.#overlay.input.value / 100 : 1;
     setText(this.#overlay.output, `${this.#overlay.input.value} %`);
-    this.#stage.wipe(this.#mode === "compare" ? Number(this.#compare.input.value) : null, this.#over);
+    this.#stage.wipe(mode === "compare" ? this.#compare.percent : null, above);
   }
 
-  #pathOf(choice) {
-    return choice === NEWEST ? this.#job.links.image_png
-      : this.#previews.find(({ spp }) => String(spp) === choice)?.link ?? this.#job.links.image_png;
+  #wipeTo(share) {
+    if (this.#mode !== "compare") return;
+    this.#compare.wipeTo(share);
+    this.#layers();
   }
 
   // Exposure.
 
+  /** By how much the light differs from what was judged: of images, not of maps over them. */
   #ev() {
-    return Number(this.#exposure.input.value);
+    return this.#light.hidden ? 0 : Number(this.#exposure.input.value);
   }
 
-  async #expose() {
-    try {
-      if (this.#ev() !== 0) await this.#fetchLinear();
-      this.#paint();
-    } catch (error) {
-      setText(this.#caption, `The linear image cannot be shown: ${error.message}`);
-    }
-  }
-
-  async #fetchLinear() {
-    const { links, finished_at: finished } = this.#job;
-    const fresh = Date.now() < this.#exr.at + LINEAR_EVERY_MS;
-    if (this.#exr.image && ((finished && this.#exr.finished === finished) || (!finished && fresh))) return;
-    const { blob } = await bytes(links.image_exr, this.#signal);
-    this.#exr = { image: await readExr(await blob.arrayBuffer()), finished, at: Date.now() };
+  #expose() {
+    this.#paint();
+    if (this.#ev() !== 0) this.#choose();
   }
 
   /** Brings layers, sliders and words up to date with what is chosen and there. */
@@ -182,65 +177,25 @@ export class Viewer {
     const ev = this.#ev();
     const sign = ev > 0 ? "+" : ev < 0 ? "−" : "";
     setText(this.#exposure.output, `${sign}${Math.abs(ev).toFixed(1)} EV`);
-    if (this.#mode === "image" && ev !== 0 && this.#exr.image) {
-      const { width, height } = this.#exr.image;
-      if (this.#linear.width !== width || this.#linear.height !== height) Object.assign(this.#linear, { width, height });
-      const shown = toned(this.#exr.image, this.#job.spec.view.exposure_ev + ev);
-      this.#linear.getContext("2d").putImageData(shown, 0, 0);
-    }
+    this.#lower.expose(ev);
+    this.#upper.expose(this.#mode === "compare" ? ev : 0);
+    setText(this.#doubt, ev !== 0 && this.#mode === "compare" ? Comparison.doubt(this.#compare.sides()) : "");
     this.#layers();
     this.#words();
-  }
-
-  // Comparing.
-
-  #comparison() {
-    const choose = (name) => {
-      const select = h("select", { onchange: () => this.#choose() });
-      return { select, label: h("label", {}, h("span", {}, name), select) };
-    };
-    const [left, right] = [choose("Left"), choose("Right")];
-    const wipe = slider("Wipe", { min: 0, max: 100, step: 0.5, value: 50 }, () => this.#layers());
-    return { input: wipe.input, left: left.select, right: right.select,
-      panel: h("div", { class: "panel" }, wipe.label, left.label, right.label,
-        h("span", { class: "hint" }, "Earlier images are kept as they were shown: exposure works on the newest alone.")) };
-  }
-
-  async #listPreviews() {
-    const { previews } = await get(this.#job.links.previews, this.#signal);
-    const changed = previews.map(({ spp }) => spp).join() !== this.#previews.map(({ spp }) => spp).join();
-    this.#previews = previews;
-    const final = this.#job.finished_at ? "final image" : "newest image";
-    for (const [select, start] of [[this.#compare.left, previews[0]?.spp], [this.#compare.right, NEWEST]]) {
-      if (changed || !select.options.length) {
-        const value = select.value || String(start ?? NEWEST);
-        select.replaceChildren(...previews.map(({ spp }) => h("option", { value: spp }, `${whole(spp)} spp`)),
-          h("option", { value: NEWEST }, final));
-        select.value = value;
-        if (select.selectedIndex < 0) select.value = NEWEST;
-      } else {
-        setText(select.options[select.options.length - 1], final);
-      }
-    }
-  }
-
-  #wipeTo(share) {
-    if (this.#mode !== "compare") return;
-    this.#compare.input.value = 100 * share;
-    this.#layers();
   }
 
   #words() {
     const job = this.#job;
     if (!job) return;
     const size = job.width ? `${job.width} × ${job.height}` : "";
+    const spp = this.#lower.spp && this.#mode !== "compare" ? `${whole(this.#lower.spp)} spp` : "";
     const said = {
       image: this.#ev() === 0 ? "as its display shows it" : "from the linear image",
       compare: "drag across the image, or use the slider",
       difference: "on the image in dim grey",
       zones: this.#zones.caption(),
     };
-    setText(this.#caption, [size, this.#spp && this.#mode !== "compare" && `${whole(this.#spp)} spp`, said[this.#mode]].filter(Boolean).join(" · "));
+    setText(this.#caption, [size, spp, said[this.#mode]].filter(Boolean).join(" · "));
   }
 }
 

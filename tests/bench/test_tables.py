@@ -4,7 +4,19 @@ import json
 
 import pytest
 
-from bench import api, estimate, paper, stopping, vdp
+from bench import (
+    api,
+    estimate,
+    latency,
+    memory,
+    paper,
+    savings,
+    scale,
+    startup,
+    stopping,
+    vdp,
+    waste,
+)
 from bench.support import markdown, report
 
 
@@ -20,11 +32,28 @@ def tables() -> dict[str, str]:
         "rules": stopping.table(figures("stopping")),
         "vdp": vdp.table(figures("vdp")),
         **api.tables(figures("api")),
+        **scale.tables(figures("scale")),
+        **startup.tables(figures("startup")),
+        **latency.tables(figures("latency")),
+        **memory.tables(figures("memory")),
+        **waste.tables(figures("waste")),
         **paper.tables_of(paper.known()),
+        **savings.tables_of(savings.known()),
     }
 
 
-@pytest.mark.parametrize("document", ["metric.md", "stopping.md", "paper.md", "performance.md"])
+@pytest.mark.parametrize(
+    "document",
+    [
+        "metric.md",
+        "stopping.md",
+        "paper.md",
+        "savings.md",
+        "performance.md",
+        "operations.md",
+        "scale.md",
+    ],
+)
 def test_a_document_shows_what_was_found(document: str, tables: dict[str, str]) -> None:
     shown = markdown.places(markdown.DOCS / document)
     assert shown

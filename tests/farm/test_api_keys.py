@@ -112,19 +112,24 @@ class TestAKey:
         made, _ = keys.create("me", Role.SUBMITTER, PLENTY)
         url = f"unix://{client.connection_pool.connection_kwargs['path']}"
 
+        rotated = threading.Semaphore(0)
+
         def rotate() -> None:
             others = ApiKeys(connect(url))
             with contextlib.suppress(UnknownKey):
-                for _ in range(100):
+                while True:  # until it is revoked
                     others.rotate(made.id)
+                    rotated.release()
 
         threads = [threading.Thread(target=rotate) for _ in range(4)]
         for thread in threads:
             thread.start()
-        time.sleep(0.05)
+        for _ in range(20):
+            assert rotated.acquire(timeout=60)
         keys.revoke(made.id)
         for thread in threads:
-            thread.join(20)
+            thread.join(60)
+            assert not thread.is_alive()
         [key] = keys.all()
         assert not key.usable
         assert key.sha256 != made.sha256
@@ -140,11 +145,11 @@ class TestAnAllowance:
     def test_grants_a_burst_and_then_the_rate(self, keys: ApiKeys, client: redis.Redis) -> None:
         key, _ = keys.create("me", Role.VIEWER, limits(requests_per_minute=30, burst=5))
         allowance = Allowance(client)
-        granted = 0
-        while allowance.seconds_to_wait(key) == 0:
+        granted, began = 0, time.monotonic()
+        while (wait_s := allowance.seconds_to_wait(key)) == 0:
             granted += 1
-        assert 5 <= granted <= 6  # one comes back every 2 s
-        wait_s = allowance.seconds_to_wait(key)
+        # One comes back every 2 s
+        assert 5 <= granted <= 5 + (time.monotonic() - began) / 2
         assert 0 < wait_s <= 2
         time.sleep(wait_s + 0.01)
         assert allowance.seconds_to_wait(key) == 0
@@ -156,7 +161,7 @@ class TestAnAllowance:
         for _ in range(100):
             granted += sum(allowance.seconds_to_wait(key) == 0 for allowance in several)
         assert granted == 100
-        assert all(allowance.seconds_to_wait(key) > 50 for allowance in several)
+        assert all(allowance.seconds_to_wait(key) > 20 for allowance in several)
 
     def test_is_each_key_s_own(self, keys: ApiKeys, client: redis.Redis) -> None:
         one, _ = keys.create("one", Role.VIEWER, limits(requests_per_minute=1, burst=1))
@@ -175,12 +180,12 @@ class TestAnAllowance:
         for _ in range(200):
             assert allowance.seconds_to_wait(key) == 0
         assert _writes(client) - written <= 2 * 11  # each two keys
-        while allowance.seconds_to_wait(key) == 0:
-            pass
+        key, _ = keys.create("you", Role.VIEWER, limits(requests_per_minute=1, burst=1))
+        allowance.seconds_to_wait(key)
         written = _writes(client)
         for _ in range(20):
-            allowance.seconds_to_wait(key)
-        assert _writes(client) - written <= 2
+            assert allowance.seconds_to_wait(key) > 0
+        assert _writes(client) == written
 
     def test_notes_when_a_key_was_last_used(self, keys: ApiKeys, client: redis.Redis) -> None:
         key, _ = keys.create("me", Role.VIEWER, PLENTY)

@@ -53,7 +53,7 @@ def test_it_dies_with_a_parent_that_is_killed(tmp_path: Path) -> None:
     assert server.is_running()
     parent.kill()
     parent.communicate()
-    server.wait(10)
+    server.wait(60)
 
 
 def test_a_server_binary_is_found() -> None:

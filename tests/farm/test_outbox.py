@@ -97,12 +97,12 @@ def test_only_what_was_asked_for_is_told(client: redis.Redis, outbox: Outbox) ->
 
 def test_a_delivery_is_leased_to_one_and_comes_back(client: redis.Redis, outbox: Outbox) -> None:
     job = StagedJob(client, **hook())
-    first = taken(outbox, lease_s=0.2)
+    first = taken(outbox, lease_s=1.0)
     assert outbox.take(LEASE_S) is None
     [waiting] = outbox.deliveries(job.id)
     assert (waiting.state, waiting.next_try_at) == ("trying", None)
     # When its lease runs out, as that of a monitor that was killed, another has it
-    time.sleep(0.25)
+    time.sleep(1.0)
     again = taken(outbox)
     assert (again.id, again.number, again.tries) == (first.id, first.number, 2)
     [lost] = outbox.deliveries(job.id)[0].tries
@@ -144,12 +144,12 @@ def test_of_a_job_one_is_tried_at_a_time_in_order(client: redis.Redis, outbox: O
 
 def test_what_failed_is_due_later(client: redis.Redis, outbox: Outbox) -> None:
     job = StagedJob(client, **hook())
-    fail(outbox, taken(outbox), delay_s=0.3)
+    fail(outbox, taken(outbox), delay_s=1.0)
     [waiting] = outbox.deliveries(job.id)
     assert waiting.state == "waiting"
     assert waiting.next_try_at is not None
     assert outbox.take(LEASE_S) is None
-    time.sleep(0.35)
+    time.sleep(1.0)
     second = taken(outbox)
     assert (second.number, second.tries) == (1, 2)
     outbox.settle(second, "given-up", status=410, error="gone", took_s=0.1)

@@ -201,17 +201,17 @@ def test_pauses_add_up_and_the_one_that_lasts_is_dated(farm: Farm) -> None:
         assert farm.jobs.pause(job.id).paused_at == paused.paused_at  # said again
         resumed = farm.jobs.resume(job.id)
     assert resumed.paused_at is None
-    assert 0.1 <= resumed.paused_s < 5
+    assert 0.1 <= resumed.paused_s < 60
     # An end ends the pause too
     farm.jobs.pause(job.id)
-    time.sleep(0.05)
+    time.sleep(0.06)
     assert farm.jobs.cancel(job.id).paused_s >= resumed.paused_s + 0.05
 
 
 def test_a_pause_does_not_slow_the_forecast(farm: Farm) -> None:
     job, owned = farm.job()
-    farm.lease()
     started = time.monotonic()
+    farm.lease()
     time.sleep(0.05)
     farm.jobs.pause(job.id)
     time.sleep(1.0)

@@ -108,7 +108,7 @@ def test_who_waits_for_redis_goes_on_when_it_comes(store: Blobs, tmp_path: Path)
     time.sleep(0.3)
     assert waiting.is_alive()
     server = EmbeddedRedis(tmp_path)
-    waiting.join(20)
+    waiting.join(60)
     assert not waiting.is_alive()
     assert client.get(keys.SCHEMA) == str(VERSION)
     client.close()
@@ -121,7 +121,7 @@ def test_who_waits_for_redis_can_be_stopped(store: Blobs, tmp_path: Path) -> Non
     waiting = threading.Thread(target=await_checks, args=(client, store, stop))
     waiting.start()
     stop.set()
-    waiting.join(20)
+    waiting.join(60)
     assert not waiting.is_alive()
 
 

@@ -8,7 +8,7 @@ import redis
 from farm import keys
 from farm.job import Job
 from farm.queue import Committed, Lease, SliceQueue, SliceRecord
-from tests.farm.test_queue import LEASE_S, Farm, commit, lease
+from tests.farm.test_queue import LEASE_S, VARIANTS, Farm, commit, lease
 
 
 @pytest.fixture
@@ -95,10 +95,12 @@ def test_a_worker_that_was_lost_is_told_by_who_takes_over(farm: Farm) -> None:
     job, _ = farm.job(slices=1)
     lost, other = farm.worker("lost"), farm.worker("other")
     late = lease(lost)
-    for _ in range(6):  # so that the farm as a whole is not silent
-        other.heartbeat({}, ())
-        time.sleep(LEASE_S / 3)
-    commit(other, lease(other))
+    taken = None
+    while taken is None:
+        other.heartbeat({}, ())  # so that the farm as a whole is not silent
+        taken = other.lease(VARIANTS, None, in_turn=False)
+        time.sleep(LEASE_S / 10)
+    commit(other, taken)
     # And its late commit, which does not count
     assert commit(lost, late, blob="late") is Committed.DUPLICATE
     assert [(one.what, one.worker) for one in farm.jobs.log(job.id)] == [

@@ -427,7 +427,7 @@ class TestScenes:
         just_before(monkeypatch, "farm.blobs.Blobs.delete", blobs.scene(SCENE), begin)
         assert sweep(client, store, scenes_unused_for_s=7 * DAY_S).scenes == 1
         # Then whoever submits it finds it gone, puts it again, and it stays
-        submitting.join(10)
+        submitting.join(60)
         assert found == [False]
         assert sweep(client, store, scenes_unused_for_s=7 * DAY_S) == NOTHING
         assert store.exists(blobs.scene(SCENE))
@@ -472,7 +472,7 @@ class TestScenes:
         threads = [threading.Thread(target=submit, args=(f"scene-{n}",)) for n in range(3)]
         for thread in threads:
             thread.start()
-        removed, deadline = 0, time.monotonic() + 30
+        removed, deadline = 0, time.monotonic() + 120
         while removed < 20 and time.monotonic() < deadline:
             removed += sweep(client, store, scenes_unused_for_s=0).scenes
         over.set()

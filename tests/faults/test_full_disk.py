@@ -38,7 +38,7 @@ def test_redis_stops_and_goes_on_when_there_is_room(
         try:
             with Client(up.wait_for(READY)) as client:
                 job = client.submit(BOX, JobSpec.model_validate(SPEC)).id
-                until(lambda: client.job(job).points >= 3, 60)
+                until(lambda: client.job(job).points >= 3, 120)
                 # Given a disk without room for one more write of Redis's
                 ballast = fill(disk)
                 up.wait_for("Redis ended with exit code 1; starting it again")

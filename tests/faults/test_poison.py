@@ -63,7 +63,7 @@ def small_farm(tmp_path_factory: pytest.TempPathFactory, cache: Path) -> Iterato
     """A farm of two workers whose children may take little."""
     limits = {
         "PLATEAU_CHILD_MEMORY_GB": "1",
-        "PLATEAU_PASS_TIMEOUT_S": "4",
+        "PLATEAU_PASS_TIMEOUT_S": "8",
         "PLATEAU_LOAD_TIMEOUT_S": "20",
     }
     with FaultyFarm(tmp_path_factory.mktemp("small"), cache, **limits) as farm:
@@ -74,7 +74,7 @@ def small_farm(tmp_path_factory: pytest.TempPathFactory, cache: Path) -> Iterato
 
 
 def ended(farm: FaultyFarm, job: JobView) -> JobView:
-    until(lambda: farm.jobs.get(job.id).finished_at is not None, 120)
+    until(lambda: farm.jobs.get(job.id).finished_at is not None, 240)
     check_job(farm.jobs, farm.store, farm.redis_client, job.id)
     return farm.client.job(job.id)
 
@@ -88,7 +88,7 @@ POISONS = {
     "a pass never ends": (
         {"body": HALL_OF_MIRRORS, "depth": 1_000_000, "size": 256},
         {},
-        "longer than 4 s",
+        "longer than 8 s",
     ),
     "it wants more memory than there is": (
         {"body": "", "size": 8000},

@@ -126,7 +126,7 @@ class TestALogWhoseLastWriteDidNotGetToTheDisk:
         with _redis(tmp_path) as client:
             client.set("a", "1")
             client.bgrewriteaof()
-            until(lambda: client.info("persistence")["aof_rewrite_in_progress"] == 0, 20)
+            until(lambda: client.info("persistence")["aof_rewrite_in_progress"] == 0, 60)
         logs = {log: log.read_bytes() for log in tmp_path.rglob("*.aof")}
         with _redis(tmp_path) as client:
             assert client.get("a") == "1"

@@ -246,6 +246,7 @@ def test_an_api_that_is_killed_in_a_submission_makes_one_job_in_the_end(
     victim = farm.start_armed("api", "farm.jobs:Jobs.create_all", "--port", str(port), when=when)
     until(lambda: answers(f"http://127.0.0.1:{port}/readyz"))
     request: dict[str, Any] = {
+        "timeout": 60,
         "headers": {"Idempotency-Key": f"once-{when}"},
         "data": {"spec": json.dumps({"batch": when})},
     }
@@ -278,7 +279,7 @@ def test_clocks_that_differ_by_minutes(
     times = (found.job.created_at, found.job.started_at, found.job.ended_at, found.job.finished_at)
     assert all(times)
     assert list(times) == sorted(times)  # type: ignore[type-var]
-    assert (times[-1] - times[0]).total_seconds() < 120  # type: ignore[operator]
+    assert (times[-1] - times[0]).total_seconds() < 240  # type: ignore[operator]
 
 
 def test_two_monitors_share_jobs_and_never_one(

@@ -101,7 +101,7 @@ def test_each_process_waits_for_redis(
     server = redis_comes()
     # Then the process goes on, and marks the layout
     with connect(server.url) as client:
-        until(lambda: client.get(keys.SCHEMA) == str(VERSION), 30)
+        until(lambda: client.get(keys.SCHEMA) == str(VERSION), 60)
     assert command.process.poll() is None
 
 
@@ -134,9 +134,9 @@ def test_each_process_can_be_stopped_while_it_waits(arguments: tuple[str, ...], 
 
 def test_an_api_answers_without_redis(run: Run, redis_comes: Callable[[], EmbeddedRedis]) -> None:
     url = run("api", "--port", "0").wait_for(READY)
-    with httpx.Client(base_url=url, trust_env=False) as http:
+    with httpx.Client(base_url=url, trust_env=False, timeout=60) as http:
         assert http.get("/healthz").status_code == 200
         assert http.get("/v1/jobs").status_code == 503
         redis_comes()
-        until(lambda: http.get("/readyz").status_code == 200, 20)
+        until(lambda: http.get("/readyz").status_code == 200, 60)
         assert http.get("/v1/jobs").status_code == 200

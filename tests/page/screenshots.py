@@ -11,8 +11,10 @@ from typing import Final
 from PIL import Image
 from playwright.sync_api import Browser, Page
 
+from farm.study import Screen
 from tests.support.browser import Visitor, chromium
 from tests.support.real_farm import BOX, RealFarm
+from tests.support.studies import SCREEN, sees
 
 IMAGES: Final = Path(__file__).parents[2] / "docs" / "images"
 SCENES: Final = BOX.parent
@@ -21,6 +23,8 @@ RULE: Final = {"name": "visible", "target": 0.002, "min_spp": 100}
 SIZE: Final = {"width": 256, "height": 256}
 #: So long a job may render, in seconds.
 PATIENCE_S: Final = 900
+#: Simulated ones, of the study.
+OBSERVERS: Final = 12
 #: So long pictures and curves take to come.
 SETTLES_MS: Final = 2500
 
@@ -43,6 +47,15 @@ def until(farm: RealFarm, job_id: str, spp: int) -> None:
             return
         time.sleep(0.5)
     raise TimeoutError(job_id)
+
+
+def until_finished(farm: RealFarm, job_id: str) -> None:
+    """Wait until a job's results are written."""
+    deadline = time.monotonic() + PATIENCE_S
+    while farm.jobs.get(job_id).finished_at is None:
+        if time.monotonic() > deadline:
+            raise TimeoutError(job_id)
+        time.sleep(0.5)
 
 
 def take_all(browser: Browser, farm: RealFarm, *, converged: str, rendering: str) -> None:
@@ -75,6 +88,34 @@ def take_all(browser: Browser, farm: RealFarm, *, converged: str, rendering: str
     visitor.leave()
 
 
+def take_study(browser: Browser, farm: RealFarm, *, job: str, reference: str) -> None:
+    """Take pictures of a pair of a study, and of what simulated observers have found."""
+    study = farm.client.create_study(job, reference_job_id=reference, name="Box, by lamp light")
+    threshold = study.levels[len(study.levels) // 2]
+    for number in range(OBSERVERS):
+        name = f"o-{number + 1}"
+        observer = farm.client.take_part(study.id, name, Screen.model_validate(SCREEN))
+        for trial in observer.trials:
+            spp = study.levels[0]
+            for side in (trial.left, trial.right):
+                if "levels" in side:
+                    spp = int(Path(side).stem)
+            seen = sees(name, spp, trial.reference, threshold=threshold, spread=threshold / 5)
+            farm.client.answer_trial(study.id, name, trial.trial, seen=seen, seconds=4.0)
+    visitor = Visitor(
+        browser, farm.url, viewport={"width": 1280, "height": 860}, color_scheme="light"
+    )
+    page = visitor.page
+    page.goto(f"/studies/{study.id}")
+    take(page, "study")
+    farm.client.take_part(study.id, "you", Screen.model_validate(SCREEN))
+    page.set_viewport_size({"width": 900, "height": 480})
+    page.goto(f"/studies/{study.id}/observe?as=you")
+    page.get_by_role("button", name="Begin").click()
+    take(page, "study-pair")
+    visitor.leave()
+
+
 def main() -> None:
     """Render, look, and take pictures."""
     with (
@@ -84,8 +125,12 @@ def main() -> None:
     ):
         farm.start("monitor")
         farm.workers(1)
-        box = farm.submit(BOX, step=25, max_spp=5000, watch=WATCH, rule=RULE, parameters=SIZE)
+        kept = {"watch": WATCH, "parameters": SIZE, "keep_slices": True}
+        box = farm.submit(BOX, step=25, max_spp=5000, rule=RULE, **kept)
         until(farm, box.id, 5000)
+        truth = farm.submit(BOX, step=100, seed=1, rule={"name": "fixed", "spp": 800}, **kept)
+        until(farm, truth.id, 800)
+        until_finished(farm, truth.id)
         lamps = [
             farm.submit(
                 SCENES / "oculist",
@@ -111,6 +156,7 @@ def main() -> None:
         until(farm, bar.id, 250)
         farm.submit(SCENES / "plants", step=50, max_spp=3000, parameters=SIZE)
         take_all(browser, farm, converged=box.id, rendering=bar.id)
+        take_study(browser, farm, job=box.id, reference=truth.id)
         for job in farm.client.jobs().jobs:
             if not job.state.ended:
                 farm.client.cancel(job.id)

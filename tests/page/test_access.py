@@ -1,5 +1,6 @@
 """Anybody can use the page: by keyboard, by ear, on a phone, in the dark."""
 
+import re
 from collections.abc import Iterator
 from importlib import resources
 
@@ -54,10 +55,13 @@ def screens(page: Page, job: Job) -> Iterator[str]:
         yield path
 
 
+#: Only here the policy is off, for axe to be put in.
+LOOKED_AT = {"bypass_csp": True, "reduced_motion": "reduce"}
+
+
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_no_rule_of_accessibility_is_broken(visit: Visit, job: Job, scheme: str) -> None:
-    # Only here the policy is off, for axe to be put in
-    page = visit(color_scheme=scheme, bypass_csp=True, reduced_motion="reduce").page
+    page = visit(color_scheme=scheme, **LOOKED_AT).page
     for path in screens(page, job):
         assert violations(page) == [], path
     page.goto("/")
@@ -65,6 +69,33 @@ def test_no_rule_of_accessibility_is_broken(visit: Visit, job: Job, scheme: str)
     assert violations(page) == []
     page.get_by_role("button", name="Cancel", exact=True).click()
     expect(page.get_by_role("dialog")).to_be_visible()
+    assert violations(page) == []
+
+
+def test_nor_on_a_phone(visit: Visit, job: Job) -> None:
+    page = visit(viewport=PHONE, has_touch=True, **LOOKED_AT).page
+    for path in screens(page, job):
+        assert violations(page) == [], path
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        "/",
+        "/workers",
+        "/submit",
+        "/studies",
+        "/jobs/0123456789ab",
+        "/studies/0123456789ab",
+        "/studies/0123456789ab/observe",
+    ],
+)
+def test_nor_while_the_service_is_slow_to_answer(visit: Visit, path: str) -> None:
+    page = visit(**LOOKED_AT).page
+    page.route("**/v1/**", lambda route: None)  # which answers nothing
+    with page.expect_request(re.compile("/v1/(jobs|workers|scenes|studies)")):
+        page.goto(path)
+    expect(page.get_by_role("heading", level=1)).to_have_count(1)
     assert violations(page) == []
 
 

@@ -56,7 +56,7 @@ def png(content: bytes) -> np.ndarray:
 
 def is_shown(layer: Locator, picture: np.ndarray) -> None:
     """Assert that a layer shows these pixels, soon and to the last one."""
-    until(lambda: bool((pixels(layer) == picture).all()), 20)
+    until(lambda: bool((pixels(layer) == picture).all()), 60)
 
 
 @dataclass(frozen=True)
@@ -168,7 +168,7 @@ class TestTheImage:
         self, shown: Page, finished: Finished, ev: float
     ) -> None:
         shown.get_by_label("Exposure").fill(str(ev))
-        canvas = shown.locator("canvas.layer")
+        canvas = shown.locator("canvas.layer").first
         expect(canvas).to_be_visible()
         linear = decode_image(finished.farm.picture(finished.job, "image.exr"))
         assert (pixels(canvas) == encode_srgb(linear, ev)).mean() > 0.999
@@ -182,13 +182,14 @@ class TestTheImage:
         left, right = (shown.get_by_role("combobox", name=name) for name in ("Left", "Right"))
         names = [f"{spp} spp" for spp in finished.previews]
         expect(left.locator("option")).to_have_text([*names, "final image"])
-        below, above = shown.locator("img.layer").first, shown.locator("img.layer").last
+        below, above = (shown.locator(".side img").nth(number) for number in (0, 1))
         expect(above).to_be_visible()
         first, *_, second = finished.previews
         is_shown(below, finished.preview(first))
         is_shown(above, png(finished.farm.picture(finished.job, "image.png")))
         shown.get_by_label("Wipe").fill("25")
-        expect(above).to_have_css("clip-path", "inset(0px 0px 0px 25%)")
+        upper = shown.locator(".side").last
+        expect(upper).to_have_css("clip-path", "inset(0px 0px 0px 25%)")
         # Any two of them
         left.select_option(str(second))
         right.select_option(str(first))
@@ -211,7 +212,7 @@ class TestTheImage:
         expect(above).to_be_visible()
         is_shown(above, png(finished.farm.picture(finished.job, "difference.png")))
         shown.get_by_label("Overlay").fill("40")
-        expect(above).to_have_css("opacity", "0.4")
+        expect(shown.locator(".side").last).to_have_css("opacity", "0.4")
 
     def test_shows_its_zones(self, shown: Page, finished: Finished) -> None:
         shown.get_by_role("button", name="Zones").click()

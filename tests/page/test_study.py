@@ -150,6 +150,19 @@ def test_a_known_threshold_comes_back(
     )
 
 
+def test_making_one_says_how_long_it_takes(visit: Visit, job: Job, reference: Job) -> None:
+    page = visit(f"/jobs/{job.id}", expected={404}, bypass_csp=True).page
+    page.route("**/v1/studies", lambda route: None)  # which answers nothing
+    page.get_by_role("button", name="Study…").click()
+    dialog = page.get_by_role("dialog")
+    dialog.get_by_label("Reference", exact=True).select_option(reference.id)
+    dialog.get_by_role("button", name="Make it").click()
+    expect(dialog.get_by_role("status")).to_contain_text("Merging 75 slices, about 5\u00a0s.")
+    expect(dialog.get_by_role("progressbar")).to_be_visible()
+    expect(dialog.get_by_role("button", name="Merging…")).to_be_disabled()
+    assert violations(page) == []
+
+
 def test_the_first_stage_leads_to_the_second(visit: Visit, api: Client, job: Job) -> None:
     study = api.create_study(job.id, method="limits", levels=[100, 500, 1000, 1500, 2000, 2500])
     for name in ("o-1", "o-2"):

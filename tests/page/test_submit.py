@@ -76,9 +76,32 @@ def test_another_rule_and_view(form: Page, farm: NoiseFarm, scene: Path) -> None
     assert spec.watch == ()
 
 
+def test_a_frame_of_a_guarded_sequence(form: Page, farm: NoiseFarm, scene: Path) -> None:
+    choose(form, scene)
+    expect(form.locator(".found")).to_contain_text("sphere.xml")
+    form.get_by_text("More", exact=True).click()
+    form.get_by_label("Batch").fill("walk")
+    form.get_by_label("No sooner than").fill("400")
+    form.get_by_label("Guard it against flicker").check()
+    form.get_by_label("Keep every slice").check()
+    form.get_by_role("button", name="Render it").click()
+    expect(form).to_have_url(re.compile("/jobs/[0-9a-f]{12}$"))
+    spec = farm.jobs.get(form.url.rpartition("/")[2]).spec
+    assert (spec.batch, spec.min_spp) == ("walk", 400)
+    assert (spec.flicker_guard, spec.keep_slices) == (True, True)
+
+
 def test_a_scene_is_dropped(form: Page) -> None:
     form.locator(".drop").evaluate(DROP, SCENE_XML)
     expect(form.locator(".found")).to_contain_text("dropped.xml")
+
+
+def test_a_scene_that_was_edited_is_brought_again(form: Page, scene: Path) -> None:
+    choose(form, scene)
+    expect(form.locator(".found")).to_contain_text("256 × 256 pixels")
+    scene.write_text(SCENE_XML.replace("256", "128"))
+    choose(form, scene)
+    expect(form.locator(".found")).to_contain_text("128 × 128 pixels")
 
 
 def test_a_zip_says_what_it_holds(form: Page, tmp_path: Path) -> None:
@@ -118,6 +141,7 @@ def test_a_stored_scene_is_used_again(visit: Visit, form: Page, scene: Path) -> 
     expect(form.locator(".found")).to_contain_text("sphere.xml")
     again = visit("/submit").page
     stored = again.get_by_label("A stored scene")
+    expect(stored).to_be_visible()
     stored.select_option(label=stored.locator("option").last.inner_text())
     expect(again.locator(".found")).to_contain_text("256 × 256 pixels")
 

@@ -323,9 +323,9 @@ class TestErrorsAreOneLine:
         assert len(err.splitlines()) == 1
 
     def test_of_a_service_that_is_not_there(self) -> None:
-        with listen("127.0.0.1", 0) as free:
-            port = free.getsockname()[1]
-        code, _, err = plateau("list", "--url", f"http://127.0.0.1:{port}")
+        with listen("127.0.0.1", 0) as silent:  # it is nobody else's port, and nobody listens
+            port = silent.getsockname()[1]
+            code, _, err = plateau("list", "--url", f"http://127.0.0.1:{port}")
         assert code == 1
         assert "plateau up" in err
         assert len(err.splitlines()) == 1

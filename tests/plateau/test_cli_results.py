@@ -198,9 +198,9 @@ class TestErrorsSayWhatToDo:
         "command", [["list"], ["workers"], ["scenes"], ["show", "x"], ["submit", "scenes:box"]]
     )
     def test_of_a_service_that_is_not_there(self, command: list[str]) -> None:
-        with listen("127.0.0.1", 0) as free:
-            port = free.getsockname()[1]
-        code, _, err = plateau(*command, "--url", f"http://127.0.0.1:{port}")
+        with listen("127.0.0.1", 0) as silent:  # it is nobody else's port, and nobody listens
+            port = silent.getsockname()[1]
+            code, _, err = plateau(*command, "--url", f"http://127.0.0.1:{port}")
         assert code == 1
         assert "start one with `plateau up`, or name it by --url or PLATEAU_URL" in err
         assert len(err.splitlines()) == 1

@@ -63,8 +63,8 @@ def test_waiting_ends_when_the_results_are_written(plateau: Client, client: redi
     staged = StagedJob(client)
     staged.commit()
     staged.end()
-    threading.Timer(0.3, staged.finish).start()
     started = time.monotonic()
+    threading.Timer(0.3, staged.finish).start()
     job = plateau.wait(staged.id)
     assert time.monotonic() - started >= 0.25
     assert (job.state, job.finished_at is not None) == (JobState.CONVERGED, True)
@@ -121,10 +121,9 @@ def test_a_scene_that_cannot_be_packed_is_refused_here(plateau: Client, tmp_path
 
 
 def test_a_service_that_is_not_there_is_said_to_be_so() -> None:
-    with listen("127.0.0.1", 0) as free:
-        port = free.getsockname()[1]
     with (
-        Client(f"http://127.0.0.1:{port}", patience_s=0) as client,
+        listen("127.0.0.1", 0) as silent,  # it is nobody else's port, and nobody listens
+        Client(f"http://127.0.0.1:{silent.getsockname()[1]}", patience_s=0) as client,
         pytest.raises(Unreachable, match="plateau up"),
     ):
         client.jobs()
@@ -152,7 +151,7 @@ def test_events_go_on_after_the_api_was_restarted(
     with live_api(redis_url, store, port=port):
         job.end()
         job.finish()
-        watcher.join(15)
+        watcher.join(60)
     # Then everything was heard once
     assert heard == ["state", "state", "slice", "point", "state", "finished"]
     plateau.close()

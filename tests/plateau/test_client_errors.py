@@ -94,28 +94,29 @@ def test_one_that_wants_to_be_left_alone_for_longer_than_the_client_is_patient_i
     server: Callable[[Answers], str],
 ) -> None:
     problem = b'{"type": "/problems/too-many-requests", "detail": "slower"}'
-    with Client(server(lambda _: (429, problem, {"Retry-After": "60"}))) as client:
-        started = time.monotonic()
-        with pytest.raises(ApiError, match="slower") as caught:
-            client.jobs()
-    assert (caught.value.status, caught.value.retry_after_s) == (429, 60)
-    assert time.monotonic() - started < 10
+    with (
+        Client(server(lambda _: (429, problem, {"Retry-After": "600"}))) as client,
+        pytest.raises(ApiError, match="slower") as caught,
+    ):
+        client.jobs()
+    assert (caught.value.status, caught.value.retry_after_s) == (429, 600)
 
 
 def test_an_answer_that_does_not_come_is_not_waited_for_for_ever(
     server: Callable[[Answers], str],
 ) -> None:
+    left = threading.Event()
+
     def answers(_: int) -> tuple[int, bytes, dict[str, str]]:
-        time.sleep(3)
+        left.wait(600)
         return 200, _NO_JOBS, {}
 
-    started = time.monotonic()
     with (
         Client(server(answers), patience_s=0, timeout_s=0.3) as client,
         pytest.raises(Unreachable, match=r"timed out|silent"),
     ):
         client.jobs()
-    assert time.monotonic() - started < 2.5
+    left.set()
 
 
 def test_every_error_is_a_client_error() -> None:

@@ -114,7 +114,7 @@ def test_every_line_of_a_monitor_says_which_job_and_slice_it_is_about(
 def test_every_line_of_an_api_says_which_job_it_is_about(run: Run, tmp_path: Path) -> None:
     api = run("api", "--port", "0", PLATEAU_REDIS_URL=f"unix://{tmp_path}/nowhere.sock")
     url = api.wait_for(r"listens at (http://127\.0\.0\.1:\d+)")
-    with httpx.Client(base_url=url, trust_env=False) as http:  # one connection for all
+    with httpx.Client(base_url=url, trust_env=False, timeout=60) as http:  # one connection for all
         for path in ("/v1/jobs/0123456789ab", "/v1/jobs/0123456789ab/slices/7/log", "/v1/jobs"):
             assert http.get(path).status_code == 503
     found = lines(api)

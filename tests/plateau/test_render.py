@@ -83,7 +83,7 @@ def test_ctrl_c_cancels_and_writes_what_there_is(render: Render, tmp_path: Path)
 
 def test_ctrl_c_before_anything_runs_leaves_at_once(render: Render) -> None:
     command = render()
-    until(lambda: len(command.family()) >= 1, 30)
+    until(lambda: len(command.family()) >= 1, 60)
     command.process.send_signal(signal.SIGINT)
     assert command.exit_code() == 130
     left_nothing(command)

@@ -100,7 +100,7 @@ def test_a_process_that_dies_is_started_again(up: Up, name: str) -> None:
     url = command.wait_for(READY)
     command.member(name).kill()
     command.wait_for(f"{name} was ended by SIGKILL; starting it again")
-    until(lambda: len(command.family()) == 3, 10)
+    until(lambda: len(command.family()) == 3, 60)
     with Client(url) as client:  # the API has its port again
         assert client.jobs().jobs == []
 
@@ -114,5 +114,5 @@ def test_redis_is_started_again_with_all_that_it_had(up: Up, box: Path) -> None:
         redis_server = next(one for one in command.family() if "redis" in one.name())
         redis_server.kill()
         command.wait_for("Redis was ended by SIGKILL; starting it again")
-        until(lambda: len(command.family()) == 3, 20)
+        until(lambda: len(command.family()) == 3, 60)
         assert client.job(job.id).id == job.id

@@ -23,5 +23,5 @@ def session_api(embedded_redis: EmbeddedRedis, api_store: Blobs) -> Iterator[str
 
 @pytest.fixture
 def http(session_api: str, redis_url: str) -> Iterator[httpx.Client]:
-    with httpx.Client(base_url=session_api, trust_env=False, timeout=10) as http:
+    with httpx.Client(base_url=session_api, trust_env=False, timeout=60) as http:
         yield http

@@ -251,6 +251,39 @@ class TestAGuardedBatch:
             ]
         assert len(listed(http, batch="walk")) == 3
 
+    def test_can_be_guarded_afterwards(self, http: httpx.Client) -> None:
+        batch = submit(http, WIDE, frames(16, 17, batch="walk")).json()
+        for _ in range(2):
+            answer = http.post(batch["links"]["guard"])
+            assert answer.status_code == 202
+            assert answer.json()["guard"]["guarded"] is True
+        other = {"parameters": {"w": 16}, "batch": "walk", "min_spp": 100}
+        problem(submit(http, WIDE, other), 409, "uneven-batch")
+        problem(http.post("/v1/batches/none/guard"), 404, "unknown-batch")
+
+    def test_cannot_be_made_of_jobs_that_stop_otherwise(self, http: httpx.Client) -> None:
+        batch = submit(http, WIDE, frames(16, 17, batch="walk")).json()
+        submit(http, WIDE, {"parameters": {"w": 16}, "batch": "walk", "min_spp": 100})
+        found = problem(http.post(batch["links"]["guard"]), 409, "uneven-batch")
+        assert found["detail"] == (
+            "batch 'walk' cannot be guarded: its jobs do not stop alike, of job "
+            f"{found['job_id']} min_spp is None and not 100"
+        )
+        assert found["job_id"] in batch["job_ids"]
+        assert http.get(batch["links"]["self"]).json()["guard"]["guarded"] is False
+
+    def test_is_guarded_by_the_key_of_all_its_jobs(
+        self, http: httpx.Client, client: redis.Redis
+    ) -> None:
+        limits = KeyLimits(requests_per_minute=1e6, burst=100, upload_bytes=None, open_jobs=9)
+        one, other = (
+            {"Authorization": f"Bearer {ApiKeys(client).create(name, Role.SUBMITTER, limits)[1]}"}
+            for name in ("one", "other")
+        )
+        links = submit(http, WIDE, frames(16, batch="walk"), headers=one).json()["links"]
+        problem(http.post(links["guard"], headers=other), 403, "not-your-job")
+        assert http.post(links["guard"], headers=one).json()["guard"]["guarded"] is True
+
 
 class TestSteering:
     def test_says_what_became_of_each(self, http: httpx.Client, client: redis.Redis) -> None:

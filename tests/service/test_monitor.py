@@ -26,7 +26,7 @@ def farm(client: redis.Redis, redis_url: str, tmp_path: Path) -> NoiseFarm:
     return NoiseFarm(client, redis_url, tmp_path)
 
 
-def until(condition: Callable[[], bool], seconds: float = 20) -> None:
+def until(condition: Callable[[], bool], seconds: float = 120) -> None:
     deadline = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < deadline, "waited in vain"
@@ -47,6 +47,21 @@ def work(farm: NoiseFarm, job: Job, *, until_points: int | None = None) -> Job:
 
     until(step)
     return farm.jobs.get(job.id)
+
+
+def lease_after_a_point(farm: NoiseFarm, job: Job) -> Lease:
+    """A slice of the job, leased after its first point; its monitor has gone then."""
+    held: list[Lease] = []
+
+    def leased() -> bool:
+        held.extend(filter(None, [farm.lease()]))
+        return bool(held)
+
+    with farm.monitor():
+        farm.render(2)
+        until(lambda: farm.jobs.get(job.id).points == 1)
+        until(leased)
+    return held[0]
 
 
 def judged(curve: list[CurvePoint]) -> list[dict[str, object]]:
@@ -134,7 +149,8 @@ def test_results_are_written_though_the_monitor_died_after_the_verdict(
         done = work(farm, job)
     again = farm.submit(**QUICK)
     with farm.monitor():
-        work(farm, again, until_points=done.points - 1)
+        farm.render(2 * (done.points - 1))  # another two, and it would converge
+        until(lambda: farm.jobs.get(again.id).points == done.points - 1)
     # Given a job that has ended with more in its ledger than was judged, and no results yet
     client.hset(keys.job(again.id), mapping={"state": "converged", "spp": 40})
     with farm.monitor():
@@ -208,13 +224,12 @@ def lose(farm: NoiseFarm, lease: Lease) -> None:
 def test_a_partial_that_is_lost_or_spoiled_is_rendered_again(
     farm: NoiseFarm, harm: Callable[[NoiseFarm, Lease], None]
 ) -> None:
-    undisturbed, disturbed = farm.submit(**QUICK), farm.submit(**QUICK)
+    undisturbed = farm.submit(**QUICK)
     with farm.monitor():
         work(farm, undisturbed)
-        work(farm, disturbed, until_points=1)
+    disturbed = farm.submit(**QUICK)
+    lease = lease_after_a_point(farm, disturbed)
     # Given a slice that was committed while no monitor looked, and harmed before one does
-    lease = farm.lease()
-    assert lease is not None
     farm.commit(lease)
     harm(farm, lease)
     with farm.monitor():
@@ -237,7 +252,7 @@ def test_a_partial_that_never_comes_back_whole_fails_its_job_and_no_other(
 ) -> None:
     bad = farm.submit(**QUICK)
     with farm.monitor():
-        until(lambda: client.xlen(keys.job(bad.id, "slices")) > 0)
+        until(lambda: client.hget(keys.job(bad.id), "planned") != "0")
     for time_ in range(1, 5):
         while (lease := farm.lease()) is not None:
             farm.commit(lease)
@@ -263,7 +278,8 @@ def test_a_checkpoint_that_is_lost_or_spoiled_costs_work_and_nothing_else(
         expected = work(farm, undisturbed)
     disturbed = farm.submit(**QUICK, keep_slices=keep_slices)
     with farm.monitor():
-        work(farm, disturbed, until_points=expected.points - 2)
+        farm.render(2 * (expected.points - 2))  # and no more: the monitor would go on
+        until(lambda: farm.jobs.get(disturbed.id).points == expected.points - 2)
     (checkpoint,) = farm.store.names(blobs.checkpoints(disturbed.id))
     if harm == "lost":
         farm.store.delete(checkpoint)
@@ -278,11 +294,8 @@ def test_a_checkpoint_that_is_lost_or_spoiled_costs_work_and_nothing_else(
 
 def test_a_blob_store_that_fails_one_job_does_not_hold_up_the_others(farm: NoiseFarm) -> None:
     stuck = farm.submit(**QUICK)
-    with farm.monitor():
-        work(farm, stuck, until_points=1)
+    lease = lease_after_a_point(farm, stuck)
     # Given a committed partial that cannot be read for now
-    lease = farm.lease()
-    assert lease is not None
     farm.commit(lease)
     unreadable = Path(farm.store.where) / farm.jobs.ledger(stuck.id)[lease.index]["blob"]
     content = unreadable.read_bytes()
@@ -301,7 +314,7 @@ def test_a_blob_store_that_fails_one_job_does_not_hold_up_the_others(farm: Noise
 def test_results_that_cannot_be_written_do_not_hold_the_monitor(
     farm: NoiseFarm, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def refuse(*_: object) -> None:
+    def refuse(*_: object, **__: object) -> None:
         raise ValueError("no picture of this")
 
     monkeypatch.setattr(Results, "_pictures", refuse)
@@ -348,7 +361,7 @@ def test_a_black_image_stops_and_says_why(farm: NoiseFarm) -> None:
 def test_work_in_flight_is_bounded(farm: NoiseFarm, client: redis.Redis) -> None:
     job = farm.submit(**QUICK)
     with farm.monitor():
-        until(lambda: client.xlen(keys.job(job.id, "slices")) > 0)
+        until(lambda: client.hget(keys.job(job.id), "planned") != "0")
         held = farm.lease()  # slice 0 is never committed, so nothing can be merged
         assert held is not None
         for _ in range(10):

@@ -12,7 +12,7 @@ from PIL import Image
 
 from farm import blobs
 from farm.blobs import Blobs
-from service.previews import MOST, Previews, kept, missed_least
+from service.previews import LEAST, MOST, MOST_BYTES, Previews, kept, missed_least
 from service.thumbnails import LONGEST, thumbnail
 from tests.support.commands import until
 from tests.support.live_api import live_api
@@ -26,13 +26,33 @@ def test_the_one_that_is_missed_least_lies_between_the_closest_by_ratio() -> Non
 
 def test_they_stay_spread_however_many_come(store: Blobs) -> None:
     previews = Previews(store, "job")
-    for spp in range(100, 20_001, 100):
-        previews.keep(spp, b"picture")
+    large = bytes(MOST_BYTES // LEAST + 1)
+    for spp in range(100, 10_001, 100):
+        previews.keep(spp, large)
     spps = kept(store, "job")
-    assert len(spps) == MOST
-    assert (spps[0], spps[-1]) == (100, 20_000)
+    assert len(spps) == LEAST
+    assert (spps[0], spps[-1]) == (100, 10_000)
     ratios = [after / before for before, after in pairwise(spps)]
     assert max(ratios[1:]) < 1.8  # the first step, from 100 to 200, is 2
+
+
+def test_small_ones_are_all_kept_up_to_a_number(store: Blobs) -> None:
+    previews = Previews(store, "job")
+    for spp in range(1, MOST + 1):
+        previews.keep(spp, b"picture")
+    assert kept(store, "job") == list(range(1, MOST + 1))
+    previews.keep(MOST + 1, b"picture")
+    spps = kept(store, "job")
+    assert len(spps) == MOST
+    assert (spps[0], spps[-1]) == (1, MOST + 1)
+
+
+def test_no_more_bytes_are_kept_than_agreed(store: Blobs) -> None:
+    previews = Previews(store, "job")
+    half = bytes(MOST_BYTES // (2 * LEAST))
+    for spp in range(1, 61):
+        previews.keep(spp, half)
+    assert len(kept(store, "job")) == 2 * LEAST
 
 
 def test_a_monitor_that_takes_over_goes_on_with_what_there_is(store: Blobs) -> None:
@@ -54,18 +74,22 @@ class TestOverHttp:
         path = f"/v1/jobs/{job.id}"
         with (
             live_api(redis_url, farm.store) as url,
-            httpx.Client(base_url=url, trust_env=False) as http,
+            httpx.Client(base_url=url, trust_env=False, timeout=60) as http,
             farm.monitor(),
         ):
             assert http.get(f"{path}/previews").json() == {"previews": []}
             farm.render(1)
-            until(lambda: bool(farm.jobs.results(job.id)), 30)
+            until(lambda: bool(farm.jobs.results(job.id)), 60)
             newest = http.get(f"{path}/image.png")
-            until(lambda: kept(farm.store, job.id) == [25], 30)
+            until(lambda: kept(farm.store, job.id) == [25], 60)
             farm.render(2)
-            until(lambda: farm.jobs.get(job.id).finished_at is not None, 30)
+            until(lambda: farm.jobs.get(job.id).finished_at is not None, 60)
             listed = http.get(f"{path}/previews").json()["previews"]
-            assert listed[0] == {"spp": 25, "link": f"{path}/previews/25.png"}
+            assert listed[0] == {
+                "spp": 25,
+                "link": f"{path}/previews/25.png",
+                "linear": None,
+            }
             preview = http.get(f"{path}/previews/25.png")
             final = http.get(f"{path}/image.png")
             # It is what was shown then, and never changes
@@ -77,8 +101,11 @@ class TestOverHttp:
             ]
             again = {"If-None-Match": preview.headers["etag"]}
             assert http.get(f"{path}/previews/25.png", headers=again).status_code == 304
-            # One that was not kept is a problem that says where to look
-            assert http.get(f"{path}/previews/30.png").status_code == 404
+            # One that there never was, or was not kept, is a problem that says where to look
+            for name, kind in (("30.png", "unknown-point"), ("25.exr", "cannot-merge")):
+                problem = http.get(f"{path}/previews/{name}").json()
+                assert problem["type"] == f"/problems/{kind}"
+                assert f"GET {path}/previews" in problem["detail"]
             small = Image.open(io.BytesIO(http.get(f"{path}/thumbnail.png").content))
             assert small.size == (32, 24)
 
@@ -99,3 +126,27 @@ class TestAThumbnail:
     def test_shows_what_is_not_finite_as_black(self) -> None:
         image = np.full((400, 400, 3), np.nan, np.float32)
         assert thumbnail(image, 0).max() == 0
+
+
+def test_the_first_slice_is_shown_long_before_the_first_point(
+    client: redis.Redis, redis_url: str, tmp_path: Path
+) -> None:
+    farm = NoiseFarm(client, redis_url, tmp_path)
+    job = farm.submit(step=100, slice_spp=10, max_spp=1000)
+    with farm.monitor():
+        farm.render(1)
+        until(lambda: farm.jobs.results(job.id), 60)
+        assert blobs.spp_of_set(farm.jobs.results(job.id)) == 10
+        assert Image.open(io.BytesIO(farm.picture(job, "image.png"))).size == (32, 24)
+        # The first point has its own, and that of the slice is gone
+        farm.render(9)
+        until(lambda: blobs.spp_of_set(farm.jobs.results(job.id)) == 100, 60)
+        until(lambda: len(sets_of(farm, job.id)) == 1, 60)
+        # It was none of the pictures that are kept of the job's way
+        assert kept(farm.store, job.id) == [100]
+        farm.jobs.cancel(job.id)
+        until(lambda: farm.jobs.get(job.id).finished_at is not None, 60)
+
+
+def sets_of(farm: NoiseFarm, job_id: str) -> set[str]:
+    return {name.split("/")[3] for name in farm.store.names(blobs.results(job_id))}

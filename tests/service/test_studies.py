@@ -221,7 +221,9 @@ class TestAnswers:
         threshold = fitted.threshold(0.5)
         assert threshold is not None
         assert 10 < threshold < 20
-        result = http.get(study["links"]["self"]).json()["result"]
+        shown = http.get(study["links"]["self"])
+        assert shown.status_code == 200, shown.text
+        result = shown.json()["result"]
         assert result["thresholds"][0]["spp"] == pytest.approx(threshold)
         assert result["suggested_levels"] == [10, 20]
 

@@ -50,12 +50,12 @@ class Farm:
         hook = {"url": url, "events": events or ("queued",), "secret": SECRET, **more}
         return StagedJob(self.client, webhook=hook)
 
-    def deliverer(self, total_s: float = 5.0, lease_s: float = 30.0) -> Deliverer:
+    def deliverer(self, total_s: float = 30.0, lease_s: float = 30.0) -> Deliverer:
         client = connect(self.url)
         return Deliverer(
             Outbox(client),
             Wake(client, keys.WAKE_WEBHOOKS),
-            Requests(Receivers(HERE), connect_s=2.0, total_s=total_s),
+            Requests(Receivers(HERE), connect_s=20.0, total_s=total_s),
             lease_s=lease_s,
             delay_s=lambda _tries, asked_s: max(0.05, asked_s),
             look_s=0.05,
@@ -76,7 +76,7 @@ class Farm:
         return self.outbox.deliveries(job.id)[number - 1]
 
     def await_state(self, job: StagedJob, state: str, number: int = 1) -> Delivery:
-        until(lambda: self.delivery(job, number).state == state, 30)
+        until(lambda: self.delivery(job, number).state == state, 60)
         return self.delivery(job, number)
 
 
@@ -235,7 +235,7 @@ def test_what_a_killed_process_was_delivering_comes_from_another(farm: Farm) -> 
 
     def answer(number: int, _: object) -> tuple[int, dict[str, str]]:
         if number == 1:
-            killed.wait(20)
+            killed.wait(60)
         return OK
 
     with receiving(answer) as receiver:
@@ -338,7 +338,7 @@ def test_the_receiver_of_the_docs_takes_a_message(farm: Farm, tmp_path: Path) ->
         try:
             job = farm.job(f"http://127.0.0.1:{port}/")
             assert farm.await_state(job, "delivered").tries[-1].status == 204
-            forged = httpx.post(f"http://127.0.0.1:{port}/", json={}, trust_env=False, timeout=5)
+            forged = httpx.post(f"http://127.0.0.1:{port}/", json={}, trust_env=False, timeout=60)
         except httpx.RemoteProtocolError:  # the library raised, and so nothing was answered
             forged = None
         finally:

@@ -47,7 +47,7 @@ class Command:
         """What it has printed, both streams."""
         return self._said.read_text()
 
-    def wait_for(self, pattern: str, seconds: float = 60) -> str:
+    def wait_for(self, pattern: str, seconds: float = 120) -> str:
         """What it printed first that matches: the pattern's group, or all of it."""
         found: list[str] = []
 
@@ -72,14 +72,14 @@ class Command:
         """The process that runs ``plateau NAME``."""
         return next(one for one in self.family() if name in one.cmdline()[2:4])
 
-    def exit_code(self, seconds: float = 60) -> int:
+    def exit_code(self, seconds: float = 120) -> int:
         """Its exit code, once it has ended."""
         try:
             return self.process.wait(seconds)
         except subprocess.TimeoutExpired:
             raise AssertionError(f"it did not end: {self.said}") from None
 
-    def is_gone(self, seconds: float = 15) -> None:
+    def is_gone(self, seconds: float = 60) -> None:
         """Assert that nothing of it runs any more, soon."""
         until(lambda: not self.family(), seconds, lambda: f"still running: {self.family()}")
 

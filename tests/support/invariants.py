@@ -36,7 +36,7 @@ class Outcome:
 
 
 def outcome(
-    farm: RealFarm, job_id: str, seconds: float = 120, *, damaged: Set[str] = frozenset()
+    farm: RealFarm, job_id: str, seconds: float = 200, *, damaged: Set[str] = frozenset()
 ) -> Outcome:
     """The job's outcome, once it is finished; its invariants are checked."""
     until(lambda: farm.jobs.get(job_id).finished_at is not None, seconds)
@@ -100,7 +100,7 @@ def check_job(
     expected |= previews
     # A worker whose commit came too late takes its partial back a moment later
     with suppress(AssertionError):
-        until(lambda: set(store.names(f"jobs/{job_id}/")) == expected, 10)
+        until(lambda: set(store.names(f"jobs/{job_id}/")) == expected, 60)
     assert set(store.names(f"jobs/{job_id}/")) == expected
     # And Redis keeps nothing that only a running job needs
     left = set(client.scan_iter(f"{keys.job(job_id)}*", count=1000))

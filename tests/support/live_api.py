@@ -24,8 +24,12 @@ def live_api(
     port: int = 0,
     access: Access = Access.UNTIL_KEYS,
     webhook_allow: tuple[str, ...] = (),
+    grace_s: int = 8,
 ) -> Iterator[str]:
-    """The URL of an API over this Redis and this store; it is stopped on leaving."""
+    """The URL of an API over this Redis and this store; it is stopped on leaving.
+
+    Requests that are under way by then have `grace_s` seconds left.
+    """
     listener = listen("127.0.0.1", port)
     url = url_of(listener)
     hub = EventHub(redis_url)
@@ -37,7 +41,7 @@ def live_api(
         access=access,
         webhook_allow=webhook_allow,
     )
-    config = uvicorn.Config(app, log_level="critical", timeout_graceful_shutdown=8)
+    config = uvicorn.Config(app, log_level="critical", timeout_graceful_shutdown=grace_s)
     server = uvicorn.Server(config)
     # The socket listens before the loop runs: whoever connects now waits a moment.
     listener.listen()
@@ -48,6 +52,6 @@ def live_api(
     finally:
         hub.stop_watching()
         server.should_exit = True
-        thread.join(20)
+        thread.join(60)
         listener.close()
         assert not thread.is_alive(), "the API did not stop"

@@ -41,7 +41,7 @@ class NoiseFarm:
     def __init__(self, client: redis.Redis, url: str, folder: Path, sigma: float = 1.0) -> None:
         self.jobs = Jobs(client)
         self.store = Blobs(str(folder / "blobs"))
-        self.settings = Settings(redis_url=url, blobs=str(folder / "blobs"), lease_s=1.0)
+        self.settings = Settings(redis_url=url, blobs=str(folder / "blobs"), lease_s=5.0)
         self.queue = SliceQueue(client, "noise", 60)
         self.sigma = sigma
 

@@ -67,10 +67,10 @@ class RealFarm:
         ]
         for process in self.processes:
             process.send_signal(signal.SIGTERM)
-        codes = {process.wait(30) for process in self.processes if process.poll() is None}
+        codes = {process.wait(60) for process in self.processes if process.poll() is None}
         self.redis.stop()
         assert codes <= {0}, "a process did not stop cleanly"
-        _, alive = psutil.wait_procs(left, timeout=10)
+        _, alive = psutil.wait_procs(left, timeout=60)
         assert not alive, f"left behind: {alive}"
 
     def start(
@@ -127,7 +127,7 @@ class RealFarm:
             return pipe.readline().strip()
 
 
-def until(condition: Callable[[], object], seconds: float = 60) -> None:
+def until(condition: Callable[[], object], seconds: float = 120) -> None:
     """Wait for the condition, and fail where it does not come."""
     deadline = time.monotonic() + seconds
     while not condition():

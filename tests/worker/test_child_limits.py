@@ -42,6 +42,7 @@ class Children:
         )
         child = RenderChild(variant, library_for(variant), limits, self.home)
         self._started.append(child)
+        child.await_ready()
         return child
 
     def kill(self) -> None:
@@ -177,7 +178,7 @@ def test_code_in_a_render_child_starts_nothing_and_reaches_nobody(
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join(search))
     started = child()
     # Then all that it tries fails
-    deadline = time.monotonic() + 30
+    deadline = time.monotonic() + 120
     while not (tmp_path / "outcomes").exists():
         assert time.monotonic() < deadline
         time.sleep(0.05)

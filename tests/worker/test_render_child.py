@@ -5,8 +5,8 @@ import signal
 import subprocess
 import sys
 import threading
-import time
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +15,7 @@ import pytest
 
 from farm.seeds import Pass
 from worker.errors import SceneError
-from worker.render_child import CANCEL_GRACE_S, Cancelled, ChildDied, ChildLimits, RenderChild
+from worker.render_child import Cancelled, ChildDied, ChildLimits, RenderChild
 
 BOX = Path(__file__).parents[2] / "scenes" / "box"
 LIMITS = ChildLimits(threads=2, memory_bytes=8 << 30, load_timeout_s=60, pass_timeout_s=60)
@@ -28,6 +28,24 @@ def child(tmp_path: Path) -> Iterator[RenderChild]:
     child = RenderChild("scalar_rgb", None, LIMITS, tmp_path / "home")
     yield child
     child.kill()
+
+
+@contextmanager
+def cancelling(child: RenderChild) -> Iterator[None]:
+    """Cancels what the child is asked meanwhile; a cancel before it is asked would be lost."""
+    over = threading.Event()
+
+    def cancel() -> None:
+        while not over.wait(0.3):
+            child.cancel()
+
+    thread = threading.Thread(target=cancel)
+    thread.start()
+    try:
+        yield
+    finally:
+        over.set()
+        thread.join()
 
 
 def test_it_sums_the_passes_of_a_slice(child: RenderChild, tmp_path: Path) -> None:
@@ -53,12 +71,9 @@ def test_a_scene_error_leaves_the_child_alive(child: RenderChild, tmp_path: Path
 
 def test_a_cancel_ends_the_render_after_its_pass(child: RenderChild, tmp_path: Path) -> None:
     child.load(BOX, "scene.xml", SMALL, 0)
-    threading.Timer(0.3, child.cancel).start()
-    started = time.monotonic()
-    with pytest.raises(Cancelled):
-        child.render((Pass(64, 0),) * 5000)
-    assert time.monotonic() - started < 0.3 + CANCEL_GRACE_S
-    # Then the child is alive, and the next request is not cancelled with it
+    with cancelling(child), pytest.raises(Cancelled):
+        child.render((Pass(64, 0),) * 10_000)
+    # Then the child is alive, since no force was needed, and the next request is not cancelled too
     assert child.alive
     child.render((Pass(1, 0),))
 
@@ -67,8 +82,7 @@ def test_a_pass_that_outlasts_a_cancel_is_ended_by_force(
     child: RenderChild, tmp_path: Path
 ) -> None:
     child.load(BOX, "scene.xml", {"width": "256", "height": "256"}, 0)
-    threading.Timer(0.3, child.cancel).start()
-    with pytest.raises(Cancelled):
+    with cancelling(child), pytest.raises(Cancelled):
         child.render(LONG)
     assert not child.alive
 
@@ -123,4 +137,4 @@ def test_it_does_not_outlive_a_supervisor_that_is_killed(tmp_path: Path) -> None
     child = psutil.Process(int(supervisor.stdout.readline()))
     supervisor.kill()
     supervisor.communicate()
-    child.wait(5)
+    child.wait(60)

@@ -1,0 +1,219 @@
+"""Stopping rules of other renderers, as their published formulas, on our slices.
+
+Written from the formulas, for comparison alone; no job can name them. Where a product does more
+than its formula, the class says so.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from metric.display import displayed
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from metric import Image, Mask, View
+    from metric.display import Plane
+
+#: LuxCore's image pipeline ends in this gamma.
+LUXCORE_GAMMA = 2.2
+#: Cycles multiplies the threshold that a user sets by this.
+CYCLES_FACTOR = 5.0
+#: What keeps Cycles' error finite where an image is black.
+CYCLES_EPSILON = 1e-4
+
+
+@dataclass
+class LuxCoreHalt:
+    """LuxCore's noise threshold: ends a render when no displayed pixel changes any more.
+
+    Each image is held against the one of the check before, in the displayed image's values of 0 to
+    1; the render ends when no channel of any pixel differs by more than `threshold`. How far checks
+    are apart is the caller's.
+
+    Notes
+    -----
+    The product's displayed image is what its tone mapping makes of the render; here it is what our
+    view makes of it, with the same gamma. Its default threshold is 5/256, rounded here to 0.02.
+
+    References
+    ----------
+    LuxCoreRender/LuxCore, src/slg/film/convtest/filmconvtest.cpp (Apache-2.0);
+    batch.haltnoisethreshold.warmup and .step are 64 spp by default.
+    """
+
+    view: View
+    threshold: float = 0.02
+    warm_up_spp: int = 64
+
+    _before: Image | None = field(default=None, init=False)
+
+    def stops(self, spp: int, image: Image) -> bool:
+        """Return whether the render ends with this image, and keep it for the next check."""
+        if spp <= self.warm_up_spp:
+            return False
+        before, self._before = self._before, luxcore_displayed(image, self.view)
+        # A NaN is over no threshold, as in LuxCore.
+        return before is not None and not (np.abs(self._before - before) > self.threshold).any()
+
+
+def luxcore_displayed(image: Image, view: View) -> Image:
+    """Return an image's displayed values, (H, W, 3) float32 in [0, 1], gamma and all.
+
+    Examples
+    --------
+    >>> from metric import View
+    >>> luxcore_displayed(np.full((1, 1, 3), [0, 0.5, 2], np.float32), View()).round(2).tolist()
+    [[[0.0, 0.7300000190734863, 1.0]]]
+    """
+    encoded: Image = np.power(displayed(image, view), np.float32(1 / LUXCORE_GAMMA))
+    return encoded
+
+
+def cycles_error(image: Image, half: Image) -> Plane:
+    """Return Cycles' error of each pixel, (H, W).
+
+    |I - A| summed over the channels, over 1e-4 + the square root of the summed I where that is
+    under 1, and 1e-4 + the sum itself above.
+
+    Parameters
+    ----------
+    image
+        I, (H, W, 3) linear radiance.
+    half
+        A, of half of the samples of I, likewise.
+
+    Notes
+    -----
+    After H. Dammertz et al., A hierarchical automatic stopping condition for Monte Carlo global
+    illumination, WSCG 2010, section 2.1, but for the part above 1.
+
+    References
+    ----------
+    Blender, intern/cycles/kernel/film/adaptive_sampling.h (Apache-2.0).
+
+    Examples
+    --------
+    >>> grey, off = np.full((1, 1, 3), 0.03, np.float32), np.full((1, 1, 3), 0.04, np.float32)
+    >>> cycles_error(grey, off).round(3).tolist()  # 0.03 / sqrt(0.09)
+    [[0.10000000149011612]]
+    """
+    total = np.maximum(image.sum(axis=-1), np.float32(0))  # a negative sum has no root
+    scale = np.where(total < 1, np.sqrt(total), total)
+    error: Plane = np.abs(image - half).sum(axis=-1) / (np.float32(CYCLES_EPSILON) + scale)
+    return error
+
+
+@dataclass(frozen=True)
+class CyclesThreshold:
+    """Cycles' noise threshold: an image is done when the error of every pixel is under it.
+
+    Notes
+    -----
+    That is when Cycles takes no more samples at all. It takes none of a single pixel from the
+    moment on at which that one is done: see `CyclesAdaptive`.
+
+    References
+    ----------
+    As `cycles_error`; and intern/cycles/scene/integrator.cpp for the factor of 5 and the default
+    minimum of 64 spp that goes with a threshold of 0.01.
+    """
+
+    threshold: float = 0.01
+    min_spp: int = 64
+
+    def done(self, image: Image, half: Image) -> Mask:
+        """Return the pixels that are done, (H, W). One that is NaN never is."""
+        done: Mask = cycles_error(image, half) < CYCLES_FACTOR * self.threshold
+        return done
+
+    def stops(self, spp: int, image: Image, half: Image) -> bool:
+        """Return whether every pixel is done."""
+        return spp > self.min_spp and bool(self.done(image, half).all())
+
+
+@dataclass
+class CyclesAdaptive:
+    """Cycles' adaptive sampling: every pixel ends by itself, and goes on beside one that has not.
+
+    It takes samples two slices at a time, the first of which make up A. A pixel that is done gets
+    none until one of its eight neighbours is found not to be.
+
+    Notes
+    -----
+    Cycles checks every 16 spp, here it is every two slices. It ends a pixel by the same check.
+
+    References
+    ----------
+    As `CyclesThreshold`.
+    """
+
+    rule: CyclesThreshold = field(default_factory=CyclesThreshold)
+
+    _total: NDArray[np.float64] | None = field(default=None, init=False)
+    _half: NDArray[np.float64] | None = field(default=None, init=False)
+    _spp: NDArray[np.int64] | None = field(default=None, init=False)
+    _active: Mask | None = field(default=None, init=False)
+
+    @property
+    def mean_spp(self) -> float:
+        """Samples that a pixel took, on average."""
+        return 0.0 if self._spp is None else float(self._spp.mean())
+
+    @property
+    def image(self) -> Image:
+        """The image of what each pixel took, (H, W, 3) float32."""
+        return _normalised(self._total)
+
+    @property
+    def active_pixels(self) -> int:
+        """How many pixels still want samples."""
+        return 0 if self._active is None else int(self._active.sum())
+
+    def add(self, first: NDArray[Any], second: NDArray[Any], spp: int) -> bool:
+        """Add two slices of `spp` together to the pixels that want them; return whether all ended.
+
+        Parameters
+        ----------
+        first, second
+            Films before normalisation, (H, W, 4).
+        spp
+            Of both together.
+        """
+        if self._total is None or self._half is None or self._spp is None or self._active is None:
+            self._total, self._half = np.zeros(first.shape), np.zeros(first.shape)
+            self._spp = np.zeros(first.shape[:2], np.int64)
+            self._active = np.ones(first.shape[:2], np.bool_)
+        wanted = self._active
+        self._half[wanted] += first[wanted]
+        self._total[wanted] += first[wanted].astype(np.float64) + second[wanted]
+        self._spp[wanted] += spp
+        done = self.rule.done(_normalised(self._total), _normalised(self._half))
+        unfinished = wanted & ~(done & (self._spp > self.rule.min_spp))
+        self._active = with_neighbours(unfinished)
+        return not unfinished.any()
+
+
+def with_neighbours(pixels: Mask) -> Mask:
+    """Return the pixels and their eight neighbours.
+
+    Examples
+    --------
+    >>> with_neighbours(np.eye(4, dtype=bool)[:2]).astype(int).tolist()
+    [[1, 1, 1, 0], [1, 1, 1, 0]]
+    """
+    padded = np.pad(pixels, 1)
+    height, width = pixels.shape
+    shifted = [padded[y : y + height, x : x + width] for y in range(3) for x in range(3)]
+    grown: Mask = np.any(shifted, axis=0)
+    return grown
+
+
+def _normalised(total: NDArray[np.float64] | None) -> Image:
+    assert total is not None
+    image: Image = (total[..., :3] / total[..., 3:]).astype(np.float32)
+    return image

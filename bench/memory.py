@@ -1,0 +1,187 @@
+"""The most memory that each process of a farm takes: `make bench-memory`.
+
+For each size a farm of its own (`plateau up`, one worker) renders one job of a cheap scene with few
+samples, and people look at its images. Another farm, for the same size, then has many jobs at
+once, which all have two points of their curve; their slices are made up, since only the monitor and
+the API could tell many jobs from one: a worker has one scene at a time. Memory is the most that a
+process had resident, as the kernel counts it (VmHWM): what it shares with others is included.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import re
+import sys
+import tempfile
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from bench.startup import ROOT
+from bench.support import markdown
+from bench.support.memory_farm import MADE_UP, make_up, peaks
+from bench.support.report import RESULTS, Figure, Spread, figure, write_report
+from bench.support.service_farm import ServiceFarm
+from farm.spec import FixedSpec, JobSpec, Variant
+from plateau.client import Client
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+_SCENE = ROOT / "bench" / "support" / "still"
+SIZES = {"512²": (512, 512), "1080p": (1920, 1080), "2160p": (3840, 2160)}
+#: Of the farms that render: the other has no use for its worker.
+ROLES = ("API", "monitor", "worker", "render child")
+_STEP = 2
+_SLICES = 4  #: of 1 spp: two points of the curve
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plan:
+    """Which farms there are."""
+
+    #: Width and height, and how many jobs at once the second farm has.
+    sizes: Mapping[str, tuple[int, int]] = field(default_factory=lambda: SIZES)
+    many: Mapping[str, int] = field(default_factory=lambda: {"512²": 20, "1080p": 20, "2160p": 2})
+    threads: int = field(default_factory=lambda: len(os.sched_getaffinity(0)))
+    variant: Variant = "auto"
+
+
+#: MB by role, by how many jobs there were at once, by size.
+Found = dict[str, dict[int, dict[str, float]]]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--sizes", nargs="+", choices=SIZES, default=list(SIZES))
+    options = parser.parse_args()
+    plan = Plan(sizes={name: SIZES[name] for name in options.sizes})
+    made = [*figures(measure(plan)), *_found_before(set(SIZES) - set(plan.sizes))]
+    path = write_report(
+        "memory",
+        sorted(made, key=lambda one: list(SIZES).index(_size_of(one))),
+        settings={"workers": 1, "threads": plan.threads, "slices": _SLICES},
+        notes=[
+            "Each row is a farm of its own, with an embedded Redis and local blobs.",
+            "One job is rendered; the slices of many are made up: noise, committed as by a worker.",
+            "What processes share (libraries) is counted in each.",
+        ],
+    )
+    markdown.fill(markdown.DOCS / "operations.md", tables(json.loads(path.read_text())))
+
+
+def _found_before(sizes: set[str]) -> list[Figure]:
+    """The last report's figures of these sizes: what is not measured now stays."""
+    last = RESULTS / "memory.json"
+    if not last.exists():
+        return []
+    known = [
+        Figure(**{**one, "spread": Spread(**one["spread"])})
+        for one in json.loads(last.read_text())["figures"]
+    ]
+    return [one for one in known if _size_of(one) in sizes]
+
+
+def _size_of(one: Figure) -> str:
+    return re.split("[,:]", one.name)[0]
+
+
+def measure(plan: Plan) -> Found:
+    """Return what each farm's processes took."""
+    found: Found = {}
+    for name, (width, height) in plan.sizes.items():
+        found[name] = {
+            1: _one_rendered(plan, width, height),
+            plan.many[name]: _many_made_up(plan, plan.many[name], width, height),
+        }
+        print(f"{name} done", file=sys.stderr)
+    return found
+
+
+def _one_rendered(plan: Plan, width: int, height: int) -> dict[str, float]:
+    with tempfile.TemporaryDirectory() as folder:
+        farm = ServiceFarm(Path(folder), jobs=0, threads=plan.threads)
+        with farm, Client(farm.url) as client:
+            spp = _SLICES
+            spec = JobSpec(
+                step=_STEP,
+                slice_spp=1,
+                max_spp=spp,
+                rule=FixedSpec(spp=spp),
+                variant=plan.variant,
+                parameters={"width": width, "height": height},
+            )
+            job = client.submit(_SCENE, spec)
+            done = client.wait(job.id)
+            if done.state.value != "converged":
+                raise AssertionError(f"the job is {done.state.value}: {done.reason}")
+            _look(client, job.id)
+            return peaks(farm)
+
+
+def _many_made_up(plan: Plan, count: int, width: int, height: int) -> dict[str, float]:
+    with tempfile.TemporaryDirectory() as folder:
+        farm = ServiceFarm(Path(folder), jobs=0, threads=plan.threads)
+        with farm, Client(farm.url) as client:
+            cap = 100 * _SLICES
+            spec = JobSpec(
+                step=_STEP, slice_spp=1, max_spp=cap, rule=FixedSpec(spp=cap), variant=MADE_UP
+            )
+            jobs = [
+                farm.jobs.create(spec, name="still", scene_sha256="0" * 64).job.id
+                for _ in range(count)
+            ]
+            make_up(farm.redis_url, farm.blobs, jobs, slices=_SLICES, width=width, height=height)
+            farm.wait(lambda: all(client.job(one).points >= _SLICES // _STEP for one in jobs))
+            for job_id in jobs:
+                _look(client, job_id)
+            time.sleep(1.0)  # the last checkpoint is on its way
+            return {role: mb for role, mb in peaks(farm).items() if role in ("API", "monitor")}
+
+
+def _look(client: Client, job_id: str) -> None:
+    for picture in ("image.exr", "image.png", "difference.png"):
+        client.image(job_id, picture)
+    client.curve(job_id)
+
+
+def figures(found: Found) -> list[Figure]:
+    """Return what was found, and what the monitor takes for each further job."""
+    made = []
+    for size, farms in found.items():
+        for jobs, roles in farms.items():
+            for role, mb in roles.items():
+                made.append(figure(f"{size}, {jobs} at once: {role}", [mb], "MB"))
+        one, many = farms
+        each = (farms[many]["monitor"] - farms[one]["monitor"]) / (many - one)
+        made.append(figure(f"{size}: the monitor, for each further job", [each], "MB"))
+    return made
+
+
+def tables(report: dict[str, Any]) -> dict[str, str]:
+    """Return a report as Markdown."""
+    found = {one["name"]: one["value"] for one in report["figures"]}
+    sizes = dict.fromkeys(name.split(",")[0] for name in found if " at once: " in name)
+
+    def cell(size: str, jobs: int, role: str) -> str:
+        mb = found.get(f"{size}, {jobs} at once: {role}")
+        return "as with 1" if mb is None else f"{mb:.0f}"
+
+    rows = []
+    for size in sizes:
+        heads = dict.fromkeys(
+            int(name.split()[1]) for name in found if name.startswith(f"{size}, ")
+        )
+        rows += [[size, str(jobs), *(cell(size, jobs, role) for role in ROLES)] for jobs in heads]
+    each = [[size, f"{found[f'{size}: the monitor, for each further job']:.0f}"] for size in sizes]
+    return {
+        "memory": markdown.table(["MB at most", "jobs at once", *ROLES], rows),
+        "memory-each": markdown.table(["", "the monitor, MB for each further job"], each),
+    }
+
+
+if __name__ == "__main__":
+    main()

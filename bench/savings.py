@@ -1,0 +1,129 @@
+"""What stopping saves, ours and others': `make bench-savings`.
+
+For all eight scenes of the experiment, machine time until a rule stops over that of the fixed
+10,000 spp, and how many pixels are then still visibly wrong: our rules `visible` and `reverse`,
+LuxCore's halt rule, and Cycles' noise threshold, all on the same slices.
+
+It works on the renders of `make bench-paper`: the longest that the folder has of each scene, and
+renders what is not there. Then it renders a few slices of each scene again, alone, to time them.
+What was found of each scene is kept in the results, so that scenes can be run one after the other.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from pathlib import Path
+
+import scenes
+from bench.experiment.cases import Case, cases
+from bench.experiment.contenders import TARGET
+from bench.experiment.costs import add_costs
+from bench.experiment.renders import SLICE_SPP, Size, longest, rendered
+from bench.experiment.savings_plot import plot_savings
+from bench.experiment.savings_tables import cost_table, scene_tables, summary_table, time_ratios
+from bench.experiment.spending import FIXED, FIXED_SPP, RULES, Spending, spend
+from bench.support import markdown, report
+from bench.support.report import Figure, write_report
+from farm.spec import JobSpec
+
+_ROOT = Path(__file__).parents[1]
+_NOTES = (
+    "Machine time is core seconds: of rendering, times the spp, and of each look, times the looks.",
+    "It leaves out what all have in common: loading, merging, reading and writing.",
+    f"LuxCore's rule looks every {SLICE_SPP} or {2 * SLICE_SPP} spp, Cycles' at the latter.",
+    "Pixels still visibly wrong are the VDP's, against the independent reference.",
+    "Its noise is taken out where the series goes far enough to say, and else counted in.",
+)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--size", type=int, default=256, help="pixels across and down (256)")
+    parser.add_argument("--cap", type=int, default=10_000, help="spp of what is not rendered yet")
+    parser.add_argument("--scenes", nargs="+", choices=scenes.NAMES, default=scenes.NAMES)
+    parser.add_argument("--workers", type=int, default=1, help="worker processes (1)")
+    parser.add_argument(
+        "--data", type=Path, default=_ROOT / "paper-data", help="folder of renders (./paper-data)"
+    )
+    options = parser.parse_args()
+    if options.cap % (2 * SLICE_SPP) or options.cap < 2 * SLICE_SPP:
+        parser.error(f"--cap must be a multiple of {2 * SLICE_SPP}, not {options.cap}")
+    size = Size(options.size, options.cap)
+    found = run(cases(tuple(options.scenes)), size, options.data, workers=options.workers)
+    markdown.fill(markdown.DOCS / "savings.md", tables_of(found))
+    plot_savings(found, markdown.DOCS / "images" / "savings.png")
+
+
+def run(todo: list[Case], size: Size, data: Path, *, workers: int) -> list[Spending]:
+    """Judge and time these scenes, and report on them and on all that was known."""
+    data.mkdir(parents=True, exist_ok=True)
+    folder = _folder()
+    folder.mkdir(parents=True, exist_ok=True)
+    for case in todo:
+        renders = rendered(case, longest(case, size.pixels, data) or size, data, workers=workers)
+        started = time.monotonic()
+        one = spend(renders)
+        add_costs(one, renders)
+        one.write(folder / f"{case.slug}.json")
+        print(f"{case.name}: took {time.monotonic() - started:.0f} s", file=sys.stderr)
+    found = known()
+    write_report(
+        "savings",
+        [figure for one in found for figure in figures(one)],
+        settings={
+            "slice_spp": SLICE_SPP,
+            "step": JobSpec().step,
+            "fixed_spp": FIXED_SPP,
+            "target": TARGET,
+            "scenes": {
+                one.name: {"size": f"{one.pixels}×{one.pixels}", "cap": one.cap} for one in found
+            },
+        },
+        notes=_NOTES,
+    )
+    return found
+
+
+def known() -> list[Spending]:
+    """Return every series that the results hold, in the order of the paper's tables."""
+    return [Spending.read(path) for path in sorted(_folder().glob("*.json"))]
+
+
+def tables_of(found: list[Spending]) -> dict[str, str]:
+    """Return every table by the name of its place in the document."""
+    return {
+        "savings-summary": summary_table(found),
+        "savings-scenes": scene_tables(found),
+        "savings-costs": cost_table(found),
+    }
+
+
+def figures(one: Spending) -> list[Figure]:
+    """Return what came out of one scene."""
+    fixed = [FIXED_SPP * spp_s for spp_s in one.spp_s]
+    named = [report.figure(f"{one.name}: {FIXED}", fixed, "core seconds")]
+    for rule in RULES:
+        stop = one.stops[rule]
+        about = f"{one.name}: {rule}" + ("" if stop.ended else ", not ended by the cap")
+        named += [
+            Figure(name=f"{about}: spp", value=round(stop.spp, 1), unit="spp"),
+            report.figure(
+                f"{about}: machine time", time_ratios(one, rule), "ratio", compared_with=FIXED
+            ),
+            Figure(
+                name=f"{about}: visibly wrong", value=round(one.left(rule).pixels, 1), unit="pixels"
+            ),
+        ]
+    return named
+
+
+def _folder() -> Path:
+    return report.RESULTS / "savings"
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,259 @@
+"""From the command line to the results of a job that converges at once: `make bench-startup`.
+
+`plateau render` starts Redis, API, monitor and worker, renders the two steps that the default rule
+needs, writes its results and stops all of it. One Mitsuba process imports Mitsuba, loads the scene
+and renders the same passes. Both run in turns, with kernels that Dr.Jit finds compiled, and in an
+empty home where it has to compile them. Beside that, `plateau --help`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from bench.support import markdown
+from bench.support.cores import Taken, timed
+from bench.support.report import Figure, figure, write_report
+from farm.seeds import SeedSchedule
+from farm.settings import Settings
+from farm.spec import JobSpec
+from worker.variants import VariantChoice, choose
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+ROOT = Path(__file__).parents[1]
+_SCENE = Path(__file__).parent / "support" / "still"
+_BARE = "one Mitsuba process that renders the same passes and writes nothing"
+#: Whether Dr.Jit has compiled the scene's kernels before.
+KERNELS = ("kernels at hand", "kernels compiled")
+HELP = "plateau --help"
+OTHERS = "other work on the cores meanwhile"
+_COLUMNS = {
+    "plateau render": "under 6 s",
+    "Mitsuba alone": None,
+    "beyond Mitsuba": "under 3 s",
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plan:
+    """What is started, and how often."""
+
+    pairs: int = 5  #: of each kind, after one that does not count
+    helps: int = 10
+    size: int = 256  #: of the image, in pixels
+    variant: str | None = None  #: the one that a worker takes by itself
+
+
+@dataclass(frozen=True)
+class Found:
+    """What it took: pairs of `plateau render` and Mitsuba alone, by what was compiled before."""
+
+    spp: int
+    pairs: dict[str, list[tuple[Taken, Taken]]]
+    helps: list[Taken]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--pairs", type=int, default=Plan.pairs, help="runs of each")
+    parser.add_argument("--size", type=int, default=Plan.size, help="of the image, in pixels")
+    options = parser.parse_args()
+    plan = Plan(pairs=options.pairs, size=options.size)
+    found = measure(plan)
+    path = write_report(
+        "startup",
+        figures(found),
+        settings={
+            "size": f"{plan.size}×{plan.size}",
+            "spp": found.spp,
+            "pairs": plan.pairs,
+            "variant": choose(Settings().cache).variant,
+        },
+        notes=[
+            "A first run of each is not counted: modules are compiled in it, and files read.",
+            "Which variant works here, and the metric's kernels, are known from before in all.",
+            "Where other work had a share of the cores, times are too long.",
+        ],
+    )
+    markdown.fill(markdown.DOCS / "performance.md", tables(json.loads(path.read_text())))
+
+
+def measure(plan: Plan) -> Found:
+    """Return what starts take; raises where the job did not converge."""
+    choice = choose(Settings().cache)
+    pairs: dict[str, list[tuple[Taken, Taken]]] = {kind: [] for kind in KERNELS}
+    with tempfile.TemporaryDirectory() as folder:
+        cache = Path(folder) / "cache"
+        cache.mkdir()
+        if plan.variant is None:
+            shutil.copy(Settings().cache / "variant.json", cache)
+        spp = _render(plan, choice, cache)[0]
+        _bare(plan, choice, cache, spp)
+        for number in range(plan.pairs):
+            for kind in KERNELS:
+                took = {}
+                # Whichever goes first alternates, so that a machine that slows down slows both.
+                for name in ("ours", "bare")[:: 1 if number % 2 else -1]:
+                    if kind == "kernels compiled":
+                        shutil.rmtree(cache / "home")
+                    if name == "ours":
+                        took[name] = _render(plan, choice, cache)[1]
+                    else:
+                        took[name] = _bare(plan, choice, cache, spp)
+                pairs[kind].append((took["ours"], took["bare"]))
+            print(f"pair {number + 1} of {plan.pairs} done", file=sys.stderr)
+    _help()
+    return Found(spp, pairs, [_help() for _ in range(plan.helps)])
+
+
+def _environment(cache: Path) -> dict[str, str]:
+    environment = {**os.environ, "PLATEAU_CACHE": str(cache)}
+    # As for most users: what was imported once need not be compiled again.
+    environment.pop("PYTHONDONTWRITEBYTECODE", None)
+    return environment
+
+
+def _render(plan: Plan, choice: VariantChoice, cache: Path) -> tuple[int, Taken]:
+    """The spp at which `plateau render` has converged, and what it took."""
+    with tempfile.TemporaryDirectory() as out:
+        command = [sys.executable, "-m", "plateau", "render", str(_SCENE), "--out", out]
+        command += [f"-Dwidth={plan.size}", f"-Dheight={plan.size}"]
+        command += ["--variant", plan.variant] if plan.variant else []
+        with timed() as taken:
+            subprocess.run(
+                command,
+                cwd=ROOT,
+                env=_environment(cache),
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL,
+                check=True,
+            )
+        job = json.loads((Path(out) / "summary.json").read_text())
+    expected = ("converged", plan.variant or choice.variant)
+    if (job["state"], job["variant"]) != expected:
+        raise AssertionError(f"the job is {job['state']} with {job['variant']}, not {expected}")
+    return int(job["spp"]), taken
+
+
+def _bare(plan: Plan, choice: VariantChoice, cache: Path, spp: int) -> Taken:
+    variant = plan.variant or choice.variant
+    schedule = SeedSchedule(
+        variant=variant,
+        width=plan.size,
+        height=plan.size,
+        slice_spp=JobSpec().slice_spp,
+        max_spp=spp,
+    )
+    slices = map(schedule.passes, range(schedule.slices))
+    request = {
+        "variant": variant,
+        "threads": len(os.sched_getaffinity(0)),
+        "folder": str(_SCENE),
+        "entry": "scene.xml",
+        "parameters": {"width": str(plan.size), "height": str(plan.size)},
+        "passes": [(one.spp, one.seed) for passes in slices for one in passes],
+        "image": None,
+    }
+    environment = {**_environment(cache), "HOME": str(cache / "home")}
+    if choice.llvm_library is not None:
+        environment["DRJIT_LIBLLVM_PATH"] = choice.llvm_library
+    (cache / "home").mkdir(exist_ok=True)
+    with timed() as taken:
+        subprocess.run(
+            [sys.executable, "-m", "bench.support.bare_mitsuba"],
+            cwd=ROOT,
+            env=environment,
+            input=json.dumps(request),
+            stdout=subprocess.DEVNULL,
+            text=True,
+            check=True,
+        )
+    return taken
+
+
+def _help() -> Taken:
+    with timed() as taken:
+        subprocess.run(
+            [sys.executable, "-m", "plateau", "--help"],
+            cwd=ROOT,
+            env=_environment(Settings().cache),
+            stdout=subprocess.DEVNULL,
+            check=True,
+        )
+    return taken
+
+
+def figures(found: Found) -> list[Figure]:
+    """Return what was found."""
+    made = []
+    for kind, pairs in found.pairs.items():
+        columns = {
+            "plateau render": [ours.wall_s for ours, _ in pairs],
+            "Mitsuba alone": [bare.wall_s for _, bare in pairs],
+            "beyond Mitsuba": [ours.wall_s - bare.wall_s for ours, bare in pairs],
+        }
+        for name, values in columns.items():
+            compared = _BARE if name == "beyond Mitsuba" else None
+            goal = _COLUMNS[name]
+            made.append(figure(f"{kind}: {name}", values, "s", compared_with=compared, goal=goal))
+        made.append(
+            figure(f"{kind}: CPU time of all processes", [one.cpu_s for one, _ in pairs], "s")
+        )
+    helps = [one.wall_s for one in found.helps]
+    made.append(figure(HELP, helps, "s", goal="under 0.3 s"))
+    taken = [one for pairs in found.pairs.values() for pair in pairs for one in pair]
+    others = [one.others for one in taken]
+    made.append(figure(OTHERS, others, "of the cores", goal="none, for figures to quote"))
+    return made
+
+
+def tables(report: dict[str, Any]) -> dict[str, str]:
+    """Return a report as Markdown: each start, and the help."""
+    found = {one["name"]: one for one in report["figures"]}
+
+    def cell(name: str) -> str:
+        one = found[name]
+        return (
+            f"{one['value']:.2f} ({one['spread']['lowest']:.2f} to {one['spread']['highest']:.2f})"
+        )
+
+    rows = [[kind, *(cell(f"{kind}: {name}") for name in _COLUMNS)] for kind in KERNELS]
+    goals = ["goal", *(goal or "" for goal in _COLUMNS.values())]
+    return {
+        "startup": markdown.table(["wall time, s", *_COLUMNS], [*rows, goals]),
+        "startup-help": markdown.table(
+            ["", "wall time, s", "goal"], [[f"`{HELP}`", cell(HELP), found[HELP]["goal"]]]
+        ),
+        "startup-machine": machine(report, ("size", "spp", "pairs", "variant")),
+    }
+
+
+def machine(report: dict[str, Any], shown: Sequence[str]) -> str:
+    """Return the machine and these settings of a report as Markdown."""
+    about, settings = report["machine"], report["settings"]
+    others = next(one for one in report["figures"] if one["name"] == OTHERS)
+    return markdown.table(
+        ["machine", "cores", *shown, "other work on the cores"],
+        [
+            [
+                f"{about['cpu']}, {about['os']}",
+                *map(str, (about["cores"], *map(settings.get, shown))),
+                f"{others['value']:.0%}, {others['spread']['highest']:.0%} at most",
+            ]
+        ],
+    )
+
+
+if __name__ == "__main__":
+    main()

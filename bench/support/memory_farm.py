@@ -1,0 +1,101 @@
+"""A farm whose memory is looked at: real processes, and slices that are rendered or made up."""
+
+from __future__ import annotations
+
+import hashlib
+import time
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import psutil
+
+from bench.support.service_farm import ServiceFarm
+from farm import blobs
+from farm.blobs import Blobs
+from farm.exr import Partial, encode_partial
+from farm.queue import Committed, SliceQueue, SliceRecord
+from farm.redis_link import connect
+
+if TYPE_CHECKING:
+    from collections.abc import Collection
+
+#: Words of a process's command line, by what it is called here.
+_ROLES = {"API": "api", "monitor": "monitor", "worker": "worker", "render child": "worker.child"}
+#: No worker here has it: so its slices are left to `make_up`.
+MADE_UP = "cuda_ad_rgb"
+_LEASE_S = 600.0
+_LOOK_S = 0.01
+
+
+def peaks(farm: ServiceFarm) -> dict[str, float]:
+    """The most memory that each process of a farm ever had resident, in MB, by its role."""
+    found = {}
+    for process in psutil.Process(farm.pid).children(recursive=True):
+        with suppress(psutil.NoSuchProcess):
+            words = process.cmdline()
+            for role, word in _ROLES.items():
+                if word in words:
+                    found[role] = _peak_mb(process.pid)
+    return found
+
+
+def _peak_mb(pid: int) -> float:
+    status = Path(f"/proc/{pid}/status").read_text()
+    line = next(line for line in status.splitlines() if line.startswith("VmHWM:"))
+    return int(line.split()[1]) * 1024 / 1e6
+
+
+def make_up(
+    redis_url: str, store: str, jobs: Collection[str], *, slices: int, width: int, height: int
+) -> None:
+    """Commit so many slices of each of these jobs: noise, put and committed as a worker does it.
+
+    Slices are taken as the queue gives them; those that are not wanted stay leased, so that it goes
+    on to the next job.
+    """
+    with connect(redis_url) as client:
+        queue, keeps = SliceQueue(client, "made-up", _LEASE_S), Blobs(store)
+        left = dict.fromkeys(jobs, slices)
+        while any(count > 0 for count in left.values()):
+            lease = queue.lease((MADE_UP,), None, in_turn=False)
+            if lease is None:
+                time.sleep(_LOOK_S)  # the monitor plans the next ones
+                continue
+            if left[lease.job_id] <= 0:
+                continue
+            content = _partial(lease.job_id, lease.index, lease.spec.slice_spp, (height, width))
+            name = blobs.partial(lease.job_id, lease.index, "made-up")
+            keeps.put(name, content)
+            record = SliceRecord(
+                index=lease.index,
+                spp=lease.spec.slice_spp,
+                first_seed=10 * lease.index,
+                last_seed=10 * lease.index + 2,
+                blob=name,
+                sha256=hashlib.sha256(content).hexdigest(),
+                worker="made-up",
+                render_s=0.001,
+            )
+            answer = queue.commit(lease, record, width=width, height=height, notes=())
+            if answer is Committed.COMMITTED:
+                left[lease.job_id] -= 1
+
+
+def _partial(job_id: str, index: int, spp: int, shape: tuple[int, int]) -> bytes:
+    random = np.random.default_rng(index)
+    film = np.full((*shape, 4), spp, np.float32)
+    film[..., :3] *= random.random((*shape, 3), np.float32)
+    return encode_partial(
+        Partial(
+            job_id=job_id,
+            index=index,
+            first_seed=10 * index,
+            last_seed=10 * index + 2,
+            spp=spp,
+            variant=MADE_UP,
+            scene_sha256="0" * 64,
+            pixels=film,
+        )
+    )

@@ -1,0 +1,96 @@
+"""What one sample per pixel of a scene costs to render, without any farm around it."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import time
+from dataclasses import dataclass
+from itertools import accumulate, pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import psutil
+
+from bench.support.cores import family_cpu_s, machine_cpu_s
+from farm.seeds import SeedSchedule
+from farm.settings import Settings
+from worker.variants import choose
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+_ROOT = Path(__file__).parents[2]
+#: The first slice is not counted: kernels are compiled in it.
+_SLICES = 5
+
+
+@dataclass(frozen=True)
+class RenderRate:
+    """What rendering takes."""
+
+    #: Core seconds for one sample in every pixel, slice by slice.
+    spp_s: list[float]
+    #: Share of the cores that other work had meanwhile.
+    others: float
+
+
+def render_rate(scene: Path, parameters: Mapping[str, str], slice_spp: int) -> RenderRate:
+    """Return what it takes one Mitsuba process, on all cores, to render slices of a scene.
+
+    Parameters
+    ----------
+    scene
+        A folder with a ``scene.xml``.
+    parameters
+        Values of its ``$parameters``, ``width`` and ``height`` among them.
+    slice_spp
+        Samples per pixel of a slice.
+    """
+    choice, threads = choose(Settings().cache), len(os.sched_getaffinity(0))
+    schedule = SeedSchedule(
+        variant=choice.variant,
+        width=int(parameters["width"]),
+        height=int(parameters["height"]),
+        slice_spp=slice_spp,
+        max_spp=_SLICES * slice_spp,
+    )
+    slices = [schedule.passes(index) for index in range(_SLICES)]
+    request = {
+        "variant": choice.variant,
+        "threads": threads,
+        "folder": str(scene),
+        "entry": "scene.xml",
+        "parameters": dict(parameters),
+        "passes": [(one.spp, one.seed) for passes in slices for one in passes],
+        "image": None,
+    }
+    ours, all_, started = family_cpu_s(), machine_cpu_s(), time.monotonic()
+    told = _ask(request, choice.llvm_library)
+    cores = psutil.cpu_count() or 1
+    elsewhere = machine_cpu_s() - all_ - (family_cpu_s() - ours)
+    ends = [told["ended_s"][last - 1] for last in accumulate(map(len, slices))]
+    return RenderRate(
+        spp_s=[(end - start) * threads / slice_spp for start, end in pairwise(ends)],
+        others=max(0.0, elsewhere) / (cores * (time.monotonic() - started)),
+    )
+
+
+def _ask(request: dict[str, Any], llvm_library: str | None) -> dict[str, Any]:
+    # The worker's own home, where the kernels are that Dr.Jit has compiled.
+    environment = {**os.environ, "HOME": str(Settings().cache / "home")}
+    if llvm_library is not None:
+        environment["DRJIT_LIBLLVM_PATH"] = llvm_library
+    done = subprocess.run(
+        [sys.executable, "-m", "bench.support.bare_mitsuba"],
+        cwd=_ROOT,
+        env=environment,
+        input=json.dumps(request),
+        stdout=subprocess.PIPE,
+        text=True,
+        check=True,
+    )
+    told: dict[str, Any] = json.loads(done.stdout)
+    return told

@@ -1,0 +1,122 @@
+"""What each thing that a worker or a monitor asks of Redis costs it, and what a merge costs."""
+
+from __future__ import annotations
+
+import hashlib
+import time
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from bench.support.scale_farm import SPEC, ControlPlane
+from farm.blobs import Blobs
+from farm.exr import Partial, decode_partial, encode_partial
+from farm.ownership import Ownership, Ownerships
+from farm.queue import Lease, SliceQueue, SliceRecord
+from service.merge import Merge
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+_VARIANTS = ("llvm_ad_rgb", "scalar_rgb")
+_MERGES = 7
+_POINT: dict[str, object] = {
+    "spp": 100,
+    "visible_pixels": 40123,
+    "visible_fraction": 0.612,
+    "slope": -1.25,
+    "estimate_pixels": 812.5,
+    "estimate_fraction": 0.0124,
+    "forecast_spp": 1900,
+    "non_finite_pixels": 0,
+    "zones": None,
+    "rules": {"visible": {"value": 0.0124, "stop": False}},
+}
+
+
+def costs(farm: ControlPlane, *, jobs: int, turns: int) -> dict[str, tuple[float, float]]:
+    """Return of each request the µs of Redis's CPU, and the bytes that it adds to Redis's log.
+
+    Parameters
+    ----------
+    farm
+        A control plane without monitors and without jobs.
+    jobs
+        So many wait meanwhile.
+    turns
+        How often each request is made.
+    """
+    owners, queue = Ownerships(farm.client, lease_s=600), SliceQueue(farm.client, "one", 600)
+    owned: list[Ownership] = []
+    for _ in range(jobs):
+        job = farm.jobs.create(SPEC, name="box.zip", scene_sha256="0" * 64).job
+        one = owners.acquire(job.id)
+        if one is None:
+            raise AssertionError("somebody owns a new job")
+        owners.plan(one, range(turns))
+        owned.append(one)
+    leases: list[Lease] = []
+
+    def lease(_: int) -> None:
+        found = queue.lease(_VARIANTS, None, in_turn=False)
+        if found is None:
+            raise AssertionError("there is nothing to lease")
+        leases.append(found)
+
+    def commit(turn: int) -> None:
+        record = SliceRecord(
+            index=leases[turn].index,
+            spp=25,
+            first_seed=10 * leases[turn].index,
+            last_seed=10 * leases[turn].index + 2,
+            blob=f"jobs/{leases[turn].job_id}/partials/{turn:06d}-one-1.exr",
+            sha256="0" * 64,
+            worker="one",
+            render_s=1.0,
+        )
+        queue.commit(leases[turn], record, width=16, height=16, notes=())
+
+    first = owned[0]
+    requests: dict[str, Callable[[int], object]] = {
+        "lease a slice": lease,
+        "heartbeat with one lease": lambda turn: queue.heartbeat({"id": "one"}, (leases[turn],)),
+        "commit a slice": commit,
+        "monitor: read a job": lambda _: farm.jobs.get(first.job_id),
+        "monitor: plan": lambda turn: owners.plan(first, range(turns + turn + 1)),
+        "monitor: read what is committed": lambda _: owners.committed(first.job_id, range(16)),
+        "monitor: a point of the curve": lambda turn: owners.append_point(
+            first, 100 * (turn + 1), _POINT
+        ),
+    }
+    return {name: _cost(farm, request, turns) for name, request in requests.items()}
+
+
+def merge_costs(store: Blobs, sizes: Sequence[tuple[int, int]]) -> dict[str, tuple[float, float]]:
+    """Return for each size, width and height, the CPU ms of one merge, and a partial's bytes.
+
+    As a monitor does it: the partial is fetched, checked, decoded and added.
+    """
+    found = {}
+    for width, height in sizes:
+        name, pixels = f"{width}×{height}", np.ones((height, width, 4), np.float32)
+        about = {"job_id": "one", "variant": "llvm_ad_rgb", "scene_sha256": "0" * 64}
+        made = Partial(index=0, first_seed=0, last_seed=2, spp=25, pixels=pixels, **about)
+        store.put(name, encode_partial(made))
+        merge, spent, content = Merge(slice_spp=25), [], b""
+        for _ in range(_MERGES):
+            started = time.process_time()
+            content = store.get(name)
+            hashlib.sha256(content).hexdigest()
+            merge.add(decode_partial(content).pixels)
+            spent.append(time.process_time() - started)
+        store.delete(name)
+        found[name] = 1e3 * float(np.median(spent)), float(len(content))
+    return found
+
+
+def _cost(farm: ControlPlane, request: Callable[[int], object], turns: int) -> tuple[float, float]:
+    before = farm.sample()
+    for turn in range(turns):
+        request(turn)
+    spent = farm.sample().since(before)
+    return 1e6 * spent.redis_cpu_s / turns, spent.log_bytes / turns

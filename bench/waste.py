@@ -1,0 +1,150 @@
+"""Samples that are rendered for nothing, and how long workers wait: `make bench-waste`.
+
+Real Redis and a real monitor; simulated workers, which take the time of a render to make noise of
+which the truth is known, and do all else that real ones do: cancel within a slice, too.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import tempfile
+import time
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from bench.support import markdown
+from bench.support.noise_workers import Spent, working
+from bench.support.report import Figure, figure, write_report
+from bench.support.scale_farm import ControlPlane
+from bench.support.synthetic_noise import Render
+from farm.blobs import Blobs
+from farm.spec import JobSpec
+
+if TYPE_CHECKING:
+    from farm.jobs import Jobs
+
+DOCUMENT = markdown.DOCS / "performance.md"
+#: Samples that may be wasted, of those in the image, by the number of workers.
+GOALS = {2: 0.03, 16: 0.08}
+SIZE = 96
+SCENES = ("checks", "ramp")
+_PATIENCE_S = 600.0
+
+
+@dataclass(frozen=True)
+class Ended:
+    """One job, and what was spent on it."""
+
+    spp: int
+    wasted: float  #: samples rendered but not in the image, of those in it
+    waited: float  #: of the workers' time until its end, how much they had nothing to do
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--workers", type=int, nargs="+", default=list(GOALS))
+    parser.add_argument("--pass-ms", type=float, default=50, help="a slice has seven passes")
+    parser.add_argument("--levels", type=float, nargs="+", default=[0.3, 0.4, 0.55])
+    options = parser.parse_args()
+
+    renders = [
+        Render(scene, "Gaussian", level, SIZE, seed)
+        for seed, (scene, level) in enumerate(product(SCENES, options.levels))
+    ]
+    found = {count: measure(renders, count, options.pass_ms / 1000) for count in options.workers}
+    path = write_report(
+        "waste",
+        [one for count, ended in found.items() for one in figures(count, ended)],
+        settings={
+            "workers": options.workers,
+            "size": f"{SIZE}×{SIZE}",
+            "jobs": len(renders),
+            "pass_ms": options.pass_ms,
+            "rule": JobSpec().rule.name,
+            "step": JobSpec().step,
+            "slice_spp": JobSpec().slice_spp,
+            "spp": sorted(one.spp for one in found[options.workers[0]]),
+        },
+        notes=[
+            "One job at a time: where others wait, a worker without work here renders for those.",
+            "Workers are simulated, so that sixteen fit this machine; Redis and monitor are real.",
+        ],
+    )
+    markdown.fill(DOCUMENT, tables(json.loads(path.read_text())))
+
+
+def figures(workers: int, ended: list[Ended]) -> list[Figure]:
+    """Return what so many workers have wasted and waited, of all jobs and of each."""
+    goal = GOALS.get(workers)
+    final, wasted = sum(one.spp for one in ended), sum(one.spp * one.wasted for one in ended)
+    return [
+        figure(
+            f"{workers} workers: wasted, of all jobs",
+            [wasted / final],
+            "of the samples",
+            goal=None if goal is None else f"at most {goal:g}",
+        ),
+        figure(f"{workers} workers: wasted, of a job", [one.wasted for one in ended], "of them"),
+        figure(
+            f"{workers} workers: without work, of a job", [one.waited for one in ended], "of them"
+        ),
+    ]
+
+
+def measure(renders: list[Render], workers: int, pass_s: float) -> list[Ended]:
+    """Render one job after the other by so many simulated workers."""
+    ended = []
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        (folder / "redis").mkdir()
+        with ControlPlane(folder, folder / "blobs") as plane:
+            store = Blobs(str(folder / "blobs"))
+            with working(plane.client, store, workers, pass_s) as crew:
+                for render in renders:
+                    crew.render = render
+                    ended.append(_ended(plane.jobs, crew.spent, workers))
+                    print(f"{workers} workers, {render}: {ended[-1]}", file=sys.stderr)
+    return ended
+
+
+def _ended(jobs: Jobs, spent: Spent, workers: int) -> Ended:
+    """Submit a job and wait for its end, and until nobody works at it any more."""
+    spent.clear()
+    job = jobs.create(JobSpec(), name="noise", scene_sha256="0" * 64).job
+    deadline = time.monotonic() + _PATIENCE_S
+    while (now := jobs.get(job.id)).finished_at is None or spent.at_work:
+        if time.monotonic() > deadline:
+            raise AssertionError(f"the job has not ended: {now}")
+        time.sleep(0.05)
+    assert now.started_at is not None
+    assert now.ended_at is not None
+    seconds = (now.ended_at - now.started_at).total_seconds()
+    return Ended(now.spp, spent.spp / now.spp - 1, 1 - spent.busy_s / (workers * seconds))
+
+
+def tables(report: dict[str, Any]) -> dict[str, str]:
+    """Return a report as Markdown: what is wasted and how long workers wait."""
+    found = {one["name"]: one for one in report["figures"]}
+
+    def row(workers: int) -> list[str]:
+        of_all, of_one, waited = (
+            found[f"{workers} workers: {what}"]
+            for what in ("wasted, of all jobs", "wasted, of a job", "without work, of a job")
+        )
+        return [
+            str(workers),
+            f"{of_all['value']:.1%}",
+            f"{of_one['spread']['lowest']:.1%} to {of_one['spread']['highest']:.1%}",
+            f"{waited['value']:.1%}",
+        ]
+
+    head = ["workers", "wasted, of all samples", "of one job's", "workers' time without work"]
+    return {"waste": markdown.table(head, [row(one) for one in report["settings"]["workers"]])}
+
+
+if __name__ == "__main__":
+    main()

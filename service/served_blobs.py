@@ -1,0 +1,74 @@
+"""Blobs as answers: streamed, with what a client needs to keep them and to know them again."""
+
+from collections.abc import Iterator
+from typing import Any, Final
+
+from fastapi import Request, Response
+from fastapi.responses import StreamingResponse
+
+from farm.job import Job
+from service import problems
+from service.etags import NOT_MODIFIED, Known, cache_control, not_modified
+from service.head import HEADERS_ONLY
+from service.parts import Parts
+from service.problems import documented
+
+PNG: Final = "image/png"
+EXR: Final = "image/x-exr"
+#: The header that says how many samples per pixel an image has: a running job's grow on.
+SPP: Final = "Plateau-Spp"
+
+
+def described(media_type: str, *kinds: problems.ProblemType) -> dict[int | str, dict[str, Any]]:
+    """The ``responses`` of a route that serves a blob of a job, for OpenAPI."""
+    names = ("ETag", "Cache-Control", "Content-Disposition", SPP)
+    binary = {"schema": {"type": "string", "format": "binary"}}
+    return {
+        200: {
+            "description": "the file's bytes",
+            "content": {media_type: binary},
+            "headers": {name: {"schema": {"type": "string"}} for name in names},
+        },
+        **NOT_MODIFIED,
+        **documented(problems.UNKNOWN_JOB, *kinds),
+    }
+
+
+def headers_of(job: Job, tag: str, file_name: str) -> dict[str, str]:
+    """The headers of a file of the job."""
+    return {
+        "ETag": tag,
+        "Cache-Control": cache_control(job),
+        "Content-Disposition": f'inline; filename="{file_name}"',
+        # A file has some MB and its reader is on this machine: parts of it help nobody.
+        "Accept-Ranges": "none",
+    }
+
+
+def blob_response(
+    blob: str,
+    media_type: str,
+    headers: dict[str, str],
+    farm: Parts,
+    has: Known,
+    request: Request,
+) -> Response:
+    """The blob, or 304; `FileNotFoundError` where there is none."""
+    if has.has(headers["ETag"]):
+        return not_modified(headers)
+    size = farm.blobs.size(blob)
+    if size is None:
+        raise FileNotFoundError(blob)
+    if has.anything:
+        return not_modified(headers)
+    headers = {**headers, "Content-Length": str(size)}
+    if HEADERS_ONLY in request.scope:
+        return Response(media_type=media_type, headers=headers)
+    chunks = farm.blobs.chunks(blob)
+    first = next(chunks, b"")
+    return StreamingResponse(_joined(first, chunks), media_type=media_type, headers=headers)
+
+
+def _joined(first: bytes, rest: Iterator[bytes]) -> Iterator[bytes]:
+    yield first
+    yield from rest

@@ -1,0 +1,280 @@
+"""What stopping saves: other renderers' rules on images with known answers, and the benchmark."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bench import savings
+from bench.experiment.cases import cases
+from bench.experiment.other_rules import (
+    CyclesAdaptive,
+    CyclesThreshold,
+    LuxCoreHalt,
+    cycles_error,
+    luxcore_displayed,
+)
+from bench.experiment.renders import Size, longest
+from bench.experiment.savings_tables import scene_tables, summary_table, time_ratios
+from bench.experiment.spending import (
+    CYCLES,
+    CYCLES_ADAPTIVE,
+    FIXED_SPP,
+    RULES,
+    Left,
+    Spending,
+    Stop,
+)
+from bench.experiment.truth import converged_spp
+from bench.support import report
+from metric import Image, View
+
+
+def grey(value: float, *, size: int = 4) -> Image:
+    return np.full((size, size, 3), value, np.float32)
+
+
+def with_one_pixel(image: Image, value: float) -> Image:
+    changed = image.copy()
+    changed[1, 2] = value
+    return changed
+
+
+def film(value: float, spp: int, *, size: int = 4) -> Image:
+    """A slice before normalisation: the sums of radiance, and the weights."""
+    return np.full((size, size, 4), [value * spp] * 3 + [spp], np.float32)
+
+
+class TestLuxCoresRule:
+    #: Displayed as 0.5, as 0.519 and as 0.521.
+    BEFORE, UNDER, OVER = (value**2.2 for value in (0.5, 0.519, 0.521))
+
+    def test_ends_where_no_pixel_changed_by_more_than_the_threshold(self) -> None:
+        rule = LuxCoreHalt(View())
+        assert not rule.stops(100, grey(self.BEFORE))
+        assert rule.stops(150, grey(self.UNDER))
+
+    def test_one_channel_of_one_pixel_keeps_it_going(self) -> None:
+        rule = LuxCoreHalt(View())
+        rule.stops(100, grey(self.BEFORE))
+        one = grey(self.BEFORE)
+        one[3, 0, 2] = self.OVER
+        assert not rule.stops(150, one)
+
+    def test_holds_each_image_against_the_one_before_and_not_the_first(self) -> None:
+        rule = LuxCoreHalt(View())
+        rule.stops(100, grey(0.1))
+        assert not rule.stops(150, grey(self.BEFORE))
+        assert rule.stops(200, grey(self.UNDER))
+
+    def test_needs_two_images_after_its_warm_up(self) -> None:
+        rule = LuxCoreHalt(View())
+        assert not rule.stops(50, grey(0.5))
+        assert not rule.stops(100, grey(0.5))
+        assert rule.stops(150, grey(0.5))
+
+    def test_sees_what_the_screen_shows(self) -> None:
+        rule = LuxCoreHalt(View(exposure_ev=2))
+        rule.stops(100, grey(0.3))
+        assert rule.stops(150, grey(40.0))  # white already
+        assert luxcore_displayed(grey(0.25), View(exposure_ev=1))[0, 0, 0] == pytest.approx(
+            0.5 ** (1 / 2.2)
+        )
+
+    def test_a_pixel_that_is_not_a_number_is_over_no_threshold(self) -> None:
+        rule = LuxCoreHalt(View())
+        rule.stops(100, with_one_pixel(grey(0.5), np.nan))
+        assert rule.stops(150, with_one_pixel(grey(0.5), np.nan))
+
+    def test_passes_noise_that_does_not_change_much_from_check_to_check(self) -> None:
+        # Its threshold is on the change, which falls as 1/n while the noise falls as 1/sqrt(n).
+        rng = np.random.default_rng(8)
+        noise = rng.normal(0, 1, (400, 32, 32, 3)).astype(np.float32)
+        rule, total = LuxCoreHalt(View()), np.zeros((32, 32, 3), np.float32)
+        for number, one in enumerate(noise, start=1):
+            total += grey(0.5, size=32) + one
+            if rule.stops(50 * number, total / number):
+                break
+        assert number < 400
+        # What changed at the most was under 0.02; what was wrong is several times as much.
+        wrong = luxcore_displayed(total / number, View()) - 0.5 ** (1 / 2.2)
+        assert np.abs(wrong).max() > 0.1
+
+
+class TestCyclesRule:
+    def test_error_is_over_the_root_in_the_dark_and_over_the_sum_in_the_light(self) -> None:
+        dark = cycles_error(grey(0.12), grey(0.13))
+        assert dark[0, 0] == pytest.approx(0.03 / (1e-4 + 0.6), rel=1e-4)
+        light = cycles_error(grey(1.2), grey(1.3))
+        assert light[0, 0] == pytest.approx(0.3 / (1e-4 + 3.6), rel=1e-4)
+
+    def test_black_is_done(self) -> None:
+        assert CyclesThreshold().stops(100, grey(0), grey(0))
+
+    def test_every_pixel_must_be_under_five_times_the_threshold(self) -> None:
+        image, rule = grey(0.12), CyclesThreshold()
+        assert rule.stops(100, image, grey(0.1299))  # 0.0297 / 0.6001 < 0.05
+        assert not rule.stops(100, image, with_one_pixel(image, 0.1301))
+        assert CyclesThreshold(threshold=0.011).stops(100, image, with_one_pixel(image, 0.1301))
+
+    def test_a_firefly_keeps_it_going_until_it_is_averaged_away(self) -> None:
+        # One sample of n, in A, is a light of 1000: both |I - A| and what it adds to I are 3000/n.
+        errors = [
+            cycles_error(grey(0.12 + 1000 / n), grey(0.12 + 2000 / n))[0, 0]
+            for n in (100, 10_000, 50_000, 100_000)
+        ]
+        assert [error < 0.05 for error in errors] == [False, False, False, True]
+
+    def test_looks_at_nothing_before_its_minimum(self) -> None:
+        assert not CyclesThreshold().stops(64, grey(0.5), grey(0.5))
+
+    def test_a_pixel_that_is_not_a_number_is_never_done(self) -> None:
+        broken = with_one_pixel(grey(0.5), np.nan)
+        assert not CyclesThreshold().stops(100, broken, broken)
+
+
+class TestCyclesPixelByPixel:
+    def test_an_image_without_noise_ends_at_once(self) -> None:
+        rule = CyclesAdaptive()
+        assert rule.add(film(0.5, 50), film(0.5, 50), 100)
+        assert rule.mean_spp == 100
+        np.testing.assert_allclose(rule.image, grey(0.5), rtol=1e-6)
+
+    def test_a_pixel_goes_on_with_its_neighbours_and_the_others_end(self) -> None:
+        rule = CyclesAdaptive()
+        first = film(0.5, 50, size=8)
+        first[0, 0] = [100, 100, 100, 50]
+        assert not rule.add(first, film(0.5, 50, size=8), 100)
+        assert rule.active_pixels == 4  # itself, and three neighbours in a corner
+        # Later slices change none but these.
+        rule.add(film(0.9, 50, size=8), film(0.9, 50, size=8), 100)
+        assert rule.mean_spp == 100 + 100 * 4 / 64
+        assert rule.image[4, 4, 0] == pytest.approx(0.5)
+        assert rule.image[1, 1, 0] == pytest.approx(0.7)
+
+    def test_a_pixel_that_was_done_goes_on_beside_one_that_is_not(self) -> None:
+        rule, quiet = CyclesAdaptive(), film(0.5, 50, size=9)
+        noisy = quiet.copy()
+        noisy[4, 4] = [100, 100, 100, 50]
+        rule.add(noisy, quiet, 100)
+        assert rule.active_pixels == 9
+        # Now a neighbour is the noisy one, so pixels further out are asked for more again.
+        noisy = quiet.copy()
+        noisy[3, 3] = [100, 100, 100, 50]
+        rule.add(noisy, quiet, 100)
+        assert rule.active_pixels == 16 - 2  # the squares around (4, 4) and (3, 3)
+        assert not rule.add(quiet, quiet, 100)
+
+    def test_takes_what_the_whole_image_does_where_no_pixel_ends(self) -> None:
+        rule = CyclesAdaptive(CyclesThreshold(threshold=0))
+        for value in (0.2, 0.4):
+            assert not rule.add(film(value, 50), film(value, 50), 100)
+        assert rule.mean_spp == 200
+        np.testing.assert_allclose(rule.image, grey(0.3), rtol=1e-6)
+
+
+SIZE = Size(pixels=24, cap=600)
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("data")
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("results")
+
+
+@pytest.fixture(scope="module")
+def box_1(data: Path, results: Path) -> Spending:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(report, "RESULTS", results)
+        [spent] = savings.run(cases(("box",))[:1], SIZE, data, workers=1)
+    return spent
+
+
+class TestARun:
+    def test_says_of_every_rule_where_it_stopped(self, box_1: Spending) -> None:
+        assert set(box_1.stops) == set(RULES)
+        assert box_1.spp == list(range(50, 601, 50))
+        for rule, stop in box_1.stops.items():
+            assert stop.spp <= 600
+            assert rule == CYCLES_ADAPTIVE or stop.seen == box_1.truth[int(stop.spp) // 50 - 1]
+            assert stop.ended or rule == CYCLES_ADAPTIVE or stop.spp == 600
+
+    def test_measures_what_rendering_and_looking_cost(self, box_1: Spending) -> None:
+        assert all(seconds > 0 for seconds in box_1.spp_s)
+        assert all(len(box_1.look_s[rule]) > 0 for rule in RULES)
+        for rule in RULES:
+            assert min(time_ratios(box_1, rule)) > box_1.stops[rule].spp / FIXED_SPP
+
+    def test_leaves_a_report(self, box_1: Spending, results: Path) -> None:
+        assert Spending.read(results / "savings" / "box-1.json") == box_1
+        figures = json.loads((results / "savings.json").read_text())["figures"]
+        assert len(figures) == 1 + 3 * len(RULES)
+
+    @pytest.mark.usefixtures("box_1")
+    def test_takes_the_longest_renders_that_there_are(self, data: Path) -> None:
+        case = cases(("box",))[0]
+        assert longest(case, 24, data) == SIZE
+        assert longest(case, 32, data) is None
+        (data / "box-1-24-900-series").mkdir()  # without a reference it is of no use
+        assert longest(case, 24, data) == SIZE
+
+
+def spending(stops: dict[str, Stop]) -> Spending:
+    """A series whose wrong pixels halve with every doubling of the spp; a look costs as 10 spp."""
+    spp = [100 * number for number in range(1, 101)]
+    known = Spending("BOX 1", 100, 10_000, spp, [100_000 // one for one in spp])
+    done = Stop(200, ended=True, looks=2, seen=500)
+    known.stops = {rule: stops.get(rule, done) for rule in RULES}
+    known.spp_s, known.look_s = [0.5, 0.5], {rule: [5.0] for rule in RULES}
+    return known
+
+
+class TestTables:
+    def test_machine_time_is_rendering_and_looking(self) -> None:
+        one = spending({RULES[0]: Stop(2000, ended=True, looks=20, seen=50)})
+        assert time_ratios(one, RULES[0]) == pytest.approx([(2000 + 20 * 10) / 10_000] * 2)
+
+    def test_what_is_left_is_without_the_references_noise(self) -> None:
+        one = spending({})
+        stop = Stop(converged_spp(1000, 10_000), ended=True, looks=1, seen=110)
+        left = one.left_by(stop)
+        assert (left.pixels, left.how) == (pytest.approx(100), "")
+
+    def test_late_in_a_series_it_is_what_is_seen(self) -> None:
+        one, stop = spending({}), Stop(9000, ended=True, looks=1, seen=11)
+        assert one.left_by(stop) == Left(11, "at most")
+
+    def test_where_pixels_differ_in_spp_as_much_is_taken_out_as_where_they_do_not(self) -> None:
+        # Spread evenly, 111 pixels are seen against the reference where 101 are wrong.
+        one = spending({})
+        stop = Stop(900, ended=True, looks=1, seen=222)
+        left = one.left_by(stop, evenly=False)
+        assert left.how == "about"
+        assert left.pixels == pytest.approx(222 * 0.91, rel=0.01)
+
+    def test_a_rule_that_did_not_stop_says_how_far_it_was_watched(self) -> None:
+        going_on = Stop(10_000, ended=False, looks=100, seen=10, unfinished=3)
+        shown = scene_tables([spending({CYCLES: going_on})])
+        words = "> 10,000 (3 pixels not done) | over 110% | at most 10 | at most 0.10% |"
+        assert f"| Cycles, whole image | {words}" in shown
+
+    def test_pixels_that_go_on_are_counted(self) -> None:
+        going_on = Stop(321.5, ended=False, looks=100, seen=10, unfinished=7)
+        shown = scene_tables([spending({CYCLES_ADAPTIVE: going_on})])
+        assert "| 322 on average (7 pixels not done by 10,000) | over 13% | about 10 |" in shown
+
+    def test_a_median_of_what_did_not_stop_is_a_bound(self) -> None:
+        going_on = Stop(8000, ended=False, looks=0, seen=1)
+        both = [spending({RULES[0]: going_on}), spending({})]
+        assert "| `visible` | over 41% | 2% to over 80% | 1 |" in summary_table(both)
+
+    def test_false_stops_are_counted(self) -> None:
+        shown = summary_table([spending({}), spending({RULES[0]: Stop(2500, True, 25, 40)})])
+        first, second = shown.splitlines()[2:4]
+        assert first.startswith("| `visible` | 15% | 2% to 28% | 0 | 2 | 1 | 4.92% |")
+        assert second.startswith("| `visible`, 0.1 % | 2% | 2% to 2% | 0 | 2 | 2 | 4.92% |")

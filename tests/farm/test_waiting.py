@@ -1,0 +1,384 @@
+"""A lease finds its job by an index; here it is held against a look at every open job."""
+
+import json
+import threading
+from collections import defaultdict
+from collections.abc import Iterator
+
+import pytest
+import redis
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from farm import keys
+from farm.embedded import EmbeddedRedis
+from farm.jobs import Jobs
+from farm.ownership import Ownership, Ownerships
+from farm.queue import Lease, SliceQueue, SliceRecord
+from farm.redis_link import connect
+from farm.schema import VERSION, check_schema
+from farm.scripts import Scripts
+from farm.spec import JobSpec
+from farm.states import MAX_TRIES, JobState
+from farm.wake import Wake
+from farm.workers import Workers
+from tests.support.long_tests import WANTED
+
+LEASE_S = 600  # nothing runs out by itself
+WORKERS = {
+    "gpu": ("cuda_ad_rgb", "llvm_ad_rgb", "scalar_rgb"),
+    "cpu": ("llvm_ad_rgb", "scalar_rgb"),
+    "old": ("scalar_rgb",),
+}
+
+
+@pytest.fixture(scope="module")
+def quick(tmp_path_factory: pytest.TempPathFactory) -> Iterator[redis.Redis]:
+    """A Redis that does not wait for its disk, since histories are long."""
+    server = EmbeddedRedis(tmp_path_factory.mktemp("quick"))
+    client = connect(server.url)
+    client.config_set("appendfsync", "no")
+    yield client
+    client.close()
+    server.stop()
+
+
+class History:
+    """A farm to which anything may happen, in any order."""
+
+    def __init__(self, client: redis.Redis) -> None:
+        client.flushall()
+        self.client = client
+        self.jobs = Jobs(client)
+        self.owners = Ownerships(client, lease_s=600)
+        self.queues = {name: SliceQueue(client, name, LEASE_S) for name in WORKERS}
+        self.made: list[tuple[Ownership, JobSpec]] = []
+        self.leases: list[tuple[str, Lease]] = []
+        self.loaded = dict.fromkeys(WORKERS, "")
+        self.planned: dict[str, int] = defaultdict(int)
+
+    def happens(self, kind: str, a: int, b: int) -> None:
+        getattr(self, kind)(a, b)
+
+    # Jobs
+
+    def create(self, a: int, b: int) -> None:
+        spec = JobSpec(
+            priority=a % 3 - 1,
+            batch=(None, "one", "two:auto 0", None)[b % 4],
+            variant=("auto", "auto", "llvm_ad_rgb", "scalar_rgb")[a // 3 % 4],
+            slice_spp=(25, 100)[b // 4 % 2],
+        )
+        owner = ("", "0123456789ab", "cafecafecafe")[a // 12 % 3]
+        job = self.jobs.create(spec, name="box", scene_sha256="00", owner=owner).job
+        owned = self.owners.acquire(job.id)
+        assert owned is not None
+        self.made.append((owned, spec))
+        self.plan(-1, b % 3)
+
+    def plan(self, a: int, b: int) -> None:
+        if self.made:
+            owned, _ = self.made[a % len(self.made)]
+            planned = self.planned[owned.job_id]
+            self.owners.plan(owned, range(planned, planned + b % 3))
+            self.planned[owned.job_id] += b % 3
+
+    def steer(self, a: int, b: int) -> None:
+        """Pause, resume, hold back, change the priority, cancel or fail a job."""
+        if not self.made:
+            return
+        owned, _ = self.made[a % len(self.made)]
+        scripts = Scripts(self.client)
+        way = b % 6
+        if way == 0:
+            scripts.run("pause", owned.job_id, "held", "1")
+        elif way in {1, 2}:
+            scripts.run("resume", owned.job_id, "resumed")
+        elif way in {3, 4}:
+            scripts.run("reprioritise", owned.job_id, b // 6 % 3 - 1)
+        else:
+            scripts.run("end", owned.job_id, "", "cancelled", "cancelled", "", "")
+
+    # Slices
+
+    def lease(self, a: int, b: int) -> None:
+        worker = sorted(WORKERS)[a % len(WORKERS)]
+        arguments = (self.loaded[worker], b % 2, LEASE_S * 1000, MAX_TRIES)
+        answer = "again"
+        while answer == "again":
+            expected = scan(self.client, WORKERS[worker], self.loaded[worker], in_turn=b % 2 == 1)
+            variants = json.dumps(WORKERS[worker])
+            answer = Scripts(self.client).run("lease", worker, variants, *arguments)
+        if expected is None:
+            assert answer == "none"
+            return
+        found = json.loads(answer)
+        assert found["job"] == expected
+        spec = next(spec for owned, spec in self.made if owned.job_id == expected)
+        held = Lease(
+            job_id=found["job"],
+            entry=found["entry"],
+            index=found["index"],
+            tries=found["tries"],
+            variant=found["variant"],
+            spec=spec,
+            scene_sha256="00",
+        )
+        self.leases.append((worker, held))
+        self.loaded[worker] = held.job_id
+
+    def commit(self, a: int, b: int) -> None:
+        """A commit in time, or, where the slice has gone to another, a late one."""
+        if not self.leases:
+            return
+        worker, held = self.leases[a % len(self.leases)]
+        record = SliceRecord(
+            index=held.index,
+            spp=held.spec.slice_spp,
+            first_seed=10 * held.index,
+            last_seed=10 * held.index + 2,
+            blob=f"{held.index}-{worker}-{held.tries}",
+            sha256="00",
+            worker=worker,
+            render_s=1.0,
+        )
+        self.queues[worker].commit(held, record, width=8, height=4, notes=())
+        if b % 3:
+            self.leases.remove((worker, held))
+
+    def give_up(self, a: int, b: int) -> None:
+        """Hand a slice back, die on it, or find that its scene is bad."""
+        if not self.leases:
+            return
+        worker, held = self.leases.pop(a % len(self.leases))
+        if b % 4 < 2:
+            self.queues[worker].hand_back(held, 1.0, cause="draining", unfit=b % 2 == 1)
+        elif b % 4 == 2:
+            self.queues[worker].died(held, "a crash", 1.0)
+        elif b % 16 == 3:
+            self.queues[worker].fail(held, "a bad scene")
+
+    def run_out(self, a: int, b: int) -> None:
+        """A worker falls silent; maybe another lives on under its name, and renews it later."""
+        if not self.leases:
+            return
+        _, held = self.leases[a % len(self.leases)]
+        slices, member = keys.job(held.job_id, "slices"), f"{held.job_id} {held.entry}"
+        if self.client.zscore(keys.LEASES, member) is None:
+            return
+        self.client.zadd(keys.LEASES, {member: 1})
+        at = self.client.xpending_range(slices, keys.GROUP, held.entry, held.entry, 1)[0]
+        self.client.xclaim(
+            slices, keys.GROUP, at["consumer"], 0, [held.entry], idle=10**9, justid=True
+        )
+
+    def renew(self, a: int, b: int) -> None:
+        worker = sorted(WORKERS)[a % len(WORKERS)]
+        held = tuple(lease for holder, lease in self.leases if holder == worker)
+        self.queues[worker].heartbeat({}, held[: 1 + b % 3])
+
+    def reject(self, a: int, b: int) -> None:
+        if not self.made:
+            return
+        owned, _ = self.made[a % len(self.made)]
+        records = self.owners.committed(owned.job_id, range(4))
+        if records:
+            self.owners.reject(owned, records[b % len(records)], "its partial is spoiled")
+
+
+def scan(
+    client: redis.Redis, variants: tuple[str, ...], loaded: str, *, in_turn: bool
+) -> str | None:
+    """The job that the next slice is of, by looking at every open one, its stream included."""
+    of_owner: dict[str, int] = defaultdict(int)
+    in_group: dict[object, int] = defaultdict(int)
+    priority, found = None, []
+    for job_id, at in client.zrevrange(keys.OPEN, 0, -1, withscores=True):
+        if found and at != priority:
+            break
+        job = client.hgetall(keys.job(job_id))
+        slices, owner = keys.job(job_id, "slices"), job["owner"]
+        group = (owner, job["batch"]) if job["batch"] else job_id
+        pending = client.xpending_range(slices, keys.GROUP, "-", "+", 1000)
+        of_owner[owner] += len(pending) * int(job["slice_spp"])
+        in_group[group] += len(pending) * int(job["slice_spp"])
+        stale = [one for one in pending if one["time_since_delivered"] >= LEASE_S * 1000]
+        wanted = job.get("variant", job["asked_variant"])
+        if (
+            (wanted == "auto" or wanted in variants)
+            and job["state"] in {JobState.QUEUED, JobState.RENDERING}
+            and "held" not in job
+            and (stale or int(job["ready"]) > 0)
+        ):
+            priority = at
+            found.append((owner, group, int(job["number"]), job_id))
+    if in_turn and any(job_id == loaded for *_, job_id in found):
+        return loaded
+    found.sort(key=lambda one: (of_owner[one[0]], in_group[one[1]], one[2]))
+    return found[0][3] if found else None
+
+
+def index(client: redis.Redis) -> dict[str, object]:
+    """All that only the index has: its keys, and what is filed of each open job."""
+    found: dict[str, object] = {}
+    for key in client.scan_iter(f"{keys.PREFIX}*", count=10_000):
+        if key.startswith(f"{keys.PREFIX}share:"):
+            found[key] = client.hgetall(key)
+        elif key.startswith(keys.WAITING) or key.endswith(":lost"):
+            found[key] = client.zrange(key, 0, -1, withscores=True)
+    leases = client.zrange(keys.LEASES, 0, -1)
+    if leases:
+        found[keys.LEASES] = sorted(leases)
+    for job_id in client.zrange(keys.OPEN, 0, -1):
+        found[job_id] = client.hmget(keys.job(job_id), "filed", "leased")
+    return found
+
+
+def make_layout_3(client: redis.Redis) -> None:
+    """Take the index away, as it was before there was one."""
+    for key in index(client):
+        if key.startswith(keys.PREFIX):
+            client.delete(key)
+    for job_id in client.zrange(keys.JOBS, 0, -1):
+        # Every planned slice was in the stream
+        issued, planned = map(int, client.hmget(keys.job(job_id), "issued", "planned"))
+        if client.zscore(keys.OPEN, job_id) is not None:
+            for number in range(issued, planned):
+                client.xadd(keys.job(job_id, "slices"), {"index": number})
+        client.hdel(keys.job(job_id), "filed", "leased", "issued")
+    client.set(keys.SCHEMA, 3)
+
+
+def note_what_ran_out(client: redis.Redis) -> None:
+    """As every lease does, also that of a worker which takes no work."""
+    client.hset(keys.worker("drained"), "drained", 1)
+    assert SliceQueue(client, "drained", LEASE_S).lease(("x",), None, in_turn=False) is None
+
+
+NUMBERS = st.integers(0, 2**16)
+KINDS = ["create", "plan", "steer", "commit", "give_up", "run_out", "renew", "reject"]
+HISTORIES = st.lists(
+    st.tuples(st.sampled_from([*KINDS, *["lease"] * len(KINDS)]), NUMBERS, NUMBERS),
+    min_size=20,
+    max_size=80,
+)
+
+
+@settings(
+    max_examples=2000 if WANTED else 60,
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+)
+@given(HISTORIES)
+def test_the_index_chooses_as_a_look_at_every_job_does(
+    quick: redis.Redis, events: list[tuple[str, int, int]]
+) -> None:
+    # Whatever happens to a farm, in which every lease is the one that a scan of all jobs chooses
+    history = History(quick)
+    for number in range(4):
+        history.create(7 * number, 5 * number)
+    for event in events:
+        history.happens(*event)
+    # The index is the same as one that is made afresh, of data that had none
+    note_what_ran_out(quick)
+    kept = index(quick)
+    make_layout_3(quick)
+    check_schema(quick)
+    assert quick.get(keys.SCHEMA) == str(VERSION)
+    note_what_ran_out(quick)
+    assert index(quick) == kept
+    # So the next leases are those that they would have been
+    history.lease(0, 0)
+    history.lease(1, 0)
+    # And when all jobs have ended, nothing is left of it
+    for owned, _ in history.made:
+        if not history.jobs.get(owned.job_id).state.ended:
+            history.jobs.cancel(owned.job_id)
+    assert index(quick) == {}
+
+
+@pytest.mark.parametrize("batch", [None, "batch"])
+def test_a_lease_asks_no_more_of_redis_where_more_jobs_wait(
+    quick: redis.Redis, batch: str | None
+) -> None:
+    def commands() -> int:
+        return sum(one["calls"] for one in quick.info("commandstats").values())
+
+    def cost() -> int:
+        before = commands()
+        assert queue.lease(WORKERS["cpu"], None, in_turn=False) is not None
+        return commands() - before
+
+    history, queue = History(quick), SliceQueue(quick, "one", LEASE_S)
+    found = []
+    for more in (10, 200):
+        for _ in range(more):
+            spec = JobSpec(batch=batch)
+            job = history.jobs.create(spec, name="box", scene_sha256="00").job
+            owned = history.owners.acquire(job.id)
+            assert owned is not None
+            # However many slices are planned, the stream has those that are leased
+            history.owners.plan(owned, range(1_000_000))
+            assert quick.xlen(keys.job(job.id, "slices")) == 0
+        found.append(min(cost() for _ in range(4)))  # the first of a job starts it
+    assert found[0] == found[1]
+
+
+class TestIdleWorkers:
+    """Those that had nothing to do are woken when there is something, and no more than it takes."""
+
+    @pytest.fixture
+    def stop(self) -> threading.Event:
+        return threading.Event()
+
+    def idle(self, client: redis.Redis, *workers: str) -> dict[str, Wake]:
+        """These workers, each of which was given nothing."""
+        waiting = {name: Wake(client, keys.wake_worker(name)) for name in workers}
+        for name, wake in waiting.items():
+            wake.wait(0.0, threading.Event())
+            queue = SliceQueue(client, name, LEASE_S)
+            assert queue.lease(WORKERS[name.partition("-")[0]], None, in_turn=False) is None
+        return waiting
+
+    def woken(self, waiting: dict[str, Wake], stop: threading.Event) -> set[str]:
+        return {name for name, wake in waiting.items() if wake.wait(0.05, stop)}
+
+    def test_one_for_each_slice(self, quick: redis.Redis, stop: threading.Event) -> None:
+        history = History(quick)
+        waiting = self.idle(quick, *(f"cpu-{number}" for number in range(5)))
+        history.create(1, 2)  # two slices, of any variant
+        first = self.woken(waiting, stop)
+        assert len(first) == 2
+        # If both take one, and one gives its slice back, another is woken for that
+        taken = [
+            SliceQueue(quick, name, LEASE_S).lease(WORKERS["cpu"], None, in_turn=False)
+            for name in sorted(first)
+        ]
+        assert None not in taken
+        assert self.woken(waiting, stop) == set()
+        assert taken[0] is not None
+        SliceQueue(quick, min(first), LEASE_S).hand_back(taken[0])
+        assert len(self.woken(waiting, stop) - first) == 1
+
+    def test_who_can_render_it(self, quick: redis.Redis, stop: threading.Event) -> None:
+        history = History(quick)
+        waiting = self.idle(quick, "old-1", "cpu-1", "old-2")
+        history.create(6, 1)  # one slice, for LLVM
+        assert self.woken(waiting, stop) == {"cpu-1"}
+
+    def test_not_one_that_died(self, quick: redis.Redis, stop: threading.Event) -> None:
+        history = History(quick)
+        waiting = self.idle(quick, "cpu-1", "cpu-2", "cpu-3")
+        for name in ("cpu-1", "cpu-2"):
+            waiting.pop(name).close()  # as its connections do when it is killed
+        history.create(1, 1)
+        assert self.woken(waiting, stop) == {"cpu-3"}
+
+    def test_nor_one_that_is_drained(self, quick: redis.Redis, stop: threading.Event) -> None:
+        history = History(quick)
+        waiting = self.idle(quick, "cpu-1", "cpu-2")
+        history.queues["cpu"].heartbeat({}, ())
+        SliceQueue(quick, "cpu-1", LEASE_S).heartbeat({}, ())
+        Workers(quick).drain("cpu-1")
+        history.create(1, 1)
+        assert self.woken(waiting, stop) == {"cpu-2"}
