@@ -186,7 +186,7 @@ def _figures(work: Work, pairs: list[tuple[Run, Run]]) -> list[Figure]:
 
 
 def tables(report: dict[str, Any]) -> dict[str, str]:
-    """Return a report as Markdown: each case's efficiency, and where the rest goes."""
+    """Return a report as Markdown: the machine, and each case's efficiency and cost."""
     found = {one["name"]: one for one in report["figures"]}
 
     def cell(case: str, name: str) -> str:
@@ -199,8 +199,25 @@ def tables(report: dict[str, Any]) -> dict[str, str]:
         + [cell(case, name) for name in (_EFFICIENCY, _CPU, _MONITOR, _OTHERS)]
         for case, settings in report["settings"]["cases"].items()
     ]
-    head = ["", "efficiency", "CPU time", "the monitor's share of it", "other work on the cores"]
-    return {"farm": markdown.table(head, rows)}
+    machine, settings = report["machine"], report["settings"]
+    return {
+        "farm-machine": markdown.table(
+            ["machine", "cores", "variant", "workers", "threads", "pairs of runs"],
+            [
+                [
+                    f"{machine['cpu']}, {machine['os']}",
+                    str(machine["cores"]),
+                    settings["variant"],
+                    str(settings["workers"]),
+                    str(settings["threads"]),
+                    str(settings["pairs"]),
+                ]
+            ],
+        ),
+        "farm": markdown.table(
+            ["", "efficiency", "CPU time", "the monitor's share", "other work on the cores"], rows
+        ),
+    }
 
 
 def _warm_up(work: Work) -> None:

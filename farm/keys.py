@@ -68,7 +68,7 @@ plateau:job:ID:owner      string  fencing token of the monitor that owns the job
 plateau:job:ID:fence      string  counter: fencing tokens given out                    the job's
 ========================= ======= ==================================================== =========
 
-Channels, hints only (who misses one looks again within a second):
+Channels, hints only (who misses one looks again within some seconds):
 ``plateau:wake:workers`` (``ended ID``), ``plateau:wake:workers:ID`` (``planned``, to one that
 had nothing to do), ``plateau:wake:monitors`` (``free ID``, or a job id) and
 ``plateau:wake:webhooks`` (a job id).

@@ -107,13 +107,14 @@ class JobRun:
                 if not self._add(record):
                     return
                 self._checkpoints.note(record.blob)
-                if self._merge.slices == 1 and not self._jobs.results(self.owned.job_id):
-                    self._results.show(self._merge, self._judge)  # long before the first point
+                # Judged first: what is merged is not come upon again after an error.
                 if self._spec.evaluates_at(self._merge.spp):
                     with self._work.evaluations.timed():
                         self._judgement = self._judge.judge(self._merge)
                     self._look_ahead.expect(self._judgement.expected_spp)
                     break
+                if self._merge.slices == 1 and not self._jobs.results(self.owned.job_id):
+                    self._results.show(self._merge, self._judge)  # long before the first point
 
     def _judged(self) -> bool:
         """Write down the judgement in hand, if any; returns whether the job goes on."""

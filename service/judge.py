@@ -47,7 +47,7 @@ class Judgement:
 
     point: dict[str, object]
     verdict: Verdict
-    #: At which spp the job's own rule is likely to end it; None where nothing tells.
+    #: At which spp the job's own rule is likely to be satisfied; None where nothing tells.
     expected_spp: int | None
 
 
@@ -109,17 +109,15 @@ class Judge:
         return Judgement(point, self._not_too_early(own, merge.spp), expected)
 
     def _expected_spp(self, own: Verdict, forecast: Forecast | None, spp: int) -> int | None:
-        """Where the rule is likely to stop: by the forecast, or by the way its value goes."""
+        """Where the rule is likely to be satisfied: by the forecast, or by where its value goes."""
         before, self._before = self._before, None if own.value is None else (spp, own.value)
         if self._fixed_spp is not None:
-            expected: int | None = self._fixed_spp
-        elif self._own == "visible":
-            expected = None if forecast is None else forecast.spp
-        elif before is None or own.value is None or own.limit is None:
-            expected = None
-        else:
-            expected = _crossing(before, (spp, own.value), own.limit)
-        return None if expected is None else max(expected, self._min_spp)
+            return self._fixed_spp
+        if self._own == "visible":
+            return None if forecast is None else forecast.spp
+        if before is None or own.value is None or own.limit is None:
+            return None
+        return _crossing(before, (spp, own.value), own.limit)
 
     def _not_too_early(self, verdict: Verdict, spp: int) -> Verdict:
         """The rule's verdict, which ends no job before its `min_spp`."""

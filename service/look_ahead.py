@@ -3,7 +3,7 @@
 from typing import Final
 
 from farm.job import Job
-from farm.spec import VisibleSpec
+from farm.spec import FixedSpec, VisibleSpec
 
 #: Beyond an evaluation that may end the job, so many slices are planned for each merged one: they
 #: keep workers busy while it is merged and judged, and are rendered for nothing where it ends.
@@ -22,15 +22,19 @@ class LookAhead:
     """
 
     def __init__(self, job: Job) -> None:
-        self._spec = job.spec
+        self._spec, rule = job.spec, job.spec.rule
+        self._least_spp = self._spec.min_spp or 0
         self._expected_spp: int | None = None
-        if isinstance(job.spec.rule, VisibleSpec):
-            soonest_spp = _EVALUATIONS_BEFORE_AN_END * job.spec.step
-            self._expected_spp = job.forecast_spp if job.points else soonest_spp
+        if isinstance(rule, FixedSpec):
+            self.expect(rule.spp)
+        elif isinstance(rule, VisibleSpec):
+            self._least_spp = max(self._least_spp, rule.min_spp)
+            soonest_spp = _EVALUATIONS_BEFORE_AN_END * self._spec.step
+            self.expect(job.forecast_spp if job.points else soonest_spp)
 
     def expect(self, spp: int | None) -> None:
         """Take note of where the rule is likely to end the job, as an evaluation has it."""
-        self._expected_spp = spp
+        self._expected_spp = None if spp is None else max(spp, self._least_spp)
 
     def stop(self, merged: int, enough: int) -> int:
         """The index of the first slice that is not planned yet.

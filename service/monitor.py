@@ -10,6 +10,7 @@ import secrets
 import socket
 import threading
 import time
+from collections import deque
 from typing import Final
 
 from farm import keys, log
@@ -70,7 +71,8 @@ class Monitor:
         self._others: set[str] = set()  # jobs that other monitors owned a moment ago
         self._others_due = float("-inf")  # when they are asked for again
         self._taken_at = float("-inf")  # when we last looked which jobs there are
-        self._round: list[str] = []  # jobs of ours that are still to be looked at in this round
+        self._fresh: deque[str] = deque()  # jobs just taken, of which no hint may come
+        self._round: deque[str] = deque()  # jobs of ours still to be looked at in this round
         self._round_due = float("-inf")  # when the next one begins
         self._round_s = 0.0  # spent in this one
         self._workers = 0
@@ -90,7 +92,8 @@ class Monitor:
             while not stop.is_set():
                 try:
                     self._look(hinted)
-                    hinted = self._wake.wait(0.0 if self._round else _IDLE_S, stop)
+                    busy = self._fresh or self._round
+                    hinted = self._wake.wait(0.0 if busy else _IDLE_S, stop)
                     backoff.reset()
                 except StoreUnavailable as error:
                     _LOG.warning("%s", error)
@@ -112,17 +115,30 @@ class Monitor:
         for job_id in [one for one in self._owned if one in hinted]:
             self._bring_forward(job_id, look_ahead)
         now = time.monotonic()
-        if not self._round and now >= self._round_due:
-            self._round, self._round_s = list(self._owned)[::-1], 0.0
-        while self._round and time.monotonic() < now + _ROUND_S:
-            job_id = self._round.pop()
+        self._bring_all_forward(self._fresh, hinted, now + _ROUND_S, look_ahead)
+        self._go_round(hinted, now + _ROUND_S, look_ahead)
+
+    def _go_round(self, hinted: set[str], until: float, look_ahead: int) -> None:
+        started = time.monotonic()
+        if not self._round and started >= self._round_due:
+            self._round, self._round_s = deque(self._owned), 0.0
+        if not self._round:
+            return
+        self._bring_all_forward(self._round, hinted, until, look_ahead)
+        ended = time.monotonic()
+        self._round_s += ended - started
+        if not self._round:
+            pause_s = max(_IDLE_S, self._round_s / _ROUNDS_SHARE)
+            self._round_due = ended + min(pause_s, _LONGEST_IDLE_S)
+
+    def _bring_all_forward(
+        self, waiting: deque[str], hinted: set[str], until: float, look_ahead: int
+    ) -> None:
+        """Bring these jobs forward but for those of a hint, for so long."""
+        while waiting and time.monotonic() < until:
+            job_id = waiting.popleft()
             if job_id in self._owned and job_id not in hinted:
                 self._bring_forward(job_id, look_ahead)
-            if not self._round:
-                pause_s = (self._round_s + time.monotonic() - now) / _ROUNDS_SHARE
-                pause_s = min(max(_IDLE_S, pause_s), _LONGEST_IDLE_S)
-                self._round_due = time.monotonic() + pause_s
-        self._round_s += time.monotonic() - now
 
     def _take(self, hinted: set[str]) -> None:
         """Own the jobs that nobody owns.
@@ -145,7 +161,7 @@ class Monitor:
                 self._others.add(job_id)
             else:
                 self._owned[job_id] = owned
-                self._round.append(job_id)  # though no hint may be of it
+                self._fresh.append(job_id)
 
     def _bring_forward(self, job_id: str, look_ahead: int) -> None:
         """Advance one job, unless it waits; where its blobs cannot be reached, others go on."""

@@ -45,7 +45,7 @@ class Results:
     def show(self, merge: Merge, judge: Judge) -> None:
         """Show the merged image."""
         pictures = self._pictures(merge, judge, compressed=False)  # another comes in a moment
-        written, before = self._put(merge.spp, pictures), self._shown
+        written, before = self._put(merge.spp, pictures, str(self._owned.token)), self._shown
         self._owners.show_results(self._owned, written)
         if self._spec.evaluates_at(merge.spp):
             self._previews.keep(merge.spp, pictures["image.png"])
@@ -55,7 +55,9 @@ class Results:
 
     def write(self, merge: Merge, judge: Judge) -> str:
         """Write the pictures of the merged image; returns the set's name, which nobody sees yet."""
-        return self._put(merge.spp, self._pictures(merge, judge, compressed=True))
+        return self._put(
+            merge.spp, self._pictures(merge, judge, compressed=True), f"{self._owned.token}-final"
+        )
 
     def _pictures(self, merge: Merge, judge: Judge, *, compressed: bool) -> dict[str, bytes]:
         image, exposure_ev = merge.image(), self._spec.view.exposure_ev
@@ -70,8 +72,8 @@ class Results:
             pictures["difference.png"] = encode_png(difference_picture(image, visible, exposure_ev))
         return pictures
 
-    def _put(self, spp: int, pictures: dict[str, bytes]) -> str:
-        name = blobs.result_set(self._owned.job_id, spp, self._owned.token)
+    def _put(self, spp: int, pictures: dict[str, bytes], token: str) -> str:
+        name = blobs.result_set(self._owned.job_id, spp, token)
         for picture, content in pictures.items():
             self._blobs.put(f"{name}/{picture}", content)
         return name

@@ -122,7 +122,7 @@ class Renderer:
             one.integrator.render(
                 one.scene, one.sensor, seed=seed, spp=spp, develop=False, evaluate=True
             )
-            film = np.asarray(one.film.bitmap(raw=True), dtype=np.float32)
+            film = np.array(one.film.bitmap(raw=True), dtype=np.float32)
         if film.shape != (one.height, one.width, 4):
             raise SceneError(f"the film has the shape {film.shape}, not R, G, B and weight")
         return film

@@ -91,6 +91,7 @@ if redis.call('HEXISTS', job_key(id, 'ledger'), entry[2][2]) == 1 then  -- a lat
 end
 if redis.call('HSETNX', job_key(id), 'variant', variant) == 1 then
   redis.call('HSET', job_key(id), 'started_at', now(), 'paused_ms', 0)
+  has_more[id] = true  -- for workers that have this variant: those who were woken may have another
 end
 local job = redis.call('HMGET', job_key(id), 'state', 'spec', 'scene_sha256')
 if job[1] == 'queued' then move(id, 'rendering', 'rendering with ' .. variant) end

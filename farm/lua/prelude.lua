@@ -142,10 +142,10 @@ end
 local function drop_entry(id, entry)
   if redis.call('XACK', job_key(id, 'slices'), GROUP, entry) == 1 then
     redis.call('HINCRBY', job_key(id), 'leased', -1)
-    redis.call('ZREM', LEASES, id .. ' ' .. entry)
-    redis.call('ZREM', job_key(id, 'lost'), entry)
     changed[id] = true
   end
+  redis.call('ZREM', LEASES, id .. ' ' .. entry)
+  if redis.call('ZREM', job_key(id, 'lost'), entry) == 1 then changed[id] = true end
   redis.call('XDEL', job_key(id, 'slices'), entry)
 end
 

@@ -192,7 +192,7 @@ def test_a_process_does_not_outlive_one_of_its_threads(
     assert done.returncode == 70, done.stderr
     last = json.loads(done.stderr.splitlines()[-1])
     assert (last["level"], last["role"]) == ("critical", role)
-    assert words in last["message"]
+    assert words in last["message"], done.stderr
     assert "RuntimeError: planted by a test" in last["exception"]
     if "uploader" in where:
         assert (last["job"], last["slice"]) == (job.id, 0)

@@ -73,13 +73,13 @@ def test_near_it_they_end_with_the_evaluation_that_may_end_the_job(
 
 
 def test_between_two_evaluations_it_is_the_next_one() -> None:
-    assert ahead(600).stop(25, ENOUGH) == 28
-    assert ahead(600).stop(27, ENOUGH) == 28
+    assert ahead(600).stop(21, ENOUGH) == 24
+    assert ahead(600).stop(23, ENOUGH) == 24
 
 
 def test_a_long_job_has_a_few_to_spare() -> None:
-    # 60 slices are merged: one more is planned than the evaluation at 1,600 spp needs
-    assert ahead(1550).stop(60, ENOUGH) == 65
+    # 60 slices are merged: two more are planned than the evaluation at 1,600 spp needs
+    assert ahead(1550).stop(60, ENOUGH) == 66
 
 
 def test_few_workers_are_not_given_more_than_they_need() -> None:

@@ -325,6 +325,21 @@ def test_results_that_cannot_be_written_do_not_hold_the_monitor(
     assert farm.store.names(blobs.results(done.id)) == []
 
 
+def test_a_picture_that_cannot_be_stored_costs_no_evaluation(farm: NoiseFarm) -> None:
+    # Given a job that is judged at every slice, and a store that refuses its pictures for a while
+    job = farm.submit(step=25, max_spp=50, rule={"name": "fixed", "spp": 50})
+    refusal = Path(farm.store.where) / blobs.results(job.id)
+    refusal.parent.mkdir(parents=True)
+    refusal.touch()
+    with farm.monitor():
+        farm.render(1)
+        until(lambda: farm.jobs.get(job.id).points == 1, 60)
+        refusal.unlink()
+        done = work(farm, job)
+    assert (done.state, done.spp) == (JobState.CONVERGED, 50)
+    assert [point.spp for point in farm.jobs.curve(job.id)] == [25, 50]
+
+
 def test_slices_of_two_sizes_fail_the_job(farm: NoiseFarm) -> None:
     job = farm.submit(**QUICK)
     with farm.monitor():

@@ -21,6 +21,7 @@ from farm.exr import decode_partial
 from farm.job import Job
 from farm.jobs import Jobs
 from farm.ownership import Ownership, Ownerships
+from farm.schema import check_schema
 from farm.seeds import SeedSchedule
 from farm.settings import Settings
 from farm.spec import JobSpec
@@ -49,6 +50,7 @@ class Bench:
     """A job's surroundings: a monitor's part played through the farm's own interface."""
 
     def __init__(self, client: redis.Redis, url: str, store: Blobs, folder: Path) -> None:
+        check_schema(client)  # as every process does first
         self.client, self.store = client, store
         self.jobs, self.owners = Jobs(client), Ownerships(client, 60)
         self.settings = Settings(
