@@ -10,7 +10,6 @@ from __future__ import annotations
 import argparse
 import json
 import os
-import subprocess
 import sys
 import tempfile
 from dataclasses import dataclass, replace
@@ -21,11 +20,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from bench.support.alone import render_alone
 from bench.support.cores import Taken, timed
 from bench.support.plateau_render import Look, monitors_share, render
 from bench.support.report import Figure, figure, write_report
 from farm.exr import decode_image
-from farm.seeds import SeedSchedule
+from farm.seeds import Pass, SeedSchedule
 from farm.settings import Settings
 from farm.spec import JobSpec
 from worker.variants import VariantChoice, choose
@@ -63,8 +63,8 @@ class Work:
         return {"width": str(self.width), "height": str(self.height)}
 
     @property
-    def passes(self) -> list[tuple[int, int]]:
-        """The spp and the seed of every pass, in order."""
+    def slices(self) -> list[tuple[Pass, ...]]:
+        """The passes of every slice, in order."""
         schedule = SeedSchedule(
             variant=self.choice.variant,
             width=self.width,
@@ -72,8 +72,7 @@ class Work:
             slice_spp=_SPEC.slice_spp,
             max_spp=self.spp,
         )
-        slices = map(schedule.passes, range(schedule.slices))
-        return [(one.spp, one.seed) for passes in slices for one in passes]
+        return list(map(schedule.passes, range(schedule.slices)))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -215,7 +214,7 @@ def _farm(work: Work) -> Run:
 def _bare(work: Work) -> Run:
     with timed() as took:
         told = _ask_bare(work, image=None)
-    spp = list(accumulate(spp for spp, _ in work.passes))
+    spp = list(accumulate(one.spp for passes in work.slices for one in passes))
     second, last = spp.index(2 * work.step), spp.index(work.spp)
     seconds = told["ended_s"][last] - told["ended_s"][second]
     return Run(
@@ -242,30 +241,16 @@ def _render(work: Work, out: Path) -> list[Look]:
 
 
 def _ask_bare(work: Work, *, image: Path | None) -> dict[str, Any]:
-    request = {
-        "variant": work.choice.variant,
-        "threads": work.threads,
-        "folder": str(work.scene),
-        "entry": "scene.xml",
-        "parameters": work.parameters,
-        "passes": work.passes,
-        "image": str(image) if image else None,
-    }
-    # The worker's own home, where the kernels are that Dr.Jit has compiled.
-    environment = {**os.environ, "HOME": str(Settings().cache / "home")}
-    if work.choice.llvm_library is not None:
-        environment["DRJIT_LIBLLVM_PATH"] = work.choice.llvm_library
-    done = subprocess.run(
-        [sys.executable, "-m", "bench.support.bare_mitsuba"],
-        cwd=ROOT,
-        env=environment,
-        input=json.dumps(request),
-        stdout=subprocess.PIPE,
-        text=True,
-        check=True,
+    return render_alone(
+        work.scene,
+        work.parameters,
+        work.slices,
+        variant=work.choice.variant,
+        llvm_library=work.choice.llvm_library,
+        threads=work.threads,
+        cache=Settings().cache,
+        image=image,
     )
-    told: dict[str, Any] = json.loads(done.stdout)
-    return told
 
 
 def _moment(text: str) -> float:

@@ -11,21 +11,18 @@ own size is --size 512.
 
 from __future__ import annotations
 
-import argparse
 import sys
 import time
 from pathlib import Path
 
-import scenes
-from bench.experiment import plots, tables
-from bench.experiment.cases import Case, cases
+from bench.experiment import options, plots, tables
+from bench.experiment.cases import Case
 from bench.experiment.contenders import TARGET
 from bench.experiment.renders import SLICE_SPP, Size, rendered
 from bench.experiment.series import STEPS, Measured, measure
 from bench.support import markdown, report
 from bench.support.report import Figure, write_report
 
-_ROOT = Path(__file__).parents[1]
 _NOTES = (
     f"True: at most {TARGET:.1%} of the pixels differ visibly from the independent reference.",
     "The reference has noise of its own, so true is later than against a converged image.",
@@ -35,21 +32,8 @@ _NOTES = (
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--size", type=int, default=256, help="pixels across and down (256)")
-    parser.add_argument("--cap", type=int, default=10_000, help="spp of each series (10,000)")
-    parser.add_argument("--scenes", nargs="+", choices=scenes.NAMES, default=scenes.NAMES)
-    parser.add_argument("--workers", type=int, default=1, help="worker processes (1)")
-    parser.add_argument(
-        "--data", type=Path, default=_ROOT / "paper-data", help="folder of renders (./paper-data)"
-    )
-    options = parser.parse_args()
-    if options.cap % max(STEPS) or options.cap < max(STEPS):
-        parser.error(f"--cap must be a multiple of {max(STEPS)}, not {options.cap}")
-    size = Size(options.size, options.cap)
-    run(cases(tuple(options.scenes)), size, options.data, workers=options.workers)
+    asked = options.parse(__doc__, step=max(STEPS))
+    run(asked.cases, asked.size, asked.data, workers=asked.workers)
     for document in ("paper.md", "stopping.md"):
         markdown.fill(markdown.DOCS / document, tables_of(known()))
 

@@ -11,13 +11,12 @@ What was found of each scene is kept in the results, so that scenes can be run o
 
 from __future__ import annotations
 
-import argparse
 import sys
 import time
 from pathlib import Path
 
-import scenes
-from bench.experiment.cases import Case, cases
+from bench.experiment import options
+from bench.experiment.cases import Case
 from bench.experiment.contenders import TARGET
 from bench.experiment.costs import add_costs
 from bench.experiment.renders import SLICE_SPP, Size, longest, rendered
@@ -28,7 +27,6 @@ from bench.support import markdown, report
 from bench.support.report import Figure, write_report
 from farm.spec import JobSpec
 
-_ROOT = Path(__file__).parents[1]
 _NOTES = (
     "Machine time is core seconds: of rendering, times the spp, and of each look, times the looks.",
     "It leaves out what all have in common: loading, merging, reading and writing.",
@@ -39,21 +37,8 @@ _NOTES = (
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--size", type=int, default=256, help="pixels across and down (256)")
-    parser.add_argument("--cap", type=int, default=10_000, help="spp of what is not rendered yet")
-    parser.add_argument("--scenes", nargs="+", choices=scenes.NAMES, default=scenes.NAMES)
-    parser.add_argument("--workers", type=int, default=1, help="worker processes (1)")
-    parser.add_argument(
-        "--data", type=Path, default=_ROOT / "paper-data", help="folder of renders (./paper-data)"
-    )
-    options = parser.parse_args()
-    if options.cap % (2 * SLICE_SPP) or options.cap < 2 * SLICE_SPP:
-        parser.error(f"--cap must be a multiple of {2 * SLICE_SPP}, not {options.cap}")
-    size = Size(options.size, options.cap)
-    found = run(cases(tuple(options.scenes)), size, options.data, workers=options.workers)
+    asked = options.parse(__doc__, step=2 * SLICE_SPP)
+    found = run(asked.cases, asked.size, asked.data, workers=asked.workers)
     markdown.fill(markdown.DOCS / "savings.md", tables_of(found))
     plot_savings(found, markdown.DOCS / "images" / "savings.png")
 

@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bench.support import markdown
+from bench.support.alone import render_alone
 from bench.support.cores import Taken, timed
 from bench.support.report import Figure, figure, write_report
 from farm.seeds import SeedSchedule
@@ -155,29 +156,16 @@ def _bare(plan: Plan, choice: VariantChoice, cache: Path, spp: int) -> Taken:
         slice_spp=JobSpec().slice_spp,
         max_spp=spp,
     )
-    slices = map(schedule.passes, range(schedule.slices))
-    request = {
-        "variant": variant,
-        "threads": len(os.sched_getaffinity(0)),
-        "folder": str(_SCENE),
-        "entry": "scene.xml",
-        "parameters": {"width": str(plan.size), "height": str(plan.size)},
-        "passes": [(one.spp, one.seed) for passes in slices for one in passes],
-        "image": None,
-    }
-    environment = {**_environment(cache), "HOME": str(cache / "home")}
-    if choice.llvm_library is not None:
-        environment["DRJIT_LIBLLVM_PATH"] = choice.llvm_library
-    (cache / "home").mkdir(exist_ok=True)
     with timed() as taken:
-        subprocess.run(
-            [sys.executable, "-m", "bench.support.bare_mitsuba"],
-            cwd=ROOT,
-            env=environment,
-            input=json.dumps(request),
-            stdout=subprocess.DEVNULL,
-            text=True,
-            check=True,
+        render_alone(
+            _SCENE,
+            {"width": str(plan.size), "height": str(plan.size)},
+            map(schedule.passes, range(schedule.slices)),
+            variant=variant,
+            llvm_library=choice.llvm_library,
+            threads=len(os.sched_getaffinity(0)),
+            cache=cache,
+            environment=_environment(cache),
         )
     return taken
 

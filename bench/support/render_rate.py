@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import json
 import os
-import subprocess
-import sys
 import time
 from dataclasses import dataclass
 from itertools import accumulate, pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import psutil
 
+from bench.support.alone import render_alone
 from bench.support.cores import family_cpu_s, machine_cpu_s
 from farm.seeds import SeedSchedule
 from farm.settings import Settings
@@ -22,7 +20,6 @@ from worker.variants import choose
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-_ROOT = Path(__file__).parents[2]
 #: The first slice is not counted: kernels are compiled in it.
 _SLICES = 5
 
@@ -58,17 +55,16 @@ def render_rate(scene: Path, parameters: Mapping[str, str], slice_spp: int) -> R
         max_spp=_SLICES * slice_spp,
     )
     slices = [schedule.passes(index) for index in range(_SLICES)]
-    request = {
-        "variant": choice.variant,
-        "threads": threads,
-        "folder": str(scene),
-        "entry": "scene.xml",
-        "parameters": dict(parameters),
-        "passes": [(one.spp, one.seed) for passes in slices for one in passes],
-        "image": None,
-    }
     ours, all_, started = family_cpu_s(), machine_cpu_s(), time.monotonic()
-    told = _ask(request, choice.llvm_library)
+    told = render_alone(
+        scene,
+        parameters,
+        slices,
+        variant=choice.variant,
+        llvm_library=choice.llvm_library,
+        threads=threads,
+        cache=Settings().cache,
+    )
     cores = psutil.cpu_count() or 1
     elsewhere = machine_cpu_s() - all_ - (family_cpu_s() - ours)
     ends = [told["ended_s"][last - 1] for last in accumulate(map(len, slices))]
@@ -76,21 +72,3 @@ def render_rate(scene: Path, parameters: Mapping[str, str], slice_spp: int) -> R
         spp_s=[(end - start) * threads / slice_spp for start, end in pairwise(ends)],
         others=max(0.0, elsewhere) / (cores * (time.monotonic() - started)),
     )
-
-
-def _ask(request: dict[str, Any], llvm_library: str | None) -> dict[str, Any]:
-    # The worker's own home, where the kernels are that Dr.Jit has compiled.
-    environment = {**os.environ, "HOME": str(Settings().cache / "home")}
-    if llvm_library is not None:
-        environment["DRJIT_LIBLLVM_PATH"] = llvm_library
-    done = subprocess.run(
-        [sys.executable, "-m", "bench.support.bare_mitsuba"],
-        cwd=_ROOT,
-        env=environment,
-        input=json.dumps(request),
-        stdout=subprocess.PIPE,
-        text=True,
-        check=True,
-    )
-    told: dict[str, Any] = json.loads(done.stdout)
-    return told

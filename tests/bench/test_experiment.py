@@ -7,24 +7,12 @@ import pytest
 from bench import paper
 from bench.experiment import tables
 from bench.experiment.cases import cases
-from bench.experiment.renders import Size
 from bench.experiment.series import Curve, Measured
 from bench.experiment.truth import converged_spp, reference_spp, true_spp, truth_at
 from bench.support import report
 from farm.spec import JobSpec, MultipleSpec, MyszkowskiSpec, ReverseSpec, SuccessiveSpec
 from plateau.judge import find_series, judge_series
-
-SIZE = Size(pixels=24, cap=600)
-
-
-@pytest.fixture(scope="module")
-def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return tmp_path_factory.mktemp("data")
-
-
-@pytest.fixture(scope="module")
-def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return tmp_path_factory.mktemp("results")
+from tests.bench.conftest import SIZE
 
 
 @pytest.fixture(scope="module")

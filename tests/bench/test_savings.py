@@ -15,7 +15,7 @@ from bench.experiment.other_rules import (
     cycles_error,
     luxcore_displayed,
 )
-from bench.experiment.renders import Size, longest
+from bench.experiment.renders import longest
 from bench.experiment.savings_tables import scene_tables, summary_table, time_ratios
 from bench.experiment.spending import (
     CYCLES,
@@ -29,6 +29,7 @@ from bench.experiment.spending import (
 from bench.experiment.truth import converged_spp
 from bench.support import report
 from metric import Image, View
+from tests.bench.conftest import SIZE
 
 
 def grey(value: float, *, size: int = 4) -> Image:
@@ -172,19 +173,6 @@ class TestCyclesPixelByPixel:
             assert not rule.add(film(value, 50), film(value, 50), 100)
         assert rule.mean_spp == 200
         np.testing.assert_allclose(rule.image, grey(0.3), rtol=1e-6)
-
-
-SIZE = Size(pixels=24, cap=600)
-
-
-@pytest.fixture(scope="module")
-def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return tmp_path_factory.mktemp("data")
-
-
-@pytest.fixture(scope="module")
-def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return tmp_path_factory.mktemp("results")
 
 
 @pytest.fixture(scope="module")
