@@ -1,5 +1,5 @@
 # Two commands are enough on a fresh machine: `make demo` and `make test`.
-.PHONY: demo test test-long test-faults check bench setup clean
+.PHONY: demo test test-long test-faults test-cluster check bench setup clean
 .DEFAULT_GOAL := help
 
 BIN := .venv/bin
@@ -14,7 +14,13 @@ demo: setup  ## Render scenes:box until it has converged; results in ./demo
 	$(BIN)/plateau render scenes:box -D width=256 -D height=256 -o demo
 
 test: setup  ## Run every test that a newcomer's machine can run
-	$(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder --durations 20
+	$(BIN)/python -m pytest --ignore tests/cluster -n auto --dist loadfile \
+	  --no-loadscope-reorder --durations 20
+
+test-cluster: setup  ## More than one machine: S3, Slurm, Kubernetes, networks (root on Debian); PARTS="s3 slurm"
+	bash tests/cluster/install.sh $(PARTS)
+	CLUSTER_TESTS=$(or $(CLUSTER_TESTS),long) $(BIN)/python -m pytest \
+	  $(if $(PARTS),$(PARTS:%=tests/cluster/test_%*),tests/cluster) --durations 10
 
 test-long: setup  ## The long forms of the statistical tests
 	LONG_TESTS=1 $(BIN)/python -m pytest tests/statistical
