@@ -1,17 +1,14 @@
 """Routes for what a job looked like at points of its curve: by kept pictures, or kept slices."""
 
 from collections.abc import Callable
-from typing import Annotated, Final
+from typing import TYPE_CHECKING, Annotated, Final
 
 from fastapi import APIRouter, Depends, Path, Request, Response
 from fastapi.responses import StreamingResponse
 from starlette.concurrency import run_in_threadpool
 
 from farm import blobs
-from farm.exr import Pixels, encode_image
 from farm.job import Job
-from farm.png import encode_png
-from metric import encode_srgb
 from service import previews, problems
 from service.etags import FINAL, Known, known, not_modified, strong
 from service.head import HEADERS_ONLY
@@ -21,6 +18,9 @@ from service.problems import Problem, documented
 from service.routes_jobs import JobId
 from service.served_blobs import EXR, PNG, SPP, blob_response, described, headers_of
 from service.views import Preview, PreviewList
+
+if TYPE_CHECKING:
+    from farm.exr import Pixels
 
 router = APIRouter(prefix="/v1/jobs/{job_id}/previews", tags=["results"])
 
@@ -97,7 +97,7 @@ async def preview_exr(
     return await _merged(request, job, spp, farm, (EXR, headers, _exr(job, spp)), has=has)
 
 
-_File = tuple[str, dict[str, str], Callable[[Pixels], bytes]]
+_File = tuple[str, dict[str, str], "Callable[[Pixels], bytes]"]
 
 
 async def _merged(
@@ -158,12 +158,26 @@ def _points(job: Job) -> list[int]:
     ]
 
 
-def _png(job: Job) -> Callable[[Pixels], bytes]:
-    return lambda image: encode_png(encode_srgb(image, job.spec.view.exposure_ev))
+# What makes files of pixels is imported when it is first asked for, as in `service.point_images`.
 
 
-def _exr(job: Job, spp: int) -> Callable[[Pixels], bytes]:
-    return lambda image: encode_image(image, {"plateau:job": job.id, "plateau:spp": spp})
+def _png(job: Job) -> "Callable[[Pixels], bytes]":
+    def encoded(image: "Pixels") -> bytes:
+        from farm.png import encode_png
+        from metric import encode_srgb
+
+        return encode_png(encode_srgb(image, job.spec.view.exposure_ev))
+
+    return encoded
+
+
+def _exr(job: Job, spp: int) -> "Callable[[Pixels], bytes]":
+    def encoded(image: "Pixels") -> bytes:
+        from farm.exr import encode_image
+
+        return encode_image(image, {"plateau:job": job.id, "plateau:spp": spp})
+
+    return encoded
 
 
 def _headers(job: Job, spp: int, kind: str) -> dict[str, str]:

@@ -11,7 +11,9 @@ STARTS = {
     "import plateau.commands.render": {"redis", "numpy", "httpx", "fastapi", "mitsuba"},
     "import plateau.process, worker.supervisor": {"numba", "metric", "fastapi", "mitsuba"},
     "import plateau.commands.serve, service.monitor": {"httpx", "fastapi", "mitsuba"},
-    "import plateau.commands.serve, service.app": {"numba", "httpx", "matplotlib", "mitsuba"},
+    "import plateau.commands.serve, service.app": {
+        *("numpy", "PIL", "OpenEXR", "metric", "numba", "httpx", "matplotlib", "mitsuba"),
+    },
     "import plateau.client": {"numpy", "fastapi", "mitsuba"},
 }
 

@@ -15,8 +15,9 @@ from farm import blobs
 from farm.blobs import Blobs
 from farm.exr import Pixels, decode_image, encode_image
 from farm.job import Job
-from service import point_images
+from service import point_images, point_sums
 from service.point_images import MOST_WAITING, KeptSlice, PointImages, SliceLost, TooManyWait
+from service.point_sums import PointSums
 from tests.support.commands import until
 from tests.support.live_api import live_api
 from tests.support.noise_farm import NoiseFarm
@@ -180,12 +181,11 @@ class TestItsCost:
         slices: list[KeptSlice],
         monkeypatch: pytest.MonkeyPatch,
     ) -> None:
-        monkeypatch.setattr(point_images, "_REMEMBERED", 2 * 24 * 32 * 4 * 8)
-        images = PointImages(store)
+        monkeypatch.setattr(point_sums, "_REMEMBERED", 2 * 24 * 32 * 4 * 8)
+        sums = PointSums(store)
         for job in ("a", "b", "c"):
-            asyncio.run(images.encoded(job, slices, plain, stays))
-        assert list(images._sums) == [("b", SLICES), ("c", SLICES)]
-        images.close()
+            sums.image(job, slices, is_given_up=lambda: False)
+        assert list(sums._sums) == [("b", SLICES), ("c", SLICES)]
 
     def test_nobody_is_worked_for_who_has_gone(
         self, store: CountingBlobs, slices: list[KeptSlice]
@@ -235,12 +235,11 @@ class TestItsCost:
     def test_a_slice_of_another_size_is_refused(
         self, store: CountingBlobs, slices: list[KeptSlice]
     ) -> None:
-        images = PointImages(store)
-        asyncio.run(images.encoded("job", slices[:1], plain, stays))
-        images._sums["job", 1] = np.zeros((2, 2, 4))
+        sums = PointSums(store)
+        sums.image("job", slices[:1], is_given_up=lambda: False)
+        sums._sums["job", 1] = np.zeros((2, 2, 4))
         with pytest.raises(SliceLost, match="another size"):
-            asyncio.run(images.encoded("job", slices[:2], plain, stays))
-        images.close()
+            sums.image("job", slices[:2], is_given_up=lambda: False)
 
 
 def test_many_clients_at_once_all_get_theirs(job: Job, http: httpx.Client) -> None:
