@@ -95,6 +95,40 @@ class ApiKeys:
             self._redis.hset(keys.API_KEYS, key_id, key.model_dump_json())
         return key, _shown(key_id, secret)
 
+    def admit(self, shown: str, name: str, role: Role, limits: KeyLimits) -> ApiKey:
+        """The key that somebody else made, in the form in which it is shown; known from now on.
+
+        One of the same id gets this name, role, secret and limits, so doing it again is harmless,
+        and another secret of that id is a rotation.
+
+        Raises
+        ------
+        UnknownKey
+            It has not the form of a key, or the key of that id was revoked.
+        """
+        match = _SHOWN.fullmatch(shown)
+        if match is None:
+            raise UnknownKey("a key is plateau_, 12 hexadecimal digits, _ and 64 more")
+        key_id, secret = match.groups()
+        with unavailable_as_farm_error():
+            new = ApiKey(
+                id=key_id,
+                name=name,
+                role=role,
+                sha256=_sha256(secret),
+                created_at=self._now(),
+                limits=limits,
+            )
+            if self._redis.hsetnx(keys.API_KEYS, key_id, new.model_dump_json()):
+                return new
+
+        def changed(key: ApiKey) -> ApiKey:
+            if not key.usable:
+                raise UnknownKey(f"key {key_id} ({key.name}) was revoked; make another")
+            return new.model_copy(update={"created_at": key.created_at})
+
+        return self._change(key_id, changed)
+
     def rotate(self, key_id: str) -> tuple[ApiKey, str]:
         """The same key with another secret, and the form in which that is shown this once.
 

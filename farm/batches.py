@@ -18,7 +18,7 @@ from farm.errors import BatchNotFound, UnevenBatch
 from farm.job import moment
 from farm.redis_link import unavailable_as_farm_error
 from farm.scripts import Scripts
-from farm.spec import JobSpec
+from farm.spec import JobSpec, stored_spec
 from farm.states import JobState
 
 #: So many jobs are read, or moved, in one round trip.
@@ -126,7 +126,7 @@ class Batches:
                 spec = self._redis.hget(keys.job(job_ids[-1]), "spec") if job_ids else None
             if spec is None:
                 raise BatchNotFound(name)
-            asked = JobSpec.model_validate_json(spec).model_copy(update={"flicker_guard": True})
+            asked = stored_spec(spec).model_copy(update={"flicker_guard": True})
             try:
                 compared = flicker.compared(self._redis, name, asked)
             except UnevenBatch as error:
@@ -260,5 +260,5 @@ def _shared_spec(text: str, specs: dict[str, JobSpec]) -> JobSpec:
     fields = {**json.loads(text), "parameters": {}}
     shared = json.dumps(fields)
     if shared not in specs:
-        specs[shared] = JobSpec.model_validate_json(shared)
+        specs[shared] = stored_spec(shared)
     return specs[shared]

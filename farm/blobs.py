@@ -1,7 +1,5 @@
 """The blob store: scenes, partials, checkpoints and results, in a folder or in S3."""
 
-import secrets
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -11,16 +9,14 @@ from urllib.request import url2pathname
 
 import obstore
 from obstore.exceptions import AlreadyExistsError, BaseError
-from obstore.store import LocalStore, from_url
 
-from farm.durable import FolderSync, make_folder, sync
+from farm.blob_bucket import Bucket
+from farm.blob_errors import is_absence, why
+from farm.blob_folder import INCOMING, Folder
 from farm.errors import BlobsUnavailable
 
-#: In a folder, what is being put lies here until it is whole and on the disk.
-_INCOMING: Final = ".incoming/"
 #: The store's own blob: to which Redis it belongs.
 MARK: Final = "plateau-store"
-
 
 #: What the names of all scenes begin with, and of all that belongs to jobs.
 SCENES: Final = "scenes/"
@@ -110,10 +106,16 @@ class StoredBlob(NamedTuple):
 
 
 class Blobs:
-    """A folder, or any store that obstore opens by URL.
+    """A folder, or a bucket in S3 with a prefix: ``s3://BUCKET/PREFIX``.
+
+    Whatever failed may be asked for again: a put replaces what is there by the same content, and
+    where that matters the answer is looked for in the store rather than taken from an error, which
+    does not say whether it was done.
 
     Raises
     ------
+    ValueError
+        By the constructor: `where` cannot be a store.
     FileNotFoundError
         By the methods that read: there is no such blob.
     BlobsUnavailable
@@ -122,14 +124,14 @@ class Blobs:
 
     def __init__(self, where: str) -> None:
         self.where = where
-        self._folder = _folder(where)
-        if self._folder is None:
-            self._store = from_url(where)
-        else:
-            make_folder(self._folder)
-            self._folders = FolderSync(self._folder)
-            self._store = LocalStore(self._folder, automatic_cleanup=True)
-        self._marked = self._folder is not None and (self._folder / MARK).exists()
+        folder = _folder(where)
+        self._place: Bucket | Folder = Bucket(where) if folder is None else Folder(folder)
+        self._marked = self.in_folder and self._place.has(MARK)
+
+    @property
+    def in_folder(self) -> bool:
+        """Whether the blobs are files."""
+        return isinstance(self._place, Folder)
 
     def mark(self) -> str | None:
         """What the store is marked with; None where it has no mark. See `farm.pairing`."""
@@ -139,13 +141,25 @@ class Blobs:
 
     def make_mark(self, content: str) -> str:
         """Mark the store, once and for all; returns what it is marked with now."""
-        with suppress(AlreadyExistsError), _store_errors(AlreadyExistsError):
-            obstore.put(self._store, MARK, content.encode(), mode="create")
-            if self._folder is not None:
-                sync(self._folder / MARK)
-                sync(self._folder)
-        self._marked = self._folder is not None
+        self.create(MARK, content.encode())
         return self.get(MARK).decode(errors="replace")
+
+    def create(self, name: str, content: bytes) -> bool:
+        """Store a small blob unless there is one of its name; returns whether it has this content.
+
+        Of many callers with contents of their own at most one is told that it has. Where a try
+        failed it may have been done all the same, so it is looked what is there.
+        """
+        try:
+            with _store_errors(AlreadyExistsError):
+                self._place.create(name, content)
+        except AlreadyExistsError:
+            return self.get(name) == content
+        except BlobsUnavailable:
+            with suppress(FileNotFoundError):
+                return self.get(name) == content
+            raise
+        return True
 
     def put(self, name: str, content: bytes | BinaryIO) -> None:
         """Store a blob whole or not at all; on returning it is safe from a power loss.
@@ -153,52 +167,40 @@ class Blobs:
         A put that fails leaves nothing behind, one that is killed may leave one of `leftovers`.
         """
         with _store_errors():
-            if self._folder is None:
-                obstore.put(self._store, name, content)
-            else:
-                self._check_mark()
-                self._put_into(self._folder, name, content)
-
-    def _put_into(self, folder: Path, name: str, content: bytes | BinaryIO) -> None:
-        # On the disk before it has its name, so that the name never stands for half a blob.
-        incoming = _INCOMING + secrets.token_hex(8)
-        try:
-            obstore.put(self._store, incoming, content)
-            sync(folder / incoming)
-            obstore.rename(self._store, incoming, name)
-        except BaseException:
-            for left in (folder / _INCOMING).glob(f"{Path(incoming).name}*"):  # parts have a suffix
-                left.unlink(missing_ok=True)
-            raise
-        self._folders.up_from((folder / name).parent)
+            self._check_mark()
+            self._place.put(name, content)
 
     def put_once(self, name: str, content: BinaryIO, size: int) -> None:
         """Store a blob whose name fixes its content, unless it is there already in its full size.
 
         One of another size was torn by what happened to the store, and is put again.
         """
-        if self.size(name) != size:
-            self.put(name, content)
-        elif self._folder is not None:
+        if self.size(name) == size:
             with _store_errors():  # whoever put it may not have come to that yet
-                self._folders.up_from((self._folder / name).parent)
+                self._place.settle(name)
+            return
+        try:
+            self.put(name, content)
+        except BlobsUnavailable:
+            if self.size(name) != size:  # else but the answer was lost
+                raise
 
     def get(self, name: str) -> bytes:
         """The blob's bytes."""
-        with _store_errors(FileNotFoundError), self._missing():
-            return bytes(obstore.get(self._store, name).bytes())
+        with self._reading(name):
+            return bytes(self._place.open(name).bytes())
 
     def chunks(self, name: str) -> Iterator[bytes]:
         """The blob's bytes, a few MB at a time."""
-        with _store_errors(FileNotFoundError), self._missing():
-            for chunk in obstore.get(self._store, name).stream(min_chunk_size=1 << 22):
+        with self._reading(name):
+            for chunk in self._place.open(name).stream(min_chunk_size=1 << 22):
                 yield bytes(chunk)
 
     def size(self, name: str) -> int | None:
         """The blob's number of bytes; None where there is no such blob."""
         try:
-            with _store_errors(FileNotFoundError), self._missing():
-                return obstore.head(self._store, name)["size"]
+            with self._reading(name):
+                return self._place.size(name)
         except FileNotFoundError:
             return None
 
@@ -214,16 +216,15 @@ class Blobs:
         """As `names`, with sizes, and read a page at a time: the blobs may be many."""
         with _store_errors():
             self._check_mark()
-            for page in obstore.list(self._store, prefix):
+            for page in obstore.list(self._place.store, prefix):
                 for meta in page:
-                    if not meta["path"].startswith((_INCOMING, MARK)):
+                    if not meta["path"].startswith((INCOMING, MARK)):
                         yield StoredBlob(meta["path"], meta["size"])
 
     def delete(self, *names: str) -> None:
         """Remove blobs; one that is not there is fine."""
-        for name in names:
-            with suppress(FileNotFoundError), _store_errors(FileNotFoundError):
-                obstore.delete(self._store, name)
+        with _store_errors():
+            self._place.delete(names)
 
     def leftovers(self, older_than_s: float) -> list[Path]:
         """The files that puts which were killed left in a folder, for the caller to remove.
@@ -232,35 +233,33 @@ class Blobs:
         ----------
         older_than_s
             Longer than any put takes, so that none of those under way is among them.
-
-        Notes
-        -----
-        An object store never shows half an upload; its own rules say how long it keeps one.
         """
-        if self._folder is None:
-            return []
-        left = []
-        for path in (self._folder / _INCOMING).glob("*"):
-            with suppress(FileNotFoundError):  # its put has just ended
-                if path.stat().st_mtime < time.time() - older_than_s:
-                    left.append(path)
-        return left
+        return self._place.leftovers(older_than_s)
 
     @contextmanager
-    def _missing(self) -> Iterator[None]:
+    def _reading(self, name: str) -> Iterator[None]:
         """Let a missing blob be missing only where the store itself is there."""
+        if not self._marked:
+            self._check_mark()  # so that we know a place that is not the store when we see it
         try:
-            yield
-        except FileNotFoundError:
+            with _store_errors(FileNotFoundError):
+                yield
+        except FileNotFoundError as error:
+            if not is_absence(error):
+                raise _failed(error) from error
             self._check_mark()
-            raise
+            raise FileNotFoundError(f"the blob store has no {name}") from error
 
     def _check_mark(self) -> None:
-        """A folder that has lost its mark is not the store, but the place where it was mounted."""
-        if self._marked and self._folder is not None and not (self._folder / MARK).exists():
-            raise BlobsUnavailable(
-                f"the blob store is not in {self._folder} any more: is it still mounted?"
-            )
+        """A place that has lost its mark is not the store.
+
+        It is the folder where a disk was mounted, or a gateway that has lost what is behind it.
+        """
+        with _store_errors():
+            there = self._place.has(MARK)
+        if self._marked and not there:
+            raise BlobsUnavailable(self._place.lost.format(where=self.where))
+        self._marked = there
 
 
 def _folder(where: str) -> Path | None:
@@ -279,5 +278,8 @@ def _store_errors(*but: type[Exception]) -> Iterator[None]:
     except but:
         raise
     except (BaseError, OSError) as error:
-        # obstore appends its whole chain of causes, a line each.
-        raise BlobsUnavailable(f"the blob store failed: {str(error).splitlines()[0]}") from error
+        raise _failed(error) from error
+
+
+def _failed(error: Exception) -> BlobsUnavailable:
+    return BlobsUnavailable(f"the blob store failed: {why(error)}")

@@ -18,7 +18,7 @@ from typing import Any, Final
 import redis
 
 from farm import flicker, keys, records
-from farm.errors import CannotContinue, JobNotFound, TooManyJobs
+from farm.errors import CannotContinue, JobNotFound, TooManyJobs, TooManyNeeds
 from farm.job import Job
 from farm.jobs import Created, Jobs, request_key
 from farm.ownership import Checkpoint
@@ -120,6 +120,8 @@ class Continuations:
             The job, or what was left of it, went in the meantime.
         TooManyJobs
             The owner has as many open jobs as it may.
+        TooManyNeeds
+            As `Jobs.create` raises it.
         UnevenBatch
             The batch that it is to join is guarded, and it would not stop as the others do.
         """
@@ -147,6 +149,8 @@ class Continuations:
             raise CannotContinue(job.id, "what was left of it has just changed: try again")
         if outcome == "too many":
             raise TooManyJobs(*map(int, answer))
+        if outcome == "too varied":
+            raise TooManyNeeds(*map(int, answer))
         return Created(
             job=self._jobs.get(answer[0]),
             repeated=outcome == "repeated",

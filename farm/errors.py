@@ -12,18 +12,26 @@
     ├── FenceLost          another monitor owns the job now
     ├── WorkerNotFound     no worker of that id lives
     ├── TooManyJobs        the key that asks for a job has as many open ones as it may
+    ├── TooManyNeeds       open jobs need too many different pools and tags for another
     ├── UnknownKey         no API key of that id that could be changed so
     ├── StudyNotFound      no observer study of that id
     ├── ObserverNotFound   nobody takes part in the study under that name
     ├── TrialNotFound      the observer is shown no pair of that number
     ├── CannotStudy        no study can be made so, or taken part in
     ├── StoreUnavailable   Redis or the blob store cannot be reached, or refuses
-    │   └── BlobsUnavailable   of the two, the blob store
-    ├── WrongStore         the blob store is not the one that belongs to this Redis
-    ├── SchemaMismatch     the data in Redis is of a layout that this Plateau cannot work with
+    │   ├── BlobsUnavailable   of the two, the blob store
+    │   └── NotPermitted       Redis does not let this process's user do what it asks
+    ├── WrongStore         the blob store is not the one that belongs to this Redis, or cannot be
+    ├── Incompatible       this Plateau cannot work on the farm that it is to join
+    │   ├── SchemaMismatch     the data in Redis is of a layout that it cannot work with
+    │   ├── WrongLayout        nor any more: another Plateau has changed the layout meanwhile
+    │   ├── OldProcesses       it would bring the layout forward, but others need it as it is
+    │   └── Refused            the farm speaks other versions of the protocol
     └── CorruptBlob        a blob is not what its name says
         └── CorruptPartial     a partial is not what its ledger entry says
 """
+
+from farm import versions
 
 
 class FarmError(Exception):
@@ -138,6 +146,16 @@ class TooManyJobs(FarmError):
         self.most = most
 
 
+class TooManyNeeds(FarmError):
+    """Open jobs need as many different pools and tags of workers as they may."""
+
+    def __init__(self, most: int) -> None:
+        super().__init__(
+            f"jobs that have not ended need {most} different combinations of pool and tags of "
+            "workers, and there is no room for another"
+        )
+
+
 class UnknownKey(FarmError):
     """There is no API key of this id, or it was revoked."""
 
@@ -182,12 +200,84 @@ class BlobsUnavailable(StoreUnavailable):
     """The blob store cannot be reached, is full, or refuses."""
 
 
+class NotPermitted(StoreUnavailable):
+    """Redis does not let this process's user do what it asks; see `farm.redis_acl`.
+
+    As when Redis is away, nobody fails a job for it: a newer Plateau may have met an older ACL
+    file, and goes on when that is mended.
+    """
+
+    def __init__(self, said: str) -> None:
+        super().__init__(
+            f"Redis does not let this user do that ({said}): let this process be the user that is "
+            "meant for it, and Redis have the ACL file that `plateau redis-acl` of this Plateau "
+            "writes"
+        )
+
+
 class WrongStore(FarmError):
-    """The blob store is not the one that belongs to this Redis."""
+    """The blob store is not the one that belongs to this Redis, or lacks what it must have."""
 
 
-class SchemaMismatch(FarmError):
+class Incompatible(FarmError):
+    """This Plateau cannot work on the farm that it is to join; the message says what to do."""
+
+
+class SchemaMismatch(Incompatible):
     """The data in Redis is of a layout that this Plateau cannot work with."""
+
+
+class WrongLayout(Incompatible):
+    """The data in Redis has another layout than this Plateau's; nothing was done."""
+
+    def __init__(self, found: str) -> None:
+        newer = found.isdigit() and int(found) > versions.LAYOUT
+        what_to_do = (
+            "a newer Plateau has brought it forward: install that one here"
+            if newer
+            else "start a process of this Plateau on it first, which brings it forward"
+        )
+        super().__init__(
+            f"the data in Redis has layout {found}, and this Plateau, {versions.plateau()}, works "
+            f"with layout {versions.LAYOUT}: {what_to_do}; nothing was changed"
+        )
+
+
+class OldProcesses(Incompatible):
+    """Processes live that could not read the data any more if its layout was brought forward."""
+
+    def __init__(self, found: str, who: tuple[str, ...]) -> None:
+        super().__init__(
+            f"the data in Redis has layout {found}, and this Plateau, {versions.plateau()}, works "
+            f"with layout {versions.LAYOUT}. It would bring it forward, but others work with it as "
+            f"it is, and could not any more: {', '.join(who)}. Stop them, then start this one "
+            "again; nothing was changed"
+        )
+        self.who = who
+
+
+class Refused(Incompatible):
+    """The farm speaks other versions of the protocol than this process.
+
+    Attributes
+    ----------
+    too_old
+        Whether it is the process that is too old; else it is too new.
+    """
+
+    def __init__(self, oldest: int, newest: int, plateau: str) -> None:
+        self.too_old = oldest > versions.NEWEST
+        what_to_do = (
+            f"too old: install Plateau {plateau} here"
+            if self.too_old
+            else f"too new: upgrade the farm's monitors and APIs to Plateau {versions.plateau()} "
+            f"first, or install Plateau {plateau} here"
+        )
+        super().__init__(
+            f"the farm's monitors and APIs speak {versions.spoken(oldest, newest)} (Plateau "
+            f"{plateau}), and this process {versions.spoken(versions.OLDEST, versions.NEWEST)} "
+            f"(Plateau {versions.plateau()}): it is {what_to_do}"
+        )
 
 
 class CorruptBlob(FarmError):

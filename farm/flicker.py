@@ -13,7 +13,7 @@ import redis
 from farm import keys
 from farm.errors import UnevenBatch
 from farm.redis_link import unavailable_as_farm_error
-from farm.spec import JobSpec
+from farm.spec import JobSpec, stored_spec
 
 #: The fields of a spec that even jobs have in common.
 EVEN: Final = ("rule", "min_spp", "step", "view")
@@ -80,7 +80,7 @@ def compared(client: redis.Redis, batch: str, spec: JobSpec) -> str:
     for job_id, stored in zip(job_ids, specs, strict=True):
         if stored is None:  # forgotten a moment ago
             continue
-        found = differences(asked, stops_by(JobSpec.model_validate_json(stored)))
+        found = differences(asked, stops_by(stored_spec(stored)))
         if found:
             raise UnevenBatch(batch, job_id, [(one.field, one.value, one.others) for one in found])
     return f"{newest:.0f}"

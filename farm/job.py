@@ -5,6 +5,7 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from farm.keys import DEFAULT_POOL
 from farm.spec import JobSpec
 from farm.states import JobState
 
@@ -108,6 +109,13 @@ class Job(_Record):
         0, description="samples (not spp) that a converged job did not need of its cap"
     )
     machine_s: float = Field(description="seconds that render children spent on the job")
+    wasted_s: float = Field(
+        0.0,
+        description="seconds of those on tries of slices of which another was committed first",
+    )
+    second_tries: int = Field(
+        0, description="slices that were late, and that a second worker was given too"
+    )
     notes: tuple[str, ...] = Field((), description="what the farm changed in the scene")
     continues: str | None = Field(
         None, description="id of the ended job whose samples this one went on with"
@@ -169,8 +177,11 @@ class Worker(_Record):
     id: str
     host: str
     pid: int
+    plateau: str | None = Field(None, description="its version")
     variants: tuple[str, ...] = Field(description="what it can render with, best first")
     threads: int
+    pool: str = Field(DEFAULT_POOL, description="it renders the jobs of this pool alone")
+    tags: tuple[str, ...] = Field((), description="what jobs may require of it")
     job: str | None = Field(description="the job it renders, if any")
     slice: int | None
     slices_done: int
@@ -178,6 +189,9 @@ class Worker(_Record):
     last_error: str | None
     trouble: str | None = Field(
         None, description="why it takes no work: it found that it can render nothing"
+    )
+    label: str | None = Field(
+        None, description="what it was started as elsewhere, where it was told: slurm:1234_5"
     )
     drained: bool = Field(
         False, description="it was told to take no more work; what it has in hand it finishes"

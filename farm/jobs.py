@@ -12,7 +12,9 @@ from farm.errors import (
     JobEnded,
     JobNotFound,
     TooManyJobs,
+    TooManyNeeds,
 )
+from farm.fit import Kind
 from farm.job import CurvePoint, Event, Job, LogEntry, Worker
 from farm.listing import jobs_before
 from farm.redis_link import now_ms, unavailable_as_farm_error
@@ -64,6 +66,8 @@ class Jobs:
         ------
         TooManyJobs
             Its owner, an API key's id, has as many open jobs as it may.
+        TooManyNeeds
+            It needs another pool or other tags than all open jobs, and there are many already.
         UnevenBatch
             Its batch is guarded, and it would not stop as the others do.
         """
@@ -102,6 +106,8 @@ class Jobs:
             outcome, *answer = self._scripts.run("create", *shared, compared, len(specs), *new)
         if outcome == "too many":
             raise TooManyJobs(*map(int, answer))
+        if outcome == "too varied":
+            raise TooManyNeeds(*map(int, answer))
         return Created(
             job=self.get(answer[0]), repeated=outcome == "repeated", conflict=outcome == "conflict"
         )
@@ -241,13 +247,21 @@ class Jobs:
                 pipe.hgetall(keys.worker(worker_id))
             return [records.worker(fields) for fields in pipe.execute() if fields]
 
+    def kinds(self, within_s: float = ALIVE_S) -> list[Kind]:
+        """The kinds of workers that take work: one of each was heard within so many seconds."""
+        with unavailable_as_farm_error():
+            since = self.now_ms() - within_s * 1000
+            return [
+                Kind.read(kind) for kind in self._redis.zrangebyscore(keys.KINDS, since, "+inf")
+            ]
+
     def now_ms(self) -> int:
         """Redis's clock in milliseconds: the only one that counts."""
         return now_ms(self._redis)
 
-    def census(self) -> Census:
-        """What the whole farm has to do, and has done."""
-        return take_census(self._scripts)
+    def census(self, *, from_priority: int | None = None) -> Census:
+        """What the whole farm has to do, and has done; demand is by jobs from this priority on."""
+        return take_census(self._scripts, from_priority=from_priority)
 
     def ping(self) -> None:
         """Return if Redis answers; raise `StoreUnavailable` otherwise."""

@@ -4,18 +4,26 @@
 key                       type    what                                                 lifetime
 ========================= ======= ==================================================== =========
 plateau:schema            string  version of this layout, written by `farm.schema`      for ever
+plateau:protocol          hash    what all living monitors and APIs speak; farm.versions for ever
+plateau:refused           hash    machine and role → JSON of who was last refused       1 h
 plateau:store             hash    id that the blob store has too; `farm.pairing`         for ever
 plateau:created           string  counter: jobs created so far                         for ever
 plateau:jobs              zset    job id, scored by its number of creation             the job's
 plateau:jobs:open         zset    jobs that have not ended, scored by priority         till end
 plateau:jobs:unfinished   set     jobs that a monitor still has work with              till done
-plateau:waiting           zset    queues, "PRIORITY VARIANT", in which a job waits     their jobs'
-                                  for a worker, scored by priority; see waiting.lua
+plateau:waiting           zset    queues, "PRIORITY CLASS", in which a job waits for   their jobs'
+                                  a worker, scored by priority; see waiting.lua
 plateau:waiting:Q         zset    each owner's next job in queue Q                     its jobs'
 plateau:waiting:Q:ID      zset    each batch's, and each single job, of key ID or ""   its jobs'
 plateau:waiting:Q:ID:NAME zset    the jobs of a batch that wait, scored by number      its jobs'
+plateau:needs             hash    pool and tags that open jobs need → how many jobs     the jobs'
+plateau:late              zset    "ID CLASS" of jobs, scored by when the slice is late   till then
+                                  that holds up their image (ms)
+plateau:kinds             zset    pool, variants and tags of workers that take work,   1 h
+                                  scored by the last heartbeat of one (ms)
 plateau:idle              hash    workers that have nothing to do → 1                   while so
-plateau:idle:VARIANT      set     those that can render the variant, and maybe others  till woken
+plateau:idle:kinds        set     their kinds, and maybe others                        till woken
+plateau:idle:KIND         set     those of the kind, and maybe others                  till woken
 plateau:share:ID          hash    of key ID or "": priority → spp leased, queue → the  till none
                                   entry of its next job there
 plateau:share:ID:NAME     hash    the same of a batch                                  till none
@@ -29,12 +37,16 @@ plateau:scenes:used       zset    scene SHA-256, scored by its last use (ms)    
 plateau:scene:SHA:going   string  set while the scene's blob is being removed          5 min
 plateau:swept             string  set by the monitor that sweeps: no other need to     1 h
 plateau:workers           zset    worker id, scored by last heartbeat (ms)             1 h
-plateau:worker:ID         hash    the worker's description; ``drained`` where it is    1 h
+plateau:worker:ID         hash    its description; ``drained`` where it is, ``blamed``   1 h
+                                  for slices with which it was lost
 plateau:monitors          zset    monitor id, scored by when its heartbeat is overdue  1 h
 plateau:monitor:ID        hash    the monitor's description, and what of its work is   1 d
                                   in the totals
+plateau:apis              zset    API id, scored by when its heartbeat is overdue      1 h
+plateau:api:ID            hash    the API's description                                1 d
 plateau:totals            hash    counters of the whole farm; see `farm.totals`        for ever
 plateau:heard             string  when any worker's heartbeat came last (ms)           for ever
+plateau:told:BLOB         string  set when it was said that this partial does not count  1 h
 plateau:grace             string  set while no lease is taken from its worker          a lease
 plateau:keys              hash    key id → JSON of an API key; see `farm.api_keys`       for ever
 plateau:keys:used         hash    key id → when it was last used (ms), to a minute     for ever
@@ -44,7 +56,7 @@ plateau:key:ID:jobs       zset    the key's jobs, scored by their number of crea
 plateau:webhooks          zset    receivers of webhooks, scored by when one is due      till told
 plateau:webhooks:due:URL  zset    job:number of deliveries to one, by when due (ms)    till told
 plateau:webhooks:secret   string  the farm's own secret, where a job brings none       for ever
-plateau:webhooks:before   string  the one before it, which signs too                   1 d
+plateau:webhooks:before   string  those before it, which sign too                      1 d
 plateau:idempotency:KEY   string  JSON of job id and request digest                    24 h
 plateau:studies           zset    observer study, scored by its creation (ms)          the study's
 plateau:studies:asked     hash    digest of a request → the study that it made         the study's
@@ -55,6 +67,12 @@ plateau:study:ID:answers  hash    pseudonym:number of a pair → JSON of the ans
 plateau:job:ID            hash    the job; see `farm.jobs`                             the job's
 plateau:job:ID:slices     stream  slices that were leased; group `workers` holds them  till end
 plateau:job:ID:lost       zset    leased entries that nobody has, scored by slice      till end
+plateau:job:ID:leases     hash    slice index → since when it is leased (ms), the       till end
+                                  pace of its worker, the entry, and a second try's
+plateau:job:ID:paces      hash    worker → ms for which it had its last slice, or had   till end
+                                  it when another try was first
+plateau:job:ID:outrun     hash    entry whose slice was committed by another try →      till end
+                                  the worker that did; till its own worker says so
 plateau:job:ID:ledger     hash    slice index → JSON of its commit                     the job's
 plateau:job:ID:seeds      zset    "first-last" of each commit, scored by first         till done
 plateau:job:ID:deaths     hash    slice index → JSON list of the causes                till end
@@ -62,6 +80,7 @@ plateau:job:ID:spoiled    hash    slice index → how often its partial was lost
 plateau:job:ID:curve      stream  points; the entry's id is spp-0                      the job's
 plateau:job:ID:events     stream  state, point, slice, trouble, finished               the job's
 plateau:job:ID:log        stream  how tries of slices ended and what was printed, ~2000  the job's
+plateau:job:ID:webhook    hash    its webhook's receiver, url and secret                the job's
 plateau:job:ID:deliveries hash    number → JSON of a webhook's message, its state, …   the job's
 plateau:job:ID:tries      stream  how tries of deliveries ended, ~1000                 the job's
 plateau:job:ID:owner      string  fencing token of the monitor that owns the job       15 s
@@ -69,9 +88,9 @@ plateau:job:ID:fence      string  counter: fencing tokens given out             
 ========================= ======= ==================================================== =========
 
 Channels, hints only (who misses one looks again within some seconds):
-``plateau:wake:workers`` (``ended ID``), ``plateau:wake:workers:ID`` (``planned``, to one that
-had nothing to do), ``plateau:wake:monitors`` (``free ID``, or a job id) and
-``plateau:wake:webhooks`` (a job id).
+``plateau:wake:workers`` (``ended ID``, and ``ended ID ENTRY`` where another try was first),
+``plateau:wake:workers:ID`` (``planned``, to one that had nothing to do),
+``plateau:wake:monitors`` (``free ID``, or a job id) and ``plateau:wake:webhooks`` (a job id).
 
 Writers: everything is written by the scripts in ``farm/lua``.
 """
@@ -86,6 +105,9 @@ OPEN: Final = PREFIX + "jobs:open"
 UNFINISHED: Final = PREFIX + "jobs:unfinished"
 WAITING: Final = PREFIX + "waiting"
 LEASES: Final = PREFIX + "leases"
+NEEDS: Final = PREFIX + "needs"
+LATE: Final = PREFIX + "late"
+KINDS: Final = PREFIX + "kinds"
 IDLE: Final = PREFIX + "idle"
 BATCHES: Final = PREFIX + "batches"
 GUARDED: Final = PREFIX + "batches:guarded"
@@ -94,6 +116,9 @@ SCENES_USED: Final = PREFIX + "scenes:used"
 SWEPT: Final = PREFIX + "swept"
 WORKERS: Final = PREFIX + "workers"
 MONITORS: Final = PREFIX + "monitors"
+APIS: Final = PREFIX + "apis"
+PROTOCOL: Final = PREFIX + "protocol"
+REFUSED: Final = PREFIX + "refused"
 TOTALS: Final = PREFIX + "totals"
 HEARD: Final = PREFIX + "heard"
 GRACE: Final = PREFIX + "grace"
@@ -110,6 +135,12 @@ WAKE_MONITORS: Final = PREFIX + "wake:monitors"
 FREE: Final = "free "
 WAKE_WEBHOOKS: Final = PREFIX + "wake:webhooks"
 
+#: The pool of workers and jobs that name none.
+DEFAULT_POOL: Final = "default"
+
+#: So many different needs (pool and tags) open jobs may have at once: a lease may look at each.
+MOST_NEEDS: Final = 64
+
 #: The consumer group of every job's slices.
 GROUP: Final = "workers"
 
@@ -117,6 +148,9 @@ GROUP: Final = "workers"
 JOB_PARTS: Final = (
     "slices",
     "lost",
+    "leases",
+    "paces",
+    "outrun",
     "ledger",
     "seeds",
     "deaths",
@@ -124,6 +158,7 @@ JOB_PARTS: Final = (
     "curve",
     "events",
     "log",
+    "webhook",
     "deliveries",
     "tries",
     "owner",
@@ -156,6 +191,16 @@ def worker(worker_id: str) -> str:
     return f"{PREFIX}worker:{worker_id}"
 
 
+def monitor(monitor_id: str) -> str:
+    """The key of a monitor's description."""
+    return f"{PREFIX}monitor:{monitor_id}"
+
+
+def api(api_id: str) -> str:
+    """The key of an API's description."""
+    return f"{PREFIX}api:{api_id}"
+
+
 def wake_worker(worker_id: str) -> str:
     """The channel on which one worker hears that there is something to do."""
     return f"{WAKE_WORKERS}:{worker_id}"
@@ -182,11 +227,14 @@ LUA: Final = f"""
 local PREFIX, GROUP = '{PREFIX}', '{GROUP}'
 local JOBS, UNFINISHED, OPEN = '{JOBS}', '{UNFINISHED}', '{OPEN}'
 local FREE = '{FREE}'
-local WAITING, LEASES, IDLE = '{WAITING}', '{LEASES}', '{IDLE}'
+local WAITING, LEASES, LATE = '{WAITING}', '{LEASES}', '{LATE}'
+local NEEDS, KINDS, IDLE, IDLE_KINDS = '{NEEDS}', '{KINDS}', '{IDLE}', '{IDLE}:kinds'
+local DEFAULT_POOL, MOST_NEEDS = '{DEFAULT_POOL}', {MOST_NEEDS}
 local function wake_worker_key(id) return '{WAKE_WORKERS}:' .. id end
 local JOB_PARTS = {{'{"', '".join(JOB_PARTS)}'}}
 local SCENES, SCENES_USED, WORKERS = '{SCENES}', '{SCENES_USED}', '{WORKERS}'
-local MONITORS, TOTALS = '{MONITORS}', '{TOTALS}'
+local MONITORS, APIS, TOTALS = '{MONITORS}', '{APIS}', '{TOTALS}'
+local SCHEMA, PROTOCOL, REFUSED = '{SCHEMA}', '{PROTOCOL}', '{REFUSED}'
 local HEARD, GRACE = '{HEARD}', '{GRACE}'
 local API_KEYS, API_KEYS_USED = '{API_KEYS}', '{API_KEYS_USED}'
 local WAKE_WORKERS, WAKE_MONITORS = '{WAKE_WORKERS}', '{WAKE_MONITORS}'
@@ -202,8 +250,10 @@ local function study_key(id, part)
 end
 local function in_state_key(state) return PREFIX .. 'jobs:in:' .. state end
 local function batch_key(name) return PREFIX .. 'batch:' .. name end
+local function told_key(blob) return PREFIX .. 'told:' .. blob end
 local function worker_key(id) return PREFIX .. 'worker:' .. id end
 local function api_key_key(id, part) return PREFIX .. 'key:' .. id .. ':' .. part end
 local function monitor_key(id) return PREFIX .. 'monitor:' .. id end
+local function api_member_key(id) return PREFIX .. 'api:' .. id end
 local function scene_going_key(sha256) return PREFIX .. 'scene:' .. sha256 .. ':going' end
 """

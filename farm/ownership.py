@@ -107,12 +107,13 @@ class Ownerships:
         """
         return int(self._checked("reject", owned, record.index, record.blob, cause))
 
-    def plan(self, owned: Ownership, slices: range) -> None:
+    def plan(self, owned: Ownership, slices: range, expected_spp: int | None = None) -> None:
         """Let these slices be leased; those planned before are left alone.
 
         Planned are always the slices from the first on, so those before these are planned too.
+        Where the job is expected to end tells the census how much work is left.
         """
-        self._checked("plan", owned, slices.stop)
+        self._checked("plan", owned, slices.stop, "" if expected_spp is None else expected_spp)
 
     def append_point(self, owned: Ownership, spp: int, point: dict[str, object]) -> None:
         """Append a point to the curve, once for each spp."""

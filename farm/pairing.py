@@ -9,8 +9,9 @@ import secrets
 import redis
 
 from farm import blobs, keys
+from farm.blob_probe import check_create_once
 from farm.blobs import Blobs
-from farm.errors import WrongStore
+from farm.errors import NotPermitted, StoreUnavailable, WrongStore
 from farm.redis_link import unavailable_as_farm_error
 
 
@@ -22,23 +23,41 @@ def check_pair(client: redis.Redis, store: Blobs) -> None:
     Raises
     ------
     WrongStore
-        They do not belong together; nothing was changed.
+        They do not belong together, or the store cannot be one; nothing was changed.
     StoreUnavailable
         One of the two is away.
     """
-    with unavailable_as_farm_error():
-        ours, paired = client.hmget(keys.STORE, "id", "paired")
-        theirs = store.mark()
-        if theirs is None and paired is None:
-            if not client.exists(keys.JOBS) and any(store.listing(blobs.JOBS)):
-                raise WrongStore(_refusal(store, None, None))
-            client.hsetnx(keys.STORE, "id", secrets.token_hex(8))
-            ours = client.hget(keys.STORE, "id")
-            theirs = store.make_mark(ours)
-        if theirs is None or theirs != ours:
-            raise WrongStore(_refusal(store, ours, theirs))
-        if paired is None:
-            client.hset(keys.STORE, "paired", 1)
+    try:
+        with unavailable_as_farm_error():
+            _check_pair(client, store)
+    except NotPermitted:
+        raise StoreUnavailable(
+            "Redis and the blob store are not yet known to belong together; this process may not "
+            "write that, and waits for a monitor or an API"
+        ) from None
+
+
+def _check_pair(client: redis.Redis, store: Blobs) -> None:
+    ours, paired = client.hmget(keys.STORE, "id", "paired")
+    theirs = store.mark()
+    if theirs is None and paired is None:
+        if not client.exists(keys.JOBS) and any(store.listing(blobs.JOBS)):
+            raise WrongStore(_refusal(store, None, None))
+        if not store.in_folder:
+            check_create_once(store)
+        client.hsetnx(keys.STORE, "id", secrets.token_hex(8))
+        ours = client.hget(keys.STORE, "id")
+        theirs = store.make_mark(ours)
+    if theirs is None or theirs != ours:
+        raise WrongStore(_refusal(store, ours, theirs))
+    if paired is None:
+        client.hset(keys.STORE, "paired", 1)
+
+
+def farm_id(client: redis.Redis) -> str:
+    """The id that Redis and the blob store share, once `check_pair` has returned."""
+    found: str = client.hget(keys.STORE, "id")
+    return found
 
 
 def _refusal(store: Blobs, ours: str | None, theirs: str | None) -> str:

@@ -1,10 +1,15 @@
-"""Child processes that do not outlive their parent."""
+"""Processes that others look after: a sign of life, and children that end with their parent."""
 
+import contextlib
 import ctypes
+import logging
 import os
 import signal
 import sys
 from collections.abc import Callable
+from pathlib import Path
+
+_LOG = logging.getLogger(__name__)
 
 _PR_SET_PDEATHSIG = 1
 
@@ -25,3 +30,20 @@ def die_with_parent(signal_number: int = signal.SIGTERM) -> Callable[[], None]:
             os.kill(os.getpid(), signal_number)
 
     return arrange
+
+
+def forget_life(file: Path | None) -> None:
+    """Remove the sign of life of a process that was here before this one."""
+    if file is not None:
+        with contextlib.suppress(OSError):
+            file.unlink()
+
+
+def show_life(file: Path | None) -> None:
+    """Touch the file by which others see that this process goes on, where they asked for one."""
+    if file is None:
+        return
+    try:
+        file.touch()
+    except OSError as error:
+        _LOG.warning("no sign of life: %s", error)

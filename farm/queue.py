@@ -8,9 +8,10 @@ import redis
 from pydantic import BaseModel, ConfigDict
 
 from farm import keys
+from farm.fit import Kind
 from farm.redis_link import unavailable_as_farm_error
 from farm.scripts import Scripts
-from farm.spec import JobSpec
+from farm.spec import JobSpec, stored_spec
 from farm.states import MAX_TRIES
 
 
@@ -46,20 +47,48 @@ class Committed(str, Enum):
     """The queue's answer to a commit."""
 
     COMMITTED = "committed"
-    DUPLICATE = "duplicate"  #: the ledger has this slice from elsewhere: the partial can go
+    DUPLICATE = "duplicate"  #: the ledger has this slice of another try: the partial can go
     ENDED = "ended"  #: the job has ended
     STALE = "stale"  #: nothing was committed for long, and others render with another variant now
     OVERLAP = "overlap"  #: its seeds are in the ledger under another slice: a bug, refused
 
 
 class SliceQueue:
-    """The slices of all jobs, for one worker. Methods raise `StoreUnavailable`."""
+    """The slices of all jobs, for one worker. Methods raise `StoreUnavailable`.
 
-    def __init__(self, client: redis.Redis, worker_id: str, lease_s: float) -> None:
+    Parameters
+    ----------
+    client, worker_id
+        Redis, and who asks.
+    lease_s
+        A lease that is not renewed for so long may be taken from its worker.
+    pool, tags
+        It takes jobs of this pool alone, and of those only what requires no other tags.
+    """
+
+    def __init__(
+        self,
+        client: redis.Redis,
+        worker_id: str,
+        lease_s: float,
+        *,
+        pool: str = keys.DEFAULT_POOL,
+        tags: tuple[str, ...] = (),
+    ) -> None:
         self._redis = client
         self._scripts = Scripts(client)
         self._worker = worker_id
         self._lease_ms = round(lease_s * 1000)
+        self._pool, self._tags = pool, tags
+        self._look_again_s = float("inf")
+
+    @property
+    def look_again_s(self) -> float:
+        """When there was nothing to do: in so many seconds there may be, though nobody says so.
+
+        A slice may be late by then that another worker has.
+        """
+        return self._look_again_s
 
     def lease(
         self, variants: tuple[str, ...], loaded_job: str | None, *, in_turn: bool
@@ -74,13 +103,15 @@ class SliceQueue:
             answer = self._scripts.run(
                 "lease",
                 self._worker,
-                json.dumps(variants),
+                Kind(variants, self._pool, self._tags).text,
                 loaded_job or "",
                 int(in_turn),
                 self._lease_ms,
                 MAX_TRIES,
             )
-        if answer == "none":
+        if answer.startswith("none"):
+            wait_ms = answer.removeprefix("none")
+            self._look_again_s = float(wait_ms) / 1000 if wait_ms else float("inf")
             return None
         found = json.loads(answer)
         return Lease(
@@ -89,7 +120,7 @@ class SliceQueue:
             index=found["index"],
             tries=found["tries"],
             variant=found["variant"],
-            spec=JobSpec.model_validate_json(found["spec"]),
+            spec=stored_spec(found["spec"]),
             scene_sha256=found["scene"],
         )
 
@@ -180,12 +211,14 @@ class SliceQueue:
             said,
         )
 
-    def heartbeat(self, about: dict[str, object], leases: tuple[Lease, ...]) -> set[str]:
-        """Say that the worker lives and renew its leases; returns jobs to stop rendering."""
+    def heartbeat(self, about: dict[str, object], leases: tuple[Lease, ...]) -> tuple[Lease, ...]:
+        """Say that the worker lives and renew its leases; returns those that it has no more."""
         pairs = [item for lease in leases for item in (lease.job_id, lease.entry)]
-        return set(
+        gone = iter(
             self._scripts.run("heartbeat", self._worker, json.dumps(about), self._lease_ms, *pairs)
         )
+        lost = set(zip(gone, gone, strict=True))
+        return tuple(lease for lease in leases if (lease.job_id, lease.entry) in lost)
 
     def leave(self) -> None:
         """Sign off."""

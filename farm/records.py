@@ -5,15 +5,16 @@ from collections.abc import Container
 from itertools import count
 from typing import Any
 
+from farm import fit
 from farm.job import CurvePoint, Event, Job, Worker, moment
-from farm.spec import JobSpec
+from farm.spec import JobSpec, stored_spec
 from farm.states import JobState
 
 
 def curve_point(text: str) -> CurvePoint:
-    """A point as `append_point` stored it."""
+    """A point as `append_point` stored it; what a newer Plateau has added is left out."""
     point = json.loads(text)
-    return CurvePoint(**{**point, "at": moment(point["at"])})
+    return CurvePoint.model_validate({**point, "at": moment(point["at"])}, extra="ignore")
 
 
 def event(event_id: str, fields: dict[str, str]) -> Event:
@@ -30,9 +31,13 @@ def ledger(records: dict[str, str]) -> dict[int, dict[str, Any]]:
 
 
 def worker(fields: dict[str, str]) -> Worker:
-    """A worker as its last heartbeat described it, and whether it was drained."""
+    """A worker as its last heartbeat described it, and whether it was drained.
+
+    What a newer Plateau's worker says beyond that is left out.
+    """
     about = json.loads(fields["about"])
-    return Worker(**about, drained="drained" in fields, seen_at=moment(fields["seen_at"]))
+    known = {**about, "drained": "drained" in fields, "seen_at": moment(fields["seen_at"])}
+    return Worker.model_validate(known, extra="ignore")
 
 
 def prefix_length(indices: Container[int]) -> int:
@@ -82,6 +87,8 @@ def job(fields: dict[str, str]) -> Job:
         verdict=json.loads(fields["verdict"]) if "verdict" in fields else None,
         samples_saved=saved,
         machine_s=int(fields["machine_ms"]) / 1000,
+        wasted_s=int(fields.get("wasted_ms", 0)) / 1000,
+        second_tries=int(fields.get("second_tries", 0)),
         notes=tuple(json.loads(fields.get("notes", "[]"))),
         continues=fields.get("continues"),
         continued_spp=int(fields.get("continued_spp", 0)),
@@ -98,6 +105,7 @@ def new_job(spec: JobSpec, *, name: str, scene_sha256: str, owner: str = "") -> 
         "scene_sha256": scene_sha256,
         "owner": owner,
         "asked_variant": spec.variant,
+        "need": fit.need(spec),
         "slice_spp": spec.slice_spp,
         "batch": spec.batch or "",
         "guards": 1 if spec.flicker_guard else "",
@@ -114,13 +122,14 @@ def new_job(spec: JobSpec, *, name: str, scene_sha256: str, owner: str = "") -> 
         secret = spec.webhook.secret
         fields["webhook_receiver"] = spec.webhook.receiver
         fields["webhook_events"] = f" {' '.join(spec.webhook.events)} "
+        fields["webhook_url"] = spec.webhook.url
         fields["webhook_secret"] = "" if secret is None else secret.get_secret_value()
     return [item for pair in fields.items() for item in pair]
 
 
 def _spec(fields: dict[str, str]) -> JobSpec:
     """What the job's user asked for, with what was changed since."""
-    spec = JobSpec.model_validate_json(fields["spec"])
+    spec = stored_spec(fields["spec"])
     if "priority" in fields:
         spec = spec.model_copy(update={"priority": int(fields["priority"])})
     return spec

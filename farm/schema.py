@@ -1,28 +1,41 @@
 """What every process checks at its start: the layout in Redis, and that the blobs belong to it."""
 
 import logging
+import math
 import random
 import threading
+import time
 from importlib.resources import files
 from typing import Any, Final
 
 import redis
 
-from farm import keys
+from farm import keys, versions
 from farm.blobs import Blobs
-from farm.errors import SchemaMismatch, StoreUnavailable
+from farm.errors import (
+    Incompatible,
+    NotPermitted,
+    OldProcesses,
+    SchemaMismatch,
+    StoreUnavailable,
+)
 from farm.pairing import check_pair
 from farm.redis_link import unavailable_as_farm_error
+from farm.workers import ALIVE_S
 
 _LOG = logging.getLogger(__name__)
 
 _RETRY_S: Final = 1.0
+#: Who was killed is taken for alive for so long at most, and so is waited for.
+_FADE_S: Final = ALIVE_S + 5.0
+#: Between two lines about what is waited for.
+_SAY_AGAIN_S: Final = 60.0
 
 #: What keeps the index of the jobs that wait for a worker.
 _INDEX: Final = (files("farm") / "lua" / "waiting.lua").read_text()
 
 #: The layout that this Plateau reads and writes.
-VERSION: Final = 4
+VERSION: Final = versions.LAYOUT
 
 #: From each older layout that can be brought forward, the Lua that turns it into the next. It must
 #: not fail half-way: Redis undoes nothing.
@@ -75,13 +88,58 @@ _MIGRATIONS: Final = {
         changed[id] = true
       end
     """,
+    # The scripts of layout 4 did not look whether the layout was still theirs, as all do since.
+    # All jobs were for any worker: they had no pool and no tags, and a queue was a priority and a
+    # variant alone. Idle workers were noted by variant.
+    # And where webhooks go, with what signs them, stood in the job's hash, which workers may write.
+    4: """
+      for _, id in ipairs(redis.call('ZRANGE', JOBS, 0, -1)) do
+        local hook = redis.call('HMGET', job_key(id), 'webhook_receiver', 'webhook_secret', 'spec')
+        if hook[1] then
+          redis.call('HSET', job_key(id, 'webhook'), 'receiver', hook[1], 'secret', hook[2],
+                     'url', cjson.decode(hook[3]).webhook.url)
+          redis.call('HDEL', job_key(id), 'webhook_secret')
+        end
+      end
+      for _, id in ipairs(redis.call('ZRANGE', OPEN, 0, -1)) do
+        redis.call('HSETNX', job_key(id), 'need', DEFAULT_POOL)
+        redis.call('HINCRBY', NEEDS, redis.call('HGET', job_key(id), 'need'), 1)
+        changed[id] = true
+      end
+      redis.call('DEL', IDLE)
+      for _, variant in ipairs({'auto', 'cuda_ad_rgb', 'llvm_ad_rgb', 'scalar_rgb'}) do
+        redis.call('DEL', IDLE .. ':' .. variant)
+      end
+    """,
 }
 
 _CHECK: Final = """
--- Bring the layout to the version that is wanted, where the migrations lead there.
--- ARGV: the version wanted.
--- Returns the version that the data then has: another than the wanted one is left as it was found.
+-- Bring the layout to the version that is wanted, where the migrations lead there and nobody works
+-- with it as it is.
+-- ARGV: the version wanted, ms after which a worker that was not heard of is gone
+-- Returns the version that the data then has, where another than the wanted one is left as it was
+-- found, and who lives for whom it was left.
 local wanted = tonumber(ARGV[1])
+
+-- Workers and monitors say that they live in all layouts, APIs since the fifth; a monitor that does
+-- not say so, as in the first, is known by the jobs that it owns.
+local function who_lives()
+  local time, found = redis.call('TIME'), {}
+  local now_ms = time[1] * 1000 + time[2] / 1000
+  for _, members in ipairs({{'worker', WORKERS, now_ms - ARGV[2]}, {'monitor', MONITORS, now_ms},
+                            {'API', APIS, now_ms}}) do
+    for _, id in ipairs(redis.call('ZRANGEBYSCORE', members[2], members[3], '+inf')) do
+      found[#found + 1] = members[1] .. ' ' .. id
+    end
+  end
+  if #redis.call('ZRANGEBYSCORE', MONITORS, now_ms, '+inf') > 0 then return found end
+  for _, id in ipairs(redis.call('SMEMBERS', UNFINISHED)) do
+    if redis.call('EXISTS', job_key(id, 'owner')) == 1 then
+      found[#found + 1] = 'the monitor that owns job ' .. id
+    end
+  end
+  return found
+end
 local version = redis.call('GET', SCHEMA)
 if not version then
   local used = redis.call('EXISTS', JOBS, SCENES) > 0
@@ -92,11 +150,13 @@ while from and from < wanted and MIGRATIONS[from] do
   table.insert(path, MIGRATIONS[from])
   from = from + 1
 end
-if from ~= wanted then return version end
+if from ~= wanted then return {version} end
+local others = #path > 0 and who_lives() or {}
+if #others > 0 then return {version, unpack(others)} end
 for _, migrate in ipairs(path) do migrate() end
 file_changed()
 redis.call('SET', SCHEMA, ARGV[1])
-return ARGV[1]
+return {ARGV[1]}
 """
 
 
@@ -109,21 +169,58 @@ def check_schema(client: redis.Redis) -> None:
     ------
     SchemaMismatch
         The layout is newer, or too old to be migrated; nothing was changed.
+    OldProcesses
+        It is older, and processes live that work with it.
     StoreUnavailable
         Redis is away.
     """
     with unavailable_as_farm_error():
-        found = client.eval(_script(_MIGRATIONS), 0, VERSION)
+        found, who = client.get(keys.SCHEMA), []
+        if found != str(VERSION):
+            try:
+                found, *who = _brought_forward(client)
+            except NotPermitted:
+                if found is None or (found.isdigit() and int(found) < VERSION):
+                    raise StoreUnavailable(_wait_for_others(found)) from None
+    if who:
+        raise OldProcesses(found, tuple(who))
     if found != str(VERSION):
         raise SchemaMismatch(_refusal(found))
 
 
-def await_checks(client: redis.Redis, store: Blobs, stop: threading.Event) -> None:
-    """As `check_schema` and `check_pair`, once all answer; unchecked where `stop` is set before."""
+def _brought_forward(client: redis.Redis) -> list[str]:
+    """What the script answers that brings the layout to this version where it can."""
+    with unavailable_as_farm_error():
+        answer: list[str] = client.eval(_script(_MIGRATIONS), 0, VERSION, round(ALIVE_S * 1000))
+    return answer
+
+
+def await_schema(client: redis.Redis, stop: threading.Event, *, patient: bool = False) -> None:
+    """As `check_schema`, but wait for who may just have stopped; unchecked where `stop` is set.
+
+    Who was killed is taken for alive for a while, so `OldProcesses` is raised only where some are
+    left after that. With `patient`, whatever makes this Plateau `Incompatible` is waited
+    for until it changes.
+    """
+    waits = _Waits(patient=patient)
     while not stop.is_set():
         try:
             check_schema(client)
-            check_pair(client, store)
+        except Incompatible as error:
+            waits.before_next(error, stop)
+        else:
+            return
+
+
+def await_checks(
+    client: redis.Redis, store: Blobs, stop: threading.Event, *, patient: bool = False
+) -> None:
+    """As `await_schema` and `check_pair`, once all answer; unchecked where `stop` is set before."""
+    while not stop.is_set():
+        try:
+            await_schema(client, stop, patient=patient)
+            if not stop.is_set():
+                check_pair(client, store)
         except StoreUnavailable as error:
             _LOG.warning("%s; trying again", error)
             stop.wait(_RETRY_S * random.uniform(0.5, 1.5))
@@ -131,11 +228,39 @@ def await_checks(client: redis.Redis, store: Blobs, stop: threading.Event) -> No
             return
 
 
+class _Waits:
+    """Waits between two looks at a layout that does not suit, for as long as there is hope."""
+
+    def __init__(self, *, patient: bool) -> None:
+        self._patient = patient
+        self._until = time.monotonic() + _FADE_S
+        self._said_at = -math.inf
+
+    def before_next(self, error: Incompatible, stop: threading.Event) -> None:
+        """Wait before the next look, or raise the error where there should be none."""
+        now = time.monotonic()
+        fades = isinstance(error, OldProcesses) and now < self._until
+        if not (self._patient or fades):
+            raise error
+        if now > self._said_at + _SAY_AGAIN_S:
+            _LOG.warning("%s; waiting", error)
+            self._said_at = now
+        stop.wait(_RETRY_S * random.uniform(0.5, 1.5))
+
+
 def _script(migrations: dict[int, str]) -> str:
     functions = (f"[{version}] = function() {lua} end" for version, lua in migrations.items())
     return (
         f"{keys.LUA}\n{_INDEX}\nlocal SCHEMA = '{keys.SCHEMA}'\n"
         f"local MIGRATIONS = {{{', '.join(functions)}}}\n{_CHECK}"
+    )
+
+
+def _wait_for_others(found: str | None) -> str:
+    has = "nothing of Plateau's in it yet" if found is None else f"layout {found}"
+    return (
+        f"Redis has {has}, and this Plateau works with layout {VERSION}; this process may not "
+        "bring it there, and waits for a monitor or an API"
     )
 
 

@@ -6,12 +6,18 @@ from pathlib import Path
 from typing import Annotated, Final, Literal
 
 import platformdirs
-from pydantic import Field, SecretStr, field_validator
+from pydantic import BeforeValidator, Field, SecretStr, field_validator
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
+
+from farm.fit import PlaceName, Tags
+from farm.keys import DEFAULT_POOL
 
 LogFormat = Literal["text", "json"]
 
 _HOST_NAME: Final = re.compile(r"[A-Za-z0-9_-]+(\.[A-Za-z0-9_-]+)*\.?")
+
+#: A file; "" is none, so that the setting can be taken back for a process.
+_File = Annotated[Path | None, BeforeValidator(lambda given: None if given == "" else given)]
 
 _DIRS = platformdirs.PlatformDirs("plateau", appauthor=False)
 
@@ -22,10 +28,28 @@ class Settings(BaseSettings):
     model_config = SettingsConfigDict(env_prefix="PLATEAU_", frozen=True, extra="ignore")
 
     redis_url: str | None = Field(
-        None, description="Redis to use; unset, `plateau up` starts an embedded one"
+        None, repr=False, description="Redis to use; unset, `plateau up` starts an embedded one"
+    )
+    redis_user: str | None = Field(None, description="who asks there, where the URL does not say")
+    redis_password_file: _File = Field(
+        None, description="a file with the password of the URL's user, so that it is not in the URL"
+    )
+    redis_ca: _File = Field(
+        None,
+        description="certificates of who may sign that of a rediss:// Redis; unset, those that the "
+        "machine trusts",
+    )
+    redis_cert: _File = Field(
+        None, description="certificate that is shown to a rediss:// Redis that asks for one"
+    )
+    redis_key: _File = Field(None, description="the private key of that certificate")
+    redis_sentinel_password_file: _File = Field(
+        None, description="a file with the password of the sentinels, where they want one"
     )
     blobs: str | None = Field(
-        None, description="blob store: a folder or an s3:// URL; unset, a folder under the data one"
+        None,
+        description="blob store: a folder, or s3://BUCKET/PREFIX with AWS_… for its credentials "
+        "and endpoint; unset, a folder under the data one",
     )
     data: Path = Field(
         _DIRS.user_data_path, description="folder of the embedded Redis and the local blobs"
@@ -70,6 +94,12 @@ class Settings(BaseSettings):
     threads: int | None = Field(
         None, gt=0, description="threads of a render child; unset, all cores of the machine"
     )
+    pool: PlaceName = Field(
+        DEFAULT_POOL, description="a worker renders the jobs of this pool alone"
+    )
+    tags: Annotated[Tags, NoDecode] = Field(
+        (), description="what jobs may require of a worker, separated by commas, as gpu,highmem"
+    )
     keep_results_days: float | None = Field(
         None,
         ge=0,
@@ -94,9 +124,33 @@ class Settings(BaseSettings):
         description="networks and host names, separated by commas, that may be sent webhooks "
         "though they are private, by http too",
     )
+    alive_file: Path | None = Field(
+        None,
+        description="a file that a worker or a monitor touches at each heartbeat, for probes",
+    )
+    label: str | None = Field(
+        None,
+        max_length=200,
+        description="what a worker was started as elsewhere, as slurm:1234_5, shown with it",
+    )
+    leave_after_s: float | None = Field(
+        None,
+        gt=0,
+        description="a worker that had nothing to do for so long ends; unset, it stays",
+    )
+    when_refused: Literal["exit", "wait"] = Field(
+        "exit",
+        description="what a process does that cannot work with the farm's data or the farm's other "
+        "processes: exit with code 76, or wait until it can",
+    )
     log_format: LogFormat = Field(
         "text", description="how processes log: text, or json, an object for each line"
     )
+
+    @field_validator("tags", mode="before")
+    @classmethod
+    def _separate_tags(cls, given: object) -> object:
+        return tuple(given.replace(",", " ").split()) if isinstance(given, str) else given
 
     @field_validator("webhook_allow", mode="before")
     @classmethod

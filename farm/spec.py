@@ -5,11 +5,14 @@ from typing import Annotated, Final, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from farm.fit import PlaceName, Tags
+from farm.keys import DEFAULT_POOL
 from farm.webhook_spec import WebhookSpec
 
 ZoneCount = Annotated[int, Field(ge=1, le=64)]
 Priority = Annotated[int, Field(ge=-1000, le=1000)]
-Variant = Literal["auto", "scalar_rgb", "llvm_ad_rgb", "cuda_ad_rgb"]
+RenderVariant = Literal["scalar_rgb", "llvm_ad_rgb", "cuda_ad_rgb"]
+Variant = Literal["auto"] | RenderVariant
 
 
 #: A list of parameters makes at most so many jobs.
@@ -149,6 +152,10 @@ class SharedSpec(_Spec):
     variant: Variant = Field(
         default="auto", description="Mitsuba variant; auto takes the best of the first worker"
     )
+    pool: PlaceName = Field(default=DEFAULT_POOL, description="only workers of this pool render it")
+    requires: Tags = Field(
+        default=(), description="only workers that have all of these tags render it"
+    )
     seed: int = Field(
         default=0, ge=0, lt=4096, description="another seed draws samples independent of all others"
     )
@@ -197,8 +204,17 @@ class SharedSpec(_Spec):
         return self.max_spp // self.slice_spp
 
     def as_request(self) -> str:
-        """The spec as JSON, the webhook's secret included: never to be stored, nor shown."""
-        document = self.model_dump(mode="json")
+        """The spec as JSON, the webhook's secret included: never to be stored, nor shown.
+
+        What has its default is left out, so that an older service is told of no field that it does
+        not know.
+        """
+        asked = {
+            name
+            for name, field in type(self).model_fields.items()
+            if getattr(self, name) != field.get_default(call_default_factory=True)
+        }
+        document = self.model_dump(mode="json", include=asked)
         if self.webhook is not None and self.webhook.secret is not None:
             document["webhook"]["secret"] = self.webhook.secret.get_secret_value()
         return json.dumps(document)
@@ -236,6 +252,15 @@ class JobSpec(SharedSpec):
     def parameter_strings(self) -> dict[str, str]:
         """`parameters` as Mitsuba reads them."""
         return parameter_strings(self.parameters)
+
+
+def stored_spec(text: str) -> JobSpec:
+    """The spec as Redis has it, without what a newer Plateau has added to specs.
+
+    That one does without these fields where they are left out, or an older one such as this is not
+    let into its farm; see `farm.versions`.
+    """
+    return JobSpec.model_validate_json(text, extra="ignore")
 
 
 class BatchSpec(SharedSpec):

@@ -60,7 +60,7 @@ from farm.ownership import Checkpoint
 from farm.pairing import check_pair
 from farm.redis_link import unavailable_as_farm_error
 from farm.scripts import Scripts
-from farm.spec import JobSpec
+from farm.spec import stored_spec
 
 #: A scene that was used within this time is kept. No request takes so long.
 _IN_USE_S: Final = 3600.0
@@ -257,7 +257,7 @@ class _Sweep:
         if finished_at is None:
             return lambda _: True
         kept: set[str] = set()
-        if JobSpec.model_validate_json(spec).keep_slices:
+        if stored_spec(spec).keep_slices:
             kept = {record["blob"] for record in self._jobs.ledger(job_id).values()}
         if checkpoint is not None:
             kept.add(Checkpoint.model_validate_json(checkpoint).blob)

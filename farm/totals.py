@@ -6,9 +6,11 @@ for all. What there is to do now is counted afresh over the jobs that have not e
 """
 
 import json
+import math
 import os
 import socket
-from dataclasses import dataclass
+from collections.abc import Collection, Iterable
+from dataclasses import dataclass, field
 from datetime import datetime, timezone
 from typing import Final
 
@@ -40,8 +42,31 @@ ENDS: Final = tuple(state.value for state in JobState if state.ended)
 #: How tries of deliveries of webhooks end: after ``failed``, another follows.
 DELIVERY_TRY_ENDS: Final = ("delivered", "failed", "given-up")
 
+#: The variant of a job that is not pinned to one yet.
+ANY: Final = "auto"
+
+#: What a slice takes, as long as none of this farm's was ever rendered.
+_SLICE_MS: Final = 1000.0
+
 MERGE_BOUNDS_S: Final = (0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 10.0)
 EVALUATION_BOUNDS_S: Final = (0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 5.0, 10.0, 25.0, 60.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Demand:
+    """Slices that want a worker: what a farm that grows and shrinks has workers for."""
+
+    waiting: int = 0  #: planned, and nobody's yet; those of paused jobs wait for nobody
+    leased: int = 0  #: a worker's
+    # What follows is estimated, and no part of what makes two of these equal.
+    left: int = field(default=0, compare=False)  #: until the jobs end, planned or not
+    #: What one worker would take for those, in seconds, by what the jobs' slices took until now.
+    work_s: float = field(default=0.0, compare=False)
+
+    @property
+    def slices(self) -> int:
+        """All of them: a worker that has one is needed as much as one for which one waits."""
+        return self.waiting + self.leased
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,8 +75,10 @@ class Census:
 
     jobs: dict[str, int]  #: that have not ended, by state
     jobs_stored: int  #: whatever their state
+    jobs_unserved: int  #: for which no worker lives that takes work and fits
     queue_age_s: float  #: since the oldest was created of which nothing is rendered; 0 without one
-    slices: dict[str, int]  #: of open jobs: waiting for a worker, and leased
+    #: Of open jobs, by their class: variant ("auto" for any), pool, and tags with commas between.
+    demand: dict[str, Demand]
     workers: dict[str, int]  #: alive: idle, rendering or out_of_service
     monitors: int  #: alive
     jobs_owned: int  #: by monitors that are alive
@@ -60,7 +87,9 @@ class Census:
     tries: dict[str, int]  #: of slices, by how they ended
     samples: int  #: in slices that were committed
     samples_saved: int  #: that converged jobs did not need of their caps
+    second_tries: int  #: of slices that were late
     machine_s: float  #: that render children spent
+    wasted_s: float  #: of those on slices of which another try was committed first
     merges: Histogram  #: of one slice, its fetch included
     evaluations: Histogram  #: of a merged image by all rules of its job
     webhooks_waiting: int  #: messages that wait for a try, or are being tried
@@ -68,18 +97,64 @@ class Census:
     webhooks_dropped: int  #: messages that were forgotten before they could be delivered
     swept_at: float | None  #: when a sweep was last done, in s since 1970
 
+    @property
+    def slices(self) -> dict[str, int]:
+        """Slices of open jobs that wait for a worker, and that are leased to one."""
+        demand = self.demand_for()
+        return {"waiting": demand.waiting, "leased": demand.leased}
 
-def take_census(scripts: Scripts, within_s: float = 15.0) -> Census:
-    """Count the farm; workers that were not heard of for `within_s` are left out."""
-    found = json.loads(scripts.run("census", round(within_s * 1000)))
+    def demand_by_variant(self) -> dict[str, Demand]:
+        """The demand in all pools, by the variant that the jobs need, "auto" for any."""
+        by_variant: dict[str, list[Demand]] = {}
+        for needed, demand in self.demand.items():
+            by_variant.setdefault(needed.partition(" ")[0], []).append(demand)
+        return {variant: _sum(demands) for variant, demands in by_variant.items()}
+
+    def demand_for(
+        self,
+        variants: Collection[str] = (),
+        *,
+        pool: str | None = None,
+        tags: Collection[str] | None = None,
+    ) -> Demand:
+        """What wants workers that render with one of these variants, in this pool, with these tags.
+
+        With no variants, no pool or no tags given, workers that have any. A job that any variant
+        suits counts for all: the first lease pins it to one.
+        """
+
+        def suits(needed: str) -> bool:
+            variant, in_pool, *required = needed.split(" ")
+            return (
+                (not variants or variant == ANY or variant in variants)
+                and pool in (None, in_pool)
+                and (tags is None or set("".join(required).split(",")) <= {*tags, ""})
+            )
+
+        return _sum(demand for needed, demand in self.demand.items() if suits(needed))
+
+
+def take_census(
+    scripts: Scripts, within_s: float = 15.0, *, from_priority: int | None = None
+) -> Census:
+    """Count the farm; workers that were not heard of for `within_s` are left out.
+
+    Jobs of a priority below `from_priority` are counted, but are no demand.
+    """
+    least = "" if from_priority is None else from_priority
+    found = json.loads(scripts.run("census", round(within_s * 1000), least))
     pairs = iter(found["totals"])
     totals = {name: int(number) for name, number in zip(pairs, pairs, strict=True)}
     oldest = found.get("oldest")
     return Census(
         jobs=found["jobs"],
         jobs_stored=found["stored"],
+        jobs_unserved=found["unserved"],
         queue_age_s=0.0 if oldest is None else (float(found["now"]) - float(oldest)) / 1000,
-        slices=found["slices"],
+        demand={
+            needed: _demand(slices, _mean_slice_ms(totals))
+            for needed, slices in found["demand"].items()
+        },
         workers=found["workers"],
         monitors=found["monitors"],
         jobs_owned=found["owned"],
@@ -88,7 +163,9 @@ def take_census(scripts: Scripts, within_s: float = 15.0) -> Census:
         tries={end: totals.get(f"tries {end}", 0) for end in TRY_ENDS},
         samples=totals.get("samples", 0),
         samples_saved=totals.get("samples saved", 0),
+        second_tries=totals.get("second tries", 0),
         machine_s=totals.get("machine ms", 0) / 1000,
+        wasted_s=totals.get("wasted ms", 0) / 1000,
         merges=histogram(totals, "merge", MERGE_BOUNDS_S),
         evaluations=histogram(totals, "evaluation", EVALUATION_BOUNDS_S),
         webhooks_waiting=found["webhooks"],
@@ -96,6 +173,31 @@ def take_census(scripts: Scripts, within_s: float = 15.0) -> Census:
         webhooks_dropped=totals.get("webhooks dropped", 0),
         swept_at=totals["swept at"] / 1000 if "swept at" in totals else None,
     )
+
+
+def _demand(slices: dict[str, float], unmeasured_ms: float) -> Demand:
+    return Demand(
+        waiting=int(slices["waiting"]),
+        leased=int(slices["leased"]),
+        left=math.ceil(slices["left"]),
+        work_s=(slices["work_ms"] + slices["unmeasured"] * unmeasured_ms) / 1000,
+    )
+
+
+def _sum(demands: Iterable[Demand]) -> Demand:
+    asked = tuple(demands)
+    return Demand(
+        waiting=sum(one.waiting for one in asked),
+        leased=sum(one.leased for one in asked),
+        left=sum(one.left for one in asked),
+        work_s=sum(one.work_s for one in asked),
+    )
+
+
+def _mean_slice_ms(totals: dict[str, int]) -> float:
+    """What a slice of a job took of which none is rendered yet: as long as others did."""
+    committed = totals.get("tries committed", 0)
+    return totals.get("machine ms", 0) / committed if committed else _SLICE_MS
 
 
 class MonitorWork:
@@ -114,7 +216,13 @@ class MonitorWork:
         self._started_at = datetime.now(timezone.utc)
 
     def heartbeat(self, jobs: int) -> None:
-        """Say that the monitor is alive, owns so many jobs, and has done this much."""
+        """Say that the monitor is alive, owns so many jobs, and has done this much.
+
+        Raises
+        ------
+        Refused
+            It does not speak what the other monitors and the APIs do.
+        """
         about = {
             "id": self._id,
             "host": socket.gethostname(),

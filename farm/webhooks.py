@@ -32,6 +32,7 @@ _LONGEST_DELAY_S: Final = 4 * 3600.0
 
 #: For how long messages are signed with the farm's former secret too.
 _OLD_SECRET_S: Final = 86_400
+_OLD_SECRETS: Final = 3
 
 DeliveryState = Literal["waiting", "trying", "delivered", "given-up"]
 TryEnd = Literal["delivered", "failed", "given-up"]
@@ -68,6 +69,7 @@ class Taken:
     now: datetime  #: by Redis's clock
     tries: int  #: this one included
     receiver: str
+    url: str = field(repr=False)  #: its path may be confidential
     secrets: tuple[str, ...] = field(repr=False)  #: each signs; never empty
     token: str
     fields: dict[str, str] = field(repr=False)  #: the job's, as they were when it happened
@@ -138,6 +140,7 @@ class Outbox:
             now=moment(found["now"]),
             tries=found["tries"],
             receiver=found["receiver"],
+            url=found["url"],
             secrets=(found["secret"],) if found["secret"] else self.farm_secrets(),
             token=token,
             fields={**message["job"], "spec": found["spec"]},
@@ -204,17 +207,22 @@ class Outbox:
         return next((one for one in self.deliveries(job_id) if one.number == number), None)
 
     def farm_secrets(self) -> tuple[str, ...]:
-        """The secret that signs where a job brings none, and for a day the one before it."""
+        """The secret that signs where a job brings none, and for a day those before it."""
         with unavailable_as_farm_error():
             self._redis.set(keys.WEBHOOK_SECRET, new_secret(), nx=True)
             found = self._redis.mget(keys.WEBHOOK_SECRET, keys.OLD_WEBHOOK_SECRET)
-        return tuple(filter(None, found))
+        return tuple(" ".join(filter(None, found)).split())
 
     def renew_farm_secret(self) -> str:
-        """Another secret for the farm; for a day messages are signed with the former one too."""
+        """Another secret for the farm; for a day messages are signed with the former one too.
+
+        And with the one before that, if it was renewed twice: where the answer was lost, nobody has
+        seen the secret between.
+        """
         with unavailable_as_farm_error():
             pipe = self._redis.pipeline(transaction=True)
-            pipe.set(keys.OLD_WEBHOOK_SECRET, self.farm_secrets()[0], ex=_OLD_SECRET_S)
+            former = " ".join(self.farm_secrets()[:_OLD_SECRETS])
+            pipe.set(keys.OLD_WEBHOOK_SECRET, former, ex=_OLD_SECRET_S)
             pipe.set(keys.WEBHOOK_SECRET, renewed := new_secret())
             pipe.execute()
         return renewed

@@ -38,7 +38,7 @@ def job_ids(ctx: typer.Context, incomplete: str) -> Offered:
     try:
         from plateau.connect import connect
 
-        with connect(ctx.params.get("url"), timeout_s=_PATIENCE_S) as client:
+        with connect(ctx.params.get("url"), timeout_s=_PATIENCE_S, quiet=True) as client:
             jobs = client.jobs(limit=_MOST_JOBS).jobs
     except Exception:  # noqa: BLE001  (whatever it is, the command itself will say it)
         return []
@@ -84,9 +84,10 @@ def rules(incomplete: str) -> Offered:
 
 def variants(incomplete: str) -> Offered:
     """Mitsuba's variants."""
-    from farm.spec import Variant
+    from farm.spec import RenderVariant
 
-    return [(name, "") for name in get_args(Variant) if name.startswith(incomplete)]
+    names = ("auto", *get_args(RenderVariant))
+    return [(name, "") for name in names if name.startswith(incomplete)]
 
 
 def _here(incomplete: str) -> list[Path]:

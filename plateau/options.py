@@ -162,6 +162,14 @@ def spec_from_options(
     priority: Annotated[
         int | None, typer.Option(help="Higher is served first.", show_default="0")
     ] = None,
+    pool: Annotated[
+        str | None,
+        typer.Option(help="Only workers of this pool render it.", show_default="default"),
+    ] = None,
+    require: Annotated[
+        list[str] | None,
+        typer.Option(help="Only workers with this tag render it. May be repeated."),
+    ] = None,
     min_spp: Annotated[
         int | None,
         typer.Option(

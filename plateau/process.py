@@ -3,21 +3,21 @@
 import gc
 import logging
 import os
-import signal
 import sys
 import threading
 from collections.abc import Callable
 
 from farm import log
 from farm.blobs import Blobs
-from farm.errors import FarmError, SchemaMismatch, StoreUnavailable, WrongStore
-from farm.pairing import check_pair
+from farm.errors import Incompatible
+from farm.processes import forget_life
 from farm.redis_link import connect
-from farm.schema import await_checks, check_schema
+from farm.schema import await_checks
 from farm.settings import Settings
 from plateau.errors import EXPECTED, CommandFailed
 from plateau.exits import ExitCode
-from plateau.read_settings import read_settings
+from plateau.read_settings import farm_settings
+from plateau.stopping import StopSignals
 
 _LOG = logging.getLogger("plateau")
 
@@ -35,7 +35,7 @@ def run_until_signal(role: str, run: Work) -> None:
     SystemExit
         It could not go on; its log says why.
     """
-    settings = read_settings()
+    settings = farm_settings()
     missing = [
         name
         for name, value in (
@@ -53,13 +53,15 @@ def run_until_signal(role: str, run: Work) -> None:
         )
     _check_addresses(settings.redis_url, settings.blobs)
     log.set_up(role, settings.log_format)
+    forget_life(settings.alive_file)
     threading.excepthook = _end_with_its_thread
     gc.freeze()  # what was imported stays: no look for garbage need stop at it
-    stop = threading.Event()
-    for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, lambda *_: stop.set())
+    stop = StopSignals().asked
     try:
         run(settings, stop)
+    except Incompatible as error:
+        _LOG.critical("%s", error)
+        sys.exit(ExitCode.INCOMPATIBLE)
     except EXPECTED as error:
         _LOG.critical("%s", error)
         sys.exit(ExitCode.FAILED)
@@ -76,6 +78,10 @@ def _end_with_its_thread(died: threading.ExceptHookArgs) -> None:
     """
     if died.exc_type is SystemExit:
         return
+    if isinstance(died.exc_value, Incompatible):
+        _LOG.critical("%s", died.exc_value)
+        logging.shutdown()
+        os._exit(ExitCode.INCOMPATIBLE)
     name = died.thread.name if died.thread is not None else "that is unknown"
     _LOG.critical("the thread %s died, and the process ends", name, exc_info=died.exc_value)
     logging.shutdown()
@@ -86,54 +92,13 @@ def when_checked(run: Work) -> Work:
     """The same, once Redis answers, holds this Plateau's layout, and the blobs are its own."""
 
     def run_when_checked(settings: Settings, stop: threading.Event) -> None:
+        patient = settings.when_refused == "wait"
         with connect(settings.redis_url or "") as client:
-            await_checks(client, Blobs(settings.blobs or ""), stop)
+            await_checks(client, Blobs(settings.blobs or ""), stop, patient=patient)
         if not stop.is_set():
             run(settings, stop)
 
     return run_when_checked
-
-
-class LateCheck:
-    """The check of the schema for the API, which answers 503 while Redis is away, not nothing.
-
-    Raises
-    ------
-    SchemaMismatch, WrongStore
-        On making one, where Redis answers; else by `end`, Redis having answered since: the API
-        was then asked to stop.
-    """
-
-    def __init__(self, redis_url: str, store: Blobs, stop: threading.Event) -> None:
-        self._client = connect(redis_url)
-        self._store = store
-        self._stop = stop
-        self._refusal: FarmError | None = None
-        self._thread: threading.Thread | None = None
-        try:
-            check_schema(self._client)
-            check_pair(self._client, store)
-        except StoreUnavailable as error:
-            _LOG.warning("%s; the API starts without it", error)
-            self._thread = threading.Thread(target=self._check, daemon=True)
-
-    def start(self) -> None:
-        """Check as soon as Redis answers, unless that is done; the API can be stopped now."""
-        if self._thread is not None:
-            self._thread.start()
-
-    def end(self) -> None:
-        """Raise what the check found."""
-        self._stop.set()
-        if self._refusal is not None:
-            raise self._refusal
-
-    def _check(self) -> None:
-        try:
-            await_checks(self._client, self._store, self._stop)
-        except (SchemaMismatch, WrongStore) as refusal:
-            self._refusal = refusal
-            os.kill(os.getpid(), signal.SIGTERM)
 
 
 def _check_addresses(redis_url: str | None, blobs: str | None) -> None:

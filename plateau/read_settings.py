@@ -1,9 +1,23 @@
 """The settings, with an error that names the variable that is wrong."""
 
+from pathlib import Path
+from typing import Final
+
 from pydantic import ValidationError
 
+from farm import redis_url
 from farm.settings import Settings
 from plateau.errors import PlateauError
+
+#: What is said of Redis beside its URL.
+REDIS_VARIABLES: Final = (
+    "PLATEAU_REDIS_USER",
+    "PLATEAU_REDIS_PASSWORD_FILE",
+    "PLATEAU_REDIS_CA",
+    "PLATEAU_REDIS_CERT",
+    "PLATEAU_REDIS_KEY",
+    "PLATEAU_REDIS_SENTINEL_PASSWORD_FILE",
+)
 
 
 class BadSetting(PlateauError):
@@ -23,14 +37,84 @@ def api_key(settings: Settings) -> str | None:
         return given or None
     if given:
         raise BadSetting("set PLATEAU_KEY or PLATEAU_KEY_FILE, not both")
+    return key_in(settings.key_file, "PLATEAU_KEY_FILE")
+
+
+def farm_settings() -> Settings:
+    """The same for who uses Redis: its URL has all that the other settings say of Redis.
+
+    Raises
+    ------
+    BadSetting
+        A value is not allowed, a file cannot be read, or they do not fit together.
+    """
+    settings = read_settings()
+    return settings.model_copy(update={"redis_url": _whole_redis_url(settings)})
+
+
+def _whole_redis_url(settings: Settings) -> str | None:
+    if not settings.redis_url:
+        return None
+    url = settings.redis_url
     try:
-        key = settings.key_file.read_text().strip()
+        redis_url.check(url)
+        if settings.redis_user:
+            url = redis_url.with_user(url, settings.redis_user)
+        if settings.redis_password_file is not None:
+            password = _line_in(settings.redis_password_file, "PLATEAU_REDIS_PASSWORD_FILE")
+            url = redis_url.with_password(url, password)
+        url = redis_url.with_parameters(url, _parameters(settings, tls=redis_url.uses_tls(url)))
+        redis_url.check(url)
+    except redis_url.BadRedisUrl as error:
+        raise BadSetting(f"PLATEAU_REDIS_URL: {error}") from None
+    return url
+
+
+def _parameters(settings: Settings, *, tls: bool) -> dict[str, str]:
+    files = {
+        "ssl_ca_certs": ("PLATEAU_REDIS_CA", settings.redis_ca),
+        "ssl_certfile": ("PLATEAU_REDIS_CERT", settings.redis_cert),
+        "ssl_keyfile": ("PLATEAU_REDIS_KEY", settings.redis_key),
+    }
+    parameters = {}
+    for name, (variable, file) in files.items():
+        if file is None:
+            continue
+        if not tls:
+            raise BadSetting(f"{variable} is for TLS: PLATEAU_REDIS_URL must begin with rediss")
+        if not file.is_file():
+            raise BadSetting(f"{variable}: there is no file {file}")
+        parameters[name] = str(file)
+    if ("ssl_certfile" in parameters) != ("ssl_keyfile" in parameters):
+        raise BadSetting("set PLATEAU_REDIS_CERT and PLATEAU_REDIS_KEY together, or neither")
+    if settings.redis_sentinel_password_file is not None:
+        parameters["sentinel_password"] = _line_in(
+            settings.redis_sentinel_password_file, "PLATEAU_REDIS_SENTINEL_PASSWORD_FILE"
+        )
+    return parameters
+
+
+def key_in(file: Path, option: str) -> str:
+    """The API key that a file holds, which the option names.
+
+    Raises
+    ------
+    BadSetting
+        It has none.
+    """
+    return _line_in(file, option)
+
+
+def _line_in(file: Path, option: str) -> str:
+    """The secret that a file holds, without the end of its line."""
+    try:
+        secret = file.read_text().strip()
     except (OSError, UnicodeDecodeError) as error:
         why = getattr(error, "strerror", None) or "it is no text"
-        raise BadSetting(f"PLATEAU_KEY_FILE: {settings.key_file} cannot be read: {why}") from error
-    if not key:
-        raise BadSetting(f"PLATEAU_KEY_FILE: {settings.key_file} is empty")
-    return key
+        raise BadSetting(f"{option}: {file} cannot be read: {why}") from error
+    if not secret:
+        raise BadSetting(f"{option}: {file} is empty")
+    return secret
 
 
 def read_settings() -> Settings:

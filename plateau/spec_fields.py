@@ -18,6 +18,7 @@ def spec_fields(
     field_of_view: float | None = None,
     primaries: str | None = None,
     time_limit: float | None = None,
+    require: list[str] | None = None,
     **named_alike: object,
 ) -> dict[str, Any]:
     """The fields of a spec that were given; options and what they mean are in `plateau.options`.
@@ -37,6 +38,7 @@ def spec_fields(
     return _given(
         **named_alike,
         time_limit_s=time_limit,
+        requires=require or None,
         parameters=dict(map(_definition, define)) if define else None,
         rule={**_rule(rule or _rule_with(of_the_rule)), **of_the_rule}
         if rule or of_the_rule
@@ -99,6 +101,7 @@ _OPTIONS: Final = {
     "field_of_view_deg": "field-of-view",
     "time_limit_s": "time-limit",
     "name": "rule",
+    "requires": "require",
 }
 
 #: Parameters of a rule that have an option of their own.

@@ -16,6 +16,7 @@ from plateau.door import Door
 from plateau.errors import PlateauError
 from plateau.interrupts import Interrupts
 from plateau.member import Member, describe_exit
+from plateau.read_settings import REDIS_VARIABLES
 
 _API_START_S: Final = 60.0
 #: A stopping worker tries for 5 s to commit what it has.
@@ -189,16 +190,16 @@ class Tree:
             return
         self._redis.await_ready()
         from farm.redis_link import connect
-        from farm.schema import check_schema
+        from farm.schema import await_schema
 
-        with connect(self.redis_url) as client:
-            check_schema(client)
+        with connect(self.redis_url) as client:  # of what was killed a moment ago, all must be over
+            await_schema(client, self._interrupts.asked)
 
     def _start_members(self) -> None:
         api = self._member("api", ("api", *self._door.options()))
         others = [self._member("monitor", ("monitor",))]
         others += [
-            self._member(f"worker-{number}", ("worker",), self._share_of_threads())
+            self._member(f"worker-{number}", ("worker",), self._of_a_worker())
             for number in range(1, self._workers + 1)
         ]
         self._members = [api, *others]
@@ -220,6 +221,7 @@ class Tree:
             name,
             arguments,
             environment={
+                **dict.fromkeys(REDIS_VARIABLES, ""),  # what they say is in the URL
                 "PLATEAU_REDIS_URL": self.redis_url,
                 "PLATEAU_BLOBS": self.blobs,
                 **(environment or {}),
@@ -228,9 +230,13 @@ class Tree:
             inherited=(self._data.lock_fd,),
         )
 
-    def _share_of_threads(self) -> dict[str, str]:
+    def _of_a_worker(self) -> dict[str, str]:
         share = max(1, len(os.sched_getaffinity(0)) // self._workers)
-        return {"PLATEAU_THREADS": str(self._settings.threads or share)}
+        return {
+            "PLATEAU_THREADS": str(self._settings.threads or share),
+            "PLATEAU_POOL": self._settings.pool,
+            "PLATEAU_TAGS": ",".join(self._settings.tags),
+        }
 
     def _wait_for_url(self, api: Member, pipe: TextIO) -> str:
         """The URL that the API writes into its end of the pipe once it answers."""

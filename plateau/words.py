@@ -107,9 +107,11 @@ def saved_fraction(job: Job) -> float:
     return 1 - job.spp / job.spec.max_spp
 
 
-def summary(job: Job) -> str:
-    """What became of an ended job, in a few lines."""
+def summary(job: Job, waits_for: str | None = None) -> str:
+    """What became of a job, in a few lines; `waits_for` says what it waits for, where it does."""
     rows = [("state", job.state.value), ("reason", job.reason)]
+    if waits_for:
+        rows.append(("workers", f"it {waits_for}"))
     if job.width is not None:
         rows.append(("image", f"{job.width}×{job.height}, {job.variant}, scene {job.name}"))
     share = job.spp / job.spec.max_spp

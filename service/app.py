@@ -34,6 +34,7 @@ from service import (
     routes_studies,
     routes_webhooks,
 )
+from service.cut_off import AnswerWhenCutOff
 from service.event_hub import EventHub
 from service.guards import ENVELOPE_BYTES, BodyLimit
 from service.head import HeadAsGet
@@ -47,6 +48,7 @@ from service.point_images import PointImages
 from service.problem_handlers import add_problem_handlers
 from service.slashes import KeepSlashes
 from service.study_results import StudyResults
+from service.version_header import SayVersion
 from service.webhook_addresses import Receivers
 
 _DESCRIPTION: Final = """
@@ -140,7 +142,9 @@ def create_app(
     app.add_middleware(KeepSlashes)
     app.add_middleware(HeadAsGet)
     app.add_middleware(BodyLimit, most=max_upload_bytes + ENVELOPE_BYTES)
+    app.add_middleware(SayVersion)
     app.add_middleware(KeyGuard, keys=ApiKeys(client), allowance=Allowance(client), access=access)
     app.add_middleware(LogFields)
+    app.add_middleware(AnswerWhenCutOff)
     app.add_middleware(CountRequests, requests=app.state.metrics.requests)
     return app

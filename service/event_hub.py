@@ -6,17 +6,19 @@ import logging
 from collections.abc import AsyncIterator, Iterator
 from typing import Final
 
-from redis.asyncio import Redis
+from redis.asyncio import Redis, Sentinel
+from redis.asyncio.retry import Retry
+from redis.backoff import NoBackoff
 from redis.exceptions import RedisError
 
 from farm import keys
 from farm.log import concerning
 from farm.records import event
+from farm.redis_link import link_options, open_link
 from service.event_feed import Feed, Told, position
 
 #: Shorter than the socket's time-out, so that a quiet job is not taken for a dead connection.
 _BLOCK_MS: Final = 5000
-_SOCKET_TIMEOUT_S: Final = 10.0
 _RETRY_S: Final = 1.0
 #: Each job that is watched takes one; redis-py's own limit is 100, Redis's 10,000.
 _CONNECTIONS: Final = 5000
@@ -35,14 +37,12 @@ class EventHub:
     """
 
     def __init__(self, redis_url: str) -> None:
-        self._redis: Redis[str] = Redis.from_url(
-            redis_url,
-            decode_responses=True,
-            protocol=2,
-            socket_timeout=_SOCKET_TIMEOUT_S,
-            socket_connect_timeout=5.0,
-            max_connections=_CONNECTIONS,
-        )
+        options = {
+            "retry": Retry(NoBackoff(), 0),  # here we try again, and say so
+            "max_connections": _CONNECTIONS,
+            **link_options(redis_url),
+        }
+        self._redis: Redis[str] = open_link(redis_url, Redis, Sentinel, options)
         self._reading_the_past = asyncio.Semaphore(_READERS_OF_THE_PAST)
         self._feeds: dict[str, Feed] = {}
         self._closing = False

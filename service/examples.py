@@ -117,8 +117,11 @@ WORKER: Final[dict[str, Any]] = {
     "id": _WORKER,
     "host": "vm",
     "pid": 23618,
+    "plateau": "0.1.0",
     "variants": ["llvm_ad_rgb", "scalar_rgb"],
     "threads": 8,
+    "pool": "night",
+    "tags": ["gpu", "highmem"],
     "job": JOB_ID,
     "slice": 16,
     "slices_done": 16,
@@ -128,6 +131,16 @@ WORKER: Final[dict[str, Any]] = {
     "drained": False,
     "started_at": "2026-11-21T08:00:00Z",
     "seen_at": _AT,
+}
+
+REFUSED: Final[dict[str, Any]] = {
+    "role": "worker",
+    "host": "old-node",
+    "pid": 771,
+    "plateau": "0.1.0",
+    "why": "the farm's monitors and APIs speak protocols 3 to 4 (Plateau 0.4.0), and this process "
+    "protocols 1 to 2 (Plateau 0.1.0): it is too old: install Plateau 0.4.0 here",
+    "at": _AT,
 }
 
 SCENE: Final[dict[str, Any]] = {
@@ -180,6 +193,9 @@ JOB: Final[dict[str, Any]] = {
     "forecast_s": 15.3,
     "samples_saved": 0,
     "machine_s": 10.4,
+    "wasted_s": 0.3,
+    "second_tries": 1,
+    "waits_for": None,
     "created_at": _CREATED,
     "started_at": _STARTED,
     "links": {
@@ -287,6 +303,9 @@ PROBLEM_DETAILS: Final = {
     "again in 1 s",
     "too-many-jobs": "the key has 1,000 jobs that have not ended, and may have 1,000; wait for one "
     "to end, or cancel one",
+    "too-many-needs": "jobs that have not ended need 64 different combinations of pool and tags of "
+    "workers, and there is no room for another; wait for some to end, or ask for a combination "
+    "that others have",
     "internal-error": "an error that Plateau did not expect; the API's log has the details",
     "store-unavailable": "Redis cannot be reached; try again shortly",
 }

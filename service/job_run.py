@@ -18,7 +18,7 @@ from farm.states import MAX_TRIES, JobState
 from farm.totals import MonitorWork
 from service.checkpoints import Checkpoints
 from service.judge import Judge, Judgement
-from service.look_ahead import LookAhead
+from service.look_ahead import Crew, LookAhead
 from service.results import Results
 
 _LOG = logging.getLogger(__name__)
@@ -60,7 +60,7 @@ class JobRun:
         self._checkpoints = Checkpoints(owned, owners, store, keep_slices=job.spec.keep_slices)
         self._merge = self._checkpoints.recover(job.spec.slice_spp, self._judge)
 
-    def advance(self, look_ahead: int) -> bool:
+    def advance(self, crew: Crew) -> bool:
         """Do all that can be done now; returns whether the job is finished with.
 
         Raises
@@ -74,10 +74,11 @@ class JobRun:
         """
         job = self._jobs.get(self.owned.job_id)
         if not job.state.ended:
-            self._plan(look_ahead)
+            enough = crew.enough(job)
+            self._plan(enough)
             self._merge_and_judge()
             self._check_time()
-            self._plan(look_ahead)
+            self._plan(enough)
             job = self._jobs.get(self.owned.job_id)
         if job.state is JobState.PAUSED:
             self._save()
@@ -86,14 +87,15 @@ class JobRun:
             return True
         return False
 
-    def _plan(self, look_ahead: int) -> None:
+    def _plan(self, enough: int) -> None:
         """Keep so many slices planned beyond the merged ones.
 
         Not one by one, where they are many: Redis waits for its disk each time.
         """
-        stop = self._look_ahead.stop(self._merge.slices, look_ahead)
+        stop = self._look_ahead.stop(self._merge.slices, enough)
         if stop - self._planned_stop > (self._planned_stop - self._merge.slices) // 8:
-            self._owners.plan(self.owned, range(self._merge.slices, stop))
+            expected_spp = self._look_ahead.expected_end_spp(self._merge.slices)
+            self._owners.plan(self.owned, range(self._merge.slices, stop), expected_spp)
             self._planned_stop = stop
 
     def _merge_and_judge(self) -> None:

@@ -19,7 +19,7 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 
 from farm.allowance import Allowance
 from farm.api_keys import ApiKey, ApiKeys, Role, opens
-from farm.errors import StoreUnavailable
+from farm.errors import Incompatible, StoreUnavailable
 from service import problems
 from service.callers import ANYBODY, Caller
 from service.guards import discard_body, header, refuse_foreign
@@ -86,7 +86,7 @@ class KeyGuard:
                 return await anyio.to_thread.run_sync(
                     self._looked_up, scope, limiter=self._threads, abandon_on_cancel=metrics
                 )
-        except (StoreUnavailable, TimeoutError) as error:
+        except (Incompatible, StoreUnavailable, TimeoutError) as error:
             if metrics and self._is_remembered(scope):
                 return ANYBODY
             raise problems.unavailable(scope["method"], scope["path"], error) from error

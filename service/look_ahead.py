@@ -1,8 +1,11 @@
 """How far beyond its merged slices a job is planned."""
 
+from collections import Counter
+from collections.abc import Iterable
 from typing import Final
 
-from farm.job import Job
+from farm.fit import Kind
+from farm.job import Job, Worker
 from farm.spec import FixedSpec, VisibleSpec
 
 #: Beyond an evaluation that may end the job, so many slices are planned for each merged one: they
@@ -11,6 +14,25 @@ SPARE: Final = 0.04
 
 #: The rule `visible` ends no job earlier, and until the first it has no forecast.
 _EVALUATIONS_BEFORE_AN_END: Final = 2
+
+
+class Crew:
+    """The workers that live and take work."""
+
+    def __init__(self, workers: Iterable[Worker]) -> None:
+        self._kinds = Counter(
+            Kind(worker.variants, worker.pool, worker.tags)
+            for worker in workers
+            if not worker.drained and worker.trouble is None
+        )
+
+    def enough(self, job: Job) -> int:
+        """So many slices beyond the merged ones keep all busy that may render the job.
+
+        Enough for each to render one and to find the next waiting, and one in the merge.
+        """
+        fit = sum(count for kind, count in self._kinds.items() if kind.serves(job))
+        return 2 * max(1, fit) + 1
 
 
 class LookAhead:
@@ -35,6 +57,15 @@ class LookAhead:
     def expect(self, spp: int | None) -> None:
         """Take note of where the rule is likely to end the job, as an evaluation has it."""
         self._expected_spp = None if spp is None else max(spp, self._least_spp)
+
+    def expected_end_spp(self, merged: int) -> int:
+        """Where the job is expected to end, after so many merged slices: a guess, never a promise.
+
+        One whose end is not in sight is taken to be at its half.
+        """
+        merged_spp = merged * self._spec.slice_spp
+        expected_spp = 2 * merged_spp if self._expected_spp is None else self._expected_spp
+        return min(max(expected_spp, merged_spp), self._spec.max_spp)
 
     def stop(self, merged: int, enough: int) -> int:
         """The index of the first slice that is not planned yet.

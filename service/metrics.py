@@ -82,6 +82,12 @@ def _work_there_is(census: Census) -> Iterator[Metric]:
         census.jobs_stored,
     )
     yield gauge(
+        "plateau_jobs_unserved",
+        "Jobs that wait, or render, though no worker lives that takes work and has their variant, "
+        "pool and tags; GET /v1/jobs says what they wait for.",
+        census.jobs_unserved,
+    )
+    yield gauge(
         "plateau_queue_age_seconds",
         "Age of the oldest job of which nothing is rendered yet, paused ones left out; 0 where "
         "there is none. Where it grows, the farm has too few workers.",
@@ -93,6 +99,20 @@ def _work_there_is(census: Census) -> Iterator[Metric]:
         "for a worker, or are leased to one.",
         census.slices,
         "state",
+    )
+    yield gauge(
+        "plateau_slices_wanted",
+        "Slices that wait for a worker or are leased to one, by the variant that they need (auto: "
+        "any). As many workers have something to do; autoscalers follow it.",
+        {variant: one.slices for variant, one in census.demand_by_variant().items()},
+        "variant",
+    )
+    yield gauge(
+        "plateau_work_left_seconds",
+        "Seconds that one worker would still take for the open jobs, by the variant that they "
+        "need: by what their slices took, and where they are expected to end.",
+        {variant: one.work_s for variant, one in census.demand_by_variant().items()},
+        "variant",
     )
 
 
@@ -163,6 +183,18 @@ def _work_done(census: Census) -> Iterator[Metric]:
         "plateau_machine_seconds_total",
         "Seconds that render children spent on slices, whatever came of them.",
         census.machine_s,
+    )
+    yield counter(
+        "plateau_second_tries_total",
+        "Slices that were late and held up their job's image, so that a second worker was given "
+        "them too; the first commit wins.",
+        census.second_tries,
+    )
+    yield counter(
+        "plateau_wasted_seconds_total",
+        "Seconds, of those that render children spent, on slices of which another try was "
+        "committed first.",
+        census.wasted_s,
     )
     yield counter(
         "plateau_webhook_tries_total",

@@ -5,9 +5,6 @@ from a thread of its own, so that a long evaluation does not cost it a job.
 """
 
 import logging
-import os
-import secrets
-import socket
 import threading
 import time
 from collections import deque
@@ -16,16 +13,25 @@ from typing import Final
 from farm import keys, log
 from farm.backoff import Backoff
 from farm.blobs import Blobs
-from farm.errors import BlobsUnavailable, FenceLost, IllegalTransition, StoreUnavailable
+from farm.errors import (
+    BlobsUnavailable,
+    FenceLost,
+    IllegalTransition,
+    Incompatible,
+    StoreUnavailable,
+)
 from farm.jobs import Jobs
+from farm.members import process_id, sign_on
 from farm.ownership import Ownership, Ownerships
-from farm.redis_link import connect
+from farm.processes import show_life
+from farm.redis_link import connect, connect_to_renew
 from farm.settings import Settings
 from farm.states import JobState
 from farm.totals import MonitorWork
 from farm.wake import Wake
 from service.job_run import JobRun
 from service.judge import warm_up
+from service.look_ahead import Crew
 from service.sweeper import sweeping
 from service.webhooks import delivering
 
@@ -37,6 +43,7 @@ _LONGEST_IDLE_S: Final = 5.0  #: as far as this is not too long between two look
 _ROUND_S: Final = 0.1  #: so long jobs are looked at of which no hint came, till those are that have
 _CENSUS_S: Final = 2.0  #: between two counts of the workers
 _RETRY_S: Final = (0.5, 10.0)  #: the first and the longest wait where something is away
+_AGAIN_S: Final = 0.3  #: before a renewal is repeated the first time, so that no lease runs out
 
 
 class _Waiting:
@@ -56,14 +63,19 @@ class Monitor:
     def __init__(self, settings: Settings, store: Blobs) -> None:
         if settings.redis_url is None:
             raise ValueError("a monitor needs redis_url")
-        self.id = f"{socket.gethostname()}-{os.getpid()}-{secrets.token_hex(2)}"
-        client = connect(settings.redis_url)
+        self.id = process_id()
+        client = self._client = connect(settings.redis_url)
         self._blobs = store
         self._jobs = Jobs(client)
         self._owners = Ownerships(client, settings.lease_s)
-        self._work = MonitorWork(client, self.id, settings.lease_s)
+        renewing = connect_to_renew(settings.redis_url, settings.lease_s)
+        self._renewals = Ownerships(renewing, settings.lease_s)
+        self._work = MonitorWork(renewing, self.id, settings.lease_s)
         self._wake = Wake(client, keys.WAKE_MONITORS)
         self._lease_s = settings.lease_s
+        self._is_patient = settings.when_refused == "wait"
+        self._stop = threading.Event()
+        self._alive_file = settings.alive_file
         self._keeps_sums = settings.keep_sums_days > 0
         self._owned: dict[str, Ownership] = {}
         self._runs: dict[str, JobRun] = {}
@@ -75,11 +87,19 @@ class Monitor:
         self._round: deque[str] = deque()  # jobs of ours still to be looked at in this round
         self._round_due = float("-inf")  # when the next one begins
         self._round_s = 0.0  # spent in this one
-        self._workers = 0
+        self._crew = Crew(())
         self._counted_at = float("-inf")
 
     def run(self, stop: threading.Event) -> None:
-        """Run jobs until `stop` is set; then leave them to the next monitor."""
+        """Run jobs until `stop` is set; then leave them to the next monitor.
+
+        Raises
+        ------
+        Refused
+            It does not speak what the farm does, and is not to wait for that.
+        """
+        self._stop = stop
+        self._sign_on()
         warm_up()  # a compiler at work would hold up the renewal of ownership
         over = threading.Event()
         renewer = threading.Thread(
@@ -103,6 +123,24 @@ class Monitor:
             renewer.join()
             self._disown()
 
+    def _sign_on(self) -> None:
+        """Say that the monitor lives, as soon as Redis answers and the farm lets it in."""
+        backoff = Backoff(*_RETRY_S)
+        while not self._stop.is_set():
+            try:
+                sign_on(
+                    self._client,
+                    "monitor",
+                    lambda: self._work.heartbeat(0),
+                    self._stop,
+                    patient=self._is_patient,
+                )
+            except StoreUnavailable as error:
+                _LOG.warning("%s", error)
+                self._stop.wait(backoff.delay_s())
+            else:
+                return
+
     def _look(self, hinted: set[str]) -> None:
         """Take the jobs that nobody owns, and bring ours forward: those first that a hint was of.
 
@@ -111,20 +149,22 @@ class Monitor:
         the next one is put off, so that a monitor whose jobs all wait has little to do.
         """
         self._take(hinted)
-        look_ahead = self._look_ahead()
+        crew = self._living()
         for job_id in [one for one in self._owned if one in hinted]:
-            self._bring_forward(job_id, look_ahead)
+            if self._stop.is_set():  # another monitor may have the rest
+                return
+            self._bring_forward(job_id, crew)
         now = time.monotonic()
-        self._bring_all_forward(self._fresh, hinted, now + _ROUND_S, look_ahead)
-        self._go_round(hinted, now + _ROUND_S, look_ahead)
+        self._bring_all_forward(self._fresh, hinted, now + _ROUND_S, crew)
+        self._go_round(hinted, now + _ROUND_S, crew)
 
-    def _go_round(self, hinted: set[str], until: float, look_ahead: int) -> None:
+    def _go_round(self, hinted: set[str], until: float, crew: Crew) -> None:
         started = time.monotonic()
         if not self._round and started >= self._round_due:
             self._round, self._round_s = deque(self._owned), 0.0
         if not self._round:
             return
-        self._bring_all_forward(self._round, hinted, until, look_ahead)
+        self._bring_all_forward(self._round, hinted, until, crew)
         ended = time.monotonic()
         self._round_s += ended - started
         if not self._round:
@@ -132,13 +172,13 @@ class Monitor:
             self._round_due = ended + min(pause_s, _LONGEST_IDLE_S)
 
     def _bring_all_forward(
-        self, waiting: deque[str], hinted: set[str], until: float, look_ahead: int
+        self, waiting: deque[str], hinted: set[str], until: float, crew: Crew
     ) -> None:
         """Bring these jobs forward but for those of a hint, for so long."""
-        while waiting and time.monotonic() < until:
+        while waiting and time.monotonic() < until and not self._stop.is_set():
             job_id = waiting.popleft()
             if job_id in self._owned and job_id not in hinted:
-                self._bring_forward(job_id, look_ahead)
+                self._bring_forward(job_id, crew)
 
     def _take(self, hinted: set[str]) -> None:
         """Own the jobs that nobody owns.
@@ -163,17 +203,17 @@ class Monitor:
                 self._owned[job_id] = owned
                 self._fresh.append(job_id)
 
-    def _bring_forward(self, job_id: str, look_ahead: int) -> None:
+    def _bring_forward(self, job_id: str, crew: Crew) -> None:
         """Advance one job, unless it waits; where its blobs cannot be reached, others go on."""
         waiting = self._waiting.get(job_id)
         if waiting is None or time.monotonic() >= waiting.until:
             with log.concerning(job_id):
-                self._bring_one_forward(self._owned[job_id], look_ahead)
+                self._bring_one_forward(self._owned[job_id], crew)
 
-    def _bring_one_forward(self, owned: Ownership, look_ahead: int) -> None:
+    def _bring_one_forward(self, owned: Ownership, crew: Crew) -> None:
         job_id = owned.job_id
         try:
-            done = self._advance(owned, look_ahead)
+            done = self._advance(owned, crew)
         except BlobsUnavailable as error:
             _LOG.warning("the job waits: %s", error)
             self._waiting.setdefault(job_id, _Waiting()).again()
@@ -183,7 +223,7 @@ class Monitor:
             del self._owned[job_id]
             self._runs.pop(job_id, None)
 
-    def _advance(self, owned: Ownership, look_ahead: int) -> bool:
+    def _advance(self, owned: Ownership, crew: Crew) -> bool:
         """Bring one job forward; returns whether we have done with it."""
         try:
             run = self._runs.get(owned.job_id)
@@ -197,11 +237,11 @@ class Monitor:
                     keeps_sums=self._keeps_sums,
                 )
                 self._runs[owned.job_id] = run
-            return run.advance(look_ahead)
+            return run.advance(crew)
         except FenceLost as lost:
             _LOG.warning("%s", lost)
             return True
-        except StoreUnavailable:
+        except (Incompatible, StoreUnavailable):
             raise
         except Exception as error:  # noqa: BLE001  (one job's trouble must not hurt the others)
             _LOG.exception("the job cannot go on")
@@ -220,24 +260,25 @@ class Monitor:
             _LOG.info("%s", refused)  # it was cancelled a moment ago
         return False
 
-    def _look_ahead(self) -> int:
-        """So many slices are planned beyond the merged ones.
-
-        Enough for each worker to render one and to find the next waiting, and one in the merge.
-        """
+    def _living(self) -> Crew:
+        """The workers that live, as of a moment ago."""
         if time.monotonic() > self._counted_at + _CENSUS_S:
-            self._workers = len(self._jobs.workers(self._lease_s))
+            self._crew = Crew(self._jobs.workers(self._lease_s))
             self._counted_at = time.monotonic()
-        return 2 * max(1, self._workers) + 1
+        return self._crew
 
     def _keep_owning(self, over: threading.Event) -> None:
-        while not over.wait(self._lease_s / 3):
-            owned = tuple(self._owned.values())
+        backoff, wait_s = Backoff(_AGAIN_S, self._lease_s / 3), self._lease_s / 3
+        while not over.wait(wait_s):
+            show_life(self._alive_file)
+            owned, wait_s = tuple(self._owned.values()), self._lease_s / 3
             try:
-                self._owners.renew(owned)
+                self._renewals.renew(owned)
                 self._work.heartbeat(len(owned))
+                backoff.reset()
             except StoreUnavailable as error:
                 _LOG.warning("ownership was not renewed: %s", error)
+                wait_s = min(wait_s, backoff.delay_s())
 
     def _disown(self) -> None:
         try:

@@ -13,12 +13,14 @@ from farm.errors import (
     CannotContinue,
     CannotStudy,
     IllegalTransition,
+    Incompatible,
     JobEnded,
     JobNotFound,
     ObserverNotFound,
     StoreUnavailable,
     StudyNotFound,
     TooManyJobs,
+    TooManyNeeds,
     TrialNotFound,
     UnevenBatch,
     WorkerNotFound,
@@ -117,6 +119,7 @@ def add_problem_handlers(app: FastAPI) -> None:
         detail = f"{error}; PUT {path} takes part"
         return Problem(problems.UNKNOWN_OBSERVER, detail).response(request.url.path)
 
+    @app.exception_handler(Incompatible)  # this API is about to end; another one may answer
     @app.exception_handler(StoreUnavailable)
     def answer_unavailable(request: Request, error: StoreUnavailable) -> JSONResponse:
         return unavailable(request.method, request.url.path, error).response(request.url.path)
@@ -128,6 +131,11 @@ def add_problem_handlers(app: FastAPI) -> None:
             problems.TOO_MANY_JOBS, detail, open_jobs=error.open_jobs, limit=error.most
         )
         return problem.response(request.url.path)
+
+    @app.exception_handler(TooManyNeeds)
+    def answer_too_many_needs(request: Request, error: TooManyNeeds) -> JSONResponse:
+        detail = f"{error}; wait for some to end, or ask for a combination that others have"
+        return Problem(problems.TOO_MANY_NEEDS, detail).response(request.url.path)
 
     @app.exception_handler(Exception)
     def answer_unexpected(request: Request, _: Exception) -> JSONResponse:

@@ -61,6 +61,9 @@ CANNOT_CONTINUE: Final = ProblemType("cannot-continue", 409, "No job can go on w
 CANNOT_MERGE: Final = ProblemType("cannot-merge", 409, "That image cannot be made again")
 CANNOT_STUDY: Final = ProblemType("cannot-study", 409, "No study can be made so")
 UNEVEN_BATCH: Final = ProblemType("uneven-batch", 409, "The job would stop unlike its batch")
+TOO_MANY_NEEDS: Final = ProblemType(
+    "too-many-needs", 409, "Jobs need too many different pools and tags"
+)
 JOB_ENDED: Final = ProblemType("job-ended", 409, "The job has ended and cannot be changed")
 UPLOAD_TOO_LARGE: Final = ProblemType("upload-too-large", 413, "The upload is too large")
 NOT_MULTIPART: Final = ProblemType("not-multipart", 415, "The body is not multipart/form-data")

@@ -15,10 +15,10 @@ from service.callers import CallerOf
 from service.idempotency import IdempotencyKey
 from service.parts import Parts, parts
 from service.problems import documented
-from service.routes_jobs import JobId
+from service.routes_jobs import JobId, shown
 from service.spec_checks import check_seeds, check_webhook, invalid_field, invalid_spec
 from service.submitted_spec import check_batch_name
-from service.views import JobView, job_view
+from service.views import JobView
 
 router = APIRouter(prefix="/v1/jobs/{job_id}", tags=["jobs"])
 
@@ -87,7 +87,7 @@ class Asker:
         )
         idempotency.settle(new, self.key, self.response)
         self.response.headers["Location"] = f"/v1/jobs/{new.job.id}"
-        return job_view(new.job)
+        return shown([new.job], self.farm)[0]
 
 
 @router.post(

@@ -2,21 +2,59 @@
 
 from typing import Annotated
 
-from fastapi import APIRouter, Depends, Path, Request, Response
+from fastapi import APIRouter, Depends, Path, Query, Request, Response
 
+from farm.spec import RenderVariant
 from service import examples, metrics, problems
 from service.callers import CallerOf
 from service.parts import Parts, parts
 from service.problems import TYPES, Problem, documented
-from service.views import Health, ProblemTypeView, Scenes, SceneView, Workers
+from service.views import DemandView, Health, ProblemTypeView, Scenes, SceneView, Workers
 
 router = APIRouter(tags=["farm"])
 
 
+def _all_workers(farm: Parts) -> Workers:
+    workers = farm.jobs.workers()
+    return Workers(workers=workers, refused=farm.workers.refused(workers))
+
+
 @router.get("/v1/workers", responses=documented())
 def workers(farm: Annotated[Parts, Depends(parts)]) -> Workers:
-    """List the workers that live, and what each renders."""
-    return Workers(workers=farm.jobs.workers())
+    """List the workers that live, what each renders, and who was not let in."""
+    return _all_workers(farm)
+
+
+@router.get("/v1/demand", responses=documented())
+def demand(
+    farm: Annotated[Parts, Depends(parts)],
+    variant: Annotated[
+        list[RenderVariant],
+        Query(
+            description="count what workers are wanted for that render with one of these; none: "
+            "what any worker is wanted for",
+            examples=[["llvm_ad_rgb", "scalar_rgb"]],
+        ),
+    ] = [],  # noqa: B006  (FastAPI copies it)
+    pool: Annotated[
+        str | None, Query(description="and are in this pool; none: in any", examples=["night"])
+    ] = None,
+    tag: Annotated[
+        list[str] | None,
+        Query(
+            description="and have these tags, or none (`tag=`); left out: any tags",
+            examples=[["highmem"]],
+        ),
+    ] = None,
+) -> DemandView:
+    """Say how many slices want a worker, for those who start and stop workers.
+
+    While a job is far from its end, more are planned than there are workers, so a farm that follows
+    `slices` grows to its limits; they get fewer as the end comes near, and none want a worker of a
+    farm that has nothing to do.
+    """
+    wanted = farm.jobs.census().demand_for(variant, pool=pool, tags=tag)
+    return DemandView(slices=wanted.slices, waiting=wanted.waiting, leased=wanted.leased)
 
 
 _WorkerId = Annotated[str, Path(description="the worker's `id`", examples=[examples.WORKER["id"]])]
@@ -32,7 +70,7 @@ def drain(worker_id: _WorkerId, farm: Annotated[Parts, Depends(parts)], by: Call
     """
     by.check_may_steer_workers()
     farm.workers.drain(worker_id)
-    return Workers(workers=farm.jobs.workers())
+    return _all_workers(farm)
 
 
 @router.post("/v1/workers/{worker_id}/resume", status_code=202, responses=_STEERING)
@@ -40,7 +78,7 @@ def let_work(worker_id: _WorkerId, farm: Annotated[Parts, Depends(parts)], by: C
     """Let a drained worker take slices again; harmless where it is not. Answers all workers."""
     by.check_may_steer_workers()
     farm.workers.resume(worker_id)
-    return Workers(workers=farm.jobs.workers())
+    return _all_workers(farm)
 
 
 @router.get("/v1/scenes", responses=documented())

@@ -4,6 +4,8 @@ from typing import Annotated, Any, Final
 
 from fastapi import APIRouter, Depends, Path, Query, Response
 
+from farm.fit import waits_for
+from farm.job import Job
 from farm.spec import JobSpec
 from farm.states import JobState
 from service import examples, idempotency, paging, problems
@@ -15,6 +17,13 @@ from service.uploads import Submission, create_job, submission
 from service.views import JobChange, JobPage, JobView, Log, SliceLog, Slices, SliceView, job_view
 
 router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
+
+
+def shown(jobs: list[Job], farm: Parts) -> list[JobView]:
+    """The jobs as the API shows them, with what they wait for where no worker may render them."""
+    kinds = [] if all(job.state.ended for job in jobs) else farm.jobs.kinds()
+    return [job_view(job, waits_for(job, kinds)) for job in jobs]
+
 
 JobId = Annotated[str, Path(description="the job's `id`", examples=[examples.JOB_ID])]
 
@@ -132,7 +141,7 @@ def submit(
     batch = created.job.spec.batch
     if isinstance(asked.spec, JobSpec) or batch is None:
         response.headers["Location"] = f"/v1/jobs/{created.job.id}"
-        return job_view(created.job)
+        return shown([created.job], farm)[0]
     response.headers["Location"] = batch_path(batch)
     return batch_view(farm.batches.get(batch))
 
@@ -164,13 +173,13 @@ def page(
     found, after = farm.jobs.search(
         state=state, batch=batch, owner=owner, before=before, limit=limit
     )
-    return JobPage(jobs=[job_view(job) for job in found], next_cursor=paging.cursor_of(after))
+    return JobPage(jobs=shown(found, farm), next_cursor=paging.cursor_of(after))
 
 
 @router.get("/{job_id}", responses=documented(problems.UNKNOWN_JOB))
 def show(job_id: JobId, farm: Annotated[Parts, Depends(parts)]) -> JobView:
     """Show a job: its state and why, what is merged, and what the eye would see of the rest."""
-    return job_view(farm.job(job_id))
+    return shown([farm.job(job_id)], farm)[0]
 
 
 @router.patch(
@@ -189,7 +198,7 @@ def change(job_id: JobId, asked: JobChange, farm: Annotated[Parts, Depends(parts
     It counts from the next slice that a worker takes; nobody stops in the middle of one. A job that
     has ended answers 409 with its state.
     """
-    return job_view(farm.jobs.set_priority(farm.job(job_id).id, asked.priority))
+    return shown([farm.jobs.set_priority(farm.job(job_id).id, asked.priority)], farm)[0]
 
 
 @router.post(
@@ -232,7 +241,7 @@ def resume(job_id: JobId, farm: Annotated[Parts, Depends(parts)], who: CallerOf)
     Resuming a job that is rendering is harmless; one that waits for its first slice, or has ended,
     answers 409 with its state.
     """
-    return job_view(farm.jobs.resume(farm.job(job_id).id, f"resumed by {who.name}"))
+    return shown([farm.jobs.resume(farm.job(job_id).id, f"resumed by {who.name}")], farm)[0]
 
 
 @router.get("/{job_id}/slices", responses=documented(problems.UNKNOWN_JOB))

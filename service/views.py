@@ -6,6 +6,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from pydantic.config import JsonDict
 
 from farm.job import CurvePoint, Event, Job, LogEntry, Worker
+from farm.members import RefusedProcess
 from farm.spec import Priority
 from service import examples
 
@@ -21,6 +22,9 @@ class JobView(Job):
     # A client may be older than the service that it talks to.
     model_config = ConfigDict(frozen=True, extra="ignore", json_schema_extra=_shows(examples.JOB))
 
+    waits_for: str | None = Field(
+        None, description="what kind of worker it waits for, in words, where none lives that fits"
+    )
     links: dict[str, str] = Field(description="paths of the job's curve, events and images")
 
 
@@ -111,9 +115,28 @@ class SliceLog(BaseModel):
 class Workers(BaseModel):
     """The workers that live."""
 
-    model_config = ConfigDict(json_schema_extra=_shows({"workers": [examples.WORKER]}))
+    model_config = ConfigDict(
+        json_schema_extra=_shows({"workers": [examples.WORKER], "refused": [examples.REFUSED]})
+    )
 
     workers: list[Worker]
+    refused: list[RefusedProcess] = Field(
+        [],
+        description="processes whose version does not fit the farm's: of each machine and role the "
+        "last one, for an hour, unless one was let in there since",
+    )
+
+
+class DemandView(BaseModel):
+    """Slices that want a worker."""
+
+    model_config = ConfigDict(
+        json_schema_extra=_shows({"slices": 7, "waiting": 4, "leased": 3}),
+    )
+
+    slices: int = Field(description="both: as many workers have something to do")
+    waiting: int = Field(description="of jobs that are not paused, planned and nobody's yet")
+    leased: int = Field(description="a worker's")
 
 
 class SceneView(BaseModel):
@@ -191,8 +214,8 @@ class Health(BaseModel):
     status: str = "ok"
 
 
-def job_view(job: Job) -> JobView:
-    """The job as the API shows it."""
+def job_view(job: Job, waits_for: str | None = None) -> JobView:
+    """The job as the API shows it; `waits_for` says that no worker may render it."""
     root = f"/v1/jobs/{job.id}"
     links = {
         "self": root,
@@ -213,4 +236,4 @@ def job_view(job: Job) -> JobView:
         "rejudge": f"{root}/rejudge",
         "webhooks": f"{root}/webhooks",
     }
-    return JobView(**job.model_dump(), links=links)
+    return JobView(**job.model_dump(), waits_for=waits_for, links=links)

@@ -189,11 +189,9 @@ class Deliverer:
         """The answer, if there was one, and why it is no delivery, where it is none."""
         try:
             job = taken.job
-            if job.spec.webhook is None:
-                raise ValueError(f"job {job.id} has no webhook")
             body = message(job, taken.event, taken.number, taken.at).model_dump_json().encode()
             headers = signed_headers(taken.id, taken.now, body, taken.secrets)
-            answer = self._requests.post(job.spec.webhook.url, headers, body)
+            answer = self._requests.post(taken.url, headers, body)
         except NoAnswer as error:
             return None, str(error)
         except Exception as error:  # noqa: BLE001  (one job's message must not hurt the others)

@@ -16,6 +16,9 @@ from farm.redis_link import connect
 
 pytest.register_assert_rewrite("tests.support")
 
+#: Folders whose files take long: one that began last would end minutes after all others.
+_LONG = ("faults", "acceptance", "bench", "page", "statistical", "worker", "plateau", "service")
+
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_auto_num_workers() -> int:
@@ -39,14 +42,16 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Let each test have a name of its own: of two with one name, ``-n`` would run but one."""
-    for item in items:
-        operation: str | None = getattr(item, "operation_label", None)
-        if operation and operation not in item.nodeid:  # schemathesis names it, pytest 9 forgets
-            item._id = item.id.with_params(operation)
+    """Put long tests first; let each have a name of its own: of two ``-n`` would run but one."""
+    items.sort(key=_turn)
     twice = [name for name, count in Counter(item.nodeid for item in items).items() if count > 1]
     if twice:
         raise pytest.UsageError(f"tests that share a name: {twice}")
+
+
+def _turn(item: pytest.Item) -> int:
+    folder = item.path.relative_to(Path(__file__).parent).parts[0]
+    return _LONG.index(folder) if folder in _LONG else len(_LONG)
 
 
 @pytest.fixture(autouse=True)

@@ -277,6 +277,9 @@ def _below_others() -> Callable[[], None]:
 
     def before_the_program() -> None:
         arrange()
+        # Slurm and systemd send it to every process of a worker that is to stop. The supervisor
+        # ends its child itself; a child that went first would look as if the scene had killed it.
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)
         os.nice(_NICE)
 
     return before_the_program

@@ -6,26 +6,30 @@ only where this worker can render other things: one that cannot gives its slice 
 
 import logging
 import os
-import secrets
+import random
 import socket
 import threading
 import time
+from contextlib import suppress
 from datetime import datetime, timezone
 from typing import Final
 
-from farm import keys, log
+from farm import keys, log, versions
 from farm.backoff import Backoff
 from farm.blobs import Blobs
 from farm.bundle import BundleError
-from farm.errors import CorruptBlob, StoreUnavailable
+from farm.errors import CorruptBlob, Refused, StoreUnavailable
+from farm.members import note_refused, process_id
+from farm.processes import show_life
 from farm.queue import Lease, SliceQueue
-from farm.redis_link import connect
+from farm.redis_link import connect, connect_to_renew
 from farm.seeds import SeedsExhausted
 from farm.settings import Settings
 from farm.wake import Wake
 from worker.errors import SceneError
 from worker.health import Health
 from worker.host import RenderHost
+from worker.pace import Pace
 from worker.render_child import Cancelled, ChildDied
 from worker.reports import Reports, Tried
 from worker.scene_cache import SceneCache
@@ -37,8 +41,11 @@ _LOG = logging.getLogger(__name__)
 _IDLE_S: Final = (0.5, 5.0)  #: the first and the longest between two looks for work without a hint
 _TURN_S: Final = 20.0  #: a worker keeps to its loaded scene for so long, then looks who waits
 _DRAIN_S: Final = 5.0  #: a stopping worker tries to commit what it has for so long
+_FINISH_S: Final = 2.0  #: a slice that ends so soon is finished by a worker that stops
 _STOPS: Final = "the worker stops"
 _RETRY_S: Final = (0.5, 10.0)  #: the first and the longest wait where something is away
+_AGAIN_S: Final = 0.3  #: before a heartbeat is repeated the first time, so that no lease runs out
+_UPGRADE_S: Final = 30.0  #: between two looks whether the farm speaks what this worker does
 _SIT_OUT_S: Final = (10.0, 300.0)  #: and before a worker that cannot render tests itself again
 
 
@@ -50,11 +57,15 @@ class Supervisor:
     ) -> None:
         if settings.redis_url is None:
             raise ValueError("a worker needs redis_url")
-        self.id = f"{socket.gethostname()}-{os.getpid()}-{secrets.token_hex(2)}"
+        self.id = process_id()
         self._settings = settings
         self._choice = choice
         self._client = connect(settings.redis_url)
-        self._queue = SliceQueue(self._client, self.id, settings.lease_s)
+        self._queue = SliceQueue(
+            self._client, self.id, settings.lease_s, pool=settings.pool, tags=settings.tags
+        )
+        renewing = connect_to_renew(settings.redis_url, settings.lease_s)
+        self._renewals = SliceQueue(renewing, self.id, settings.lease_s)
         self._threads = settings.threads or len(os.sched_getaffinity(0))
         scenes = SceneCache(store, settings.cache / "scenes")
         self._host = RenderHost(settings, self._threads, choice.llvm_library, scenes)
@@ -63,6 +74,7 @@ class Supervisor:
         self._reports = Reports(self._queue, stop)
         self._stop = stop
         self._rendering: Lease | None = None
+        self._pace = Pace()
         self._turn: tuple[str, float] = ("", 0.0)  # the job rendered last, and since when
         self._started_at = datetime.now(timezone.utc)
         self._slices_done = 0
@@ -99,11 +111,18 @@ class Supervisor:
     def _work(self) -> None:
         work_there_is = Wake(self._client, keys.wake_worker(self.id))
         backoff, idle = Backoff(*_RETRY_S), Backoff(*_IDLE_S)
+        worked_at = time.monotonic()
         while not self._stop.is_set():
             try:
                 lease = self._next_lease()
-                if lease is not None or work_there_is.wait(idle.delay_s(), self._stop):
+                if lease is None and self._may_leave(worked_at):
+                    return
+                wait_s = min(idle.delay_s(), self._queue.look_again_s)
+                if lease is not None or work_there_is.wait(wait_s, self._stop):
                     idle.reset()
+            except Refused as error:
+                self._wait_for_upgrade(error)
+                continue
             except (StoreUnavailable, OSError) as error:
                 self._note(str(error))
                 self._stop.wait(backoff.delay_s())
@@ -113,18 +132,41 @@ class Supervisor:
                     if not self._serve(lease):
                         self._stop.wait(backoff.delay_s())
                         continue
+                worked_at = time.monotonic()
             backoff.reset()
+
+    def _may_leave(self, worked_at: float) -> bool:
+        """Whether it had nothing to do for as long as it is to wait for work."""
+        leave_after_s = self._settings.leave_after_s
+        if leave_after_s is None or time.monotonic() < worked_at + leave_after_s:
+            return False
+        _LOG.info("there was nothing to do for %g s: it leaves", leave_after_s)
+        return True
+
+    def _wait_for_upgrade(self, refused: Refused) -> None:
+        """Wait a while before the farm is asked again, where that is wanted; else raise it."""
+        with suppress(StoreUnavailable):
+            note_refused(self._client, "worker", refused)
+        if self._settings.when_refused == "exit":
+            raise refused
+        if self._trouble is None:
+            _LOG.error("out of service: %s", refused)
+        self._trouble = str(refused)
+        self._stop.wait(_UPGRADE_S * random.uniform(0.5, 1.5))
 
     def _next_lease(self) -> Lease | None:
         job, since = self._turn
         in_turn = time.monotonic() < since + _TURN_S
-        return self._queue.lease(self._choice.variants, job, in_turn=in_turn)
+        lease = self._queue.lease(self._choice.variants, job, in_turn=in_turn)
+        self._trouble = None  # it was let in, whatever was before
+        return lease
 
     def _serve(self, lease: Lease) -> bool:
         """Render one slice, whatever comes of it; returns whether what that needs was there."""
         if lease.job_id != self._turn[0]:
             self._turn = (lease.job_id, time.monotonic())
         started = time.monotonic()
+        self._pace.began(lease.job_id)
         self._rendering = lease
         try:
             if not self._uploader.submit(self._render(lease), self._stop):
@@ -158,6 +200,7 @@ class Supervisor:
 
     def _render(self, lease: Lease) -> Rendered:
         rendered = self._host.render(lease)
+        self._pace.took(lease.job_id, rendered.render_s)
         self._slices_done += 1
         samples = rendered.scene.width * rendered.scene.height * lease.spec.slice_spp
         self._samples_per_s = samples / rendered.render_s
@@ -184,15 +227,11 @@ class Supervisor:
             self._trouble = self._health.trouble(variant)
         _LOG.info("back in service")
 
-    def _cancel(self, job_ids: set[str]) -> None:
-        lease = self._rendering
-        if lease is not None and lease.job_id in job_ids:
-            self._host.cancel()
-
     def _cancel_on_stop(self, over: threading.Event) -> None:
         while not over.wait(0.1):
-            if self._stop.is_set() and self._rendering is not None:
-                self._cancel({self._rendering.job_id})
+            stops = self._stop.is_set() and not self._pace.ends_within(_FINISH_S)
+            if stops and self._rendering is not None:
+                self._host.cancel()
 
     def _listen(self, over: threading.Event) -> None:
         news = Wake(self._client, keys.WAKE_WORKERS)
@@ -202,17 +241,26 @@ class Supervisor:
             except StoreUnavailable:
                 over.wait(1.0)
                 continue
-            self._cancel({word.removeprefix("ended ") for word in heard})
+            lease = self._rendering
+            if lease is not None and any(_concerns(word, lease) for word in heard):
+                self._host.cancel()
 
     def _keep_alive(self, over: threading.Event) -> None:
+        backoff = Backoff(_AGAIN_S, self._settings.heartbeat_s)
         while True:
+            wait_s = self._settings.heartbeat_s
+            show_life(self._settings.alive_file)
             try:
                 rendering = self._rendering
                 leases = self._uploader.leases + ((rendering,) if rendering else ())
-                self._cancel(self._queue.heartbeat(self._about(rendering), leases))
+                lost = self._renewals.heartbeat(self._about(rendering), leases)
+                if rendering in lost and rendering is self._rendering:
+                    self._host.cancel()
+                backoff.reset()
             except StoreUnavailable as error:
                 _LOG.warning("no heartbeat: %s", error)
-            if over.wait(self._settings.heartbeat_s):
+                wait_s = min(wait_s, backoff.delay_s())
+            if over.wait(wait_s):
                 return
 
     def _about(self, rendering: Lease | None) -> dict[str, object]:
@@ -220,14 +268,18 @@ class Supervisor:
             "id": self.id,
             "host": socket.gethostname(),
             "pid": os.getpid(),
+            "plateau": versions.plateau(),
             "variants": self._choice.variants,
             "threads": self._threads,
+            "pool": self._settings.pool,
+            "tags": self._settings.tags,
             "job": rendering.job_id if rendering else None,
             "slice": rendering.index if rendering else None,
             "slices_done": self._slices_done,
             "samples_per_s": self._samples_per_s,
             "last_error": self._last_error,
             "trouble": self._trouble,
+            "label": self._settings.label,
             "started_at": self._started_at.isoformat(),
         }
 
@@ -240,6 +292,11 @@ class Supervisor:
             self._queue.leave()
         except StoreUnavailable as error:
             _LOG.warning("could not sign off: %s", error)
+
+
+def _concerns(news: str, lease: Lease) -> bool:
+    """Whether they say that its job has ended, or that another try of its slice was first."""
+    return news in {f"ended {lease.job_id}", f"ended {lease.job_id} {lease.entry}"}
 
 
 def run(settings: Settings, stop: threading.Event) -> None:

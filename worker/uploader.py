@@ -4,6 +4,7 @@ import hashlib
 import logging
 import queue
 import threading
+import time
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Final
@@ -24,6 +25,7 @@ _LOG = logging.getLogger(__name__)
 #: Rendered slices that may wait for their upload, so that memory stays bounded.
 _WAITING: Final = 2
 _LOOK_S: Final = 0.2  #: between two looks whether the worker stops
+_LAST_TRY_S: Final = 3.0  #: so long a try may go on that is under way as the patience ends
 _RETRY_S: Final = (0.1, 5.0)  #: the first and the longest wait where something is away
 
 
@@ -52,7 +54,7 @@ class Uploader:
         self._queue = slices
         self._worker = worker_id
         self._waiting: queue.Queue[Rendered | None] = queue.Queue(_WAITING)
-        self._held: dict[str, Lease] = {}
+        self._held: dict[str, Rendered] = {}
         self._give_up = threading.Event()
         self._thread = threading.Thread(target=self._run, name="uploader", daemon=True)
         self._thread.start()
@@ -62,7 +64,7 @@ class Uploader:
 
         Returns False where `stop` is set before there is room.
         """
-        self._held[rendered.lease.entry] = rendered.lease
+        self._held[rendered.lease.entry] = rendered
         while True:
             try:
                 self._waiting.put(rendered, timeout=_LOOK_S)
@@ -76,41 +78,60 @@ class Uploader:
     @property
     def leases(self) -> tuple[Lease, ...]:
         """The leases to keep alive until their slices are committed."""
-        return tuple(self._held.values())
+        return tuple(rendered.lease for rendered in tuple(self._held.values()))
 
     def close(self, patience_s: float) -> None:
-        """Commit what is waiting, for so long at most."""
-        deadline = threading.Timer(patience_s, self._give_up.set)
-        deadline.daemon = True
-        deadline.start()
-        self._waiting.put(None)
-        self._thread.join()
-        deadline.cancel()
+        """Commit what is waiting, for so long at most; what was not is given back.
+
+        A blob store that is silent holds up a try for longer; that try is left to itself, and
+        should it be committed after all, the first commit of its slice counts.
+        """
+        ends = time.monotonic() + patience_s
+        while self._thread.is_alive() and time.monotonic() < ends + _LAST_TRY_S:
+            with suppress(queue.Full):
+                self._waiting.put(None, timeout=_LOOK_S)
+            self._thread.join(_LOOK_S)
+            if time.monotonic() > ends:
+                self._give_up.set()
+        for rendered in tuple(self._held.values()):
+            self._give_back(rendered)
 
     def _run(self) -> None:
         while (rendered := self._waiting.get()) is not None:
             log.concern(rendered.lease.job_id, rendered.lease.index)
             self._deliver(rendered)
             del self._held[rendered.lease.entry]
+            if self._give_up.is_set():
+                return
 
     def _deliver(self, rendered: Rendered) -> None:
-        content, backoff = _encoded(rendered), Backoff(*_RETRY_S)
+        content, backoff, stored = _encoded(rendered), Backoff(*_RETRY_S), False
+        name = self._name(rendered.lease)
         while not self._give_up.is_set():
             try:
-                self._upload(rendered, content)
+                # Once: it may have been merged, and be gone for good, where only the answer to its
+                # commit was lost.
+                if not stored:
+                    self._blobs.put(name, content)
+                    stored = True
+                self._commit(rendered, name, content)
             except StoreUnavailable as error:
                 _LOG.warning("the slice waits: %s", error)
                 self._give_up.wait(backoff.delay_s())
             else:
                 return
+        self._give_back(rendered)
+
+    def _give_back(self, rendered: Rendered) -> None:
         with suppress(StoreUnavailable):  # then its lease runs out
             cause = "the worker stopped before it could be uploaded"
             self._queue.hand_back(rendered.lease, rendered.render_s, cause=cause)
 
-    def _upload(self, rendered: Rendered, content: bytes) -> None:
+    def _name(self, lease: Lease) -> str:
+        return blobs.partial(lease.job_id, lease.index, f"{self._worker}-{lease.tries}")
+
+    def _commit(self, rendered: Rendered, name: str, content: bytes) -> None:
         lease, spec = rendered.lease, rendered.lease.spec
-        name = blobs.partial(lease.job_id, lease.index, f"{self._worker}-{lease.tries}")
-        self._blobs.put(name, content)
         record = SliceRecord(
             index=lease.index,
             spp=spec.slice_spp,

@@ -175,6 +175,10 @@ def _choice(tried: tuple[Probe, ...]) -> VariantChoice:
     return VariantChoice(taken.variant, library, why, tried)
 
 
+def _of_the_moment(failed: Probe) -> bool:
+    return _TIMED_OUT in failed.detail or signal.SIGTERM.name in failed.detail
+
+
 def _described(one: Probe) -> str:
     return one.variant if one.library is None else f"{one.variant} with {one.library}"
 
@@ -229,8 +233,8 @@ class _Memory:
 
     def write(self, tried: tuple[Probe, ...]) -> None:
         """Remember these probes, unless a failure may be of the moment."""
-        if any(not one.ok and (one.variant == CUDA or _TIMED_OUT in one.detail) for one in tried):
-            return  # a GPU in use, a machine under load: worth another try
+        if any(not one.ok and (one.variant == CUDA or _of_the_moment(one)) for one in tried):
+            return  # a GPU in use, a machine under load, a worker that is to stop
         content = {"identity": self._identity, "tried": [asdict(one) for one in tried]}
         with contextlib.suppress(OSError):
             self._file.parent.mkdir(parents=True, exist_ok=True)

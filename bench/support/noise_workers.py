@@ -9,6 +9,7 @@ import time
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from datetime import datetime, timezone
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from farm import blobs, keys
@@ -18,7 +19,7 @@ from farm.seeds import SeedSchedule
 from farm.wake import Wake
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Mapping
 
     import redis
 
@@ -63,12 +64,21 @@ class NoiseCrew:
         Redis and the blob store of the farm.
     pass_s
         Seconds that a pass takes.
+    slowness
+        Of workers that take a multiple of that.
     """
 
     render: Render
 
-    def __init__(self, client: redis.Redis, store: Blobs, pass_s: float) -> None:
+    def __init__(
+        self,
+        client: redis.Redis,
+        store: Blobs,
+        pass_s: float,
+        slowness: Mapping[str, float] = MappingProxyType({}),
+    ) -> None:
         self._client, self._store, self._pass_s = client, store, pass_s
+        self._slowness = slowness
         self.spent = Spent()
         self._ended: set[str] = set()
 
@@ -81,7 +91,7 @@ class NoiseCrew:
         while not stop.is_set():
             lease = queue.lease((_VARIANT,), None, in_turn=False)
             if lease is None:
-                work_there_is.wait(_IDLE_S, stop)
+                work_there_is.wait(min(_IDLE_S, queue.look_again_s), stop)
                 continue
             started = time.monotonic()
             self.spent.add(at_work=1)
@@ -99,6 +109,8 @@ class NoiseCrew:
 
     def _serve(self, queue: SliceQueue, lease: Lease, worker: str, stop: threading.Event) -> None:
         started, spec, size = time.monotonic(), lease.spec, self.render.size
+        pass_s = self._pass_s * self._slowness.get(worker, 1.0)
+        over = {lease.job_id, f"{lease.job_id} {lease.entry}"}  # as the news of it has it
         schedule = SeedSchedule(
             variant=lease.variant,
             width=size,
@@ -107,7 +119,7 @@ class NoiseCrew:
             max_spp=spec.max_spp,
         )
         for one in schedule.passes(lease.index):
-            if lease.job_id in self._ended or stop.wait(self._pass_s):
+            if self._ended & over or stop.wait(pass_s):
                 queue.hand_back(lease, time.monotonic() - started, cause="it was cancelled")
                 return
             self.spent.add(spp=one.spp)
@@ -158,9 +170,15 @@ def _about(worker: str) -> dict[str, object]:
 
 
 @contextmanager
-def working(client: redis.Redis, store: Blobs, workers: int, pass_s: float) -> Iterator[NoiseCrew]:
-    """So many simulated workers, while the context lasts."""
-    crew, stop = NoiseCrew(client, store, pass_s), threading.Event()
+def working(
+    client: redis.Redis,
+    store: Blobs,
+    workers: int,
+    pass_s: float,
+    slowness: Mapping[str, float] = MappingProxyType({}),
+) -> Iterator[NoiseCrew]:
+    """So many simulated workers, ``worker-0`` and on, while the context lasts."""
+    crew, stop = NoiseCrew(client, store, pass_s, slowness), threading.Event()
     threads = [
         threading.Thread(target=crew.listen, args=(stop,)),
         *(

@@ -4,8 +4,9 @@
 --       '1' where it guards the batch, number of the batch's newest job with which it was compared,
 --       then field, value, … of the new job
 -- Returns {'created', id}, {'repeated', id}, {'conflict', id}, {'missing'} (there is no old job),
--- {'changed'} (it has not these slices, or these sums, any more, or the batch has changed) or, where
--- the owner would have too many open jobs, {'too many', how many it has, how many it may have}.
+-- {'changed'} (it has not these slices, or these sums, any more, or the batch has changed),
+-- {'too varied', how many} (open jobs need so many different things of workers already) or, where the
+-- owner would have too many open jobs, {'too many', how many it has, how many it may have}.
 local id, old, idempotency, digest = ARGV[1], ARGV[2], ARGV[3], ARGV[4]
 local slices, checkpoint, judged_spp, priority = tonumber(ARGV[5]), ARGV[6], ARGV[7], ARGV[8]
 local batch, guarded, compared, first = ARGV[9], ARGV[10], ARGV[11], 12
@@ -22,6 +23,8 @@ end
 if joins_unseen(batch, guarded, compared) then return {'changed'} end
 local open, most = too_many_jobs(1, unpack(ARGV, first))
 if open then return {'too many', open, most} end
+local needs = needs_too_much(unpack(ARGV, first))
+if needs then return {'too varied', needs} end
 
 remember_request(idempotency, digest, id)
 new_job(id, priority, 'goes on with job ' .. old, unpack(ARGV, first))
@@ -47,10 +50,10 @@ if checkpoint ~= '' then
   end
 end
 -- Nobody is shown the secret of a webhook, so none can be sent again for the same receiver.
-local hook = redis.call('HMGET', job_key(id), 'webhook_receiver', 'webhook_secret')
-local told = redis.call('HMGET', job_key(old), 'webhook_receiver', 'webhook_secret')
+local hook = redis.call('HMGET', job_key(id, 'webhook'), 'receiver', 'secret')
+local told = redis.call('HMGET', job_key(old, 'webhook'), 'receiver', 'secret')
 if hook[1] and hook[2] == '' and hook[1] == told[1] then
-  redis.call('HSET', job_key(id), 'webhook_secret', told[2])
+  redis.call('HSET', job_key(id, 'webhook'), 'secret', told[2])
 end
 move(id, 'rendering', 'goes on after ' .. slices .. ' slices of job ' .. old)
 return {'created', id}

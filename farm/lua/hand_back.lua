@@ -5,7 +5,10 @@
 -- Returns 'put back' or 'lost'.
 local id, entry, worker = ARGV[1], ARGV[2], ARGV[3]
 local held, tries = holds(id, entry, worker)
-if not held then return 'lost' end
+if not held then
+  note_if_outrun(id, entry, ARGV[5], worker, ARGV[4], ARGV[8])
+  return 'lost'
+end
 spend(id, ARGV[4])
 put_back(id, entry, tries - 1)
 note_try(id, ARGV[5], worker, ARGV[6], ARGV[7], ARGV[4], ARGV[8])

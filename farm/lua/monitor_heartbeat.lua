@@ -2,6 +2,7 @@
 -- started, so that a repeated or a lost heartbeat counts nothing twice and loses nothing.
 -- ARGV: monitor, description (JSON) or '' where it signs off, ms after which it is taken for dead,
 --       then total, number, total, number, …
+-- Returns an error where it does not speak what the farm does.
 local id, about = ARGV[1], ARGV[2]
 local monitor = monitor_key(id)
 for i = 4, #ARGV, 2 do
@@ -11,11 +12,4 @@ for i = 4, #ARGV, 2 do
     redis.call('HSET', monitor, 'did ' .. ARGV[i], ARGV[i + 1])
   end
 end
-if about == '' then
-  redis.call('ZREM', MONITORS, id)
-else
-  redis.call('HSET', monitor, 'about', about, 'seen_at', now())
-  redis.call('ZADD', MONITORS, now() + ARGV[3], id)
-end
-redis.call('EXPIRE', monitor, 86400)
-redis.call('ZREMRANGEBYSCORE', MONITORS, '-inf', now() - 3600000)
+return note_member(MONITORS, monitor, id, about, ARGV[3])

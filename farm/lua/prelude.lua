@@ -7,6 +7,15 @@ local function now()
   return string.format('%.3f', time[1] * 1000 + time[2] / 1000)
 end
 
+-- Is there something in a field of decoded JSON?
+local function given(value) return value ~= nil and value ~= cjson.null end
+
+-- The kind of a worker that describes itself so; see waiting.lua.
+local function kind_of(about)
+  return string.format('%s %s %s', about.pool or DEFAULT_POOL, table.concat(about.variants or {}, ','),
+                       table.concat(about.tags or {}, ','))
+end
+
 -- Count something of the whole farm; see farm/totals.py.
 local function count(total, more)
   redis.call('HINCRBY', TOTALS, total, string.format('%.0f', more or 1))
@@ -56,6 +65,18 @@ local function move(id, target, reason)
   return true, state
 end
 
+-- Of a new job with these fields and values: how many different needs open jobs have, where there is no
+-- room for another. A lease may look at each.
+local function needs_too_much(...)
+  local fields = {...}
+  for i = 1, #fields, 2 do
+    if fields[i] == 'need' and redis.call('HEXISTS', NEEDS, fields[i + 1]) == 0 then
+      local needs = redis.call('HLEN', NEEDS)
+      return needs >= MOST_NEEDS and needs or nil
+    end
+  end
+end
+
 -- The API key that a new job with these fields and values belongs to: its id and what is known of it.
 local function owner_among(...)
   local fields = {...}
@@ -98,11 +119,20 @@ local function joins_unseen(batch, guarded, compared)
   return (redis.call('ZSCORE', BATCHES, batch) or '') ~= compared
 end
 
+-- Where a job's messages go, and what signs them, are no part of the job's hash, which workers may write.
+local function seal_webhook(id)
+  local hook = redis.call('HMGET', job_key(id), 'webhook_receiver', 'webhook_url', 'webhook_secret')
+  if not hook[1] then return end
+  redis.call('HSET', job_key(id, 'webhook'), 'receiver', hook[1], 'url', hook[2], 'secret', hook[3])
+  redis.call('HDEL', job_key(id), 'webhook_url', 'webhook_secret')
+end
+
 -- A new job, queued; what follows `reason` are fields and values of its hash.
 local function new_job(id, priority, reason, ...)
   local number = redis.call('INCR', PREFIX .. 'created')
   redis.call('HSET', job_key(id), 'id', id, 'state', 'queued', 'reason', 'waiting for a worker',
              'created_at', now(), 'number', number, ...)
+  seal_webhook(id)
   redis.call('ZADD', JOBS, number, id)
   redis.call('ZADD', in_state_key('queued'), number, id)
   local batch = redis.call('HMGET', job_key(id), 'batch', 'guards')
@@ -113,6 +143,7 @@ local function new_job(id, priority, reason, ...)
   end
   redis.call('ZADD', OPEN, priority, id)
   redis.call('SADD', UNFINISHED, id)
+  redis.call('HINCRBY', NEEDS, redis.call('HGET', job_key(id), 'need') or DEFAULT_POOL, 1)
   local owner, key = owner_among(...)
   if owner then
     redis.call('HSET', job_key(id), 'owner_name', key.name or '')
@@ -149,6 +180,26 @@ local function drop_entry(id, entry)
   redis.call('XDEL', job_key(id, 'slices'), entry)
 end
 
+-- A worker has this slice of the job from now on, by an entry of its stream. What is noted of it is
+-- since when, how long the worker had its last one (0 where it had none), the entry, and that of a
+-- second try where there is one.
+local function note_holder(id, index, entry, worker)
+  local noted = redis.call('HGET', job_key(id, 'leases'), index) or ''
+  local first, second = string.match(noted, '^%S+ %S+ (%S+) ?(%S*)$')
+  if entry == second then return end
+  local pace = redis.call('HGET', job_key(id, 'paces'), worker) or '0'
+  local other = entry == first and second ~= '' and ' ' .. second or ''
+  redis.call('HSET', job_key(id, 'leases'), index, now() .. ' ' .. pace .. ' ' .. entry .. other)
+end
+
+-- Nobody has it now who lives. A second try goes on.
+local function forget_holder(id, index, entry)
+  local noted = redis.call('HGET', job_key(id, 'leases'), index) or ''
+  if string.match(noted, '^%S+ %S+ (%S+)$') == entry then
+    redis.call('HDEL', job_key(id, 'leases'), index)
+  end
+end
+
 -- A worker has an entry of the job's stream from now on, or renews it.
 local function note_lease(id, entry)
   redis.call('ZADD', LEASES, now(), id .. ' ' .. entry)
@@ -161,6 +212,7 @@ local function note_lost(id, entry)
   local found = redis.call('XRANGE', job_key(id, 'slices'), entry, entry)[1]
   if found then
     redis.call('ZADD', job_key(id, 'lost'), found[2][2], entry)
+    forget_holder(id, found[2][2], entry)
     changed[id], has_more[id] = true, true
   else  -- it is pending and yet not in the stream, as Redis 6.2 can leave one
     drop_entry(id, entry)
@@ -174,7 +226,9 @@ local function withdraw(id)
       redis.call('ZREM', LEASES, id .. ' ' .. lease[1])
     end
   end
-  redis.call('DEL', job_key(id, 'slices'), job_key(id, 'lost'))
+  for _, part in ipairs({'slices', 'lost', 'leases', 'paces', 'outrun'}) do
+    redis.call('DEL', job_key(id, part))
+  end
   redis.call('HSET', job_key(id), 'ready', 0, 'leased', 0)
 end
 
@@ -188,6 +242,8 @@ local function end_job(id, target, reason)
   withdraw(id)
   redis.call('DEL', job_key(id, 'deaths'), job_key(id, 'spoiled'))
   redis.call('ZREM', OPEN, id)
+  local need = redis.call('HGET', job_key(id), 'need') or DEFAULT_POOL
+  if redis.call('HINCRBY', NEEDS, need, -1) < 1 then redis.call('HDEL', NEEDS, need) end
   local owner = redis.call('HGET', job_key(id), 'owner')
   if owner and owner ~= '' then redis.call('SREM', api_key_key(owner, 'open'), id) end
   redis.call('PUBLISH', WAKE_WORKERS, 'ended ' .. id)
@@ -239,6 +295,64 @@ local function note_try(id, index, worker, what, cause, ms, said)
              'text', tail(said, 4096))
 end
 
+-- A try of a slice came to nothing, since another was committed before.
+local function note_outrun(id, entry, index, worker, ms, said)
+  redis.call('HDEL', job_key(id, 'outrun'), entry)
+  spend(id, ms)
+  redis.call('HINCRBY', job_key(id), 'wasted_ms', ms)
+  count('wasted ms', ms)
+  note_try(id, index, worker, 'duplicate', 'another try was committed before', ms, said)
+end
+
+-- The same, where nobody has said it of this try yet.
+local function note_if_outrun(id, entry, ...)
+  if redis.call('HEXISTS', job_key(id, 'outrun'), entry) == 1 then note_outrun(id, entry, ...) end
+end
+
+-- A slice is late that takes twice as long as is usual: the median of the job's last commits, from the
+-- lease on. Below half a second it is chance what takes long.
+local LATE_FACTOR, LATE_LEAST_MS, USUAL_OF = 2, 500, 9
+
+-- Note how long a worker had a slice that it has committed.
+local function note_pace(id, worker, took_ms)
+  redis.call('HSET', job_key(id, 'paces'), worker, string.format('%.0f', took_ms))
+  local took = {string.format('%.0f', took_ms)}
+  for one in string.gmatch(redis.call('HGET', job_key(id), 'took') or '', '%S+') do
+    if #took < USUAL_OF then took[#took + 1] = one end
+  end
+  local last = table.concat(took, ' ')
+  table.sort(took, function(one, other) return tonumber(one) < tonumber(other) end)
+  local late_ms = math.max(LATE_LEAST_MS, LATE_FACTOR * took[math.ceil(#took / 2)])
+  redis.call('HSET', job_key(id), 'took', last, 'late_ms', string.format('%.0f', late_ms))
+end
+
+-- A slice has entered the ledger by this entry: whoever else tries it is told to stop.
+local function settle_tries(id, index, entry, worker)
+  local noted = redis.call('HGET', job_key(id, 'leases'), index) or ''
+  local since, first, second = string.match(noted, '^(%S+) %S+ (%S+) ?(%S*)$')
+  redis.call('HDEL', job_key(id, 'leases'), index)
+  if entry == first then note_pace(id, worker, now() - since) end
+  if entry == second then note_pace(id, worker, now() - string.match(entry, '^%d+')) end
+  for _, other in ipairs({first, second ~= '' and second or nil}) do
+    if other ~= entry then
+      if redis.call('ZSCORE', LEASES, id .. ' ' .. other) then
+        local held = redis.call('XPENDING', job_key(id, 'slices'), GROUP, other, other, 1)[1]
+        local started = other == first and since or string.match(other, '^%d+')
+        local pace = math.max(redis.call('HGET', job_key(id, 'paces'), held[2]) or 0, now() - started)
+        redis.call('HSET', job_key(id, 'paces'), held[2], string.format('%.0f', pace))
+        redis.call('HSET', job_key(id, 'outrun'), other, worker)
+        redis.call('PUBLISH', WAKE_WORKERS, 'ended ' .. id .. ' ' .. other)
+      end
+      drop_entry(id, other)
+    end
+  end
+  drop_entry(id, entry)
+  local prefix = tonumber(redis.call('HGET', job_key(id), 'prefix') or 0)
+  while redis.call('HEXISTS', job_key(id, 'ledger'), prefix) == 1 do prefix = prefix + 1 end
+  redis.call('HSET', job_key(id), 'prefix', prefix)
+  changed[id] = true
+end
+
 -- Note why a worker died on a slice; returns all causes so far. Of one that was lost nothing else is
 -- known.
 local function note_death(id, index, worker, cause, ms, said)
@@ -248,6 +362,41 @@ local function note_death(id, index, worker, cause, ms, said)
   announce(id, 'trouble', cjson.encode({index = tonumber(index), worker = worker, cause = cause}))
   note_try(id, index, worker, 'died', cause, ms or '', said or '')
   return causes
+end
+
+-- A worker was lost with a slice, as far as one can tell: it may only be cut off.
+local function note_lost_worker(id, index, worker)
+  local cause = 'worker ' .. worker .. ' was lost'
+  if redis.call('EXISTS', worker_key(worker)) == 1 then
+    local blamed = redis.call('HGET', worker_key(worker), 'blamed') or ''
+    redis.call('HSET', worker_key(worker), 'blamed', blamed .. id .. ' ' .. index .. ' ')
+  end
+  return note_death(id, index, worker, cause)
+end
+
+-- So often a slice is forgiven that the worker was lost which had it: one that brings its whole
+-- machine to a halt, so that nothing is heard of it for a while, shall not do so for ever.
+local MOST_FORGIVEN = 10
+
+-- A worker is heard of again, so it has not died of the slices with which it was lost.
+local function forgive_worker(worker)
+  local blamed = redis.call('HGET', worker_key(worker), 'blamed')
+  if not blamed then return end
+  redis.call('HDEL', worker_key(worker), 'blamed')
+  for id, index in string.gmatch(blamed, '(%S+) (%S+) ') do
+    local deaths, forgiven = job_key(id, 'deaths'), index .. ' forgiven'
+    local causes, left = cjson.decode(redis.call('HGET', deaths, index) or '[]'), {}
+    for _, cause in ipairs(causes) do
+      if cause ~= 'worker ' .. worker .. ' was lost' then left[#left + 1] = cause end
+    end
+    if #left < #causes and redis.call('HINCRBY', deaths, forgiven, 1) <= MOST_FORGIVEN then
+      if left[1] then
+        redis.call('HSET', deaths, index, cjson.encode(left))
+      else
+        redis.call('HDEL', deaths, index)
+      end
+    end
+  end
 end
 
 local function poison(id, index, causes)

@@ -15,6 +15,8 @@ redis.call('ZREM', job_key(id, 'seeds'), string.format('%.0f-%.0f', record.first
 redis.call('HINCRBY', job, 'committed', -1)
 redis.call('XADD', job_key(id, 'slices'), '*', 'index', index)
 redis.call('HINCRBY', job, 'ready', 1)
+local prefix = redis.call('HGET', job, 'prefix')
+if prefix and tonumber(index) < tonumber(prefix) then redis.call('HSET', job, 'prefix', index) end
 changed[id], has_more[id] = true, true
 announce(id, 'trouble', cjson.encode({index = tonumber(index), worker = record.worker, cause = ARGV[5]}))
 note_try(id, index, record.worker, 'rejected', ARGV[5], '', '')

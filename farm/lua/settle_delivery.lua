@@ -7,7 +7,10 @@ local id, number, token, outcome = ARGV[1], ARGV[2], ARGV[3], ARGV[4]
 local deliveries = job_key(id, 'deliveries')
 if redis.call('HEXISTS', deliveries, number) == 0 then return 'lost' end
 local holder = redis.call('HGET', deliveries, number .. ' token')
-if holder ~= token and outcome ~= 'delivered' then return 'lost' end
+if holder ~= token then
+  if outcome ~= 'delivered' then return 'lost' end
+  if redis.call('HGET', deliveries, number .. ' state') == 'delivered' then return 'settled' end
+end
 count('webhook tries ' .. outcome)
 note_delivery(id, number, ARGV[6], ARGV[7], ARGV[8])
 redis.call('HDEL', deliveries, 'trying until', number .. ' token')

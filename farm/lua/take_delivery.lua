@@ -1,7 +1,7 @@
 -- Lease the delivery that is due first, of a receiver that is not busy, to one who tries it. Of a job
 -- one is tried at a time, in the order in which they are due.
 -- ARGV: token, lease (ms), then receivers that are busy
--- Returns JSON {job, number, tries, receiver, spec, secret, now, delivery (JSON)}, or nil where
+-- Returns JSON {job, number, tries, receiver, url, secret, spec, now, delivery (JSON)}, or nil where
 -- nothing is due.
 local token, lease_ms, busy = ARGV[1], ARGV[2], {}
 for i = 3, #ARGV do busy[ARGV[i]] = true end
@@ -13,9 +13,10 @@ local function lease(id, number, receiver)
   end
   redis.call('HSET', deliveries, 'trying until', ends, number .. ' token', token)
   deliver_at(id, number, ends)
-  local job = redis.call('HMGET', job_key(id), 'spec', 'webhook_secret')
+  local hook = redis.call('HMGET', job_key(id, 'webhook'), 'url', 'secret')
   return cjson.encode({
-    job = id, number = tonumber(number), receiver = receiver, spec = job[1], secret = job[2],
+    job = id, number = tonumber(number), receiver = receiver, url = hook[1], secret = hook[2],
+    spec = redis.call('HGET', job_key(id), 'spec'),
     tries = redis.call('HINCRBY', deliveries, number .. ' tries', 1), now = now(),
     delivery = redis.call('HGET', deliveries, number),
   })

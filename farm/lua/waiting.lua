@@ -2,10 +2,14 @@
 -- script, as prelude.lua is: what a script has changed of a job is filed when the script is done, and
 -- workers that have nothing to do are woken for it.
 --
--- A queue is a priority and a variant, 'auto' until a job is pinned to one. In a queue each owner (an
--- API key, or '' for nobody's jobs) has one entry, and in each owner's part of it each batch, and each
--- job without one. An entry is a party's next job. It is scored by what the party has leased, in spp,
--- at this priority and above; of equal ones the members decide, which are made to sort as they should.
+-- A queue is a priority and a class: a variant, 'auto' until a job is pinned to one, and what else the
+-- job needs of a worker, its pool and tags. In a queue each owner (an API key, or '' for nobody's jobs)
+-- has one entry, and in each owner's part of it each batch, and each job without one. An entry is a
+-- party's next job. It is scored by what the party has leased, in spp, at this priority and above; of
+-- equal ones the members decide, which are made to sort as they should.
+--
+--   need   "POOL", or "POOL TAG,TAG"           class  "VARIANT NEED"
+--   queue  "PRIORITY CLASS"                    kind   "POOL VARIANT,VARIANT TAG,TAG" of a worker
 
 -- Jobs that the script has changed, and among them those that have more to give than before.
 local changed, has_more = {}, {}
@@ -71,47 +75,97 @@ local function put_forward(party, keys_of, ...)
   end
 end
 
--- A worker has nothing to do, and is woken when there is something that it can render.
-local function note_idle(worker, variants)
-  if redis.call('HSETNX', IDLE, worker, 1) == 0 then return end
-  redis.call('SADD', IDLE .. ':auto', worker)
-  for _, variant in ipairs(variants) do redis.call('SADD', IDLE .. ':' .. variant, worker) end
+-- Is it among these, which have commas between them?
+local function is_among(one, these)
+  return string.find(',' .. these .. ',', ',' .. one .. ',', 1, true) ~= nil
 end
 
--- Wake as many idle workers as there are slices for them. A set may name some that found other work
--- meanwhile, and some that died: neither is counted.
-local function wake_workers(variant, slices)
+-- The variant with which workers of this kind render jobs of this class; nil where they cannot.
+local function variant_of(kind, class)
+  local pool, variants, tags = string.match(kind, '^(%S+) (%S*) (%S*)$')
+  local wanted, in_pool, required = string.match(class, '^(%S+) (%S+) ?(%S*)$')
+  if pool ~= in_pool then return nil end
+  for tag in string.gmatch(required, '[^,]+') do
+    if not is_among(tag, tags) then return nil end
+  end
+  if wanted == 'auto' then return string.match(variants, '^[^,]+') end
+  return is_among(wanted, variants) and wanted or nil
+end
+
+-- A worker has nothing to do, and is woken when there is something that it can render.
+local function note_idle(worker, kind)
+  if redis.call('HSETNX', IDLE, worker, 1) == 0 then return end
+  redis.call('SADD', IDLE .. ':' .. kind, worker)
+  redis.call('SADD', IDLE_KINDS, kind)
+end
+
+-- Wake idle workers of a kind for so many slices; returns for how many there was none. The set may
+-- name some that found other work meanwhile, and some that died: neither is counted.
+local function wake_kind(kind, slices)
   while slices > 0 do
-    local worker = redis.call('SPOP', IDLE .. ':' .. variant)
-    if not worker then return end
+    local worker = redis.call('SPOP', IDLE .. ':' .. kind)
+    if not worker then
+      redis.call('SREM', IDLE_KINDS, kind)
+      return slices
+    end
     if redis.call('HDEL', IDLE, worker) == 1 then
       slices = slices - redis.call('PUBLISH', wake_worker_key(worker), 'planned')
     end
   end
+  return 0
+end
+
+-- Wake as many idle workers as there are slices for them.
+local function wake_workers(class, slices)
+  for _, kind in ipairs(redis.call('SMEMBERS', IDLE_KINDS)) do
+    if slices > 0 and variant_of(kind, class) then slices = wake_kind(kind, slices) end
+  end
+end
+
+-- File when the slice is late that holds up the job's image: the first that is not in the ledger, where
+-- one worker alone has it. One that is known to be slow is late at once.
+local function file_late(id, state, class, late_ms, prefix, was)
+  local lease = state == 'rendering' and late_ms
+                and redis.call('HGET', job_key(id, 'leases'), prefix or 0)
+  local since, pace_ms = string.match(lease or '', '^(%S+) (%S+) %S+$')
+  local slow = since and tonumber(pace_ms) > tonumber(late_ms)
+  local late = since and string.format('%.3f %s', since + (slow and 0 or late_ms), class) or false
+  if late == was then return end
+  if was then redis.call('ZREM', LATE, id .. ' ' .. string.match(was, ' (.+)$')) end
+  if late then
+    redis.call('HSET', job_key(id), 'late', late)
+    redis.call('ZADD', LATE, string.match(late, '^%S+'), id .. ' ' .. class)
+  else
+    redis.call('HDEL', job_key(id), 'late')
+  end
 end
 
 -- The queue in which a job waits; '' where it has nothing to give, or must not.
-local function queue_for(id, priority, state, held, ready, variant)
-  if not priority or state == 'paused' or held then return '' end
+local function queue_for(id, priority, state, held, ready, class)
+  if not priority or held or state ~= 'queued' and state ~= 'rendering' then return '' end
   if tonumber(ready) == 0 and redis.call('EXISTS', job_key(id, 'lost')) == 0 then return '' end
-  return priority .. ' ' .. variant
+  return priority .. ' ' .. class
 end
 
 local NOT_FILED = ' 0 '
 
 -- Bring what is filed of a job, its priority, the spp leased of it and its queue, up to what it is.
 local function file(id)
-  local state, held, ready, leased, slice_spp, number, owner, batch, pinned, asked, was = unpack(
+  local state, held, ready, leased, slice_spp, number, owner, batch, was = unpack(
     redis.call('HMGET', job_key(id), 'state', 'held', 'ready', 'leased', 'slice_spp', 'number',
-               'owner', 'batch', 'variant', 'asked_variant', 'filed'))
+               'owner', 'batch', 'filed'))
   if not state then return end
+  local pinned, asked, need, late_ms, prefix, late = unpack(
+    redis.call('HMGET', job_key(id), 'variant', 'asked_variant', 'need', 'late_ms', 'prefix', 'late'))
+  local class = (pinned or asked) .. ' ' .. (need or DEFAULT_POOL)
+  file_late(id, state, class, late_ms, prefix, late)
   local priority = redis.call('ZSCORE', OPEN, id)  -- none once it has ended
-  local queue = queue_for(id, priority, state, held, ready, pinned or asked)
+  local queue = queue_for(id, priority, state, held, ready, class)
   local spp = priority and (leased or 0) * slice_spp or 0
   local counts = spp > 0 or queue ~= ''
   local filed = counts and string.format('%s %.0f %s', priority, spp, queue) or NOT_FILED
   if queue ~= '' and has_more[id] then
-    wake_workers(pinned or asked, ready + redis.call('ZCARD', job_key(id, 'lost')))
+    wake_workers(class, ready + redis.call('ZCARD', job_key(id, 'lost')))
   end
   was = was or NOT_FILED
   if filed == was then return end
@@ -153,4 +207,21 @@ end
 local function file_changed()
   for id in pairs(changed) do file(id) end
   changed, has_more = {}, {}
+end
+
+-- The index says what is not so, as no script leaves it: it is made afresh.
+local function file_all_anew()
+  for _, pattern in ipairs({WAITING .. '*', PREFIX .. 'share:*'}) do
+    local cursor = '0'
+    repeat
+      local found = redis.call('SCAN', cursor, 'MATCH', pattern, 'COUNT', 1000)
+      cursor = found[1]
+      for _, key in ipairs(found[2]) do redis.call('DEL', key) end
+    until cursor == '0'
+  end
+  redis.call('DEL', LATE)
+  for _, id in ipairs(redis.call('ZRANGE', OPEN, 0, -1)) do
+    redis.call('HDEL', job_key(id), 'filed', 'late')
+    changed[id] = true
+  end
 end

@@ -6,7 +6,9 @@ No module of weight is imported here, so that --help and a mistyped option answe
 import gc
 from typing import Final
 
-from plateau.cli import serving, jobs, continuing, batches, results, webhooks, images, studies, keys  # isort: skip  # in the order in which help lists them
+from plateau.cli import serving, scaling  # isort: skip  # in the order in which help lists them
+from plateau.cli import jobs, continuing, batches, results, webhooks, images, studies, keys  # isort: skip  # in the order in which help lists them
+from plateau.cli import redis_users  # isort: skip  # in the order in which help lists them
 from plateau.cli.app import app
 from plateau.cli.bash_words import completing_in_bash, with_whole_words
 
@@ -18,7 +20,9 @@ __all__ = [
     "jobs",
     "keys",
     "main",
+    "redis_users",
     "results",
+    "scaling",
     "serving",
     "studies",
     "webhooks",

@@ -28,6 +28,7 @@ Exit codes:
   1    it could not be done, or the job failed: standard error says why
   2    the command line is not right, or `diff` cannot compare the two images
   4    the job that was waited for was cancelled
+  76   a process does not fit the farm's data, or its other processes: install another version
   130  interrupted by Ctrl-C (143: by SIGTERM)
 
 Settings are read from PLATEAU_… variables; `plateau doctor` shows them, and what works here.
@@ -78,9 +79,11 @@ def plain_errors() -> Iterator[None]:
     except typer.Exit:  # an exit code, not an error
         raise
     except Exception as error:
+        from farm.errors import Incompatible
         from plateau.errors import EXPECTED, in_words
 
         if not isinstance(error, EXPECTED):
             raise
         print(f"plateau: {in_words(error)}", file=sys.stderr)
-        raise typer.Exit(ExitCode.FAILED) from None
+        fits = not isinstance(error, Incompatible)
+        raise typer.Exit(ExitCode.FAILED if fits else ExitCode.INCOMPATIBLE) from None

@@ -1,5 +1,6 @@
 """Commands that make, list, rotate and revoke API keys."""
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -57,6 +58,15 @@ def create(
             help="How many of its jobs may be open at once.", show_default="PLATEAU_KEY_OPEN_JOBS"
         ),
     ] = None,
+    key_from: Annotated[
+        Path | None,
+        typer.Option(
+            "--from",
+            metavar="FILE",
+            help="Take the key from FILE, where who runs the machines keeps it, instead of making "
+            "one; nothing is printed, and doing it again is harmless.",
+        ),
+    ] = None,
     as_json: o.Json = False,
 ) -> None:
     """Make a key, and print it: this once, for only a hash of it is kept.
@@ -64,6 +74,7 @@ def create(
     For example:
       export PLATEAU_KEY=$(plateau keys create me)
       plateau keys create prometheus --role viewer > /etc/prometheus/plateau.key
+      plateau keys create scaler --role viewer --from /run/secrets/plateau-scaler
     """
     from plateau.commands.keys import create as run
 
@@ -77,6 +88,7 @@ def create(
                 "upload_gb": upload_gb,
                 "open_jobs": open_jobs,
             },
+            key_from=key_from,
             as_json=as_json,
         )
 

@@ -61,8 +61,9 @@ def workers(url: o.Url = None, as_json: o.Json = False) -> None:
     For example:
       plateau workers
 
-    In a pipe, columns are separated by tabs: id, host, best variant, threads, job and slice, rate
-    over the last slice, slices done, time since its start, trouble.
+    In a pipe, columns are separated by tabs: id, host, best variant, threads, pool and tags, job
+    and slice, rate over the last slice, slices done, time since its start, version, trouble. Those
+    that were not let into the farm, for their version, are told of on standard error.
     """
     from plateau.commands.farm import workers as run
 

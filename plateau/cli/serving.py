@@ -153,18 +153,28 @@ def monitor() -> None:
 
 
 @command()
-def worker() -> None:
-    """Run one worker: it renders slices of any job.
+def worker(
+    pool: Annotated[
+        str | None,
+        typer.Option(help="It renders the jobs of this pool alone.", show_default="default"),
+    ] = None,
+    tag: Annotated[
+        list[str] | None,
+        typer.Option(help="What jobs may require of a worker. May be repeated."),
+    ] = None,
+) -> None:
+    """Run one worker: it renders slices of any job that its pool, tags and variants suit.
 
     For example:
       PLATEAU_REDIS_URL=redis://10.0.0.5 PLATEAU_BLOBS=s3://farm/plateau plateau worker
+      plateau worker --pool night --tag gpu --tag highmem
 
     PLATEAU_THREADS limits its threads. It may be stopped, or die, at any time.
     """
     from plateau.commands.serve import worker as run
 
     with plain_errors():
-        run()
+        run(pool=pool, tags=tag)
 
 
 @command()

@@ -1,5 +1,6 @@
 """The client: all groups of calls over one transport."""
 
+from collections.abc import Callable
 from types import TracebackType
 from typing import Final
 
@@ -42,6 +43,10 @@ class Client(
         may be repeated safely.
     timeout_s
         For how long one answer may take.
+    once_heard_s
+        As `patience_s`, for a service that has answered before: it is being started again, say.
+    on_version
+        Called with the service's version, once, when it is known.
 
     Raises
     ------
@@ -58,13 +63,27 @@ class Client(
         key: str | None = None,
         patience_s: float = 10.0,
         timeout_s: float = 30.0,
+        once_heard_s: float = 0.0,
+        on_version: Callable[[str], object] | None = None,
     ) -> None:
-        self._transport = Transport(url, key=key, patience_s=patience_s, timeout_s=timeout_s)
+        self._transport = Transport(
+            url,
+            key=key,
+            patience_s=patience_s,
+            timeout_s=timeout_s,
+            once_heard_s=once_heard_s,
+            on_version=on_version,
+        )
 
     @property
     def url(self) -> str:
         """Where the service is, without a slash at its end."""
         return self._transport.url
+
+    @property
+    def service_version(self) -> str | None:
+        """The version of the service; None before it has answered, and where it is too old."""
+        return self._transport.version
 
     def __enter__(self) -> "Client":
         return self

@@ -34,7 +34,7 @@ class PointEvent(Event):
     @property
     def point(self) -> CurvePoint:
         """The point."""
-        return CurvePoint.model_validate({"at": self.at, **self.data})
+        return CurvePoint.model_validate({"at": self.at, **self.data}, extra="ignore")
 
 
 class _OfASlice(Event):

@@ -1,6 +1,7 @@
 """Calls about the farm itself."""
 
 from farm.job import Worker
+from farm.members import RefusedProcess
 from plateau.client.calls import Calls
 from service.views import Scenes, SceneView, Workers
 
@@ -11,6 +12,10 @@ class FarmCalls(Calls):
     def workers(self) -> list[Worker]:
         """The workers that live, and what each renders."""
         return self._transport.read(Workers, "/v1/workers").workers
+
+    def refused(self) -> list[RefusedProcess]:
+        """The processes whose version does not fit the farm's: of each machine the last one."""
+        return self._transport.read(Workers, "/v1/workers").refused
 
     def scenes(self) -> list[SceneView]:
         """The stored scenes; `Client.submit` takes one by its SHA-256."""

@@ -18,6 +18,7 @@ _LONGEST_WAIT_S: Final = 5.0
 _CONNECT_S: Final = 5.0
 #: How long the service may take to take up a part of an upload.
 _WRITE_S: Final = 120.0
+_VERSION: Final = "Plateau-Version"
 #: Statuses after which the same call may succeed in a moment.
 _AWAY: Final = frozenset({httpx.codes.SERVICE_UNAVAILABLE, httpx.codes.TOO_MANY_REQUESTS})
 #: What the system puts before an error's words, for programs.
@@ -27,10 +28,13 @@ _Model = TypeVar("_Model", bound=BaseModel)
 
 
 class Patience:
-    """Waits between the attempts of one call, longer and longer, until it is out of time."""
+    """Waits between the attempts of one call, longer and longer, until it is out of time.
 
-    def __init__(self, patience_s: float) -> None:
-        self._patience_s = patience_s
+    How long that is it asks each time, for who was heard once is waited for longer.
+    """
+
+    def __init__(self, transport: "Transport") -> None:
+        self._transport = transport
         self.renew()
 
     def renew(self) -> None:
@@ -42,7 +46,7 @@ class Patience:
         """Wait before the next attempt, or raise the error where there should be none."""
         asked_s = error.retry_after_s if isinstance(error, ApiError) else 0.0
         spent_s = time.monotonic() - self._started
-        if not _is_away(error) or spent_s + asked_s > self._patience_s:
+        if not _is_away(error) or spent_s + asked_s > self._transport.patience_s:
             raise error
         time.sleep(max(0.0, min(max(self._wait_s, asked_s), at_most_s)))
         self._wait_s = min(2 * self._wait_s, _LONGEST_WAIT_S)
@@ -59,13 +63,35 @@ class Transport:
         The API key to show it; None for none.
     patience_s
         For how long a call is repeated while the service is away.
+    once_heard_s
+        The same, once it was heard; it is then at least `patience_s`.
     timeout_s
         For how long an answer may take.
+    on_version
+        Called with the version of the service, as soon as that is known.
+
+    Attributes
+    ----------
+    version
+        The version of the service; None where it has not said.
     """
 
-    def __init__(self, url: str, *, key: str | None, patience_s: float, timeout_s: float) -> None:
+    def __init__(
+        self,
+        url: str,
+        *,
+        key: str | None,
+        patience_s: float,
+        timeout_s: float,
+        once_heard_s: float = 0.0,
+        on_version: Callable[[str], object] | None = None,
+    ) -> None:
         self.url = _checked(url)
-        self.patience_s = patience_s
+        self.version: str | None = None
+        self._on_version = on_version
+        self._patience_s = patience_s
+        self._once_heard_s = once_heard_s
+        self._is_heard = False
         timeout = httpx.Timeout(timeout_s, connect=min(timeout_s, _CONNECT_S), write=_WRITE_S)
         # The service is on this machine, or in a tunnel to it: never behind a proxy.
         self._http = httpx.Client(
@@ -74,20 +100,37 @@ class Transport:
             trust_env=False,
             headers=_authorization(key),
             verify=_trusted(self.url),
+            event_hooks={"response": [self._heard]},
         )
+
+    @property
+    def patience_s(self) -> float:
+        """For how long a call is repeated while the service is away."""
+        return max(self._patience_s, self._once_heard_s if self._is_heard else 0.0)
 
     def close(self) -> None:
         """Give the connections back."""
         self._http.close()
+
+    def _heard(self, answer: httpx.Response) -> None:
+        self._is_heard = self._is_heard or answer.is_success
+        version = answer.headers.get(_VERSION)
+        if version is not None and self.version is None:
+            self.version = version
+            if self._on_version is not None:
+                self._on_version(version)
 
     def read(self, kind: type[_Model], path: str, **arguments: Any) -> _Model:
         """What a GET of the path answers, as a model of this kind."""
         return self.understood(kind, self.send("GET", path, **arguments))
 
     def understood(self, kind: type[_Model], answer: httpx.Response) -> _Model:
-        """The answer as a model of this kind, or `NotPlateau`."""
+        """The answer as a model of this kind, or `NotPlateau`.
+
+        What a newer service has added is left out.
+        """
         try:
-            return kind.model_validate_json(answer.content)
+            return kind.model_validate_json(answer.content, extra="ignore")
         except ValidationError as error:
             raise NotPlateau(self.url, f"its {kind.__name__} cannot be read") from error
 
@@ -118,7 +161,7 @@ class Transport:
             yield answer
 
     def _repeated(self, send: Callable[[], httpx.Response]) -> httpx.Response:
-        patience = Patience(self.patience_s)
+        patience = Patience(self)
         while True:
             try:
                 with self._reached():
@@ -171,8 +214,11 @@ def _authorization(key: str | None) -> dict[str, str]:
 
 
 def _trusted(url: str) -> ssl.SSLContext | bool:
-    """Whose certificates are believed: those whom this machine trusts, and SSL_CERT_FILE's."""
-    return ssl.create_default_context() if url.startswith("https:") else True
+    """Whose certificates are believed: those whom this machine trusts, and SSL_CERT_FILE's.
+
+    By plain HTTP nobody shows any, and redirects are not followed: none are read then, in 40 ms.
+    """
+    return ssl.create_default_context() if url.startswith("https:") else False
 
 
 def _seconds(header: str | None) -> float:

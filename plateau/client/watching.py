@@ -55,7 +55,7 @@ class WatchingCalls(Calls):
             It was not finished in time.
         """
         deadline = math.inf if timeout_s is None else time.monotonic() + timeout_s
-        patience = Patience(self._transport.patience_s)
+        patience = Patience(self._transport)
         while True:
             left_s = deadline - time.monotonic()
             if left_s <= 0:

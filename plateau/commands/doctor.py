@@ -9,16 +9,15 @@ import sys
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from urllib.parse import urlsplit
 
+from farm.blob_probe import check_create_once
 from farm.blobs import Blobs
 from farm.embedded import find_redis_server
-from farm.errors import StoreUnavailable
-from farm.jobs import Jobs
-from farm.redis_link import connect
+from farm.redis_health import examine
+from farm.redis_url import without_password
 from farm.settings import Settings
 from plateau.exits import ExitCode
-from plateau.read_settings import read_settings
+from plateau.read_settings import farm_settings
 from worker.variants import Probe, VariantChoice, choose
 
 
@@ -34,7 +33,7 @@ class Check:
 
 def doctor(*, as_json: bool) -> int:
     """Look at everything and print what was found; returns the exit code."""
-    settings = read_settings()
+    settings = farm_settings()
     choice = choose(settings.cache, every=True)
     checks = [*_machine(), *_stores(settings), *_folders(settings), *_variants(choice)]
     can_render = all(check.ok for check in checks if check.needed)
@@ -68,22 +67,19 @@ def _stores(settings: Settings) -> Iterator[Check]:
         detail = f"{_redis_version(binary)}, {binary}"
     yield Check("embedded Redis", detail, ok=binary is not None, needed=settings.redis_url is None)
     if settings.redis_url is not None:
-        where = _without_password(settings.redis_url)
-        try:
-            Jobs(connect(settings.redis_url)).ping()
-            yield Check("Redis", f"{where} answers", needed=True)
-        except (StoreUnavailable, ValueError) as error:
-            yield Check("Redis", f"{where}: {error}", ok=False, needed=True)
+        yield from (Check(**asdict(one)) for one in examine(settings.redis_url))
     where = settings.blobs or str(settings.data / "blobs")
+    shown = without_password(where)
     name = f"doctor/{secrets.token_hex(8)}"
     try:
         blobs = Blobs(where)
         blobs.put(name, b"can be written")
         blobs.get(name)
         blobs.delete(name)
-        yield Check("blob store", f"{where} can be written", needed=True)
+        check_create_once(blobs)
+        yield Check("blob store", f"{shown} can be written, and creates a blob once", needed=True)
     except Exception as error:  # noqa: BLE001  (a store's URL may fail in any way)
-        yield Check("blob store", f"{where}: {error}", ok=False, needed=True)
+        yield Check("blob store", f"{shown}: {error}", ok=False, needed=True)
 
 
 def _folders(settings: Settings) -> Iterator[Check]:
@@ -121,15 +117,11 @@ def _redis_version(binary: Path) -> str:
     return words[0] if words else "of unknown version"
 
 
-def _without_password(url: str) -> str:
-    password = urlsplit(url).password
-    return url.replace(f":{password}@", ":***@") if password else url
-
-
 def _shown(settings: Settings) -> dict[str, object]:
     shown: dict[str, object] = settings.model_dump(mode="json")
-    if settings.redis_url is not None:
-        shown["redis_url"] = _without_password(settings.redis_url)
+    for name in ("redis_url", "blobs"):
+        if shown[name] is not None:
+            shown[name] = without_password(str(shown[name]))
     return shown
 
 

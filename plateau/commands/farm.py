@@ -1,6 +1,7 @@
 """`plateau workers | scenes`: what the farm has."""
 
 import json
+import sys
 from datetime import datetime, timezone
 
 from farm.job import Worker
@@ -9,14 +10,26 @@ from plateau.tables import print_rows
 from plateau.words import duration, size
 from service.views import SceneView
 
-WORKER_COLUMNS = ("id", "host", "variant", "threads", "renders", "rate", "done", "up", "trouble")
+WORKER_COLUMNS = (
+    "id",
+    "host",
+    "variant",
+    "threads",
+    "pool",
+    "renders",
+    "rate",
+    "done",
+    "up",
+    "version",
+    "trouble",
+)
 _SCENE_COLUMNS = ("sha256", "name", "size", "film")
 
 
 def workers(*, url: str | None, as_json: bool) -> None:
     """Print the workers that live."""
     with connect(url) as client:
-        found = client.workers()
+        found, refused = client.workers(), client.refused()
     if as_json:
         print(json.dumps([worker.model_dump(mode="json") for worker in found], indent=2))
     else:
@@ -26,6 +39,9 @@ def workers(*, url: str | None, as_json: bool) -> None:
             [worker_row(worker, now) for worker in found],
             none="no worker lives; `plateau worker` starts one, `plateau up --workers N` some",
         )
+    for one in refused:
+        line = f"plateau: the {one.role} of {one.host} was refused at {one.at:%H:%M} UTC: {one.why}"
+        print(line, file=sys.stderr)
 
 
 def scenes(*, url: str | None, as_json: bool) -> None:
@@ -46,10 +62,12 @@ def worker_row(worker: Worker, now: datetime) -> tuple[str, ...]:
         worker.host,
         worker.variants[0] if worker.variants else "–",
         str(worker.threads),
+        ", ".join((worker.pool, *worker.tags)),
         "–" if worker.job is None else f"{worker.job}/{worker.slice}",
         "–" if rate is None else f"{rate / 1e6:.2f} Msamples/s",
         str(worker.slices_done),
         duration(max(0.0, (now - worker.started_at).total_seconds())),
+        worker.plateau or "–",
         worker.trouble or worker.last_error or "–",
     )
 

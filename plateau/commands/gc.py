@@ -12,7 +12,7 @@ from farm.schema import check_schema
 from farm.sweep import Swept, sweep
 from plateau.data_folder import DataFolder
 from plateau.errors import CommandFailed
-from plateau.read_settings import read_settings
+from plateau.read_settings import farm_settings
 from plateau.redis_at_hand import redis_at_hand
 
 _DAY_S: Final = 86_400.0
@@ -27,7 +27,7 @@ def gc(
     as_json: bool,
 ) -> None:
     """Sweep once, and print what went; days that are None are those of the settings."""
-    settings = read_settings()
+    settings = farm_settings()
     if results_older_than_days is None:
         results_older_than_days = settings.keep_results_days
     if sums_older_than_days is None:

@@ -80,7 +80,7 @@ def show(job_id: str, *, url: str | None, as_json: bool) -> None:
     print(f"{'job:':<9}{job.id} ({job.name})")
     if job.owner is not None:
         print(f"{'owner:':<9}{job.owner_name} (key {job.owner})")
-    print(words.summary(job))
+    print(words.summary(job, job.waits_for))
     print("story:")
     for line in told:
         print(f"  {line}")

@@ -5,6 +5,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from datetime import datetime
+from pathlib import Path
 from typing import Any, Final
 
 from pydantic import ValidationError
@@ -15,7 +16,7 @@ from farm.schema import check_schema
 from farm.settings import Settings
 from plateau.data_folder import DataFolder
 from plateau.errors import CommandFailed
-from plateau.read_settings import read_settings
+from plateau.read_settings import farm_settings, key_in
 from plateau.redis_at_hand import redis_at_hand
 from plateau.tables import print_rows
 
@@ -23,24 +24,41 @@ _COLUMNS: Final = ("id", "name", "role", "made", "last used", "requests", "open 
 _MAX_NAME: Final = 100
 
 
-def create(name: str, role: str, limits: dict[str, float | None], *, as_json: bool) -> None:
-    """Make a key; it goes to standard output, what there is to say to standard error."""
-    settings = read_settings()
+def create(
+    name: str,
+    role: str,
+    limits: dict[str, float | None],
+    *,
+    key_from: Path | None,
+    as_json: bool,
+) -> None:
+    """Make a key; it goes to standard output, what there is to say to standard error.
+
+    One that is taken from a file goes nowhere.
+    """
+    settings = farm_settings()
     if not (name.isprintable() and name.strip() and len(name) <= _MAX_NAME):
         raise CommandFailed(f"a key's name has 1 to {_MAX_NAME} printable characters")
     known, allowed = _role(role), _limits(settings, limits)
+    shown = None if key_from is None else key_in(key_from, "--from")
     with _keys(settings, may_begin=True) as keys:
         first = not keys.any_made()
-        key, shown = keys.create(name, known, allowed)
-    _show(key, shown, as_json=as_json)
-    _say(f"made key {key.id} ({key.name}), a {key.role.value}'s")
+        if shown is None:
+            key, made = keys.create(name, known, allowed)
+            _show(key, made, as_json=as_json)
+        else:
+            key = keys.admit(shown, name, known, allowed)
+            if as_json:
+                print(json.dumps(_document(key, None), indent=2))
+    done = "made" if shown is None else "took"
+    _say(f"{done} key {key.id} ({key.name}), a {key.role.value}'s")
     if first:
         _say("it is the first one: from now on every request to the service needs a key")
 
 
 def list_keys(*, as_json: bool) -> None:
     """Print all keys, by age."""
-    with _keys(read_settings()) as keys:
+    with _keys(farm_settings()) as keys:
         found, used = keys.all(), keys.last_used()
     if as_json:
         print(json.dumps([_document(key, used.get(key.id)) for key in found], indent=2))
@@ -55,7 +73,7 @@ def list_keys(*, as_json: bool) -> None:
 
 def rotate(key_id: str, *, as_json: bool) -> None:
     """Give a key another secret; prints as `create`."""
-    with _keys(read_settings()) as keys:
+    with _keys(farm_settings()) as keys:
         key, shown = keys.rotate(key_id)
     _show(key, shown, as_json=as_json)
     _say(f"key {key.id} ({key.name}) has another secret; the old one opens nothing any more")
@@ -63,7 +81,7 @@ def rotate(key_id: str, *, as_json: bool) -> None:
 
 def revoke(key_id: str, *, as_json: bool) -> None:
     """Revoke a key."""
-    with _keys(read_settings()) as keys:
+    with _keys(farm_settings()) as keys:
         key = keys.revoke(key_id)
         left = any(one.usable for one in keys.all())
     if as_json:

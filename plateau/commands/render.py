@@ -57,7 +57,14 @@ def render(
 
     asked = read_settings()
     settings = asked.model_copy(
-        update={"redis_url": None, "blobs": None, "threads": threads or asked.threads}
+        update={
+            "redis_url": None,
+            "blobs": None,
+            "threads": threads or asked.threads,
+            # Its workers are there for this job alone, so they have whatever it asks for.
+            "pool": spec.pool,
+            "tags": spec.requires,
+        }
     )
     with Interrupts() as interrupts, _temporary_data() as data:
         try:

@@ -7,17 +7,18 @@ import threading
 from typing import Final
 
 from farm.api_keys import ApiKeys
-from farm.blobs import Blobs
 from farm.errors import StoreUnavailable
 from farm.redis_link import connect
+from farm.redis_url import without_password
 from farm.settings import Settings
 from plateau.data_folder import DataFolder
 from plateau.door import Door
 from plateau.errors import CommandFailed
 from plateau.exits import ExitCode
 from plateau.interrupts import Interrupts
-from plateau.process import LateCheck, run_until_signal, when_checked
-from plateau.read_settings import read_settings
+from plateau.process import run_until_signal, when_checked
+from plateau.read_settings import farm_settings
+from plateau.standing import Standing
 from plateau.tree import Tree
 from service.loopback import is_loopback
 
@@ -28,7 +29,7 @@ _TICK_S: Final = 0.2
 
 def up(door: Door, *, workers: int) -> int:
     """Run the whole service until a signal; returns the exit code."""
-    settings = read_settings()
+    settings = farm_settings()
     with Interrupts() as interrupts, DataFolder(settings.data) as data:
         try:
             with Tree(
@@ -59,8 +60,9 @@ def api(door: Door, *, ready_fd: int | None) -> None:
         tls = process.Tls(door.certificate, door.private_key)
 
     def serve(settings: Settings, stop: threading.Event) -> None:
-        late_check = LateCheck(settings.redis_url or "", Blobs(settings.blobs or ""), stop)
-
+        standing = Standing(settings, stop)
+        if stop.is_set():
+            return
         who_may = _who_may(settings.redis_url or "", door)
 
         def ready(url: str) -> None:
@@ -69,7 +71,7 @@ def api(door: Door, *, ready_fd: int | None) -> None:
             if ready_fd is not None:
                 with os.fdopen(ready_fd, "w") as pipe:
                     pipe.write(f"{url}\n")
-            late_check.start()
+            standing.start()
 
         try:
             process.run(
@@ -82,7 +84,7 @@ def api(door: Door, *, ready_fd: int | None) -> None:
             )
         except process.CannotListen as error:
             raise CommandFailed(str(error)) from error
-        late_check.end()
+        standing.end()
 
     run_until_signal("api", serve)
 
@@ -94,10 +96,13 @@ def monitor() -> None:
     run_until_signal("monitor", when_checked(run))
 
 
-def worker() -> None:
-    """Run a worker until a signal."""
+def worker(*, pool: str | None, tags: list[str] | None) -> None:
+    """Run a worker until a signal, in this pool and with these tags where they are given."""
     from worker.supervisor import run
 
+    # Options are settings that are written elsewhere: they are read, and refused, with the others.
+    given = {"PLATEAU_POOL": pool, "PLATEAU_TAGS": ",".join(tags or ())}
+    os.environ.update({name: value for name, value in given.items() if value})
     run_until_signal("worker", when_checked(run))
 
 
@@ -108,7 +113,8 @@ def _greet(tree: Tree, data: DataFolder, door: Door, workers: int) -> None:
         f"{_who_may(tree.redis_url, door)}\n{_about_tls(door)}"
         f"Data, logs: {data.path}\n"
         f"More workers on this machine:\n"
-        f"  PLATEAU_REDIS_URL={tree.redis_url} PLATEAU_BLOBS={tree.blobs} plateau worker\n"
+        f"  PLATEAU_REDIS_URL={without_password(tree.redis_url)} PLATEAU_BLOBS={tree.blobs} "
+        f"plateau worker\n"
         f"Submit a scene:\n"
         f"  plateau submit scenes:box{_url_option(tree.url)}\n"
         f"Ctrl-C stops; jobs go on at the next start.",

@@ -18,7 +18,7 @@ from plateau.connect import connect
 from plateau.data_folder import DataFolder
 from plateau.errors import CommandFailed
 from plateau.job_ids import whole_id
-from plateau.read_settings import read_settings
+from plateau.read_settings import farm_settings
 from plateau.redis_at_hand import redis_at_hand
 from plateau.tables import print_rows
 from service.views import JobView
@@ -83,7 +83,7 @@ def redeliver(job_id: str, number: int, *, url: str | None, as_json: bool) -> No
 
 def secret(*, renew: bool, as_json: bool) -> None:
     """Print the farm's secret; what there is to say of it goes to standard error."""
-    settings = read_settings()
+    settings = farm_settings()
     with ExitStack() as stack:
         data = DataFolder(settings.data)
         redis_url = redis_at_hand(settings, data, stack, may_begin=True)

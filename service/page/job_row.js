@@ -77,8 +77,9 @@ export class JobRow {
     setText(this.#state, state);
     setAttribute(this.#state, "data-state", state);
     setText(this.#owner, job.owner_name ? `by ${job.owner_name}` : "");
-    setText(this.#why, job.reason);
-    setAttribute(this.#why, "title", job.reason);
+    const why = job.waits_for ?? job.reason;
+    setText(this.#why, why);
+    setAttribute(this.#why, "title", why);
     setText(this.#spp, `${whole(job.spp)} spp`);
     setText(this.#cap, state === "converged"
       ? `${share(1 - job.spp / spec.max_spp)} saved` : `of ${whole(spec.max_spp)} at most`);

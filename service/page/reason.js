@@ -13,6 +13,7 @@ export function reasonInWords(job) {
   }
   if (state === "failed") return sentence(job.reason);
   if (state === "paused") return `${sentence(job.reason)} Workers take no more of it until it is resumed.`;
+  if (job.waits_for) return `It ${job.waits_for}. ${leftToSee(job)}`.trim();
   if (state === "queued") return "It waits for a worker.";
   if (!job.points) {
     return `It is rendering. The first look is at ${whole(spec.step)} spp; so far ${whole(job.committed_spp)} are done.`;

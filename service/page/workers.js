@@ -16,11 +16,13 @@ export function open(main, { signal }) {
     h("p", { class: "lead" }, "Nobody renders."),
     h("p", {}, "Start a worker on any machine that reaches Redis and the blob store: ", h("code", {}, "plateau worker")));
   main.append(h("div", { class: "head" }, h("div", {}, h("h1", {}, "Workers"), summary)), list, nothing);
+  const refusals = h("ul", { class: "refused", "aria-label": "Refused", hidden: true });
+  main.append(refusals);
   const rows = new KeyedList(list, () => new WorkerRow(refresh));
   const names = new Map();
 
   async function refresh() {
-    const { workers } = await get("/v1/workers", signal);
+    const { workers, refused } = await get("/v1/workers", signal);
     const unknown = [...new Set(workers.map(({ job }) => job))].filter((id) => id && !names.has(id));
     await Promise.all(unknown.map(async (id) => {
       names.set(id, await get(`/v1/jobs/${id}`, signal).then(title, () => id));
@@ -33,6 +35,11 @@ export function open(main, { signal }) {
       ? [several(workers.length, "worker"), `${busy} rendering`, rate ? `${three(rate / 1e6)} million samples a second` : ""].filter(Boolean).join(" · ")
       : "");
     nothing.hidden = workers.length > 0;
+    const told = refused.map(({ role, host, at, why }) => `The ${role} of ${host} was refused ${ago(at)}: ${why}`);
+    if (told.join() !== [...refusals.children].map((one) => one.textContent).join()) {
+      refusals.replaceChildren(...told.map((text) => h("li", { class: "bad" }, text)));
+    }
+    refusals.hidden = !told.length;
   }
   repeat(refresh, () => EVERY_MS, signal);
 }
@@ -70,7 +77,7 @@ class WorkerRow {
     const { id, host, pid, variants, threads, job, slice, samples_per_s: rate, last_error: error, trouble } = worker;
     setAttribute(this.element, "data-worker", id);
     setText(this.#name, id);
-    setText(this.#where, `${host}, process ${pid} · ${variants[0]} · ${several(threads, "thread")} · since ${ago(worker.started_at)}`);
+    setText(this.#where, `${host}, process ${pid} · ${variants[0]} · ${several(threads, "thread")} · ${placed(worker)}${version(worker)}since ${ago(worker.started_at)}`);
     setAttribute(this.#does, "data-busy", String(Boolean(job)));
     if (job) {
       setAttribute(this.#job, "href", `/jobs/${job}`);
@@ -86,6 +93,17 @@ class WorkerRow {
     setText(this.#trouble, trouble ?? (error ? `Last error: ${error}` : ""));
     this.#trouble.hidden = !(trouble || error);
   }
+}
+
+/** Its version, where it says so. */
+function version({ plateau }) {
+  return plateau ? `Plateau ${plateau} · ` : "";
+}
+
+/** Its pool and tags, where it has any of its own. */
+function placed({ pool, tags }) {
+  const words = [pool === "default" ? "" : `pool ${pool}`, tags.length ? `tags ${tags.join(", ")}` : ""];
+  return words.filter(Boolean).map((word) => `${word} · `).join("");
 }
 
 function show(place, figure, name) {

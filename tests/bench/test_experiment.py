@@ -1,68 +1,10 @@
-"""The paper's experiment in small: the farm renders, every rule judges, tables and plots come."""
-
-from pathlib import Path
+"""What the paper's experiment makes of what was rendered: truth, stops and tables."""
 
 import pytest
 
-from bench import paper
 from bench.experiment import tables
-from bench.experiment.cases import cases
 from bench.experiment.series import Curve, Measured
 from bench.experiment.truth import converged_spp, reference_spp, true_spp, truth_at
-from bench.support import report
-from farm.spec import JobSpec, MultipleSpec, MyszkowskiSpec, ReverseSpec, SuccessiveSpec
-from plateau.judge import find_series, judge_series
-from tests.bench.conftest import SIZE
-
-
-@pytest.fixture(scope="module")
-def box_1(data: Path, results: Path) -> Measured:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(report, "RESULTS", results)
-        [measured] = paper.run(cases(("box",))[:1], SIZE, data, workers=1)
-    return measured
-
-
-class TestARun:
-    def test_holds_every_image_against_a_reference_of_other_samples(self, box_1: Measured) -> None:
-        assert box_1.spp == list(range(50, 601, 50))
-        # Its own last image would be no different from itself.
-        assert box_1.truth[0] > box_1.truth[-1] > 0
-
-    def test_stops_where_plateau_judge_does(self, box_1: Measured, data: Path) -> None:
-        spec = JobSpec(
-            step=100,
-            watch=(ReverseSpec(), MultipleSpec(window=5), SuccessiveSpec(), MyszkowskiSpec()),
-        )
-        slices = data / "box-1-24-600-series" / "slices"
-        judged = judge_series(find_series(slices, image_spp=None, cumulative=False), spec)
-        assert judged.stops == {
-            "reverse": box_1.curves["reverse @100"].stop,
-            "multiple": box_1.curves["multiple, window 5 @100"].stop,
-            "successive": box_1.curves["successive @100"].stop,
-            "myszkowski": box_1.curves["myszkowski @100"].stop,
-            "visible": box_1.curves["visible @100"].stop,
-        }
-        assert [point.visible_pixels for point in judged.points] == box_1.curves[
-            "reverse @100"
-        ].visible
-
-    def test_leaves_tables_pictures_and_curves(self, box_1: Measured, results: Path) -> None:
-        left = {path.name for path in (results / "paper").iterdir()}
-        assert left == {
-            "box-1.json",
-            *(f"{name}.png" for name in ("figure-4", "figure-5", "figure-6", "truth")),
-        }
-        assert Measured.read(results / "paper" / "box-1.json") == box_1
-
-    @pytest.mark.usefixtures("box_1")
-    def test_renders_nothing_twice(
-        self, data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
-        before = {path: path.stat().st_mtime_ns for path in data.rglob("*")}
-        monkeypatch.setattr(report, "RESULTS", tmp_path)
-        paper.run(cases(("box",))[:1], SIZE, data, workers=1)
-        assert {path: path.stat().st_mtime_ns for path in data.rglob("*")} == before
 
 
 def measured(truth: list[int], *, pixels: int = 100, stop: int | None = None) -> Measured:

@@ -1,13 +1,8 @@
-"""What stopping saves: other renderers' rules on images with known answers, and the benchmark."""
-
-import json
-from pathlib import Path
+"""What stopping saves: other renderers' rules on images with known answers, and the tables."""
 
 import numpy as np
 import pytest
 
-from bench import savings
-from bench.experiment.cases import cases
 from bench.experiment.other_rules import (
     CyclesAdaptive,
     CyclesThreshold,
@@ -15,21 +10,17 @@ from bench.experiment.other_rules import (
     cycles_error,
     luxcore_displayed,
 )
-from bench.experiment.renders import longest
 from bench.experiment.savings_tables import scene_tables, summary_table, time_ratios
 from bench.experiment.spending import (
     CYCLES,
     CYCLES_ADAPTIVE,
-    FIXED_SPP,
     RULES,
     Left,
     Spending,
     Stop,
 )
 from bench.experiment.truth import converged_spp
-from bench.support import report
 from metric import Image, View
-from tests.bench.conftest import SIZE
 
 
 def grey(value: float, *, size: int = 4) -> Image:
@@ -173,43 +164,6 @@ class TestCyclesPixelByPixel:
             assert not rule.add(film(value, 50), film(value, 50), 100)
         assert rule.mean_spp == 200
         np.testing.assert_allclose(rule.image, grey(0.3), rtol=1e-6)
-
-
-@pytest.fixture(scope="module")
-def box_1(data: Path, results: Path) -> Spending:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(report, "RESULTS", results)
-        [spent] = savings.run(cases(("box",))[:1], SIZE, data, workers=1)
-    return spent
-
-
-class TestARun:
-    def test_says_of_every_rule_where_it_stopped(self, box_1: Spending) -> None:
-        assert set(box_1.stops) == set(RULES)
-        assert box_1.spp == list(range(50, 601, 50))
-        for rule, stop in box_1.stops.items():
-            assert stop.spp <= 600
-            assert rule == CYCLES_ADAPTIVE or stop.seen == box_1.truth[int(stop.spp) // 50 - 1]
-            assert stop.ended or rule == CYCLES_ADAPTIVE or stop.spp == 600
-
-    def test_measures_what_rendering_and_looking_cost(self, box_1: Spending) -> None:
-        assert all(seconds > 0 for seconds in box_1.spp_s)
-        assert all(len(box_1.look_s[rule]) > 0 for rule in RULES)
-        for rule in RULES:
-            assert min(time_ratios(box_1, rule)) > box_1.stops[rule].spp / FIXED_SPP
-
-    def test_leaves_a_report(self, box_1: Spending, results: Path) -> None:
-        assert Spending.read(results / "savings" / "box-1.json") == box_1
-        figures = json.loads((results / "savings.json").read_text())["figures"]
-        assert len(figures) == 1 + 3 * len(RULES)
-
-    @pytest.mark.usefixtures("box_1")
-    def test_takes_the_longest_renders_that_there_are(self, data: Path) -> None:
-        case = cases(("box",))[0]
-        assert longest(case, 24, data) == SIZE
-        assert longest(case, 32, data) is None
-        (data / "box-1-24-900-series").mkdir()  # without a reference it is of no use
-        assert longest(case, 24, data) == SIZE
 
 
 def spending(stops: dict[str, Stop]) -> Spending:

@@ -7,14 +7,20 @@ from pathlib import Path
 import pytest
 
 from bench.scale import figures, tables
+from bench.support import scale_farm, scale_load
 from bench.support.report import machine
 from bench.support.scale_load import Plan, measure
 
 
 @pytest.mark.timeout(600)
-def test_workers_and_jobs_are_simulated_under_each_load(tmp_path: Path) -> None:
+def test_workers_and_jobs_are_simulated_under_each_load(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # Two processes of simulated workers, with three and two of them; and images that are small
+    monkeypatch.setattr(scale_farm, "_CREWS", 2)
+    monkeypatch.setattr(scale_load, "_SIZES", ((64, 64), (96, 64)))
     plan = Plan(
-        workers=(6,),
+        workers=(5,),
         jobs=(2,),
         render_s=0.3,
         rates=(20.0,),
@@ -28,7 +34,7 @@ def test_workers_and_jobs_are_simulated_under_each_load(tmp_path: Path) -> None:
     # Slices were committed and merged wherever there were both workers and jobs
     loads = {seen.name: seen for seen in found.seen}
     assert set(loads) == {
-        "6 workers, 2 jobs",
+        "5 workers, 2 jobs",
         "20/s asked of 2 monitors",
         "20/s asked, Redis not waiting for its disk",
         "20/s asked, blobs on the disk",
@@ -52,4 +58,4 @@ def test_workers_and_jobs_are_simulated_under_each_load(tmp_path: Path) -> None:
     report = json.loads(json.dumps(report))
     lines = "".join(tables(report).values())
     rows = {line.split(" | ")[0].removeprefix("| ") for line in lines.splitlines()}
-    assert rows >= {*found.costs, *loads, "6 workers"} - {"6 workers, 2 jobs"}
+    assert rows >= {*found.costs, *loads, "5 workers"} - {"5 workers, 2 jobs"}

@@ -11,6 +11,14 @@ import pytest
 TOOLS = Path(__file__).parents[2] / ".cluster-tools" / "bin"
 
 
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Leave what is marked `long_form` out of the short form."""
+    if os.environ.get("CLUSTER_TESTS") == "short":
+        left_out = [item for item in items if item.get_closest_marker("long_form")]
+        config.hook.pytest_deselected(items=left_out)
+        items[:] = [item for item in items if item not in left_out]
+
+
 @pytest.fixture(scope="session")
 def form() -> Literal["short", "long"]:
     """How much the tests do: CI runs the short form, `make test-cluster` the long one."""

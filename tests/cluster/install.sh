@@ -12,11 +12,72 @@ go_tool() {
   command -v go >/dev/null || apt_install golang-go
   say "building $name (a minute or two, once)"
   mkdir -p "$bin"
-  GOBIN=$bin go install -trimpath "$module"
+  GOBIN=$bin/new-$name go install -trimpath "$module"
+  mv "$bin/new-$name"/* "$bin/$name"  # a module may call it otherwise
+  rmdir "$bin/new-$name"
   echo "$module" > "$bin/.$name"
 }
 
+# All that Debian's Redis 7 is lies in redis-tools, which starts no server.
+debian_redis() {
+  command -v redis-check-rdb >/dev/null || apt_install redis-tools
+  mkdir -p .cluster-tools/bin
+  ln -sf "$(command -v redis-check-rdb)" .cluster-tools/bin/redis-server
+  ln -sf "$(command -v redis-check-rdb)" .cluster-tools/bin/redis-sentinel
+}
+
 # --- the parts, in alphabetical order ---
+
+# The Helm chart and the compose file: what their schemas come with, without building anything; and
+# for the long form helm itself (minutes to build, so without optimisation).
+install_chart() {
+  local folder=$PWD/.cluster-tools/schemas python=.venv/bin/python from files file
+  local wanted="kubernetes-validate==1.37.0
+github.com/kedacore/keda/v2@v2.21.0 config/crd/bases/keda.sh_scaledobjects.yaml config/crd/bases/keda.sh_triggerauthentications.yaml schema/generated/scalers-schema.json
+github.com/prometheus-operator/prometheus-operator@v0.85.0 example/prometheus-operator-crd/monitoring.coreos.com_servicemonitors.yaml
+github.com/compose-spec/compose-go/v2@v2.16.2 schema/compose-spec.json"
+  if [ "$(cat "$folder/made-from" 2>/dev/null)" != "$wanted" ]; then
+    command -v go >/dev/null || apt_install golang-go
+    [ -x $python ] || python=python3
+    rm -rf "$folder" && mkdir -p "$folder"
+    while read -r from files; do
+      case $from in
+        *==*) $python -m pip install -q --disable-pip-version-check --root-user-action ignore --no-deps --target "$folder" "$from" ;;
+        *) from=$(cd "$folder" && go mod download -json "$from" | sed -n 's/^\t"Dir": "\(.*\)",$/\1/p')
+           for file in $files; do install -m 644 "$from/$file" "$folder/"; done ;;
+      esac
+    done <<< "$wanted"
+    echo "$wanted" > "$folder/made-from"
+  fi
+  debian_redis
+  [ "${CLUSTER_TESTS:-long}" = long ] || return 0
+  GOFLAGS="${GOFLAGS:-} '-gcflags=all=-N -l'" CGO_ENABLED=0 go_tool helm helm.sh/helm/v3/cmd/helm@v3.19.5
+}
+
+# Bare machines: a Redis with TLS, and sentinels.
+install_bare() {
+  command -v systemd-analyze >/dev/null || apt_install systemd
+  debian_redis
+}
+
+# Networks that fail: losing packets, and a proxy that is slow.
+install_network() {
+  command -v ip >/dev/null && command -v iptables-legacy >/dev/null || apt_install iproute2 iptables
+  go_tool toxiproxy github.com/Shopify/toxiproxy/v2/cmd/server@v2.12.0
+}
+
+# An S3 server; and for the long form another one (minutes to build).
+install_s3() {
+  go_tool versitygw github.com/versity/versitygw/cmd/versitygw@v1.8.0
+  [ "${CLUSTER_TESTS:-long}" = long ] || return 0
+  go_tool minio github.com/minio/minio@v0.0.0-20260212201848-7aac2a2c5b7c
+}
+
+# Slurm, whose daemons the tests start themselves.
+install_slurm() {
+  [ -x /usr/sbin/slurmctld ] && [ -x /usr/sbin/slurmd ] && [ -x /usr/bin/sbatch ] \
+    && [ -x /usr/sbin/munged ] || apt_install slurm-wlm munge
+}
 
 # --- end of the parts ---
 

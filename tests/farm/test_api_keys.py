@@ -101,6 +101,25 @@ class TestAKey:
         assert keys.find(before) is None
         assert keys.find(after) == same
 
+    def test_that_was_made_elsewhere_is_taken_once(self, keys: ApiKeys) -> None:
+        shown = f"plateau_0123456789ab_{'5' * 64}"
+        taken = keys.admit(shown, "scaler", Role.VIEWER, PLENTY)
+        assert keys.find(shown) == taken
+        assert keys.admit(shown, "scaler", Role.VIEWER, PLENTY) == taken
+        assert keys.all() == [taken]
+        # If its secret, or what it may do, was changed where it was made
+        again = f"plateau_0123456789ab_{'6' * 64}"
+        changed = keys.admit(again, "scaler", Role.ADMIN, PLENTY)
+        assert keys.find(shown) is None
+        assert keys.find(again) == changed
+        assert (changed.role, changed.created_at) == (Role.ADMIN, taken.created_at)
+        # And one that was revoked stays so
+        keys.revoke(taken.id)
+        with pytest.raises(UnknownKey, match="was revoked; make another"):
+            keys.admit(again, "scaler", Role.ADMIN, PLENTY)
+        with pytest.raises(UnknownKey, match="a key is plateau_, 12 hexadecimal digits"):
+            keys.admit("hunter2", "scaler", Role.ADMIN, PLENTY)
+
     def test_that_is_not_there_cannot_be_changed(self, keys: ApiKeys) -> None:
         for change in (keys.revoke, keys.rotate):
             with pytest.raises(UnknownKey, match="plateau keys list"):

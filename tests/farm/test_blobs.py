@@ -8,37 +8,15 @@ from pathlib import Path
 
 import pytest
 
-from farm import blobs
 from farm.blobs import Blobs
 from farm.errors import StoreUnavailable
+from tests.support.blob_contract import BlobContract
 from tests.support.commands import until
 from tests.support.loop_disk import LoopDisk
 
 
-def test_what_is_put_is_got(store: Blobs) -> None:
-    store.put(blobs.scene("ab"), b"scene")
-    store.put("big", io.BytesIO(bytes(9_000_000)))
-    assert store.get("scenes/ab") == b"scene"
-    assert b"".join(store.chunks("big")) == bytes(9_000_000)
-    store.put("big", b"small now")
-    assert store.get("big") == b"small now"
-
-
-def test_a_missing_blob_is_a_missing_file(store: Blobs) -> None:
-    assert not store.exists("nothing")
-    with pytest.raises(FileNotFoundError):
-        store.get("nothing")
-    store.delete("nothing")
-
-
-def test_names_are_listed_by_prefix(store: Blobs) -> None:
-    names = [blobs.partial("j", index, "w-1") for index in range(3)]
-    for name in [*names, f"{blobs.results('j')}1/image.exr", blobs.partial("k", 0, "w-1")]:
-        store.put(name, b"x")
-    assert sorted(store.names(blobs.partials("j"))) == names
-    store.delete(*names)
-    assert store.names(blobs.partials("j")) == []
-    assert store.exists("jobs/j/results/1/image.exr")
+class TestAFolder(BlobContract):
+    """Does what every store must do; S3 servers are held against the same in tests/cluster."""
 
 
 def test_a_store_that_refuses_is_one_clear_error(tmp_path: Path) -> None:
@@ -46,17 +24,6 @@ def test_a_store_that_refuses_is_one_clear_error(tmp_path: Path) -> None:
     store.put("a", b"x")
     with pytest.raises(StoreUnavailable, match="blob store failed"):
         store.put("a/below-a-file", b"x")
-
-
-def test_a_blob_is_stored_once(store: Blobs, tmp_path: Path) -> None:
-    store.put_once("scenes/ab", io.BytesIO(b"scene"), 5)
-    store.put_once("scenes/ab", io.BytesIO(b"other"), 5)
-    assert store.get("scenes/ab") == b"scene"
-    # But if it was torn, it is put again
-    (tmp_path / "blobs" / "scenes" / "ab").write_bytes(b"sc")
-    assert store.size("scenes/ab") == 2
-    store.put_once("scenes/ab", io.BytesIO(b"scene"), 5)
-    assert store.get("scenes/ab") == b"scene"
 
 
 def test_a_folder_may_be_given_as_a_url(tmp_path: Path) -> None:

@@ -1,5 +1,6 @@
 """The outbox has a message for each change that a webhook wants, and one has it at a time."""
 
+import json
 import time
 from typing import Any
 
@@ -220,7 +221,7 @@ def test_nothing_stays_of_a_job_that_is_forgotten(client: redis.Redis, outbox: O
     assert outbox.take(LEASE_S) is None
 
 
-def test_the_secret_stays_in_a_field_of_its_own(client: redis.Redis, outbox: Outbox) -> None:
+def test_the_secret_stays_in_a_key_of_its_own(client: redis.Redis, outbox: Outbox) -> None:
     secret = new_secret()
     job = StagedJob(client, **hook(secret=secret))
     StagedJob(client, **hook())
@@ -228,10 +229,21 @@ def test_the_secret_stays_in_a_field_of_its_own(client: redis.Redis, outbox: Out
     assert own.secrets == (secret,)
     assert other.secrets == outbox.farm_secrets() != own.secrets
     assert secret not in repr(own)
-    fields = client.hgetall(keys.job(job.id))
-    assert [name for name, value in fields.items() if secret in value] == ["webhook_secret"]
-    for part in keys.JOB_PARTS:
+    assert client.hget(keys.job(job.id, "webhook"), "secret") == secret
+    assert secret not in str(client.hgetall(keys.job(job.id)))
+    for part in set(keys.JOB_PARTS) - {"webhook"}:
         assert secret.encode() not in (client.dump(keys.job(job.id, part)) or b"")
+
+
+def test_no_worker_can_have_a_message_sent_elsewhere(client: redis.Redis, outbox: Outbox) -> None:
+    # Given a job with a webhook
+    job = StagedJob(client, **hook())
+    # When somebody who may write the job's hash changes all that it says of it
+    spec = json.loads(client.hget(keys.job(job.id), "spec"))
+    spec["webhook"]["url"] = "https://elsewhere.example/"
+    client.hset(keys.job(job.id), "spec", json.dumps(spec))
+    # Then the message still goes to where its user wanted it
+    assert taken(outbox).url == URL
 
 
 @pytest.mark.parametrize(("url", "same"), [(URL, True), ("https://other.example/x", False)])
@@ -259,7 +271,7 @@ def test_for_a_day_the_former_secret_of_the_farm_signs_too(outbox: Outbox) -> No
     second = outbox.renew_farm_secret()
     assert outbox.farm_secrets() == (second, first)
     third = outbox.renew_farm_secret()
-    assert outbox.farm_secrets() == (third, second)
+    assert outbox.farm_secrets() == (third, second, first)
 
 
 def test_the_totals_count_tries(client: redis.Redis, outbox: Outbox) -> None:

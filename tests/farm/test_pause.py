@@ -67,7 +67,7 @@ def test_no_slice_of_a_paused_job_is_leased(farm: Farm) -> None:
     assert farm.jobs.pause(job.id).state is JobState.PAUSED
     assert farm.lease() is None
     # What is being rendered is kept alive, and committed
-    assert farm.worker().heartbeat({}, (held,)) == set()
+    assert farm.worker().heartbeat({}, (held,)) == ()
     assert farm.commit(held) is Committed.COMMITTED
     assert farm.jobs.get(job.id).state is JobState.PAUSED
     # When it is resumed, it goes on with the next

@@ -110,11 +110,11 @@ def test_a_lease_that_is_not_renewed_goes_to_another_worker(farm: Farm) -> None:
     second = lease(quick)
     assert (second.index, second.tries) == (first.index, 2)
     # The zombie comes back: its heartbeat says that the slice is not its own any more
-    assert slow.heartbeat({}, (first,)) == {first.job_id}
+    assert slow.heartbeat({}, (first,)) == (first,)
     # A slice is the same from both, so whoever commits it first has done it
     assert commit(slow, first) is Committed.COMMITTED
     assert commit(quick, second, blob="another") is Committed.DUPLICATE
-    assert quick.heartbeat({}, (second,)) == {second.job_id}
+    assert quick.heartbeat({}, (second,)) == (second,)
 
 
 def test_nobody_is_robbed_or_blamed_when_the_whole_farm_was_cut_off(farm: Farm) -> None:
@@ -126,7 +126,7 @@ def test_nobody_is_robbed_or_blamed_when_the_whole_farm_was_cut_off(farm: Farm) 
     time.sleep(2 * LEASE_S)
     # Then the first that reaches it again does not get the slice of the one that could not renew
     assert other.lease(VARIANTS, None, in_turn=False) is None
-    assert cut_off.heartbeat({}, (held,)) == set()
+    assert cut_off.heartbeat({}, (held,)) == ()
     # But one that stays away loses it a lease later
     for _ in range(5):
         time.sleep(LEASE_S / 3)
@@ -162,7 +162,7 @@ def test_heartbeats_keep_a_lease(farm: Farm) -> None:
     held = lease(worker)
     for _ in range(4):
         time.sleep(LEASE_S / 2)
-        assert worker.heartbeat({}, (held,)) == set()
+        assert worker.heartbeat({}, (held,)) == ()
         assert other.lease(VARIANTS, None, in_turn=False) is None
     assert commit(worker, held) is Committed.COMMITTED
 
@@ -199,6 +199,38 @@ def test_three_silent_deaths_poison_the_job_too(farm: Farm) -> None:
     assert "worker c was lost" in farm.jobs.get(job.id).reason
 
 
+def lost_one_after_the_other(farm: Farm, job: Job, most: int) -> int:
+    """Cut off a worker, till another has its slice, then the next; each is heard of again then.
+
+    Returns how many the job survived of so many.
+    """
+    lease_s, watching = 0.2, farm.worker("watching")
+    previous = None
+    for number in range(most):
+        worker = SliceQueue(farm.client, f"cut off {number}", lease_s)
+        worker.heartbeat({"variants": VARIANTS}, ())
+        while worker.lease(VARIANTS, None, in_turn=False) is None:
+            watching.heartbeat({}, ())  # so that the farm as a whole is not silent
+            if farm.jobs.get(job.id).state.ended:
+                return number
+        if previous is not None:
+            previous.heartbeat({"variants": VARIANTS}, ())
+        previous = worker
+    return most
+
+
+def test_a_worker_that_is_heard_of_again_has_not_died(farm: Farm) -> None:
+    job, _ = farm.job(slices=1)
+    assert lost_one_after_the_other(farm, job, 6) == 6
+    assert farm.jobs.get(job.id).state is JobState.RENDERING
+
+
+def test_a_slice_is_not_forgiven_for_ever(farm: Farm) -> None:
+    job, _ = farm.job(slices=1)
+    assert lost_one_after_the_other(farm, job, 20) == 13
+    assert "worker cut off 12 was lost" in farm.jobs.get(job.id).reason
+
+
 def test_overlapping_seeds_are_refused(farm: Farm) -> None:
     farm.job()
     worker = farm.worker("w")
@@ -217,7 +249,7 @@ def test_cancelling_withdraws_everything_at_once(farm: Farm) -> None:
     assert farm.jobs.cancel(job.id).state is JobState.CANCELLED  # again is harmless
     assert not farm.client.exists(keys.job(job.id, "slices"))
     assert worker.lease(VARIANTS, None, in_turn=False) is None
-    assert worker.heartbeat({}, (held,)) == {job.id}
+    assert worker.heartbeat({}, (held,)) == (held,)
     assert commit(worker, held) is Committed.ENDED
     farm.owners.plan(owned, range(8))
     assert not farm.client.exists(keys.job(job.id, "slices"))

@@ -1,5 +1,6 @@
 """A job's specification: sane defaults, and everything wrong is refused by name."""
 
+import json
 from typing import Any
 
 import pytest
@@ -55,3 +56,20 @@ def test_parameters_are_written_as_mitsuba_reads_them() -> None:
 def test_a_spec_survives_its_json() -> None:
     spec = JobSpec(parameters={"width": 64, "light": 1.5}, watch=[{"name": "fixed", "spp": 50}])
     assert JobSpec.model_validate_json(spec.model_dump_json()) == spec
+
+
+@pytest.mark.parametrize(
+    "spec",
+    [
+        JobSpec(),
+        JobSpec(step=50, max_spp=200, parameters={"width": 64}),
+        JobSpec.model_validate(
+            {"rule": {"name": "fixed", "spp": 100}, "watch": [{"name": "visible"}]}
+        ),
+    ],
+)
+def test_a_request_says_only_what_is_no_default(spec: JobSpec) -> None:
+    said = json.loads(spec.as_request())
+    default = JobSpec()
+    assert all(getattr(spec, name) != getattr(default, name) for name in said)
+    assert JobSpec.model_validate_json(spec.as_request()) == spec

@@ -192,7 +192,7 @@ class TestFinishedJobs:
         queue.died(lease, "killed", 1.0, "words")
         queue.hand_back(lease)
         queue.fail(lease, "not my fault")
-        assert queue.heartbeat({"id": "worker-1"}, (lease,)) == {job.id}
+        assert queue.heartbeat({"id": "worker-1"}, (lease,)) == (lease,)
         # Then Redis still has nothing of the job
         assert keys_of(client, job.id) == set()
         assert client.scard(keys.UNFINISHED) == client.zcard(keys.OPEN) == 0

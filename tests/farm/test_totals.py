@@ -13,7 +13,7 @@ from farm.queue import Committed, Lease, SliceQueue, SliceRecord
 from farm.scripts import Scripts
 from farm.spec import JobSpec
 from farm.states import JobState
-from farm.totals import MonitorWork, note_sweep, take_census
+from farm.totals import Demand, MonitorWork, note_sweep, take_census
 
 LEASE_S = 0.5
 PIXELS = 8 * 4
@@ -135,6 +135,78 @@ class TestSlices:
         farm.jobs.pause(job.id)
         assert farm.jobs.census().slices == {"waiting": 0, "leased": 1}
         assert farm.jobs.census().queue_age_s == 0
+
+
+class TestDemand:
+    def test_is_for_workers_of_the_variant_that_a_job_needs(self, farm: Farm) -> None:
+        farm.job(slices=4, variant="cuda_ad_rgb")
+        farm.job(slices=3, variant="scalar_rgb")
+        farm.lease()
+        census = farm.jobs.census()
+        assert census.demand_for(["cuda_ad_rgb"]) == Demand(waiting=4, leased=0)
+        assert census.demand_for(["llvm_ad_rgb", "scalar_rgb"]) == Demand(waiting=2, leased=1)
+        assert census.demand_for([]) == Demand(waiting=6, leased=1)
+
+    def test_of_a_job_that_anybody_may_begin_is_for_all_until_it_is_pinned(
+        self, farm: Farm
+    ) -> None:
+        farm.job(slices=4)
+        assert farm.jobs.census().demand_for(["cuda_ad_rgb"]) == Demand(waiting=4, leased=0)
+        farm.lease()
+        assert farm.jobs.census().demand_for(["cuda_ad_rgb"]) == Demand(waiting=0, leased=0)
+        assert farm.jobs.census().demand_for(["scalar_rgb"]) == Demand(waiting=3, leased=1)
+
+    def test_is_for_workers_of_the_pool_with_the_tags_that_a_job_requires(self, farm: Farm) -> None:
+        farm.job(slices=1)
+        farm.job(slices=2, pool="night", variant="scalar_rgb")
+        farm.job(slices=4, pool="night", requires=("big", "new"))
+        census = farm.jobs.census()
+        assert census.demand_for(pool="default").waiting == 1
+        assert census.demand_for(pool="night").waiting == 6
+        assert census.demand_for(pool="night", tags=()).waiting == 2
+        assert census.demand_for(pool="night", tags=["old", "big", "new"]).waiting == 6
+        assert census.demand_for(pool="night", tags=["big"]).waiting == 2
+        assert census.demand_for(["cuda_ad_rgb"], pool="night").waiting == 4
+        assert census.demand_for().waiting == 7
+        by_variant = {one: found.waiting for one, found in census.demand_by_variant().items()}
+        assert by_variant == {"auto": 5, "scalar_rgb": 2}
+
+    def test_includes_what_is_rendered_so_that_nobody_stops_who_renders(self, farm: Farm) -> None:
+        farm.job(slices=1)
+        farm.lease()
+        assert farm.jobs.census().demand_for([]).slices == 1
+
+    def test_may_leave_out_jobs_of_low_priority(self, farm: Farm) -> None:
+        farm.job(slices=4)
+        farm.job(slices=2, priority=-5)
+        assert farm.jobs.census(from_priority=-5).demand_for([]).waiting == 6
+        assert farm.jobs.census(from_priority=0).demand_for([]).waiting == 4
+        assert farm.jobs.census(from_priority=1).demand_for([]).waiting == 0
+
+    def test_of_a_farm_that_never_rendered_takes_a_second_for_each_slice(self, farm: Farm) -> None:
+        farm.job(slices=3)
+        assert farm.jobs.census().demand_for([]).work_s == 3
+
+    def test_takes_as_long_as_the_slices_of_the_job_took(self, farm: Farm) -> None:
+        _, owned = farm.job(slices=5)
+        farm.commit(farm.lease())  # in half a second
+        farm.lease()
+        assert farm.jobs.census().demand_for([]).work_s == 2  # three that wait and one leased
+        # If the monitor expects it to end after 41 slices
+        farm.owners.plan(owned, range(6), expected_spp=41 * 25)
+        demand = farm.jobs.census().demand_for([])
+        assert (demand.left, demand.work_s) == (40, 20)
+        # And another job begins, of which nothing is known yet
+        farm.job(slices=2)
+        assert farm.jobs.census().demand_for([]).work_s == 21
+
+    def test_ends_with_what_may_be_leased_though_its_end_seems_far(self, farm: Farm) -> None:
+        _, owned = farm.job(slices=2)
+        farm.owners.plan(owned, range(2), expected_spp=1000)
+        farm.commit(farm.lease())
+        assert farm.jobs.census().demand_for([]).work_s == 0.5 * 39
+        farm.lease()
+        assert farm.jobs.census().demand_for([]).work_s == 0.5
 
 
 class TestJobs:

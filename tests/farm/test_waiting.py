@@ -2,8 +2,9 @@
 
 import json
 import threading
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Iterator
+from itertools import count
 
 import pytest
 import redis
@@ -12,6 +13,7 @@ from hypothesis import strategies as st
 
 from farm import keys
 from farm.embedded import EmbeddedRedis
+from farm.fit import Kind
 from farm.jobs import Jobs
 from farm.ownership import Ownership, Ownerships
 from farm.queue import Lease, SliceQueue, SliceRecord
@@ -27,10 +29,12 @@ from tests.support.long_tests import WANTED
 
 LEASE_S = 600  # nothing runs out by itself
 WORKERS = {
-    "gpu": ("cuda_ad_rgb", "llvm_ad_rgb", "scalar_rgb"),
-    "cpu": ("llvm_ad_rgb", "scalar_rgb"),
-    "old": ("scalar_rgb",),
+    "gpu": Kind(("cuda_ad_rgb", "llvm_ad_rgb", "scalar_rgb"), tags=("gpu", "highmem")),
+    "cpu": Kind(("llvm_ad_rgb", "scalar_rgb")),
+    "old": Kind(("scalar_rgb",), tags=("highmem",)),
+    "far": Kind(("llvm_ad_rgb", "scalar_rgb"), pool="far", tags=("gpu",)),
 }
+LONG_AGO, LONG_TO_COME, USUAL_MS = "1", "9000000000000", 500
 
 
 @pytest.fixture(scope="module")
@@ -52,7 +56,11 @@ class History:
         self.client = client
         self.jobs = Jobs(client)
         self.owners = Ownerships(client, lease_s=600)
-        self.queues = {name: SliceQueue(client, name, LEASE_S) for name in WORKERS}
+        self.queues = {
+            name: SliceQueue(client, name, LEASE_S, pool=kind.pool, tags=kind.tags)
+            for name, kind in WORKERS.items()
+        }
+        self.late: set[tuple[str, str]] = set()  # entries of jobs that are leased for long
         self.made: list[tuple[Ownership, JobSpec]] = []
         self.leases: list[tuple[str, Lease]] = []
         self.loaded = dict.fromkeys(WORKERS, "")
@@ -69,6 +77,8 @@ class History:
             batch=(None, "one", "two:auto 0", None)[b % 4],
             variant=("auto", "auto", "llvm_ad_rgb", "scalar_rgb")[a // 3 % 4],
             slice_spp=(25, 100)[b // 4 % 2],
+            pool=("default", "default", "far")[a // 36 % 3],
+            requires=((), (), ("gpu",), ("gpu", "highmem"))[b // 8 % 4],
         )
         owner = ("", "0123456789ab", "cafecafecafe")[a // 12 % 3]
         job = self.jobs.create(spec, name="box", scene_sha256="00", owner=owner).job
@@ -104,17 +114,23 @@ class History:
 
     def lease(self, a: int, b: int) -> None:
         worker = sorted(WORKERS)[a % len(WORKERS)]
+        kind = WORKERS[worker]
         arguments = (self.loaded[worker], b % 2, LEASE_S * 1000, MAX_TRIES)
         answer = "again"
         while answer == "again":
-            expected = scan(self.client, WORKERS[worker], self.loaded[worker], in_turn=b % 2 == 1)
-            variants = json.dumps(WORKERS[worker])
-            answer = Scripts(self.client).run("lease", worker, variants, *arguments)
+            self.stop_the_clock()
+            late = late_slices(self.client, kind, worker, {job_id for job_id, _ in self.late})
+            expected = scan(self.client, kind, self.loaded[worker], in_turn=b % 2 == 1)
+            if expected is None:  # then the slice that holds up another job's image
+                expected = min(late, default=None)
+            answer = Scripts(self.client).run("lease", worker, kind.text, *arguments)
         if expected is None:
-            assert answer == "none"
+            assert answer.startswith("none")
             return
         found = json.loads(answer)
         assert found["job"] == expected
+        if expected in late:
+            assert found["index"] == late[expected]
         spec = next(spec for owned, spec in self.made if owned.job_id == expected)
         held = Lease(
             job_id=found["job"],
@@ -127,6 +143,37 @@ class History:
         )
         self.leases.append((worker, held))
         self.loaded[worker] = held.job_id
+
+    def dawdle(self, a: int, b: int) -> None:
+        """A slice takes its worker very long."""
+        if self.leases:
+            _, held = self.leases[a % len(self.leases)]
+            self.late.add((held.job_id, held.entry))
+
+    def stop_the_clock(self) -> None:
+        """Slices are late, or not, by what happens here alone."""
+        jobs = self.client.zrange(keys.OPEN, 0, -1)
+        reads, writes = self.client.pipeline(), self.client.pipeline()
+        for job_id in jobs:
+            reads.hgetall(keys.job(job_id, "leases"))
+            reads.hmget(keys.job(job_id), "prefix", "late_ms", "late")
+        answers = iter(reads.execute())
+        for job_id, leases, (prefix, late_ms, filed) in zip(jobs, answers, answers, strict=True):
+            job = keys.job(job_id)
+            since = {}
+            for index, noted in leases.items():
+                entries = noted.partition(" ")[2]
+                late = (job_id, entries.split()[1]) in self.late
+                since[index] = LONG_AGO if late else LONG_TO_COME
+                writes.hset(keys.job(job_id, "leases"), index, f"{since[index]} {entries}")
+            writes.delete(keys.job(job_id, "paces"))
+            if late_ms:
+                writes.hset(job, "late_ms", USUAL_MS)
+            if filed:
+                class_, late_at = filed.partition(" ")[2], int(since[prefix or "0"]) + USUAL_MS
+                writes.zadd(keys.LATE, {f"{job_id} {class_}": late_at}, xx=True)
+                writes.hset(job, "late", f"{late_at} {class_}")
+        writes.execute()
 
     def commit(self, a: int, b: int) -> None:
         """A commit in time, or, where the slice has gone to another, a late one."""
@@ -187,9 +234,7 @@ class History:
             self.owners.reject(owned, records[b % len(records)], "its partial is spoiled")
 
 
-def scan(
-    client: redis.Redis, variants: tuple[str, ...], loaded: str, *, in_turn: bool
-) -> str | None:
+def scan(client: redis.Redis, kind: Kind, loaded: str, *, in_turn: bool) -> str | None:
     """The job that the next slice is of, by looking at every open one, its stream included."""
     of_owner: dict[str, int] = defaultdict(int)
     in_group: dict[object, int] = defaultdict(int)
@@ -204,9 +249,8 @@ def scan(
         of_owner[owner] += len(pending) * int(job["slice_spp"])
         in_group[group] += len(pending) * int(job["slice_spp"])
         stale = [one for one in pending if one["time_since_delivered"] >= LEASE_S * 1000]
-        wanted = job.get("variant", job["asked_variant"])
         if (
-            (wanted == "auto" or wanted in variants)
+            suits(kind, job)
             and job["state"] in {JobState.QUEUED, JobState.RENDERING}
             and "held" not in job
             and (stale or int(job["ready"]) > 0)
@@ -219,11 +263,48 @@ def scan(
     return found[0][3] if found else None
 
 
+def suits(kind: Kind, job: dict[str, str]) -> bool:
+    spec, wanted = (
+        JobSpec.model_validate_json(job["spec"]),
+        job.get("variant", job["asked_variant"]),
+    )
+    return (
+        (wanted == "auto" or wanted in kind.variants)
+        and spec.pool == kind.pool
+        and all(tag in kind.tags for tag in spec.requires)
+    )
+
+
+def late_slices(client: redis.Redis, kind: Kind, worker: str, dawdling: set[str]) -> dict[str, int]:
+    """Of each of these jobs that this worker may help, the slice that holds it up."""
+    found = {}
+    for job_id in dawdling.intersection(client.zrange(keys.OPEN, 0, -1)):
+        job, slices = client.hgetall(keys.job(job_id)), keys.job(job_id, "slices")
+        waits = int(job["ready"]) - int(job["planned"]) + int(job["issued"])
+        if job["state"] != JobState.RENDERING or not suits(kind, job) or waits:
+            continue
+        pending = client.xpending_range(slices, keys.GROUP, "-", "+", 1000)
+        if any(one["time_since_delivered"] >= LEASE_S * 1000 for one in pending):
+            continue
+        done = client.hkeys(keys.job(job_id, "ledger"))
+        prefix = next(index for index in count() if str(index) not in done)
+        indices = dict(client.xrange(slices))
+        tries = [one for one in pending if indices[one["message_id"]]["index"] == str(prefix)]
+        since = (client.hget(keys.job(job_id, "leases"), prefix) or "").partition(" ")[0]
+        if (
+            [one["consumer"] == worker for one in tries] == [False]
+            and since == LONG_AGO
+            and "late_ms" in job
+        ):
+            found[job_id] = prefix
+    return found
+
+
 def index(client: redis.Redis) -> dict[str, object]:
     """All that only the index has: its keys, and what is filed of each open job."""
     found: dict[str, object] = {}
     for key in client.scan_iter(f"{keys.PREFIX}*", count=10_000):
-        if key.startswith(f"{keys.PREFIX}share:"):
+        if key.startswith(f"{keys.PREFIX}share:") or key == keys.NEEDS:
             found[key] = client.hgetall(key)
         elif key.startswith(keys.WAITING) or key.endswith(":lost"):
             found[key] = client.zrange(key, 0, -1, withscores=True)
@@ -247,6 +328,8 @@ def make_layout_3(client: redis.Redis) -> None:
             for number in range(issued, planned):
                 client.xadd(keys.job(job_id, "slices"), {"index": number})
         client.hdel(keys.job(job_id), "filed", "leased", "issued")
+        client.delete(keys.job(job_id, "owner"))
+    client.delete(keys.WORKERS, keys.MONITORS)  # all were stopped
     client.set(keys.SCHEMA, 3)
 
 
@@ -257,7 +340,7 @@ def note_what_ran_out(client: redis.Redis) -> None:
 
 
 NUMBERS = st.integers(0, 2**16)
-KINDS = ["create", "plan", "steer", "commit", "give_up", "run_out", "renew", "reject"]
+KINDS = ["create", "plan", "steer", "commit", "give_up", "run_out", "renew", "reject", "dawdle"]
 HISTORIES = st.lists(
     st.tuples(st.sampled_from([*KINDS, *["lease"] * len(KINDS)]), NUMBERS, NUMBERS),
     min_size=20,
@@ -280,6 +363,10 @@ def test_the_index_chooses_as_a_look_at_every_job_does(
         history.create(7 * number, 5 * number)
     for event in events:
         history.happens(*event)
+    # A slice is never given to more than two
+    for job_id in quick.zrange(keys.OPEN, 0, -1):
+        entries = quick.xrange(keys.job(job_id, "slices"))
+        assert max(Counter(one["index"] for _, one in entries).values(), default=0) <= 2
     # The index is the same as one that is made afresh, of data that had none
     note_what_ran_out(quick)
     kept = index(quick)
@@ -307,7 +394,7 @@ def test_a_lease_asks_no_more_of_redis_where_more_jobs_wait(
 
     def cost() -> int:
         before = commands()
-        assert queue.lease(WORKERS["cpu"], None, in_turn=False) is not None
+        assert queue.lease(WORKERS["cpu"].variants, None, in_turn=False) is not None
         return commands() - before
 
     history, queue = History(quick), SliceQueue(quick, "one", LEASE_S)
@@ -337,8 +424,9 @@ class TestIdleWorkers:
         waiting = {name: Wake(client, keys.wake_worker(name)) for name in workers}
         for name, wake in waiting.items():
             wake.wait(0.0, threading.Event())
-            queue = SliceQueue(client, name, LEASE_S)
-            assert queue.lease(WORKERS[name.partition("-")[0]], None, in_turn=False) is None
+            kind = WORKERS[name.partition("-")[0]]
+            queue = SliceQueue(client, name, LEASE_S, pool=kind.pool, tags=kind.tags)
+            assert queue.lease(kind.variants, None, in_turn=False) is None
         return waiting
 
     def woken(self, waiting: dict[str, Wake], stop: threading.Event) -> set[str]:
@@ -352,7 +440,7 @@ class TestIdleWorkers:
         assert len(first) == 2
         # The first lease chooses a variant: for the other slice another is woken, who has it
         queues = [SliceQueue(quick, name, LEASE_S) for name in sorted(first)]
-        taken = [queue.lease(WORKERS["cpu"], None, in_turn=False) for queue in queues]
+        taken = [queue.lease(WORKERS["cpu"].variants, None, in_turn=False) for queue in queues]
         assert None not in taken
         second = self.woken(waiting, stop)
         assert len(second) == 1

@@ -86,7 +86,7 @@ def test_the_secret_is_shown_nowhere_but_in_the_request() -> None:
     assert json.loads(spec.as_request())["webhook"]["secret"] == secret
     # What was shown is a spec again
     assert JobSpec.model_validate_json(spec.model_dump_json()).webhook is not None
-    assert JobSpec().as_request() == json.dumps(JobSpec().model_dump(mode="json"))
+    assert JobSpec().as_request() == "{}"
 
 
 def test_unknown_events_are_refused() -> None:

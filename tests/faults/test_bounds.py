@@ -276,6 +276,7 @@ def test_many_jobs_and_slices(tmp_path: Path, cache: Path) -> None:
             keys.GRACE,
             keys.TOTALS,
             keys.MONITORS,
+            keys.KINDS,
         }
         assert soak.used_memory() - empty < MOST_LEFT
         last = soak.samples[-1]

@@ -63,7 +63,7 @@ def small_farm(tmp_path_factory: pytest.TempPathFactory, cache: Path) -> Iterato
     """A farm of two workers whose children may take little."""
     limits = {
         "PLATEAU_CHILD_MEMORY_GB": "1",
-        "PLATEAU_PASS_TIMEOUT_S": "8",
+        "PLATEAU_PASS_TIMEOUT_S": "5",
         "PLATEAU_LOAD_TIMEOUT_S": "20",
     }
     with FaultyFarm(tmp_path_factory.mktemp("small"), cache, **limits) as farm:
@@ -88,7 +88,7 @@ POISONS = {
     "a pass never ends": (
         {"body": HALL_OF_MIRRORS, "depth": 1_000_000, "size": 256},
         {},
-        "longer than 8 s",
+        "longer than 5 s",
     ),
     "it wants more memory than there is": (
         {"body": "", "size": 8000},

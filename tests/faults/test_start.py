@@ -11,6 +11,7 @@ from farm import keys
 from farm.embedded import EmbeddedRedis
 from farm.redis_link import connect
 from farm.schema import VERSION
+from plateau.exits import ExitCode
 from tests.support.commands import Command, until
 
 READY = r"listens at (http://127\.0\.0\.1:\d+)"
@@ -64,7 +65,7 @@ def test_a_data_folder_that_is_too_new_is_refused(tmp_path: Path) -> None:
     # Then this one says so in a line, and leaves it as it is
     command = Command("up", "--workers", "0", "--port", "0", folder=tmp_path)
     try:
-        assert command.exit_code() == 1
+        assert command.exit_code() == ExitCode.INCOMPATIBLE
         command.is_gone()
     finally:
         command.end()
@@ -85,7 +86,7 @@ def test_each_process_refuses_what_is_too_new(
     with connect(redis_comes().url) as client:
         client.set(keys.SCHEMA, TOO_NEW)
     command = run(*arguments)
-    assert command.exit_code() == 1
+    assert command.exit_code() == ExitCode.INCOMPATIBLE
     assert REFUSAL in command.said
     assert "Traceback" not in command.said
 
@@ -119,7 +120,7 @@ def test_each_process_refuses_what_comes_late_and_is_too_new(
     command = run(*arguments)
     command.wait_for(READY if arguments[0] == "api" else "trying again")
     redis_comes()
-    assert command.exit_code() == 1
+    assert command.exit_code() == ExitCode.INCOMPATIBLE
     assert REFUSAL in command.said
     assert "Traceback" not in command.said
 

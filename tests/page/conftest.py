@@ -11,16 +11,31 @@ from playwright.sync_api import Browser, Page
 from farm import keys
 from farm.blobs import Blobs
 from farm.embedded import EmbeddedRedis
-from tests.support.browser import Visitor, chromium
+from tests.support.browser import SharedChromium, Visitor
 from tests.support.live_api import live_api
 from tests.support.noise_farm import NoiseFarm
 
+_CHROMIUM = pytest.StashKey[SharedChromium]()
+
+
+@pytest.fixture(scope="session")
+def shared_chromium(request: pytest.FixtureRequest) -> Iterator[SharedChromium]:
+    shared = request.session.stash[_CHROMIUM] = SharedChromium()
+    yield shared
+    shared.close()
+
 
 @pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    """Chromium, closed before other tests come: while it runs, nobody can call `asyncio.run`."""
-    with chromium() as browser:
-        yield browser
+def browser(shared_chromium: SharedChromium) -> Browser:
+    return shared_chromium.browser()
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_runtest_teardown(item: pytest.Item, nextitem: pytest.Item | None) -> None:
+    """Close Chromium before other tests come: while it runs, nobody can call `asyncio.run`."""
+    shared = item.session.stash.get(_CHROMIUM, None)
+    if shared and (nextitem is None or Path(__file__).parent not in nextitem.path.parents):
+        shared.close()
 
 
 @pytest.fixture(scope="session")

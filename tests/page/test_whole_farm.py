@@ -20,9 +20,9 @@ def scene(tmp_path: Path) -> Path:
 
 
 def test_a_scene_is_submitted_and_rendered_to_its_end(
-    visit: Visit, tmp_path: Path, tmp_path_factory: pytest.TempPathFactory, scene: Path
+    visit: Visit, tmp_path: Path, cache: Path, scene: Path
 ) -> None:
-    with RealFarm(tmp_path / "farm", tmp_path_factory.mktemp("cache")) as farm:
+    with RealFarm(tmp_path / "farm", cache) as farm:
         farm.start("monitor")
         farm.workers(1)
         visitor = visit(

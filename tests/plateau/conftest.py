@@ -1,18 +1,41 @@
 """A live API and a client of it."""
 
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
 from farm.blobs import Blobs
+from farm.embedded import EmbeddedRedis
 from plateau.client import Client
 from tests.support.live_api import live_api
 
 
-@pytest.fixture
-def api(redis_url: str, store: Blobs) -> Iterator[str]:
-    with live_api(redis_url, store) as url:
+@pytest.fixture(scope="session")
+def shared_store(tmp_path_factory: pytest.TempPathFactory) -> Blobs:
+    return Blobs(str(tmp_path_factory.mktemp("api-blobs")))
+
+
+@pytest.fixture(scope="session")
+def shared_api(embedded_redis: EmbeddedRedis, shared_store: Blobs) -> Iterator[str]:
+    """An API that all tests share: its first answer takes it a third of a second."""
+    with live_api(embedded_redis.url, shared_store) as url:
         yield url
+
+
+@pytest.fixture
+def api(shared_api: str, redis_url: str) -> str:
+    """The shared API, with nothing in its Redis."""
+    return shared_api
+
+
+@pytest.fixture
+def store(request: pytest.FixtureRequest, tmp_path: Path) -> Blobs:
+    """The API's blob store where a test has the API, else an empty one."""
+    if "api" in request.fixturenames:
+        shared: Blobs = request.getfixturevalue("shared_store")
+        return shared
+    return Blobs(str(tmp_path / "blobs"))
 
 
 @pytest.fixture

@@ -125,6 +125,7 @@ class TestFarm:
             slice=16,
             slices_done=12,
             samples_per_s=2.7e6,
+            plateau="0.1.0",
             last_error="slice 3: SIGSEGV",
             started_at=now.replace(hour=11),
             seen_at=now,
@@ -135,10 +136,12 @@ class TestFarm:
             "host": "vm",
             "variant": "llvm_ad_rgb",
             "threads": "8",
+            "pool": "default",
             "renders": "3b52dbb3a017/16",
             "rate": "2.70 Msamples/s",
             "done": "12",
             "up": "1 h 00 min",
+            "version": "0.1.0",
             "trouble": "slice 3: SIGSEGV",
         }
 

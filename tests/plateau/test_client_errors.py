@@ -1,21 +1,28 @@
 """The client against wrong addresses, what is no service, and one that wants to be left alone."""
 
 import contextlib
+import json
 import subprocess
 import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
+from datetime import datetime, timezone
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 import pytest
 
+from farm import versions
+from farm.job import Worker
 from plateau import ApiError, Client, ClientError, Unreachable
-from plateau.client import BadUrl, NotPlateau
+from plateau.client import BadUrl, NotPlateau, PointEvent
+from plateau.connect import connect
+from service import examples
 from service.views import JobPage
 
 #: Status, body and headers of an answer, by the number of requests before.
 Answers = Callable[[int], tuple[int, bytes, dict[str, str]]]
+_AT = datetime(2026, 11, 21, tzinfo=timezone.utc)
 _NO_JOBS = JobPage(jobs=[], next_cursor=None).model_dump_json().encode()
 
 
@@ -134,3 +141,51 @@ def test_the_package_offers_the_client_without_loading_it() -> None:
     subprocess.run([sys.executable, "-c", program], check=True)
     with pytest.raises(ImportError):
         from plateau import Klient  # noqa: F401
+
+
+class TestVersions:
+    def test_what_a_newer_service_has_added_is_left_out(
+        self, server: Callable[[Answers], str]
+    ) -> None:
+        added = {"workers": [{**examples.WORKER, "aura": "violet"}], "weather": "fair"}
+        with Client(server(lambda _: (200, json.dumps(added).encode(), {}))) as client:
+            assert client.workers() == [Worker.model_validate(examples.WORKER)]
+        point = PointEvent(id="1-0", type="point", data={**examples.POINT, "mood": 1}, at=_AT)
+        assert point.point.spp == examples.POINT["spp"]
+
+    def test_a_command_says_once_that_the_service_is_another(
+        self, server: Callable[[Answers], str], capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        url = server(lambda _: (200, _NO_JOBS, {"Plateau-Version": "7.3.1"}))
+        with connect(url) as client:
+            for _ in range(3):
+                client.jobs()
+            assert client.service_version == "7.3.1"
+        said = capsys.readouterr().err
+        assert said.count("\n") == 1
+        assert f"and the service at {url} is 7.3.1: what only one of them knows may fail" in said
+
+    @pytest.mark.parametrize("headers", [{}, {"Plateau-Version": f"{versions.plateau()}.1"}])
+    def test_and_nothing_of_one_that_knows_the_same(
+        self,
+        server: Callable[[Answers], str],
+        capsys: pytest.CaptureFixture[str],
+        headers: dict[str, str],
+    ) -> None:
+        with connect(server(lambda _: (200, _NO_JOBS, headers))) as client:
+            client.jobs()
+        assert capsys.readouterr().err == ""
+
+
+def test_a_command_waits_for_a_service_that_it_has_heard(
+    server: Callable[[Answers], str],
+) -> None:
+    # Given a service that answers, and is away for two requests then
+    away = (503, b"", {"Retry-After": "0"})
+    url = server(lambda asked: away if asked in {1, 2} else (200, _NO_JOBS, {}))
+    with connect(url) as client:
+        client.jobs()
+        assert client.jobs().jobs == []
+    # But not for one that was away from the first
+    with connect(server(lambda _: away)) as client, pytest.raises(ApiError):
+        client.jobs()

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 import scenes
 from farm.jobs import Jobs
-from farm.spec import JobSpec, Variant
+from farm.spec import JobSpec, RenderVariant
 from farm.states import JobState
 from plateau import complete
 from plateau.cli.bash_words import joined
@@ -108,7 +108,7 @@ def test_states_rules_and_variants_are_offered(offers: Offers) -> None:
     for name, about in complete.rules(""):
         assert JobSpec.model_validate({"rule": {"name": name}})
         assert about
-    assert [name for name, _ in complete.variants("")] == list(get_args(Variant))
+    assert [name for name, _ in complete.variants("")] == ["auto", *get_args(RenderVariant)]
 
 
 def test_jobs_are_offered_where_something_can_be_done_with_them(

@@ -96,6 +96,22 @@ class TestTheCommands:
             "open_jobs": 10_000,
         }
 
+    def test_take_a_key_from_a_file_and_print_it_nowhere(self, say: Say, tmp_path: Path) -> None:
+        file, shown = tmp_path / "scaler.key", f"plateau_0123456789ab_{'5' * 64}"
+        file.write_text(f"{shown}\n")
+        for _ in range(2):
+            out, err = say("keys", "create", "scaler", "--role", "viewer", "--from", str(file))
+            assert out == ""
+            assert "took key 0123456789ab (scaler), a viewer's" in err
+            assert "5" * 64 not in err
+        [listed] = json.loads(say("keys", "list", "--json")[0])
+        assert (listed["id"], listed["role"]) == ("0123456789ab", "viewer")
+        file.write_text("")
+        assert (
+            f"--from: {file} is empty"
+            in say("keys", "create", "scaler", "--from", str(file), code=1)[1]
+        )
+
     @pytest.mark.parametrize(
         ("arguments", "words"),
         [

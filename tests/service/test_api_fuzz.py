@@ -15,14 +15,18 @@ Left out are
 FUZZ_SEED sets the seed, LONG_TESTS=1 asks for many more requests.
 """
 
+import copy
 import os
 import tempfile
 import zlib
+from collections.abc import Callable
+from typing import Any
 
 import pytest
 import redis
 import schemathesis
 from hypothesis import HealthCheck, settings
+from schemathesis.checks import load_all_checks
 from schemathesis.config import (
     ChecksConfig,
     GenerationConfig,
@@ -32,6 +36,7 @@ from schemathesis.config import (
     SchemathesisConfig,
 )
 from schemathesis.core.parameters import ParameterLocation
+from schemathesis.pytest.lazy import get_all_tests
 
 from farm.api_keys import ApiKeys, KeyLimits, Role
 from farm.blobs import Blobs
@@ -77,12 +82,8 @@ def key(client: redis.Redis) -> str:
     return ApiKeys(client).create("fuzz", Role.ADMIN, limits)[1]
 
 
-def described(requests: int, *, keys: bool) -> schemathesis.BaseSchema:
-    """The API's description, with how much is asked of it; for that it needs no Redis.
-
-    Where `keys` are wanted, each request is repeated without one, and with another: a 401 is due.
-    Else nothing is said of them.
-    """
+def the_document() -> dict[str, Any]:
+    """What the API says of itself; for that it needs no Redis."""
     nowhere = "redis://127.0.0.1:1"
     with tempfile.TemporaryDirectory() as folder:
         app = create_app(
@@ -91,12 +92,27 @@ def described(requests: int, *, keys: bool) -> schemathesis.BaseSchema:
             hub=EventHub(nowhere),
             max_upload_bytes=LARGEST_UPLOAD,
         )
+    return app.openapi()
+
+
+DOCUMENT = the_document()
+OPERATIONS = [
+    f"{method.upper()} {path}" for path, item in DOCUMENT["paths"].items() for method in item
+]
+
+
+def described(requests: int, *, keys: bool) -> schemathesis.BaseSchema:
+    """The API's description, with how much is asked of it.
+
+    Where `keys` are wanted, each request is repeated without one, and with another: a 401 is due.
+    Else nothing is said of them.
+    """
     project = ProjectConfig(
         generation=GenerationConfig(max_examples=requests, database="none"),
         checks=ChecksConfig(positive_data_acceptance=PositiveDataAcceptanceConfig(enabled=False)),
     )
     config = SchemathesisConfig(seed=SEED, projects=ProjectsConfig(default=project))
-    document = app.openapi()
+    document = copy.deepcopy(DOCUMENT)
     if not keys:
         for operations in document["paths"].values():
             for operation in operations.values():
@@ -104,20 +120,57 @@ def described(requests: int, *, keys: bool) -> schemathesis.BaseSchema:
     return schemathesis.openapi.from_dict(document, config=config)
 
 
-@described(REQUESTS, keys=False).parametrize()
-@settings(deadline=None, suppress_health_check=list(HealthCheck))
+@pytest.fixture(scope="module")
+def open_api() -> schemathesis.BaseSchema:
+    return described(REQUESTS, keys=False)
+
+
+@pytest.fixture(scope="module")
+def locked_api() -> schemathesis.BaseSchema:
+    return described(REQUESTS_WITH_KEY, keys=True)
+
+
+def each_request_to(
+    operation: str, schema: schemathesis.BaseSchema, send: Callable[[schemathesis.Case], None]
+) -> None:
+    """Make up the requests to this call, and send each.
+
+    As `schema.parametrize()` does, but where they are sent: with `-n` every process collects all
+    tests, and to make up all requests takes it ten seconds.
+    """
+    load_all_checks()
+    [made] = get_all_tests(
+        schema=schema.include(name=operation),
+        test_func=send,
+        settings=settings(deadline=None, suppress_health_check=list(HealthCheck)),
+        given_kwargs=None,
+    )
+    _, test = made.ok()
+    test()
+
+
+@pytest.mark.parametrize("operation", OPERATIONS)
 def test_no_request_breaks_the_api(
-    case: schemathesis.Case, session_api: str, job_ids: list[str]
+    operation: str, open_api: schemathesis.BaseSchema, session_api: str, job_ids: list[str]
 ) -> None:
-    attack(case, session_api, job_ids)
+    def send(case: schemathesis.Case) -> None:
+        attack(case, session_api, job_ids)
+
+    each_request_to(operation, open_api, send)
 
 
-@described(REQUESTS_WITH_KEY, keys=True).parametrize()
-@settings(deadline=None, suppress_health_check=list(HealthCheck))
+@pytest.mark.parametrize("operation", OPERATIONS)
 def test_nor_does_one_with_a_key(
-    case: schemathesis.Case, session_api: str, job_ids: list[str], key: str
+    operation: str,
+    locked_api: schemathesis.BaseSchema,
+    session_api: str,
+    job_ids: list[str],
+    key: str,
 ) -> None:
-    attack(case, session_api, job_ids, headers={"Authorization": f"Bearer {key}"})
+    def send(case: schemathesis.Case) -> None:
+        attack(case, session_api, job_ids, headers={"Authorization": f"Bearer {key}"})
+
+    each_request_to(operation, locked_api, send)
 
 
 def attack(
@@ -126,7 +179,7 @@ def attack(
     name_a_real_job(case, job_ids)
     if case.path.endswith("/events"):
         case.headers["Accept"] = "application/json"
-    case.call_and_validate(base_url=url, timeout=10, headers=headers)
+    case.call_and_validate(base_url=url, timeout=60, headers=headers)
 
 
 def name_a_real_job(case: schemathesis.Case, job_ids: list[str]) -> None:

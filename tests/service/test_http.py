@@ -8,6 +8,7 @@ import httpx
 import pytest
 import redis
 
+from farm import versions
 from farm.blobs import Blobs
 from plateau.sse import parse_events
 from service.accept import chosen
@@ -244,3 +245,9 @@ class TestHeaders:
         problem(answers[1], 403, "foreign-origin")
         for answer in answers:
             assert not [name for name in answer.headers if name.startswith("access-control")]
+
+    def test_say_which_plateau_answers(self, http: httpx.Client) -> None:
+        for path in ("/v1/jobs", "/v1/jobs/0123456789ab"):
+            assert http.get(path).headers["plateau-version"] == versions.plateau()
+        # To those who are let in alone
+        assert "plateau-version" not in http.get("/v1/jobs", headers={"Origin": "http://x"}).headers

@@ -7,10 +7,11 @@ import pytest
 import redis
 
 from farm.job import Job
+from farm.jobs import Jobs
 from farm.queue import SliceQueue
 from farm.spec import JobSpec
 from farm.states import JobState
-from service.look_ahead import LookAhead
+from service.look_ahead import Crew, LookAhead
 from tests.farm.test_workers import about
 from tests.support.commands import until
 from tests.support.noise_farm import NoiseFarm
@@ -52,6 +53,15 @@ def test_far_from_its_end_no_worker_waits(expected_spp: int | None) -> None:
     assert ahead(expected_spp).stop(20, ENOUGH) == 53
 
 
+@pytest.mark.parametrize(
+    ("expected_spp", "end_spp"), [(None, 1000), (1200, 1200), (300, 500), (9000, 2000)]
+)
+def test_the_end_is_behind_what_is_merged_and_not_behind_the_cap(
+    expected_spp: int | None, end_spp: int
+) -> None:
+    assert ahead(expected_spp).expected_end_spp(20) == end_spp
+
+
 def test_nothing_is_planned_beyond_the_cap() -> None:
     assert ahead(None).stop(70, ENOUGH) == 80
 
@@ -80,6 +90,22 @@ def test_between_two_evaluations_it_is_the_next_one() -> None:
 def test_a_long_job_has_a_few_to_spare() -> None:
     # 60 slices are merged: two more are planned than the evaluation at 1,600 spp needs
     assert ahead(1550).stop(60, ENOUGH) == 66
+
+
+def test_only_workers_count_that_may_render_the_job(client: redis.Redis) -> None:
+    gpu = {"pool": "night", "tags": ["gpu"]}
+    for name, more in (("a", {}), ("b", {}), ("c", gpu), ("d", {"trouble": "the disk is full"})):
+        SliceQueue(client, name, 60).heartbeat({**about(name), **more}, ())
+    crew = Crew(Jobs(client).workers())
+    made = job()
+
+    def enough(**changes: object) -> int:
+        return crew.enough(made.model_copy(update={"spec": made.spec.model_copy(update=changes)}))
+
+    assert enough() == 5
+    assert enough(pool="night") == enough(pool="night", requires=("gpu",)) == 3
+    assert enough(requires=("gpu",)) == 3  # nobody, and yet the first that comes has work
+    assert enough(variant="cuda_ad_rgb") == 3
 
 
 def test_few_workers_are_not_given_more_than_they_need() -> None:

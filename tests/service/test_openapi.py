@@ -34,7 +34,9 @@ Operation = tuple[str, str, dict[str, Any]]
 
 @pytest.fixture(scope="session")
 def document(session_api: str) -> dict[str, Any]:
-    found: dict[str, Any] = httpx.get(f"{session_api}/openapi.json", trust_env=False).json()
+    found: dict[str, Any] = httpx.get(
+        f"{session_api}/openapi.json", trust_env=False, timeout=60
+    ).json()
     return found
 
 

@@ -34,6 +34,7 @@ class FaultyFarm(RealFarm):
         signal_name: str = "SIGKILL",
         target: str = "self",
         constants: dict[str, object] | None = None,
+        inside: tuple[str, ...] = (),
         **environment: str,
     ) -> subprocess.Popen[bytes]:
         """Start a process that a signal hits at a stage; see `tests.support.stages`."""
@@ -46,7 +47,10 @@ class FaultyFarm(RealFarm):
             "set": constants or {},
         }
         module = "tests.support.stages"
-        return self.start(role, *arguments, module=module, STAGE=json.dumps(stage), **environment)
+        armed = json.dumps(stage)
+        return self.start(
+            role, *arguments, module=module, inside=inside, STAGE=armed, **environment
+        )
 
     def start_changed(self, role: str, **changes: object) -> subprocess.Popen[bytes]:
         """Start a process with the changes `set` or `clock_s` of `tests.support.stages`."""

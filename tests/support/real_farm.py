@@ -28,9 +28,9 @@ class RealFarm:
     """Starts processes as a user would: ``python -m plateau …`` with settings by environment."""
 
     def __init__(
-        self, folder: Path, cache: Path, blobs: Path | None = None, **settings: str
+        self, folder: Path, cache: Path, blobs: Path | str | None = None, **settings: str
     ) -> None:
-        self.redis = EmbeddedRedis(folder / "redis")
+        self.redis = self._start_redis(folder / "redis")
         self.environment = {
             **os.environ,
             "PLATEAU_REDIS_URL": self.redis.url,
@@ -78,10 +78,11 @@ class RealFarm:
         *arguments: str,
         passed: tuple[int, ...] = (),
         module: str = "plateau",
+        inside: tuple[str, ...] = (),
         **environment: str,
     ) -> subprocess.Popen[bytes]:
         process = subprocess.Popen(
-            [sys.executable, "-m", module, *arguments],
+            [*inside, sys.executable, "-m", module, *arguments],
             env={**self.environment, **environment},
             pass_fds=passed,
             start_new_session=True,
@@ -118,6 +119,9 @@ class RealFarm:
         """The curve but for the times of its points."""
         points: list[CurvePoint] = self.client.curve(job.id)
         return [point.model_dump(exclude={"at"}) for point in points]
+
+    def _start_redis(self, data: Path) -> EmbeddedRedis:
+        return EmbeddedRedis(data)
 
     def _start_api(self) -> str:
         reads, writes = os.pipe()

@@ -13,14 +13,16 @@ class RedisProxy:
 
     ``through`` forwards; ``refuse`` closes what there is and what comes; ``silent`` accepts and
     forwards nothing in either direction, as a cut cable; ``deaf`` forwards what is asked and drops
-    the answers, so that every write is done and none is confirmed. `delay_s` is added to each
-    packet in each direction.
+    the answers, so that every write is done and none is confirmed; ``forgetful`` drops one answer,
+    after `answers_before` others, with its connection, and forwards again. `delay_s` is added to
+    each packet in each direction.
     """
 
     def __init__(self, redis_socket: Path) -> None:
         self._redis_socket = str(redis_socket)
         self.mood = "through"
         self.delay_s = 0.0
+        self.answers_before = 0
         self._listener = socket.create_server(("127.0.0.1", 0), backlog=64)
         self.url = f"redis://127.0.0.1:{self._listener.getsockname()[1]}"
         self._open: set[socket.socket] = set()
@@ -90,6 +92,11 @@ class RedisProxy:
                     time.sleep(self.delay_s)
                 if self.mood == "silent" or (self.mood == "deaf" and not asks):
                     continue
+                if self.mood == "forgetful" and not asks:
+                    self.answers_before -= 1
+                    if self.answers_before < 0:
+                        self.mood = "through"
+                        break
                 sink.sendall(chunk)
         for one in (source, sink):
             with contextlib.suppress(OSError):

@@ -21,6 +21,7 @@ from farm.exr import decode_partial
 from farm.job import Job
 from farm.jobs import Jobs
 from farm.ownership import Ownership, Ownerships
+from farm.queue import Committed, Lease, SliceQueue, SliceRecord
 from farm.schema import check_schema
 from farm.seeds import SeedSchedule
 from farm.settings import Settings
@@ -91,6 +92,17 @@ class Bench:
 @pytest.fixture
 def bench(client: redis.Redis, redis_url: str, store: Blobs, tmp_path: Path) -> Bench:
     return Bench(client, redis_url, store, tmp_path)
+
+
+def test_it_shows_life_whether_redis_answers_or_not(bench: Bench, tmp_path: Path) -> None:
+    alive = tmp_path / "alive"
+    bench.settings = bench.settings.model_copy(
+        update={"alive_file": alive, "redis_url": f"unix://{tmp_path}/nobody.sock"}
+    )
+    with bench.worker():
+        until(alive.exists)
+        first = alive.stat().st_mtime_ns
+        until(lambda: alive.stat().st_mtime_ns > first)
 
 
 def until(condition: Callable[[], object], seconds: float = 120) -> None:
@@ -262,17 +274,83 @@ def test_a_cancelled_job_frees_the_worker_at_once(bench: Bench, client: redis.Re
     assert bench.store.names(blobs.partials(job.id)) == []
 
 
+def test_a_worker_that_was_outrun_stops_at_its_next_pass(bench: Bench) -> None:
+    # Given a worker with a slice that takes it minutes
+    job, _ = bench.job(slices=2, parameters={"size": 512}, slice_spp=2500, step=2500)
+    other = SliceQueue(bench.client, "other", 60)
+    leased: list[Lease] = []
+
+    def is_given(index: int) -> bool:
+        found = other.lease(("scalar_rgb",), None, in_turn=False)
+        leased.extend([found] if found else [])
+        return [lease.index for lease in leased[-1:]] == [index]
+
+    def commit() -> Committed:
+        record = SliceRecord(
+            index=leased[-1].index,
+            spp=2500,
+            first_seed=10 * leased[-1].index,
+            last_seed=10 * leased[-1].index + 1,
+            blob=f"the other's {leased[-1].index}",
+            sha256="00",
+            worker="other",
+            render_s=1.0,
+        )
+        return other.commit(leased[-1], record, width=512, height=512, notes=())
+
+    with bench.worker() as worker:
+        until(lambda: worker._rendering is not None)
+        slow = worker._rendering
+        # And another that is done with the next one at once, and then is given the first too
+        assert is_given(1)
+        assert commit() is Committed.COMMITTED
+        until(lambda: is_given(0))
+        assert commit() is Committed.COMMITTED
+        # Then the slow one stops, and what it spent is counted as waste
+        until(lambda: worker._rendering is not slow, 60)
+        until(lambda: bench.jobs.get(job.id).wasted_s > 0, 60)
+    assert [one["worker"] for one in bench.jobs.ledger(job.id).values()] == ["other", "other"]
+    assert bench.store.names(blobs.partials(job.id)) == []
+
+
 def test_a_stopped_worker_hands_its_slice_back(bench: Bench) -> None:
     job, _ = bench.job(slices=1, parameters={"size": 256}, slice_spp=1000, step=1000)
     with bench.worker():
         until(lambda: bench.jobs.get(job.id).state is JobState.RENDERING)
         time.sleep(0.3)
     # The slice can be leased at once, and no try was counted
-    from farm.queue import SliceQueue
-
     found = SliceQueue(bench.client, "next", 60).lease(("scalar_rgb",), None, in_turn=False)
     assert found is not None
     assert (found.index, found.tries) == (0, 1)
+
+
+def test_a_signal_to_all_of_its_processes_harms_no_slice(bench: Bench) -> None:
+    """As Slurm and systemd send it: the child hears it too, and must not die of it first."""
+    job, _ = bench.job(slices=1, parameters={"size": 512}, slice_spp=4096, step=4096, max_spp=8192)
+    with bench.worker():
+        until(render_children)
+        child = the_child()
+        until(lambda: child.cpu_times().user > 0.5)
+        child.send_signal(signal.SIGTERM)
+        worked = child.cpu_times().user
+        until(lambda: child.cpu_times().user > worked + 0.2)
+    (returned,) = bench.jobs.log(job.id)
+    assert (returned.what, returned.cause) == ("handed-back", "the worker stops")
+
+
+def test_a_worker_without_work_leaves_where_it_was_told_to(bench: Bench) -> None:
+    bench.settings = bench.settings.model_copy(update={"leave_after_s": 0.5, "label": "slurm:7_1"})
+    job, _ = bench.job(slices=3)
+    worker = Supervisor(bench.settings, SCALAR, bench.store, threading.Event())
+    thread = threading.Thread(target=worker.run)
+    thread.start()
+    until(lambda: bench.jobs.workers() != [])
+    assert bench.jobs.workers()[0].label == "slurm:7_1"
+    # It has done what there was before, and signs off
+    thread.join(60)
+    assert not thread.is_alive()
+    assert len(bench.jobs.ledger(job.id)) == 3
+    assert bench.jobs.workers() == []
 
 
 def test_a_redis_that_is_away_for_a_while_costs_nothing(

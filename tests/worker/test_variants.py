@@ -200,6 +200,17 @@ class TestMemory:
         assert [one.variant for one in choice.tried] == [CUDA, SCALAR]
         assert not (tmp_path / "variant.json").exists()
 
+    def test_a_probe_that_was_told_to_stop_says_nothing_of_its_library(
+        self, tmp_path, broken_library, monkeypatch
+    ):
+        # As when Slurm ends a worker that is about to find out what works here.
+        told = Probe(
+            LLVM, str(broken_library), ok=False, detail="was ended by SIGTERM, saying nothing"
+        )
+        monkeypatch.setattr(variants, "probe", lambda *_: told)
+        assert choose(tmp_path).variant == SCALAR
+        assert not (tmp_path / "variant.json").exists()
+
 
 def test_the_supervisors_side_never_imports_mitsuba():
     script = "import sys, worker.variants; sys.exit('mitsuba' in sys.modules)"

@@ -1,0 +1,180 @@
+{{/* The release's name, as the first part of all names. */}}
+{{- define "plateau.name" -}}
+{{- if contains .Chart.Name .Release.Name -}}
+{{- .Release.Name | trunc 40 | trimSuffix "-" -}}
+{{- else -}}
+{{- printf "%s-%s" .Release.Name .Chart.Name | trunc 40 | trimSuffix "-" -}}
+{{- end -}}
+{{- end -}}
+
+{{/* By which pods are found; a dict of root and part. */}}
+{{- define "plateau.selector" -}}
+app.kubernetes.io/name: {{ .root.Chart.Name }}
+app.kubernetes.io/instance: {{ .root.Release.Name }}
+app.kubernetes.io/component: {{ .part }}
+{{- end -}}
+
+{{- define "plateau.labels" -}}
+{{ include "plateau.selector" . }}
+app.kubernetes.io/version: {{ .root.Chart.AppVersion | quote }}
+app.kubernetes.io/managed-by: {{ .root.Release.Service }}
+helm.sh/chart: {{ printf "%s-%s" .root.Chart.Name .root.Chart.Version }}
+{{- end -}}
+
+{{- define "plateau.image" -}}
+{{- printf "%s/%s:%s" .root.Values.image.repository .program (.root.Values.image.tag | default .root.Chart.AppVersion) -}}
+{{- end -}}
+
+{{- define "plateau.redisSecret" -}}
+{{- .Values.redis.existingSecret | default (printf "%s-redis" (include "plateau.name" .)) -}}
+{{- end -}}
+
+{{- define "plateau.keysSecret" -}}
+{{- .Values.keys.existingSecret | default (printf "%s-keys" (include "plateau.name" .)) -}}
+{{- end -}}
+
+{{/* What every pod has: nobody's rights, and no account in the cluster. */}}
+{{- define "plateau.pod" -}}
+automountServiceAccountToken: false
+enableServiceLinks: false
+securityContext:
+  runAsNonRoot: true
+  runAsUser: {{ .uid | default 10001 }}
+  runAsGroup: {{ .uid | default 10001 }}
+  fsGroup: {{ .uid | default 10001 }}
+  fsGroupChangePolicy: OnRootMismatch
+  seccompProfile: {type: RuntimeDefault}
+{{- with .root.Values.image.pullSecrets }}
+imagePullSecrets:
+  {{- range . }}
+  - name: {{ . }}
+  {{- end }}
+{{- end }}
+{{- end -}}
+
+{{- define "plateau.container" -}}
+securityContext:
+  allowPrivilegeEscalation: false
+  readOnlyRootFilesystem: true
+  capabilities: {drop: [ALL]}
+{{- end -}}
+
+{{/* Environment of every process of the farm; a dict of root, its user of Redis, and
+settings beside the common ones. */}}
+{{- define "plateau.env" -}}
+- name: PLATEAU_REDIS_URL
+  valueFrom:
+    secretKeyRef: {name: {{ include "plateau.redisSecret" .root }}, key: {{ .user }}-url}
+{{- $s3 := .root.Values.blobs.s3 }}
+{{- if $s3.url }}
+- name: PLATEAU_BLOBS
+  value: {{ $s3.url | quote }}
+{{- $secret := required "blobs.s3.existingSecret: name the Secret with AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY" $s3.existingSecret }}
+{{- if eq .user "worker" }}
+{{- $secret = $s3.workerSecret | default $secret }}
+{{- end }}
+{{- range $name := list "AWS_ACCESS_KEY_ID" "AWS_SECRET_ACCESS_KEY" }}
+- name: {{ $name }}
+  valueFrom:
+    secretKeyRef: {name: {{ $secret }}, key: {{ $name }}}
+{{- end }}
+- name: AWS_REGION
+  value: {{ $s3.region | quote }}
+{{- with $s3.endpoint }}
+- name: AWS_ENDPOINT_URL
+  value: {{ . | quote }}
+{{- end }}
+{{- if $s3.allowHttp }}
+- name: AWS_ALLOW_HTTP
+  value: "true"
+{{- end }}
+{{- else }}
+- name: PLATEAU_BLOBS
+  value: /var/lib/plateau/blobs
+{{- end }}
+- name: PLATEAU_CACHE
+  value: /var/cache/plateau
+{{- $settings := mergeOverwrite (dict) .root.Values.settings (.settings | default dict) }}
+{{- range $name := keys $settings | sortAlpha }}
+- name: {{ $name }}
+  value: {{ index $settings $name | toString | quote }}
+{{- end }}
+{{- end -}}
+
+{{/* Where a process may write, as its root filesystem is read-only; and the blobs. */}}
+{{- define "plateau.mounts" -}}
+- {name: cache, mountPath: /var/cache/plateau}
+- {name: tmp, mountPath: /tmp}
+{{- if not .Values.blobs.s3.url }}
+- {name: blobs, mountPath: /var/lib/plateau/blobs}
+{{- end }}
+{{- end -}}
+
+{{- define "plateau.volumes" -}}
+- name: cache
+  emptyDir: {sizeLimit: {{ .cacheSize }}}
+- name: tmp
+  emptyDir: {sizeLimit: 1Gi}
+{{- if not .root.Values.blobs.s3.url }}
+- name: blobs
+  persistentVolumeClaim:
+    claimName: {{ .root.Values.blobs.volume.existingClaim | default (printf "%s-blobs" (include "plateau.name" .root)) }}
+{{- end }}
+{{- end -}}
+
+{{/* Of a process without HTTP: a file that it touches at each heartbeat, every 5 s. */}}
+{{- define "plateau.aliveProbes" -}}
+{{- $fresh := "test $(( $(date +%s) - $(stat -c %Y /tmp/alive) )) -lt 60" }}
+startupProbe:
+  exec: {command: [sh, -c, {{ $fresh | quote }}]}
+  # By then a process that was started again has removed the file of the one before.
+  initialDelaySeconds: 5
+  periodSeconds: 2
+  timeoutSeconds: 5
+  failureThreshold: 150
+livenessProbe:
+  exec: {command: [sh, -c, {{ $fresh | quote }}]}
+  periodSeconds: 20
+  timeoutSeconds: 5
+  failureThreshold: 3
+readinessProbe:
+  exec: {command: [sh, -c, {{ $fresh | quote }}]}
+  periodSeconds: 20
+  timeoutSeconds: 5
+{{- end -}}
+
+{{/* Spread the pods of a part over nodes, where that is possible. */}}
+{{- define "plateau.spread" -}}
+topologySpreadConstraints:
+  - maxSkew: 1
+    topologyKey: kubernetes.io/hostname
+    whenUnsatisfiable: ScheduleAnyway
+    labelSelector:
+      matchLabels:
+        {{- include "plateau.selector" . | nindent 8 }}
+{{- end -}}
+
+{{- define "plateau.placement" -}}
+{{- with .nodeSelector }}
+nodeSelector:
+  {{- toYaml . | nindent 2 }}
+{{- end }}
+{{- with .tolerations }}
+tolerations:
+  {{- toYaml . | nindent 2 }}
+{{- end }}
+{{- with .affinity }}
+affinity:
+  {{- toYaml . | nindent 2 }}
+{{- end }}
+{{- end -}}
+
+{{/* A way out to addresses that are not the cluster's; a dict of to (CIDRs) and port. */}}
+{{- define "plateau.outside" -}}
+- to:
+    {{- range .to | default (list "0.0.0.0/0" "::/0") }}
+    - ipBlock: {cidr: {{ . | quote }}}
+    {{- end }}
+  ports:
+    - {protocol: TCP, port: {{ .port }}}
+{{- end -}}

@@ -1,0 +1,165 @@
+"""Where a Redis is and how to be let in, as ``PLATEAU_REDIS_URL`` says it.
+
+::
+
+    redis://USER:PASSWORD@HOST:6379/0
+    rediss://USER:PASSWORD@HOST:6379/0                    with TLS
+    redis+sentinel://USER:PASSWORD@HOST1,HOST2:26379/NAME/0
+    rediss+sentinel://…                                   with TLS, to the sentinels too
+    unix:///run/redis/redis.sock
+
+Parameters (``?ssl_ca_certs=…&ssl_certfile=…``) are those of redis-py; with sentinels there are also
+``sentinel_username`` and ``sentinel_password``, where these want any.
+
+A URL may hold a password, so nothing here that raises repeats any part of it but names of files.
+"""
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+from urllib.parse import SplitResult, parse_qsl, quote, unquote, urlencode, urlsplit
+
+_SCHEMES: Final = ("redis", "rediss", "redis+sentinel", "rediss+sentinel", "unix")
+_SENTINEL_PORT: Final = 26379
+_FORM: Final = "redis+sentinel://host1:26379,host2:26379/mymaster/0"
+_HIDDEN: Final = "***"
+
+
+class BadRedisUrl(ValueError):
+    """It is no URL of a Redis; the message says why, and shows no password."""
+
+
+@dataclass(frozen=True)
+class Sentinels:
+    """Who knows where the Redis is: the master of this name, whichever server that is by now."""
+
+    addresses: tuple[tuple[str, int], ...]  #: host and port of each
+    service: str
+    options: dict[str, Any]  #: what redis-py's connections to the Redis take
+    own_options: dict[str, Any]  #: and those to the sentinels
+
+
+def check(url: str) -> None:
+    """Return where the URL can mean a Redis; raise `BadRedisUrl` where it cannot."""
+    if sentinels_of(url) is None:
+        _options(url)
+
+
+def sentinels_of(url: str) -> Sentinels | None:
+    """The sentinels that the URL names, or None where it names a Redis itself.
+
+    Raises
+    ------
+    BadRedisUrl
+        The URL can mean neither.
+    """
+    parts = _parts(url)
+    if not parts.scheme.endswith("+sentinel"):
+        return None
+    user_info, at, hosts = parts.netloc.rpartition("@")
+    service, _, database = parts.path.strip("/").partition("/")
+    if not re.fullmatch(r"[\w.-]+", service) or not re.fullmatch(r"\d*", database):
+        raise BadRedisUrl(f"must name the master, and may name a database: {_FORM}")
+    plain = parts._replace(scheme="redis", netloc=f"{user_info}{at}localhost", path=f"/{database}")
+    options = _options(plain.geturl())
+    del options["host"]
+    if parts.scheme == "rediss+sentinel":
+        options["ssl"] = True
+    own = {name: options.pop(f"sentinel_{name}", None) for name in ("username", "password")}
+    tls = {name: value for name, value in options.items() if name.startswith("ssl")}
+    return Sentinels(
+        tuple(_address(one) for one in hosts.split(",")),
+        service,
+        options,
+        {**tls, **{name: value for name, value in own.items() if value}},
+    )
+
+
+def uses_tls(url: str) -> bool:
+    """Whether what goes to this Redis and comes from it is encrypted."""
+    return url.startswith("rediss")
+
+
+def without_password(url: str) -> str:
+    """The URL as it may be shown: its passwords are hidden, whether it can be read or not."""
+    shown = re.sub(r"(?<=://)([^:@/]*):.*@", rf"\1:{_HIDDEN}@", url, flags=re.DOTALL)
+    return re.sub(r"(?i)(\w*password=)[^&#]*", rf"\1{_HIDDEN}", shown)
+
+
+def with_user(url: str, user: str) -> str:
+    """The URL with this user; raises `BadRedisUrl` where it has another one."""
+    parts = _parts(url)
+    user_info, _, hosts = parts.netloc.rpartition("@")
+    given, colon, password = user_info.partition(":")
+    if given and unquote(given) != user:
+        raise BadRedisUrl("names a user of its own: leave one of the two out")
+    return parts._replace(netloc=f"{quote(user, safe='')}{colon}{password}@{hosts}").geturl()
+
+
+def with_password(url: str, password: str) -> str:
+    """The URL with this password; raises `BadRedisUrl` where it has another one."""
+    parts = _parts(url)
+    user_info, _, hosts = parts.netloc.rpartition("@")
+    user, has_password, given = user_info.partition(":")
+    if has_password and unquote(given) != password:
+        raise BadRedisUrl("has a password of its own: leave one of the two out")
+    return parts._replace(netloc=f"{user}:{quote(password, safe='')}@{hosts}").geturl()
+
+
+def with_parameters(url: str, parameters: dict[str, str]) -> str:
+    """The URL with these parameters; those that it has itself count for more."""
+    if not parameters:
+        return url  # which `geturl` would write otherwise, where it has no host
+    parts = _parts(url)
+    both = {**parameters, **dict(parse_qsl(parts.query))}
+    return parts._replace(query=urlencode(both, safe="/")).geturl()
+
+
+def _parts(url: str) -> SplitResult:
+    """The URL's parts, if they are what was meant: a password may hold what looks like an end."""
+    scheme = url.partition("://")[0]
+    if scheme not in _SCHEMES or "://" not in url:
+        raise BadRedisUrl(f"must begin with one of {', '.join(f'{one}://' for one in _SCHEMES)}")
+    try:
+        parts = urlsplit(url)
+    except ValueError:
+        raise _unreadable() from None
+    if "@" in parts.path + parts.fragment or parts.netloc.count("@") > 1 or parts.fragment:
+        raise _unreadable()
+    if scheme != "unix" and not parts.netloc.rpartition("@")[2]:
+        raise BadRedisUrl("names no host")
+    return parts
+
+
+def _options(url: str) -> dict[str, Any]:
+    """What redis-py's connections take, of a URL without sentinels."""
+    from redis.connection import parse_url  # takes 0.1 s, which not every command has need of
+
+    _parts(url)
+    try:
+        options: dict[str, Any] = parse_url(url)
+    except ValueError:
+        raise _unreadable() from None
+    for name in ("ssl_ca_certs", "ssl_certfile", "ssl_keyfile"):
+        if name in options and not Path(options[name]).is_file():
+            raise BadRedisUrl(f"there is no file {options[name]}, its {name}")
+    return options
+
+
+def _address(text: str) -> tuple[str, int]:
+    try:
+        at = urlsplit(f"//{text}")
+        port = at.port
+    except ValueError:
+        raise _unreadable() from None
+    if not at.hostname:
+        raise BadRedisUrl(f"names no sentinels: {_FORM}")
+    return at.hostname, port or _SENTINEL_PORT
+
+
+def _unreadable() -> BadRedisUrl:
+    return BadRedisUrl(
+        "cannot be read; in a password, all but letters, digits and -._~ is written as % and two "
+        "hexadecimal digits"
+    )

@@ -1,0 +1,169 @@
+"""Commands that have a batch system run workers, as many as the queue needs."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from plateau import options as o
+from plateau.cli.app import Command, app, plain_errors
+
+scale = typer.Typer(
+    no_args_is_help=True,
+    rich_markup_mode=None,
+    help="""
+    Workers as jobs of a batch system, as many as the queue needs.
+
+    Works on PLATEAU_REDIS_URL and PLATEAU_BLOBS, as workers do, and hands its environment to them.
+    """,
+)
+app.add_typer(scale, name="scale")
+
+
+@scale.command(cls=Command)
+def slurm(
+    most: Annotated[int, typer.Option("--max", help="Most workers at once.", min=0)],
+    least: Annotated[
+        int, typer.Option("--min", help="So many stay though there is nothing to do.", min=0)
+    ] = 0,
+    worth: Annotated[
+        float,
+        typer.Option(
+            metavar="SECONDS",
+            help="A worker is submitted where there is so much work for it, or a slice of more.",
+            min=0.001,
+        ),
+    ] = 60.0,
+    calm: Annotated[
+        float,
+        typer.Option(
+            metavar="SECONDS", help="None leaves before less was wanted for so long.", min=0
+        ),
+    ] = 60.0,
+    idle: Annotated[
+        float,
+        typer.Option(
+            metavar="SECONDS", help="And none before it had nothing to do for so long.", min=0
+        ),
+    ] = 30.0,
+    from_priority: Annotated[
+        int | None,
+        typer.Option(
+            metavar="PRIORITY",
+            help="Jobs of a lower priority bring no workers; those that are there render them.",
+        ),
+    ] = None,
+    partition: Annotated[str | None, typer.Option(help="Partition, or several: a,b.")] = None,
+    cpus: Annotated[
+        int | None, typer.Option(help="Processors of a worker, and so its threads.", min=1)
+    ] = None,
+    gpus: Annotated[
+        str | None, typer.Option(metavar="N", help="GPUs of a worker: 1, or a100:1.")
+    ] = None,
+    mem: Annotated[str | None, typer.Option(help="Memory of a worker: 16G.")] = None,
+    time: Annotated[
+        str | None,
+        typer.Option(metavar="LIMIT", help="Time limit: 8:00:00. A worker leaves before it."),
+    ] = None,
+    account: Annotated[str | None, typer.Option(help="Account that pays.")] = None,
+    qos: Annotated[str | None, typer.Option(help="Quality of service.")] = None,
+    sbatch_option: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="OPTION",
+            help="Any other option of sbatch; may be repeated: --sbatch-option=--nice=100.",
+        ),
+    ] = None,
+    logs: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR",
+            help="Folder of the workers' logs, on a disk that all machines see.",
+            show_default="where this is run",
+        ),
+    ] = None,
+    script: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Your own copy of the batch script, deploy/slurm/worker.sbatch.",
+            show_default=False,
+        ),
+    ] = None,
+    worker_env: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="NAME=VALUE lines that the workers are given, as a Redis URL of fewer rights.",
+            show_default="they have the environment of this command",
+        ),
+    ] = None,
+    name: Annotated[
+        str,
+        typer.Option(help="Name of the jobs in Slurm; two scalers side by side need two names."),
+    ] = "plateau-worker",
+    every: Annotated[float, typer.Option(metavar="SECONDS", help="Look so often.", min=0.1)] = 10.0,
+    once: Annotated[bool, typer.Option("--once", help="Look once, as from cron, and end.")] = False,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Say what would be done, and do nothing.")
+    ] = False,
+    cancel_on_exit: Annotated[
+        bool,
+        typer.Option(
+            "--cancel-on-exit",
+            help="At the end, cancel the jobs that wait and have the workers leave.",
+        ),
+    ] = False,
+    as_json: o.Json = False,
+) -> None:
+    """Submit workers to Slurm as the queue needs them, and have them leave when it does not.
+
+    For example:
+      plateau scale slurm --max 16 --partition cpu --cpus 16 --mem 32G --time 8:00:00
+      plateau scale slurm --max 4 --partition gpu --gpus 1 --name plateau-gpu --from-priority 10
+      plateau scale slurm --max 16 --once --dry-run
+
+    It runs until Ctrl-C, on a machine that submits jobs to Slurm. The workers then stay, and leave
+    by themselves after ten minutes without work, unless --min asks for some; started again, it
+    knows its jobs by their name and comment. Every change is a line on standard error, or with
+    --json an object on standard output. See deploy/slurm/README.md.
+    """
+    from plateau.commands.scale import Scaling
+    from plateau.commands.scale import slurm as run
+    from plateau.scale.policy import Limits
+
+    if least > most:
+        raise typer.BadParameter(f"--min {least} is more than --max {most}")
+    named = {
+        "partition": partition,
+        "cpus-per-task": cpus,
+        "gpus": gpus,
+        "mem": mem,
+        "time": time,
+        "account": account,
+        "qos": qos,
+        "output": None if logs is None else logs.absolute() / "plateau-%A_%a.log",
+    }
+    options = [f"--{option}={value}" for option, value in named.items() if value is not None]
+    for option in sbatch_option or ():
+        if not option.startswith("-"):
+            raise typer.BadParameter(f"{option!r} is no option of sbatch: those begin with a dash")
+        options.append(option)
+    with plain_errors():
+        if logs is not None:
+            logs.mkdir(parents=True, exist_ok=True)
+        run(
+            Scaling(
+                limits=Limits(least=least, most=most, worth_s=worth, calm_s=calm, idle_s=idle),
+                from_priority=from_priority,
+                name=name,
+                options=tuple(options),
+                script=script,
+                worker_env=worker_env,
+                every_s=every,
+                once=once,
+                dry_run=dry_run,
+                cancel_on_exit=cancel_on_exit,
+                as_json=as_json,
+            )
+        )

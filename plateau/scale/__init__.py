@@ -1,0 +1,1 @@
+"""Worker processes that come and go with the queue, as jobs of a batch system."""

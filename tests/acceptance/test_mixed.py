@@ -1,0 +1,74 @@
+"""Workers that are unlike: one that is stuck holds up no job, and a job finds those it needs."""
+
+import signal
+from contextlib import suppress
+
+import psutil
+import pytest
+
+from tests.support.real_farm import RealFarm, until
+
+SPEC = {
+    "parameters": {"width": 48, "height": 48},
+    "step": 100,
+    "slice_spp": 20,
+    "max_spp": 800,
+    "rule": {"name": "fixed", "spp": 800},
+}
+
+
+def render_child(supervisor: int) -> psutil.Process:
+    children = psutil.Process(supervisor).children(recursive=True)
+    return next(child for child in children if "worker.child" in child.cmdline())
+
+
+def test_a_job_does_not_wait_for_a_worker_that_is_stuck(farm: RealFarm) -> None:
+    farm.start("monitor")
+    stuck, _ = farm.workers(2)
+    until(lambda: len(farm.client.workers()) == 2)
+    job = farm.submit(**SPEC)
+    # Given a worker that renders, and whose render child comes to a standstill, while it lives on
+    worker = next(one.id for one in farm.client.workers() if one.pid == stuck.pid)
+    until(lambda: any(one.worker == worker for one in farm.client.slices(job.id)))
+    child = render_child(stuck.pid)
+    child.suspend()
+    # Then the job ends without it, all the same
+    done = farm.client.wait(job.id)
+    assert (done.state, done.spp) == ("converged", 800)
+    assert done.second_tries >= 1
+    assert worker in {one.id for one in farm.client.workers()}
+    with suppress(psutil.NoSuchProcess):  # it was ended, where it did not hear that it is to stop
+        child.resume()
+    # And its image has the bits of one for which nobody was late
+    again = farm.client.wait(farm.submit(**SPEC).id)
+    assert farm.image(done).tobytes() == farm.image(again).tobytes()
+
+
+def test_a_job_waits_for_a_worker_of_its_pool_and_tags_and_says_so(farm: RealFarm) -> None:
+    farm.start("monitor")
+    farm.start("worker")
+    until(lambda: len(farm.client.workers()) == 1)
+    job = farm.submit(**{**SPEC, "pool": "night", "requires": ["gpu", "highmem"]})
+    assert job.waits_for == (
+        "waits for a worker in pool night with tags gpu, highmem: none lives that takes work"
+    )
+    # One that has but one of the tags is of no use
+    farm.start("worker", "--pool", "night", "--tag", "gpu")
+    until(lambda: len(farm.client.workers()) == 2)
+    assert farm.client.job(job.id).waits_for == job.waits_for
+    farm.start("worker", PLATEAU_POOL="night", PLATEAU_TAGS="highmem,fast,gpu")
+    done = farm.client.wait(job.id)
+    assert (done.state, done.waits_for) == ("converged", None)
+    (worker,) = {part.worker for part in farm.client.slices(job.id)}
+    shown = {one.id: one for one in farm.client.workers()}[worker]
+    assert (shown.pool, shown.tags) == ("night", ("fast", "gpu", "highmem"))
+    assert shown.samples_per_s is not None
+
+
+@pytest.mark.parametrize("options", [("--pool", "two words"), ("--tag", "gpu:0")])
+def test_names_that_cannot_be_are_refused_at_the_start(
+    farm: RealFarm, options: tuple[str, str]
+) -> None:
+    refused = farm.start("worker", *options)
+    assert refused.wait(60) not in {0, -signal.SIGTERM}
+    farm.processes.remove(refused)

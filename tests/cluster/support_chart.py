@@ -1,0 +1,236 @@
+"""The Helm chart: rendered by helm, or as it was recorded, and held against strict schemas.
+
+What helm makes of each file in deploy/kubernetes/examples is recorded in tests/reference/kubernetes
+so that CI need not build helm; `make test-cluster PARTS=chart` holds the records against helm.
+After a change of the chart:
+
+    python -m tests.cluster.support_chart
+"""
+
+import hashlib
+import json
+import re
+import subprocess
+from collections.abc import Callable, Iterator
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import jsonschema_rs
+import yaml
+
+ROOT = Path(__file__).parents[2]
+CHART = ROOT / "deploy" / "kubernetes"
+EXAMPLES = sorted(path.stem for path in (CHART / "examples").glob("*.yaml"))
+RECORDS = ROOT / "tests" / "reference" / "kubernetes"
+SCHEMAS = ROOT / ".cluster-tools" / "schemas"
+#: The oldest that Chart.yaml admits, and the newest with schemas.
+KUBERNETES = ("v1.27.0", "v1.37.0")
+NAMESPACE = "render"
+
+#: The users of Redis change with every key that the farm takes into use; the chart does not.
+_USERS = re.compile(r"^(  users\.acl: \|\n)(?:    .*\n)+", re.MULTILINE)
+
+#: The same as the safe one, and ten times as fast, where PyYAML was built with it.
+_LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+
+Manifest = dict[str, Any]
+Find = Callable[[str], Path]
+
+
+def helm(binary: Path, *arguments: str, fails: bool = False) -> str:
+    """What helm prints; on standard error where it has to fail."""
+    done = subprocess.run(
+        [binary, *arguments], cwd=CHART, capture_output=True, text=True, timeout=120, check=False
+    )
+    assert (done.returncode != 0) == fails, done.stdout + done.stderr
+    return done.stderr if fails else done.stdout
+
+
+def rendered(binary: Path, example: str, *more: str) -> str:
+    """What helm makes of the chart, and the example's values; without random secrets."""
+    version = f"--kube-version={KUBERNETES[-1]}"
+    values = f"--values=examples/{example}.yaml"
+    name = f"--namespace={NAMESPACE}"
+    return without_chance(helm(binary, "template", "farm", ".", name, version, values, *more))
+
+
+def without_chance(text: str) -> str:
+    """The same with passwords and keys that are the same each time, and fit as the old ones did."""
+    for user, password in re.findall(r"^  (\w+)-password: (\w{40})$", text, re.MULTILINE):
+        other = _sha256(user)[:40]
+        for old, new in ((password, other), (_sha256(password), _sha256(other))):
+            text = text.replace(old, new)
+    text = re.sub(r"(?<=checksum/users: )\w{64}", "(of deploy/redis/users.acl)", text)
+    text = _USERS.sub(r"\1    (deploy/redis/users.acl)\n", text)
+    for role, shown in re.findall(
+        r"^  (\w+): (plateau_[0-9a-f]{12}_[0-9a-f]{64})$", text, re.MULTILINE
+    ):
+        text = text.replace(shown, f"plateau_{_sha256(role)[:12]}_{_sha256(role)}")
+    return text
+
+
+def _sha256(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def made_from() -> str:
+    """A digest of all that the records are made from."""
+    digest = hashlib.sha256()
+    for path in sorted(CHART.rglob("*")):
+        if path.is_file() and path.name not in {"README.md", "users.acl"}:
+            digest.update(f"{path.relative_to(CHART)}\n".encode())
+            digest.update(path.read_bytes())
+    return digest.hexdigest()
+
+
+def recorded(example: str) -> str:
+    """What helm made of the example."""
+    return (RECORDS / f"{example}.yaml").read_text()
+
+
+def manifests(text: str) -> list[Manifest]:
+    """The objects in what helm printed."""
+    return [found for found in yaml.load_all(text, _LOADER) if found]
+
+
+def of_kind(found: list[Manifest], *kinds: str) -> list[Manifest]:
+    """Those of some kinds."""
+    return [manifest for manifest in found if manifest["kind"] in kinds]
+
+
+def named(found: list[Manifest], kind: str, name: str) -> Manifest:
+    """The one of this kind and name."""
+    [manifest] = [one for one in of_kind(found, kind) if one["metadata"]["name"] == name]
+    return manifest
+
+
+def pods(found: list[Manifest]) -> Iterator[tuple[str, Manifest]]:
+    """The name and the pod's specification of each object that starts pods."""
+    for manifest in of_kind(found, "Deployment", "StatefulSet", "DaemonSet", "Job", "CronJob"):
+        yield manifest["metadata"]["name"], manifest["spec"]["template"]["spec"]
+
+
+def containers(found: list[Manifest]) -> Iterator[tuple[str, Manifest]]:
+    """Each container, those that come first too, and what it is called."""
+    for name, pod in pods(found):
+        for container in (*pod.get("initContainers", ()), *pod["containers"]):
+            yield f"{name}/{container['name']}", container
+
+
+def errors(manifest: Manifest, version: str) -> list[str]:
+    """What is wrong with it, by a schema that knows all fields; none where it is right."""
+    found = _validator(manifest["apiVersion"], manifest["kind"], version).iter_errors(manifest)
+    return [f"{'/'.join(map(str, error.instance_path))}: {error.message}" for error in found]
+
+
+@cache
+def _validator(api_version: str, kind: str, version: str) -> Any:
+    group, _, of_group = api_version.rpartition("/")
+    if "." in group and not group.endswith(".k8s.io"):
+        return jsonschema_rs.validator_for(_of_crd(group, of_group, kind))
+    folder = SCHEMAS / "kubernetes_validate" / "kubernetes-json-schema" / f"{version}-local-strict"
+    short = group.partition(".")[0]
+    file = folder / "-".join(filter(None, (kind.lower(), short, f"{of_group}.json")))
+    assert file.exists(), f"Kubernetes {version} has no {api_version} {kind}"
+    return jsonschema_rs.validator_for(
+        json.loads(file.read_text()),
+        base_uri="file:///schema.json",
+        retriever=lambda uri: json.loads((folder / Path(uri).name).read_text()),
+    )
+
+
+def _of_crd(group: str, version: str, kind: str) -> Any:
+    """The schema of a custom resource, made strict."""
+    for path in SCHEMAS.glob("*.yaml"):
+        crd = yaml.load(path.read_text(), _LOADER)
+        if crd["spec"]["group"] == group and crd["spec"]["names"]["kind"] == kind:
+            [schema] = [
+                one["schema"]["openAPIV3Schema"]
+                for one in crd["spec"]["versions"]
+                if one["name"] == version
+            ]
+            return _strict({**schema, "required": ["apiVersion", "kind", "metadata", "spec"]}, ())
+    raise AssertionError(f"there is no schema of {group} {kind}: run `make test-cluster`")
+
+
+def _strict(schema: Any, at: tuple[str, ...]) -> Any:
+    """The same, where fields that it does not name are wrong; metadata is checked by others."""
+    if not isinstance(schema, dict):
+        return schema
+    changed = {name: _inside(name, value, at) for name, value in schema.items()}
+    if schema.get("x-kubernetes-int-or-string"):
+        changed.pop("type", None)
+    closed = "properties" in schema and not schema.get("x-kubernetes-preserve-unknown-fields")
+    if closed and "additionalProperties" not in schema and at != ("metadata",):
+        changed["additionalProperties"] = False
+    return changed
+
+
+def _inside(name: str, value: Any, at: tuple[str, ...]) -> Any:
+    if name == "properties":
+        return {field: _strict(inner, (*at, field)) for field, inner in value.items()}
+    return _strict(value, (*at, name)) if name in {"items", "additionalProperties"} else value
+
+
+#: Values that are maps of the user's own.
+MAPS = re.compile(
+    r"settings|workers|workerDefaults\.(environment|affinity)|.*\.(annotations|nodeSelector|labels)"
+    r"|.*\.resources"
+)
+
+
+def leaves(values: dict[str, Any], above: str = "") -> Iterator[tuple[str, Any]]:
+    """Each value by its full name."""
+    for key, value in values.items():
+        if isinstance(value, dict) and not MAPS.fullmatch(f"{above}{key}"):
+            yield from leaves(value, f"{above}{key}.")
+        else:
+            yield f"{above}{key}", value
+
+
+def values_table() -> str:
+    """The chart's values, their defaults and what values.yaml says of them, as Markdown."""
+    text = (CHART / "values.yaml").read_text()
+    said = dict(_comments(text))
+    rows = [
+        f"| `{name}` | `{json.dumps(value, ensure_ascii=False)}` | {said[name]} |"
+        for name, value in leaves(yaml.safe_load(text))
+    ]
+    return "\n".join(["| value | default | what |", "|---|---|---|", *rows])
+
+
+def _comments(text: str) -> Iterator[tuple[str, str]]:
+    """What stands above each key, by the key's full name."""
+    name: list[str] = []
+    comment: list[str] = []
+    for line in text.splitlines():
+        if match := re.match(r" *# (-- )?(.*)", line):
+            comment = [match[2]] if match[1] else [*comment, match[2]] if comment else []
+        elif match := re.match(r"( *)(\w+):", line):
+            name = [*name[: len(match[1]) // 2], match[2]]
+            if comment:
+                yield ".".join(name), " ".join(comment)
+            comment = []
+
+
+def with_table(readme: str) -> str:
+    """The chart's README with the table of its values as it has to be."""
+    start, end = "<!-- values -->", "<!-- /values -->"
+    head, was, tail = (readme.partition(start)[0], *readme.partition(end)[1:])
+    assert was, f"the README has no {end}"
+    return f"{head}{start}\n\n{values_table()}\n\n{end}{tail}"
+
+
+def record(binary: Path) -> None:
+    """Record what helm makes of each example, and write the README's table of values."""
+    readme = CHART / "README.md"
+    readme.write_text(with_table(readme.read_text()))
+    RECORDS.mkdir(parents=True, exist_ok=True)
+    for example in EXAMPLES:
+        (RECORDS / f"{example}.yaml").write_text(rendered(binary, example))
+    (RECORDS / "made-from").write_text(f"{made_from()}\n")
+
+
+if __name__ == "__main__":
+    record(ROOT / ".cluster-tools" / "bin" / "helm")

@@ -1,0 +1,241 @@
+"""Real S3 servers, and a network between them and a farm that loses answers."""
+
+import contextlib
+import hashlib
+import hmac
+import json
+import os
+import signal
+import socket
+import subprocess
+import threading
+import time
+from datetime import datetime, timezone
+from pathlib import Path
+from types import TracebackType
+
+import httpx
+
+BUCKET = "farm"
+KEY, SECRET = "plateau", "secret-of-the-tests"
+
+
+class S3Server:
+    """versitygw or minio with one bucket, until the context ends.
+
+    Parameters
+    ----------
+    program
+        Which of the two, by its name.
+    folder
+        Of its own.
+    certificate, private_key
+        PEM files, where it is to speak TLS; versitygw alone.
+    """
+
+    def __init__(
+        self,
+        program: Path,
+        folder: Path,
+        certificate: Path | None = None,
+        private_key: Path | None = None,
+    ) -> None:
+        self.data = folder / "data"
+        (self.data / BUCKET).mkdir(parents=True)
+        self._log = folder / "log"
+        self._address = f"127.0.0.1:{_free_port()}"
+        self.endpoint = f"{'https' if certificate else 'http'}://{self._address}"
+        if program.name == "minio":
+            options = ("server", "--quiet", "--address", self._address, str(self.data))
+        else:
+            tls = ("--cert", str(certificate), "--key", str(private_key)) if certificate else ()
+            (folder / "users").mkdir()
+            users = ("--iam-dir", str(folder / "users"))
+            options = ("--port", self._address, *users, *tls, "posix", str(self.data))
+        self._command = (str(program), *options)
+        self._process: subprocess.Popen[bytes] | None = None
+        self._users: dict[str, list[dict[str, object]]] = {}
+
+    @property
+    def environment(self) -> dict[str, str]:
+        """What a process needs that is to use it."""
+        return {
+            "AWS_ENDPOINT_URL": self.endpoint,
+            "AWS_ACCESS_KEY_ID": KEY,
+            "AWS_SECRET_ACCESS_KEY": SECRET,
+        }
+
+    def user(self, name: str, rights: Path) -> dict[str, str]:
+        """What a process needs of a new user, who may do in the bucket what a policy says."""
+        endpoint = ("--access", KEY, "--secret", SECRET, "--endpoint-url", self.endpoint)
+        user = ("--access", name, "--secret", f"{SECRET}-of-{name}", "--role", "user")
+        command = (self._command[0], "admin", *endpoint, "create-user", *user)
+        subprocess.run(command, check=True, capture_output=True)
+        self._users[name] = json.loads(rights.read_text())["Statement"]
+        statements = [
+            {**statement, "Principal": {"AWS": [user]}}
+            for user, theirs in self._users.items()
+            for statement in theirs
+        ]
+        policy = {"Version": "2012-10-17", "Statement": statements}
+        self._ask("PUT", f"/{BUCKET}", "policy=", json.dumps(policy).encode())
+        return {"AWS_ACCESS_KEY_ID": name, "AWS_SECRET_ACCESS_KEY": f"{SECRET}-of-{name}"}
+
+    def __enter__(self) -> "S3Server":
+        self.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.kill(signal.SIGTERM)
+
+    def start(self) -> None:
+        """Start it, again where it was killed: on the same port, with what it stored."""
+        credentials = {
+            "ROOT_ACCESS_KEY": KEY,
+            "ROOT_SECRET_KEY": SECRET,
+            "MINIO_ROOT_USER": KEY,
+            "MINIO_ROOT_PASSWORD": SECRET,
+            "MINIO_BROWSER": "off",
+        }
+        with self._log.open("ab") as log:
+            self._process = subprocess.Popen(
+                self._command, env={**os.environ, **credentials}, stdout=log, stderr=log
+            )
+        host, port = self._address.split(":")
+        deadline = time.monotonic() + 60
+        while True:
+            assert self._process.poll() is None, self._log.read_text()
+            try:
+                socket.create_connection((host, int(port)), timeout=1).close()
+            except OSError:
+                assert time.monotonic() < deadline, self._log.read_text()
+                time.sleep(0.05)
+            else:
+                return
+
+    def kill(self, by: signal.Signals = signal.SIGKILL) -> None:
+        if self._process is not None:
+            self._process.send_signal(by)
+            self._process.wait(60)
+            self._process = None
+
+    def _ask(self, method: str, path: str, query: str, body: bytes) -> None:
+        """Ask as its owner what obstore does not: signed as AWS's Signature Version 4 says."""
+        now = datetime.now(timezone.utc).strftime("%Y%m%dT%H%M%SZ")
+        digest = hashlib.sha256(body).hexdigest()
+        headers = {"host": self._address, "x-amz-content-sha256": digest, "x-amz-date": now}
+        names = ";".join(headers)
+        lines = [f"{name}:{value}" for name, value in headers.items()]
+        request = "\n".join([method, path, query, *lines, "", names, digest])
+        scope = f"{now[:8]}/us-east-1/s3/aws4_request"
+        hashed = hashlib.sha256(request.encode()).hexdigest()
+        key = f"AWS4{SECRET}".encode()
+        for part in scope.split("/"):
+            key = hmac.digest(key, part.encode(), "sha256")
+        to_sign = f"AWS4-HMAC-SHA256\n{now}\n{scope}\n{hashed}"
+        signature = hmac.digest(key, to_sign.encode(), "sha256").hex()
+        headers["authorization"] = (
+            f"AWS4-HMAC-SHA256 Credential={KEY}/{scope}, SignedHeaders={names}, "
+            f"Signature={signature}"
+        )
+        url = f"{self.endpoint}{path}?{query}"
+        httpx.request(method, url, content=body, headers=headers).raise_for_status()
+
+
+class Network:
+    """Forwards TCP connections to an S3 server, but for what it is told to lose.
+
+    `lose` drops the answer to each request whose first line has these words, so many times, and
+    closes its connection: it was done, and nobody was told. While `silent`, nothing is forwarded in
+    either direction and nothing closed, as when a cable is cut.
+    """
+
+    def __init__(self, server: S3Server) -> None:
+        self._target = server.endpoint.partition("://")[2].split(":")
+        self._listener = socket.create_server(("127.0.0.1", 0), backlog=64)
+        self.endpoint = f"http://127.0.0.1:{self._listener.getsockname()[1]}"
+        self.silent = False
+        self.lost = 0
+        self._words = b""
+        self._times = 0
+        self._open: set[socket.socket] = set()
+        threading.Thread(target=self._accept, daemon=True).start()
+
+    def __enter__(self) -> "Network":
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        with contextlib.suppress(OSError):
+            self._listener.shutdown(socket.SHUT_RDWR)
+        self._listener.close()
+        self.hang_up()
+
+    def lose(self, words: str, times: int = 1) -> None:
+        self._words, self._times, self.lost = words.encode(), times, 0
+
+    def hang_up(self) -> None:
+        for one in tuple(self._open):
+            with contextlib.suppress(OSError):
+                one.shutdown(socket.SHUT_RDWR)
+
+    def _accept(self) -> None:
+        with contextlib.suppress(OSError):
+            while True:
+                client, _ = self._listener.accept()
+                threading.Thread(target=self._serve, args=(client,), daemon=True).start()
+
+    def _serve(self, client: socket.socket) -> None:
+        asked = [b""]  # the first line of the request that is under way
+        with (
+            client,
+            contextlib.suppress(OSError),
+            socket.create_connection((self._target[0], int(self._target[1]))) as server,
+        ):
+            self._open |= {client, server}
+            answers = threading.Thread(target=self._answer, args=(server, client, asked))
+            answers.start()
+            self._forward(client, server, asked)
+            answers.join()
+            self._open -= {client, server}
+
+    def _forward(self, client: socket.socket, server: socket.socket, asked: list[bytes]) -> None:
+        with contextlib.suppress(OSError):
+            while chunk := client.recv(1 << 16):
+                line = chunk.partition(b"\r\n")[0]
+                if line.endswith(b" HTTP/1.1"):
+                    asked[0] = line
+                while self.silent:
+                    time.sleep(0.02)
+                server.sendall(chunk)
+        with contextlib.suppress(OSError):
+            server.shutdown(socket.SHUT_RDWR)
+
+    def _answer(self, server: socket.socket, client: socket.socket, asked: list[bytes]) -> None:
+        with contextlib.suppress(OSError):
+            while chunk := server.recv(1 << 16):
+                while self.silent:
+                    time.sleep(0.02)
+                if self._times and self._words in asked[0]:
+                    self._times -= 1
+                    self.lost += 1
+                    break
+                client.sendall(chunk)
+        for one in (client, server):
+            with contextlib.suppress(OSError):
+                one.shutdown(socket.SHUT_RDWR)
+
+
+def _free_port() -> int:
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        port: int = listener.getsockname()[1]
+    return port

@@ -1,0 +1,152 @@
+"""The Helm chart renders, and what it renders is what Kubernetes, KEDA and Prometheus know."""
+
+import copy
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from tests.cluster import support_chart as chart
+from tests.cluster.support_chart import EXAMPLES, KUBERNETES, Find, Manifest
+
+EVERY = pytest.mark.parametrize("example", EXAMPLES)
+
+
+@pytest.fixture(params=EXAMPLES)
+def found(request: pytest.FixtureRequest) -> list[Manifest]:
+    """The objects of an example."""
+    return chart.manifests(chart.recorded(request.param))
+
+
+class TestTheRecords:
+    def test_are_of_this_chart(self) -> None:
+        made_from = (chart.RECORDS / "made-from").read_text().strip()
+        assert made_from == chart.made_from(), (
+            "the chart was changed: `make test-cluster PARTS=chart` builds helm, and "
+            "`python -m tests.cluster.support_chart` records anew"
+        )
+        assert sorted(path.stem for path in chart.RECORDS.glob("*.yaml")) == EXAMPLES
+
+    @EVERY
+    def test_are_what_helm_renders(self, example: str, form: str, tool: Find) -> None:
+        if form == "long":
+            assert chart.rendered(tool("helm"), example) == chart.recorded(example)
+
+
+class TestHelm:
+    """In the long form: building helm takes minutes."""
+
+    @pytest.fixture
+    def helm(self, form: str, tool: Find) -> Path | None:
+        return tool("helm") if form == "long" else None
+
+    @EVERY
+    def test_finds_nothing_to_complain_of(self, example: str, helm: Path | None) -> None:
+        if helm is not None:
+            values = f"--values=examples/{example}.yaml"
+            said = chart.helm(helm, "lint", ".", "--strict", "--quiet", values)
+            assert "ERROR" not in said
+            assert "WARNING" not in said
+
+    @pytest.mark.parametrize(
+        ("given", "words"),
+        [
+            ("keda.enabeld=false", "additional properties 'enabeld' not allowed"),
+            ("workers.cpu.variants={vulkan}", "value must be one of 'cuda_ad_rgb'"),
+            ("workers.Big_One.max=3", "'Big_One' does not match pattern"),
+            ("settings.PLATEAU_BLOBS=/tmp", "'not' failed"),
+            ("redis.enabled=false", "redis.existingSecret: name the Secret with the URL"),
+            ("blobs.s3.url=s3://b/p", "blobs.s3.existingSecret: name the Secret with"),
+            ("api.ingress.enabled=true", "api.ingress.host: say under which name"),
+            ("workerDefaults.resources.limits.cpu=null", "missing property 'cpu'"),
+        ],
+    )
+    def test_refuses_values_that_make_no_farm(
+        self, given: str, words: str, helm: Path | None
+    ) -> None:
+        if helm is not None:
+            version = f"--kube-version={KUBERNETES[-1]}"
+            assert words in chart.helm(helm, "template", ".", version, "--set", given, fails=True)
+
+
+class TestStrictSchemas:
+    @pytest.mark.parametrize("version", KUBERNETES)
+    def test_know_every_field(self, found: list[Manifest], version: str) -> None:
+        wrong = {
+            f"{one['kind']} {one['metadata']['name']}": chart.errors(one, version) for one in found
+        }
+        assert not {name: why for name, why in wrong.items() if why}
+
+    @pytest.mark.parametrize(
+        ("kind", "path", "value", "words"),
+        [
+            ("Deployment", "spec/template/spec/securityContxt", {}, "'securityContxt' was unexp"),
+            ("Deployment", "spec/replicas", "two", "is not of type"),
+            ("NetworkPolicy", "spec/ingres", [], "'ingres' was unexpected"),
+            ("PodDisruptionBudget", "spec/maxUnavailble", 1, "'maxUnavailble' was unexpected"),
+            ("ScaledObject", "spec/pollingIntervall", 10, "'pollingIntervall' was unexpected"),
+            ("ScaledObject", "spec/triggers/0/metadat", {}, "'metadat' was unexpected"),
+            ("ScaledObject", "spec/maxReplicaCount", "ten", 'is not of type "integer"'),
+            ("TriggerAuthentication", "spec/secretTargetRef/0/nme", "k", "'nme' was unexpected"),
+            ("ServiceMonitor", "spec/endpoints/0/intervall", "1s", "'intervall' was unexpected"),
+        ],
+    )
+    def test_find_a_planted_error(self, kind: str, path: str, value: object, words: str) -> None:
+        manifest = copy.deepcopy(chart.of_kind(chart.manifests(chart.recorded("full")), kind)[0])
+        *way, last = path.split("/")
+        inner: Any = manifest
+        for step in way:
+            inner = inner[int(step) if step.isdigit() else step]
+        inner[last] = value
+        [error] = chart.errors(manifest, KUBERNETES[-1])
+        assert words in error
+
+    def test_find_what_is_missing(self) -> None:
+        manifest = copy.deepcopy(
+            chart.of_kind(chart.manifests(chart.recorded("full")), "ScaledObject")[0]
+        )
+        del manifest["spec"]["scaleTargetRef"]
+        [error] = chart.errors(manifest, KUBERNETES[-1])
+        assert '"scaleTargetRef" is a required property' in error
+
+
+def test_a_trigger_says_what_its_scaler_of_keda_knows() -> None:
+    scalers = json.loads((chart.SCHEMAS / "scalers-schema.json").read_text())["scalers"]
+    found = chart.manifests(chart.recorded("full"))
+    triggers = [one["spec"]["triggers"] for one in chart.of_kind(found, "ScaledObject")]
+    for trigger in (trigger for these in triggers for trigger in these):
+        [scaler] = [one for one in scalers if one["type"] == trigger["type"]]
+        known = {one["name"]: one for one in scaler["parameters"]}
+        assert trigger["metadata"].keys() <= known.keys()
+        for name, value in trigger["metadata"].items():
+            assert isinstance(value, str)
+            assert value in known[name].get("allowedValue", [value])
+        name = trigger["authenticationRef"]["name"]
+        [secret] = chart.named(found, "TriggerAuthentication", name)["spec"]["secretTargetRef"]
+        assert known[secret["parameter"]]["triggerAuthenticationVariableReadable"]
+
+
+class TestValues:
+    def test_are_all_in_the_readme_as_they_are(self) -> None:
+        readme = (chart.CHART / "README.md").read_text()
+        assert readme == chart.with_table(readme)
+
+    def test_have_a_schema_that_knows_no_others(self) -> None:
+        schema = json.loads((chart.CHART / "values.schema.json").read_text())
+        values = yaml.safe_load((chart.CHART / "values.yaml").read_text())
+        assert _unlike(values, schema) == []
+
+
+def _unlike(values: dict[str, Any], schema: dict[str, Any], above: str = "") -> list[str]:
+    """Where values and schema have not the same names."""
+    known = schema.get("properties", {})
+    if not known or chart.MAPS.fullmatch(above.rstrip(".")):
+        return []
+    wrong = [f"{above}{name}" for name in values.keys() ^ known.keys() - {"global"}]
+    assert schema["additionalProperties"] is False
+    for name in values.keys() & known.keys():
+        if isinstance(values[name], dict):
+            wrong += _unlike(values[name], known[name], f"{above}{name}.")
+    return wrong

@@ -1,0 +1,145 @@
+"""The images: what the Containerfile installs is a farm, and nothing that a part does not need."""
+
+import copy
+import json
+import re
+import subprocess
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import jsonschema_rs
+import pytest
+import yaml
+
+from farm.settings import Settings
+from tests.cluster import support_chart as chart
+from tests.cluster import support_containerfile as containerfile
+from tests.cluster.support_chart import ROOT, Find
+from tests.cluster.support_pods import Node, needs_root
+from tests.cluster.test_chart_pods import FOREIGN, parsed
+from tests.cluster.test_chart_runs import a_job_from_zero
+
+PARTS = ("api", "monitor", "worker")
+
+
+class TestTheContainerfile:
+    def test_has_a_target_for_each_part_that_is_nobody_and_runs_its_command(self) -> None:
+        for part in PARTS:
+            line = containerfile.ancestry(part)
+            users = [user for stage in line for user in stage.all_of("USER")]
+            assert users[-1] == "10001:10001"
+            [command] = containerfile.stages()[part].all_of("CMD")
+            [entry] = [one for stage in line for one in stage.all_of("ENTRYPOINT")]
+            assert json.loads(entry) == ["tini", "--", "plateau"]
+            assert parsed(json.loads(command))["command"] == part
+
+    def test_rests_on_one_base_of_one_version(self) -> None:
+        every = containerfile.stages()
+        bases = {stage.base for stage in every.values()} - every.keys()
+        [base] = bases
+        assert re.fullmatch(r"docker\.io/library/python:3\.1[0-2]\.\d+-slim-bookworm", base)
+
+    def test_copies_only_what_is_let_into_the_build(self) -> None:
+        for stage in containerfile.stages().values():
+            for argument in stage.all_of("COPY"):
+                if not argument.startswith("--from="):
+                    for source in argument.split()[:-1]:
+                        assert (ROOT / source).exists()
+                        assert containerfile.in_context(source), source
+        for kept_out in (".git", "tests", "deploy", ".venv", "docs", "bench"):
+            assert not containerfile.in_context(kept_out)
+
+    def test_takes_away_only_what_was_installed(self) -> None:
+        pinned = set(
+            re.findall(r"^([\w.-]+)==", (ROOT / "constraints.txt").read_text(), re.MULTILINE)
+        )
+        for part in PARTS:
+            [step] = containerfile.stages()[f"{part}-files"].all_of("RUN")
+            assert set(step.split("/opt/plateau ")[1].split()) <= pinned
+
+    def test_is_of_this_version(self) -> None:
+        version = re.search(
+            r'^version = "(.+)"', (ROOT / "pyproject.toml").read_text(), re.MULTILINE
+        )
+        assert version is not None
+        [labels] = containerfile.stages()["base"].all_of("LABEL")
+        assert f'image.version="{version[1]}"' in labels
+        about = yaml.safe_load((chart.CHART / "Chart.yaml").read_text())
+        assert about["appVersion"] == version[1]
+
+
+def test_a_farm_of_what_the_images_hold_renders_a_job(form: str, tool: Find) -> None:
+    """Some minutes: the installation, once, and a farm whose parts have what is left to each."""
+    if form == "short":
+        return
+    needs_root()
+    with TemporaryDirectory(prefix="plateau-images-") as folder:
+        Path(folder).chmod(0o755)
+        build = containerfile.Build(Path(folder) / "build")
+        build.build()
+        pythons = {part: build.part(part) for part in PARTS}
+        sizes = {part: _megabytes(python.parents[1]) for part, python in pythons.items()}
+        print(f"MB in /opt/plateau: {sizes}")
+        assert sizes["api"] < 250
+        assert sizes["monitor"] < 450
+        assert sizes["worker"] < 450
+        found = chart.manifests(chart.recorded("gpu"))
+        machine = Path(folder) / "node"
+        machine.mkdir()
+        with Node(machine, found, tool, {**pythons, "keys": pythons["api"]}) as node:
+            a_job_from_zero(node, found)
+
+
+def _megabytes(folder: Path) -> int:
+    said = subprocess.run(["du", "-sm", folder], capture_output=True, text=True, check=True).stdout
+    return int(said.split()[0])
+
+
+class TestCompose:
+    @pytest.fixture
+    def compose(self) -> dict[str, Any]:
+        found: dict[str, Any] = yaml.safe_load((ROOT / "deploy" / "compose.yaml").read_text())
+        return found
+
+    @pytest.fixture
+    def schema(self) -> Any:
+        schema = json.loads((chart.SCHEMAS / "compose-spec.json").read_text())
+        return jsonschema_rs.validator_for(schema)
+
+    def test_is_by_the_specification(self, compose: dict[str, Any], schema: Any) -> None:
+        assert [error.message for error in schema.iter_errors(compose)] == []
+        wrong = copy.deepcopy(compose)
+        wrong["services"]["api"]["healthchek"] = {}
+        [error] = schema.iter_errors(wrong)
+        assert "'healthchek' was unexpected" in error.message
+
+    def test_runs_everything_confined(self, compose: dict[str, Any]) -> None:
+        for name, service in compose["services"].items():
+            assert service["read_only"] is True, name
+            assert service["cap_drop"] == ["ALL"], name
+            assert service["security_opt"] == ["no-new-privileges:true"], name
+            published = service.get("ports", [])
+            assert all(port.startswith("127.0.0.1:") for port in published), name
+            # Only the API, and monitors for webhooks, reach further than the farm.
+            if name not in {"api", "monitor"}:
+                assert service["networks"] == ["farm"], name
+        assert compose["networks"]["farm"] == {"internal": True}
+
+    def test_says_what_plateau_knows(self, compose: dict[str, Any]) -> None:
+        settings = {f"PLATEAU_{name.upper()}" for name in Settings.model_fields}
+        targets = containerfile.stages()
+        for name, service in compose["services"].items():
+            if name == "redis":
+                continue
+            assert service["environment"].keys() <= settings | FOREIGN.keys(), name
+            assert service["build"]["target"] in targets
+            assert (ROOT / "deploy" / service["build"]["context"]).resolve() == ROOT
+            words = [__file__ if "/run/secrets/" in word else word for word in service["command"]]
+            assert parsed(words)["command"] in {name.partition("-")[0], "create"}
+
+    def test_keeps_what_redis_acknowledges(self, compose: dict[str, Any]) -> None:
+        command = " ".join(compose["services"]["redis"]["command"])
+        for option in ("--appendonly yes", "--appendfsync always", "--maxmemory-policy noeviction"):
+            assert option in command
+        assert "redis:/data" in compose["services"]["redis"]["volumes"]

@@ -1,0 +1,455 @@
+"""Every write to Redis as a case: how it is prepared, and what is answered when it is repeated."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+import redis
+
+from farm import scripts
+from farm.allowance import Allowance
+from farm.api_keys import ApiKey, ApiKeys, KeyLimits, Role
+from farm.batches import Batches, Steer
+from farm.continuation import Continuations
+from farm.errors import FenceLost
+from farm.jobs import Jobs
+from farm.ownership import Checkpoint, Ownership, Ownerships
+from farm.queue import Committed, Lease, SliceQueue, SliceRecord
+from farm.scene_index import SceneIndex
+from farm.scripts import Scripts
+from farm.spec import JobSpec
+from farm.states import JobState
+from farm.studies import Studies
+from farm.study import Screen
+from farm.totals import MonitorWork
+from farm.webhooks import Outbox
+from farm.workers import Workers
+
+WORKER, OTHER = "worker-1", "worker-2"
+LEASE_S = 60.0
+HOOK: Final[dict[str, Any]] = {"url": "https://lab.example/hook", "events": ("queued",)}
+SPEC: Final[dict[str, Any]] = {"step": 100, "slice_spp": 50, "max_spp": 1000}
+ABOUT: Final[dict[str, Any]] = {"id": WORKER, "variants": ["scalar_rgb"]}
+
+
+class World:
+    """Redis twice: `direct`, by which cases are prepared, and `lossy`, by which they are done."""
+
+    def __init__(self, direct: redis.Redis, lossy: redis.Redis) -> None:
+        self.direct, self.lossy = direct, lossy
+        self.jobs, self.outbox, self.allowance = Jobs(lossy), Outbox(lossy), Allowance(lossy)
+        self.workers, self.studies, self.keys = Workers(lossy), Studies(lossy), ApiKeys(lossy)
+        self.owners = Ownerships(lossy, LEASE_S)
+        self.queue = SliceQueue(lossy, WORKER, LEASE_S)
+
+    def load_scripts(self) -> None:
+        """Have Redis know all scripts, so that a call of one is one command."""
+        for text in scripts.texts().values():
+            self.direct.script_load(text)
+
+    def job(
+        self, *, slices: int = 2, owned: bool = True, webhook: bool = False, **spec: Any
+    ) -> str:
+        """A new job with so many slices planned."""
+        if webhook:
+            spec["webhook"] = HOOK
+        wanted = JobSpec(**{**SPEC, **spec})
+        made = Jobs(self.direct).create(wanted, name="box.xml", scene_sha256="0" * 64)
+        if owned:
+            owners = Ownerships(self.direct, LEASE_S)
+            found = owners.acquire(made.job.id)
+            assert found is not None
+            self.owned: Ownership = found
+            owners.plan(found, range(slices))
+        return made.job.id
+
+    def leased(self, **spec: Any) -> Lease:
+        """A slice that the worker has leased."""
+        self.job(**spec)
+        lease = SliceQueue(self.direct, WORKER, LEASE_S).lease(("scalar_rgb",), None, in_turn=False)
+        assert lease is not None
+        return lease
+
+    def committed(self, **spec: Any) -> Lease:
+        """A slice that was committed by the worker."""
+        lease = self.leased(**spec)
+        assert commit(SliceQueue(self.direct, WORKER, LEASE_S), lease) is Committed.COMMITTED
+        return lease
+
+    def finished(self, **spec: Any) -> str:
+        """A job that converged with one slice, and is done with."""
+        job = self.committed(**spec).job_id
+        owners = Ownerships(self.direct, LEASE_S)
+        owners.save_checkpoint(self.owned, CHECKPOINT)
+        owners.end(self.owned, JobState.CONVERGED, "levelled off", {"slope": 0.0}, "a set")
+        owners.finish(self.owned, keeps_sums=True)
+        return job
+
+    def lease(self, lease_s: float) -> Lease | None:
+        return SliceQueue(self.lossy, WORKER, lease_s).lease(("scalar_rgb",), None, in_turn=False)
+
+    def heartbeat(self) -> None:
+        SliceQueue(self.direct, WORKER, LEASE_S).heartbeat(ABOUT, ())
+
+    def acquire(self, job: str, lease_s: float) -> Ownership | None:
+        return Ownerships(self.lossy, lease_s).acquire(job)
+
+    def api_key(self, burst: int) -> ApiKey:
+        limits = KeyLimits(
+            requests_per_minute=burst, burst=burst, upload_bytes=None, open_jobs=None
+        )
+        return ApiKeys(self.direct).create("a key", Role.SUBMITTER, limits)[0]
+
+    def study(self) -> str:
+        studies = Studies(self.direct)
+        return studies.create(studies.begin(), {"job": "a"}, "", STUDY).id
+
+
+CHECKPOINT = Checkpoint(blob="sums", sha256="ab" * 32, slices=1)
+STUDY: Final[dict[str, Any]] = {
+    "name": "s", "method": "constant", "job_id": "a" * 12, "reference_job_id": "b" * 12,
+    "independent": True, "levels": [50, 100], "reference_spp": 1000, "slice_spp": 50,
+    "exposure_ev": 0.0, "width": 32, "height": 32,
+}  # fmt: skip
+
+
+def commit(
+    queue: SliceQueue, lease: Lease, blob: str = "a partial", seeds: tuple[int, int] | None = None
+) -> Committed:
+    first, last = seeds or (lease.index * 10, lease.index * 10 + 9)
+    record = SliceRecord(
+        index=lease.index,
+        spp=lease.spec.slice_spp,
+        first_seed=first,
+        last_seed=last,
+        blob=blob,
+        sha256="ab" * 32,
+        worker=WORKER,
+        render_s=0.5,
+    )
+    return queue.commit(lease, record, width=32, height=24, notes=(), said="words")
+
+
+@dataclass(frozen=True)
+class Case:
+    """A write."""
+
+    prepare: Callable[[World], Callable[[], object]]  #: returns the write itself
+    is_answered: Callable[[object], bool]  #: whether this is what the one who repeats it should get
+    answers_before: int = 0  #: to what it reads first
+    writes_only_times: bool = False
+
+
+CASES: dict[str, Case] = {}
+
+#: Scripts that do something more when they are repeated: each has a test of its own.
+REPEATS_DIFFER: Final = {"lease": "", "own": "", "take_delivery": "", "take": ""}
+
+
+def written_by(name: str) -> str:
+    """The script, or whatever else, that does the write of a case."""
+    return name.partition(":")[0]
+
+
+Prepare = Callable[[World], Callable[[], object]]
+
+
+def case(name: str, again: object = None, **more: Any) -> Callable[[Prepare], Prepare]:
+    """Note a case: its script and what is special; `again` is what is answered the second time."""
+
+    def note(prepare: Prepare) -> Prepare:
+        answered = again if callable(again) and not isinstance(again, type) else None
+        CASES[name] = Case(prepare, answered or (lambda answer: answer == again), **more)
+        return prepare
+
+    return note
+
+
+def is_anything(_: object) -> bool:
+    return True
+
+
+# What workers write.
+
+
+@case("commit", Committed.COMMITTED)
+def _(world: World) -> Callable[[], object]:
+    lease = world.leased()
+    return lambda: commit(world.queue, lease)
+
+
+@case("commit: another was first", Committed.DUPLICATE)
+def _(world: World) -> Callable[[], object]:
+    lease = world.committed()
+    return lambda: commit(world.queue, lease, "another partial")
+
+
+@case("commit: the job has ended", Committed.ENDED)
+def _(world: World) -> Callable[[], object]:
+    lease = world.leased()
+    Jobs(world.direct).cancel(lease.job_id)
+    return lambda: commit(world.queue, lease)
+
+
+@case("commit: of another variant", Committed.STALE)
+def _(world: World) -> Callable[[], object]:
+    lease = world.leased()
+    return lambda: commit(world.queue, replace(lease, variant="llvm_ad_rgb"))
+
+
+@case("commit: of seeds that were used", Committed.OVERLAP)
+def _(world: World) -> Callable[[], object]:
+    world.committed()
+    found = SliceQueue(world.direct, WORKER, LEASE_S).lease(("scalar_rgb",), None, in_turn=False)
+    assert found is not None
+    lease = found
+    return lambda: commit(world.queue, lease, "another partial", (5, 6))
+
+
+@case("died", "lost")
+def _(world: World) -> Callable[[], object]:
+    lease = world.leased()
+    return lambda: world.queue.died(lease, "killed by SIGSEGV", 0.5, "words")
+
+
+@case("hand_back")
+def _(world: World) -> Callable[[], object]:
+    lease = world.leased()
+    return lambda: world.queue.hand_back(lease, 0.5, cause="the worker stops", said="words")
+
+
+@case("fail")
+def _(world: World) -> Callable[[], object]:
+    lease = world.leased()
+    return lambda: world.queue.fail(lease, "no such plugin", 0.5, "words")
+
+
+@case("heartbeat", ())
+def _(world: World) -> Callable[[], object]:
+    lease = world.leased()
+    return lambda: world.queue.heartbeat(ABOUT, (lease,))
+
+
+@case("leave")
+def _(world: World) -> Callable[[], object]:
+    world.heartbeat()
+    return world.queue.leave
+
+
+# What monitors write.
+
+
+@case("renew", set(), writes_only_times=True)
+def _(world: World) -> Callable[[], object]:
+    world.job()
+    return lambda: world.owners.renew((world.owned,))
+
+
+@case("disown")
+def _(world: World) -> Callable[[], object]:
+    world.job()
+    return lambda: world.owners.disown((world.owned,))
+
+
+@case("plan")
+def _(world: World) -> Callable[[], object]:
+    world.job()
+    return lambda: world.owners.plan(world.owned, range(2, 6))
+
+
+@case("append_point")
+def _(world: World) -> Callable[[], object]:
+    world.committed()
+    return lambda: world.owners.append_point(world.owned, 100, {"spp": 100, "visible_pixels": 3})
+
+
+@case("reject", 0)
+def _(world: World) -> Callable[[], object]:
+    lease = world.committed()
+    [record] = Ownerships(world.direct, LEASE_S).committed(lease.job_id, range(1))
+    return lambda: world.owners.reject(world.owned, record, "it is spoiled")
+
+
+@case("save")
+def _(world: World) -> Callable[[], object]:
+    world.committed()
+    return lambda: world.owners.save_checkpoint(world.owned, CHECKPOINT)
+
+
+@case("end")
+def _(world: World) -> Callable[[], object]:
+    world.committed(webhook=True)
+    verdict = {"slope": 0.01}
+    state, why = JobState.CONVERGED, "levelled off"
+    return lambda: world.owners.end(world.owned, state, why, verdict, "a set")
+
+
+@case("finish", FenceLost)
+def _(world: World) -> Callable[[], object]:
+    world.committed()
+    Ownerships(world.direct, LEASE_S).end(world.owned, JobState.EXHAUSTED, "the cap")
+    return lambda: world.owners.finish(world.owned, keeps_sums=False)
+
+
+@case("monitor_heartbeat")
+def _(world: World) -> Callable[[], object]:
+    work = MonitorWork(world.lossy, "monitor-1", LEASE_S)
+    work.merges.note(0.1)
+    return lambda: work.heartbeat(3)
+
+
+@case("api_heartbeat")
+def _(world: World) -> Callable[[], object]:
+    return lambda: Scripts(world.lossy).run("api_heartbeat", "api-1", "{}", 60_000)
+
+
+@case("refused", writes_only_times=True)
+def _(world: World) -> Callable[[], object]:
+    return lambda: Scripts(world.lossy).run("refused", "worker a-host", '{"pid": 1}')
+
+
+@case("settle_delivery: delivered", again=True)
+def _(world: World) -> Callable[[], object]:
+    world.job(webhook=True)
+    taken = Outbox(world.direct).take(LEASE_S)
+    assert taken is not None
+    return lambda: world.outbox.settle(taken, "delivered", status=200, error="", took_s=0.1)
+
+
+@case("settle_delivery: failed", again=False)
+def _(world: World) -> Callable[[], object]:
+    world.job(webhook=True)
+    taken = Outbox(world.direct).take(LEASE_S)
+    assert taken is not None
+    return lambda: world.outbox.settle(
+        taken, "failed", status=500, error="no", took_s=0.1, delay_s=60.0
+    )
+
+
+@case("forget", "missing")
+def _(world: World) -> Callable[[], object]:
+    job = world.finished()
+    return lambda: Scripts(world.lossy).run("forget", job, 0)
+
+
+@case("drop_sums", "kept")
+def _(world: World) -> Callable[[], object]:
+    job = world.finished()
+    return lambda: Scripts(world.lossy).run("drop_sums", job, 0, "")
+
+
+@case("forget_scene", "kept")
+def _(world: World) -> Callable[[], object]:
+    SceneIndex(world.direct).use("c" * 64)
+    return lambda: Scripts(world.lossy).run("forget_scene", "c" * 64, 2**52, 60_000)
+
+
+# What APIs write.
+
+
+@case("create", lambda made: made.repeated and not made.conflict, answers_before=1)
+def _(world: World) -> Callable[[], object]:
+    spec = JobSpec(**SPEC, webhook=HOOK, batch="frames")
+    return lambda: world.jobs.create(
+        spec, name="box.xml", scene_sha256="0" * 64, idempotency_key="once", digest="d"
+    )
+
+
+@case("continue", lambda made: made.repeated and not made.conflict)
+def _(world: World) -> Callable[[], object]:
+    job = Jobs(world.direct).get(world.finished())
+    goes_on = Continuations(world.lossy)
+    remains = Continuations(world.direct).remains(job)
+    spec = job.spec.model_copy(update={"max_spp": 2000})
+    return lambda: goes_on.start(job, remains, spec, idempotency_key="once")
+
+
+@case("end: cancelled by a user", lambda job: job.state is JobState.CANCELLED)
+def _(world: World) -> Callable[[], object]:
+    job = world.leased(webhook=True).job_id
+    return lambda: world.jobs.cancel(job)
+
+
+@case("pause", lambda job: job.state is JobState.PAUSED)
+def _(world: World) -> Callable[[], object]:
+    job = world.leased().job_id
+    return lambda: world.jobs.pause(job)
+
+
+@case("pause: a batch", is_anything, answers_before=3)
+def _(world: World) -> Callable[[], object]:
+    world.leased(batch="frames")
+    world.job(owned=False, batch="frames")
+    return lambda: Batches(world.lossy).steer("frames", Steer.PAUSE)
+
+
+@case("resume", lambda job: job.state is JobState.RENDERING)
+def _(world: World) -> Callable[[], object]:
+    job = world.leased().job_id
+    Jobs(world.direct).pause(job)
+    return lambda: world.jobs.resume(job)
+
+
+@case("reprioritise", lambda job: job.spec.priority == 7)
+def _(world: World) -> Callable[[], object]:
+    job = world.leased().job_id
+    return lambda: world.jobs.set_priority(job, 7)
+
+
+@case("guard", lambda batch: batch.guard.guarded, answers_before=6)
+def _(world: World) -> Callable[[], object]:
+    world.job(batch="frames")
+    return lambda: Batches(world.lossy).guard("frames")
+
+
+@case("remember a scene")
+def _(world: World) -> Callable[[], object]:
+    return lambda: SceneIndex(world.lossy).remember("c" * 64, {"name": "box.xml"})
+
+
+@case("use a scene", answers_before=1)
+def _(world: World) -> Callable[[], object]:
+    return lambda: SceneIndex(world.lossy).use("c" * 64)
+
+
+@case("drain")
+def _(world: World) -> Callable[[], object]:
+    world.heartbeat()
+    return lambda: world.workers.drain(WORKER)
+
+
+@case("redeliver", lambda delivery: delivery.state == "waiting")
+def _(world: World) -> Callable[[], object]:
+    job = world.job(webhook=True)
+    outbox = Outbox(world.direct)
+    taken = outbox.take(LEASE_S)
+    assert taken is not None
+    outbox.settle(taken, "given-up", status=410, error="gone", took_s=0.1)
+    return lambda: world.outbox.redeliver(job, 1)
+
+
+@case("create_study", lambda study: study.levels == (50, 100))
+def _(world: World) -> Callable[[], object]:
+    study = Studies(world.direct).begin()
+    return lambda: world.studies.create(study, {"job": "a"}, "", STUDY)
+
+
+@case("join_study", lambda observer: observer.number == 0)
+def _(world: World) -> Callable[[], object]:
+    study = Studies(world.direct).get(world.study())
+    screen = Screen(viewing_distance_cm=60, pixel_pitch_mm=0.25)
+    return lambda: world.studies.join(study, "ada", screen)
+
+
+@case("answer_study", lambda answer: answer.seen)
+def _(world: World) -> Callable[[], object]:
+    direct = Studies(world.direct)
+    study = direct.get(world.study())
+    ada = direct.join(study, "ada", Screen(viewing_distance_cm=60, pixel_pitch_mm=0.25))
+    return lambda: world.studies.answer(study, ada, 0, seen=True, seconds=1.0)
+
+
+@case("forget_study", "forgotten")
+def _(world: World) -> Callable[[], object]:
+    study = world.study()
+    return lambda: Scripts(world.lossy).run("forget_study", study)
