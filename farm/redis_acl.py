@@ -13,9 +13,10 @@ user                      may
 
 Whoever asks runs scripts with the rights of its user, so a worker can run any script, but none that
 goes beyond the keys, channels and commands given here. It can still spoil the queue itself, mark a
-job as failed, or keep Redis busy: it has to write there; and it can see the names of all keys,
-since a lease makes its index afresh where that was damaged. What it cannot do is learn or change
-what opens the API, signs a webhook, says where one goes, or owns a job.
+job as failed (and have a webhook say what did not happen), or keep Redis busy: it has to write
+there; and it can see the names of all keys, since a lease makes its index afresh where that was
+damaged. What it cannot do is learn or change what opens the API, signs a webhook, says where one
+goes, or owns a job.
 
 Redis has users since 6.0 and rights to read alone (``%R~``) since 7.0: on 6.2 whoever may read a
 key may write it.

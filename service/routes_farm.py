@@ -25,7 +25,7 @@ def workers(farm: Annotated[Parts, Depends(parts)]) -> Workers:
     return _all_workers(farm)
 
 
-@router.get("/v1/demand", responses=documented())
+@router.get("/v1/demand", responses=documented(problems.INVALID_REQUEST))
 def demand(
     farm: Annotated[Parts, Depends(parts)],
     variant: Annotated[

@@ -12,6 +12,7 @@ from farm.blobs import Blobs
 from farm.embedded import EmbeddedRedis
 from farm.jobs import Jobs
 from farm.redis_link import connect
+from farm.schema import check_schema
 from tests.support.commands import Command
 from tests.support.staged_job import StagedJob
 
@@ -20,6 +21,7 @@ READY = r"listens at (http://127\.0\.0\.1:\d+)"
 
 def fill(client: redis.Redis, store: Blobs) -> StagedJob:
     """A finished job with three pictures, a queued one, and an orphan."""
+    check_schema(client)  # as whoever came first did
     job = StagedJob(client)
     job.commit(4)
     job.end()
