@@ -66,7 +66,7 @@ class Network:
 
     def _build(self) -> None:
         self._add(_ROUTER)
-        self._run(*self._inside(_ROUTER), "sysctl", "-qw", "net.ipv4.ip_forward=1")
+        self._run(*self._inside(_ROUTER), "sh", "-c", "echo 1 > /proc/sys/net/ipv4/ip_forward")
         for number, host in enumerate(self.hosts, 1):
             self._add(host)
             gateway = f"10.77.{number}.1"
