@@ -5,11 +5,28 @@ set -euo pipefail
 cd "$(dirname "$0")/../.."
 source deploy/lib.sh
 
+# Puts a Go on the PATH that is new enough. Debian 12's is not, but can fetch one, as a module.
+need_go() {
+  PATH=$PATH:/usr/local/go/bin
+  command -v go >/dev/null || apt_install golang-go
+  if [ "$(printf '%s\n' go1.21 "$(go env GOVERSION)" | sort -V | head -n 1)" = go1.21 ]; then return; fi
+  say "fetching a Go that is newer than $(go env GOVERSION)"
+  local root
+  root=$(module_dir "golang.org/toolchain@v0.0.1-go1.26.8.$(go env GOOS)-$(go env GOARCH)")
+  chmod -R +x "$root/bin" "$root/pkg/tool"  # modules have no programs
+  PATH=$root/bin:$PATH
+}
+
+# module_dir MODULE@VERSION: where Go keeps the module's files, fetched where it has none.
+module_dir() {
+  (cd / && go mod download -json "$1") | sed -n 's/^\t"Dir": "\(.*\)",$/\1/p'
+}
+
 # go_tool NAME MODULE@VERSION: build a program into .cluster-tools/bin, once for each version.
 go_tool() {
   local name=$1 module=$2 bin=$PWD/.cluster-tools/bin
   if [ -x "$bin/$name" ] && [ "$(cat "$bin/.$name" 2>/dev/null)" = "$module" ]; then return; fi
-  command -v go >/dev/null || apt_install golang-go
+  need_go
   say "building $name (a minute or two, once)"
   mkdir -p "$bin"
   GOBIN=$bin/new-$name go install -trimpath "$module"
@@ -37,13 +54,13 @@ github.com/kedacore/keda/v2@v2.21.0 config/crd/bases/keda.sh_scaledobjects.yaml 
 github.com/prometheus-operator/prometheus-operator@v0.85.0 example/prometheus-operator-crd/monitoring.coreos.com_servicemonitors.yaml
 github.com/compose-spec/compose-go/v2@v2.16.2 schema/compose-spec.json"
   if [ "$(cat "$folder/made-from" 2>/dev/null)" != "$wanted" ]; then
-    command -v go >/dev/null || apt_install golang-go
+    need_go
     [ -x $python ] || python=python3
     rm -rf "$folder" && mkdir -p "$folder"
     while read -r from files; do
       case $from in
         *==*) $python -m pip install -q --disable-pip-version-check --root-user-action ignore --no-deps --target "$folder" "$from" ;;
-        *) from=$(cd "$folder" && go mod download -json "$from" | sed -n 's/^\t"Dir": "\(.*\)",$/\1/p')
+        *) from=$(module_dir "$from")
            for file in $files; do install -m 644 "$from/$file" "$folder/"; done ;;
       esac
     done <<< "$wanted"
