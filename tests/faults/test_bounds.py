@@ -265,8 +265,8 @@ def test_many_jobs_and_slices(tmp_path: Path, cache: Path) -> None:
         # Then Redis keeps nothing for a job that was
         left = set(farm.redis_client.scan_iter("*", count=1000))
         assert not {key for key in left if key.startswith(keys.job(""))}
-        # For a day, for an hour, until somebody is woken
-        kept = ("plateau:idempotency:", "plateau:monitor:", keys.IDLE)
+        # For a day, for an hour, while an API lives, until somebody is woken
+        kept = ("plateau:idempotency:", "plateau:monitor:", keys.api(""), keys.IDLE)
         assert {one for one in left if not one.startswith(kept)} <= {
             keys.SCHEMA,
             keys.STORE,
@@ -278,6 +278,8 @@ def test_many_jobs_and_slices(tmp_path: Path, cache: Path) -> None:
             keys.GRACE,
             keys.TOTALS,
             keys.MONITORS,
+            keys.APIS,
+            keys.PROTOCOL,
             keys.KINDS,
         }
         assert soak.used_memory() - empty < MOST_LEFT
