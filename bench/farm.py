@@ -20,7 +20,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from bench.support import markdown
 from bench.support.alone import render_alone
 from bench.support.cores import Taken, timed
 from bench.support.plateau_render import Look, monitors_share, render
@@ -38,10 +37,6 @@ ROOT = Path(__file__).parents[1]
 _SPEC = JobSpec()
 #: Scene, size, spp and step. Larger films take fewer spp, and smaller steps, or a day.
 _CASES = ("box:512x512:400:100", "bar:512x512:300:100", "box:1920x1080:200:50")
-_EFFICIENCY = "efficiency: spp per second once under way, merged and judged"
-_CPU = "CPU time of all processes"
-_MONITOR = "the monitor's share of the farm's CPU time, once under way"
-_OTHERS = "other work on the cores meanwhile"
 _BARE = "one Mitsuba process that renders the same passes and writes nothing"
 
 
@@ -104,7 +99,7 @@ def main() -> None:
     choice, threads = choose(Settings().cache), len(os.sched_getaffinity(0))
     works = [Work(**case, choice=choice, threads=threads) for case in options.cases]
     figures = [one for work in works for one in _figures(work, _pairs(work, options.pairs))]
-    path = write_report(
+    write_report(
         "farm",
         figures,
         settings={
@@ -124,7 +119,6 @@ def main() -> None:
             "Where other work had a share of the cores, the spread is mostly its doing.",
         ],
     )
-    markdown.fill(markdown.DOCS / "performance.md", tables(json.loads(path.read_text())))
 
 
 def _pairs(work: Work, count: int) -> list[tuple[Run, Run]]:
@@ -145,7 +139,7 @@ def _figures(work: Work, pairs: list[tuple[Run, Run]]) -> list[Figure]:
 
     found = [
         figure(
-            _EFFICIENCY,
+            "efficiency: spp per second once under way, merged and judged",
             ratios(lambda run: run.steady_spp_s),
             "ratio",
             compared_with=_BARE,
@@ -163,15 +157,20 @@ def _figures(work: Work, pairs: list[tuple[Run, Run]]) -> list[Figure]:
             "ratio",
             compared_with=_BARE,
         ),
-        figure(_CPU, ratios(lambda run: run.took.cpu_s), "ratio", compared_with=_BARE),
         figure(
-            _MONITOR,
+            "CPU time of all processes",
+            ratios(lambda run: run.took.cpu_s),
+            "ratio",
+            compared_with=_BARE,
+        ),
+        figure(
+            "the monitor's share of the farm's CPU time, once under way",
             [farm.monitor for farm, _ in pairs],
             "of the CPU time",
             goal="under 0.02",
         ),
         figure(
-            _OTHERS,
+            "other work on the cores meanwhile",
             [run.took.others for pair in pairs for run in pair],
             "of the cores",
             goal="none, for figures to quote",
@@ -182,41 +181,6 @@ def _figures(work: Work, pairs: list[tuple[Run, Run]]) -> list[Figure]:
         figure("the bare renderer's whole time", [bare.took.wall_s for _, bare in pairs], "s"),
     ]
     return [replace(one, name=f"{work.name}: {one.name}") for one in found]
-
-
-def tables(report: dict[str, Any]) -> dict[str, str]:
-    """Return a report as Markdown: the machine, and each case's efficiency and cost."""
-    found = {one["name"]: one for one in report["figures"]}
-
-    def cell(case: str, name: str) -> str:
-        one = found[f"{case}: {name}"]
-        spread = one["spread"]
-        return f"{one['value']:.3f} ({spread['lowest']:.3f} to {spread['highest']:.3f})"
-
-    rows = [
-        [f"{case}, {settings['spp']} spp, step {settings['step']}"]
-        + [cell(case, name) for name in (_EFFICIENCY, _CPU, _MONITOR, _OTHERS)]
-        for case, settings in report["settings"]["cases"].items()
-    ]
-    machine, settings = report["machine"], report["settings"]
-    return {
-        "farm-machine": markdown.table(
-            ["machine", "cores", "variant", "workers", "threads", "pairs of runs"],
-            [
-                [
-                    f"{machine['cpu']}, {machine['os']}",
-                    str(machine["cores"]),
-                    settings["variant"],
-                    str(settings["workers"]),
-                    str(settings["threads"]),
-                    str(settings["pairs"]),
-                ]
-            ],
-        ),
-        "farm": markdown.table(
-            ["", "efficiency", "CPU time", "the monitor's share", "other work on the cores"], rows
-        ),
-    }
 
 
 def _warm_up(work: Work) -> None:
