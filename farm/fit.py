@@ -17,7 +17,8 @@ if TYPE_CHECKING:
     from farm.job import Job
     from farm.spec import SharedSpec
 
-_ANY: Final = "auto"
+#: The variant of a job that is not pinned to one yet.
+ANY: Final = "auto"
 
 PlaceName = Annotated[
     str,
@@ -63,7 +64,7 @@ class Kind:
             self.pool == job.spec.pool
             and set(job.spec.requires) <= set(self.tags)
             and bool(self.variants)
-            and (variant == _ANY or variant in self.variants)
+            and (variant == ANY or variant in self.variants)
         )
 
 
@@ -84,7 +85,7 @@ def waits_for(job: Job, kinds: Iterable[Kind]) -> str | None:
         return None
     variant = job.variant or job.spec.variant
     wanted = [
-        "" if variant == _ANY else f"that renders {variant}",
+        "" if variant == ANY else f"that renders {variant}",
         "" if job.spec.pool == DEFAULT_POOL else f"in pool {job.spec.pool}",
         f"with tags {', '.join(job.spec.requires)}" if job.spec.requires else "",
     ]

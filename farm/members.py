@@ -107,9 +107,14 @@ def sign_on(
             if not patient:
                 raise
             _LOG.error("out of service: %s", refused)
-            stop.wait(_UPGRADE_S * random.uniform(0.5, 1.5))
+            wait_for_upgrade(stop)
         else:
             return
+
+
+def wait_for_upgrade(stop: threading.Event) -> None:
+    """Return when a process that was refused may ask again, or once `stop` is set."""
+    stop.wait(_UPGRADE_S * random.uniform(0.5, 1.5))
 
 
 def note_refused(client: redis.Redis, role: Role, why: Refused) -> None:

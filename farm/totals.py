@@ -18,6 +18,7 @@ import redis
 
 from farm import keys
 from farm.durations import Durations, Histogram, histogram
+from farm.fit import ANY
 from farm.redis_link import now_ms, unavailable_as_farm_error
 from farm.scripts import Scripts
 from farm.states import JobState
@@ -41,9 +42,6 @@ ENDS: Final = tuple(state.value for state in JobState if state.ended)
 
 #: How tries of deliveries of webhooks end: after ``failed``, another follows.
 DELIVERY_TRY_ENDS: Final = ("delivered", "failed", "given-up")
-
-#: The variant of a job that is not pinned to one yet.
-ANY: Final = "auto"
 
 #: What a slice takes, as long as none of this farm's was ever rendered.
 _SLICE_MS: Final = 1000.0

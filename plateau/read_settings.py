@@ -37,7 +37,7 @@ def api_key(settings: Settings) -> str | None:
         return given or None
     if given:
         raise BadSetting("set PLATEAU_KEY or PLATEAU_KEY_FILE, not both")
-    return key_in(settings.key_file, "PLATEAU_KEY_FILE")
+    return secret_in(settings.key_file, "PLATEAU_KEY_FILE")
 
 
 def farm_settings() -> Settings:
@@ -61,7 +61,7 @@ def _whole_redis_url(settings: Settings) -> str | None:
         if settings.redis_user:
             url = redis_url.with_user(url, settings.redis_user)
         if settings.redis_password_file is not None:
-            password = _line_in(settings.redis_password_file, "PLATEAU_REDIS_PASSWORD_FILE")
+            password = secret_in(settings.redis_password_file, "PLATEAU_REDIS_PASSWORD_FILE")
             url = redis_url.with_password(url, password)
         url = redis_url.with_parameters(url, _parameters(settings, tls=redis_url.uses_tls(url)))
         redis_url.check(url)
@@ -88,25 +88,20 @@ def _parameters(settings: Settings, *, tls: bool) -> dict[str, str]:
     if ("ssl_certfile" in parameters) != ("ssl_keyfile" in parameters):
         raise BadSetting("set PLATEAU_REDIS_CERT and PLATEAU_REDIS_KEY together, or neither")
     if settings.redis_sentinel_password_file is not None:
-        parameters["sentinel_password"] = _line_in(
+        parameters["sentinel_password"] = secret_in(
             settings.redis_sentinel_password_file, "PLATEAU_REDIS_SENTINEL_PASSWORD_FILE"
         )
     return parameters
 
 
-def key_in(file: Path, option: str) -> str:
-    """The API key that a file holds, which the option names.
+def secret_in(file: Path, option: str) -> str:
+    """The secret that a file holds, which the option names, without the end of its line.
 
     Raises
     ------
     BadSetting
         It has none.
     """
-    return _line_in(file, option)
-
-
-def _line_in(file: Path, option: str) -> str:
-    """The secret that a file holds, without the end of its line."""
     try:
         secret = file.read_text().strip()
     except (OSError, UnicodeDecodeError) as error:

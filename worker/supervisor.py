@@ -6,7 +6,6 @@ only where this worker can render other things: one that cannot gives its slice 
 
 import logging
 import os
-import random
 import socket
 import threading
 import time
@@ -19,7 +18,7 @@ from farm.backoff import Backoff
 from farm.blobs import Blobs
 from farm.bundle import BundleError
 from farm.errors import CorruptBlob, Refused, StoreUnavailable
-from farm.members import note_refused, process_id
+from farm.members import note_refused, process_id, wait_for_upgrade
 from farm.processes import show_life
 from farm.queue import Lease, SliceQueue
 from farm.redis_link import connect, connect_to_renew
@@ -45,7 +44,6 @@ _FINISH_S: Final = 2.0  #: a slice that ends so soon is finished by a worker tha
 _STOPS: Final = "the worker stops"
 _RETRY_S: Final = (0.5, 10.0)  #: the first and the longest wait where something is away
 _AGAIN_S: Final = 0.3  #: before a heartbeat is repeated the first time, so that no lease runs out
-_UPGRADE_S: Final = 30.0  #: between two looks whether the farm speaks what this worker does
 _SIT_OUT_S: Final = (10.0, 300.0)  #: and before a worker that cannot render tests itself again
 
 
@@ -152,7 +150,7 @@ class Supervisor:
         if self._trouble is None:
             _LOG.error("out of service: %s", refused)
         self._trouble = str(refused)
-        self._stop.wait(_UPGRADE_S * random.uniform(0.5, 1.5))
+        wait_for_upgrade(self._stop)
 
     def _next_lease(self) -> Lease | None:
         job, since = self._turn

@@ -16,7 +16,7 @@ from farm.schema import check_schema
 from farm.settings import Settings
 from plateau.data_folder import DataFolder
 from plateau.errors import CommandFailed
-from plateau.read_settings import farm_settings, key_in
+from plateau.read_settings import farm_settings, secret_in
 from plateau.redis_at_hand import redis_at_hand
 from plateau.tables import print_rows
 
@@ -40,7 +40,7 @@ def create(
     if not (name.isprintable() and name.strip() and len(name) <= _MAX_NAME):
         raise CommandFailed(f"a key's name has 1 to {_MAX_NAME} printable characters")
     known, allowed = _role(role), _limits(settings, limits)
-    shown = None if key_from is None else key_in(key_from, "--from")
+    shown = None if key_from is None else secret_in(key_from, "--from")
     with _keys(settings, may_begin=True) as keys:
         first = not keys.any_made()
         if shown is None:

@@ -86,7 +86,7 @@ def test_a_worker_that_is_too_old_or_too_new_is_not_let_in(
 
 def test_a_worker_may_wait_for_the_farm_to_be_upgraded(farm: FaultyFarm) -> None:
     job = farm.submit(**SPEC)
-    waits = {"farm.members:_UPGRADE_S": 0.5, "worker.supervisor:_UPGRADE_S": 0.5}
+    waits = {"farm.members:_UPGRADE_S": 0.5}
     farm.environment["PLATEAU_WHEN_REFUSED"] = "wait"
     farm.start("monitor")
     until(lambda: farm.redis_client.zcard(keys.MONITORS))
