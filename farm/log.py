@@ -5,19 +5,25 @@ given the process's own fields (``role``, ``worker`` or ``monitor``) and those o
 about at the time (``job``, ``slice``), and is written as a line for people or for programs.
 """
 
+import json
 import logging
+import re
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from contextvars import ContextVar
+from datetime import datetime, timezone
 from typing import Final
-
-import structlog
-from structlog.typing import EventDict, Processor
 
 from farm.settings import LogFormat
 
 #: The fields of this process: who it is does not depend on what any of its threads is about.
 _PROCESS: Final[dict[str, str]] = {}
+#: Those of what this thread or task is about: ``job`` and, where it is about one, ``slice``.
+_CONCERN: Final[ContextVar[dict[str, str | int]]] = ContextVar("concern")
+
+#: A value that a line of text shows as it is; others are quoted.
+_WORD: Final = re.compile(r"[^\s='\"]+")
 
 
 def set_up(role: str, log_format: LogFormat) -> None:
@@ -35,22 +41,7 @@ def set_up(role: str, log_format: LogFormat) -> None:
     _PROCESS.clear()
     identify(role=role)
     handler = logging.StreamHandler(sys.stderr)
-    handler.setFormatter(
-        structlog.stdlib.ProcessorFormatter(
-            foreign_pre_chain=[
-                structlog.contextvars.merge_contextvars,
-                _add_process,
-                structlog.stdlib.add_log_level,
-                structlog.processors.TimeStamper(fmt="iso", utc=True, key="time"),
-                structlog.processors.EventRenamer("message"),
-            ],
-            processors=[
-                structlog.stdlib.ProcessorFormatter.remove_processors_meta,
-                structlog.processors.format_exc_info,
-                *(_as_json() if log_format == "json" else _as_text()),
-            ],
-        )
-    )
+    handler.setFormatter(_Json() if log_format == "json" else _Text())
     logging.basicConfig(handlers=[handler], level=logging.INFO, force=True)
     logging.captureWarnings(True)
 
@@ -67,20 +58,20 @@ def concerning(job: str, index: int | None = None) -> Iterator[None]:
     An exception that leaves it takes the fields along to whoever logs it, out to the next such
     context or to the thread's end.
     """
-    around = structlog.contextvars.get_contextvars()
+    around = concerns()
     concern(job, index)
     yield
-    structlog.contextvars.clear_contextvars()
-    structlog.contextvars.bind_contextvars(**around)
+    _CONCERN.set(around)
 
 
 def concern(job: str, index: int | None = None) -> None:
     """As `concerning`, until this thread or task ends or is about something else."""
-    structlog.contextvars.bind_contextvars(job=job)
-    if index is None:
-        structlog.contextvars.unbind_contextvars("slice")
-    else:
-        structlog.contextvars.bind_contextvars(slice=index)
+    _CONCERN.set({"job": job} if index is None else {"job": job, "slice": index})
+
+
+def concerns() -> dict[str, str | int]:
+    """The fields of what this thread or task is about."""
+    return _CONCERN.get({})
 
 
 def printable(text: str) -> str:
@@ -93,41 +84,45 @@ def printable(text: str) -> str:
     )
 
 
-def _add_process(_logger: object, _method: str, event: EventDict) -> EventDict:
-    about = {name: event.pop(name) for name in ("job", "slice") if name in event}
-    return {**event, **_PROCESS, **about}
+class _Json(logging.Formatter):
+    """Every record as an object."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        fields: dict[str, str | int] = {
+            "time": _time(record),
+            "level": record.levelname.lower(),
+            "message": record.getMessage(),
+            **_fields(),
+        }
+        if record.exc_info:
+            fields["exception"] = self.formatException(record.exc_info)
+        return json.dumps(fields, ensure_ascii=False)
 
 
-def _as_json() -> tuple[Processor, ...]:
-    return (
-        _in_order,
-        structlog.processors.JSONRenderer(ensure_ascii=False),
-    )
+class _Text(logging.Formatter):
+    """Every record as a line, and an exception below it.
+
+    No message looks like several lines, or like a line of somebody else's.
+    """
+
+    def format(self, record: logging.LogRecord) -> str:
+        message = printable(" | ".join(record.getMessage().splitlines()))
+        fields = (f"{name}={_quoted(str(value))}" for name, value in _fields().items())
+        line = " ".join((_time(record), f"[{record.levelname.lower()}]", message, *fields))
+        if not record.exc_info:
+            return line
+        return f"{line}\n{printable(self.formatException(record.exc_info))}"
 
 
-def _in_order(_logger: object, _method: str, event: EventDict) -> EventDict:
-    first = {name: event.pop(name) for name in ("time", "level", "message")}
-    return {**first, **event}
+def _time(record: logging.LogRecord) -> str:
+    """When it was made, as ISO 8601 in UTC, to the microsecond."""
+    made = datetime.fromtimestamp(record.created, timezone.utc)
+    return made.isoformat(timespec="microseconds").replace("+00:00", "Z")
 
 
-def _as_text() -> tuple[Processor, ...]:
-    return (
-        _presentable,
-        structlog.dev.ConsoleRenderer(
-            colors=False,
-            pad_level=False,
-            pad_event_to=0,
-            event_key="message",
-            timestamp_key="time",
-            sort_keys=False,
-            exception_formatter=structlog.dev.plain_traceback,
-        ),
-    )
+def _fields() -> dict[str, str | int]:
+    return {**_PROCESS, **concerns()}
 
 
-def _presentable(_logger: object, _method: str, event: EventDict) -> EventDict:
-    """Keep a message from looking like several lines, or like a line of somebody else's."""
-    event["message"] = printable(" | ".join(str(event["message"]).splitlines()))
-    if "exception" in event:
-        event["exception"] = printable(event["exception"])
-    return event
+def _quoted(value: str) -> str:
+    return value if _WORD.fullmatch(value) and value.isprintable() else repr(value)

@@ -3,6 +3,7 @@
 No module of weight is imported here, so that --help and a mistyped option answer at once.
 """
 
+import atexit
 import gc
 from typing import Final
 
@@ -37,6 +38,7 @@ _OBJECTS: Final = 10_000
 def main() -> None:
     """Run the command line."""
     gc.set_threshold(_OBJECTS)
+    atexit.register(gc.freeze)  # all of it goes with the process: no last look for garbage
     if completing_in_bash("_PLATEAU_COMPLETE"):
         with_whole_words(lambda: app(prog_name="plateau"))
     else:

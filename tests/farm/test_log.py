@@ -1,43 +1,94 @@
 """What a log line is about, and what it may not do to a terminal."""
 
+import io
+import json
+import logging
+import re
+import sys
 from collections.abc import Iterator
+from contextlib import contextmanager
 
 import pytest
-from structlog.contextvars import clear_contextvars, get_contextvars
 
-from farm.log import concern, concerning, printable
-
-
-@pytest.fixture(autouse=True)
-def _nothing_left() -> Iterator[None]:
-    clear_contextvars()
-    yield
-    clear_contextvars()
+from farm.log import concern, concerning, concerns, identify, printable, set_up
+from farm.settings import LogFormat
 
 
 def test_lines_are_about_the_innermost_job_and_slice() -> None:
+    before = concerns()
     with concerning("outer"):
         with concerning("outer", 3):
-            assert get_contextvars() == {"job": "outer", "slice": 3}
-        assert get_contextvars() == {"job": "outer"}
-    assert get_contextvars() == {}
+            assert concerns() == {"job": "outer", "slice": 3}
+        assert concerns() == {"job": "outer"}
+    assert concerns() == before
 
 
 def test_an_exception_says_what_it_was_about_to_whoever_catches_it() -> None:
+    before = concerns()
     with concerning("job"):
         with pytest.raises(RuntimeError), concerning("job", 3):
             raise RuntimeError
-        assert get_contextvars() == {"job": "job", "slice": 3}
+        assert concerns() == {"job": "job", "slice": 3}
     # But not beyond the context around it
-    assert get_contextvars() == {}
+    assert concerns() == before
 
 
 def test_a_thread_may_be_about_one_thing_after_another() -> None:
-    concern("one", 3)
-    concern("other", 4)
-    assert get_contextvars() == {"job": "other", "slice": 4}
-    concern("third")
-    assert get_contextvars() == {"job": "third"}
+    with concerning("before"):
+        concern("one", 3)
+        concern("other", 4)
+        assert concerns() == {"job": "other", "slice": 4}
+        concern("third")
+        assert concerns() == {"job": "third"}
+
+
+@contextmanager
+def _written(log_format: LogFormat, monkeypatch: pytest.MonkeyPatch) -> Iterator[io.StringIO]:
+    """What a process of its own would write to standard error; logging is as before afterwards."""
+    root = logging.getLogger()
+    handlers, level = root.handlers[:], root.level
+    root.handlers = []
+    written = io.StringIO()
+    monkeypatch.setattr(sys, "stderr", written)
+    try:
+        set_up("worker", log_format)
+        identify(worker="w 1")
+        yield written
+    finally:
+        logging.captureWarnings(False)
+        root.handlers, root.level = handlers, level
+
+
+def _fail() -> None:
+    try:
+        raise ValueError("bad \x1b[2J scene")
+    except ValueError:
+        logging.getLogger("any").exception("it failed:\nso %s", "it is")
+
+
+def test_programs_read_an_object_from_every_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    with _written("json", monkeypatch) as written, concerning("0123456789ab", 3):
+        logging.getLogger("any").info("%d of %s", 1, "été")
+        _fail()
+    first, second = map(json.loads, written.getvalue().splitlines())
+    assert re.fullmatch(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\.\d{6}Z", first.pop("time"))
+    about = {"role": "worker", "worker": "w 1", "job": "0123456789ab", "slice": 3}
+    assert first == {"level": "info", "message": "1 of été", **about}
+    assert list(second)[:3] == ["time", "level", "message"]
+    assert second["message"] == "it failed:\nso it is"
+    assert second["exception"].startswith("Traceback")
+    assert second["exception"].endswith("ValueError: bad \x1b[2J scene")
+
+
+def test_people_read_a_line_and_the_exception_below_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    with _written("text", monkeypatch) as written, concerning("job='other' slice=4", 3):
+        _fail()
+    line, below, *_, last = written.getvalue().splitlines()
+    assert line.partition(" ")[2] == (
+        "[error] it failed: | so it is role=worker worker='w 1' job=\"job='other' slice=4\" slice=3"
+    )
+    assert below.startswith("Traceback")
+    assert last == r"ValueError: bad \x1b[2J scene"
 
 
 @pytest.mark.parametrize(

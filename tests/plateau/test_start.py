@@ -9,10 +9,10 @@ import pytest
 STARTS = {
     "import plateau.cli": {"pydantic", "redis", "numpy", "rich.console", "httpx"},
     "import plateau.commands.render": {"redis", "numpy", "httpx", "fastapi", "mitsuba"},
-    "import plateau.process, worker.supervisor": {"numba", "metric", "fastapi", "mitsuba"},
-    "import plateau.commands.serve, service.monitor": {"httpx", "fastapi", "mitsuba"},
+    "import plateau.process, worker.supervisor": {"rich", "numba", "metric", "fastapi", "mitsuba"},
+    "import plateau.commands.serve, service.monitor": {"rich", "httpx", "fastapi", "mitsuba"},
     "import plateau.commands.serve, service.app": {
-        *("numpy", "PIL", "OpenEXR", "metric", "numba", "httpx", "matplotlib", "mitsuba"),
+        *("rich", "numpy", "PIL", "OpenEXR", "metric", "numba", "httpx", "matplotlib", "mitsuba"),
     },
     "import plateau.client": {"numpy", "fastapi", "mitsuba"},
 }
