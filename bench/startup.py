@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bench.support import markdown
-from bench.support.alone import render_alone
+from bench.support.alone import Alone
 from bench.support.cores import Taken, timed
 from bench.support.report import Figure, figure, write_report
 from farm.seeds import SeedSchedule
@@ -157,16 +157,16 @@ def _bare(plan: Plan, choice: VariantChoice, cache: Path, spp: int) -> Taken:
         max_spp=spp,
     )
     with timed() as taken:
-        render_alone(
-            _SCENE,
-            {"width": str(plan.size), "height": str(plan.size)},
-            map(schedule.passes, range(schedule.slices)),
+        Alone(
+            scene=_SCENE,
+            parameters={"width": str(plan.size), "height": str(plan.size)},
+            slices=map(schedule.passes, range(schedule.slices)),
             variant=variant,
             llvm_library=choice.llvm_library,
             threads=len(os.sched_getaffinity(0)),
             cache=cache,
             environment=_environment(cache),
-        )
+        ).render()
     return taken
 
 

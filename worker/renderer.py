@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import gc
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import drjit as dr
 import mitsuba as mi
@@ -20,6 +20,11 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from worker.scene_prep import PreparedScene
+
+#: With one, Mitsuba waits for ever for another that reads an image. The more there are, the more
+#: depends the hierarchy of triangles on who was first, and with it which of two triangles a ray hits
+#: that meets their edge: a matter of the last bits.
+_LOADING_THREADS: Final = 2
 
 
 @dataclass(frozen=True)
@@ -82,8 +87,7 @@ class Renderer:
             is loaded then.
         """
         self._unload()
-        # Mitsuba hands images to other threads and waits for them: with one thread, for ever.
-        dr.set_thread_count(max(2, self._threads))
+        dr.set_thread_count(_LOADING_THREADS)
         try:
             prepared = prepare(self._variant, folder, entry, parameters, sensor)
         finally:

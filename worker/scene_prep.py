@@ -89,6 +89,9 @@ def prepare(
     # Not in the bundle's top folder too: seen from there, `..` would lead out of the bundle.
     _resolve_files_in((folder / entry).parent)
     config = mi.parser.ParserConfig(variant)
+    # Else the order of shapes, and of lights among them, is another in each process, and with it
+    # what a seed's random numbers stand for.
+    config.parallel = config.merge_meshes = False
     with scene_errors(folder):
         state = mi.parser.parse_file(config, str(folder / entry), **parameters)
         mi.parser.transform_all(config, state)

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import json
 import os
-import subprocess
 import sys
+import tempfile
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import IO, TYPE_CHECKING, Any
+
+import psutil
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -17,59 +20,71 @@ if TYPE_CHECKING:
 _ROOT = Path(__file__).parents[2]
 
 
-def render_alone(
-    scene: Path,
-    parameters: Mapping[str, str],
-    slices: Iterable[Sequence[Pass]],
-    *,
-    variant: str,
-    llvm_library: str | None,
-    threads: int,
-    cache: Path,
-    image: Path | None = None,
-    environment: Mapping[str, str] = os.environ,
-) -> dict[str, Any]:
-    """Return what the process says: when it began to render, and when each pass ended.
+@dataclass(frozen=True, kw_only=True)
+class Alone:
+    """What one Mitsuba process is to render."""
 
-    Parameters
-    ----------
-    scene
-        A folder with a ``scene.xml``.
-    parameters
-        Values of its ``$parameters``.
-    slices
-        The passes of each slice, in order.
-    variant, llvm_library, threads
-        What Mitsuba runs with.
-    cache
-        The worker's, whose home has the kernels that Dr.Jit has compiled.
-    image
-        Where the image goes, as .npy; nowhere else.
-    environment
-        What the process has beside these.
-    """
-    request = {
-        "variant": variant,
-        "threads": threads,
-        "folder": str(scene),
-        "entry": "scene.xml",
-        "parameters": dict(parameters),
-        "passes": [(one.spp, one.seed) for passes in slices for one in passes],
-        "image": None if image is None else str(image),
-    }
-    home = cache / "home"
-    home.mkdir(parents=True, exist_ok=True)
-    own = {"HOME": str(home)}
-    if llvm_library is not None:
-        own["DRJIT_LIBLLVM_PATH"] = llvm_library
-    done = subprocess.run(
-        [sys.executable, "-m", "bench.support.bare_mitsuba"],
-        cwd=_ROOT,
-        env={**environment, **own},
-        input=json.dumps(request),
-        stdout=subprocess.PIPE,
-        text=True,
-        check=True,
-    )
-    told: dict[str, Any] = json.loads(done.stdout)
-    return told
+    #: A folder with a ``scene.xml``.
+    scene: Path
+    #: Values of its ``$parameters``.
+    parameters: Mapping[str, str]
+    #: The passes of each slice, in order.
+    slices: Iterable[Sequence[Pass]]
+    #: What Mitsuba runs with.
+    variant: str
+    llvm_library: str | None
+    threads: int
+    #: The worker's, whose home has the kernels that Dr.Jit has compiled.
+    cache: Path
+    #: Where the image goes, as .npy; nowhere else.
+    image: Path | None = None
+    #: What the process has beside these.
+    environment: Mapping[str, str] = field(default_factory=lambda: os.environ)
+
+    def render(self) -> dict[str, Any]:
+        """Return what the process says: when it began to render, and when each pass ended.
+
+        Raises
+        ------
+        ChildProcessError
+            It failed; why is on standard error.
+        """
+        with tempfile.TemporaryFile() as told:
+            process = self.start(told)
+            if process.wait():
+                raise ChildProcessError(f"Mitsuba alone: exit code {process.returncode}")
+            return read_told(told)
+
+    def start(self, told: IO[bytes]) -> psutil.Popen:
+        """Start the process; what it says, for `read_told`, goes into the file."""
+        request = {
+            "variant": self.variant,
+            "threads": self.threads,
+            "folder": str(self.scene),
+            "entry": "scene.xml",
+            "parameters": dict(self.parameters),
+            "passes": [(one.spp, one.seed) for passes in self.slices for one in passes],
+            "image": None if self.image is None else str(self.image),
+        }
+        home = self.cache / "home"
+        home.mkdir(parents=True, exist_ok=True)
+        own = {"HOME": str(home)}
+        if self.llvm_library is not None:
+            own["DRJIT_LIBLLVM_PATH"] = self.llvm_library
+        with tempfile.TemporaryFile() as asked:
+            asked.write(json.dumps(request).encode())
+            asked.seek(0)
+            return psutil.Popen(
+                [sys.executable, "-m", "bench.support.bare_mitsuba"],
+                cwd=_ROOT,
+                env={**self.environment, **own},
+                stdin=asked,
+                stdout=told,
+            )
+
+
+def read_told(told: IO[bytes]) -> dict[str, Any]:
+    """Return what a process that has ended said."""
+    told.seek(0)
+    answer: dict[str, Any] = json.load(told)
+    return answer

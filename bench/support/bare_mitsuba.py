@@ -1,7 +1,8 @@
 """Mitsuba alone: renders passes one after the other, and writes nothing. Started by `bench.farm`.
 
 Reads a JSON request from standard input and answers on standard output with the moments, in
-seconds since this process began to import Mitsuba, at which the first pass began and each ended.
+seconds since this process began to import Mitsuba, at which the first pass began and each ended;
+and with that moment itself, in seconds of `time.time`.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from typing import Any
 import numpy as np
 
 _STARTED = time.monotonic()
+_STARTED_AT = time.time()
 
 
 def main() -> None:
@@ -49,7 +51,7 @@ def main() -> None:
             total = total + np.array(one.film.bitmap(raw=True), dtype=np.float64)
     if request["image"]:
         np.save(request["image"], (total[..., :3] / total[..., 3:]).astype(np.float32))
-    json.dump({"began_s": began_s, "ended_s": ended_s}, sys.stdout)
+    json.dump({"started_at": _STARTED_AT, "began_s": began_s, "ended_s": ended_s}, sys.stdout)
 
 
 if __name__ == "__main__":

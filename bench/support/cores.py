@@ -28,15 +28,16 @@ class Taken:
 def timed() -> Iterator[Taken]:
     """Yield what the context takes; its numbers are there when it is left."""
     taken = Taken()
-    ours, all_, started = _children_cpu_s(), machine_cpu_s(), time.monotonic()
+    ours, all_, started = children_cpu_s(), machine_cpu_s(), time.monotonic()
     yield taken
     taken.wall_s = time.monotonic() - started
-    taken.cpu_s = _children_cpu_s() - ours
+    taken.cpu_s = children_cpu_s() - ours
     cores = psutil.cpu_count() or 1
     taken.others = max(0.0, machine_cpu_s() - all_ - taken.cpu_s) / (taken.wall_s * cores)
 
 
-def _children_cpu_s() -> float:
+def children_cpu_s() -> float:
+    """Return the CPU seconds of this process's children that have ended, and of theirs."""
     used = resource.getrusage(resource.RUSAGE_CHILDREN)
     return used.ru_utime + used.ru_stime
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import psutil
 
-from bench.support.alone import render_alone
+from bench.support.alone import Alone
 from bench.support.cores import family_cpu_s, machine_cpu_s
 from farm.seeds import SeedSchedule
 from farm.settings import Settings
@@ -56,15 +56,15 @@ def render_rate(scene: Path, parameters: Mapping[str, str], slice_spp: int) -> R
     )
     slices = [schedule.passes(index) for index in range(_SLICES)]
     ours, all_, started = family_cpu_s(), machine_cpu_s(), time.monotonic()
-    told = render_alone(
-        scene,
-        parameters,
-        slices,
+    told = Alone(
+        scene=scene,
+        parameters=parameters,
+        slices=slices,
         variant=choice.variant,
         llvm_library=choice.llvm_library,
         threads=threads,
         cache=Settings().cache,
-    )
+    ).render()
     cores = psutil.cpu_count() or 1
     elsewhere = machine_cpu_s() - all_ - (family_cpu_s() - ours)
     ends = [told["ended_s"][last - 1] for last in accumulate(map(len, slices))]

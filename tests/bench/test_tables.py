@@ -7,6 +7,7 @@ import pytest
 from bench import (
     api,
     estimate,
+    farm,
     latency,
     memory,
     paper,
@@ -32,6 +33,7 @@ def tables() -> dict[str, str]:
         "rules": stopping.table(figures("stopping")),
         "vdp": vdp.table(figures("vdp")),
         **api.tables(figures("api")),
+        **farm.tables(figures("farm")),
         **scale.tables(figures("scale")),
         **startup.tables(figures("startup")),
         **latency.tables(figures("latency")),
