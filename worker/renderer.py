@@ -21,9 +21,9 @@ if TYPE_CHECKING:
 
     from worker.scene_prep import PreparedScene
 
-#: With one, Mitsuba waits for ever for another that reads an image. The more there are, the more
-#: depends the hierarchy of triangles on who was first, and with it which of two triangles a ray hits
-#: that meets their edge: a matter of the last bits.
+#: With one, Mitsuba waits for ever for another that reads an image. More of them build a hierarchy
+#: of triangles that depends on who was first, and with it which of two triangles a ray hits that
+#: meets their edge: a matter of the last bits.
 _LOADING_THREADS: Final = 2
 
 
