@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import gc
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 import drjit as dr
 import mitsuba as mi
@@ -20,11 +20,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from worker.scene_prep import PreparedScene
-
-#: With one, Mitsuba waits for ever for another that reads an image. More of them build a hierarchy
-#: of triangles that depends on who was first, and with it which of two triangles a ray hits that
-#: meets their edge: a matter of the last bits.
-_LOADING_THREADS: Final = 2
 
 
 @dataclass(frozen=True)
@@ -61,7 +56,6 @@ class Renderer:
         mi.set_log_level(mi.LogLevel.Warn)  # of good scenes it says nothing
         dr.set_thread_count(threads)
         self._variant = variant
-        self._threads = threads
         self._prepared: PreparedScene | None = None
 
     def load(
@@ -87,11 +81,7 @@ class Renderer:
             is loaded then.
         """
         self._unload()
-        dr.set_thread_count(_LOADING_THREADS)
-        try:
-            prepared = prepare(self._variant, folder, entry, parameters, sensor)
-        finally:
-            dr.set_thread_count(self._threads)
+        prepared = prepare(self._variant, folder, entry, parameters, sensor)
         self._prepared = prepared
         return LoadedScene(prepared.width, prepared.height, prepared.notes)
 

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import drjit as dr
 import mitsuba as mi
 
 from farm.bundle import BundleLimits
@@ -36,6 +37,11 @@ _NO_WEIGHTS = "the integrator '{}' does not sample pixel by pixel: its films hav
 
 #: Names that Mitsuba's parser keeps for its own arguments.
 _UNPASSABLE = {"config", "filename"}
+
+#: With one, Mitsuba waits for ever for another that reads an image. More of them build a hierarchy
+#: of triangles that depends on who was first, and with it which of two triangles a ray hits that
+#: meets their edge: a matter of the last bits.
+_LOADING_THREADS = 2
 
 
 @dataclass(frozen=True)
@@ -92,7 +98,7 @@ def prepare(
     # Else the order of shapes, and of lights among them, is another in each process, and with it
     # what a seed's random numbers stand for.
     config.parallel = config.merge_meshes = False
-    with scene_errors(folder):
+    with scene_errors(folder), _few_threads():
         state = mi.parser.parse_file(config, str(folder / entry), **parameters)
         mi.parser.transform_all(config, state)
         notes = _adapt(variant, list(state.nodes))
@@ -118,6 +124,17 @@ def scene_errors(folder: Path | None = None) -> Iterator[None]:
         for prefix in (folder, folder.resolve()) if folder else ():
             message = message.replace(f"{prefix}/", "")
         raise SceneError(message) from error
+
+
+@contextmanager
+def _few_threads() -> Iterator[None]:
+    """Load with as many threads in every process, however many render."""
+    threads = dr.thread_count()
+    dr.set_thread_count(_LOADING_THREADS)
+    try:
+        yield
+    finally:
+        dr.set_thread_count(threads)
 
 
 def _resolve_files_in(*folders: Path) -> None:
