@@ -12,7 +12,9 @@ from plateau.progress import Progress
 from service.views import JobView
 
 _TICK_S: Final = 0.2
-_FETCH_S: Final = 1.0
+_SHOW_S: Final = 1.0  #: between two looks at the clock for who watches
+_AFTER_A_SLICE_S: Final = 1.0  #: from one look at the job to the next, where there is a new slice,
+_WITHOUT_NEWS_S: Final = 10.0  #: and where nothing happened
 
 
 def follow(client: Client, job_id: str, shown: Progress, tick: Callable[[], None]) -> JobView:
@@ -36,22 +38,28 @@ def follow(client: Client, job_id: str, shown: Progress, tick: Callable[[], None
     threading.Thread(target=listen, name="events", daemon=True).start()
     with shown:
         job, fetched_at = _fetch(client, job_id, shown)
+        shown_at, is_stale = fetched_at, False
         while True:
             tick()
             try:
                 item = happened.get(timeout=_TICK_S)
             except queue.Empty:
-                shown.refresh()
+                if time.monotonic() > shown_at + _SHOW_S:
+                    shown.refresh()
+                    shown_at = time.monotonic()
             else:
                 if isinstance(item, Exception):
                     raise item
                 if item is None:
                     break
+                is_stale = True
                 if item.type != "slice":
                     job, fetched_at = _fetch(client, job_id, shown)
+                    is_stale = False
                 shown.event(item)
-            if time.monotonic() - fetched_at > _FETCH_S:
+            if time.monotonic() > fetched_at + (_AFTER_A_SLICE_S if is_stale else _WITHOUT_NEWS_S):
                 job, fetched_at = _fetch(client, job_id, shown)
+                is_stale = False
         job, _ = _fetch(client, job_id, shown)
     return job
 

@@ -124,8 +124,8 @@ def _draw_visible(
     if slope is not None:
         last_spp, last_visible = spp[-window:], visible[-window:]
         line = last_visible.mean() + slope * (last_spp - last_spp.mean())
-        aim = "" if stop_slope is None else f", stops at {stop_slope:.3g}"
-        label = f"last {window} points: slope {slope:.3g} px/spp{aim}"
+        aim = "" if stop_slope is None else f", stops at {words.significant(stop_slope)}"
+        label = f"last {window} points: slope {words.significant(slope)} px/spp{aim}"
         axes.plot(last_spp, line, color=_LINE, linewidth=5, alpha=0.5, zorder=1, label=label)
     if points[-1].visible_fraction > 0:
         pixels = points[-1].visible_pixels / points[-1].visible_fraction
@@ -155,6 +155,7 @@ def _draw_estimate(axes: "Axes", points: list[CurvePoint], target: float | None)
     axes.yaxis.set_major_formatter(lambda value, _: f"{value:,.12g}")
     if target is not None and known[-1].estimate_fraction:
         pixels = estimate[-1] / known[-1].estimate_fraction
-        label = f"stops at {100 * target:g} % of the image, {target * pixels:.3g} px"
+        few = words.significant(target * pixels)
+        label = f"stops at {100 * target:g} % of the image, {few} px"
         axes.axhline(target * pixels, color=_LINE, linewidth=2, alpha=0.6, label=label)
         axes.legend(loc="upper right", framealpha=1, edgecolor="none")

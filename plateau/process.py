@@ -14,6 +14,7 @@ from farm.processes import forget_life
 from farm.redis_link import connect
 from farm.schema import await_checks
 from farm.settings import Settings
+from farm.stop import Stop
 from plateau.errors import EXPECTED, CommandFailed
 from plateau.exits import ExitCode
 from plateau.read_settings import farm_settings
@@ -22,7 +23,7 @@ from plateau.stopping import StopSignals
 _LOG = logging.getLogger("plateau")
 
 #: What a process does, given its settings and the event that tells it to stop.
-Work = Callable[[Settings, threading.Event], None]
+Work = Callable[[Settings, Stop], None]
 
 
 def run_until_signal(role: str, run: Work) -> None:
@@ -91,7 +92,7 @@ def _end_with_its_thread(died: threading.ExceptHookArgs) -> None:
 def when_checked(run: Work) -> Work:
     """The same, once Redis answers, holds this Plateau's layout, and the blobs are its own."""
 
-    def run_when_checked(settings: Settings, stop: threading.Event) -> None:
+    def run_when_checked(settings: Settings, stop: Stop) -> None:
         patient = settings.when_refused == "wait"
         with connect(settings.redis_url or "") as client:
             await_checks(client, Blobs(settings.blobs or ""), stop, patient=patient)

@@ -8,6 +8,7 @@ import time
 from types import FrameType
 from typing import Final
 
+from farm.stop import Stop
 from plateau.exits import ExitCode
 
 _LOG = logging.getLogger("plateau")
@@ -31,7 +32,7 @@ class StopSignals:
     """
 
     def __init__(self) -> None:
-        self.asked = threading.Event()
+        self.asked = Stop()
         self._asked_at = 0.0
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, self._heard)

@@ -36,6 +36,11 @@ def pixels(count: float | None, fraction: float | None) -> str:
     return f"{number} px ({100 * fraction:.3g} %)"
 
 
+def significant(value: float) -> str:
+    """A number with three significant digits or, where it is large, all of its whole ones."""
+    return f"{value:,.0f}" if abs(value) >= 100 else f"{value:.3g}"
+
+
 def size(count: float) -> str:
     """A number of bytes as people say it: ``512 bytes``, ``1.4 MB``."""
     for unit in ("bytes", "kB", "MB"):
@@ -50,8 +55,8 @@ def figures(job: Job, point: CurvePoint) -> list[str]:
     found = [f"visible {pixels(point.visible_pixels, point.visible_fraction)}"]
     if point.slope is not None:
         stop = stop_slope(job)
-        aim = "" if stop is None else f" (stops at {stop:.3g})"
-        found.append(f"slope {point.slope:.3g} px/spp{aim}")
+        aim = "" if stop is None else f" (stops at {significant(stop)})"
+        found.append(f"slope {significant(point.slope)} px/spp{aim}")
     if point.estimate_pixels is not None:
         left = pixels(point.estimate_pixels, point.estimate_fraction)
         target = stop_fraction(job)

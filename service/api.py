@@ -1,9 +1,11 @@
 """The API as a process: checks where it may listen, and serves until it is told to stop."""
 
+import asyncio
 import logging
 import socket
 import ssl
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
@@ -24,7 +26,7 @@ from service.spool import spool_in
 
 #: How long a request may take to end when the API stops; streams of events end at once.
 _GRACE_S: Final = 5
-
+_TICK_S: Final = 1.0  #: between two looks at the clock, for the date of answers
 
 #: How to keep keys from being read on their way.
 _TLS: Final = (
@@ -180,16 +182,27 @@ class _Server(uvicorn.Server):
         super().__init__(config)
         self._hub = hub
         self._ready = ready
+        self._asked_to_stop = asyncio.Event()
+        self._loop: asyncio.AbstractEventLoop | None = None
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
         await super().startup(sockets)
+        self._loop = asyncio.get_running_loop()
         self._ready()
+
+    async def main_loop(self) -> None:
+        """Wait for the order to stop; uvicorn's own loop looks for it ten times a second."""
+        while not await self.on_tick(0):  # which tells the time in answers, to the second
+            with suppress(asyncio.TimeoutError):
+                await asyncio.wait_for(self._asked_to_stop.wait(), _TICK_S)
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
         """Ask the server to stop; any second signal has it wait for nobody."""
         if self.should_exit:
             self.force_exit = True
         super().handle_exit(sig, frame)
+        if self._loop is not None:
+            self._loop.call_soon_threadsafe(self._asked_to_stop.set)
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
         self._hub.stop_watching()

@@ -1,6 +1,7 @@
 """Who makes a request, as the routes see it; `service.key_guard` found it out before them."""
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from typing import Annotated, Final
 
 from fastapi import Depends, Request
@@ -14,6 +15,8 @@ class Caller:
     """The key that came with a request; None where the API is open."""
 
     key: ApiKey | None
+    #: Whether it still opens the API: for who is served for long.
+    is_welcome: Callable[[], bool] = field(default=lambda: True, compare=False, repr=False)
 
     @property
     def id(self) -> str:

@@ -54,6 +54,7 @@ class JobRun:
         self._continued_spp = job.continued_spp
         self._judge = Judge(job.spec)
         self._judgement: Judgement | None = None  # made, but not yet written down
+        self._ended = False  # by this monitor, or by someone who was faster
         self._planned_stop = -1
         self._look_ahead = LookAhead(job)
         self._results = Results(owned, owners, store, job.spec)
@@ -76,10 +77,12 @@ class JobRun:
         if not job.state.ended:
             enough = crew.enough(job)
             self._plan(enough)
+            before = self._merge.slices
             self._merge_and_judge()
             self._check_time()
-            self._plan(enough)
-            job = self._jobs.get(self.owned.job_id)
+            if self._merge.slices > before or self._ended:
+                self._plan(enough)
+                job = self._jobs.get(self.owned.job_id)
         if job.state is JobState.PAUSED:
             self._save()
         if job.state.ended:
@@ -209,6 +212,7 @@ class JobRun:
         verdict: dict[str, float | None] | None = None,
         results: str = "",
     ) -> None:
+        self._ended = True
         try:
             self._owners.end(self.owned, state, reason, verdict, results)
         except IllegalTransition as refused:

@@ -5,12 +5,14 @@ API, the web page's own files) is the same for everybody and stays open. Every c
 checked here by its path, so that no route can forget it.
 
 Keys are looked up for each request: the first key that is made closes an open API at once, and a
-revoked one opens nothing from then on.
+revoked one opens nothing from then on. Who is served for long is asked about again (see
+`Caller.is_welcome`).
 """
 
 import math
 import re
 from enum import Enum
+from functools import partial
 from typing import Final
 
 import anyio
@@ -94,7 +96,7 @@ class KeyGuard:
     def _looked_up(self, scope: Scope) -> Caller:
         shown = _shown_key(scope)
         key = None if shown is None else self._keys.find(shown)
-        if key is None:
+        if shown is None or key is None:
             if self._are_keys_wanted():
                 raise _bad_key() if shown else _no_key()
             refuse_foreign(scope)
@@ -107,9 +109,16 @@ class KeyGuard:
         needed = Role.VIEWER if scope["method"] in _READING else Role.SUBMITTER
         if not key.role.includes(needed):
             raise _role_too_low(key, needed)
-        caller = Caller(key)
+        caller = Caller(key, partial(self._still_opens, shown))
         self._check_job(scope, caller)
         return caller
+
+    def _still_opens(self, shown: str) -> bool:
+        """Whether a key that opened the API does so still; it does while Redis is away."""
+        try:
+            return self._keys.find(shown) is not None
+        except StoreUnavailable:
+            return True
 
     def _are_keys_wanted(self) -> bool:
         # Redis is asked in any case: while it is away, nobody is told that a key is what is wrong.

@@ -27,6 +27,7 @@ from farm.processes import show_life
 from farm.redis_link import connect, connect_to_renew
 from farm.settings import Settings
 from farm.states import JobState
+from farm.stop import Stop
 from farm.totals import MonitorWork
 from farm.wake import Wake
 from service.job_run import JobRun
@@ -37,7 +38,7 @@ from service.webhooks import delivering
 
 _LOG = logging.getLogger(__name__)
 
-_IDLE_S: Final = 0.5  #: between two looks at the jobs, where no hint came
+_IDLE_S: Final = 1.0  #: between two looks at the jobs, where no hint came
 _ROUNDS_SHARE: Final = 0.1  #: of a monitor's time, where looking at all of its jobs takes long,
 _LONGEST_IDLE_S: Final = 5.0  #: as far as this is not too long between two looks
 _ROUND_S: Final = 0.1  #: so long jobs are looked at of which no hint came, till those are that have
@@ -74,7 +75,7 @@ class Monitor:
         self._wake = Wake(client, keys.WAKE_MONITORS)
         self._lease_s = settings.lease_s
         self._is_patient = settings.when_refused == "wait"
-        self._stop = threading.Event()
+        self._stop = Stop()
         self._alive_file = settings.alive_file
         self._keeps_sums = settings.keep_sums_days > 0
         self._owned: dict[str, Ownership] = {}
@@ -90,7 +91,7 @@ class Monitor:
         self._crew = Crew(())
         self._counted_at = float("-inf")
 
-    def run(self, stop: threading.Event) -> None:
+    def run(self, stop: Stop) -> None:
         """Run jobs until `stop` is set; then leave them to the next monitor.
 
         Raises
@@ -288,7 +289,7 @@ class Monitor:
             _LOG.warning("%s", error)
 
 
-def run(settings: Settings, stop: threading.Event) -> None:
+def run(settings: Settings, stop: Stop) -> None:
     """Run one monitor against ``settings.redis_url`` and ``settings.blobs`` until `stop` is set."""
     if settings.blobs is None:
         raise ValueError("a monitor needs blobs")

@@ -4,6 +4,7 @@ import csv
 import hashlib
 import io
 import json
+import time
 from collections.abc import AsyncIterator
 from itertools import chain
 from typing import Annotated, Any, Final
@@ -16,6 +17,7 @@ from farm.job import CurvePoint
 from farm.jobs import BEFORE_ALL_EVENTS
 from service import examples, problems
 from service.accept import chosen
+from service.callers import Caller, CallerOf
 from service.etags import NOT_MODIFIED, REVALIDATE, Known, known, not_modified, strong
 from service.parts import Parts, parts, parts_of
 from service.problems import documented
@@ -146,6 +148,7 @@ def _curve_tag(points: int, media_type: str) -> str:
 async def events(
     request: Request,
     job_id: JobId,
+    who: CallerOf,
     last_event_id: Annotated[
         str | None,
         Header(
@@ -179,13 +182,18 @@ async def events(
     if job.finished_at is not None and not await run_in_threadpool(farm.jobs.events, job.id, start):
         return Response(status_code=204)
     return StreamingResponse(
-        _frames(farm, job.id, start),
+        _frames(farm, job.id, start, who),
         media_type=_SSE,
         headers={"Cache-Control": "no-store", "Vary": "Accept", "X-Accel-Buffering": "no"},
     )
 
 
-async def _frames(farm: Parts, job_id: str, after: str) -> AsyncIterator[bytes]:
+async def _frames(farm: Parts, job_id: str, after: str, who: Caller) -> AsyncIterator[bytes]:
     yield f"retry: {_RECONNECT_MS}\n\n".encode()
+    asked_at = time.monotonic()
     async for batch in farm.hub.events(job_id, after, idle_s=_HEARTBEAT_S):
+        if time.monotonic() >= asked_at + _HEARTBEAT_S:
+            if not await run_in_threadpool(who.is_welcome):
+                return
+            asked_at = time.monotonic()
         yield b"".join(told.frame for told in batch) or b": still here\n\n"

@@ -18,6 +18,7 @@ from farm.backoff import Backoff
 from farm.errors import StoreUnavailable
 from farm.redis_link import connect
 from farm.settings import Settings
+from farm.stop import Stop
 from farm.wake import Wake
 from farm.webhooks import MOST_TRIES, Outbox, Taken, TryEnd, retry_delay_s
 from service.webhook_addresses import Receivers
@@ -99,7 +100,7 @@ class Deliverer:
         self._lease_s = lease_s
         self._delay_s = delay_s
         self._look_s = look_s
-        self._over = threading.Event()
+        self._over = Stop()
         self._lock = threading.Lock()
         self._under_way: Counter[str] = Counter()  # by receiver
         self._silent: dict[str, None] = {}  # receivers, the one heard of last at the end

@@ -114,14 +114,16 @@ def _render(
 ) -> float | None:
     """Sum the passes, in order, in float64, into the film's file; None where a cancel came."""
     started = time.monotonic()
-    total = np.zeros(1)
-    for spp, seed in request["passes"]:
-        if requests.cancelled_id == request["id"]:
-            return None
-        film = renderer.render_pass(spp, seed)
-        # In place: the cores wait for this between two passes.
+    total, summed = np.zeros(1), 0
+    films = renderer.render(
+        request["passes"], is_cancelled=lambda: requests.cancelled_id == request["id"]
+    )
+    for film in films:
         total = np.add(total, film, out=total if total.shape == film.shape else None)
+        summed += 1
         answer("pass")
+    if summed < len(request["passes"]):
+        return None
     with open(film_descriptor, "wb", closefd=False) as file:
         file.seek(0)
         file.truncate()

@@ -36,7 +36,7 @@ _PASSED_ON: Final = ("PATH", "LANG", "LC_ALL", "PYTHONPATH", "VIRTUAL_ENV", "LD_
 CANCEL_GRACE_S: Final = 2.0
 
 _START_TIMEOUT_S: Final = 120.0
-_POLL_S: Final = 0.05
+_POLL_S: Final = 0.5  #: so much later than it is due a silent child is ended, at most
 _WORDS_BYTES: Final = 4096  #: of what a child prints while it has one slice
 _LAST_WORDS: Final = 1000
 _COLOURS: Final = re.compile(r"\x1b\[[0-9;]*m")

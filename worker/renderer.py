@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import gc
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import drjit as dr
 import mitsuba as mi
@@ -14,7 +14,7 @@ from worker.errors import SceneError
 from worker.scene_prep import prepare, scene_errors
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Iterable, Iterator, Mapping
     from pathlib import Path
 
     from numpy.typing import NDArray
@@ -56,6 +56,7 @@ class Renderer:
         mi.set_log_level(mi.LogLevel.Warn)  # of good scenes it says nothing
         dr.set_thread_count(threads)
         self._variant = variant
+        self._runs_ahead = not variant.startswith("scalar")  # those render in the call itself
         self._prepared: PreparedScene | None = None
 
     def load(
@@ -85,44 +86,75 @@ class Renderer:
         self._prepared = prepared
         return LoadedScene(prepared.width, prepared.height, prepared.notes)
 
-    def render_pass(self, spp: int, seed: int) -> NDArray[np.float32]:
-        """Return the film of one pass, before it is divided by its weights.
+    def render(
+        self, passes: Iterable[tuple[int, int]], *, is_cancelled: Callable[[], bool]
+    ) -> Iterator[NDArray[np.float32]]:
+        """Yield the film of each pass, in order, before it is divided by its weights.
+
+        The next pass is rendered already while a film is looked at, save by scalar variants: the
+        cores do not wait for who adds it up.
 
         Parameters
         ----------
-        spp : int
-            Samples per pixel, a power of two (see `farm.passes.passes`).
-        seed : int
-            Mitsuba's 32-bit seed, from a `farm.seeds.SeedSchedule`.
+        passes : iterable of (int, int)
+            Of each the samples per pixel, a power of two (see `farm.passes.passes`), and Mitsuba's
+            32-bit seed, from a `farm.seeds.SeedSchedule`.
+        is_cancelled : callable
+            Asked before a pass begins; once it says yes, none does any more.
 
-        Returns
-        -------
+        Yields
+        ------
         ndarray, shape (height, width, 4), float32
-            R, G, B as sums weighted by the reconstruction filter, and the filter weights W.
+            R, G, B as sums weighted by the reconstruction filter, and the filter weights W. To be
+            read, and not kept.
 
         Raises
         ------
         SceneError
             The scene fails while it renders.
         """
-        if spp < 1 or spp & (spp - 1):
-            raise ValueError(f"a pass has a power of two of spp, not {spp}")
         if self._prepared is None:
             raise RuntimeError("no scene is loaded")
-        one = self._prepared
-        with scene_errors():
-            # Mitsuba prepares (and so clears) the film and reseeds the sampler in each call:
-            # nothing of a pass is left to the next.
-            one.integrator.render(
-                one.scene, one.sensor, seed=seed, spp=spp, develop=False, evaluate=True
-            )
-            film = np.array(one.film.bitmap(raw=True), dtype=np.float32)
-        if film.shape != (one.height, one.width, 4):
-            raise SceneError(f"the film has the shape {film.shape}, not R, G, B and weight")
-        return film
+        finished = None
+        for spp, seed in passes:
+            if is_cancelled():
+                break
+            rendering = _begun(self._prepared, spp, seed)
+            if finished is not None:
+                yield finished
+            finished = _finished(self._prepared, rendering)
+            if not self._runs_ahead:
+                yield finished
+                finished = None
+        if finished is not None:
+            yield finished
 
     def _unload(self) -> None:
         """Free the scene before, so that two never share the memory."""
         self._prepared = None
         gc.collect()
         dr.flush_malloc_cache()
+
+
+def _begun(one: PreparedScene, spp: int, seed: int) -> Any:
+    """Return the film of a pass that is being rendered; scalar variants return it rendered."""
+    if spp < 1 or spp & (spp - 1):
+        raise ValueError(f"a pass has a power of two of spp, not {spp}")
+    with scene_errors():
+        # Mitsuba prepares (and so clears) the film and reseeds the sampler in each call: nothing of
+        # a pass is left to the next.
+        one.integrator.render(
+            one.scene, one.sensor, seed=seed, spp=spp, develop=False, evaluate=False
+        )
+        film = one.film.develop(raw=True)
+        dr.eval(film)  # waits for nothing
+    return film
+
+
+def _finished(one: PreparedScene, rendering: Any) -> NDArray[np.float32]:
+    """Wait for a film; return it, without a copy where it lies in this memory."""
+    with scene_errors():
+        film: NDArray[np.float32] = rendering.numpy()
+    if film.shape != (one.height, one.width, 4):
+        raise SceneError(f"the film has the shape {film.shape}, not R, G, B and weight")
+    return film

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -38,10 +39,8 @@ _NO_WEIGHTS = "the integrator '{}' does not sample pixel by pixel: its films hav
 #: Names that Mitsuba's parser keeps for its own arguments.
 _UNPASSABLE = {"config", "filename"}
 
-#: With one, Mitsuba waits for ever for another that reads an image. More of them build a hierarchy
-#: of triangles that depends on who was first, and with it which of two triangles a ray hits that
-#: meets their edge: a matter of the last bits.
-_LOADING_THREADS = 2
+#: How an OpenEXR file begins, whatever it is called.
+_OPENEXR = b"\x76\x2f\x31\x01"
 
 
 @dataclass(frozen=True)
@@ -98,7 +97,8 @@ def prepare(
     # Else the order of shapes, and of lights among them, is another in each process, and with it
     # what a seed's random numbers stand for.
     config.parallel = config.merge_meshes = False
-    with scene_errors(folder), _few_threads():
+    _build_hierarchies_alone()
+    with scene_errors(folder), _threads(_loading_threads(folder)):
         state = mi.parser.parse_file(config, str(folder / entry), **parameters)
         mi.parser.transform_all(config, state)
         notes = _adapt(variant, list(state.nodes))
@@ -126,15 +126,42 @@ def scene_errors(folder: Path | None = None) -> Iterator[None]:
         raise SceneError(message) from error
 
 
+@cache
+def _build_hierarchies_alone() -> None:
+    """Have one thread build each scene's hierarchy of shapes, however many render.
+
+    Where several do, it depends on who was first, and with it which of two triangles a ray hits
+    that meets their edge: a matter of the last bits. Embree builds with as many threads as there
+    are when a process makes its first scene; this is the first.
+    """
+    with _threads(1):
+        mi.load_dict({"type": "scene", "shape": {"type": "sphere"}}, parallel=False)
+
+
+def _loading_threads(folder: Path) -> int:
+    """Return how many threads load a scene: one, so that sums have the same last bits every time.
+
+    Normals are such sums, where a mesh has none and Mitsuba makes them of its faces'. But with one
+    thread it waits for ever for another that reads an OpenEXR file.
+    """
+    files = (path for path in folder.rglob("*") if path.is_file())
+    return 2 if any(map(_is_openexr, files)) else 1
+
+
+def _is_openexr(path: Path) -> bool:
+    with path.open("rb") as file:
+        return file.read(len(_OPENEXR)) == _OPENEXR
+
+
 @contextmanager
-def _few_threads() -> Iterator[None]:
-    """Load with as many threads in every process, however many render."""
-    threads = dr.thread_count()
-    dr.set_thread_count(_LOADING_THREADS)
+def _threads(count: int) -> Iterator[None]:
+    """Have Mitsuba use so many threads."""
+    before = dr.thread_count()
+    dr.set_thread_count(count)
     try:
         yield
     finally:
-        dr.set_thread_count(threads)
+        dr.set_thread_count(before)
 
 
 def _resolve_files_in(*folders: Path) -> None:

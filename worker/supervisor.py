@@ -24,6 +24,7 @@ from farm.queue import Lease, SliceQueue
 from farm.redis_link import connect, connect_to_renew
 from farm.seeds import SeedsExhausted
 from farm.settings import Settings
+from farm.stop import Stop, await_any
 from farm.wake import Wake
 from worker.errors import SceneError
 from worker.health import Health
@@ -38,6 +39,7 @@ from worker.variants import VariantChoice, choose
 _LOG = logging.getLogger(__name__)
 
 _IDLE_S: Final = (0.5, 5.0)  #: the first and the longest between two looks for work without a hint
+_LISTEN_S: Final = 60.0  #: for which a listener that hears nothing sits still
 _TURN_S: Final = 20.0  #: a worker keeps to its loaded scene for so long, then looks who waits
 _DRAIN_S: Final = 5.0  #: a stopping worker tries to commit what it has for so long
 _FINISH_S: Final = 2.0  #: a slice that ends so soon is finished by a worker that stops
@@ -50,9 +52,7 @@ _SIT_OUT_S: Final = (10.0, 300.0)  #: and before a worker that cannot render tes
 class Supervisor:
     """One worker."""
 
-    def __init__(
-        self, settings: Settings, choice: VariantChoice, store: Blobs, stop: threading.Event
-    ) -> None:
+    def __init__(self, settings: Settings, choice: VariantChoice, store: Blobs, stop: Stop) -> None:
         if settings.redis_url is None:
             raise ValueError("a worker needs redis_url")
         self.id = process_id()
@@ -84,7 +84,7 @@ class Supervisor:
 
     def run(self) -> None:
         """Work until told to stop; then give back the slice in hand and commit what is done."""
-        over = threading.Event()
+        over = Stop()
         watchers = [
             threading.Thread(target=watch, args=(over,), name=name, daemon=True)
             for name, watch in (
@@ -225,17 +225,17 @@ class Supervisor:
             self._trouble = self._health.trouble(variant)
         _LOG.info("back in service")
 
-    def _cancel_on_stop(self, over: threading.Event) -> None:
+    def _cancel_on_stop(self, over: Stop) -> None:
+        await_any(self._stop, over)
         while not over.wait(0.1):
-            stops = self._stop.is_set() and not self._pace.ends_within(_FINISH_S)
-            if stops and self._rendering is not None:
+            if self._rendering is not None and not self._pace.ends_within(_FINISH_S):
                 self._host.cancel()
 
-    def _listen(self, over: threading.Event) -> None:
+    def _listen(self, over: Stop) -> None:
         news = Wake(self._client, keys.WAKE_WORKERS)
         while not over.is_set():
             try:
-                heard = news.wait(0.5, over)
+                heard = news.wait(_LISTEN_S, over)
             except StoreUnavailable:
                 over.wait(1.0)
                 continue
@@ -297,7 +297,7 @@ def _concerns(news: str, lease: Lease) -> bool:
     return news in {f"ended {lease.job_id}", f"ended {lease.job_id} {lease.entry}"}
 
 
-def run(settings: Settings, stop: threading.Event) -> None:
+def run(settings: Settings, stop: Stop) -> None:
     """Run one worker against ``settings.redis_url`` and ``settings.blobs`` until `stop` is set."""
     if settings.blobs is None:
         raise ValueError("a worker needs blobs")

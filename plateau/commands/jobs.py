@@ -2,6 +2,7 @@
 
 import json
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 from rich.console import Console
@@ -23,6 +24,7 @@ from plateau.tables import print_rows
 from service.views import JobView
 
 _PAGE = 100
+_WAITING = 5  #: so many jobs that wait for a worker that may render them are named
 _COLUMNS = ("id", "state", "spp", "visible", "wall", "created (UTC)", "batch", "scene")
 
 
@@ -143,6 +145,7 @@ def list_jobs(
         print(json.dumps([job.model_dump(mode="json") for job in jobs], indent=2))
     else:
         print_rows(_COLUMNS, list(map(_row, jobs)), none="no jobs")
+        _say_what_waits([job for job in jobs if job.waits_for])
 
 
 def steer(job_id: str, what: str, *, url: str | None, as_json: bool) -> None:
@@ -167,6 +170,14 @@ def _state(name: str | None) -> JobState | None:
     except ValueError:
         states = ", ".join(state.value for state in JobState)
         raise CommandFailed(f"there is no state {name!r}; the states are {states}") from None
+
+
+def _say_what_waits(jobs: Sequence[JobView]) -> None:
+    """Say, beside the table, which of these jobs no worker may render."""
+    for job in jobs[:_WAITING]:
+        print(f"plateau: job {job.id} {job.waits_for}", file=sys.stderr)
+    if len(jobs) > _WAITING:
+        print(f"plateau: and {len(jobs) - _WAITING} others wait so", file=sys.stderr)
 
 
 def _row(job: Job) -> tuple[str, ...]:

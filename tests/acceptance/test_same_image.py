@@ -89,8 +89,8 @@ renderer.load(Path(sys.argv[1]), "scene.xml", {"width": str(size), "height": str
 total = np.zeros(())
 for slice_ in passes:
     film = 0.0
-    for spp, seed in slice_:
-        film = film + renderer.render_pass(spp, seed).astype(np.float64)
+    for one in renderer.render(slice_, is_cancelled=lambda: False):
+        film = film + one.astype(np.float64)
     total = total + film.astype(np.float32).astype(np.float64)
 np.save(into, (total[..., :3] / total[..., 3:]).astype(np.float32))
 """

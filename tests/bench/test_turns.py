@@ -60,7 +60,6 @@ def test_the_farm_is_compared_with_mitsuba_alone() -> None:
             "machine": machine(),
             "settings": {
                 "cases": {work.name: {"spp": 150, "step": 50}},
-                "pairs": 1,
                 "variant": choice.variant,
                 "workers": 1,
                 "threads": 1,
@@ -68,4 +67,4 @@ def test_the_farm_is_compared_with_mitsuba_alone() -> None:
             "figures": [asdict(one) for one in figures],
         }
     )
-    assert "| box 32×24, 150 spp, step 50 |" in shown["farm"]
+    assert "| box 32×24, 150 spp, step 50 | 1 |" in shown["farm"]

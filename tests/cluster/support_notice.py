@@ -7,13 +7,13 @@ words.
 
 import asyncio
 import sys
-import threading
 import time
 
 from redis.exceptions import RedisError
 
 from farm.errors import StoreUnavailable
 from farm.redis_link import connect, connect_to_renew, now_ms, unavailable_as_farm_error
+from farm.stop import Stop
 from farm.wake import Wake
 from service.event_hub import EventHub
 
@@ -34,7 +34,7 @@ def ask(url: str, *, renews: bool) -> None:
 
 def listen(url: str) -> None:
     """Wait for hints, of which none comes."""
-    wake, never = Wake(connect(url), "a channel"), threading.Event()
+    wake, never = Wake(connect(url), "a channel"), Stop()
     wake.wait(0.5, never)
     print("ready", flush=True)
     while True:

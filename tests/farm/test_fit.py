@@ -1,7 +1,5 @@
 """Pools, tags and variants: who may render a job, who is woken for it, and what a job waits for."""
 
-import threading
-
 import pytest
 import redis
 from pydantic import ValidationError
@@ -15,6 +13,7 @@ from farm.ownership import Ownerships
 from farm.queue import SliceQueue
 from farm.settings import Settings
 from farm.spec import BatchSpec, JobSpec
+from farm.stop import Stop
 from farm.wake import Wake
 from farm.workers import Workers
 
@@ -86,7 +85,7 @@ class TestALease:
         assert farm.queue("w").lease(LLVM, job.id, in_turn=True) is None
 
     def test_only_a_worker_that_fits_is_woken(self, farm: Farm) -> None:
-        stop = threading.Event()
+        stop = Stop()
         wakes = {}
         for name, tags in (("plain", ()), ("gpu", ("gpu",)), ("other", ("gpus",))):
             wakes[name] = Wake(farm.client, keys.wake_worker(name))

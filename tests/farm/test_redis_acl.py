@@ -1,7 +1,6 @@
 """Each kind of process has a user in Redis that can do its work, and nothing beside it."""
 
 import re
-import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -25,6 +24,7 @@ from farm.schema import check_schema
 from farm.scripts import Scripts
 from farm.spec import JobSpec
 from farm.states import MAX_TRIES, JobState
+from farm.stop import Stop
 from farm.wake import Wake
 from farm.webhooks import Outbox
 
@@ -145,8 +145,8 @@ def _later(look: Callable[[], Lease | None]) -> Lease:
     return found
 
 
-def never() -> threading.Event:
-    return threading.Event()
+def never() -> Stop:
+    return Stop()
 
 
 JOB = "0123456789ab"

@@ -1,6 +1,5 @@
 """A slice that is late and holds up its job's image is given to a second worker: one try counts."""
 
-import threading
 from dataclasses import dataclass, field
 
 import pytest
@@ -12,6 +11,7 @@ from farm.jobs import Jobs
 from farm.ownership import Ownership, Ownerships
 from farm.queue import Committed, Lease, SliceQueue, SliceRecord
 from farm.spec import JobSpec
+from farm.stop import Stop
 from farm.wake import Wake
 
 LEASE_S = 60.0
@@ -110,12 +110,12 @@ def test_the_first_commit_wins_and_the_other_is_told(farm: Farm) -> None:
     job, _ = farm.slow_and_quick()
     farm.passes(10_000)
     news = Wake(farm.client, keys.WAKE_WORKERS)
-    news.wait(0.0, threading.Event())
+    news.wait(0.0, Stop())
     slow = farm.held["slow"]
     assert farm.index("quick") == 0
     assert farm.commit("quick") is Committed.COMMITTED
     # The slow worker hears of its own slice at once, and by its next heartbeat at the latest
-    assert news.wait(5.0, threading.Event()) == {f"ended {job.id} {slow.entry}"}
+    assert news.wait(5.0, Stop()) == {f"ended {job.id} {slow.entry}"}
     assert farm.queue("slow").heartbeat({}, (slow,)) == (slow,)
     # What it spent is counted once, as waste, however often it says so
     for _ in range(2):

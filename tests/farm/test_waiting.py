@@ -1,7 +1,6 @@
 """A lease finds its job by an index; here it is held against a look at every open job."""
 
 import json
-import threading
 from collections import Counter, defaultdict
 from collections.abc import Iterator
 from itertools import count
@@ -22,6 +21,7 @@ from farm.schema import VERSION, check_schema
 from farm.scripts import Scripts
 from farm.spec import JobSpec
 from farm.states import MAX_TRIES, JobState
+from farm.stop import Stop
 from farm.wake import Wake
 from farm.workers import Workers
 from tests.support.commands import until
@@ -416,23 +416,23 @@ class TestIdleWorkers:
     """Those that had nothing to do are woken when there is something, and no more than it takes."""
 
     @pytest.fixture
-    def stop(self) -> threading.Event:
-        return threading.Event()
+    def stop(self) -> Stop:
+        return Stop()
 
     def idle(self, client: redis.Redis, *workers: str) -> dict[str, Wake]:
         """These workers, each of which was given nothing."""
         waiting = {name: Wake(client, keys.wake_worker(name)) for name in workers}
         for name, wake in waiting.items():
-            wake.wait(0.0, threading.Event())
+            wake.wait(0.0, Stop())
             kind = WORKERS[name.partition("-")[0]]
             queue = SliceQueue(client, name, LEASE_S, pool=kind.pool, tags=kind.tags)
             assert queue.lease(kind.variants, None, in_turn=False) is None
         return waiting
 
-    def woken(self, waiting: dict[str, Wake], stop: threading.Event) -> set[str]:
+    def woken(self, waiting: dict[str, Wake], stop: Stop) -> set[str]:
         return {name for name, wake in waiting.items() if wake.wait(0.05, stop)}
 
-    def test_one_for_each_slice(self, quick: redis.Redis, stop: threading.Event) -> None:
+    def test_one_for_each_slice(self, quick: redis.Redis, stop: Stop) -> None:
         history = History(quick)
         waiting = self.idle(quick, *(f"cpu-{number}" for number in range(5)))
         history.create(1, 2)  # two slices, of any variant
@@ -449,13 +449,13 @@ class TestIdleWorkers:
         queues[0].hand_back(taken[0])
         assert len(self.woken(waiting, stop) - first - second) == 1
 
-    def test_who_can_render_it(self, quick: redis.Redis, stop: threading.Event) -> None:
+    def test_who_can_render_it(self, quick: redis.Redis, stop: Stop) -> None:
         history = History(quick)
         waiting = self.idle(quick, "old-1", "cpu-1", "old-2")
         history.create(6, 1)  # one slice, for LLVM
         assert self.woken(waiting, stop) == {"cpu-1"}
 
-    def test_not_one_that_died(self, quick: redis.Redis, stop: threading.Event) -> None:
+    def test_not_one_that_died(self, quick: redis.Redis, stop: Stop) -> None:
         history = History(quick)
         waiting = self.idle(quick, "cpu-1", "cpu-2", "cpu-3")
         for name in ("cpu-1", "cpu-2"):
@@ -465,7 +465,7 @@ class TestIdleWorkers:
         history.create(1, 1)
         assert self.woken(waiting, stop) == {"cpu-3"}
 
-    def test_nor_one_that_is_drained(self, quick: redis.Redis, stop: threading.Event) -> None:
+    def test_nor_one_that_is_drained(self, quick: redis.Redis, stop: Stop) -> None:
         history = History(quick)
         waiting = self.idle(quick, "cpu-1", "cpu-2")
         history.queues["cpu"].heartbeat({}, ())

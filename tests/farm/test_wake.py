@@ -9,6 +9,7 @@ import redis
 
 from farm.errors import StoreUnavailable
 from farm.redis_link import connect
+from farm.stop import Stop
 from farm.wake import Wake
 from tests.support.redis_proxy import RedisProxy
 
@@ -16,7 +17,7 @@ CHANNEL = "a channel of the test"
 
 
 def test_a_message_ends_the_wait(client: redis.Redis) -> None:
-    wake, never = Wake(client, CHANNEL), threading.Event()
+    wake, never = Wake(client, CHANNEL), Stop()
     assert wake.wait(0.0, never) == set()
     client.publish(CHANNEL, "one")
     client.publish(CHANNEL, "two")
@@ -29,7 +30,7 @@ def test_a_message_ends_the_wait(client: redis.Redis) -> None:
 
 
 def test_so_does_the_order_to_stop(client: redis.Redis) -> None:
-    wake, stop = Wake(client, CHANNEL), threading.Event()
+    wake, stop = Wake(client, CHANNEL), Stop()
     threading.Timer(0.3, stop.set).start()
     started = time.monotonic()
     assert wake.wait(30.0, stop) == set()
@@ -44,7 +45,7 @@ def test_so_does_the_order_to_stop(client: redis.Redis) -> None:
 def test_a_connection_that_died_in_silence_is_given_up_and_made_anew(
     client: redis.Redis, redis_url: str
 ) -> None:
-    never = threading.Event()
+    never = Stop()
     with RedisProxy(Path(redis_url.removeprefix("unix://"))) as proxy:
         wake = Wake(connect(proxy.url), CHANNEL, quiet_s=0.3, answer_s=0.3)
         assert wake.wait(1.0, never) == set()  # it is asked and answers
@@ -60,7 +61,7 @@ def test_a_connection_that_died_in_silence_is_given_up_and_made_anew(
 
 
 def test_who_did_not_listen_for_long_is_not_taken_for_deaf(client: redis.Redis) -> None:
-    wake, never = Wake(client, CHANNEL, quiet_s=0.1, answer_s=0.1), threading.Event()
+    wake, never = Wake(client, CHANNEL, quiet_s=0.1, answer_s=0.1), Stop()
     assert wake.wait(0.2, never) == set()  # it has asked
     time.sleep(0.5)  # when something else was to be done
     client.publish(CHANNEL, "meanwhile")

@@ -184,8 +184,12 @@ class TestTalkingToAService:
     def test_list_is_for_grep_and_cut(self, box: str) -> None:
         made = [plateau("submit", box)[1].strip() for _ in range(3)]
         plateau("cancel", made[0])
-        code, out, _ = plateau("list")
+        code, out, err = plateau("list")
         assert code == 0
+        assert err.splitlines() == [
+            f"plateau: job {job} waits for a worker: none lives that takes work"
+            for job in made[:0:-1]
+        ]
         rows = [line.split("\t") for line in out.splitlines()]
         assert [row[0] for row in rows] == made[::-1]
         assert rows[-1][1:3] == ["cancelled", "0/10000"]

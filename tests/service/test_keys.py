@@ -13,7 +13,7 @@ from farm.api_keys import ApiKeys, KeyLimits, Role
 from farm.blobs import Blobs
 from farm.jobs import Jobs
 from farm.states import JobState
-from service import examples
+from service import examples, routes_results
 from service.api import CannotListen, access_at
 from service.key_guard import Access, needs_key
 from tests.service.test_api_jobs import problem, submit
@@ -164,6 +164,22 @@ class TestAKey:
     def test_is_told_to_swagger(self, http: httpx.Client) -> None:
         schemes = http.get("/openapi.json").json()["components"]["securitySchemes"]
         assert schemes["API key"]["scheme"] == "bearer"
+
+    def test_revoked_ends_a_stream_of_events_that_is_open(
+        self, as_: As, keys: ApiKeys, client: redis.Redis, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setattr(routes_results, "_HEARTBEAT_S", 0.1)
+        job = StagedJob(client)
+        revoked, other = as_("viewer"), as_("viewer")
+        with (
+            revoked.stream("GET", f"/v1/jobs/{job.id}/events") as stream,
+            other.stream("GET", f"/v1/jobs/{job.id}/events") as others,
+        ):
+            lines, goes_on = stream.iter_lines(), others.iter_lines()
+            assert ": still here" in lines
+            keys.revoke(id_of(revoked))
+            assert len(list(lines)) < 20  # it ends
+            assert [": still here" in goes_on for _ in range(5)] == [True] * 5
 
     def test_unknown_or_revoked_is_answered_alike(self, as_: As, keys: ApiKeys) -> None:
         revoked, viewer = as_("viewer"), as_("viewer")

@@ -62,7 +62,17 @@ def _load(folder: Path, entry: str, parameters: dict[str, str], sensor: int) -> 
 
 
 def _render_pass(spp: int, seed: int) -> NDArray[np.float32]:
-    return _renderer.render_pass(spp, seed)
+    (film,) = _renderer.render([(spp, seed)], is_cancelled=lambda: False)
+    return film
+
+
+def films_until_cancelled(passes: list[tuple[int, int]], begun: int) -> list[NDArray[np.float32]]:
+    """The films of passes of which no more than so many may begin."""
+    left = iter(range(begun))
+    return [
+        film.copy()
+        for film in _renderer.render(passes, is_cancelled=lambda: next(left, None) is None)
+    ]
 
 
 def developed() -> NDArray[np.float32]:

@@ -22,6 +22,7 @@ from farm.jobs import Jobs
 from farm.queue import Committed, Lease, SliceQueue, SliceRecord
 from farm.settings import Settings
 from farm.spec import JobSpec
+from farm.stop import Stop
 from service.monitor import Monitor
 
 SIZE = (24, 32)  # height, width
@@ -63,7 +64,7 @@ class NoiseFarm:
     @contextmanager
     def monitor(self) -> Iterator[Monitor]:
         """A monitor in a thread; left to itself at the end, as if it had been stopped."""
-        stop = threading.Event()
+        stop = Stop()
         monitor = Monitor(self.settings, self.store)
         thread = threading.Thread(target=monitor.run, args=(stop,))
         thread.start()

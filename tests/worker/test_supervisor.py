@@ -27,6 +27,7 @@ from farm.seeds import SeedSchedule
 from farm.settings import Settings
 from farm.spec import JobSpec
 from farm.states import JobState
+from farm.stop import Stop
 from worker.supervisor import Supervisor
 from worker.variants import Probe, VariantChoice
 
@@ -74,7 +75,7 @@ class Bench:
 
     @contextmanager
     def worker(self, choice: VariantChoice = SCALAR) -> Iterator[Supervisor]:
-        stop = threading.Event()
+        stop = Stop()
         worker = Supervisor(self.settings, choice, self.store, stop)
         thread = threading.Thread(target=worker.run)
         thread.start()
@@ -341,7 +342,7 @@ def test_a_signal_to_all_of_its_processes_harms_no_slice(bench: Bench) -> None:
 def test_a_worker_without_work_leaves_where_it_was_told_to(bench: Bench) -> None:
     bench.settings = bench.settings.model_copy(update={"leave_after_s": 0.5, "label": "slurm:7_1"})
     job, _ = bench.job(slices=3)
-    worker = Supervisor(bench.settings, SCALAR, bench.store, threading.Event())
+    worker = Supervisor(bench.settings, SCALAR, bench.store, Stop())
     thread = threading.Thread(target=worker.run)
     thread.start()
     until(lambda: bench.jobs.workers() != [])
