@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from bench.support import markdown
 from bench.support.pairs import SLICE_SPP, Pair, Run, Work, render_pair, warm_up
-from bench.support.report import Figure, figure, write_report
+from bench.support.report import Figure, figure, last_figures, last_settings, write_report
 from bench.support.turns import TURN_S
 from farm.settings import Settings
 from worker.variants import choose
@@ -43,16 +43,16 @@ def main() -> None:
 
     choice, threads = choose(Settings().cache), len(os.sched_getaffinity(0))
     works = [Work(**case, choice=choice, threads=threads) for case in options.cases]
+    measured = {
+        work.name: {"spp": work.spp, "step": work.step, "slice_spp": SLICE_SPP} for work in works
+    }
     figures = [one for work in works for one in measure(work, options.pairs)]
+    others = [one for one in last_figures("farm") if one.name.partition(":")[0] not in measured]
     path = write_report(
         "farm",
-        figures,
+        [*figures, *others],
         settings={
-            "cases": {
-                work.name: {"spp": work.spp, "step": work.step, "slice_spp": SLICE_SPP}
-                for work in works
-            },
-            "pairs": options.pairs,
+            "cases": {**last_settings("farm").get("cases", {}), **measured},
             "turn_s": TURN_S,
             "variant": choice.variant,
             "workers": 1,
@@ -128,14 +128,17 @@ def tables(report: dict[str, Any]) -> dict[str, str]:
         return f"{one['value']:.3f} ({spread['lowest']:.3f} to {spread['highest']:.3f})"
 
     rows = [
-        [f"{case}, {settings['spp']} spp, step {settings['step']}"]
+        [
+            f"{case}, {settings['spp']} spp, step {settings['step']}",
+            str(found[f"{case}: {EFFICIENCY}"]["spread"]["runs"]),
+        ]
         + [cell(case, name) for name in (EFFICIENCY, CPU, MONITOR, OTHERS)]
         for case, settings in report["settings"]["cases"].items()
     ]
     machine, settings = report["machine"], report["settings"]
     return {
         "farm-machine": markdown.table(
-            ["machine", "cores", "variant", "workers", "threads", "pairs of runs"],
+            ["machine", "cores", "variant", "workers", "threads"],
             [
                 [
                     f"{machine['cpu']}, {machine['os']}",
@@ -143,12 +146,19 @@ def tables(report: dict[str, Any]) -> dict[str, str]:
                     settings["variant"],
                     str(settings["workers"]),
                     str(settings["threads"]),
-                    str(settings["pairs"]),
                 ]
             ],
         ),
         "farm": markdown.table(
-            ["", "efficiency", "CPU time", "the monitor's share", "other work on the cores"], rows
+            [
+                "",
+                "pairs of runs",
+                "efficiency",
+                "CPU time",
+                "the monitor's share",
+                "other work on the cores",
+            ],
+            rows,
         ),
     }
 

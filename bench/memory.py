@@ -22,8 +22,8 @@ from typing import TYPE_CHECKING, Any
 
 from bench.startup import ROOT
 from bench.support import markdown
-from bench.support.memory_farm import MADE_UP, make_up, peaks
-from bench.support.report import RESULTS, Figure, Spread, figure, write_report
+from bench.support.memory_farm import MADE_UP, made_up, peaks
+from bench.support.report import Figure, figure, last_figures, write_report
 from bench.support.service_farm import ServiceFarm
 from farm.spec import FixedSpec, JobSpec, Variant
 from plateau.client import Client
@@ -37,6 +37,7 @@ SIZES = {"512²": (512, 512), "1080p": (1920, 1080), "2160p": (3840, 2160)}
 ROLES = ("API", "monitor", "worker", "render child")
 _STEP = 2
 _SLICES = 4  #: of 1 spp: two points of the curve
+_PATIENCE_S = 1200.0  #: for the points of many large images
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,7 +46,7 @@ class Plan:
 
     #: Width and height, and how many jobs at once the second farm has.
     sizes: Mapping[str, tuple[int, int]] = field(default_factory=lambda: SIZES)
-    many: Mapping[str, int] = field(default_factory=lambda: {"512²": 20, "1080p": 20, "2160p": 2})
+    many: Mapping[str, int] = field(default_factory=lambda: dict.fromkeys(SIZES, 20))
     threads: int = field(default_factory=lambda: len(os.sched_getaffinity(0)))
     variant: Variant = "auto"
 
@@ -59,7 +60,8 @@ def main() -> None:
     parser.add_argument("--sizes", nargs="+", choices=SIZES, default=list(SIZES))
     options = parser.parse_args()
     plan = Plan(sizes={name: SIZES[name] for name in options.sizes})
-    made = [*figures(measure(plan)), *_found_before(set(SIZES) - set(plan.sizes))]
+    others = [one for one in last_figures("memory") if _size_of(one) not in plan.sizes]
+    made = [*figures(measure(plan)), *others]
     path = write_report(
         "memory",
         sorted(made, key=lambda one: list(SIZES).index(_size_of(one))),
@@ -71,18 +73,6 @@ def main() -> None:
         ],
     )
     markdown.fill(markdown.DOCS / "operations.md", tables(json.loads(path.read_text())))
-
-
-def _found_before(sizes: set[str]) -> list[Figure]:
-    """The last report's figures of these sizes: what is not measured now stays."""
-    last = RESULTS / "memory.json"
-    if not last.exists():
-        return []
-    known = [
-        Figure(**{**one, "spread": Spread(**one["spread"])})
-        for one in json.loads(last.read_text())["figures"]
-    ]
-    return [one for one in known if _size_of(one) in sizes]
 
 
 def _size_of(one: Figure) -> str:
@@ -134,11 +124,15 @@ def _many_made_up(plan: Plan, count: int, width: int, height: int) -> dict[str, 
                 farm.jobs.create(spec, name="still", scene_sha256="0" * 64).job.id
                 for _ in range(count)
             ]
-            make_up(farm.redis_url, farm.blobs, jobs, slices=_SLICES, width=width, height=height)
-            farm.wait(lambda: all(client.job(one).points >= _SLICES // _STEP for one in jobs))
-            for job_id in jobs:
-                _look(client, job_id)
-            time.sleep(1.0)  # the last checkpoint is on its way
+            of = {"slices": _SLICES, "width": width, "height": height}
+            with made_up(farm.redis_url, farm.blobs, jobs, **of):
+                farm.wait(
+                    lambda: all(client.job(one).points >= _SLICES // _STEP for one in jobs),
+                    _PATIENCE_S,
+                )
+                for job_id in jobs:
+                    _look(client, job_id)
+                time.sleep(1.0)  # the last checkpoint is on its way
             return {role: mb for role, mb in peaks(farm).items() if role in ("API", "monitor")}
 
 

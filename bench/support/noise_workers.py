@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import os
 import threading
 import time
 from contextlib import contextmanager
@@ -12,10 +11,12 @@ from datetime import datetime, timezone
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
+from bench.support.simulated import about
 from farm import blobs, keys
 from farm.exr import Partial, encode_partial
 from farm.queue import Committed, SliceQueue, SliceRecord
 from farm.seeds import SeedSchedule
+from farm.stop import Stop
 from farm.wake import Wake
 
 if TYPE_CHECKING:
@@ -82,12 +83,13 @@ class NoiseCrew:
         self.spent = Spent()
         self._ended: set[str] = set()
 
-    def work(self, worker: str, stop: threading.Event) -> None:
+    def work(self, worker: str, stop: Stop) -> None:
         """Be one worker until `stop` is set."""
         queue = SliceQueue(self._client, worker, _LEASE_S)
         work_there_is = Wake(self._client, keys.wake_worker(worker))
         work_there_is.wait(0.0, stop)
-        queue.heartbeat(_about(worker), ())
+        said = about(worker, (_VARIANT,), datetime.now(timezone.utc).isoformat())
+        queue.heartbeat(said, ())
         while not stop.is_set():
             lease = queue.lease((_VARIANT,), None, in_turn=False)
             if lease is None:
@@ -97,17 +99,17 @@ class NoiseCrew:
             self.spent.add(at_work=1)
             self._serve(queue, lease, worker, stop)
             self.spent.add(at_work=-1, busy_s=time.monotonic() - started)
-            queue.heartbeat(_about(worker), ())
+            queue.heartbeat(said, ())
         work_there_is.close()
 
-    def listen(self, stop: threading.Event) -> None:
+    def listen(self, stop: Stop) -> None:
         """Hear which jobs have ended, for all."""
         news = Wake(self._client, keys.WAKE_WORKERS)
         while not stop.is_set():
             self._ended |= {word.removeprefix("ended ") for word in news.wait(_IDLE_S, stop)}
         news.close()
 
-    def _serve(self, queue: SliceQueue, lease: Lease, worker: str, stop: threading.Event) -> None:
+    def _serve(self, queue: SliceQueue, lease: Lease, worker: str, stop: Stop) -> None:
         started, spec, size = time.monotonic(), lease.spec, self.render.size
         pass_s = self._pass_s * self._slowness.get(worker, 1.0)
         over = {lease.job_id, f"{lease.job_id} {lease.entry}"}  # as the news of it has it
@@ -152,23 +154,6 @@ class NoiseCrew:
             self._store.delete(name)
 
 
-def _about(worker: str) -> dict[str, object]:
-    return {
-        "id": worker,
-        "host": "simulated",
-        "pid": os.getpid(),
-        "variants": (_VARIANT,),
-        "threads": 1,
-        "job": None,
-        "slice": None,
-        "slices_done": 0,
-        "samples_per_s": None,
-        "last_error": None,
-        "trouble": None,
-        "started_at": datetime.now(timezone.utc).isoformat(),
-    }
-
-
 @contextmanager
 def working(
     client: redis.Redis,
@@ -178,7 +163,7 @@ def working(
     slowness: Mapping[str, float] = MappingProxyType({}),
 ) -> Iterator[NoiseCrew]:
     """So many simulated workers, ``worker-0`` and on, while the context lasts."""
-    crew, stop = NoiseCrew(client, store, pass_s, slowness), threading.Event()
+    crew, stop = NoiseCrew(client, store, pass_s, slowness), Stop()
     threads = [
         threading.Thread(target=crew.listen, args=(stop,)),
         *(

@@ -81,6 +81,7 @@ def look(root: psutil.Process) -> Look:
 
 def monitors_share(looks: Sequence[Look], start: float, end: float) -> float:
     """Return the monitor's share of the CPU time, from the look before a moment to that after."""
+    looks = [one for one in looks if one.monitor]  # it ends before the others do
     first = max((one for one in looks if one.at <= start), key=attrgetter("at"), default=looks[0])
     last = min((one for one in looks if one.at >= end), key=attrgetter("at"), default=looks[-1])
     return (last.monitor - first.monitor) / (last.all_ - first.all_)

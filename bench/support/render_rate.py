@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import os
-import time
 from dataclasses import dataclass
 from itertools import accumulate, pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import psutil
-
 from bench.support.alone import Alone
-from bench.support.cores import family_cpu_s, machine_cpu_s
+from bench.support.cores import timed
 from farm.seeds import SeedSchedule
 from farm.settings import Settings
 from worker.variants import choose
@@ -55,20 +52,18 @@ def render_rate(scene: Path, parameters: Mapping[str, str], slice_spp: int) -> R
         max_spp=_SLICES * slice_spp,
     )
     slices = [schedule.passes(index) for index in range(_SLICES)]
-    ours, all_, started = family_cpu_s(), machine_cpu_s(), time.monotonic()
-    told = Alone(
-        scene=scene,
-        parameters=parameters,
-        slices=slices,
-        variant=choice.variant,
-        llvm_library=choice.llvm_library,
-        threads=threads,
-        cache=Settings().cache,
-    ).render()
-    cores = psutil.cpu_count() or 1
-    elsewhere = machine_cpu_s() - all_ - (family_cpu_s() - ours)
+    with timed() as took:
+        told = Alone(
+            scene=scene,
+            parameters=parameters,
+            slices=slices,
+            variant=choice.variant,
+            llvm_library=choice.llvm_library,
+            threads=threads,
+            cache=Settings().cache,
+        ).render()
     ends = [told["ended_s"][last - 1] for last in accumulate(map(len, slices))]
     return RenderRate(
         spp_s=[(end - start) * threads / slice_spp for start, end in pairwise(ends)],
-        others=max(0.0, elsewhere) / (cores * (time.monotonic() - started)),
+        others=took.others,
     )

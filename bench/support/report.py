@@ -102,6 +102,20 @@ def write_report(
     return path
 
 
+def last_settings(name: str) -> dict[str, Any]:
+    """Return what the last report of this name was made with; nothing where there is none."""
+    path = RESULTS / f"{name}.json"
+    found: dict[str, Any] = json.loads(path.read_text())["settings"] if path.exists() else {}
+    return found
+
+
+def last_figures(name: str) -> list[Figure]:
+    """Return the last report's figures, of which those stay of what is not measured now."""
+    path = RESULTS / f"{name}.json"
+    made = json.loads(path.read_text())["figures"] if path.exists() else []
+    return [Figure(**{**one, "spread": Spread(**one["spread"])}) for one in made]
+
+
 def in_words(one: Figure) -> str:
     """Return a figure as one line."""
     words = f"{one.name}: {one.value:g} {one.unit}"

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import random
 import sys
 import threading
@@ -20,12 +19,14 @@ from itertools import cycle
 
 import numpy as np
 
+from bench.support.simulated import about, made_up_record
 from farm import blobs, keys
 from farm.backoff import Backoff
 from farm.blobs import Blobs
 from farm.exr import Partial, encode_partial
-from farm.queue import Committed, Lease, SliceQueue, SliceRecord
+from farm.queue import Committed, Lease, SliceQueue
 from farm.redis_link import connect
+from farm.stop import Stop
 from farm.wake import Wake
 
 #: As `worker.supervisor` has them.
@@ -59,7 +60,7 @@ class Slice:
 class _Worker:
     """One simulated worker."""
 
-    def __init__(self, crew: Crew, number: int, content: bytes, stop: threading.Event) -> None:
+    def __init__(self, crew: Crew, number: int, content: bytes, stop: Stop) -> None:
         self.id = f"{crew.name}-{number}"
         self._crew, self._content, self._stop = crew, content, stop
         self._random = random.Random(self.id)
@@ -109,11 +110,8 @@ class _Worker:
         name = blobs.partial(lease.job_id, lease.index, f"{self.id}-{lease.tries}")
         self._store.put(name, self._content)
         stored = time.monotonic()
-        record = SliceRecord(
-            index=lease.index,
-            spp=lease.spec.slice_spp,
-            first_seed=10 * lease.index,
-            last_seed=10 * lease.index + 2,
+        record = made_up_record(
+            lease,
             blob=name,
             sha256=self._sha256,
             worker=self.id,
@@ -127,21 +125,8 @@ class _Worker:
 
     def heartbeat(self) -> None:
         held = self._held
-        about = {
-            "id": self.id,
-            "host": "simulated",
-            "pid": os.getpid(),
-            "variants": _VARIANTS,
-            "threads": 1,
-            "job": held.job_id if held else None,
-            "slice": held.index if held else None,
-            "slices_done": len(self.done),
-            "samples_per_s": None,
-            "last_error": None,
-            "trouble": None,
-            "started_at": self._started_at,
-        }
-        self._queue.heartbeat(about, (held,) if held else ())
+        said = about(self.id, _VARIANTS, self._started_at, held=held, slices_done=len(self.done))
+        self._queue.heartbeat(said, (held,) if held else ())
 
     def listen(self) -> None:
         self._news.wait(0.0, self._stop)
@@ -165,7 +150,7 @@ def _partial(size: int) -> bytes:
     )
 
 
-def _keep_alive(workers: list[_Worker], stop: threading.Event) -> None:
+def _keep_alive(workers: list[_Worker], stop: Stop) -> None:
     """Send every worker's heartbeat in turn, evenly over its interval, and hear its news."""
     for worker in cycle(workers):
         if stop.wait(_HEARTBEAT_S / len(workers)):
@@ -176,7 +161,7 @@ def _keep_alive(workers: list[_Worker], stop: threading.Event) -> None:
 
 def main() -> None:
     """Work until standard input ends, then write what was done to standard output as JSON."""
-    crew, stop = Crew(**json.loads(sys.argv[1])), threading.Event()
+    crew, stop = Crew(**json.loads(sys.argv[1])), Stop()
     content = _partial(crew.size)
     workers = [_Worker(crew, number, content, stop) for number in range(crew.workers)]
     for worker in workers:

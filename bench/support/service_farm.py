@@ -125,9 +125,9 @@ class ServiceFarm:
         self.wait(lambda: self._client.scard(keys.UNFINISHED) == 1)
 
     @staticmethod
-    def wait(condition: Callable[[], bool]) -> None:
+    def wait(condition: Callable[[], bool], within_s: float = _START_S) -> None:
         """Wait until the condition holds."""
-        deadline = time.monotonic() + _START_S
+        deadline = time.monotonic() + within_s
         while not condition():
             if time.monotonic() > deadline:
                 raise AssertionError("the farm did not do what it was asked to")

@@ -62,53 +62,76 @@ def take_turns(
         One failed. All are killed then.
     """
     ran = {name: Ran() for name in processes}
-    living = dict(processes)
+    trees = {name: _Tree(process) for name, process in processes.items()}
     try:
-        for process in processes.values():
-            _signal(process, signal.SIGSTOP)
-        while living:
-            for name, process in list(living.items()):
+        for tree in trees.values():
+            tree.stop()
+        while trees:
+            for name, tree in list(trees.items()):
                 buried_cpu_s = children_cpu_s()
                 started = time.time()
-                _signal(process, signal.SIGCONT)
-                ended = _has_ended(process, turn_s)
-                if not ended:
-                    _signal(process, signal.SIGSTOP)
-                ran[name].turns.append((started, time.time()))
-                if not ended:
+                tree.go_on()
+                status = tree.status(turn_s)
+                ended = tree.stop() if status is None else time.time()
+                ran[name].turns.append((started, ended))
+                if status is None:
                     after_turn(name)
                     continue
                 ran[name].cpu_s = children_cpu_s() - buried_cpu_s
-                if process.returncode:
-                    raise ChildProcessError(f"{name}: exit code {process.returncode}")
-                del living[name]
+                if status:
+                    raise ChildProcessError(f"{name}: exit code {status}")
+                del trees[name]
     finally:
-        for process in living.values():
-            _signal(process, signal.SIGKILL)
-            process.wait()
+        for tree in trees.values():
+            tree.kill()
     return ran
 
 
-def _has_ended(process: psutil.Popen, within_s: float) -> bool:
-    deadline = time.monotonic() + within_s
-    while process.poll() is None:
-        if time.monotonic() > deadline:
-            return False
-        time.sleep(_LOOK_EVERY_S)
-    return True
+class _Tree:
+    """A process and all below it.
 
+    Who is in it is looked up when its turn is over, since a look takes milliseconds: so a turn
+    begins and ends for all of them at once.
+    """
 
-def _signal(root: psutil.Process, number: signal.Signals) -> None:
-    """Send it to the whole tree, from the top down; what was just started must have it too."""
-    reached: set[int] = set()
-    while True:
-        family = [root]
+    def __init__(self, root: psutil.Popen) -> None:
+        self._root = root
+        self._members: list[psutil.Process] = [root]
+
+    def go_on(self) -> None:
+        self._signal(self._members, signal.SIGCONT)
+
+    def stop(self) -> float:
+        """Return when all had stopped that were there as the turn began."""
+        self._signal(self._members, signal.SIGSTOP)
+        stopped_at = time.time()
+        while born := [one for one in self._below() if one not in self._members]:
+            self._signal(born, signal.SIGSTOP)
+            self._members += born
+        self._members = [self._root, *(one for one in self._members[1:] if one.is_running())]
+        return stopped_at
+
+    def status(self, within_s: float) -> int | None:
+        """Return the root's exit code, once it has ended; None where it goes on for so long."""
+        deadline = time.monotonic() + within_s
+        status: int | None = None
+        while status is None and time.monotonic() < deadline:
+            time.sleep(_LOOK_EVERY_S)
+            status = self._root.poll()
+        return status
+
+    def kill(self) -> None:
+        """End all of it."""
+        self._signal([*self._members, *self._below()], signal.SIGKILL)
+        self._root.wait()
+
+    def _below(self) -> list[psutil.Process]:
         with suppress(psutil.NoSuchProcess):
-            family += root.children(recursive=True)
-        new = [one for one in family if one.pid not in reached]
-        if not new:
-            return
-        for one in new:
-            reached.add(one.pid)
-            with suppress(psutil.NoSuchProcess):
+            return self._root.children(recursive=True)
+        return []
+
+    @staticmethod
+    def _signal(members: list[psutil.Process], number: signal.Signals) -> None:
+        for one in members:
+            with suppress(psutil.NoSuchProcess):  # it ended a moment ago
                 one.send_signal(number)
