@@ -69,12 +69,12 @@ def main() -> None:
     markdown.fill(markdown.DOCS / "performance.md", tables(json.loads(path.read_text())))
 
 
-def measure(work: Work, pairs: int) -> list[Figure]:
+def measure(work: Work, pairs: int, turn_s: float = TURN_S) -> list[Figure]:
     """Return what so many pairs of runs give, with the work's name in front."""
     warm_up(work)
     ran = []
     for number in range(pairs):
-        ran.append(render_pair(work))
+        ran.append(render_pair(work, turn_s))
         print(f"{work.name}, pair {number + 1} of {pairs}: {ran[-1]}", file=sys.stderr)
     return [replace(one, name=f"{work.name}: {one.name}") for one in _figures(ran)]
 

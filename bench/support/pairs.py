@@ -103,9 +103,8 @@ def warm_up(work: Work) -> None:
             raise AssertionError("the farm and the bare renderer do not render the same samples")
 
 
-def render_pair(work: Work) -> Pair:
-    """Have both render the work, in turns."""
-    looks = []
+def render_pair(work: Work, turn_s: float) -> Pair:
+    """Have both render the work, in turns of so many seconds."""
     with (
         tempfile.TemporaryDirectory() as folder,
         tempfile.TemporaryFile() as told_file,
@@ -116,11 +115,13 @@ def render_pair(work: Work) -> Pair:
             "Mitsuba alone": _alone(work).start(told_file),
         }
 
+        watch = plateau_render.Watch(processes["the farm"])
+
         def look(name: str) -> None:
             if name == "the farm":
-                looks.append(plateau_render.look(processes[name]))
+                watch.look()
 
-        ran = take_turns(processes, after_turn=look)
+        ran = take_turns(processes, turn_s, after_turn=look)
         job = json.loads((Path(folder) / "summary.json").read_text())
         told = read_told(told_file)
 
@@ -140,7 +141,7 @@ def render_pair(work: Work) -> Pair:
     return Pair(
         farm=run("the farm", _moment(job["started_at"]), done),
         bare=run("Mitsuba alone", told["started_at"], dict(zip(spp, ends, strict=True))),
-        monitor=plateau_render.monitors_share(looks, done[2 * work.step], done[work.spp]),
+        monitor=watch.monitors_share(done[2 * work.step], done[work.spp]),
         others=took.others,
     )
 

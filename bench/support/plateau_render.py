@@ -14,18 +14,51 @@ from typing import TYPE_CHECKING
 import psutil
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Mapping
 
 _ROOT = Path(__file__).parents[2]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Look:
-    """CPU seconds that the farm's processes had used at one moment."""
+    """CPU seconds that the farm's processes had used at one moment, those that had ended too."""
 
     at: float  #: in seconds of `time.time`
     all_: float
     monitor: float
+
+
+class Watch:
+    """What `plateau render` and all below it use, look by look."""
+
+    def __init__(self, root: psutil.Process) -> None:
+        self._root = root
+        self._used_s: dict[psutil.Process, float] = {}
+        self._monitors: set[psutil.Process] = set()
+        self._looks = [Look(at=time.time(), all_=0.0, monitor=0.0)]
+
+    def look(self) -> None:
+        """Note what each had used by now; one that has ended, what it had by the look before."""
+        for process in (self._root, *self._root.children(recursive=True)):
+            with suppress(psutil.NoSuchProcess):  # it ended a moment ago
+                times = process.cpu_times()
+                self._used_s[process] = times.user + times.system
+                if "monitor" in process.cmdline():
+                    self._monitors.add(process)
+        self._looks.append(
+            Look(
+                at=time.time(),
+                all_=sum(self._used_s.values()),
+                monitor=sum(self._used_s[one] for one in self._monitors),
+            )
+        )
+
+    def monitors_share(self, start: float, end: float) -> float:
+        """Return the monitor's share of the CPU time, from a look before a moment to one after."""
+        first = max((one for one in self._looks if one.at <= start), key=attrgetter("at"))
+        after = (one for one in self._looks if one.at >= end)
+        last = min(after, key=attrgetter("at"), default=self._looks[-1])
+        return (last.monitor - first.monitor) / (last.all_ - first.all_)
 
 
 def render(
@@ -63,25 +96,3 @@ def start(
         command += [name] if value is True else [name, str(value)]
     command += [f"-D{name}={value}" for name, value in parameters.items()]
     return psutil.Popen(command, cwd=_ROOT, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
-
-
-def look(root: psutil.Process) -> Look:
-    """Return what `plateau render` and all below it that lives have used."""
-    used = []
-    for process in (root, *root.children(recursive=True)):
-        with suppress(psutil.NoSuchProcess):  # it ended a moment ago
-            times = process.cpu_times()
-            used.append((times.user + times.system, "monitor" in process.cmdline()))
-    return Look(
-        at=time.time(),
-        all_=sum(seconds for seconds, _ in used),
-        monitor=sum(seconds for seconds, is_monitor in used if is_monitor),
-    )
-
-
-def monitors_share(looks: Sequence[Look], start: float, end: float) -> float:
-    """Return the monitor's share of the CPU time, from the look before a moment to that after."""
-    looks = [one for one in looks if one.monitor]  # it ends before the others do
-    first = max((one for one in looks if one.at <= start), key=attrgetter("at"), default=looks[0])
-    last = min((one for one in looks if one.at >= end), key=attrgetter("at"), default=looks[-1])
-    return (last.monitor - first.monitor) / (last.all_ - first.all_)

