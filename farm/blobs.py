@@ -39,6 +39,11 @@ def partial(job_id: str, index: int, attempt: str) -> str:
     return f"{partials(job_id)}{index:06d}-{attempt}.exr"
 
 
+def glimpse(job_id: str, attempt: str) -> str:
+    """Where the first pass of a job's first slice is kept until it is shown."""
+    return f"{partials(job_id)}glimpse-{attempt}.exr"
+
+
 def partials(job_id: str) -> str:
     """What the names of all partials of a job begin with."""
     return f"{of_job(job_id)}partials/"

@@ -91,6 +91,9 @@ class Job(_Record):
     held: bool = Field(
         False, description="whether it is queued and held back, until it or its batch is resumed"
     )
+    image_spp: int | None = Field(
+        None, description="samples per pixel of the newest image that can be fetched, if any can"
+    )
     committed_spp: int = Field(description="samples per pixel in the ledger, merged or not")
     points: int = Field(description="points of the curve")
     visible_pixels: int | None = None
@@ -140,7 +143,7 @@ class Event(_Record):
     """Something that happened to a job; `id` orders events and resumes a stream of them."""
 
     id: str
-    type: str = Field(description="state, point, slice, trouble or finished")
+    type: str = Field(description="state, image, point, slice, trouble or finished")
     data: dict[str, object]
     at: datetime
 

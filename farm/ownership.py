@@ -11,7 +11,7 @@ from typing import Any
 import redis
 from pydantic import BaseModel, ConfigDict
 
-from farm import keys
+from farm import blobs, keys
 from farm.errors import FenceLost, IllegalTransition
 from farm.queue import SliceRecord
 from farm.redis_link import unavailable_as_farm_error
@@ -95,9 +95,15 @@ class Ownerships:
         """Note the job's last checkpoint."""
         self._checked("save", owned, "checkpoint", checkpoint.model_dump_json())
 
+    def glimpse(self, job_id: str) -> str | None:
+        """Where the first pass of the job's first slice is, while there is nothing else to see."""
+        with unavailable_as_farm_error():
+            blob, results = self._redis.hmget(keys.job(job_id), "glimpse", "results")
+        return None if results else blob
+
     def show_results(self, owned: Ownership, results: str) -> None:
         """Say where the job's last set of results is in the blob store."""
-        self._checked("save", owned, "results", results)
+        self._checked("show", owned, results, blobs.spp_of_set(results))
 
     def reject(self, owned: Ownership, record: SliceRecord, cause: str) -> int:
         """Have a slice rendered again whose partial is lost or spoiled.

@@ -124,6 +124,14 @@ class SliceQueue:
             scene_sha256=found["scene"],
         )
 
+    def glimpse(self, lease: Lease, blob: str) -> bool:
+        """Say where the first pass of a job's first slice can be seen, as a partial of its own.
+
+        Returns whether anyone will look: the lease may be lost, or there is an image already.
+        """
+        answer = self._scripts.run("glimpse", lease.job_id, lease.entry, self._worker, blob)
+        return bool(answer == "noted")
+
     def commit(
         self,
         lease: Lease,

@@ -5,7 +5,7 @@ from collections.abc import Container
 from itertools import count
 from typing import Any
 
-from farm import fit
+from farm import blobs, fit
 from farm.job import CurvePoint, Event, Job, Worker, moment
 from farm.spec import JobSpec, stored_spec
 from farm.states import JobState
@@ -80,6 +80,7 @@ def job(fields: dict[str, str]) -> Job:
         height=int(height) if height else None,
         spp=spp,
         held="held" in fields and fields["state"] == JobState.QUEUED,
+        image_spp=blobs.spp_of_set(fields["results"]) if fields.get("results") else None,
         committed_spp=int(fields["committed"]) * spec.slice_spp,
         points=int(fields["points"]),
         **{name: latest.get(name) for name in judged},

@@ -39,6 +39,7 @@ _ID: Final = "?" * 12
 WORKER_SCRIPTS: Final = (
     "lease",
     "heartbeat",
+    "glimpse",
     "commit",
     "died",
     "hand_back",

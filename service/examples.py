@@ -182,6 +182,7 @@ JOB: Final[dict[str, Any]] = {
     "width": 256,
     "height": 256,
     "spp": 400,
+    "image_spp": 400,
     "committed_spp": 425,
     "points": 4,
     "visible_pixels": 1204,

@@ -79,6 +79,8 @@ class JobRun:
             self._plan(enough)
             before = self._merge.slices
             self._merge_and_judge()
+            if job.state is JobState.RENDERING and not self._merge.slices:
+                self._results.show_glimpse(self._judge)
             self._check_time()
             if self._merge.slices > before or self._ended:
                 self._plan(enough)
@@ -118,8 +120,12 @@ class JobRun:
                         self._judgement = self._judge.judge(self._merge)
                     self._look_ahead.expect(self._judgement.expected_spp)
                     break
-                if self._merge.slices == 1 and not self._jobs.results(self.owned.job_id):
+                if self._merge.slices == 1 and not self._is_seen():
                     self._results.show(self._merge, self._judge)  # long before the first point
+
+    def _is_seen(self) -> bool:
+        """Whether an image of whole slices is shown."""
+        return (self._jobs.get(self.owned.job_id).image_spp or 0) >= self._spec.slice_spp
 
     def _judged(self) -> bool:
         """Write down the judgement in hand, if any; returns whether the job goes on."""
@@ -249,8 +255,8 @@ class JobRun:
             notes = (*notes, lost)
         if self._merge.slices:
             results, spp = self._results.write(self._merge, self._judge), self._merge.spp
-        else:  # what was last shown of it, if anything
-            results, spp = self._jobs.results(job.id), job.spp
+        else:  # what was last shown of its slices, if anything
+            results, spp = self._jobs.results(job.id) if self._is_seen() else "", job.spp
         self._owners.conclude(self.owned, spp=spp, results=results, notes=notes)
 
     def _clear(self, job: Job, sums: set[str]) -> None:

@@ -1,11 +1,13 @@
 """The pictures of a job: what the merged image looks like, and where it differs from the first."""
 
+import logging
 import time
 from typing import Final
 
 from farm import blobs
 from farm.blobs import Blobs
-from farm.exr import encode_image
+from farm.errors import CorruptPartial
+from farm.exr import decode_partial, encode_image
 from farm.ownership import Ownership, Ownerships
 from farm.png import encode_png
 from farm.spec import JobSpec
@@ -14,6 +16,8 @@ from service.judge import Judge
 from service.merge import Merge
 from service.previews import Previews
 from service.thumbnails import thumbnail
+
+_LOG = logging.getLogger(__name__)
 
 _INTERVAL_S: Final = 2.0  #: at least so long between two previews
 
@@ -31,9 +35,28 @@ class Results:
         self._blobs = store
         self._spec = spec
         self._previews = Previews(store, owned.job_id)
+        self._glimpsed = False
         self._shown: str | None = None
         self._shown_spp = 0
         self._shown_at = float("-inf")
+
+    def show_glimpse(self, judge: Judge) -> None:
+        """Show the first pass of the first slice, once it is there: a slice may take minutes."""
+        blob = None if self._glimpsed else self._owners.glimpse(self._owned.job_id)
+        if blob is None:
+            return
+        self._glimpsed = True
+        try:
+            partial = decode_partial(self._blobs.get(blob))
+            if not 0 < partial.spp < self._spec.slice_spp:
+                raise CorruptPartial(f"a first pass of {partial.spp} spp")
+        except (FileNotFoundError, CorruptPartial) as error:
+            _LOG.warning("the first pass cannot be shown: %s", error)
+            return
+        glimpse = Merge(slice_spp=partial.spp)
+        glimpse.add(partial.pixels)
+        self.show(glimpse, judge)
+        self._blobs.delete(blob)
 
     def preview(self, merge: Merge, judge: Judge) -> None:
         """Show the merged image, unless it is shown, or another was a moment ago."""

@@ -108,6 +108,6 @@ def _no_image(job: Job) -> Problem:
     else:
         detail = (
             f"job {job.id} is {job.state.value}; its first image comes a moment after its first "
-            f"slice, which GET /v1/jobs/{job.id}/events announces"
+            f"samples, and GET /v1/jobs/{job.id}/events announces it"
         )
     return Problem(problems.NO_IMAGE_YET, detail, state=job.state.value)

@@ -3,7 +3,7 @@
 It speaks JSON lines over the socket that it inherits, beside a file for films. Requests::
 
     {"do": "load", "id": 1, "folder": …, "entry": …, "parameters": {…}, "sensor": 0}
-    {"do": "render", "id": 2, "passes": [[spp, seed], …]}
+    {"do": "render", "id": 2, "passes": [[spp, seed], …], "glimpse": false}
     {"do": "cancel", "id": 2}              at the end of its pass; too late is harmless
 
 and answers::
@@ -11,9 +11,13 @@ and answers::
     {"is": "ready", "unconfined": …}       once, when Mitsuba is imported; null, or what is missing
     {"is": "loaded", "width": …, "height": …, "notes": […]}
     {"is": "pass"}                         after each pass, so that a hang is noticed
-    {"is": "rendered", "render_s": …}      the sum of the passes is in the film's file, as .npy
+    {"is": "glimpse", "at": …, "spp": …}   the first pass, if asked for and the others take a while
+    {"is": "rendered", "at": …, "render_s": …}     the sum of the passes
     {"is": "cancelled"}
     {"is": "scene-error", "message": …}    Mitsuba's words
+
+A film lies in the file as height × width × 4 values in float32, from the byte ``"at"`` on, until
+the next request to render.
 
 The end of the stream is the end of the child, in the middle of a pass too: it never outlives its
 supervisor.
@@ -29,12 +33,16 @@ import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any, BinaryIO, Final, TextIO
 
 import numpy as np
+from numpy.typing import NDArray
 
 from worker.confinement import limit_resources, refuse_processes_and_network
 from worker.errors import SceneError
+
+#: Where the rest of a slice takes less, its first pass is not worth showing.
+_GLIMPSE_S: Final = 0.3
 
 
 class Requests:
@@ -65,7 +73,7 @@ def main() -> None:
     """Serve requests until the supervisor closes the socket."""
     parser = argparse.ArgumentParser(description="Plateau's render child; started by the worker.")
     parser.add_argument("--socket", type=int, required=True)
-    parser.add_argument("--film", type=int, required=True)
+    parser.add_argument("--films", type=int, required=True)
     parser.add_argument("--variant", required=True)
     parser.add_argument("--threads", type=int, required=True)
     parser.add_argument("--memory-bytes", type=int, required=True)
@@ -86,6 +94,7 @@ def main() -> None:
     # Imported here: it takes a second, and the supervisor's death must be noticed meanwhile.
     from worker.renderer import Renderer
 
+    films = os.fdopen(arguments.films, "wb", buffering=0)
     renderer = Renderer(arguments.variant, arguments.threads)
     answer("ready", unconfined=_confine(arguments.variant))
     for request in requests:
@@ -100,35 +109,41 @@ def main() -> None:
                 )
                 answer("loaded", width=scene.width, height=scene.height, notes=scene.notes)
             else:
-                seconds = _render(renderer, request, requests, answer, arguments.film)
-                if seconds is None:
-                    answer("cancelled")
-                else:
-                    answer("rendered", render_s=seconds)
+                _render(renderer, request, requests, answer, films)
         except SceneError as error:
             answer("scene-error", message=str(error))
 
 
 def _render(
-    renderer: Any, request: dict[str, Any], requests: Requests, answer: Any, film_descriptor: int
-) -> float | None:
-    """Sum the passes, in order, in float64, into the film's file; None where a cancel came."""
+    renderer: Any, request: dict[str, Any], requests: Requests, answer: Any, films: BinaryIO
+) -> None:
+    """Sum the passes, in order, in float64, into the file of films; say so, or that it was told."""
     started = time.monotonic()
     total, summed = np.zeros(1), 0
-    films = renderer.render(
-        request["passes"], is_cancelled=lambda: requests.cancelled_id == request["id"]
-    )
-    for film in films:
+    passes = request["passes"]
+    films.truncate(0)
+    for film in renderer.render(
+        passes, is_cancelled=lambda: requests.cancelled_id == request["id"]
+    ):
         total = np.add(total, film, out=total if total.shape == film.shape else None)
         summed += 1
         answer("pass")
-    if summed < len(request["passes"]):
-        return None
-    with open(film_descriptor, "wb", closefd=False) as file:
-        file.seek(0)
-        file.truncate()
-        np.save(file, total.astype(np.float32), allow_pickle=False)
-    return time.monotonic() - started
+        if summed == 1 and request["glimpse"]:
+            first_s, (spp, _) = time.monotonic() - started, passes[0]
+            if first_s / spp * sum(spp for spp, _ in passes[1:]) > _GLIMPSE_S:
+                answer("glimpse", at=_append(films, film), spp=spp)
+    if summed < len(passes):
+        answer("cancelled")
+    else:
+        at = _append(films, total.astype(np.float32))
+        answer("rendered", at=at, render_s=time.monotonic() - started)
+
+
+def _append(films: BinaryIO, film: NDArray[np.float32]) -> int:
+    """Write a film at the end of the file; return where it begins."""
+    at = films.seek(0, os.SEEK_END)
+    film.tofile(films)
+    return at
 
 
 def _confine(variant: str) -> str | None:

@@ -1,5 +1,6 @@
 """The render child that suits a lease, with the lease's scene loaded: kept from slice to slice."""
 
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import Final
@@ -9,9 +10,9 @@ import psutil
 from farm.queue import Lease
 from farm.seeds import SeedSchedule
 from farm.settings import Settings
-from worker.render_child import ChildLimits, Loaded, RenderChild
+from worker.render_child import ChildLimits, Film, Loaded, RenderChild
 from worker.scene_cache import SceneCache
-from worker.uploader import Rendered
+from worker.uploader import Glimpse, Rendered
 
 _MEMORY_SHARE: Final = 0.8  #: of the machine's memory, where no limit is set
 
@@ -47,9 +48,10 @@ class RenderHost:
         with suppress(OSError):  # it shows when there is something to render
             self._child_for(variant)
 
-    def render(self, lease: Lease) -> Rendered:
+    def render(self, lease: Lease, show: Callable[[Glimpse], None]) -> Rendered:
         """The lease's slice, rendered.
 
+        Of a job's first slice `show` is called with the first pass, where the others take a while.
         Raises whatever `RenderChild`, `SceneCache.scene` and `SeedSchedule` raise.
         """
         child = self._child_for(lease.variant)
@@ -63,7 +65,13 @@ class RenderHost:
             job_seed=lease.spec.seed,
         )
         first_seed, last_seed = schedule.seed_range(lease.index)
-        film, render_s = child.render(schedule.passes(lease.index))
+
+        def show_pass(film: Film, spp: int) -> None:
+            show(Glimpse(lease=lease, film=film, spp=spp, first_seed=first_seed))
+
+        film, render_s = child.render(
+            schedule.passes(lease.index), show_pass if lease.index == 0 else None
+        )
         return Rendered(
             said=self.take_words(),
             lease=lease,

@@ -29,6 +29,9 @@ from worker.errors import SceneError
 
 _LOG = logging.getLogger(__name__)
 
+#: A sum of passes before it is divided by its weights: (height, width, 4), R, G, B and W.
+Film = NDArray[np.float32]
+
 #: Only these reach the child: no credentials, nothing of Redis or the blob store.
 _PASSED_ON: Final = ("PATH", "LANG", "LC_ALL", "PYTHONPATH", "VIRTUAL_ENV", "LD_LIBRARY_PATH")
 
@@ -40,8 +43,8 @@ _POLL_S: Final = 0.5  #: so much later than it is due a silent child is ended, a
 _WORDS_BYTES: Final = 4096  #: of what a child prints while it has one slice
 _LAST_WORDS: Final = 1000
 _COLOURS: Final = re.compile(r"\x1b\[[0-9;]*m")
-#: The file of a slice's film: R, G, B and W in float32, and the header of .npy.
-_LARGEST_FILM_BYTES: Final = BundleLimits().max_pixels * 4 * 4 + 4096
+#: The films of a slice: its first pass and its sum, R, G, B and W of each pixel in float32.
+_LARGEST_FILMS_BYTES: Final = 2 * BundleLimits().max_pixels * 4 * 4
 
 #: A render takes every core for hours; what answers people takes little of one, but at once. Cores
 #: that are idle are the child's as before.
@@ -65,7 +68,7 @@ class ChildLimits:
     load_timeout_s: float
     pass_timeout_s: float
     open_files: int = 1024
-    file_bytes: int = _LARGEST_FILM_BYTES  #: of any file that it writes
+    file_bytes: int = _LARGEST_FILMS_BYTES  #: of any file that it writes
 
 
 @dataclass(frozen=True)
@@ -93,6 +96,7 @@ class RenderChild:
         self.variant = variant
         self._limits = limits
         self._request_id = 0
+        self._shape = (0, 0, 4)  # of the loaded scene's films
         self._cancelled_at: float | None = None
         self._lock = threading.Lock()
         self._words = tempfile.TemporaryFile()  # noqa: SIM115  (closed when the child is dead)
@@ -104,8 +108,8 @@ class RenderChild:
         environment["HOME"] = str(home.absolute())  # Dr.Jit keeps compiled kernels there
         if llvm_library is not None:
             environment["DRJIT_LIBLLVM_PATH"] = llvm_library
-        # Without a name, so that nothing is left of it whoever dies; unbuffered, since both use it.
-        self._film = tempfile.TemporaryFile(dir=home, buffering=0)  # noqa: SIM115  (as the words)
+        # Without a name, so that nothing is left of it whoever dies.
+        self._films = tempfile.TemporaryFile(dir=home, buffering=0)  # noqa: SIM115  (as the words)
         ours, theirs = socket.socketpair()
         with theirs:
             self._process = subprocess.Popen(
@@ -114,7 +118,7 @@ class RenderChild:
                     "-m",
                     "worker.child",
                     f"--socket={theirs.fileno()}",
-                    f"--film={self._film.fileno()}",
+                    f"--films={self._films.fileno()}",
                     f"--variant={variant}",
                     f"--threads={limits.threads}",
                     f"--memory-bytes={limits.memory_bytes}",
@@ -122,7 +126,7 @@ class RenderChild:
                     f"--file-bytes={limits.file_bytes}",
                 ],
                 env=environment,
-                pass_fds=[theirs.fileno(), self._film.fileno()],
+                pass_fds=[theirs.fileno(), self._films.fileno()],
                 stdin=subprocess.DEVNULL,
                 stdout=self._words,
                 stderr=self._words,
@@ -162,18 +166,33 @@ class RenderChild:
         )
         self.await_ready()
         answer = self._expect(self._limits.load_timeout_s, "loading the scene")
+        self._shape = (answer["height"], answer["width"], 4)
         return Loaded(answer["width"], answer["height"], tuple(answer["notes"]))
 
-    def render(self, passes: tuple[Pass, ...]) -> tuple[NDArray[np.float32], float]:
-        """The summed film of these passes, (height, width, 4) float32, and the seconds it took."""
-        self._ask({"do": "render", "passes": [[one.spp, one.seed] for one in passes]})
+    def render(
+        self, passes: tuple[Pass, ...], show: Callable[[Film, int], None] | None = None
+    ) -> tuple[Film, float]:
+        """The summed film of these passes, (height, width, 4) float32, and the seconds it took.
+
+        `show` is called with the film of the first pass, and its spp, where the others take a
+        while.
+        """
+        asked = {"passes": [[one.spp, one.seed] for one in passes], "glimpse": show is not None}
+        self._ask({"do": "render", **asked})
         while True:
             answer = self._expect(self._limits.pass_timeout_s, "rendering a pass")
-            if answer["is"] == "rendered":
-                break
-        self._film.seek(0)
-        film: NDArray[np.float32] = np.load(self._film, allow_pickle=False)
-        return film, answer["render_s"]
+            if answer["is"] == "glimpse" and show is not None:
+                show(self._film(answer["at"]), answer["spp"])
+            elif answer["is"] == "rendered":
+                return self._film(answer["at"]), answer["render_s"]
+
+    def _film(self, at: int) -> Film:
+        film = np.empty(self._shape, np.float32)
+        # By position: the place in the file is the child's, which may be writing.
+        if os.preadv(self._films.fileno(), [film.data], at) < film.nbytes:
+            self.kill()
+            raise ChildDied("the render child left a film that is cut short")
+        return film
 
     def take_words(self) -> str:
         """What the child has printed since the last call: its end, 4 KB at most, uncoloured."""
@@ -206,7 +225,7 @@ class RenderChild:
         if not self._words.closed:
             self._left_words = self._read_words()
             self._words.close()
-        self._film.close()
+        self._films.close()
 
     def _ask(self, request: dict[str, Any]) -> None:
         with self._lock:

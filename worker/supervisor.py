@@ -197,7 +197,7 @@ class Supervisor:
         return Tried(time.monotonic() - started, self._host.take_words())
 
     def _render(self, lease: Lease) -> Rendered:
-        rendered = self._host.render(lease)
+        rendered = self._host.render(lease, self._uploader.show)
         self._pace.took(lease.job_id, rendered.render_s)
         self._slices_done += 1
         samples = rendered.scene.width * rendered.scene.height * lease.spec.slice_spp

@@ -9,16 +9,13 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import Final
 
-import numpy as np
-from numpy.typing import NDArray
-
 from farm import blobs, log
 from farm.backoff import Backoff
 from farm.blobs import Blobs
 from farm.errors import StoreUnavailable
 from farm.exr import Partial, encode_partial
 from farm.queue import Committed, Lease, SliceQueue, SliceRecord
-from worker.render_child import Loaded
+from worker.render_child import Film, Loaded
 
 _LOG = logging.getLogger(__name__)
 
@@ -35,11 +32,21 @@ class Rendered:
 
     lease: Lease
     scene: Loaded
-    film: NDArray[np.float32]
+    film: Film
     first_seed: int
     last_seed: int
     render_s: float
     said: str  #: what the render child printed meanwhile
+
+
+@dataclass(frozen=True, kw_only=True)
+class Glimpse:
+    """The first pass of a job's first slice, to be looked at until the slice is there."""
+
+    lease: Lease
+    film: Film
+    spp: int
+    first_seed: int
 
 
 class Uploader:
@@ -53,7 +60,7 @@ class Uploader:
         self._blobs = store
         self._queue = slices
         self._worker = worker_id
-        self._waiting: queue.Queue[Rendered | None] = queue.Queue(_WAITING)
+        self._waiting: queue.Queue[Rendered | Glimpse | None] = queue.Queue(_WAITING)
         self._held: dict[str, Rendered] = {}
         self._give_up = threading.Event()
         self._thread = threading.Thread(target=self._run, name="uploader", daemon=True)
@@ -74,6 +81,11 @@ class Uploader:
                     return False
             else:
                 return True
+
+    def show(self, glimpse: Glimpse) -> None:
+        """Take over a glimpse, at once: it is dropped where too much waits already."""
+        with suppress(queue.Full):
+            self._waiting.put_nowait(glimpse)
 
     @property
     def leases(self) -> tuple[Lease, ...]:
@@ -97,16 +109,32 @@ class Uploader:
             self._give_back(rendered)
 
     def _run(self) -> None:
-        while (rendered := self._waiting.get()) is not None:
-            log.concern(rendered.lease.job_id, rendered.lease.index)
-            self._deliver(rendered)
-            del self._held[rendered.lease.entry]
+        while (one := self._waiting.get()) is not None:
+            log.concern(one.lease.job_id, one.lease.index)
+            if isinstance(one, Glimpse):
+                self._show(one)
+                continue
+            self._deliver(one)
+            del self._held[one.lease.entry]
             if self._give_up.is_set():
                 return
 
+    def _show(self, glimpse: Glimpse) -> None:
+        """Put the glimpse where the monitor finds it; where that fails, the slice comes soon."""
+        lease = glimpse.lease
+        name = blobs.glimpse(lease.job_id, self._attempt(lease))
+        try:
+            self._blobs.put(name, _encoded(glimpse, glimpse.spp, glimpse.first_seed))
+            if not self._queue.glimpse(lease, name):
+                self._blobs.delete(name)
+        except StoreUnavailable as error:
+            _LOG.warning("its first pass cannot be shown: %s", error)
+
     def _deliver(self, rendered: Rendered) -> None:
-        content, backoff, stored = _encoded(rendered), Backoff(*_RETRY_S), False
-        name = self._name(rendered.lease)
+        lease = rendered.lease
+        content = _encoded(rendered, lease.spec.slice_spp, rendered.last_seed)
+        name = blobs.partial(lease.job_id, lease.index, self._attempt(lease))
+        backoff, stored = Backoff(*_RETRY_S), False
         while not self._give_up.is_set():
             try:
                 # Once: it may have been merged, and be gone for good, where only the answer to its
@@ -127,8 +155,8 @@ class Uploader:
             cause = "the worker stopped before it could be uploaded"
             self._queue.hand_back(rendered.lease, rendered.render_s, cause=cause)
 
-    def _name(self, lease: Lease) -> str:
-        return blobs.partial(lease.job_id, lease.index, f"{self._worker}-{lease.tries}")
+    def _attempt(self, lease: Lease) -> str:
+        return f"{self._worker}-{lease.tries}"
 
     def _commit(self, rendered: Rendered, name: str, content: bytes) -> None:
         lease, spec = rendered.lease, rendered.lease.spec
@@ -162,16 +190,16 @@ class Uploader:
             self._blobs.delete(name)
 
 
-def _encoded(rendered: Rendered) -> bytes:
-    """The slice's partial as an EXR file."""
+def _encoded(rendered: Rendered | Glimpse, spp: int, last_seed: int) -> bytes:
+    """A partial as an EXR file: that of a slice, or of its first pass."""
     lease = rendered.lease
     return encode_partial(
         Partial(
             job_id=lease.job_id,
             index=lease.index,
             first_seed=rendered.first_seed,
-            last_seed=rendered.last_seed,
-            spp=lease.spec.slice_spp,
+            last_seed=last_seed,
+            spp=spp,
             variant=lease.variant,
             scene_sha256=lease.scene_sha256,
             pixels=rendered.film,

@@ -39,6 +39,9 @@ local function announce(id, type, data)
   end
 end
 
+-- Is there an image of the job to be looked at?
+local function has_image(id) return (redis.call('HGET', job_key(id), 'results') or '') ~= '' end
+
 -- For how long the job's clock has stood still (ms), the pause that lasts included.
 local function paused_ms(id)
   local paused = redis.call('HMGET', job_key(id), 'paused_ms', 'paused_at')

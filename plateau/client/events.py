@@ -28,6 +28,15 @@ class StateEvent(Event):
         return str(self.data["reason"])
 
 
+class ImageEvent(Event):
+    """The job has a first image that can be fetched."""
+
+    @property
+    def spp(self) -> int:
+        """Its samples per pixel."""
+        return int(str(self.data["spp"]))
+
+
 class PointEvent(Event):
     """The merged image was judged: the curve has another point."""
 
@@ -69,6 +78,7 @@ class FinishedEvent(Event):
 #: Other types may come from a newer service; they are plain events.
 _KINDS: Final[dict[str, type[Event]]] = {
     "state": StateEvent,
+    "image": ImageEvent,
     "point": PointEvent,
     "slice": SliceEvent,
     "trouble": TroubleEvent,

@@ -65,7 +65,7 @@ class ResultCalls(Calls):
         Raises
         ------
         ApiError
-            ``unknown-job``; ``no-image-yet`` before its first slice is merged.
+            ``unknown-job``; ``no-image-yet`` before anything of it can be seen.
         """
         return self._transport.send("GET", f"/v1/jobs/{job_id}/{name}").content
 
@@ -80,7 +80,7 @@ class ResultCalls(Calls):
         Raises
         ------
         ApiError
-            ``unknown-job``; ``no-image-yet`` before its first slice is merged.
+            ``unknown-job``; ``no-image-yet`` before anything of it can be seen.
         """
         from farm.exr import decode_image
 

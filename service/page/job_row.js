@@ -96,15 +96,15 @@ export class JobRow {
 
   #fetch() {
     const job = this.#job;
-    if (!job || !job.points) return;
-    const stamp = `${job.spp} ${job.finished_at ?? ""}`;
+    if (!job) return;
+    const stamp = `${job.image_spp} ${job.finished_at ?? ""}`;
     const due = Boolean(job.finished_at) || Date.now() > this.#picturedAt + PICTURE_EVERY_MS;
-    if (stamp !== this.#shownPicture && due) {
+    if (job.image_spp && stamp !== this.#shownPicture && due) {
       this.#shownPicture = stamp;
       this.#picturedAt = Date.now();
       inTurn(() => this.#fetchPicture(job)).catch(() => (this.#shownPicture = ""));
     }
-    if (job.points !== this.#shownPoints) {
+    if (job.points && job.points !== this.#shownPoints) {
       this.#shownPoints = job.points;
       inTurn(async () => this.#spark.show((await get(job.links.curve, this.#signal)).points))
         .catch(() => (this.#shownPoints = -1));

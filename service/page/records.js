@@ -39,7 +39,7 @@ export class Records {
 
   /** Takes in events of the job's stream. */
   tell(events) {
-    this.#events.push(...events.filter(({ type }) => ["state", "trouble", "finished"].includes(type)));
+    this.#events.push(...events.filter(({ type }) => ["state", "image", "trouble", "finished"].includes(type)));
     this.#story.replaceChildren(...this.#events.map(({ type, data }) => h("li", { "data-type": type },
       h("time", { datetime: data.at }, clock(data.at)), " ", ...told(type, data))));
   }
@@ -117,6 +117,7 @@ export class Records {
 }
 
 function told(type, data) {
+  if (type === "image") return [`Its first image is there, of ${whole(data.spp)} spp.`];
   if (type === "finished") return ["The final images are written."];
   if (type === "trouble") return [`Slice ${data.index}, worker ${data.worker}: ${data.cause}`];
   const reason = data.reason && data.reason !== data.to ? `: ${data.reason}` : "";

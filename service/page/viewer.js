@@ -71,8 +71,8 @@ export class Viewer {
     this.#job = job;
     this.#points = points;
     this.#zones.show(job, points[points.length - 1]);
-    if (this.#stage.element.hidden) setText(this.#nothing, "Its first image comes with its first step.");
-    if (this.#busy || !job.points) return;
+    if (this.#stage.element.hidden) setText(this.#nothing, "Its first image comes with its first samples.");
+    if (this.#busy || !job.image_spp) return;
     this.#busy = true;
     try {
       await this.#look();
@@ -111,7 +111,7 @@ export class Viewer {
     if (this.#mode === "compare") return this.#compare.sides();
     const newest = newestOf(this.#job);
     const difference = { png: this.#job.links.difference_png, exr: null, ev: 0, version: newest.version };
-    return [newest, this.#mode === "difference" ? difference : null];
+    return [newest, this.#mode === "difference" && this.#job.points ? difference : null];
   }
 
   #turn(mode) {
@@ -128,7 +128,7 @@ export class Viewer {
 
   /** Shows what was just chosen; a look that is under way would show what was chosen before. */
   async #choose() {
-    if (!this.#job?.points) return;
+    if (!this.#job?.image_spp) return;
     const asked = (this.#asked += 1);
     const patience = setTimeout(() => {
       const names = this.#sources().map((one) => one?.name).filter(Boolean);

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import pytest
 import redis
 
-from farm import keys
+from farm import blobs, keys
 from farm.errors import FenceLost
 from farm.job import Job
 from farm.jobs import Jobs
@@ -14,6 +14,8 @@ from farm.ownership import Ownership, Ownerships
 from farm.queue import Committed, Lease, SliceQueue, SliceRecord
 from farm.spec import JobSpec
 from farm.states import JobState
+from farm.stop import Stop
+from farm.wake import Wake
 
 LEASE_S = 1.0  # a busy machine may hold a test up for half a second
 VARIANTS = ("llvm_ad_rgb", "scalar_rgb")
@@ -66,6 +68,29 @@ def commit(
         render_s=1.5,
     )
     return worker.commit(held, record, width=8, height=4, notes=("a note",))
+
+
+def test_there_is_something_to_see_before_the_first_slice_is_there(farm: Farm) -> None:
+    job, owned = farm.job()
+    worker, other = farm.worker("w"), farm.worker("x")
+    held = lease(worker)
+    # Who has the slice may show its first pass, and the monitor hears of it
+    hints = Wake(farm.client, keys.WAKE_MONITORS)
+    hints.wait(0, Stop())
+    assert not other.glimpse(held, "another's")
+    assert farm.owners.glimpse(job.id) is None
+    assert worker.glimpse(held, "a glimpse")
+    assert farm.owners.glimpse(job.id) == "a glimpse"
+    assert hints.wait(5, Stop()) == {job.id}
+    assert farm.jobs.get(job.id).image_spp is None
+    # Once there is an image it comes too late; the first image is announced, and only that
+    for spp in (4, 25, 50):
+        farm.owners.show_results(owned, blobs.result_set(job.id, spp, owned.token))
+        assert farm.jobs.get(job.id).image_spp == spp
+    assert farm.owners.glimpse(job.id) is None
+    assert not worker.glimpse(held, "again")
+    announced = [one.data for one in farm.jobs.events(job.id) if one.type == "image"]
+    assert announced == [{"spp": 4}]
 
 
 def test_slices_come_in_order_and_the_first_lease_starts_the_job(farm: Farm) -> None:
@@ -302,7 +327,7 @@ def test_a_monitor_that_lost_its_job_can_write_nothing(farm: Farm) -> None:
     for write in (
         lambda: farm.owners.plan(old, range(9)),
         lambda: farm.owners.append_point(old, 100, {"spp": 100}),
-        lambda: farm.owners.show_results(old, "x"),
+        lambda: farm.owners.show_results(old, blobs.result_set(job.id, 25, old.token)),
         lambda: farm.owners.conclude(old, spp=9, results="x", notes=()),
         lambda: farm.owners.end(old, JobState.CONVERGED, "x"),
         lambda: farm.owners.finish(old, keeps_sums=False),

@@ -9,7 +9,7 @@ import pytest
 import redis
 
 import farm.queue
-from farm import keys
+from farm import blobs, keys
 from farm.api_keys import ApiKeys, KeyLimits, Role
 from farm.blobs import Blobs
 from farm.embedded import EmbeddedRedis
@@ -109,6 +109,7 @@ def test_a_worker_can_do_all_that_workers_do(client: redis.Redis, login: Login) 
     assert hints.wait(5, never()) == {"planned"}
     held = lease(worker)
     assert worker.heartbeat(about("w"), (held,)) == ()
+    assert worker.glimpse(held, blobs.glimpse(first, "w"))
     assert commit(worker, held) is Committed.COMMITTED
     assert commit(worker, held) is Committed.COMMITTED
     assert commit(worker, held, "another") is Committed.DUPLICATE

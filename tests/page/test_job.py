@@ -120,7 +120,13 @@ def test_a_job_is_watched_until_it_stops(visit: Visit, farm: NoiseFarm) -> None:
     expect(page.get_by_text("It waits for a worker: none lives that takes work.")).to_be_visible()
     expect(page.get_by_text("The curve begins at its first step, 25 spp.")).to_be_visible()
     with farm.monitor():
-        farm.render(3)
+        # Its first pass is to be seen before there is a slice
+        first = farm.next_lease()
+        farm.glimpse(first, 4)
+        expect(page.locator(".caption")).to_contain_text("4 spp")
+        expect(page.locator(".story")).to_contain_text("Its first image is there, of 4 spp.")
+        farm.commit(first)
+        farm.render(2)
         # Points come as they are made, without a reload
         expect(page.locator(".readout")).to_contain_text("75 spp")
         expect(page.locator(".caption")).to_contain_text("32 × 24")

@@ -102,7 +102,7 @@ class TestImages:
     def test_are_missed_in_words(self, http: httpx.Client, client: redis.Redis) -> None:
         job = StagedJob(client)
         found = problem(http.get(f"/v1/jobs/{job.id}/image.png"), 404, "no-image-yet")
-        assert "a moment after its first slice" in found["detail"]
+        assert "a moment after its first samples" in found["detail"]
         assert found["state"] == "queued"
         job.commit()
         job.end(JobState.FAILED, "no plugin of that name")

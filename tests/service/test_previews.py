@@ -3,6 +3,7 @@
 import io
 from itertools import pairwise
 from pathlib import Path
+from typing import ClassVar
 
 import httpx
 import numpy as np
@@ -12,11 +13,12 @@ from PIL import Image
 
 from farm import blobs
 from farm.blobs import Blobs
+from farm.exr import decode_image
 from service.previews import LEAST, MOST, MOST_BYTES, Previews, kept, missed_least
 from service.thumbnails import LONGEST, thumbnail
 from tests.support.commands import until
 from tests.support.live_api import live_api
-from tests.support.noise_farm import NoiseFarm
+from tests.support.noise_farm import NoiseFarm, noise_film
 
 
 def test_the_one_that_is_missed_least_lies_between_the_closest_by_ratio() -> None:
@@ -146,6 +148,66 @@ def test_the_first_slice_is_shown_long_before_the_first_point(
         assert kept(farm.store, job.id) == [100]
         farm.jobs.cancel(job.id)
         until(lambda: farm.jobs.get(job.id).finished_at is not None, 60)
+
+
+class TestAGlimpse:
+    """The first pass of the first slice, which may take minutes."""
+
+    SPEC: ClassVar = {"step": 100, "slice_spp": 10, "max_spp": 1000}
+
+    @pytest.fixture
+    def farm(self, client: redis.Redis, redis_url: str, tmp_path: Path) -> NoiseFarm:
+        return NoiseFarm(client, redis_url, tmp_path)
+
+    def test_is_shown_until_the_first_slice_is_there(self, farm: NoiseFarm) -> None:
+        job = farm.submit(**self.SPEC)
+        with farm.monitor():
+            lease = farm.next_lease()
+            glimpse = farm.glimpse(lease, 4)
+            until(lambda: farm.jobs.get(job.id).image_spp == 4, 60)
+            assert Image.open(io.BytesIO(farm.picture(job, "image.png"))).size == (32, 24)
+            expected = noise_film(0, 4, farm.sigma)
+            np.testing.assert_array_equal(
+                decode_image(farm.picture(job, "image.exr")), expected[..., :3] / expected[..., 3:]
+            )
+            until(lambda: not farm.store.exists(glimpse), 60)
+            # It counts for nothing else
+            assert (farm.jobs.get(job.id).spp, farm.jobs.get(job.id).committed_spp) == (0, 0)
+            farm.commit(lease)
+            until(lambda: farm.jobs.get(job.id).image_spp == 10, 60)
+            until(lambda: len(sets_of(farm, job.id)) == 1, 60)
+            farm.jobs.cancel(job.id)
+            until(lambda: farm.jobs.get(job.id).finished_at is not None, 60)
+        assert farm.jobs.get(job.id).image_spp == 10
+        assert farm.jobs.get(job.id).spp == 10
+
+    def test_is_no_result(self, farm: NoiseFarm) -> None:
+        job = farm.submit(**self.SPEC)
+        with farm.monitor():
+            farm.glimpse(farm.next_lease(), 4)
+            until(lambda: farm.jobs.get(job.id).image_spp == 4, 60)
+            farm.jobs.cancel(job.id)
+            until(lambda: farm.jobs.get(job.id).finished_at is not None, 60)
+        assert (farm.jobs.get(job.id).image_spp, farm.jobs.get(job.id).spp) == (None, 0)
+        assert farm.store.names(blobs.of_job(job.id)) == []
+
+    @pytest.mark.parametrize("spoiled", [b"torn", "larger than its slice"])
+    def test_that_is_spoiled_costs_nothing_else(
+        self, farm: NoiseFarm, spoiled: bytes | str, caplog: pytest.LogCaptureFixture
+    ) -> None:
+        job = farm.submit(**self.SPEC)
+        with farm.monitor():
+            lease = farm.next_lease()
+            if isinstance(spoiled, bytes):
+                farm.glimpse(lease, 4, spoiled)
+            else:
+                farm.glimpse(lease, 10)
+            until(lambda: "the first pass cannot be shown" in caplog.text, 60)
+            farm.commit(lease)
+            until(lambda: farm.jobs.get(job.id).image_spp == 10, 60)
+            farm.jobs.cancel(job.id)
+            until(lambda: farm.jobs.get(job.id).finished_at is not None, 60)
+        assert caplog.text.count("the first pass cannot be shown") == 1
 
 
 def sets_of(farm: NoiseFarm, job_id: str) -> set[str]:

@@ -6,7 +6,7 @@ from typing import Any, Final
 
 import redis
 
-from farm import scripts
+from farm import blobs, scripts
 from farm.allowance import Allowance
 from farm.api_keys import ApiKey, ApiKeys, KeyLimits, Role
 from farm.batches import Batches, Steer
@@ -29,6 +29,7 @@ WORKER, OTHER = "worker-1", "worker-2"
 LEASE_S = 60.0
 HOOK: Final[dict[str, Any]] = {"url": "https://lab.example/hook", "events": ("queued",)}
 SPEC: Final[dict[str, Any]] = {"step": 100, "slice_spp": 50, "max_spp": 1000}
+RESULTS: Final = "jobs/0123456789ab/results/0000050-1-final"
 ABOUT: Final[dict[str, Any]] = {"id": WORKER, "variants": ["scalar_rgb"]}
 
 
@@ -81,7 +82,7 @@ class World:
         job = self.committed(**spec).job_id
         owners = Ownerships(self.direct, LEASE_S)
         owners.save_checkpoint(self.owned, CHECKPOINT)
-        owners.end(self.owned, JobState.CONVERGED, "levelled off", {"slope": 0.0}, "a set")
+        owners.end(self.owned, JobState.CONVERGED, "levelled off", {"slope": 0.0}, RESULTS)
         owners.finish(self.owned, keeps_sums=True)
         return job
 
@@ -206,6 +207,12 @@ def _(world: World) -> Callable[[], object]:
     return lambda: commit(world.queue, lease, "another partial", (5, 6))
 
 
+@case("glimpse", True)
+def _(world: World) -> Callable[[], object]:
+    lease = world.leased()
+    return lambda: world.queue.glimpse(lease, "a glimpse")
+
+
 @case("died", "lost")
 def _(world: World) -> Callable[[], object]:
     lease = world.leased()
@@ -270,6 +277,12 @@ def _(world: World) -> Callable[[], object]:
     return lambda: world.owners.reject(world.owned, record, "it is spoiled")
 
 
+@case("show")
+def _(world: World) -> Callable[[], object]:
+    results = blobs.result_set(world.job(), 50, "1")
+    return lambda: world.owners.show_results(world.owned, results)
+
+
 @case("save")
 def _(world: World) -> Callable[[], object]:
     world.committed()
@@ -281,7 +294,7 @@ def _(world: World) -> Callable[[], object]:
     world.committed(webhook=True)
     verdict = {"slope": 0.01}
     state, why = JobState.CONVERGED, "levelled off"
-    return lambda: world.owners.end(world.owned, state, why, verdict, "a set")
+    return lambda: world.owners.end(world.owned, state, why, verdict, RESULTS)
 
 
 @case("finish", FenceLost)

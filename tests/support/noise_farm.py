@@ -51,15 +51,8 @@ class NoiseFarm:
 
     def render(self, slices: int) -> None:
         """Render slices as a worker would, of whatever job is next, until there were so many."""
-        deadline = time.monotonic() + 60
-        while slices:
-            lease = self.lease()
-            if lease is not None:
-                self.commit(lease)
-                slices -= 1
-            else:
-                assert time.monotonic() < deadline, "nothing more was planned"
-                time.sleep(0.02)
+        for _ in range(slices):
+            self.commit(self.next_lease())
 
     @contextmanager
     def monitor(self) -> Iterator[Monitor]:
@@ -77,22 +70,30 @@ class NoiseFarm:
     def picture(self, job: Job, name: str) -> bytes:
         return self.store.get(f"{self.jobs.results(job.id)}/{name}")
 
+    def next_lease(self) -> Lease:
+        """The next slice of whatever job is next, once one is planned."""
+        deadline = time.monotonic() + 60
+        while (lease := self.lease()) is None:
+            assert time.monotonic() < deadline, "nothing more was planned"
+            time.sleep(0.02)
+        return lease
+
     def lease(self) -> Lease | None:
         return self.queue.lease(("scalar_rgb",), None, in_turn=False)
 
+    def glimpse(self, lease: Lease, spp: int, content: bytes | None = None) -> str:
+        """Show the first pass of a slice, of so many spp; returns where it is."""
+        name = blobs.glimpse(lease.job_id, "noise")
+        film = noise_film(lease.index, spp, self.sigma)
+        self.store.put(name, content or self._partial(lease, spp, film))
+        assert self.queue.glimpse(lease, name)
+        return name
+
     def commit(self, lease: Lease, film: Pixels | None = None) -> Committed:
         spp = lease.spec.slice_spp
-        partial = Partial(
-            job_id=lease.job_id,
-            index=lease.index,
-            first_seed=lease.index,
-            last_seed=lease.index,
-            spp=spp,
-            variant=lease.variant,
-            scene_sha256=lease.scene_sha256,
-            pixels=noise_film(lease.index, spp, self.sigma) if film is None else film,
-        )
-        content = encode_partial(partial)
+        if film is None:
+            film = noise_film(lease.index, spp, self.sigma)
+        content = self._partial(lease, spp, film)
         name = blobs.partial(lease.job_id, lease.index, "noise")
         self.store.put(name, content)
         record = SliceRecord(
@@ -109,3 +110,18 @@ class NoiseFarm:
         if answer is Committed.ENDED:  # as a worker does
             self.store.delete(name)
         return answer
+
+    @staticmethod
+    def _partial(lease: Lease, spp: int, film: Pixels) -> bytes:
+        return encode_partial(
+            Partial(
+                job_id=lease.job_id,
+                index=lease.index,
+                first_seed=lease.index,
+                last_seed=lease.index,
+                spp=spp,
+                variant=lease.variant,
+                scene_sha256=lease.scene_sha256,
+                pixels=film,
+            )
+        )

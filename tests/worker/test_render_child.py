@@ -15,7 +15,7 @@ import pytest
 
 from farm.seeds import Pass
 from worker.errors import SceneError
-from worker.render_child import Cancelled, ChildDied, ChildLimits, RenderChild
+from worker.render_child import Cancelled, ChildDied, ChildLimits, Film, RenderChild
 
 BOX = Path(__file__).parents[2] / "scenes" / "box"
 LIMITS = ChildLimits(threads=2, memory_bytes=8 << 30, load_timeout_s=60, pass_timeout_s=60)
@@ -59,7 +59,24 @@ def test_it_sums_the_passes_of_a_slice(child: RenderChild, tmp_path: Path) -> No
     expected = (one.astype(np.float64) + other.astype(np.float64)).astype(np.float32)
     np.testing.assert_array_equal(both, expected)
     np.testing.assert_array_equal(both[..., 3], 3)  # a box filter's weights are the spp
-    assert list(tmp_path.glob("*.npy")) == []
+    assert list(tmp_path.rglob("*film*")) == []
+
+
+def test_it_shows_the_first_pass_where_the_others_take_a_while(child: RenderChild) -> None:
+    child.load(BOX, "scene.xml", {"width": "64", "height": "48"}, 0)
+    seen: list[tuple[Film, int]] = []
+    passes = (Pass(1, 7), Pass(64, 8), Pass(64, 9))
+    film, _ = child.render(passes, lambda film, spp: seen.append((film, spp)))
+    # What it shows is the first pass, and costs the slice nothing
+    ((first, spp),) = seen
+    assert spp == 1
+    np.testing.assert_array_equal(first, child.render(passes[:1])[0])
+    np.testing.assert_array_equal(film, child.render(passes)[0])
+    # Where the slice is there in a moment, nothing is shown
+    child.load(BOX, "scene.xml", SMALL, 0)
+    child.render((Pass(1, 7), Pass(1, 8)), lambda film, spp: seen.append((film, spp)))
+    child.render((Pass(1, 7),), lambda film, spp: seen.append((film, spp)))
+    assert len(seen) == 1
 
 
 def test_a_scene_error_leaves_the_child_alive(child: RenderChild, tmp_path: Path) -> None:

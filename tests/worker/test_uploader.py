@@ -8,13 +8,15 @@ import pytest
 import redis
 
 from farm.blobs import Blobs
+from farm.exr import decode_partial
 from farm.jobs import Jobs
+from farm.ownership import Ownerships
 from farm.queue import Lease, SliceQueue
 from tests.support.commands import until
 from tests.support.odd_s3 import OddS3
 from tests.support.staged_job import HEIGHT, WIDTH, StagedJob
 from worker.render_child import Loaded
-from worker.uploader import Rendered, Uploader
+from worker.uploader import Glimpse, Rendered, Uploader
 
 
 def rendered(lease: Lease) -> Rendered:
@@ -46,6 +48,32 @@ def test_what_waits_is_committed_before_the_worker_stops(client: redis.Redis, st
     assert sorted(ledger) == [0, 1, 2]
     assert sorted(store.names("")) == sorted(one["blob"] for one in ledger.values())
     assert uploader.leases == ()
+
+
+def test_a_glimpse_is_there_for_the_monitor_unless_it_comes_too_late(
+    client: redis.Redis, store: Blobs
+) -> None:
+    job, queue = StagedJob(client), SliceQueue(client, "worker-1", lease_s=60)
+    job.plan()
+    lease = lease_one(queue)
+    film = np.ones((HEIGHT, WIDTH, 4), np.float32)
+    uploader = Uploader(store, queue, "worker-1")
+    uploader.show(Glimpse(lease=lease, film=film, spp=4, first_seed=7))
+    owners = Ownerships(client, lease_s=60)
+    until(lambda: owners.glimpse(job.id) is not None, 60)
+    (name,) = store.names("")
+    assert owners.glimpse(job.id) == name
+    partial = decode_partial(store.get(name))
+    assert (partial.spp, partial.first_seed, partial.last_seed) == (4, 7, 7)
+    np.testing.assert_array_equal(partial.pixels, film)
+    # Given that its monitor has shown it
+    store.delete(name)
+    job.picture(store, "image.png", b"a picture")
+    (picture,) = store.names("")
+    # Then another is not kept, as after a second try of the slice
+    uploader.show(Glimpse(lease=lease, film=film, spp=4, first_seed=7))
+    uploader.close(30)
+    assert store.names("") == [picture]
 
 
 def test_a_silent_store_holds_up_no_worker_that_stops(
