@@ -1,11 +1,9 @@
 """The supervisor's side of a render child: start it, ask it, and see it die."""
 
 import contextlib
-import fcntl
 import json
 import logging
 import os
-import re
 import selectors
 import signal
 import socket
@@ -26,6 +24,7 @@ from farm.bundle import BundleLimits
 from farm.processes import die_with_parent
 from farm.seeds import Pass
 from worker.errors import SceneError
+from worker.words import Words
 
 _LOG = logging.getLogger(__name__)
 
@@ -40,9 +39,7 @@ CANCEL_GRACE_S: Final = 2.0
 
 _START_TIMEOUT_S: Final = 120.0
 _POLL_S: Final = 0.5  #: so much later than it is due a silent child is ended, at most
-_WORDS_BYTES: Final = 4096  #: of what a child prints while it has one slice
 _LAST_WORDS: Final = 1000
-_COLOURS: Final = re.compile(r"\x1b\[[0-9;]*m")
 #: The films of a slice: its first pass and its sum, R, G, B and W of each pixel in float32.
 _LARGEST_FILMS_BYTES: Final = 2 * BundleLimits().max_pixels * 4 * 4
 
@@ -99,10 +96,7 @@ class RenderChild:
         self._shape = (0, 0, 4)  # of the loaded scene's films
         self._cancelled_at: float | None = None
         self._lock = threading.Lock()
-        self._words = tempfile.TemporaryFile()  # noqa: SIM115  (closed when the child is dead)
-        # So that the child goes on at the end, wherever that is when its words have been taken.
-        fcntl.fcntl(self._words, fcntl.F_SETFL, os.O_APPEND)
-        self._left_words = ""  # of a child that is dead
+        self._words = Words()
         home.mkdir(parents=True, exist_ok=True)
         environment = {name: os.environ[name] for name in _PASSED_ON if name in os.environ}
         environment["HOME"] = str(home.absolute())  # Dr.Jit keeps compiled kernels there
@@ -128,8 +122,8 @@ class RenderChild:
                 env=environment,
                 pass_fds=[theirs.fileno(), self._films.fileno()],
                 stdin=subprocess.DEVNULL,
-                stdout=self._words,
-                stderr=self._words,
+                stdout=self._words.file,
+                stderr=self._words.file,
                 start_new_session=True,
                 preexec_fn=_below_others(),
             )
@@ -196,12 +190,7 @@ class RenderChild:
 
     def take_words(self) -> str:
         """What the child has printed since the last call: its end, 4 KB at most, uncoloured."""
-        if self._words.closed:
-            words, self._left_words = self._left_words, ""
-            return words
-        words = self._read_words()
-        os.ftruncate(self._words.fileno(), 0)
-        return words
+        return self._words.take()
 
     def cancel(self) -> None:
         """Cancel the request under way: at the end of its pass, or by force soon after."""
@@ -222,9 +211,7 @@ class RenderChild:
         self._process.wait()
         self._readable.close()
         self._socket.close()
-        if not self._words.closed:
-            self._left_words = self._read_words()
-            self._words.close()
+        self._words.close()
         self._films.close()
 
     def _ask(self, request: dict[str, Any]) -> None:
@@ -272,15 +259,8 @@ class RenderChild:
         self._received += chunk
 
     def _last_words(self) -> str:
-        words = self._read_words()[-_LAST_WORDS:]
+        words = self._words.read()[-_LAST_WORDS:]
         return f": {words}" if words else ""
-
-    def _read_words(self) -> str:
-        # By position: the place in the file is the child's as well.
-        file = self._words.fileno()
-        start = max(0, os.fstat(file).st_size - _WORDS_BYTES)
-        words = os.pread(file, _WORDS_BYTES, start).decode(errors="replace")
-        return _COLOURS.sub("", words).strip()
 
 
 def _how(status: int) -> str:

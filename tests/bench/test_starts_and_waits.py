@@ -41,7 +41,6 @@ def test_a_job_is_seen_judged_and_left_alone() -> None:
     seconds = found.seconds[kind.name]
     assert {name: len(values) for name, values in seconds.items()} == {
         latency.PREVIEW: 2,
-        latency.BEYOND: 2,
         latency.POINT: 4,
         latency.IDLE: 2,
     }
