@@ -19,6 +19,7 @@ from plateau.client.errors import (
 )
 from plateau.client.events import (
     FinishedEvent,
+    ImageEvent,
     PointEvent,
     SliceEvent,
     StateEvent,
@@ -33,6 +34,7 @@ __all__ = [
     "Client",
     "ClientError",
     "FinishedEvent",
+    "ImageEvent",
     "NotPlateau",
     "PointEvent",
     "SliceEvent",
