@@ -68,9 +68,10 @@ def result_set(job_id: str, spp: int, token: str) -> str:
     return f"{results(job_id)}{spp:07d}-{token}"
 
 
-def spp_of_set(name: str) -> int:
-    """The spp in the name that `result_set` gave."""
-    return int(name.rpartition("/")[2].partition("-")[0])
+def spp_of_set(name: str) -> int | None:
+    """The spp in the name that `result_set` gave; None where layout 1 had its one set."""
+    spp, dash, _ = name.rpartition("/")[2].partition("-")
+    return int(spp) if dash else None
 
 
 def previews(job_id: str) -> str:

@@ -11,7 +11,7 @@ from typing import Any
 import redis
 from pydantic import BaseModel, ConfigDict
 
-from farm import blobs, keys
+from farm import keys
 from farm.errors import FenceLost, IllegalTransition
 from farm.queue import SliceRecord
 from farm.redis_link import unavailable_as_farm_error
@@ -101,9 +101,9 @@ class Ownerships:
             blob, results = self._redis.hmget(keys.job(job_id), "glimpse", "results")
         return None if results else blob
 
-    def show_results(self, owned: Ownership, results: str) -> None:
-        """Say where the job's last set of results is in the blob store."""
-        self._checked("show", owned, results, blobs.spp_of_set(results))
+    def show_results(self, owned: Ownership, results: str, spp: int) -> None:
+        """Say where the job's last set of results is in the blob store, and of how many spp."""
+        self._checked("show", owned, results, spp)
 
     def reject(self, owned: Ownership, record: SliceRecord, cause: str) -> int:
         """Have a slice rendered again whose partial is lost or spoiled.

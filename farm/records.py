@@ -80,7 +80,7 @@ def job(fields: dict[str, str]) -> Job:
         height=int(height) if height else None,
         spp=spp,
         held="held" in fields and fields["state"] == JobState.QUEUED,
-        image_spp=blobs.spp_of_set(fields["results"]) if fields.get("results") else None,
+        image_spp=_image_spp(fields),
         committed_spp=int(fields["committed"]) * spec.slice_spp,
         points=int(fields["points"]),
         **{name: latest.get(name) for name in judged},
@@ -134,6 +134,13 @@ def _spec(fields: dict[str, str]) -> JobSpec:
     if "priority" in fields:
         spec = spec.model_copy(update={"priority": int(fields["priority"])})
     return spec
+
+
+def _image_spp(fields: dict[str, str]) -> int | None:
+    results = fields.get("results")
+    if not results:
+        return None
+    return blobs.spp_of_set(results) or int(fields["spp"]) or None
 
 
 def _seconds_to_forecast(latest: dict[str, Any], fields: dict[str, str]) -> float | None:

@@ -69,7 +69,7 @@ class Results:
         """Show the merged image."""
         pictures = self._pictures(merge, judge, compressed=False)  # another comes in a moment
         written, before = self._put(merge.spp, pictures, str(self._owned.token)), self._shown
-        self._owners.show_results(self._owned, written)
+        self._owners.show_results(self._owned, written, merge.spp)
         if self._spec.evaluates_at(merge.spp):
             self._previews.keep(merge.spp, pictures["image.png"])
         self._shown, self._shown_spp = written, merge.spp

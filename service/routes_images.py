@@ -94,8 +94,8 @@ def _image(
         tag = strong(results.rpartition("/")[2], name)
         try:
             headers = headers_of(job, tag, f"{job.id}-{name}")
-            if results:
-                headers[SPP] = str(blobs.spp_of_set(results))
+            if spp := blobs.spp_of_set(results):
+                headers[SPP] = str(spp)
             return blob_response(f"{results}/{name}", media_type, headers, farm, has, request)
         except FileNotFoundError:
             continue

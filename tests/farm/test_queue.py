@@ -85,7 +85,7 @@ def test_there_is_something_to_see_before_the_first_slice_is_there(farm: Farm) -
     assert farm.jobs.get(job.id).image_spp is None
     # Once there is an image it comes too late; the first image is announced, and only that
     for spp in (4, 25, 50):
-        farm.owners.show_results(owned, blobs.result_set(job.id, spp, owned.token))
+        farm.owners.show_results(owned, blobs.result_set(job.id, spp, owned.token), spp)
         assert farm.jobs.get(job.id).image_spp == spp
     assert farm.owners.glimpse(job.id) is None
     assert not worker.glimpse(held, "again")
@@ -327,7 +327,7 @@ def test_a_monitor_that_lost_its_job_can_write_nothing(farm: Farm) -> None:
     for write in (
         lambda: farm.owners.plan(old, range(9)),
         lambda: farm.owners.append_point(old, 100, {"spp": 100}),
-        lambda: farm.owners.show_results(old, blobs.result_set(job.id, 25, old.token)),
+        lambda: farm.owners.show_results(old, "x", 25),
         lambda: farm.owners.conclude(old, spp=9, results="x", notes=()),
         lambda: farm.owners.end(old, JobState.CONVERGED, "x"),
         lambda: farm.owners.finish(old, keeps_sums=False),

@@ -42,6 +42,10 @@ class TestLayout1:
         assert Jobs(client).results(job_id) == f"jobs/{job_id}"
         assert not client.hexists(keys.job(job_id), "checkpoint")
         assert Jobs(client).get(job_id).name == "old"
+        # Of how many samples they are is known of jobs that had any
+        assert Jobs(client).get(job_id).image_spp is None
+        client.hset(keys.job(job_id), "spp", 100)
+        assert Jobs(client).get(job_id).image_spp == 100
 
     def test_is_brought_forward_once(self, client: redis.Redis, job_id: str) -> None:
         check_schema(client)

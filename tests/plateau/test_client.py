@@ -56,7 +56,7 @@ def test_a_scene_goes_in_and_its_job_comes_out(
     assert plateau.image(job.id) == b"a picture"
     plateau.download(job.id, "image.png", tmp_path / "image.png")
     assert (tmp_path / "image.png").read_bytes() == b"a picture"
-    assert [event.type for event in plateau.happened(job.id)][-1] == "point"
+    assert [event.type for event in plateau.happened(job.id)][-2:] == ["point", "image"]
 
 
 def test_waiting_ends_when_the_results_are_written(plateau: Client, client: redis.Redis) -> None:

@@ -6,7 +6,7 @@ from typing import Any, Final
 
 import redis
 
-from farm import blobs, scripts
+from farm import scripts
 from farm.allowance import Allowance
 from farm.api_keys import ApiKey, ApiKeys, KeyLimits, Role
 from farm.batches import Batches, Steer
@@ -279,8 +279,8 @@ def _(world: World) -> Callable[[], object]:
 
 @case("show")
 def _(world: World) -> Callable[[], object]:
-    results = blobs.result_set(world.job(), 50, "1")
-    return lambda: world.owners.show_results(world.owned, results)
+    world.job()
+    return lambda: world.owners.show_results(world.owned, RESULTS, 50)
 
 
 @case("save")

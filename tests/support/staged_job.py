@@ -96,7 +96,7 @@ class StagedJob:
     def picture(self, store: Blobs, name: str, content: bytes) -> None:
         """Put a picture where the API finds it."""
         store.put(f"{self._pictures}/{name}", content)
-        self._owners.show_results(self._owned, self._pictures)
+        self._owners.show_results(self._owned, self._pictures, 100)
 
     @property
     def _pictures(self) -> str:
