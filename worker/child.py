@@ -117,7 +117,7 @@ def main() -> None:
 def _render(
     renderer: Any, request: dict[str, Any], requests: Requests, answer: Any, films: BinaryIO
 ) -> None:
-    """Sum the passes, in order, in float64, into the file of films; say so, or that it was told."""
+    """Sum the passes, in order, in float64, into the file of films; say so, or of a cancel."""
     started = time.monotonic()
     total, summed = np.zeros(1), 0
     passes = request["passes"]
