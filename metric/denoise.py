@@ -8,15 +8,13 @@ noise, and flat areas become flat.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from metric.pyramid import KERNEL
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from metric.display import Image, Plane
 
 #: Bands; the coarsest is about this power of two pixels wide. Coarser noise masks nothing.
@@ -24,11 +22,7 @@ BANDS = 3
 #: The noise's energy is known from one sample, so so many times of it are taken for noise.
 CAUTION = 2.0
 #: Energies below this are nothing at all; keeps 0/0 away, in squared radiance.
-_LEAST_ENERGY = 1e-30
-
-
-#: Blurs planes with taps so many pixels apart, as `smoothed` does.
-Smoother: TypeAlias = "Callable[[Plane, int], Plane]"
+LEAST_ENERGY = 1e-30
 
 
 def smoothed(planes: Plane, gap: int) -> Plane:
@@ -41,7 +35,7 @@ def smoothed(planes: Plane, gap: int) -> Plane:
     return planes
 
 
-def denoised(image: Image, noise: Image, smooth: Smoother = smoothed) -> Image:
+def denoised(image: Image, noise: Image) -> Image:
     """Return the image as it would be without noise, (H, W, 3) float32.
 
     Parameters
@@ -51,8 +45,6 @@ def denoised(image: Image, noise: Image, smooth: Smoother = smoothed) -> Image:
     noise
         A sample of noise with the mean, 0, and the variance of the image's own at each pixel, and
         independent of it: (H, W, 3) float32, finite.
-    smooth
-        What blurs, where something faster than numpy is at hand.
 
     References
     ----------
@@ -72,24 +64,26 @@ def denoised(image: Image, noise: Image, smooth: Smoother = smoothed) -> Image:
     >>> bool(left.std() < 0.02)
     True
     """
-    # Planar memory: every step reads one whole channel at a time.
-    rest, noise_rest = (
-        np.ascontiguousarray(np.moveaxis(pixels, -1, 0), np.float32) for pixels in (image, noise)
-    )
+    rest, noise_rest = planar(image), planar(noise)
     kept = np.zeros_like(rest)
     for band in range(BANDS):
         gap = 2**band
-        coarse, noise_coarse = smooth(rest, gap), smooth(noise_rest, gap)
+        coarse, noise_coarse = smoothed(rest, gap), smoothed(noise_rest, gap)
         detail = rest - coarse
         # One gain for all channels: a path's noise is mostly brightness.
-        energy = smooth(np.square(detail).sum(axis=0), gap)
+        energy = smoothed(np.square(detail).sum(axis=0), gap)
         noise_energy = np.square(noise_rest - noise_coarse).sum(axis=0)
-        noise_energy = smooth(smooth(noise_energy, 2 * gap), gap)
-        gain = 1 - np.float32(CAUTION) * noise_energy / np.maximum(energy, _LEAST_ENERGY)
+        noise_energy = smoothed(smoothed(noise_energy, 2 * gap), gap)
+        gain = 1 - np.float32(CAUTION) * noise_energy / np.maximum(energy, LEAST_ENERGY)
         kept += np.maximum(gain, 0) * detail
         rest, noise_rest = coarse, noise_coarse
     clean: Image = np.moveaxis(kept + rest, 0, -1)
     return clean
+
+
+def planar(image: Image) -> Plane:
+    """Return the image channel by channel, (3, H, W) float32: every step reads one at a time."""
+    return np.ascontiguousarray(np.moveaxis(image, -1, 0), np.float32)
 
 
 def _smoothed_along(planes: Plane, axis: int, gap: int) -> Plane:

@@ -10,11 +10,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from metric.denoise import denoised
 from metric.display import Image, Mask, as_image, finite_pixels
 
 if TYPE_CHECKING:
@@ -57,9 +57,15 @@ class NoiseModel:
 
         Pixels of the merged image that are not finite are NaN.
         """
-        image: Image = self.clean + np.float32(amount) * self.noise
-        image[self.non_finite] = np.nan
+        image: Image = np.float32(amount) * self.noise
+        image += self.clean
+        if self._has_non_finite:
+            image[self.non_finite] = np.nan
         return image
+
+    @cached_property
+    def _has_non_finite(self) -> bool:
+        return bool(self.non_finite.any())
 
 
 def noise_model(metric: VisibleDifferences, image: Image, halves: tuple[Half, Half]) -> NoiseModel:
@@ -93,13 +99,15 @@ def noise_model(metric: VisibleDifferences, image: Image, halves: tuple[Half, Ha
         if mean.shape != image.shape:
             raise ValueError(f"a half has shape {mean.shape}, the merged image {image.shape}")
     finite = finite_pixels(image) & finite_pixels(even) & finite_pixels(odd)
-    shown, half = (np.where(finite[..., np.newaxis], pixels, 0) for pixels in (image, even))
+    shown, half = image, even
+    if not finite.all():
+        shown, half = (np.where(finite[..., np.newaxis], pixels, 0) for pixels in (image, even))
     # Clipped as it will be shown, so that what is too bright to see makes no noise around it.
     even_spp, odd_spp = (half.spp for half in halves)
     spread = np.float32(math.sqrt(even_spp / odd_spp)) * (half - shown)
     above, below = (_clipped(one, metric.view) for one in (shown + spread, shown - spread))
     noise = (above - below) * np.float32(0.5)
-    clean = denoised(_clipped(shown, metric.view), noise, metric.smooth)
+    clean = metric.denoised(_clipped(shown, metric.view), noise)
     return NoiseModel(clean, noise, ~finite)
 
 

@@ -24,8 +24,9 @@ from metric.csf import (
     luminance_threshold,
     masking,
 )
-from metric.denoise import smoothed
+from metric.denoise import denoised
 from metric.display import (
+    Image,
     Mask,
     Plane,
     View,
@@ -135,9 +136,9 @@ class VisibleDifferences:
         )
 
     @staticmethod
-    def smooth(planes: Plane, gap: int) -> Plane:
-        """Return what `metric.denoise.smoothed` does: the blur to denoise with beside this one."""
-        return smoothed(planes, gap)
+    def denoised(image: Image, noise: Image) -> Image:
+        """Return what `metric.denoise.denoised` does, as fast as the predictor can."""
+        return denoised(image, noise)
 
     def percept(self, image: NDArray[Any]) -> Percept:
         """Return all that depends on this image alone.

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from farm.exr import decode_image
 from farm.png import decode_png, encode_png
-from metric import Difference, Image, View, VisibleDifferences, difference_picture
+from metric import Difference, Image, View, VisibleDifferences, difference_picture, encode_srgb
 from metric.display import SeenFrom, displayed, finite_pixels
 
 
@@ -87,7 +87,7 @@ class Comparison:
 
     def map_picture(self) -> NDArray[np.uint8]:
         """The visible pixels marked on the test image in dim grey: (H, W, 3) uint8 sRGB."""
-        return difference_picture(self.shown, self.difference.visible)
+        return difference_picture(encode_srgb(self.shown), self.difference.visible)
 
     def write_map(self, path: Path) -> None:
         """Write `map_picture` as a PNG file."""

@@ -34,7 +34,7 @@ def warm_up() -> None:
     reference = metric.percept(image)
     for _ in range(COMPARISONS_BEFORE_KEEPING + 2):  # streamed, and then kept
         metric.compare(reference, metric.percept(image))
-    metric.smooth(image, 1)
+    metric.denoised(image, image)
 
 
 #: Rules of which every job's judge has the memory, whichever rules the job names.

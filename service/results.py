@@ -85,14 +85,15 @@ class Results:
     def _pictures(self, merge: Merge, judge: Judge, *, compressed: bool) -> dict[str, bytes]:
         image, exposure_ev = merge.image(), self._spec.view.exposure_ev
         about: dict[str, str | int] = {"plateau:job": self._owned.job_id, "plateau:spp": merge.spp}
+        picture = encode_srgb(image, exposure_ev)
         pictures = {
             "image.exr": encode_image(image, about, compressed=compressed),
-            "image.png": encode_png(encode_srgb(image, exposure_ev)),
+            "image.png": encode_png(picture),
             "thumbnail.png": encode_png(thumbnail(image, exposure_ev)),
         }
         visible = judge.visible_map(merge)
         if visible is not None:
-            pictures["difference.png"] = encode_png(difference_picture(image, visible, exposure_ev))
+            pictures["difference.png"] = encode_png(difference_picture(picture, visible))
         return pictures
 
     def _put(self, spp: int, pictures: dict[str, bytes], token: str) -> str:

@@ -14,7 +14,7 @@ are polynomials in short loops that the compiler vectorises (`arithmetic`).
     levels      a row of one image: light, colour, blurs
     light       radiance to luminance, a* and b*
     threshold   a difference's strength
-    smooth      the blur of `metric.denoise`
+    denoise     what `metric.denoise` does
     elevation   contrast, sensitivity and masking
     arithmetic  log2 and 2^x
     jit         how kernels are compiled and cached

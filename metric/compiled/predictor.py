@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from metric.compiled.denoise import denoised
 from metric.compiled.elevation import eye
 from metric.compiled.light import screen
 from metric.compiled.percept import CompiledPercept
-from metric.compiled.smooth import smoothed
 from metric.compiled.sweep import sweep
 from metric.display import as_image
 from metric.vdp import Difference, Percept, VisibleDifferences
@@ -17,7 +17,7 @@ from metric.vdp import Difference, Percept, VisibleDifferences
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from metric.display import Mask, Plane, View
+    from metric.display import Image, Mask, View
 
 #: After so many comparisons a percept is kept: about what keeping it would have cost has been spent
 #: on preparing it again and again. So a reference is soon kept, and an image that is compared once
@@ -53,9 +53,9 @@ class CompiledVisibleDifferences(VisibleDifferences):
         self._screen = screen(view)
 
     @staticmethod
-    def smooth(planes: Plane, gap: int) -> Plane:
-        """Return what `metric.denoise.smoothed` does, to the bit."""
-        return smoothed(planes, gap)
+    def denoised(image: Image, noise: Image) -> Image:
+        """Return what `metric.denoise.denoised` does, to the bit."""
+        return denoised(image, noise)
 
     def percept(self, image: NDArray[Any]) -> CompiledPercept:
         """Return the image as something to compare; what depends on it is worked out then.

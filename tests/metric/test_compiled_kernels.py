@@ -17,6 +17,7 @@ from metric.compiled import (
     CompiledVisibleDifferences,
     arithmetic,
     cache_folder,
+    denoise,
     elevation,
     jit,
     levels,
@@ -24,6 +25,7 @@ from metric.compiled import (
     threshold,
 )
 from metric.csf import CONE_CURVE_FROM, CONE_LINE_FROM, ROD_LINE_FROM, luminance_threshold
+from metric.denoise import smoothed
 from metric.vdp import VisibleDifferences
 
 
@@ -91,6 +93,7 @@ LOOPS = [
     *(levels._blur_down, threshold.adaptation, threshold._by_every_piece),
     *(threshold._by_the_brighter_pieces, threshold.luminance_strength, threshold.add_colour),
     *(elevation.contrast, elevation.total, elevation.weighted_total, elevation.decide_by_range),
+    *(denoise._add_up, denoise._add_squares, denoise._find_gain, denoise._add_kept),
     *(elevation.find_open, elevation.sensitivity, elevation.add_masked, elevation.decide),
 ]
 
@@ -204,7 +207,22 @@ class TestTheCache:
 @pytest.mark.parametrize("gap", [1, 2, 8])
 def test_the_blur_for_denoising_is_that_of_numpy_to_the_bit(shape, gap):
     planes = np.random.default_rng(3).random(shape, np.float32)
-    ours, numpys = (
-        metric.smooth(planes, gap) for metric in (CompiledVisibleDifferences, VisibleDifferences)
+    assert np.array_equal(denoise.smoothed(planes, gap), smoothed(planes, gap))
+
+
+@pytest.mark.parametrize("shape", [(64, 70), (33, 17), (2, 9), (40, 1), (1, 1)])
+@pytest.mark.parametrize("sigma", [0, 0.01, 0.3])
+def test_denoising_is_that_of_numpy_to_the_bit(shape, sigma):
+    rng = np.random.default_rng(5)
+    light = np.add.outer(*(np.linspace(0, 0.5, side, dtype=np.float32) for side in shape))
+    image, noise = (
+        rng.normal(0, sigma, (*shape, 3)).astype(np.float32) + mean
+        for mean in (light[..., np.newaxis], np.float32(0))
     )
+    image[: shape[0] // 2] = 0.25  # where there is nothing, neither of the image nor of noise
+    noise[: shape[0] // 2] = 0
+    ours, numpys = (
+        metric.denoised(image, noise) for metric in (CompiledVisibleDifferences, VisibleDifferences)
+    )
+    assert ours.dtype == numpys.dtype
     assert np.array_equal(ours, numpys)
