@@ -23,11 +23,17 @@ class CodeValues:
     alpha: NDArray[np.float32] | None
 
 
-def encode_png(pixels: NDArray[np.uint8]) -> bytes:
-    """An (height, width, 3) or (height, width, 4) uint8 picture as a PNG file."""
-    stream = io.BytesIO()
+def encode_png(pixels: NDArray[np.uint8], palette: NDArray[np.uint8] | None = None) -> bytes:
+    """A picture as a PNG file.
+
+    It is (height, width, 3) or (height, width, 4) uint8, or (height, width) codes of a palette,
+    (256, 3) uint8.
+    """
+    picture, stream = Image.fromarray(pixels), io.BytesIO()
+    if palette is not None:
+        picture.putpalette(palette.tobytes())
     # Of renderings no smaller than by the default strategy, in a half of its time or less.
-    Image.fromarray(pixels).save(stream, "PNG", compress_level=1, compress_type=zlib.Z_RLE)
+    picture.save(stream, "PNG", compress_level=1, compress_type=zlib.Z_RLE)
     return stream.getvalue()
 
 

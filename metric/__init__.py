@@ -5,7 +5,7 @@ from metric.display import Image, Mask, Primaries, View, encode_srgb
 from metric.estimate import Estimate, half_buffer_estimate
 from metric.forecasts import Forecast, forecast
 from metric.noise_model import Half
-from metric.pictures import difference_picture
+from metric.pictures import DIFFERENCE_PALETTE, difference_map
 from metric.psychometrics import LogitFit, fit_logit
 from metric.rules import (
     RULES,
@@ -26,6 +26,7 @@ from metric.vdp import Difference, Percept, VisibleDifferences, visible_differen
 from metric.zones import zone_edges, zone_fractions
 
 __all__ = [
+    "DIFFERENCE_PALETTE",
     "RULES",
     "AnswersFit",
     "Difference",
@@ -51,7 +52,7 @@ __all__ = [
     "Visible",
     "VisibleDifferences",
     "create_rule",
-    "difference_picture",
+    "difference_map",
     "encode_srgb",
     "fit_answers",
     "fit_logit",

@@ -13,11 +13,18 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from farm.exr import decode_image
 from farm.png import decode_png, encode_png
-from metric import Difference, Image, View, VisibleDifferences, difference_picture, encode_srgb
+from metric import (
+    DIFFERENCE_PALETTE,
+    Difference,
+    Image,
+    View,
+    VisibleDifferences,
+    difference_map,
+    encode_srgb,
+)
 from metric.display import SeenFrom, displayed, finite_pixels
 
 
@@ -85,13 +92,10 @@ class Comparison:
             words += "" if self.non_finite_at is None else f", the first at {self.non_finite_at}"
         return words
 
-    def map_picture(self) -> NDArray[np.uint8]:
-        """The visible pixels marked on the test image in dim grey: (H, W, 3) uint8 sRGB."""
-        return difference_picture(encode_srgb(self.shown), self.difference.visible)
-
     def write_map(self, path: Path) -> None:
-        """Write `map_picture` as a PNG file."""
-        path.write_bytes(encode_png(self.map_picture()))
+        """Write the visible pixels, marked on the test image in dim grey, as a PNG file."""
+        codes = difference_map(encode_srgb(self.shown), self.difference.visible)
+        path.write_bytes(encode_png(codes, DIFFERENCE_PALETTE))
 
 
 def compare_files(

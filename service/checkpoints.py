@@ -19,7 +19,9 @@ from service.merge import Merge
 
 _LOG = logging.getLogger(__name__)
 
-_INTERVAL_S: Final = 5.0  #: at least so long between two
+_INTERVAL_S: Final = 5.0  #: at least so long between two,
+#: and so many slices, whose partials then weigh as much as the checkpoint that takes their place.
+_SLICES: Final = 5
 
 
 class Checkpoints:
@@ -46,7 +48,12 @@ class Checkpoints:
         self._contained.append(partial)
 
     def save(self, merge: Merge, judge: Judge) -> None:
-        """Save the sums and the rules' memory, unless they are saved, or others were just now."""
+        """Save the sums and the rules' memory, where enough is new and the last not of just now."""
+        if merge.slices >= self._saved_slices + _SLICES:
+            self.save_all(merge, judge)
+
+    def save_all(self, merge: Merge, judge: Judge) -> None:
+        """Save them, however little is new, unless others were saved just now."""
         if time.monotonic() >= self._saved_at + _INTERVAL_S:
             self.save_now(merge, judge)
 

@@ -85,8 +85,11 @@ class JobRun:
             if self._merge.slices > before or self._ended:
                 self._plan(enough)
                 job = self._jobs.get(self.owned.job_id)
-        if job.state is JobState.PAUSED:
-            self._save()
+        if job.state is JobState.PAUSED and self._merge.slices:
+            # It is asked again and again: so all is saved a moment after its last slice came. There
+            # is no judgement in hand then that a checkpoint could lose.
+            self._results.preview(self._merge, self._judge)
+            self._checkpoints.save_all(self._merge, self._judge)
         if job.state.ended:
             self._finish(job)
             return True
@@ -139,21 +142,12 @@ class JobRun:
             reason = f"reached the cap of {spp} spp; {verdict.reason}"
             self._end_with_results(JobState.EXHAUSTED, reason)
         else:
-            self._save()
+            self._results.preview(self._merge, self._judge)
+            self._checkpoints.save(self._merge, self._judge)
             self._judgement = None
             return True
         self._judgement = None
         return False
-
-    def _save(self) -> None:
-        """Show and save what is merged, where it is new and that was not done a moment ago.
-
-        A paused job is asked again and again, so all of it is saved a moment after its last slice
-        came; there is no judgement in hand then that a checkpoint could lose.
-        """
-        if self._merge.slices:
-            self._results.preview(self._merge, self._judge)
-            self._checkpoints.save(self._merge, self._judge)
 
     def _add(self, record: SliceRecord) -> bool:
         """Merge a slice; returns False where its partial is lost or spoiled."""

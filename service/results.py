@@ -11,7 +11,7 @@ from farm.exr import decode_partial, encode_image
 from farm.ownership import Ownership, Ownerships
 from farm.png import encode_png
 from farm.spec import JobSpec
-from metric import difference_picture, encode_srgb
+from metric import DIFFERENCE_PALETTE, difference_map, encode_srgb
 from service.judge import Judge
 from service.merge import Merge
 from service.previews import Previews
@@ -93,7 +93,8 @@ class Results:
         }
         visible = judge.visible_map(merge)
         if visible is not None:
-            pictures["difference.png"] = encode_png(difference_picture(picture, visible))
+            difference = difference_map(picture, visible)
+            pictures["difference.png"] = encode_png(difference, DIFFERENCE_PALETTE)
         return pictures
 
     def _put(self, spp: int, pictures: dict[str, bytes], token: str) -> str:

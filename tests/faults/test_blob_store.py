@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from farm import blobs
+from tests.support.every_time import EVERY_TIME
 from tests.support.faulty_farm import SPEC, FaultyFarm
 from tests.support.invariants import Outcome, assert_same, outcome
 from tests.support.long_tests import cases
@@ -17,7 +18,6 @@ from tests.support.loop_disk import LoopDisk
 from tests.support.real_farm import until
 
 Submit = Callable[[], str]
-EVERY_TIME = {"service.checkpoints:_INTERVAL_S": 0.0, "service.results:_INTERVAL_S": 0.0}
 
 #: Longer than a lease of these farms, which is 2 s.
 LONGER_THAN_A_LEASE_S = 4.0

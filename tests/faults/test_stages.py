@@ -13,6 +13,7 @@ import pytest
 
 from farm import blobs
 from tests.support.bundles import scene as scene_xml
+from tests.support.every_time import EVERY_TIME
 from tests.support.faulty_farm import SPEC, FaultyFarm
 from tests.support.invariants import Outcome, assert_same, check_job, outcome
 from tests.support.long_tests import cases
@@ -52,7 +53,6 @@ MONITOR_STAGES = {
     "when all is cleared": (f"{_OWN}.finish", "before", 1),
     "as the job is finished": (f"{_OWN}.finish", "after", 1),
 }
-EVERY_TIME = {"service.checkpoints:_INTERVAL_S": 0.0, "service.results:_INTERVAL_S": 0.0}
 
 
 def free_port() -> int:

@@ -148,7 +148,7 @@ def test_the_map_marks_the_visible_pixels_on_the_test_image(file, tmp_path):
 
     assert diff(reference, test, "--map", tmp_path / "map.png").exit_code == 0
 
-    picture = np.asarray(Image.open(tmp_path / "map.png"))
+    picture = np.asarray(Image.open(tmp_path / "map.png").convert("RGB"))
     visible = compare_files(reference, test).difference.visible
     assert visible[10:14, 20:24].all()
     marked = (picture == [255, 140, 0]).all(axis=-1)

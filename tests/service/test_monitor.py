@@ -14,8 +14,8 @@ from farm.exr import decode_image
 from farm.job import CurvePoint, Job
 from farm.queue import Lease
 from farm.states import JobState
-from service import checkpoints
 from service.results import Results
+from tests.support.every_time import save_every_time
 from tests.support.noise_farm import SIZE, NoiseFarm, noise_film
 
 QUICK = {"step": 20, "slice_spp": 10, "max_spp": 4000, "rule": {"name": "reverse"}}
@@ -121,7 +121,7 @@ def test_the_order_of_commits_does_not_matter(farm: NoiseFarm) -> None:
 def test_another_monitor_takes_over_and_changes_nothing(
     farm: NoiseFarm, client: redis.Redis, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(checkpoints, "_INTERVAL_S", 0.0)
+    save_every_time(monkeypatch)
     undisturbed = farm.submit(**QUICK)
     with farm.monitor():
         expected = work(farm, undisturbed)
@@ -197,7 +197,7 @@ def test_a_cancelled_job_keeps_what_was_rendered(farm: NoiseFarm) -> None:
 def test_a_job_keeps_its_slices_where_asked(
     farm: NoiseFarm, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(checkpoints, "_INTERVAL_S", 0.0)
+    save_every_time(monkeypatch)
     with farm.monitor():
         done = work(farm, farm.submit(**QUICK, keep_slices=True))
     kept = farm.store.names(blobs.partials(done.id))
@@ -272,7 +272,7 @@ def test_a_partial_that_never_comes_back_whole_fails_its_job_and_no_other(
 def test_a_checkpoint_that_is_lost_or_spoiled_costs_work_and_nothing_else(
     farm: NoiseFarm, monkeypatch: pytest.MonkeyPatch, harm: str, keep_slices: bool
 ) -> None:
-    monkeypatch.setattr(checkpoints, "_INTERVAL_S", 0.0)
+    save_every_time(monkeypatch)
     undisturbed = farm.submit(**QUICK, keep_slices=keep_slices)
     with farm.monitor():
         expected = work(farm, undisturbed)

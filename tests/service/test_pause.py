@@ -13,7 +13,7 @@ from farm.exr import decode_image
 from farm.job import Job
 from farm.queue import Lease
 from farm.states import JobState
-from service import checkpoints, results
+from tests.support.every_time import save_every_time
 from tests.support.invariants import check_job
 from tests.support.noise_farm import NoiseFarm, noise_film
 from tests.support.real_farm import until
@@ -26,8 +26,7 @@ def farm(
     client: redis.Redis, redis_url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> NoiseFarm:
     """A farm that saves and shows at once."""
-    monkeypatch.setattr(checkpoints, "_INTERVAL_S", 0.0)
-    monkeypatch.setattr(results, "_INTERVAL_S", 0.0)
+    save_every_time(monkeypatch)
     return NoiseFarm(client, redis_url, tmp_path)
 
 
