@@ -21,6 +21,7 @@ MINUTES = float(os.environ.get("FAULT_MINUTES", "0.3"))
 JOBS = 3
 
 
+@pytest.mark.timeout(60 * MINUTES + 300)
 def test_a_year_in_the_life_of_a_farm(
     tmp_path_factory: pytest.TempPathFactory, cache: Path, undisturbed: Outcome
 ) -> None:

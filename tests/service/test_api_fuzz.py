@@ -16,11 +16,12 @@ FUZZ_SEED sets the seed, LONG_TESTS=1 asks for many more requests.
 """
 
 import copy
+import inspect
 import os
 import tempfile
 import zlib
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Final
 
 import pytest
 import redis
@@ -130,6 +131,12 @@ def locked_api() -> schemathesis.BaseSchema:
     return described(REQUESTS_WITH_KEY, keys=True)
 
 
+#: What `get_all_tests` asked for in the last schemathesis that Python 3.10 has, and does no more.
+_ASKED_BEFORE: Final = dict.fromkeys(
+    {"seed", "as_strategy_kwargs"} & inspect.signature(get_all_tests).parameters.keys()
+)
+
+
 def each_request_to(
     operation: str, schema: schemathesis.BaseSchema, send: Callable[[schemathesis.Case], None]
 ) -> None:
@@ -144,6 +151,7 @@ def each_request_to(
         test_func=send,
         settings=settings(deadline=None, suppress_health_check=list(HealthCheck)),
         given_kwargs=None,
+        **_ASKED_BEFORE,
     )
     _, test = made.ok()
     test()
