@@ -104,16 +104,20 @@ def write_report(
 
 def last_settings(name: str) -> dict[str, Any]:
     """Return what the last report of this name was made with; nothing where there is none."""
-    path = RESULTS / f"{name}.json"
-    found: dict[str, Any] = json.loads(path.read_text())["settings"] if path.exists() else {}
+    found: dict[str, Any] = _last(name)["settings"]
     return found
 
 
 def last_figures(name: str) -> list[Figure]:
     """Return the last report's figures, of which those stay of what is not measured now."""
-    path = RESULTS / f"{name}.json"
-    made = json.loads(path.read_text())["figures"] if path.exists() else []
+    made = _last(name)["figures"]
     return [Figure(**{**one, "spread": Spread(**one["spread"])}) for one in made]
+
+
+def _last(name: str) -> dict[str, Any]:
+    path = RESULTS / f"{name}.json"
+    nothing: dict[str, Any] = {"settings": {}, "figures": []}
+    return json.loads(path.read_text()) if path.exists() else nothing
 
 
 def in_words(one: Figure) -> str:

@@ -74,8 +74,8 @@ def _add_squares(
 
 @entry_point
 def _keep(rest: Plane, coarse: Plane, energy: Plane, noise_energy: Plane, kept: Plane) -> None:
+    gain = np.empty_like(energy[0])
     for y in range(energy.shape[0]):
-        gain = np.empty_like(energy[y])
         _find_gain(energy[y], noise_energy[y], gain)
         for channel in range(3):
             _add_kept(rest[channel, y], coarse[channel, y], gain, kept[channel, y])
