@@ -30,12 +30,18 @@ def browser(shared_chromium: SharedChromium) -> Browser:
     return shared_chromium.browser()
 
 
-@pytest.hookimpl(trylast=True)
-def pytest_runtest_teardown(item: pytest.Item, nextitem: pytest.Item | None) -> None:
-    """Close Chromium before other tests come: while it runs, nobody can call `asyncio.run`."""
-    shared = item.session.stash.get(_CHROMIUM, None)
-    if shared and (nextitem is None or Path(__file__).parent not in nextitem.path.parents):
-        shared.close()
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_teardown(item: pytest.Item, nextitem: pytest.Item | None) -> Iterator[None]:
+    """Close Chromium before other tests come: while it runs, nobody can call `asyncio.run`.
+
+    Also where the last visitor saw something go wrong: it is that test alone that is to fail.
+    """
+    try:
+        yield
+    finally:
+        shared = item.session.stash.get(_CHROMIUM, None)
+        if shared and (nextitem is None or Path(__file__).parent not in nextitem.path.parents):
+            shared.close()
 
 
 @pytest.fixture(scope="session")

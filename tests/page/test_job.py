@@ -33,8 +33,9 @@ SPEC = {
     "watch": [{"name": "visible", "target": 0.001}, {"name": "reverse"}],
 }
 
-#: The colours of the layer that is shown, as a list of bytes.
+#: The colours of the layer that is shown, as a list of bytes; nothing while it is being loaded.
 PIXELS = """(layer) => {
+  if (layer.complete === false || layer.naturalWidth === 0) return null;
   const canvas = document.createElement("canvas");
   canvas.width = layer.naturalWidth ?? layer.width;
   canvas.height = layer.naturalHeight ?? layer.height;
@@ -46,7 +47,8 @@ PIXELS = """(layer) => {
 
 
 def pixels(layer: Locator) -> np.ndarray:
-    width, height, *values = layer.evaluate(PIXELS)
+    loaded = layer.page.wait_for_function(PIXELS, arg=layer.element_handle())
+    width, height, *values = loaded.json_value()
     return np.array(values, np.int16).reshape(height, width, 3)
 
 

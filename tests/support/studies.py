@@ -4,10 +4,12 @@ import hashlib
 import math
 from typing import Final
 
-from farm import blobs
 from farm.job import Job
 from farm.ownership import Ownerships
 from farm.states import JobState
+from service.judge import Judge
+from service.merge import Merge
+from service.results import Results
 from tests.support.noise_farm import NoiseFarm, noise_film
 
 SCREEN: Final = {"viewing_distance_cm": 60.0, "pixel_pitch_mm": 0.25}
@@ -33,13 +35,16 @@ def ended_job(
     owned = owners.acquire(job.id)
     assert owned is not None
     owners.plan(owned, range(slices))
+    merge = Merge(slice_spp=slice_spp)
     for _ in range(slices):
         lease = farm.lease()
         assert lease is not None
         assert lease.job_id == job.id
-        farm.commit(lease, noise_film(film_from + lease.index, slice_spp, farm.sigma))
+        film = noise_film(film_from + lease.index, slice_spp, farm.sigma)
+        farm.commit(lease, film)
+        merge.add(film)
     owners.end(owned, JobState.CONVERGED, "levelled off", {})
-    results = blobs.result_set(job.id, spp, owned.token)
+    results = Results(owned, owners, farm.store, job.spec).write(merge, Judge(job.spec))
     owners.conclude(owned, spp=spp, results=results, notes=())
     owners.finish(owned, keeps_sums=False)
     return farm.jobs.get(job.id)
