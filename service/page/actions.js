@@ -18,8 +18,9 @@ export async function attempt(work, done, refresh) {
   }
 }
 
-/** The buttons for a job in its state; none where it has ended. */
-export function controls(job, refresh, close = () => {}) {
+/** The buttons for a job in its state, `jobNow()` how it is when one is pressed; none where it has ended. */
+export function controls(jobNow, refresh, close = () => {}) {
+  const job = jobNow();
   if (ENDED.has(job.state) || !maySteer(job)) return [];
   const move = (path, done) => () => {
     close();
@@ -36,9 +37,10 @@ export function controls(job, refresh, close = () => {}) {
   found.push(h("button", { class: "danger", onclick: cancel }, "Cancel"));
   async function cancel() {
     close();
-    const kept = job.spp
-      ? `Its image stays as it is by then, at ${whole(job.spp)} spp or a little more.`
-      : "Nothing of it is rendered yet.";
+    const { committed_spp: spp } = jobNow();
+    const kept = spp
+      ? `Its image stays as it is by then, at ${whole(spp)} spp or a little more.`
+      : "Not one slice of it is rendered yet, so no image of it will stay.";
     if (await confirmed(`Cancel ${name}?`, kept, "Cancel the job")) {
       await attempt(() => send("POST", job.links.cancel), `${name} is cancelled`, refresh);
     }
@@ -61,7 +63,7 @@ export function controls(job, refresh, close = () => {}) {
 export function jobMenu(jobNow, refresh) {
   return menuButton(
     (close) => {
-      const found = controls(jobNow(), refresh, close);
+      const found = controls(jobNow, refresh, close);
       if (found.length) return found;
       const { state, owner_name: owner } = jobNow();
       return [h("p", {}, ENDED.has(state) ? `It has ended: ${state}.` : `It is ${owner ? `${owner}'s` : "nobody's"}, and your key may not change it.`)];

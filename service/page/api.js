@@ -13,6 +13,9 @@ export class Problem extends Error {
   }
 }
 
+/** What is said where no answer to a change came. */
+const NO_ANSWER = "The service did not answer, so it is not known whether this arrived. Try again.";
+
 async function fetched(path, options = {}) {
   for (;;) {
     const used = authorization();
@@ -21,7 +24,7 @@ async function fetched(path, options = {}) {
       answer = await fetch(path, { ...options, headers: { ...options.headers, ...used } });
     } catch (error) {
       if (options.signal?.aborted) throw error;
-      throw new Error("The service cannot be reached; trying again.");
+      throw new Error(options.method ? NO_ANSWER : "The service cannot be reached; trying again.");
     }
     if (answer.status === 401 && (await askForKey(used))) continue;
     if (!answer.ok && answer.status !== 304) throw await problemOf(answer);
@@ -39,11 +42,11 @@ export async function get(path, signal) {
 }
 
 /** Sends a change; resolves to what it is answered. */
-export async function send(method, path, body) {
-  const options = { method };
+export async function send(method, path, body, headers = {}) {
+  const options = { method, headers };
   if (body !== undefined) {
     options.body = JSON.stringify(body);
-    options.headers = { "Content-Type": "application/json" };
+    options.headers = { "Content-Type": "application/json", ...headers };
   }
   const answer = await fetched(path, options);
   return answer.status === 204 ? null : answer.json();
@@ -85,7 +88,7 @@ function uploaded(path, form, { onProgress, signal, headers }) {
     for (const [name, value] of Object.entries(headers)) request.setRequestHeader(name, value);
     request.upload.onprogress = ({ loaded, total }) => onProgress?.(loaded, total);
     request.onload = () => resolve({ status: request.status, body: request.response ?? {} });
-    request.onerror = () => reject(new Error("The service cannot be reached. Nothing was sent; try again."));
+    request.onerror = () => reject(new Error(NO_ANSWER));
     request.onabort = () => reject(new DOMException("stopped", "AbortError"));
     signal?.addEventListener("abort", () => request.abort(), { once: true });
     request.send(form);

@@ -4,6 +4,7 @@ import { send } from "./api.js";
 import { h, setText } from "./dom.js";
 import { fieldsOf } from "./fields.js";
 import { maySubmit } from "./me.js";
+import { OneJob } from "./one_job.js";
 import { ENDED, title, whole } from "./words.js";
 
 /** A button that asks how far; null where there is nothing to go on with. */
@@ -23,6 +24,7 @@ function ask(job, go) {
     value: Number((100 * (job.state === "converged" ? rule.target / 2 : rule.target)).toPrecision(3)),
     help: "The smaller, the stricter.",
   }]);
+  const wanted = new OneJob();
   const wrong = h("p", { class: "bad", role: "alert" });
   const start = h("button", { type: "submit", class: "primary" }, "Go on");
   const dialog = h("dialog", { class: "ask", "aria-labelledby": "go-on", onclose: () => dialog.remove() },
@@ -38,7 +40,7 @@ function ask(job, go) {
     try {
       const target = stricter.values();
       const changes = { ...limits.values(), ...("target" in target ? { rule: target } : {}) };
-      const next = await send("POST", job.links.continue, changes);
+      const next = await wanted.make((headers) => send("POST", job.links.continue, changes, headers));
       dialog.close();
       go(`/jobs/${next.id}`);
     } catch (error) {

@@ -32,6 +32,7 @@ export function open(main, { id, signal, go }) {
   const facts = new Facts();
   const records = new Records(path, signal);
   const points = [];
+  let newest = null;
   let shown = "";
 
   const screen = h("article", { class: "one-job", hidden: true },
@@ -68,6 +69,7 @@ export function open(main, { id, signal, go }) {
   }
 
   function show(job) {
+    newest = job;
     screen.hidden = false;
     absent.hidden = true;
     document.title = `${title(job)}: ${job.state} · Plateau`;
@@ -95,7 +97,7 @@ export function open(main, { id, signal, go }) {
     const kind = `${job.state} ${job.spec.priority} ${job.finished_at ?? ""} ${maySteer(job)}`;
     if (kind !== shown) {
       shown = kind;
-      actions.replaceChildren(...[goOnButton(job, go), rejudgeButton(job, go), studyButton(job, go), ...controls(job, look)].filter(Boolean));
+      actions.replaceChildren(...[goOnButton(job, go), rejudgeButton(job, go), studyButton(job, go), ...controls(() => newest, look)].filter(Boolean));
     }
     chart.show(job, points);
     facts.show(job);

@@ -1,6 +1,6 @@
 // Why a job is in its state, in words for somebody who has not read the papers.
 
-import { duration, percent, pixels, stopSlope, three, whole } from "./words.js";
+import { duration, percent, pixels, sentence, stopSlope, three, whole } from "./words.js";
 
 /** A sentence or two: what happened, and what it means. */
 export function reasonInWords(job) {
@@ -50,13 +50,6 @@ function aim(job) {
     return `It goes on until that is ${percent(rule.target)}, which is expected at ${whole(job.forecast_spp)} spp${far}.`;
   }
   return `It goes on until the rule ${rule.name} stops it, or to ${whole(cap)} spp.`;
-}
-
-/** The farm's own words as a sentence. */
-function sentence(text) {
-  const trimmed = text.trim();
-  if (!trimmed) return "";
-  return `${trimmed[0].toUpperCase()}${trimmed.slice(1)}${/[.!?]$/.test(trimmed) ? "" : "."}`;
 }
 
 /** What a converged job did not need: samples, and about how long machines would have worked on them. */

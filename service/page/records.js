@@ -18,6 +18,7 @@ export class Records {
   #log = h("div", { class: "log" });
   #spec = h("pre", { tabindex: 0, "aria-label": "The job's spec" });
   #files = h("ul", { class: "files" });
+  #filesShown = "";
   #slices;
   #logBox;
 
@@ -45,10 +46,8 @@ export class Records {
   }
 
   show(job) {
-    const first = this.#job === null;
-    const hadImage = Boolean(this.#job?.points);
     this.#job = job;
-    if (first || hadImage !== Boolean(job.points)) this.#showFiles();
+    this.#showFiles();
     this.#notes.replaceChildren(...job.notes.map((note) => h("li", {}, note)));
     this.#notes.hidden = !job.notes.length;
     setText(this.#spec, JSON.stringify(job.spec, null, 2));
@@ -56,21 +55,27 @@ export class Records {
   }
 
   #showFiles() {
-    const { id, links, points } = this.#job;
-    const files = [
+    const { id, links, points, image_spp: image, finished_at: finished } = this.#job;
+    const kind = [image, points, finished].map(Boolean).join();
+    if (kind === this.#filesShown) return;
+    this.#filesShown = kind;
+    const ofImage = [
       ["image.exr", "EXR", "the merged image, linear float32", links.image_exr],
       ["image.png", "PNG", "the image as judged", links.image_png],
+    ];
+    const ofPoints = [
       ["difference.png", "Difference", "what differs visibly from the first image", links.difference_png],
       ["curve.csv", "CSV", "the points of the curve", `${links.self}/curve.csv`],
-      ["report.html", "Report", "all of it on one page that stands alone", links.report],
     ];
+    const report = ["report.html", "Report", "all of it on one page that stands alone", links.report];
+    const files = [...(image ? ofImage : []), ...(points ? ofPoints : [])];
     const save = (name, path) => async (event) => {
       event.preventDefault();
       await download(path, `${id}-${name}`).catch((error) => complain(error.message, true));
     };
-    this.#files.replaceChildren(...(points ? files.map(([name, short, what, path]) => h("li", {},
+    this.#files.replaceChildren(...(files.length ? [...files, report].map(([name, short, what, path]) => h("li", {},
       h("a", { href: path, download: `${id}-${name}`, onclick: save(name, path) }, short), " ", h("span", {}, what)))
-      : [h("li", {}, "They come with the first step.")]));
+      : [h("li", {}, finished ? "It ended without any." : "They come with its first samples.")]));
   }
 
   /** Fetches what is open, now and then while the job runs. */

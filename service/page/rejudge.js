@@ -4,6 +4,7 @@ import { send } from "./api.js";
 import { h, setText } from "./dom.js";
 import { fieldsOf } from "./fields.js";
 import { maySubmit } from "./me.js";
+import { OneJob } from "./one_job.js";
 import { LIMITS, RULES, VIEW } from "./rules.js";
 import { ENDED, title, whole } from "./words.js";
 
@@ -29,6 +30,7 @@ function ask(job, go) {
     const box = h("input", { type: "checkbox", checked: spec.watch.some((one) => one.name === name) });
     return { name, box, label: h("label", { class: "toggle" }, box, text) };
   });
+  const wanted = new OneJob();
   const wrong = h("p", { class: "bad", role: "alert" });
   const start = h("button", { type: "submit", class: "primary" }, "Judge it");
   const dialog = h("dialog", { class: "ask wide", "aria-labelledby": "rejudge-title", onclose: () => dialog.remove() },
@@ -62,7 +64,7 @@ function ask(job, go) {
     start.disabled = true;
     setText(wrong, "");
     try {
-      const next = await send("POST", job.links.rejudge, changes());
+      const next = await wanted.make((headers) => send("POST", job.links.rejudge, changes(), headers));
       dialog.close();
       go(`/jobs/${next.id}`);
     } catch (error) {

@@ -26,10 +26,6 @@ export class Side {
     return this.#picture.spp;
   }
 
-  get hasPicture() {
-    return this.#image.src !== "";
-  }
-
   /** Says in words what it shows. */
   describe(text) {
     this.#image.alt = text;

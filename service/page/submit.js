@@ -3,6 +3,7 @@
 import { get, upload } from "./api.js";
 import { h, say, setText } from "./dom.js";
 import { Field, fieldsOf } from "./fields.js";
+import { OneJob } from "./one_job.js";
 import { LIMITS, MORE, RULES, VIEW } from "./rules.js";
 import { bytes, several, share } from "./words.js";
 
@@ -21,7 +22,7 @@ class Submission {
   #file = null;
   #found = null;
   #sending = null;
-  #attempt = newKey();
+  #wanted = new OneJob();
   #parameters = [];
   #chosen = "visible";
   #rules = new Map(RULES.map((rule) => [rule.name, fieldsOf("spec.rule", rule.fields)]));
@@ -231,11 +232,10 @@ class Submission {
     this.#blame(null);
     this.#button.disabled = true;
     try {
-      const job = await upload("/v1/jobs", this.#form(this.#spec()), { signal: this.#signal, headers: { "Idempotency-Key": this.#attempt } });
+      const job = await this.#wanted.make((headers) => upload("/v1/jobs", this.#form(this.#spec()), { signal: this.#signal, headers }));
       this.#go(`/jobs/${job.id}`);
     } catch (error) {
       if (error.name === "AbortError") return;
-      this.#attempt = newKey();
       this.#blame(error);
     } finally {
       this.#button.disabled = false;
@@ -257,9 +257,4 @@ class Submission {
     place.closest("details")?.setAttribute("open", "");
     place.focus();
   }
-}
-
-/** A key under which a request repeated by accident makes one job. */
-function newKey() {
-  return [...crypto.getRandomValues(new Uint8Array(16))].map((byte) => byte.toString(16).padStart(2, "0")).join("");
 }

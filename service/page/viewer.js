@@ -25,6 +25,8 @@ export class Viewer {
   #upper = new Side();
   #zones = new ZoneMap();
   #stage = new Stage([this.#lower.element, this.#upper.element, this.#zones.element], (at) => this.#wipeTo(at));
+  /** The mode whose picture lies above; null before there is one. */
+  #aboveOf = null;
   #listed = "";
   #busy = false;
   #asked = 0;
@@ -71,8 +73,11 @@ export class Viewer {
     this.#job = job;
     this.#points = points;
     this.#zones.show(job, points[points.length - 1]);
-    if (this.#stage.element.hidden) setText(this.#nothing, "Its first image comes with its first samples.");
-    if (this.#busy || !job.image_spp) return;
+    if (!job.image_spp) {
+      setText(this.#nothing, job.finished_at ? "It ended without an image." : "Its first image comes with its first samples.");
+      return;
+    }
+    if (this.#busy) return;
     this.#busy = true;
     try {
       await this.#look();
@@ -93,11 +98,13 @@ export class Viewer {
       await this.#compare.list(this.#job, this.#points, this.#signal);
       this.#listed = stamp;
     }
+    const mode = this.#mode;
     const [base, over] = this.#sources();
     await Promise.all([
       this.#lower.show(base, this.#ev(), this.#signal),
       over && this.#upper.show(over, this.#ev(), this.#signal),
     ]);
+    if (over) this.#aboveOf = mode;
     this.#nothing.hidden = true;
     this.#stage.element.hidden = false;
     this.#stage.fit(this.#lower.size.width, this.#lower.size.height);
@@ -148,7 +155,7 @@ export class Viewer {
 
   #layers() {
     const [mode, above] = [this.#mode, this.#upper.element];
-    above.hidden = !["compare", "difference"].includes(mode) || !this.#upper.hasPicture;
+    above.hidden = mode !== this.#aboveOf;
     above.style.opacity = mode === "difference" ? this.#overlay.input.value / 100 : 1;
     setText(this.#overlay.output, `${this.#overlay.input.value} %`);
     this.#stage.wipe(mode === "compare" ? this.#compare.percent : null, above);

@@ -79,6 +79,13 @@ export function clock(iso) {
   return today ? hours : `${time.toLocaleDateString("en-GB", { day: "numeric", month: "short" })} ${hours}`;
 }
 
+/** The farm's own words as a sentence. */
+export function sentence(text) {
+  const trimmed = text.trim();
+  if (!trimmed) return "";
+  return `${trimmed[0].toUpperCase()}${trimmed.slice(1)}${/[.!?]$/.test(trimmed) ? "" : "."}`;
+}
+
 /** How long ago a time was. */
 export function ago(iso) {
   const seconds = Math.max(0, (Date.now() - Date.parse(iso)) / 1000);
