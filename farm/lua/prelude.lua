@@ -100,11 +100,13 @@ local function too_many_jobs(more, ...)
 end
 
 -- Whether a request with this idempotency key was there before: 'repeated' or, where it was another,
--- 'conflict', and the id that it was answered with. '' is no key.
+-- 'conflict', and the id that it was answered with. '' is no key, and one whose job was forgotten since
+-- is a new one.
 local function made_before(idempotency, digest)
   local known = idempotency ~= '' and redis.call('GET', PREFIX .. 'idempotency:' .. idempotency)
   if not known then return nil end
   known = cjson.decode(known)
+  if redis.call('EXISTS', job_key(known.id)) == 0 then return nil end
   return known.digest == digest and 'repeated' or 'conflict', known.id
 end
 

@@ -4,10 +4,12 @@ import pytest
 import redis
 
 from farm.errors import JobNotFound, StoreUnavailable
-from farm.jobs import Jobs
+from farm.jobs import Created, Jobs
 from farm.redis_link import connect
+from farm.scripts import Scripts
 from farm.spec import JobSpec
 from farm.states import JobState
+from tests.support.staged_job import StagedJob
 
 
 @pytest.fixture
@@ -42,6 +44,24 @@ def test_an_idempotency_key_creates_one_job(jobs: Jobs) -> None:
     assert create_with("k", "a") == (first, True, False)
     assert create_with("k", "b") == (first, False, True)
     assert create_with("other", "a")[0] != first
+
+
+def test_the_idempotency_key_of_a_job_that_was_forgotten_makes_another(
+    jobs: Jobs, client: redis.Redis
+) -> None:
+    def create_once() -> Created:
+        return jobs.create(JobSpec(), name="box", scene_sha256="00", idempotency_key="k")
+
+    # Given a job that was made with a key, ended and was forgotten
+    job = StagedJob(client, create_once().job.id)
+    job.commit()
+    job.end()
+    job.finish()
+    assert Scripts(client).run("forget", job.id, 0) == "forgotten"
+    # When the request is repeated, then it makes a new job, once
+    new = create_once()
+    assert (new.repeated, new.conflict, new.job.state) == (False, False, JobState.QUEUED)
+    assert create_once().job.id == new.job.id != job.id
 
 
 def test_an_unknown_job_is_said_to_be_unknown(jobs: Jobs) -> None:
