@@ -6,13 +6,17 @@ from pathlib import Path
 from typing import Annotated, Final, Literal
 
 import platformdirs
-from pydantic import BeforeValidator, Field, SecretStr, field_validator
+from pydantic import BeforeValidator, Field, SecretStr, ValidationInfo, field_validator
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
 from farm.fit import PlaceName, Tags
 from farm.keys import DEFAULT_POOL
 
 LogFormat = Literal["text", "json"]
+
+#: A lease lasts so many heartbeats at least, so that one may be late. And where no worker is heard
+#: of for half a lease, the whole farm is thought silent and nothing is taken back (prelude.lua).
+LEASE_HEARTBEATS: Final = 2.5
 
 _HOST_NAME: Final = re.compile(r"[A-Za-z0-9_-]+(\.[A-Za-z0-9_-]+)*\.?")
 
@@ -77,9 +81,13 @@ class Settings(BaseSettings):
     key_open_jobs: int = Field(
         10_000, ge=1, description="how many jobs of a new API key may be open at once"
     )
-    heartbeat_s: float = Field(5.0, gt=0, description="a worker renews its leases this often")
     lease_s: float = Field(
         15.0, gt=0, description="a lease not renewed for this long may be reclaimed"
+    )
+    heartbeat_s: float = Field(
+        default_factory=lambda known: min(5.0, known["lease_s"] / 3),
+        gt=0,
+        description="a worker renews its leases this often; unset, 5 or a third of the lease",
     )
     pass_timeout_s: float = Field(
         120.0, gt=0, description="a pass that takes longer is killed with its process group"
@@ -146,6 +154,18 @@ class Settings(BaseSettings):
     log_format: LogFormat = Field(
         "text", description="how processes log: text, or json, an object for each line"
     )
+
+    @field_validator("heartbeat_s")
+    @classmethod
+    def _fits_the_lease(cls, given: float, info: ValidationInfo) -> float:
+        lease_s = info.data.get("lease_s", given * LEASE_HEARTBEATS)
+        if lease_s < given * LEASE_HEARTBEATS:
+            raise ValueError(
+                f"a worker that renews its leases every {given:g} s loses those of {lease_s:g} s: "
+                f"set PLATEAU_LEASE_S to {given * LEASE_HEARTBEATS:g} at least, or "
+                f"PLATEAU_HEARTBEAT_S to {lease_s / LEASE_HEARTBEATS:g} at most"
+            )
+        return given
 
     @field_validator("tags", mode="before")
     @classmethod

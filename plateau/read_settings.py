@@ -123,5 +123,9 @@ def read_settings() -> Settings:
     try:
         return Settings()
     except ValidationError as error:
-        found = (f"PLATEAU_{str(one['loc'][0]).upper()}: {one['msg']}" for one in error.errors())
+        found = (
+            f"PLATEAU_{str(one['loc'][0]).upper()}: {one['msg'].removeprefix('Value error, ')}"
+            for one in error.errors()
+            if one["type"] != "default_factory_not_called"  # since another value is not allowed
+        )
         raise BadSetting("; ".join(found)) from error

@@ -377,6 +377,13 @@ class TestErrorsAreOneLine:
         assert code == 1
         assert err == "plateau: PLATEAU_LEASE_S: Input should be greater than 0\n"
 
+    def test_of_settings_that_do_not_fit_each_other(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setenv("PLATEAU_HEARTBEAT_S", "20")
+        code, _, err = plateau("worker")
+        assert code == 1
+        assert err.startswith("plateau: PLATEAU_HEARTBEAT_S: a worker that renews its leases every")
+        assert "set PLATEAU_LEASE_S to 50 at least" in err
+
     @pytest.mark.parametrize(
         ("redis_at", "blobs", "words"),
         [
