@@ -8,10 +8,14 @@ the bit that of a job that was never stopped there. What is left of an ended job
   sampled. Where the cap is not beyond them, nothing is rendered at all;
 - or its *sums*, the last checkpoint: they go on, and so does the curve. Then the view, the step and
   the zones stay, and a rule that must see earlier images can only be one that saw them.
+
+Where more is to be rendered, the cap must be one with which the samples that there are would have
+been drawn just so: on scalar variants it decides their passes and seeds (see `farm.seeds`).
 """
 
 import hashlib
 import secrets
+from bisect import bisect_left
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -24,7 +28,8 @@ from farm.jobs import Created, Jobs, request_key
 from farm.ownership import Checkpoint
 from farm.redis_link import unavailable_as_farm_error
 from farm.scripts import Scripts
-from farm.spec import JobSpec
+from farm.seeds import SeedRange, SeedSchedule, SeedsExhausted
+from farm.spec import MOST_SPP, JobSpec
 
 #: What determines the samples.
 _SAMPLING: Final = ("slice_spp", "variant", "seed", "sensor", "parameters")
@@ -42,6 +47,7 @@ class Remains:
 
     slices: int
     checkpoint: str  #: of their sums, as JSON; "" where the slices themselves are kept
+    seeds: tuple[SeedRange, ...]  #: of each of them
 
     @property
     def kept(self) -> bool:
@@ -75,20 +81,21 @@ class Continuations:
             raise CannotContinue(job.id, "its results are being written: try again in a moment")
         with unavailable_as_farm_error():
             checkpoint = self._redis.hget(keys.job(job.id), "checkpoint")
-            indices = {int(index) for index in self._redis.hkeys(keys.job(job.id, "ledger"))}
+        ledger = self._jobs.ledger(job.id)
+        slices, committed = 0, records.prefix_length(ledger)
         if job.spec.keep_slices:
-            remains = Remains(records.prefix_length(indices), "")
+            slices, checkpoint = committed, None
         elif checkpoint is not None:
-            remains = Remains(Checkpoint.model_validate_json(checkpoint).slices, checkpoint)
-        else:
-            remains = Remains(0, "")
-        if not remains.slices:
+            slices = Checkpoint.model_validate_json(checkpoint).slices
+        if not 0 < slices <= committed:
             raise CannotContinue(
                 job.id,
                 "none of its samples are left: PLATEAU_KEEP_SUMS_DAYS says for how long they stay, "
                 "and a job that keeps its slices keeps them for good; submit its scene again",
             )
-        return remains
+        drawn = (ledger[index] for index in range(slices))
+        seeds = tuple(SeedRange(one["first_seed"], one["last_seed"]) for one in drawn)
+        return Remains(slices, checkpoint or "", seeds)
 
     def start(
         self,
@@ -201,6 +208,50 @@ def check(job: Job, remains: Remains, spec: JobSpec) -> None:
             )
     if not remains.kept:
         _check_sums(job, remains, spec)
+    if spec.max_spp > remains.slices * spec.slice_spp:
+        _check_seeds(job, remains, spec)
+
+
+def _check_seeds(job: Job, remains: Remains, spec: JobSpec) -> None:
+    """Refuse a cap whose samples would not be the continuation of those that there are."""
+
+    def goes_on(cap: int) -> bool:
+        return _draws(job, remains, cap)
+
+    if goes_on(spec.max_spp):
+        return
+    slice_spp = spec.slice_spp
+    # Those that go on, if any, are next to each other, and the old cap is one or is below them.
+    caps = range((remains.slices + 1) * slice_spp, MOST_SPP + 1, slice_spp)
+    old = max(0, job.spec.max_spp // slice_spp - remains.slices - 1)
+    if old < len(caps) and goes_on(caps[old]):
+        lowest = bisect_left(caps, True, hi=old, key=goes_on)
+        highest = bisect_left(caps, True, lo=old, key=lambda cap: not goes_on(cap)) - 1
+        which = f"from {caps[lowest]} to" if lowest < highest else "of"
+        remedy = f"a max_spp {which} {caps[highest]} goes on with them"
+    else:
+        remedy = "no higher cap goes on with them; submit the scene as a new job"
+        if job.continues is not None:
+            remedy += f", or go on with job {job.continues}, whose samples they are"
+    raise CannotContinue(
+        job.id,
+        f"{job.variant} at {job.width}×{job.height} draws other samples for a cap of "
+        f"{spec.max_spp} spp than the {remains.slices * slice_spp} spp that there are: {remedy}",
+    )
+
+
+def _draws(job: Job, remains: Remains, cap: int) -> bool:
+    """Whether a job with this cap (spp) draws the samples that remain of the ended one."""
+    # It has samples, so these are known.
+    assert job.variant is not None
+    assert job.width is not None
+    assert job.height is not None
+    size, seed = (job.width, job.height), job.spec.seed
+    try:
+        schedule = SeedSchedule(job.variant, *size, job.spec.slice_spp, cap, seed)
+    except SeedsExhausted:
+        return False
+    return all(schedule.seed_range(index) == one for index, one in enumerate(remains.seeds))
 
 
 def _check_sums(job: Job, remains: Remains, spec: JobSpec) -> None:

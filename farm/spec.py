@@ -14,7 +14,8 @@ Priority = Annotated[int, Field(ge=-1000, le=1000)]
 RenderVariant = Literal["scalar_rgb", "llvm_ad_rgb", "cuda_ad_rgb"]
 Variant = Literal["auto"] | RenderVariant
 
-
+#: The highest cap, in spp.
+MOST_SPP: Final = 1_000_000
 #: A list of parameters makes at most so many jobs.
 MAX_ENTRIES: Final = 1000
 
@@ -126,7 +127,7 @@ class SharedSpec(_Spec):
         default=25, gt=0, le=4096, description="spp of one slice, the unit of work"
     )
     max_spp: int = Field(
-        default=10_000, gt=0, le=1_000_000, description="cap: the job is exhausted there"
+        default=10_000, gt=0, le=MOST_SPP, description="cap: the job is exhausted there"
     )
     time_limit_s: float | None = Field(
         default=None,

@@ -9,7 +9,7 @@ zombie worker or monitor that comes back to it is told that the job has ended, o
 fence; what it put before is an orphan.
 
 A job that another one goes on with stays as long as that one: its slices may be all that the other
-has.
+has. Its sums stay until the other has sums of its own, or has let these go too.
 
 **Orphans.** A job is in Redis before its first blob is put, and its id is never given again. So a
 blob in a listing whose job Redis does not know, when asked after the listing, belongs to a job
@@ -45,6 +45,7 @@ together.
 """
 
 import time
+from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
@@ -164,28 +165,37 @@ class _Sweep:
     def jobs(self, older_than_s: float) -> None:
         """Forget the jobs that have been finished for so long."""
         older_than_ms = round(older_than_s * 1000)
-        before = self._jobs.now_ms() - older_than_ms
-        # From the newest on: one that goes on with another's slices comes before it.
-        for job_id, finished_at in reversed(list(self._field_of_all("finished_at"))):
-            if finished_at is None or float(finished_at) > before:
-                continue
-            forgotten = self._dry_run or self._scripts.run("forget", job_id, older_than_ms)
-            if forgotten in {True, "forgotten"}:
+        continuing = self._continuing()
+        for job_id in self._finished_for(older_than_ms):
+            if self._dry_run:
+                goes = self._forgotten.issuperset(continuing[job_id])
+            else:
+                goes = self._scripts.run("forget", job_id, older_than_ms) == "forgotten"
+            if goes:
                 self._forgotten.add(job_id)
                 self._remove(list(self._store.listing(blobs.of_job(job_id))))
 
     def sums(self, older_than_s: float) -> None:
         """Let the sums go of jobs that have been finished for so long."""
         older_than_ms = round(older_than_s * 1000)
-        for job_id, checkpoint in list(self._field_of_all("checkpoint")):
+        continuing, left = self._continuing(), dict(self._field_of_all("checkpoint"))
+        for job_id in self._forgotten:
+            left[job_id] = None
+        for job_id in self._finished_for(older_than_ms):
+            checkpoint, others = left.get(job_id), continuing[job_id]
             if checkpoint is None:
                 continue
-            dropped = self._scripts.run("drop_sums", job_id, older_than_ms, int(self._dry_run))
-            blob = Checkpoint.model_validate_json(checkpoint).blob
-            size = self._store.size(blob) if dropped == "dropped" else None
-            if size is not None and blob.startswith(blobs.of_job(job_id)):
-                self._remove([StoredBlob(blob, size)])
-                self._sums += 1
+            if self._dry_run:
+                goes = all(left.get(other) != checkpoint for other in others)
+            else:
+                goes = self._scripts.run("drop_sums", job_id, older_than_ms, *others) == "dropped"
+            if goes:
+                left[job_id] = None
+                blob = Checkpoint.model_validate_json(checkpoint).blob
+                size = self._store.size(blob)
+                if size is not None and blob.startswith(blobs.of_job(job_id)):
+                    self._remove([StoredBlob(blob, size)])
+                    self._sums += 1
 
     def orphans(self) -> None:
         """Remove blobs of unknown jobs, and what finished ones do not need."""
@@ -265,6 +275,23 @@ class _Sweep:
         return lambda name: (
             name in kept or name.startswith(f"{results or ''}/") or not name.startswith(swept)
         )
+
+    def _continuing(self) -> defaultdict[str, list[str]]:
+        """Of each job, the jobs that go on with it."""
+        continuing = defaultdict[str, list[str]](list)
+        for job_id, continues in self._field_of_all("continues"):
+            if continues is not None:
+                continuing[continues].append(job_id)
+        return continuing
+
+    def _finished_for(self, older_than_ms: int) -> list[str]:
+        """The jobs that have been finished for so long, from the newest on.
+
+        So one that goes on with another comes before it.
+        """
+        before = self._jobs.now_ms() - older_than_ms
+        newest_first = reversed(list(self._field_of_all("finished_at")))
+        return [job_id for job_id, at in newest_first if at is not None and float(at) <= before]
 
     def _field_of_all(self, field: str) -> Iterator[tuple[str, str | None]]:
         """A field of every job."""

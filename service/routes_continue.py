@@ -16,7 +16,7 @@ from service.idempotency import IdempotencyKey
 from service.parts import Parts, parts
 from service.problems import documented
 from service.routes_jobs import JobId, shown
-from service.spec_checks import check_seeds, check_webhook, invalid_field, invalid_spec
+from service.spec_checks import check_webhook, invalid_field, invalid_spec
 from service.submitted_spec import check_batch_name
 from service.views import JobView
 
@@ -79,9 +79,6 @@ class Asker:
         check_webhook(spec, self.farm.receivers)
         check_batch_name(spec)
         check(job, remains, spec)
-        assert job.width is not None  # it has samples
-        assert job.height is not None
-        check_seeds(spec, job.width, job.height)
         new = self.farm.continuations.start(
             job, remains, spec, idempotency_key=self.key, owner=self.who.id
         )
@@ -102,7 +99,9 @@ def continue_job(job_id: JobId, asker: Annotated[Asker, Depends()], changes: Cha
     No sample is rendered twice: the new job takes over those of the old one, which stays as it is.
     Where the old one kept its slices they are judged anew, so its view, step and zones may change
     too; otherwise its sums go on, for as long after its end as PLATEAU_KEEP_SUMS_DAYS says. The
-    batch and the webhook are the old job's own: name them, if the new one is to have any.
+    batch and the webhook are the old job's own: name them, if the new one is to have any. A cap
+    with which scalar_rgb would have drawn other samples is refused; the detail names those that go
+    on.
     """
     return asker.start(*asker.look_at(job_id), changes)
 

@@ -27,7 +27,8 @@ def continue_job(
 
     No sample is rendered twice: the new job takes over those of the old one, which stays as it is.
     What is left out is as in the old job. Where that one kept its slices (--keep-slices) its view
-    and its step may change too; where it did not, it can be gone on with for some days.
+    and its step may change too; where it did not, it can be gone on with for some days. On
+    scalar_rgb not every cap goes on with the samples: the refusal names those that do.
     """
     from plateau.commands.continuing import continue_job as run
 

@@ -30,7 +30,7 @@ class ContinuingCalls(Calls):
         ------
         ApiError
             ``unknown-job``, ``invalid-spec``; ``cannot-continue`` where the job has not ended, its
-            samples are gone, or they do not suit what is asked.
+            samples are gone, or they do not suit what is asked, as with some caps on scalar_rgb.
         """
         return self._asked(f"/v1/jobs/{job_id}/continue", changes, idempotency_key)
 

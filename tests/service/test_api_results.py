@@ -75,8 +75,8 @@ def test_the_ledger_shows_each_slice(http: httpx.Client, client: redis.Redis) ->
     slices = http.get(f"/v1/jobs/{job.id}/slices").json()["slices"]
     assert [(one["index"], one["first_seed"], one["spp"]) for one in slices] == [
         (0, 0, 25),
-        (1, 10, 25),
-        (2, 20, 25),
+        (1, 3, 25),  # after the passes of 16, 8 and 1 spp
+        (2, 6, 25),
     ]
 
 

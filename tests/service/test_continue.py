@@ -1,6 +1,6 @@
 """Goes on with ended jobs: the image and the curve are those of a job that was never stopped."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -10,10 +10,11 @@ import pytest
 import redis
 
 from farm import blobs, keys
-from farm.continuation import Continuations, changed_spec, check
+from farm.continuation import Continuations, Remains, changed_spec, check
 from farm.errors import CannotContinue
 from farm.exr import decode_image
 from farm.job import Job
+from farm.seeds import SeedSchedule
 from farm.spec import JobSpec
 from farm.states import JobState
 from farm.sweep import sweep
@@ -178,11 +179,15 @@ def test_a_job_is_kept_as_long_as_one_goes_on_with_it(farm: NoiseFarm, client: r
     # Given that both are old enough to be forgotten, but the second not quite
     old = client.time()[0] * 1000 - 8 * 86_400_000
     client.hset(keys.job(first.id), "finished_at", old)
-    assert sweep(client, farm.store, results_older_than_s=7 * 86_400).jobs == 0
+    for dry_run in (True, False):
+        week = {"results_older_than_s": 7 * 86_400, "dry_run": dry_run}
+        assert sweep(client, farm.store, **week).jobs == 0
     assert all(farm.store.exists(one["blob"]) for one in farm.jobs.ledger(second.id).values())
     # When the second is too, both go at once
     client.hset(keys.job(second.id), "finished_at", old)
-    assert sweep(client, farm.store, results_older_than_s=7 * 86_400).jobs == 2
+    for dry_run in (True, False):
+        week = {"results_older_than_s": 7 * 86_400, "dry_run": dry_run}
+        assert sweep(client, farm.store, **week).jobs == 2
     assert farm.store.names(blobs.JOBS) == []
 
 
@@ -201,6 +206,103 @@ def test_sums_go_after_their_time_and_the_results_stay(
     assert farm.picture(job, "image.png")
     with pytest.raises(CannotContinue, match="none of its samples are left"):
         go_on(farm, farm.jobs.get(job.id))
+
+
+def test_sums_stay_for_a_job_that_still_stands_on_them(
+    farm: NoiseFarm, client: redis.Redis
+) -> None:
+    day_s = 86_400
+    # Given a job that ended long ago, and one that has just gone on with its sums
+    with farm.monitor():
+        old = work(farm, farm.submit(**QUICK))
+    new = go_on(farm, old, rule={"name": "fixed", "spp": 120})
+    long_ago = client.time()[0] * 1000 - 4 * day_s * 1000
+    client.hset(keys.job(old.id), "finished_at", long_ago)
+    # When the farm is swept, then the sums stay
+    for dry_run in (True, False):
+        assert sweep(client, farm.store, sums_older_than_s=3 * day_s, dry_run=dry_run).sums == 0
+    with farm.monitor():
+        done = work(farm, new)
+    # And no slice is rendered twice
+    assert set(rendered(farm, done)).isdisjoint(range(8))
+    # When the new one has sums of its own, those of the old one go, and its own stay
+    for dry_run in (True, False):
+        assert sweep(client, farm.store, sums_older_than_s=3 * day_s, dry_run=dry_run).sums == 1
+    assert farm.store.names(blobs.checkpoints(old.id)) == []
+    assert Continuations(client).remains(done).slices == 12
+
+
+def test_sums_on_which_two_ended_jobs_stand_go_with_the_second(
+    farm: NoiseFarm, client: redis.Redis
+) -> None:
+    day_s = 86_400
+    # Given a job, and one that went on with it and was cancelled before it rendered anything
+    with farm.monitor():
+        old = work(farm, farm.submit(**QUICK))
+        new = go_on(farm, old, rule={"name": "fixed", "spp": 120})
+        farm.jobs.cancel(new.id)
+        until(lambda: farm.jobs.get(new.id).finished_at is not None)
+    long_ago = client.time()[0] * 1000 - 4 * day_s * 1000
+    client.hset(keys.job(old.id), "finished_at", long_ago)
+    # Then the second can be gone on with for as long as any other
+    assert sweep(client, farm.store, sums_older_than_s=3 * day_s).sums == 0
+    assert Continuations(client).remains(farm.jobs.get(new.id)).slices == 8
+    # And after that the sums go
+    client.hset(keys.job(new.id), "finished_at", long_ago)
+    for dry_run in (True, False):
+        swept = sweep(client, farm.store, sums_older_than_s=3 * day_s, dry_run=dry_run)
+        assert (swept.sums, swept.blobs) == (1, 1)
+    assert farm.store.names(blobs.checkpoints(old.id)) == []
+
+
+class TestCapsOfScalarJobs:
+    """On scalar variants the cap decides which passes and seeds the samples have."""
+
+    @pytest.fixture
+    def go_on_from(self, farm: NoiseFarm) -> Callable[..., None]:
+        """Check a cap for a job at 1024×1024 that was rendered to some spp, by `auto` on scalar."""
+
+        def go_on_from(spp: int, cap: int, *, to: int, seed: int = 0) -> None:
+            made = farm.submit(max_spp=cap, seed=seed)
+            film = {"variant": "scalar_rgb", "width": 1024, "height": 1024}
+            job = made.model_copy(update={**film, "state": JobState.EXHAUSTED})
+            drawn = SeedSchedule("scalar_rgb", 1024, 1024, 25, cap, seed)
+            slices = spp // 25
+            seeds = tuple(drawn.seed_range(index) for index in range(slices))
+            check(job, Remains(slices, "sums", seeds), JobSpec(max_spp=to, seed=seed))
+
+        return go_on_from
+
+    def test_one_that_takes_larger_passes_is_refused_and_those_that_fit_are_named(
+        self, go_on_from: Callable[..., None]
+    ) -> None:
+        with pytest.raises(CannotContinue, match="a max_spp from 10025 to 14625 goes on"):
+            go_on_from(10_000, 10_000, to=20_000)
+        go_on_from(10_000, 10_000, to=14_625)
+        with pytest.raises(CannotContinue):
+            go_on_from(10_000, 10_000, to=14_650)
+
+    def test_so_is_one_that_takes_smaller_passes(self, go_on_from: Callable[..., None]) -> None:
+        with pytest.raises(CannotContinue, match="a max_spp from 14650 to 25600 goes on"):
+            go_on_from(2500, 20_000, to=10_000)
+        go_on_from(2500, 20_000, to=14_650)
+        go_on_from(2500, 20_000, to=25_600)
+
+    def test_one_beyond_all_seeds_is_refused_though_llvm_would_have_enough(
+        self, go_on_from: Callable[..., None]
+    ) -> None:
+        with pytest.raises(CannotContinue, match="a max_spp from 10025 to 14625 goes on"):
+            go_on_from(10_000, 10_000, to=1_000_000)
+
+    def test_with_a_seed_of_its_own_a_job_has_no_other_cap(
+        self, go_on_from: Callable[..., None]
+    ) -> None:
+        go_on_from(500, 2000, to=2000, seed=1)
+        for other in (1000, 1975, 2025):
+            with pytest.raises(CannotContinue, match="a max_spp of 2000 goes on with them"):
+                go_on_from(500, 2000, to=other, seed=1)
+        with pytest.raises(CannotContinue, match="submit the scene as a new job"):
+            go_on_from(2000, 2000, to=4000, seed=1)
 
 
 class TestWhatCannotBe:
@@ -325,6 +427,34 @@ class TestOverHttp:
         answer = http.post(f"/v1/jobs/{ended.id}/{verb}", json=body)
         assert answer.json()["type"] == f"/problems/{slug}", answer.text
         assert http.get("/v1/jobs").json()["jobs"][0]["id"] == ended.id
+
+    def test_a_cap_with_other_seeds_makes_no_job(self, farm: NoiseFarm, http: httpx.Client) -> None:
+        # Given an exhausted job on a scalar variant, with a seed of its own
+        with farm.monitor():
+            job = work(farm, farm.submit(**{**QUICK, "max_spp": 60, "seed": 1}))
+        # When it is to go on to another cap, then that is refused, and nothing was made
+        answer = http.post(f"/v1/jobs/{job.id}/continue", json={"max_spp": 100})
+        assert (answer.status_code, answer.json()["type"]) == (409, "/problems/cannot-continue")
+        assert "draws other samples for a cap of 100 spp" in answer.json()["detail"]
+        assert [one["id"] for one in http.get("/v1/jobs").json()["jobs"]] == [job.id]
+
+    def test_kept_slices_with_other_seeds_are_judged_again_but_go_on_from_their_own_job(
+        self, farm: NoiseFarm, http: httpx.Client
+    ) -> None:
+        with farm.monitor():
+            job = work(farm, farm.submit(**QUICK, seed=1, keep_slices=True))
+            # Judging draws nothing, so that the cap may be any
+            judged = http.post(f"/v1/jobs/{job.id}/rejudge", json={"view": {"exposure_ev": 1}})
+            done = work(farm, farm.jobs.get(judged.json()["id"]))
+        assert rendered(farm, done) == []
+        # Going on from there to another cap is refused; to the one of the samples' own job it goes
+        path = f"/v1/jobs/{done.id}/continue"
+        refused = http.post(path, json={"max_spp": 300})
+        assert f"or go on with job {job.id}, whose samples they are" in refused.json()["detail"]
+        rule = {"name": "fixed", "spp": 200}
+        goes_on = http.post(path, json={"max_spp": 400, "rule": rule})
+        with farm.monitor():
+            assert work(farm, farm.jobs.get(goes_on.json()["id"])).spp == 200
 
     def test_a_job_that_nobody_knows(self, http: httpx.Client) -> None:
         answer = http.post("/v1/jobs/000000000000/continue", json={})

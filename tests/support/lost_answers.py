@@ -348,7 +348,7 @@ def _(world: World) -> Callable[[], object]:
 @case("drop_sums", "kept")
 def _(world: World) -> Callable[[], object]:
     job = world.finished()
-    return lambda: Scripts(world.lossy).run("drop_sums", job, 0, "")
+    return lambda: Scripts(world.lossy).run("drop_sums", job, 0)
 
 
 @case("forget_scene", "kept")

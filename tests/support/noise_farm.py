@@ -20,6 +20,7 @@ from farm.exr import Partial, Pixels, encode_partial
 from farm.job import Job
 from farm.jobs import Jobs
 from farm.queue import Committed, Lease, SliceQueue, SliceRecord
+from farm.seeds import SeedSchedule
 from farm.settings import Settings
 from farm.spec import JobSpec
 from farm.stop import Stop
@@ -96,11 +97,15 @@ class NoiseFarm:
         content = self._partial(lease, spp, film)
         name = blobs.partial(lease.job_id, lease.index, "noise")
         self.store.put(name, content)
+        schedule = SeedSchedule(
+            lease.variant, SIZE[1], SIZE[0], spp, lease.spec.max_spp, lease.spec.seed
+        )
+        first_seed, last_seed = schedule.seed_range(lease.index)
         record = SliceRecord(
             index=lease.index,
             spp=spp,
-            first_seed=lease.index,
-            last_seed=lease.index,
+            first_seed=first_seed,
+            last_seed=last_seed,
             blob=name,
             sha256=hashlib.sha256(content).hexdigest(),
             worker="noise",

@@ -7,6 +7,7 @@ from farm.blobs import Blobs
 from farm.jobs import Jobs
 from farm.ownership import Ownerships
 from farm.queue import Committed, Lease, SliceQueue, SliceRecord
+from farm.seeds import SeedSchedule
 from farm.spec import JobSpec
 from farm.states import JobState
 
@@ -50,11 +51,16 @@ class StagedJob:
             else:
                 self.plan()
             lease = self._lease()
+            spec = self.spec
+            schedule = SeedSchedule(
+                lease.variant, WIDTH, HEIGHT, spec.slice_spp, spec.max_spp, spec.seed
+            )
+            first_seed, last_seed = schedule.seed_range(lease.index)
             record = SliceRecord(
                 index=lease.index,
-                spp=self.spec.slice_spp,
-                first_seed=lease.index * 10,
-                last_seed=lease.index * 10 + 9,
+                spp=spec.slice_spp,
+                first_seed=first_seed,
+                last_seed=last_seed,
                 blob="partial",
                 sha256="ab" * 32,
                 worker="worker-1",
