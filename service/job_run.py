@@ -276,12 +276,14 @@ class JobRun:
     def _merge_up_to(self, job: Job) -> bool:
         """Merge what belongs to the final image but was not merged before the job ended.
 
-        A converged job's image is the one that was judged, and a failed one's is what there is;
-        any other takes every sample that was rendered. Returns False where a partial was lost.
+        A converged job's image is the one that was judged, and a failed one's is what was merged
+        of it, by whichever monitor: what could be merged once can be again. Any other takes every
+        sample that was rendered. Returns False where a partial was lost.
         """
+        merged_spp = max(job.spp, job.image_spp or 0)  # it may have been shown before it was judged
         last = {
             JobState.CONVERGED: job.spp // self._spec.slice_spp,
-            JobState.FAILED: self._merge.slices,
+            JobState.FAILED: max(self._merge.slices, merged_spp // self._spec.slice_spp),
         }.get(job.state, self._spec.max_slices)
         while self._merge.slices < last:
             stop = min(self._merge.slices + _BATCH, last)
