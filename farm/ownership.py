@@ -85,6 +85,12 @@ class Ownerships:
             records.append(SliceRecord.model_validate_json(text))
         return records
 
+    def state(self, job_id: str) -> JobState | None:
+        """The job's state, whatever else of it can be read; None where Redis has lost the job."""
+        with unavailable_as_farm_error():
+            state = self._redis.hget(keys.job(job_id), "state")
+        return None if state is None else JobState(state)
+
     def checkpoint(self, job_id: str) -> Checkpoint | None:
         """The job's last checkpoint, if it has one."""
         with unavailable_as_farm_error():
@@ -194,6 +200,10 @@ class Ownerships:
         `keeps_sums` leaves its last checkpoint for another job to go on from.
         """
         self._checked("finish", owned, "1" if keeps_sums else "")
+
+    def abandon(self, owned: Ownership) -> None:
+        """Say that Redis has lost the job: no monitor has work with it any more."""
+        self._checked("abandon", owned)
 
     def _checked(self, script: str, owned: Ownership, *arguments: str | int) -> Any:
         answer = self._scripts.run(script, owned.job_id, owned.token, *arguments)

@@ -16,7 +16,6 @@ from farm.blobs import Blobs
 from farm.errors import (
     BlobsUnavailable,
     FenceLost,
-    IllegalTransition,
     Incompatible,
     StoreUnavailable,
 )
@@ -26,10 +25,10 @@ from farm.ownership import Ownership, Ownerships
 from farm.processes import show_life
 from farm.redis_link import connect, connect_to_renew
 from farm.settings import Settings
-from farm.states import JobState
 from farm.stop import Stop
 from farm.totals import MonitorWork
 from farm.wake import Wake
+from service.giving_up import give_up
 from service.job_run import JobRun
 from service.judge import warm_up
 from service.look_ahead import Crew
@@ -80,7 +79,7 @@ class Monitor:
         self._keeps_sums = settings.keep_sums_days > 0
         self._owned: dict[str, Ownership] = {}
         self._runs: dict[str, JobRun] = {}
-        self._waiting: dict[str, _Waiting] = {}  # jobs of ours whose blobs cannot be reached
+        self._waiting: dict[str, _Waiting] = {}  # jobs of ours that lack something for now
         self._others: set[str] = set()  # jobs that other monitors owned a moment ago
         self._others_due = float("-inf")  # when they are asked for again
         self._taken_at = float("-inf")  # when we last looked which jobs there are
@@ -205,7 +204,7 @@ class Monitor:
                 self._fresh.append(job_id)
 
     def _bring_forward(self, job_id: str, crew: Crew) -> None:
-        """Advance one job, unless it waits; where its blobs cannot be reached, others go on."""
+        """Advance one job, unless it waits; whatever it lacks, the others go on."""
         waiting = self._waiting.get(job_id)
         if waiting is None or time.monotonic() >= waiting.until:
             with log.concerning(job_id):
@@ -217,6 +216,12 @@ class Monitor:
             done = self._advance(owned, crew)
         except BlobsUnavailable as error:
             _LOG.warning("the job waits: %s", error)
+            self._waiting.setdefault(job_id, _Waiting()).again()
+            return
+        except (Incompatible, StoreUnavailable):
+            raise
+        except Exception:  # noqa: BLE001  (one job's trouble must not hurt the others)
+            _LOG.exception("the job waits: it can neither go on nor be given up")
             self._waiting.setdefault(job_id, _Waiting()).again()
             return
         self._waiting.pop(job_id, None)
@@ -246,20 +251,7 @@ class Monitor:
             raise
         except Exception as error:  # noqa: BLE001  (one job's trouble must not hurt the others)
             _LOG.exception("the job cannot go on")
-            return self._give_up(owned, f"the merge cannot go on: {error}")
-
-    def _give_up(self, owned: Ownership, reason: str) -> bool:
-        """Fail the job; where it had ended before, leave it without its last results."""
-        try:
-            if self._jobs.get(owned.job_id).state.ended:
-                self._owners.finish(owned, keeps_sums=False)
-                return True
-            self._owners.end(owned, JobState.FAILED, reason)
-        except FenceLost:
-            return True
-        except IllegalTransition as refused:
-            _LOG.info("%s", refused)  # it was cancelled a moment ago
-        return False
+            return give_up(owned, self._owners, f"the merge cannot go on: {error}")
 
     def _living(self) -> Crew:
         """The workers that live, as of a moment ago."""

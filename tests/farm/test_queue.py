@@ -331,11 +331,33 @@ def test_a_monitor_that_lost_its_job_can_write_nothing(farm: Farm) -> None:
         lambda: farm.owners.conclude(old, spp=9, results="x", notes=()),
         lambda: farm.owners.end(old, JobState.CONVERGED, "x"),
         lambda: farm.owners.finish(old, keeps_sums=False),
+        lambda: farm.owners.abandon(old),
     ):
         with pytest.raises(FenceLost):
             write()
     assert farm.owners.renew((old, new)) == {job.id}
     assert farm.jobs.get(job.id).points == 0
+
+
+def test_a_job_that_redis_has_lost_is_given_to_nobody(farm: Farm) -> None:
+    lost, owned = farm.job(priority=1)
+    other, _ = farm.job()
+    assert lease(farm.worker("w")).job_id == lost.id
+    # Given that its hash is gone, and its owner has noticed
+    farm.client.delete(keys.job(lost.id))
+    farm.owners.abandon(owned)
+    assert farm.owners.unfinished() == {other.id}
+    # Then workers get other jobs, whatever was waiting, leased or late of this one
+    given = [lease(farm.worker(name)).job_id for name in "wxyz"]
+    assert given == [other.id] * 4
+    assert farm.worker("w").lease(VARIANTS, None, in_turn=False) is None
+
+
+def test_a_job_whose_state_is_there_is_not_lost(farm: Farm) -> None:
+    job, owned = farm.job()
+    farm.owners.abandon(owned)
+    assert farm.owners.unfinished() == {job.id}
+    assert lease(farm.worker("w")).job_id == job.id
 
 
 def test_a_point_of_the_curve_is_there_once(farm: Farm) -> None:

@@ -6,7 +6,7 @@ from typing import Any, Final
 
 import redis
 
-from farm import scripts
+from farm import keys, scripts
 from farm.allowance import Allowance
 from farm.api_keys import ApiKey, ApiKeys, KeyLimits, Role
 from farm.batches import Batches, Steer
@@ -295,6 +295,13 @@ def _(world: World) -> Callable[[], object]:
     verdict = {"slope": 0.01}
     state, why = JobState.CONVERGED, "levelled off"
     return lambda: world.owners.end(world.owned, state, why, verdict, RESULTS)
+
+
+@case("abandon", FenceLost)
+def _(world: World) -> Callable[[], object]:
+    job = world.leased().job_id
+    world.direct.delete(keys.job(job))
+    return lambda: world.owners.abandon(world.owned)
 
 
 @case("finish", FenceLost)

@@ -1,0 +1,101 @@
+"""A job that cannot be read holds up no other, and no monitor."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+import redis
+
+from farm import keys
+from farm.errors import JobNotFound
+from farm.job import Job
+from farm.states import JobState
+from tests.support.noise_farm import NoiseFarm
+from tests.support.real_farm import until
+
+SHORT = {"step": 20, "slice_spp": 10, "max_spp": 40, "rule": {"name": "fixed", "spp": 40}}
+
+
+@pytest.fixture
+def farm(client: redis.Redis, redis_url: str, tmp_path: Path) -> NoiseFarm:
+    return NoiseFarm(client, redis_url, tmp_path)
+
+
+def work(farm: NoiseFarm, job: Job) -> JobState:
+    """Render whatever is planned until the job is finished; returns its state."""
+
+    def finished() -> bool:
+        lease = farm.lease()
+        if lease is not None:
+            farm.commit(lease)
+        return farm.jobs.get(job.id).finished_at is not None
+
+    until(finished)
+    return farm.jobs.get(job.id).state
+
+
+def evict(client: redis.Redis, job: Job) -> None:
+    client.delete(keys.job(job.id))
+
+
+def evict_before_a_write(client: redis.Redis, job: Job) -> None:
+    """A counter that is written afterwards is no job either."""
+    evict(client, job)
+    client.hincrby(keys.job(job.id), "machine_ms", 20)
+
+
+@pytest.mark.parametrize("lose", [evict, evict_before_a_write])
+def test_one_that_redis_has_lost_is_dropped_and_the_others_go_on(
+    farm: NoiseFarm, client: redis.Redis, lose: Callable[[redis.Redis, Job], None]
+) -> None:
+    # Given a monitor with two jobs, each of them half rendered and with a slice at a worker
+    lost, other = farm.submit(**SHORT, priority=1), farm.submit(**SHORT)
+    with farm.monitor():
+        farm.render(2)
+        until(lambda: farm.jobs.get(lost.id).points == 1)
+        held = farm.next_lease()
+        assert held.job_id == lost.id
+        # When Redis loses one of them
+        lose(client, lost)
+        # Then the other converges, and nobody has work with the lost one any more
+        assert work(farm, other) is JobState.CONVERGED
+        until(lambda: not client.sismember(keys.UNFINISHED, lost.id))
+        assert client.zscore(keys.OPEN, lost.id) is None
+        assert [one for one in client.zrange(keys.LEASES, 0, -1) if lost.id in one] == []
+        with pytest.raises(JobNotFound):
+            farm.jobs.get(lost.id)
+        # And the monitor takes new ones
+        assert work(farm, farm.submit(**SHORT)) is JobState.CONVERGED
+
+
+def test_one_whose_spec_cannot_be_read_fails_and_the_others_go_on(
+    farm: NoiseFarm, client: redis.Redis
+) -> None:
+    # Given a job with a rule that this Plateau does not know
+    odd, other = farm.submit(**SHORT), farm.submit(**SHORT)
+    spec = client.hget(keys.job(odd.id), "spec")
+    newer = {**json.loads(spec), "rule": {"name": "newer"}}
+    client.hset(keys.job(odd.id), "spec", json.dumps(newer))
+    with farm.monitor():
+        assert work(farm, other) is JobState.CONVERGED
+        until(lambda: not client.sismember(keys.UNFINISHED, odd.id))
+    # Then it has failed, and says why
+    client.hset(keys.job(odd.id), "spec", spec)
+    done = farm.jobs.get(odd.id)
+    assert done.state is JobState.FAILED
+    assert "newer" in done.reason
+
+
+def test_one_that_cannot_even_be_given_up_waits_and_the_others_go_on(
+    farm: NoiseFarm, client: redis.Redis, caplog: pytest.LogCaptureFixture
+) -> None:
+    # Given a job in a state that this Plateau does not know
+    odd, other = farm.submit(**SHORT), farm.submit(**SHORT)
+    client.hset(keys.job(odd.id), "state", "resting")
+    with farm.monitor():
+        assert work(farm, other) is JobState.CONVERGED
+        until(lambda: "neither go on nor be given up" in caplog.text)
+        # When it can be read again, it goes on too
+        client.hset(keys.job(odd.id), "state", "queued")
+        assert work(farm, odd) is JobState.CONVERGED
