@@ -78,7 +78,7 @@ plateau:job:ID:seeds      zset    "first-last" of each commit, scored by first  
 plateau:job:ID:deaths     hash    slice index → JSON list of the causes                till end
 plateau:job:ID:spoiled    hash    slice index → how often its partial was lost         till end
 plateau:job:ID:curve      stream  points; the entry's id is spp-0                      the job's
-plateau:job:ID:events     stream  state, point, slice, trouble, finished               the job's
+plateau:job:ID:events     stream  state, image, point, slice, trouble, finished        the job's
 plateau:job:ID:log        stream  how tries of slices ended and what was printed, ~2000  the job's
 plateau:job:ID:webhook    hash    its webhook's receiver, url and secret                the job's
 plateau:job:ID:deliveries hash    number → JSON of a webhook's message, its state, …   the job's

@@ -186,8 +186,7 @@ class Ownerships:
         notes
             All that is to be known of how it was rendered.
         """
-        fields = ("spp", spp, "results", results, "notes", json.dumps(notes), "concluded", 1)
-        self._checked("save", owned, *fields)
+        self._checked("conclude", owned, spp, results, json.dumps(notes))
 
     def concluded(self, job_id: str) -> bool:
         """Whether the job's last results are written."""

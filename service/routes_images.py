@@ -99,11 +99,14 @@ def _image(
             return blob_response(f"{results}/{name}", media_type, headers, farm, has, request)
         except FileNotFoundError:
             continue
-    raise _no_image(job)
+    raise _no_image(job, name)
 
 
-def _no_image(job: Job) -> Problem:
-    if job.state.ended:
+def _no_image(job: Job, name: str) -> Problem:
+    lost = job.state.ended and job.points  # else a difference map comes with the first point
+    if name == "difference.png" and job.image_spp and not lost:
+        detail = _no_difference(job)
+    elif job.state.ended:
         detail = f"job {job.id} is {job.state.value} and left no image: {job.reason}"
     else:
         detail = (
@@ -111,3 +114,12 @@ def _no_image(job: Job) -> Problem:
             f"samples, and GET /v1/jobs/{job.id}/events announces it"
         )
     return Problem(problems.NO_IMAGE_YET, detail, state=job.state.value)
+
+
+def _no_difference(job: Job) -> str:
+    there = f"job {job.id} is {job.state.value} and has an image of {job.image_spp} spp, but no"
+    first = f"the first point of its curve, at {min(job.spec.step, job.spec.max_spp)} spp"
+    if job.state.ended:
+        return f"{there} difference map: it ended before {first}: {job.reason}"
+    events = f"GET /v1/jobs/{job.id}/events announces it"
+    return f"{there} difference map yet: that comes with {first}, and {events}"

@@ -167,11 +167,11 @@ async def events(
 ) -> Response:
     """Stream what happens to a job as Server-Sent Events, from its beginning on.
 
-    `state` (from, to, reason), `image` (spp: there is a first image to be fetched), `point` (a
-    point of the curve), `slice` (index, worker), `trouble` (index, worker, cause: a worker died on
-    a slice, or a partial was lost) and, once all results are written, `finished`, after which the
-    stream ends. An event's `id` resumes the stream. With
-    `Accept: application/json`, what has happened so far.
+    `state` (from, to, reason), `image` (spp: there is a first image to be fetched, which may be the
+    final one; once for each job that has any), `point` (a point of the curve), `slice` (index,
+    worker), `trouble` (index, worker, cause: a worker died on a slice, or a partial was lost) and,
+    once all results are written, `finished`, after which the stream ends. An event's `id` resumes
+    the stream. With `Accept: application/json`, what has happened so far.
     """
     farm = parts_of(request)
     media_type = chosen(accept, (_SSE, _JSON))

@@ -13,7 +13,7 @@ local batch, guarded, compared, first = ARGV[9], ARGV[10], ARGV[11], 12
 local made, by_then = made_before(idempotency, digest)
 if made then return {made, by_then} end
 local before = redis.call('HMGET', job_key(old), 'finished_at', 'checkpoint', 'variant', 'width',
-                          'height', 'notes', 'results', 'planned')
+                          'height', 'notes', 'results', 'planned', 'spp')
 if redis.call('EXISTS', job_key(old)) == 0 then return {'missing'} end
 if not before[1] then return {'changed'} end
 if checkpoint ~= '' and before[2] ~= checkpoint then return {'changed'} end
@@ -40,7 +40,7 @@ for index = 0, slices - 1 do
              string.format('%.0f-%.0f', record.first_seed, record.last_seed))
 end
 if checkpoint ~= '' then
-  redis.call('HSET', job_key(id), 'checkpoint', checkpoint, 'results', before[7] or '')
+  redis.call('HSET', job_key(id), 'checkpoint', checkpoint)
   for _, entry in ipairs(redis.call('XRANGE', job_key(old, 'curve'), '-', judged_spp)) do
     local spp, point = string.match(entry[1], '^%d+'), entry[2][2]
     redis.call('XADD', job_key(id, 'curve'), entry[1], 'point', point)
@@ -48,6 +48,7 @@ if checkpoint ~= '' then
     redis.call('HINCRBY', job_key(id), 'points', 1)
     announce(id, 'point', point)
   end
+  if (before[7] or '') ~= '' then show(id, before[7], before[9]) end
 end
 -- Nobody is shown the secret of a webhook, so none can be sent again for the same receiver.
 local hook = redis.call('HMGET', job_key(id, 'webhook'), 'receiver', 'secret')

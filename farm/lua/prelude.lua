@@ -42,6 +42,12 @@ end
 -- Is there an image of the job to be looked at?
 local function has_image(id) return (redis.call('HGET', job_key(id), 'results') or '') ~= '' end
 
+-- The job has a set of results, of so many spp: there is an image to be looked at, from the first on.
+local function show(id, results, spp)
+  if not has_image(id) then announce(id, 'image', cjson.encode({spp = tonumber(spp)})) end
+  redis.call('HSET', job_key(id), 'results', results)
+end
+
 -- For how long the job's clock has stood still (ms), the pause that lasts included.
 local function paused_ms(id)
   local paused = redis.call('HMGET', job_key(id), 'paused_ms', 'paused_at')

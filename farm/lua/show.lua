@@ -3,6 +3,5 @@
 -- Returns 'shown' or 'fenced'.
 local id, token, results, spp = ARGV[1], ARGV[2], ARGV[3], ARGV[4]
 if not owned(id, token) then return 'fenced' end
-if not has_image(id) then announce(id, 'image', cjson.encode({spp = tonumber(spp)})) end
-redis.call('HSET', job_key(id), 'results', results)
+show(id, results, spp)
 return 'shown'

@@ -89,8 +89,14 @@ class TestWatch:
         code, out, err = plateau("watch", job.id, "--events")
         assert (code, err) == (4, "")
         events = [json.loads(line) for line in out.splitlines()]
-        assert [event["type"] for event in events][-4:] == ["point", "point", "state", "finished"]
-        assert events[-3]["data"]["visible_pixels"] == 9
+        assert [event["type"] for event in events][-5:] == [
+            "point",
+            "point",
+            "state",
+            "image",
+            "finished",
+        ]
+        assert events[-4]["data"]["visible_pixels"] == 9
         for more in (["--json"], ["-o", "out"]):
             code, _, err = plateau("watch", job.id, "--events", *more)
             assert (code, "--events goes with neither" in err) == (2, True)

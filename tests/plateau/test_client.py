@@ -153,7 +153,7 @@ def test_events_go_on_after_the_api_was_restarted(
         job.finish()
         watcher.join(60)
     # Then everything was heard once
-    assert heard == ["state", "state", "slice", "point", "state", "finished"]
+    assert heard == ["state", "state", "slice", "point", "state", "image", "finished"]
     plateau.close()
 
 

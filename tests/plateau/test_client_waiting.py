@@ -10,6 +10,7 @@ from farm.states import JobState
 from plateau import (
     Client,
     FinishedEvent,
+    ImageEvent,
     PointEvent,
     SliceEvent,
     StateEvent,
@@ -32,8 +33,8 @@ def test_each_event_has_a_type_of_its_own(plateau: Client, client: redis.Redis) 
     happened = plateau.happened(job.id)
     assert [(type(one), one.id) for one in happened] == [(type(one), one.id) for one in events]
     kinds = [StateEvent, StateEvent, TroubleEvent, SliceEvent, PointEvent, StateEvent]
-    assert [type(event) for event in events] == [*kinds, FinishedEvent]
-    _, rendering, trouble, committed, judged, ended, _ = events
+    assert [type(event) for event in events] == [*kinds, ImageEvent, FinishedEvent]
+    _, rendering, trouble, committed, judged, ended, shown, _ = events
     assert isinstance(rendering, StateEvent)
     assert rendering.state is JobState.RENDERING
     assert isinstance(trouble, TroubleEvent)
@@ -45,6 +46,8 @@ def test_each_event_has_a_type_of_its_own(plateau: Client, client: redis.Redis) 
     assert judged.point == happened[4].point == plateau.curve(job.id)[0]
     assert isinstance(ended, StateEvent)
     assert (ended.state, ended.reason) == (JobState.EXHAUSTED, "at its cap")
+    assert isinstance(shown, ImageEvent)
+    assert shown.spp == 100
 
 
 def test_a_wait_tells_of_what_happens_from_the_beginning(
@@ -61,7 +64,7 @@ def test_a_wait_tells_of_what_happens_from_the_beginning(
             job.finish()
 
     assert plateau.wait(job.id, on_event=hear, timeout_s=30).state is JobState.CONVERGED
-    assert heard[3:] == ["StateEvent", "FinishedEvent"]
+    assert heard[3:] == ["StateEvent", "ImageEvent", "FinishedEvent"]
 
 
 def test_what_a_callback_raises_ends_the_wait(plateau: Client, client: redis.Redis) -> None:

@@ -118,6 +118,29 @@ class TestImages:
         found = problem(http.get(f"/v1/jobs/{job.id}/image.png"), 404, "no-image-yet")
         assert "failed and left no image: no plugin of that name" in found["detail"]
 
+    def test_are_there_before_there_is_a_difference_to_be_shown(
+        self, http: httpx.Client, client: redis.Redis, api_store: Blobs
+    ) -> None:
+        job = StagedJob(client, step=200)
+        job.commit()
+        # Given an image, and no point of the curve yet
+        job.picture(api_store, "image.png", b"a picture")
+        found = problem(http.get(f"/v1/jobs/{job.id}/difference.png"), 404, "no-image-yet")
+        assert "has an image of 100 spp, but no difference map yet" in found["detail"]
+        assert "with the first point of its curve, at 200 spp" in found["detail"]
+        # When the job ends so
+        job.end(JobState.CANCELLED, "cancelled by a user")
+        found = problem(http.get(f"/v1/jobs/{job.id}/difference.png"), 404, "no-image-yet")
+        assert (
+            "is cancelled and has an image of 100 spp, but no difference map: " in found["detail"]
+        )
+        assert "ended before the first point of its curve, at 200 spp" in found["detail"]
+        # A cap may come before a step
+        job = StagedJob(client, step=200, max_spp=150)
+        job.picture(api_store, "image.png", b"a picture")
+        found = problem(http.get(f"/v1/jobs/{job.id}/difference.png"), 404, "no-image-yet")
+        assert "at 150 spp" in found["detail"]
+
 
 class TestEvents:
     def test_tell_the_whole_story_and_end(self, http: httpx.Client, client: redis.Redis) -> None:
@@ -133,6 +156,7 @@ class TestEvents:
             *["slice"] * 4,
             "point",
             "state",
+            "image",
             "finished",
         ]
         assert [event.data["to"] for event in happened if event.type == "state"] == [
@@ -165,7 +189,7 @@ class TestEvents:
             (job.commit, ["state", "slice"]),
             (lambda: job.point(25, 1), ["point"]),
             (job.end, ["state"]),
-            (job.finish, ["finished"]),
+            (job.finish, ["image", "finished"]),
         ):
             do()
             # Each is heard of before the next happens
@@ -211,7 +235,9 @@ class TestEvents:
         job.finish()
         for listener in listeners:
             listener.join(60)
-        assert heard == [["state", "state", *["slice", "point"] * 5, "state", "finished"]] * 8
+        assert (
+            heard == [["state", "state", *["slice", "point"] * 5, "state", "image", "finished"]] * 8
+        )
 
     @pytest.mark.parametrize("last", ["x", "1", "1-2-3", "-"])
     def test_refuse_an_id_that_is_none(

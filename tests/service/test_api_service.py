@@ -149,7 +149,7 @@ class TestWithoutRedis:
                 watcher.join(60)
             finally:
                 after.stop()
-        assert heard == ["state", "state", "slice", "state", "finished"]
+        assert heard == ["state", "state", "slice", "state", "image", "finished"]
 
 
 def _free_port() -> int:

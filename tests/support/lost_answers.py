@@ -297,6 +297,13 @@ def _(world: World) -> Callable[[], object]:
     return lambda: world.owners.end(world.owned, state, why, verdict, RESULTS)
 
 
+@case("conclude")
+def _(world: World) -> Callable[[], object]:
+    world.committed()
+    Ownerships(world.direct, LEASE_S).end(world.owned, JobState.EXHAUSTED, "the cap")
+    return lambda: world.owners.conclude(world.owned, spp=50, results=RESULTS, notes=("a note",))
+
+
 @case("abandon", FenceLost)
 def _(world: World) -> Callable[[], object]:
     job = world.leased().job_id
