@@ -4,11 +4,16 @@ A process of its own, since an LLVM that does not suit the machine aborts it.
 """
 
 import resource
+import signal
 import sys
 
 
 def main(variant: str) -> None:
     """Render a small Cornell box with a path tracer; any failure ends the process."""
+    # Ctrl-C in a terminal reaches this process too, and has to end it as a signal does: within
+    # Mitsuba, Python's KeyboardInterrupt becomes other errors, and aborts. It was held back so far.
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))  # an abort is expected here: no core file
     import mitsuba as mi
     import numpy as np

@@ -30,6 +30,11 @@ CUDA, LLVM, SCALAR = "cuda_ad_rgb", "llvm_ad_rgb", "scalar_rgb"
 _PROBE_TIMEOUT_S = 120.0
 
 _TIMED_OUT = "gave no image within"
+_ENDED_BY = "was ended by"
+
+#: What an LLVM that does not suit the machine ends its process with. Any other signal came from
+#: outside: somebody who stops the worker, or the kernel, short of memory.
+_BROKEN = (signal.SIGABRT, signal.SIGSEGV, signal.SIGILL, signal.SIGBUS, signal.SIGFPE)
 
 
 @dataclass(frozen=True)
@@ -129,6 +134,8 @@ def probe(variant: str, library: str | None, timeout_s: float = _PROBE_TIMEOUT_S
                 errors="replace",
                 timeout=timeout_s,
                 check=False,
+                # Until it can die of it: see there.
+                preexec_fn=lambda: signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT}),
             )
         except subprocess.TimeoutExpired:
             return Probe(variant, library, ok=False, detail=f"{_TIMED_OUT} {timeout_s:g} s")
@@ -175,8 +182,14 @@ def _choice(tried: tuple[Probe, ...]) -> VariantChoice:
     return VariantChoice(taken.variant, library, why, tried)
 
 
-def _of_the_moment(failed: Probe) -> bool:
-    return _TIMED_OUT in failed.detail or signal.SIGTERM.name in failed.detail
+def _is_lasting(one: Probe) -> bool:
+    """Return whether it would come out the same another time, as far as one can tell."""
+    if one.ok:
+        return True
+    if one.variant == CUDA or one.detail.startswith(_TIMED_OUT):
+        return False  # a GPU in use, a machine under load
+    broken = tuple(f"{_ENDED_BY} {number.name}," for number in _BROKEN)
+    return not one.detail.startswith(_ENDED_BY) or one.detail.startswith(broken)
 
 
 def _described(one: Probe) -> str:
@@ -186,7 +199,7 @@ def _described(one: Probe) -> str:
 def _last_words(done: subprocess.CompletedProcess[str]) -> str:
     """Return how a probe ended, with LLVM's complaint or else the last line that it wrote."""
     if done.returncode < 0:
-        how = f"was ended by {signal.Signals(-done.returncode).name}"
+        how = f"{_ENDED_BY} {signal.Signals(-done.returncode).name}"
     else:
         how = f"exited with {done.returncode}"
     lines = [line.strip() for line in (done.stdout + done.stderr).splitlines() if line.strip()]
@@ -225,16 +238,17 @@ class _Memory:
         """Return the remembered probes; None where there are none, or none that can be trusted."""
         try:
             content = json.loads(self._file.read_text(encoding="utf-8"))
-            if content["identity"] == self._identity:
-                return tuple(Probe(**one) for one in content["tried"])
+            tried = tuple(Probe(**one) for one in content["tried"])
+            if content["identity"] == self._identity and all(map(_is_lasting, tried)):
+                return tried
         except (OSError, ValueError, TypeError, KeyError):
             pass  # a cache that cannot be read is no cache
         return None
 
     def write(self, tried: tuple[Probe, ...]) -> None:
         """Remember these probes, unless a failure may be of the moment."""
-        if any(not one.ok and (one.variant == CUDA or _of_the_moment(one)) for one in tried):
-            return  # a GPU in use, a machine under load, a worker that is to stop
+        if not all(map(_is_lasting, tried)):
+            return
         content = {"identity": self._identity, "tried": [asdict(one) for one in tried]}
         with contextlib.suppress(OSError):
             self._file.parent.mkdir(parents=True, exist_ok=True)

@@ -75,6 +75,27 @@ def dying_children(tmp_path, monkeypatch):
     return lambda: monkeypatch.setenv("PYTHONPATH", str(folder))
 
 
+@pytest.fixture
+def signalled(tmp_path, monkeypatch):
+    """Every Python process started from here on signals itself, at a start or at an import."""
+    folder = tmp_path / "signalled"
+    folder.mkdir()
+
+    def arrange(name: str, *, at: str) -> None:
+        (folder / "sitecustomize.py").write_text(
+            "import os, signal, sys\n"
+            f"def hit(): os.kill(os.getpid(), signal.{name})\n"
+            "def hook(event, about):\n"
+            f"    if event == 'import' and about[0] == {at!r}: hit()\n"
+            f"hit() if {at!r} == 'site' else sys.addaudithook(hook)\n",
+            encoding="utf-8",
+        )
+        search = [str(folder), *filter(None, [os.environ.get("PYTHONPATH")])]
+        monkeypatch.setenv("PYTHONPATH", os.pathsep.join(search))
+
+    return arrange
+
+
 class TestProbe:
     def test_scalar_works_everywhere(self):
         assert probe(SCALAR, None) == Probe(SCALAR, None, ok=True, detail="rendered an image")
@@ -94,6 +115,13 @@ class TestProbe:
         found = probe(SCALAR, None)
         assert not found.ok
         assert found.detail == "was ended by SIGABRT, saying LLVM ERROR: Cannot select"
+
+    # Python's own KeyboardInterrupt makes an exit code of the one, and an abort of the other.
+    @pytest.mark.parametrize("at", ["site", "mitsuba.mitsuba_ext"])
+    def test_ctrl_c_ends_it_as_a_signal_does_whatever_it_is_doing(self, signalled, at):
+        signalled("SIGINT", at=at)
+        found = probe(SCALAR, None)
+        assert (found.ok, found.detail) == (False, "was ended by SIGINT, saying nothing")
 
     def test_a_hang_is_ended(self):
         found = probe(SCALAR, None, timeout_s=0.01)
@@ -200,16 +228,32 @@ class TestMemory:
         assert [one.variant for one in choice.tried] == [CUDA, SCALAR]
         assert not (tmp_path / "variant.json").exists()
 
-    def test_a_probe_that_was_told_to_stop_says_nothing_of_its_library(
-        self, tmp_path, broken_library, monkeypatch
+    @pytest.mark.parametrize("name", ["SIGTERM", "SIGINT", "SIGHUP", "SIGKILL"])
+    def test_a_signal_from_outside_says_nothing_of_the_library(
+        self, tmp_path, broken_library, signalled, name
     ):
-        # As when Slurm ends a worker that is about to find out what works here.
-        told = Probe(
-            LLVM, str(broken_library), ok=False, detail="was ended by SIGTERM, saying nothing"
-        )
-        monkeypatch.setattr(variants, "probe", lambda *_: told)
-        assert choose(tmp_path).variant == SCALAR
-        assert not (tmp_path / "variant.json").exists()
+        # As when Slurm ends a worker that is about to find out what works here, or the kernel is
+        # short of memory.
+        signalled(name, at="site")
+        choice = choose(tmp_path / "cache")
+        assert choice.variant == SCALAR
+        assert choice.tried[0].detail.startswith(f"was ended by {name}, ")
+        assert not (tmp_path / "cache/variant.json").exists()
+
+    @pytest.mark.parametrize("name", ["SIGABRT", "SIGSEGV", "SIGILL", "SIGBUS", "SIGFPE"])
+    def test_a_crash_is_remembered(self, tmp_path, broken_library, signalled, name):
+        signalled(name, at="site")
+        choice = choose(tmp_path / "cache")
+        assert choice.tried[0].detail.startswith(f"was ended by {name}, ")
+        signalled("SIGKILL", at="site")
+        assert choose(tmp_path / "cache") == choice
+
+    def test_what_an_earlier_version_remembered_of_the_moment_is_no_memory(self, tmp_path, first):
+        file = tmp_path / "cache/variant.json"
+        content = json.loads(file.read_text(encoding="utf-8"))
+        content["tried"][0]["detail"] = "was ended by SIGINT, saying KeyboardInterrupt"
+        file.write_text(json.dumps(content), encoding="utf-8")
+        assert self._tried_again(choose(tmp_path / "cache"))
 
 
 def test_the_supervisors_side_never_imports_mitsuba():
