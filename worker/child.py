@@ -15,6 +15,7 @@ and answers::
     {"is": "rendered", "at": …, "render_s": …}     the sum of the passes
     {"is": "cancelled"}
     {"is": "scene-error", "message": …}    Mitsuba's words
+    {"is": "disk-error", "message": …}     to either request: the machine's disk takes no film
 
 A film lies in the file as height × width × 4 values in float32, from the byte ``"at"`` on, until
 the next request to render.
@@ -33,13 +34,13 @@ import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, BinaryIO, Final, TextIO
+from typing import Any, Final, TextIO
 
 import numpy as np
-from numpy.typing import NDArray
 
 from worker.confinement import limit_resources, refuse_processes_and_network
 from worker.errors import SceneError
+from worker.films import Films, FilmsNotWritten
 
 #: Where the rest of a slice takes less, its first pass is not worth showing.
 _GLIMPSE_S: Final = 0.3
@@ -94,7 +95,7 @@ def main() -> None:
     # Imported here: it takes a second, and the supervisor's death must be noticed meanwhile.
     from worker.renderer import Renderer
 
-    films = os.fdopen(arguments.films, "wb", buffering=0)
+    films = Films(os.fdopen(arguments.films, "wb", buffering=0))
     renderer = Renderer(arguments.variant, arguments.threads)
     answer("ready", unconfined=_confine(arguments.variant))
     for request in requests:
@@ -107,21 +108,24 @@ def main() -> None:
                     request["parameters"],
                     request["sensor"],
                 )
+                films.make_room(scene.width, scene.height)
                 answer("loaded", width=scene.width, height=scene.height, notes=scene.notes)
             else:
                 _render(renderer, request, requests, answer, films)
         except SceneError as error:
             answer("scene-error", message=str(error))
+        except FilmsNotWritten as error:
+            answer("disk-error", message=str(error))
 
 
 def _render(
-    renderer: Any, request: dict[str, Any], requests: Requests, answer: Any, films: BinaryIO
+    renderer: Any, request: dict[str, Any], requests: Requests, answer: Any, films: Films
 ) -> None:
     """Sum the passes, in order, in float64, into the file of films; say so, or of a cancel."""
     started = time.monotonic()
     total, summed = np.zeros(1), 0
     passes = request["passes"]
-    films.truncate(0)
+    films.drop_glimpse()
     for film in renderer.render(
         passes, is_cancelled=lambda: requests.cancelled_id == request["id"]
     ):
@@ -130,20 +134,14 @@ def _render(
         answer("pass")
         if summed == 1 and request["glimpse"]:
             first_s, (spp, _) = time.monotonic() - started, passes[0]
-            if first_s / spp * sum(spp for spp, _ in passes[1:]) > _GLIMPSE_S:
-                answer("glimpse", at=_append(films, film), spp=spp)
+            takes_a_while = first_s / spp * sum(spp for spp, _ in passes[1:]) > _GLIMPSE_S
+            if takes_a_while and (at := films.write_glimpse(film)) is not None:
+                answer("glimpse", at=at, spp=spp)
     if summed < len(passes):
         answer("cancelled")
     else:
-        at = _append(films, total.astype(np.float32))
+        at = films.write_sum(total.astype(np.float32))
         answer("rendered", at=at, render_s=time.monotonic() - started)
-
-
-def _append(films: BinaryIO, film: NDArray[np.float32]) -> int:
-    """Write a film at the end of the file; return where it begins."""
-    at = films.seek(0, os.SEEK_END)
-    film.tofile(films)
-    return at
 
 
 def _confine(variant: str) -> str | None:

@@ -37,7 +37,8 @@ _PASSED_ON: Final = ("PATH", "LANG", "LC_ALL", "PYTHONPATH", "VIRTUAL_ENV", "LD_
 #: A cancelled render that goes on for so long is ended by force.
 CANCEL_GRACE_S: Final = 2.0
 
-_START_TIMEOUT_S: Final = 120.0
+#: A child has imported Mitsuba by then, or is given up.
+START_TIMEOUT_S: Final = 120.0
 _POLL_S: Final = 0.5  #: so much later than it is due a silent child is ended, at most
 _LAST_WORDS: Final = 1000
 #: The films of a slice: its first pass and its sum, R, G, B and W of each pixel in float32.
@@ -83,8 +84,9 @@ class RenderChild:
     Making one does not wait for it: that takes a second, in which others can do something.
 
     Every request raises `ChildDied` when the process ends or does not answer in time (its whole
-    process group is killed then), and `SceneError` with Mitsuba's words. After `cancel`, called
-    from another thread, the request under way raises `Cancelled`.
+    process group is killed then), `SceneError` with Mitsuba's words, and `OSError` where the disk
+    that `home` is on takes no film: the scene has to be loaded again. After `cancel`, called from
+    another thread, the request under way raises `Cancelled`.
     """
 
     def __init__(
@@ -97,6 +99,7 @@ class RenderChild:
         self._cancelled_at: float | None = None
         self._lock = threading.Lock()
         self._words = Words()
+        self._home = home
         home.mkdir(parents=True, exist_ok=True)
         environment = {name: os.environ[name] for name in _PASSED_ON if name in os.environ}
         environment["HOME"] = str(home.absolute())  # Dr.Jit keeps compiled kernels there
@@ -142,7 +145,7 @@ class RenderChild:
         """Return once the child has imported Mitsuba; `load` does this by itself."""
         if self._is_ready:
             return
-        unconfined = self._expect(_START_TIMEOUT_S, "starting")["unconfined"]
+        unconfined = self._expect(START_TIMEOUT_S, "starting")["unconfined"]
         if unconfined is not None:
             _LOG.warning("the render child may start processes and open sockets: %s", unconfined)
         self._is_ready = True
@@ -240,6 +243,8 @@ class RenderChild:
         answer: dict[str, Any] = json.loads(line)
         if answer["is"] == "scene-error":
             raise SceneError(answer["message"])
+        if answer["is"] == "disk-error":
+            raise OSError(f"no film can be written into {self._home}: {answer['message']}")
         if answer["is"] == "cancelled":
             raise Cancelled
         return answer

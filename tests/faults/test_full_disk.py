@@ -1,6 +1,5 @@
 """A service whose data folder is on a full disk: Redis stops, and goes on when there is room."""
 
-import contextlib
 from pathlib import Path
 
 from farm.exr import decode_image
@@ -13,15 +12,6 @@ from tests.support.loop_disk import LoopDisk
 from tests.support.real_farm import BOX
 
 READY = r"listens at (http://127\.0\.0\.1:\d+)"
-
-
-def fill(disk: LoopDisk) -> Path:
-    """Leave no room on the disk; returns what takes it."""
-    ballast = disk.folder / "ballast"
-    with ballast.open("wb", buffering=0) as file, contextlib.suppress(OSError):
-        while True:
-            file.write(bytes(1 << 12))
-    return ballast
 
 
 def test_redis_stops_and_goes_on_when_there_is_room(
@@ -40,7 +30,7 @@ def test_redis_stops_and_goes_on_when_there_is_room(
                 job = client.submit(BOX, JobSpec.model_validate(SPEC)).id
                 until(lambda: client.job(job).points >= 3, 120)
                 # Given a disk without room for one more write of Redis's
-                ballast = fill(disk)
+                ballast = disk.fill()
                 up.wait_for("Redis ended with exit code 1; starting it again")
                 assert up.process.poll() is None
                 # When there is room

@@ -6,6 +6,7 @@ nothing by itself (``commit=300``). A copy of the image holds what the disk held
 nothing of the kernel's memory, which is what a power loss leaves.
 """
 
+import contextlib
 import os
 import shutil
 import subprocess
@@ -69,6 +70,16 @@ class LoopDisk:
         """Take it away: its folder is an empty one of the disk below."""
         # Lazily, so that it goes with its last user where something still uses it.
         _run("umount", "--lazy", str(self.folder))
+
+    def fill(self, leaving: int = 0) -> Path:
+        """Leave room for so many bytes; returns the file that takes the rest."""
+        ballast = self.folder / "ballast"
+        with ballast.open("wb", buffering=0) as file:
+            with contextlib.suppress(OSError):
+                while True:
+                    file.write(bytes(1 << 12))
+            file.truncate(max(0, file.tell() - leaving))
+        return ballast
 
     def make_read_only(self) -> None:
         """Mount it anew so that nothing can be written."""

@@ -8,12 +8,14 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 import psutil
 import pytest
 
 from farm.seeds import Pass
+from tests.support.loop_disk import LoopDisk
 from worker.errors import SceneError
 from worker.render_child import Cancelled, ChildDied, ChildLimits, Film, RenderChild
 
@@ -77,6 +79,56 @@ def test_it_shows_the_first_pass_where_the_others_take_a_while(child: RenderChil
     child.render((Pass(1, 7), Pass(1, 8)), lambda film, spp: seen.append((film, spp)))
     child.render((Pass(1, 7),), lambda film, spp: seen.append((film, spp)))
     assert len(seen) == 1
+
+
+class TestOnASmallDisk:
+    SCENE: ClassVar = {"width": "512", "height": "256"}  # 2 MiB of film
+    PASSES = (Pass(1, 7), Pass(16, 8))
+
+    @pytest.fixture
+    def disk(self, tmp_path: Path) -> Iterator[LoopDisk]:
+        with LoopDisk(tmp_path / "disk", megabytes=8) as disk:
+            yield disk
+
+    @pytest.fixture
+    def child(self, disk: LoopDisk) -> Iterator[RenderChild]:
+        child = RenderChild("scalar_rgb", None, LIMITS, disk.folder / "home")
+        child.await_ready()
+        yield child
+        child.kill()
+
+    def test_a_glimpse_without_room_is_left_out(self, child: RenderChild, disk: LoopDisk) -> None:
+        seen: list[int] = []
+        # Given room for a film and a half
+        ballast = disk.fill(leaving=3 << 20)
+        child.load(BOX, "scene.xml", self.SCENE, 0)
+        # Then the slice is rendered, and nothing is shown of it, however often it is tried
+        film, _ = child.render(self.PASSES, lambda _, spp: seen.append(spp))
+        child.render(self.PASSES, lambda _, spp: seen.append(spp))
+        assert seen == []
+        # And where there is room it is the same, and is shown
+        ballast.unlink()
+        again, _ = child.render(self.PASSES, lambda _, spp: seen.append(spp))
+        assert seen == [1]
+        np.testing.assert_array_equal(again, film)
+
+    def test_a_film_without_room_is_the_disks_fault(
+        self, child: RenderChild, disk: LoopDisk
+    ) -> None:
+        # Given the megabyte that the worker's test of itself takes
+        ballast = disk.fill(leaving=1 << 20)
+        with pytest.raises(OSError, match=rf"written into {disk.folder}/home: No space left"):
+            child.load(BOX, "scene.xml", self.SCENE, 0)
+        # Then it lives, takes no room, and can do with what there is
+        assert child.alive
+        child.load(BOX, "scene.xml", SMALL, 0)
+        child.render((Pass(1, 0),))
+        # And a disk that fills up later harms no scene that is loaded
+        ballast.unlink()
+        child.load(BOX, "scene.xml", self.SCENE, 0)
+        disk.fill()
+        film, _ = child.render((Pass(1, 7),))
+        np.testing.assert_array_equal(film[..., 3], 1)
 
 
 def test_a_scene_error_leaves_the_child_alive(child: RenderChild, tmp_path: Path) -> None:

@@ -28,6 +28,7 @@ from farm.settings import Settings
 from farm.spec import JobSpec
 from farm.states import JobState
 from farm.stop import Stop
+from tests.support.loop_disk import LoopDisk
 from worker.supervisor import Supervisor
 from worker.variants import Probe, VariantChoice
 
@@ -263,6 +264,25 @@ def test_a_scene_that_cannot_be_fetched_for_a_while_costs_no_try(bench: Bench) -
         scene.write_bytes(content)
         until(lambda: len(bench.jobs.ledger(job.id)) == 1)
     assert [event for event in bench.jobs.events(job.id) if event.type == "trouble"] == []
+
+
+def test_a_cache_disk_without_room_for_a_film_costs_no_try(bench: Bench, tmp_path: Path) -> None:
+    with LoopDisk(tmp_path / "disk", megabytes=16) as disk:
+        bench.settings = bench.settings.model_copy(update={"cache": disk.folder / "cache"})
+        # Given a worker on a disk that has room for all but a film
+        ballast = disk.fill(leaving=2 << 20)
+        job, _ = bench.job(slices=1, parameters={"size": 512}, slice_spp=4, step=4)
+        with bench.worker() as worker:
+            # When it has tried more often than a slice may cost its workers' lives
+            until(lambda: len(bench.jobs.log(job.id)) > 3)
+            ballast.unlink()
+            # Then the job goes on as soon as there is room, and nobody has died
+            until(lambda: len(bench.jobs.ledger(job.id)) == 1)
+    assert [event for event in bench.jobs.events(job.id) if event.type == "trouble"] == []
+    returned = bench.jobs.log(job.id)[0]
+    assert (returned.what, returned.worker) == ("handed-back", worker.id)
+    assert "no film can be written into" in str(returned.cause)
+    assert "No space left on device" in str(returned.cause)
 
 
 def test_a_cancelled_job_frees_the_worker_at_once(bench: Bench, client: redis.Redis) -> None:
