@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Final
+from uuid import uuid4
 
 from farm import blobs
 from farm.blobs import Blobs
@@ -16,18 +17,30 @@ from farm.bundle import unpack_bundle
 from farm.durable import sync_tree
 from farm.errors import CorruptBlob, StoreUnavailable
 
-#: So many scenes stay unpacked; the one unused for longest goes first.
+#: So many scenes stay unpacked, and more while they are in use; the one unused for longest goes
+#: first.
 _KEPT: Final = 16
 _ABANDONED_S: Final = 86_400.0  #: no scene takes so long to fetch and unpack
 _CHUNK_BYTES: Final = 1 << 20
 
 
 class SceneCache:
-    """A folder of unpacked scenes, named by their SHA-256; workers of one machine share it."""
+    """A folder of unpacked scenes, named by their SHA-256; workers of one machine share it.
 
-    def __init__(self, store: Blobs, folder: Path) -> None:
+    Parameters
+    ----------
+    store
+        Where scenes come from.
+    folder
+        Where they lie; made where it is missing.
+    in_use_s
+        A scene that was asked for may be read for so many seconds: it is not forgotten till then.
+    """
+
+    def __init__(self, store: Blobs, folder: Path, in_use_s: float) -> None:
         self._blobs = store
         self._folder = folder
+        self._in_use_s = in_use_s
 
     def scene(self, sha256: str) -> tuple[Path, str]:
         """The scene's folder and the name of its main XML in it.
@@ -44,12 +57,18 @@ class SceneCache:
             The blob store failed, or this machine's disk: it may be full.
         """
         home = self._folder / sha256
-        if not (home / "entry").exists():
+        if not self._is_there(home):
             self._unpack(sha256, home)
         with _disk_errors(self._folder):
-            os.utime(home)
             self._forget_oldest()
             return home / "files", (home / "entry").read_text()
+
+    def _is_there(self, home: Path) -> bool:
+        """Whether the scene is unpacked; if so, it is in use from now on."""
+        with _disk_errors(self._folder), suppress(FileNotFoundError):
+            os.utime(home)
+            return (home / "entry").exists()
+        return False
 
     def _unpack(self, sha256: str, home: Path) -> None:
         with _disk_errors(self._folder):
@@ -66,6 +85,7 @@ class SceneCache:
                 (making / "entry").write_text(entry)
                 sync_tree(making)  # or a power loss might leave a scene of empty files in place
                 _move(making, home)
+                os.utime(home)
         finally:
             shutil.rmtree(making, ignore_errors=True)
 
@@ -91,10 +111,24 @@ class SceneCache:
         for home in self._folder.iterdir():
             with suppress(FileNotFoundError):  # another worker has forgotten it
                 homes.append((home.stat().st_mtime, home))
+        now = time.time()
         made = sorted(one for one in homes if not one[1].name.startswith("."))
-        abandoned = [one for one in homes if one[0] < time.time() - _ABANDONED_S]
-        for _, home in made[:-_KEPT] + [one for one in abandoned if one not in made]:
-            shutil.rmtree(home, ignore_errors=True)
+        for asked_at, home in made[:-_KEPT]:
+            if asked_at < now - self._in_use_s:
+                self._forget(home)
+        for made_at, home in homes:
+            if made_at < now - _ABANDONED_S and home.name.startswith("."):
+                shutil.rmtree(home, ignore_errors=True)
+
+    def _forget(self, home: Path) -> None:
+        """Remove a scene, unless another worker asks for it at this moment."""
+        # Taken away whole, so that nobody is ever given what is left of it.
+        gone = self._folder / f".forgotten-{uuid4().hex}"
+        with suppress(OSError):  # another worker has forgotten it, or made it anew
+            home.rename(gone)
+            if gone.stat().st_mtime > time.time() - self._in_use_s:
+                gone.rename(home)
+        shutil.rmtree(gone, ignore_errors=True)
 
 
 def _sha256(path: Path) -> str:

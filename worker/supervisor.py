@@ -30,7 +30,7 @@ from worker.errors import SceneError
 from worker.health import Health
 from worker.host import RenderHost
 from worker.pace import Pace
-from worker.render_child import Cancelled, ChildDied
+from worker.render_child import START_TIMEOUT_S, Cancelled, ChildDied
 from worker.reports import Reports, Tried
 from worker.scene_cache import SceneCache
 from worker.uploader import Rendered, Uploader
@@ -65,7 +65,8 @@ class Supervisor:
         renewing = connect_to_renew(settings.redis_url, settings.lease_s)
         self._renewals = SliceQueue(renewing, self.id, settings.lease_s)
         self._threads = settings.threads or len(os.sched_getaffinity(0))
-        scenes = SceneCache(store, settings.cache / "scenes")
+        loading_s = START_TIMEOUT_S + settings.load_timeout_s
+        scenes = SceneCache(store, settings.cache / "scenes", in_use_s=loading_s)
         self._host = RenderHost(settings, self._threads, choice.llvm_library, scenes)
         self._uploader = Uploader(store, self._queue, self.id)
         self._health = Health(settings.cache, choice.llvm_library)
