@@ -64,11 +64,14 @@ def from_file(path: Path) -> list[Values]:
     Raises
     ------
     CommandFailed
-        It is neither, or has no entries or too many.
+        It is neither, has no entries or too many, or a value that no parameter can have.
     OSError
         It cannot be read.
     """
-    text = path.read_text(encoding="utf-8-sig")
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError:
+        raise CommandFailed(f"{path} is no UTF-8 text: save it as UTF-8") from None
     entries = _of_json(path, text) if text.lstrip()[:1] in {"[", "{"} else _of_csv(path, text)
     if not entries:
         raise CommandFailed(f"{path} has no entries: each makes a job")
@@ -83,11 +86,31 @@ def _of_json(path: Path, text: str) -> list[Values]:
         raise CommandFailed(f"{path} is no JSON: {error}") from None
     if not (isinstance(found, list) and all(isinstance(one, dict) for one in found)):
         raise CommandFailed(f'{path} has to be a list of objects, as [{{"frame": 1}}]')
+    for number, entry in enumerate(found, start=1):
+        for name, value in entry.items():
+            if not (_is_text(name) and _is_value(value)):
+                raise CommandFailed(
+                    f"entry {number} of {path}: {name!r} has to be a text, a number, true or false"
+                )
     return found
 
 
+def _is_value(value: object) -> bool:
+    if isinstance(value, str):
+        return _is_text(value)
+    return isinstance(value, int) or (isinstance(value, float) and math.isfinite(value))
+
+
+def _is_text(value: str) -> bool:
+    """Whether all of it are characters: JSON can escape halves of some."""
+    return not any("\ud800" <= character <= "\udfff" for character in value)
+
+
 def _of_csv(path: Path, text: str) -> list[Values]:
-    rows = [row for row in csv.reader(text.splitlines()) if row]
+    try:
+        rows = [row for row in csv.reader(text.splitlines()) if row]
+    except csv.Error as error:
+        raise CommandFailed(f"{path} is no CSV: {error}") from None
     names = rows[0] if rows else []
     if not all(names) or len(set(names)) < len(names):
         raise CommandFailed(f"the first row of {path} has to name each column, and once only")

@@ -173,11 +173,29 @@ class TestLists:
             ('{"a": 1}', "list of objects"),
             ("[{", "is no JSON"),
             ("a\n" + "1\n" * 1001, "makes 1,001 jobs"),
+            ("a\n" + "1" * 200_000, "is no CSV: field larger"),
         ],
     )
     def test_of_a_file_that_is_wrong(self, tmp_path: Path, content: str, words: str) -> None:
         (tmp_path / "frames").write_text(content)
         with pytest.raises(CommandFailed, match=words):
+            from_file(tmp_path / "frames")
+
+    @pytest.mark.parametrize(
+        "value", ["null", "[1]", '{"x": 1}', "NaN", "-Infinity", "1e400", r'"\ud800"']
+    )
+    def test_of_a_file_with_a_value_that_no_parameter_can_have(
+        self, tmp_path: Path, value: str
+    ) -> None:
+        (tmp_path / "frames").write_text(f'[{{"größe": 1}}, {{}}, {{"a": true, "größe": {value}}}]')
+        words = "entry 3 of .*frames: 'größe' has to be a text, a number, true or false"
+        with pytest.raises(CommandFailed, match=words):
+            from_file(tmp_path / "frames")
+
+    @pytest.mark.parametrize("encoding", ["latin-1", "utf-16"])
+    def test_of_a_file_in_another_encoding(self, tmp_path: Path, encoding: str) -> None:
+        (tmp_path / "frames").write_bytes("material\nWeißblech\n".encode(encoding))
+        with pytest.raises(CommandFailed, match="frames is no UTF-8 text: save it as UTF-8"):
             from_file(tmp_path / "frames")
 
 
@@ -208,6 +226,10 @@ class TestTheCommandLine:
         assert json.loads(out)["jobs"] == 2
         code, _, error = command("submit", str(walk), "--parameters", file, "--each", "frame=1..2")
         assert (code, "give one" in error) == (1, True)
+        (tmp_path / "frames.csv").write_text('[{"frame": null}]')
+        code, _, error = command("submit", str(walk), "--parameters", file)
+        said = f"entry 1 of {file}: 'frame' has to be a text, a number, true or false"
+        assert (code, error) == (1, f"plateau: {said}\n")
 
     def test_cancels_pauses_and_resumes_all_of_it(self, plateau: Client, walk: Path) -> None:
         batch = plateau.submit_batch(walk, [{"frame": 0}, {"frame": 1}], JobSpec(batch="w"))
