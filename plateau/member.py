@@ -55,6 +55,7 @@ class Member:
         self._process: subprocess.Popen[bytes] | None = None
         self._asked_to_stop = False
         self._started_at = 0.0
+        self._begins_at = 0  # in its log, what this start of it says
         self._start_after = 0.0
 
     @property
@@ -67,6 +68,7 @@ class Member:
         if self.log.exists() and self.log.stat().st_size > _LOG_BYTES:
             self.log.replace(self.log.with_suffix(".log.1"))
         with self.log.open("ab") as log:
+            self._begins_at = log.tell()
             # A session of its own: a Ctrl-C in the terminal reaches the tree's root alone.
             self._process = subprocess.Popen(
                 [sys.executable, "-m", "plateau", *self.arguments, *more],
@@ -114,13 +116,13 @@ class Member:
             self._process.wait()
 
     def last_words(self) -> str:
-        """The end of its log."""
+        """The end of its log, of what it said since it was started last."""
         if not self.log.exists():
             return ""
         with self.log.open("rb") as log:
-            log.seek(max(0, self.log.stat().st_size - _LAST_WORDS_BYTES))
+            log.seek(max(self._begins_at, self.log.stat().st_size - _LAST_WORDS_BYTES))
             lines = log.read().decode(errors="replace").splitlines()
-        return "\n".join(f"  {line}" for line in lines[-15:])
+        return "\n".join(f"  {line}" for line in lines[-15:]) or "  (it said nothing)"
 
 
 def _without_key(environment: Mapping[str, str]) -> dict[str, str]:

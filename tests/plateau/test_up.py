@@ -80,6 +80,15 @@ def test_a_port_that_is_taken_is_said_to_be(up: Up, tmp_path: Path) -> None:
         second.is_gone()
     finally:
         second.end()
+    # If it is tried again, it tells of this time alone
+    third = Command("up", "--port", port, folder=tmp_path / "other")
+    try:
+        assert third.exit_code() == 1
+        log = (tmp_path / "other" / "data" / "logs" / "api.log").read_text()
+        assert log.count("cannot listen on 127.0.0.1") == 2
+        assert third.said.count("cannot listen on 127.0.0.1") == 1
+    finally:
+        third.end()
 
 
 def test_when_it_is_killed_everything_goes_and_the_next_may_start(up: Up, box: Path) -> None:
