@@ -1,44 +1,105 @@
 """The files that a job leaves with its user."""
 
+import hashlib
 import json
+import tempfile
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 from farm.job import CurvePoint
 from plateau import words
 from plateau.client import ApiError, Client
+from plateau.errors import CommandFailed
 from plateau.plot import plot_job
-from service.views import JobView
+from service.views import JobView, SliceView
 
 _IMAGES: Final = ("image.exr", "image.png", "difference.png")
+_KEPT: Final = "plateau-kept-"
+
+_Written = TypeVar("_Written")
 
 
-def write_results(
-    client: Client, job: JobView, folder: Path, *, when_fetched: Callable[[], None] | None = None
-) -> dict[str, Any]:
+def write_results(client: Client, job: JobView, folder: Path) -> dict[str, Any]:
     """Write all that is known of an ended job into a folder; returns the summary as JSON.
 
     These are ``image.exr``, ``image.png`` and ``difference.png``, where the job has an image;
     ``curve.csv`` and ``curve.png``, where its curve has points; ``slices``, where it kept them, for
-    `plateau judge`; ``summary.txt`` and ``summary.json``. `when_fetched` is called where nothing
-    more is asked of the service, and only drawing and writing is left.
+    `plateau judge`; ``summary.txt`` and ``summary.json``. Slices that are there already are not
+    fetched again.
     """
+    return _summarise(job, _fetch(client, job, folder), folder)
+
+
+def write_or_keep(
+    client: Client, job: JobView, folder: Path, *, when_fetched: Callable[[], None]
+) -> dict[str, Any]:
+    """The same for a job that is gone with its service: what cannot be written is kept elsewhere.
+
+    `when_fetched` is called where nothing more is asked of the service, and only drawing and
+    writing is left.
+
+    Raises
+    ------
+    CommandFailed
+        The folder did not take it all; the message names the temporary folder that has the rest.
+    """
+    place = _Place(folder)
+    fetched = place.take(lambda there: _fetch(client, job, there))
+    when_fetched()
+    about = place.take(lambda there: _summarise(job, fetched, there))
+    if place.trouble is not None:
+        raise CommandFailed(
+            f"not all could be written into {folder} ({place.trouble.strerror or place.trouble}): "
+            f"the rest is in {place.folder}; move it where it shall stay"
+        )
+    return about
+
+
+class _Place:
+    """A folder, until it cannot be written; from then on a fresh temporary one."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.trouble: OSError | None = None
+
+    def take(self, write: Callable[[Path], _Written]) -> _Written:
+        try:
+            return write(self.folder)
+        except OSError as error:
+            if self.trouble is not None:
+                raise
+            self.folder, self.trouble = Path(tempfile.mkdtemp(prefix=_KEPT)), error
+            return write(self.folder)
+
+
+@dataclass(frozen=True)
+class _Fetched:
+    points: list[CurvePoint]
+    files: list[Path]
+
+
+def _fetch(client: Client, job: JobView, folder: Path) -> _Fetched:
     folder.mkdir(parents=True, exist_ok=True)
     files = [folder / name for name in _IMAGES if _download(client, job.id, name, folder / name)]
     if job.spec.keep_slices:
         files.append(_write_slices(client, job, folder / "slices"))
     points = client.curve(job.id)
     if points:
-        files += [folder / "curve.csv", folder / "curve.png"]
+        files.append(folder / "curve.csv")
         (folder / "curve.csv").write_text(client.curve_csv(job.id))
-    if when_fetched is not None:
-        when_fetched()
-    if points:
-        plot_job(job, points, folder / "curve.png")
+    return _Fetched(points, files)
+
+
+def _summarise(job: JobView, fetched: _Fetched, folder: Path) -> dict[str, Any]:
+    files = list(fetched.files)
+    if fetched.points:
+        files.append(folder / "curve.png")
+        plot_job(job, fetched.points, folder / "curve.png")
     files += [folder / "summary.txt", folder / "summary.json"]
     (folder / "summary.txt").write_text(words.summary(job) + "\n")
-    about = summary_json(job, points, files)
+    about = summary_json(job, fetched.points, files)
     (folder / "summary.json").write_text(json.dumps(about, indent=2) + "\n")
     return about
 
@@ -46,9 +107,15 @@ def write_results(
 def _write_slices(client: Client, job: JobView, folder: Path) -> Path:
     folder.mkdir(exist_ok=True)
     for part in client.slices(job.id):
-        name = f"{part.index:06d}.exr"
-        client.download(job.id, f"slices/{part.index}.exr", folder / name)
+        path = folder / f"{part.index:06d}.exr"
+        if not _is_there(part, path):
+            client.download(job.id, f"slices/{part.index}.exr", path)
     return folder
+
+
+def _is_there(part: SliceView, path: Path) -> bool:
+    """Whether the file is this very slice, byte for byte, and not the one of another job."""
+    return path.exists() and hashlib.sha256(path.read_bytes()).hexdigest() == part.sha256
 
 
 def summary_json(job: JobView, points: list[CurvePoint], files: list[Path]) -> dict[str, Any]:

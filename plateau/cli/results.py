@@ -46,7 +46,8 @@ def fetch(
     For example:
       plateau fetch 3f9ac2d01b77 -o out
 
-    Prints the files that it wrote; slices too, where the job keeps them. --json prints the summary.
+    Prints the files that it wrote; slices too, where the job keeps them: those that are in DIR
+    already are not fetched again. --json prints the summary.
     """
     from plateau.commands.fetch import fetch as run
 

@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 from farm.job import CurvePoint
 from plateau.client.calls import Calls
+from plateau.client.errors import ClientError
+from plateau.client.transport import Patience
 from service.views import Curve
 
 if TYPE_CHECKING:
@@ -111,6 +113,9 @@ class ResultCalls(Calls):
     def download(self, job_id: str, name: str, path: Path) -> None:
         """Write one of the job's files (``image.exr``, ``slices/3.exr``) whole or not at all.
 
+        Where it breaks off it is begun again, as long as the client is patient; it is patient anew
+        with an attempt that has come further than those before.
+
         Raises
         ------
         ApiError
@@ -120,12 +125,25 @@ class ResultCalls(Calls):
         """
         unfinished = path.with_name(f".{path.name}.{secrets.token_hex(4)}")
         try:
-            with (
-                self._transport.stream(f"/v1/jobs/{job_id}/{name}", read_s=_READ_S) as answer,
-                unfinished.open("wb") as file,
-            ):
-                for chunk in answer.iter_bytes():
-                    file.write(chunk)
+            self._receive(f"/v1/jobs/{job_id}/{name}", unfinished)
             unfinished.replace(path)
         finally:
             unfinished.unlink(missing_ok=True)
+
+    def _receive(self, address: str, path: Path) -> None:
+        patience, furthest = Patience(self._transport), 0
+        while True:
+            try:
+                with (
+                    self._transport.stream(address, read_s=_READ_S) as answer,
+                    path.open("wb") as file,
+                ):
+                    for chunk in answer.iter_bytes():
+                        file.write(chunk)
+                        if file.tell() > furthest:
+                            furthest = file.tell()
+                            patience.renew()
+            except ClientError as error:
+                patience.wait_after(error)
+            else:
+                return

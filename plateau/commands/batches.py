@@ -18,6 +18,7 @@ from plateau.connect import connect
 from plateau.errors import CommandFailed
 from plateau.exits import ExitCode
 from plateau.frames import Values, each, from_file
+from plateau.out_folder import make_ready
 from plateau.outputs import write_results
 from plateau.tables import print_rows
 from service.batch_views import BatchSteered, BatchView
@@ -50,6 +51,8 @@ def watch(name: str, out: Path | None, *, url: str | None, as_json: bool) -> int
 
     Results are written as they come, each job's into a folder named by its place in the batch.
     """
+    if out is not None:
+        make_ready(out, files=())  # each job has a folder of its own in it
     with connect(url) as client:
         try:
             batch = _follow(client, name, out)

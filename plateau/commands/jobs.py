@@ -17,6 +17,7 @@ from plateau.connect import connect
 from plateau.errors import CommandFailed
 from plateau.follow import follow
 from plateau.job_ids import whole_id
+from plateau.out_folder import make_ready
 from plateau.outputs import summary_json, write_results
 from plateau.progress import progress_on
 from plateau.story import log_lines, story
@@ -42,6 +43,8 @@ def watch(
     shown = progress_on(Console(stderr=True), curve=curve)
     with connect(url) as client:
         job_id = whole_id(client, job_id)
+        if out is not None:
+            make_ready(out)
         try:
             job = follow(client, job_id, shown, lambda: None)
         except KeyboardInterrupt:

@@ -16,6 +16,7 @@ from plateau.data_folder import DataFolder, is_in_use
 from plateau.door import Door
 from plateau.exits import ExitCode
 from plateau.interrupts import Interrupts
+from plateau.out_folder import make_ready
 from plateau.packing import pack
 from plateau.read_settings import read_settings
 from plateau.tree import Tree
@@ -53,7 +54,7 @@ def render(
     # What can be refused is refused before anything is started.
     with pack(scene, spec.parameter_strings()) as packed:
         inspect_bundle(packed.file, parameters=spec.parameter_strings(), sensor=spec.sensor)
-    out.mkdir(parents=True, exist_ok=True)
+    make_ready(out)
 
     asked = read_settings()
     settings = asked.model_copy(
@@ -83,14 +84,14 @@ def render(
 
                 from plateau import words
                 from plateau.client import Client
-                from plateau.outputs import write_results
+                from plateau.outputs import write_or_keep
                 from plateau.progress import progress_on
 
                 shown = progress_on(Console(stderr=True), curve=curve)
                 with Client(tree.await_api(), patience_s=_PATIENCE_S) as client:
                     job = _run(client, scene, spec, tree, interrupts, shown)
                     # Nothing is asked of the tree while the curve is drawn: it stops meanwhile.
-                    about = write_results(client, job, out, when_fetched=tree.wind_down)
+                    about = write_or_keep(client, job, out, when_fetched=tree.wind_down)
         except KeyboardInterrupt:
             return interrupts.exit_code
 

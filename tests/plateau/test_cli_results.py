@@ -223,3 +223,14 @@ class TestErrorsSayWhatToDo:
         (tmp_path / "out").write_text("a file, where a folder should be")
         code, _, err = plateau("fetch", job.id, "-o", str(tmp_path / "out"))
         assert (code, err) == (1, f"plateau: {tmp_path / 'out'}: File exists\n")
+
+    def test_of_a_file_that_cannot_be_written_before_the_job_is_watched(
+        self, job: StagedJob, tmp_path: Path
+    ) -> None:
+        (tmp_path / "summary.txt").mkdir()
+        # The job never ends: to watch it would be for ever
+        code, _, err = plateau("watch", job.id, "-o", str(tmp_path))
+        assert (code, f"{tmp_path / 'summary.txt'} is a folder" in err) == (1, True)
+        for watched in ([job.id], ["--batch", "walk"]):
+            code, _, err = plateau("watch", *watched, "-o", "/proc")
+            assert (code, "nothing can be written into /proc" in err) == (1, True)

@@ -129,3 +129,50 @@ def test_a_scene_that_mitsuba_refuses_fails_in_its_words(render: Render, tmp_pat
     assert "Traceback" not in command.said
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert (summary["state"], "dodecahedron" in summary["reason"]) == ("failed", True)
+
+
+class TestAFolderThatCannotBeWritten:
+    """It is told of before anything is rendered, or else what was rendered is kept elsewhere."""
+
+    def test_is_refused_before_anything_is_started(self, render: Render, tmp_path: Path) -> None:
+        (tmp_path / "out" / "image.png").mkdir(parents=True)
+        command = render()
+        assert command.exit_code() == 1
+        left_nothing(command)
+        assert command.said == (
+            f"plateau: {tmp_path / 'out' / 'image.png'} is a folder, and a file of that name is to "
+            "be written: move it, or give another folder with -o\n"
+        )
+        # Nobody may write there, root neither
+        command = render("-o", "/proc")
+        assert command.exit_code() == 1
+        left_nothing(command)
+        assert command.said.startswith("plateau: nothing can be written into /proc (")
+        assert command.said.endswith("): give another folder with -o\n")
+
+    @pytest.mark.parametrize(
+        ("taken", "kept"),
+        [
+            ("image.png", {"image.exr", "image.png", "curve.csv", "summary.json"}),
+            ("curve.png", {"curve.png", "summary.json"}),  # the API has stopped by then
+        ],
+    )
+    def test_in_the_end_costs_nothing_that_was_rendered(
+        self, render: Render, tmp_path: Path, taken: str, kept: set[str]
+    ) -> None:
+        # Given a render under way
+        command = render("--rule", "fixed", "--spp", "1000000", "--max-spp", "1000000")
+        command.wait_for("200 spp")
+        command.family()
+        # If one of its files cannot be written any more when it ends
+        (tmp_path / "out" / taken).mkdir()
+        command.process.send_signal(signal.SIGINT)
+        # Then it says where the rest is
+        assert command.exit_code() == 1
+        command.is_gone()
+        out = tmp_path / "out"
+        assert f"plateau: not all could be written into {out} (Is a directory): " in command.said
+        rest = Path(command.wait_for(r"the rest is in (.+); move it where it shall stay"))
+        assert {path.name for path in rest.iterdir()} >= kept
+        assert json.loads((rest / "summary.json").read_text())["spp"] >= 200
+        assert (rest / "image.exr").exists() or (out / "image.exr").exists()
