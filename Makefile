@@ -20,7 +20,8 @@ test: setup  ## Run every test that a newcomer's machine can run
 test-cluster: setup  ## More than one machine: S3, Slurm, Kubernetes, networks (root on Debian); PARTS="s3 slurm"
 	bash tests/cluster/install.sh $(PARTS)
 	CLUSTER_TESTS=$(or $(CLUSTER_TESTS),long) $(BIN)/python -m pytest \
-	  $(if $(PARTS),$(PARTS:%=tests/cluster/test_%*),tests/cluster) --durations 10
+	  $(if $(PARTS),$(PARTS:%=tests/cluster/test_%*),tests/cluster) --durations 10 \
+	  $(if $(filter short,$(CLUSTER_TESTS)),-n 2 --dist loadfile --no-loadscope-reorder)
 
 test-long: setup  ## The long forms of the statistical tests
 	LONG_TESTS=1 $(BIN)/python -m pytest tests/statistical

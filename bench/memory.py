@@ -2,9 +2,9 @@
 
 For each size a farm of its own (`plateau up`, one worker) renders one job of a cheap scene with few
 samples, and people look at its images. Another farm, for the same size, then has many jobs at
-once, which all have two points of their curve; their slices are made up, since only the monitor and
-the API could tell many jobs from one: a worker has one scene at a time. Memory is the most that a
-process had resident, as the kernel counts it (VmHWM): what it shares with others is included.
+once, which all have five points of their curve; their slices are made up, since only the monitor
+and the API could tell many jobs from one: a worker has one scene at a time. Memory is the most that
+a process had resident, as the kernel counts it (VmHWM): what it shares with others is included.
 """
 
 from __future__ import annotations
@@ -36,7 +36,8 @@ SIZES = {"512²": (512, 512), "1080p": (1920, 1080), "2160p": (3840, 2160)}
 #: Of the farms that render: the other has no use for its worker.
 ROLES = ("API", "monitor", "worker", "render child")
 _STEP = 2
-_SLICES = 4  #: of 1 spp: two points of the curve
+#: Of 1 spp: five points of the curve, by which `reverse` has kept what it knows of the first image.
+_SLICES = 10
 _PATIENCE_S = 1200.0  #: for the points of many large images
 
 

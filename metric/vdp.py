@@ -47,6 +47,8 @@ if TYPE_CHECKING:
 BANDS = LEVELS - 2
 #: Luminances and contrasts are divided by at least this (cd/m² and 1).
 FLOOR = 1e-5
+#: Bands are weighed by at most this: what float32 holds beside any contrast.
+MOST_WEIGHT = 1e30
 #: Threshold elevation is held between these.
 ELEVATION_MIN, ELEVATION_MAX = 1.0, 10.0
 #: Below this adaptation luminance, in cd/m², colour is not judged.
@@ -251,12 +253,12 @@ class VisibleDifferences:
     def band_weights(self, width: int) -> NDArray[np.float32]:
         """Return how much more contrast each band needs than the best visible frequency, (6,).
 
-        `width` is that of the image, in pixels.
+        `width` is that of the image, in pixels. Finite also for frequencies that nobody sees, so
+        that no contrast there counts for nothing.
         """
         peak = contrast_sensitivity(PEAK_FREQUENCY_CPD, PEAK_LUMINANCE)
-        weights: NDArray[np.float32] = peak / contrast_sensitivity(
-            self.frequencies_cpd(width), PEAK_LUMINANCE
-        )
+        sensitivity = contrast_sensitivity(self.frequencies_cpd(width), PEAK_LUMINANCE)
+        weights: NDArray[np.float32] = peak / np.maximum(sensitivity, peak / MOST_WEIGHT)
         return weights
 
 

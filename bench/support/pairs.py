@@ -37,9 +37,14 @@ class Work:
     width: int
     height: int
     spp: int
-    step: int
+    step: int  #: four of them at least
     choice: VariantChoice
     threads: int
+
+    @property
+    def steady(self) -> tuple[int, int]:
+        """From how many spp to how many all is under way: see `Run`."""
+        return 2 * self.step, self.spp - self.step
 
     @property
     def name(self) -> str:
@@ -68,8 +73,9 @@ class Work:
 class Run:
     """What one run took, in its own time."""
 
-    #: spp per second, from the end of the second step to the end of the last. (What the monitor
-    #: does once, on the first, would make the rest look faster.)
+    #: spp per second, from the end of the second step to the end of the last but one. (What the
+    #: monitor does once, on the first, would make the rest look faster, and beside what it does on
+    #: the last nothing is rendered any more.)
     steady_spp_s: float
     #: Seconds from the first lease, or from Mitsuba's import, until every sample was there.
     rendering_s: float
@@ -85,7 +91,7 @@ class Pair:
 
     farm: Run
     bare: Run
-    #: The monitor's share of the farm's CPU time, from the end of the second step on.
+    #: The monitor's share of the farm's CPU time, in those steps.
     monitor: float
     #: How much of the cores everything else took meanwhile, this machine's host included.
     others: float
@@ -127,10 +133,10 @@ def render_pair(work: Work, turn_s: float) -> Pair:
 
     def run(name: str, began: float, done: Mapping[int, float]) -> Run:
         """Of its own moments: when it began, and when so many spp were there."""
-        own_s, (second, last) = ran[name].own_s, (2 * work.step, work.spp)
+        own_s, (first, last) = ran[name].own_s, work.steady
         return Run(
-            steady_spp_s=(last - second) / (own_s(done[last]) - own_s(done[second])),
-            rendering_s=own_s(done[last]) - own_s(began),
+            steady_spp_s=(last - first) / (own_s(done[last]) - own_s(done[first])),
+            rendering_s=own_s(done[work.spp]) - own_s(began),
             whole_s=own_s(),
             cpu_s=ran[name].cpu_s,
         )
@@ -141,7 +147,7 @@ def render_pair(work: Work, turn_s: float) -> Pair:
     return Pair(
         farm=run("the farm", _moment(job["started_at"]), done),
         bare=run("Mitsuba alone", told["started_at"], dict(zip(spp, ends, strict=True))),
-        monitor=watch.monitors_share(done[2 * work.step], done[work.spp]),
+        monitor=watch.monitors_share(*(done[spp] for spp in work.steady)),
         others=took.others,
     )
 

@@ -61,7 +61,7 @@ def test_who_has_ended_counts_with_what_it_had_used() -> None:
 def test_the_farm_is_compared_with_mitsuba_alone() -> None:
     box = Path(farm.__file__).parents[1] / "scenes" / "box"
     choice = choose(Settings().cache)
-    work = farm.Work(scene=box, width=32, height=24, spp=150, step=50, choice=choice, threads=1)
+    work = farm.Work(scene=box, width=32, height=24, spp=200, step=50, choice=choice, threads=1)
     figures = farm.measure(work, pairs=1, turn_s=0.05)
     value = {one.name.removeprefix("box 32×24: "): one.value for one in figures}
     assert value[farm.EFFICIENCY] > 0
@@ -71,7 +71,7 @@ def test_the_farm_is_compared_with_mitsuba_alone() -> None:
         {
             "machine": machine(),
             "settings": {
-                "cases": {work.name: {"spp": 150, "step": 50}},
+                "cases": {work.name: {"spp": 200, "step": 50}},
                 "variant": choice.variant,
                 "workers": 1,
                 "threads": 1,
@@ -79,4 +79,4 @@ def test_the_farm_is_compared_with_mitsuba_alone() -> None:
             "figures": [asdict(one) for one in figures],
         }
     )
-    assert "| box 32×24, 150 spp, step 50 | 1 |" in shown["farm"]
+    assert "| box 32×24, 200 spp, step 50 | 1 |" in shown["farm"]

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from metric import View, VisibleDifferences, visible_differences
+from metric.compiled import CompiledVisibleDifferences
 
 
 @pytest.fixture
@@ -136,6 +137,15 @@ def test_extreme_radiance_is_clipped_without_a_warning():
     assert visible_differences(grey(8, 8, 1e30), grey(8, 8, 1.0)).count == 0
     assert visible_differences(grey(8, 8, -1e30), grey(8, 8, 0.0)).count == 0
     assert visible_differences(grey(8, 8, 1.0), grey(8, 8, 0.0), View(exposure_ev=100)).count == 64
+
+
+@pytest.mark.parametrize("predictor", [VisibleDifferences, CompiledVisibleDifferences])
+def test_flat_areas_differ_from_however_far_they_are_seen(predictor):
+    # Of the finest bands nobody sees anything at 1,600 pixels in 2 degrees
+    image = np.concatenate([grey(64, 800, 0.2), grey(64, 800, 0.5)], axis=1)
+    for field_of_view_deg in (45.0, 2.0, 0.05):
+        judge = predictor(View(field_of_view_deg=field_of_view_deg))
+        assert judge.compare(judge.percept(image), judge.percept(image * 1.15)).fraction > 0.9
 
 
 def test_other_dtypes_give_the_same(noise):
