@@ -3,6 +3,7 @@
 from typing import Annotated
 
 from fastapi import APIRouter, Depends, Path, Query, Request, Response
+from pydantic.json_schema import SkipJsonSchema
 
 from farm.spec import RenderVariant
 from service import examples, metrics, problems
@@ -40,7 +41,7 @@ def demand(
         str | None, Query(description="and are in this pool; none: in any", examples=["night"])
     ] = None,
     tag: Annotated[
-        list[str] | None,
+        list[str] | SkipJsonSchema[None],  # no query has a null
         Query(
             description="and have these tags, or none (`tag=`); left out: any tags",
             examples=[["highmem"]],
