@@ -28,7 +28,7 @@ from farm.jobs import Created, Jobs, request_key
 from farm.ownership import Checkpoint
 from farm.redis_link import unavailable_as_farm_error
 from farm.scripts import Scripts
-from farm.seeds import SeedRange, SeedSchedule, SeedsExhausted
+from farm.seeds import SeedRange, SeedsExhausted
 from farm.spec import MOST_SPP, JobSpec
 
 #: What determines the samples.
@@ -246,9 +246,9 @@ def _draws(job: Job, remains: Remains, cap: int) -> bool:
     assert job.variant is not None
     assert job.width is not None
     assert job.height is not None
-    size, seed = (job.width, job.height), job.spec.seed
+    spec = job.spec.model_copy(update={"max_spp": cap})
     try:
-        schedule = SeedSchedule(job.variant, *size, job.spec.slice_spp, cap, seed)
+        schedule = spec.seed_schedule(job.variant, job.width, job.height)
     except SeedsExhausted:
         return False
     return all(schedule.seed_range(index) == one for index, one in enumerate(remains.seeds))

@@ -7,6 +7,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from farm.fit import PlaceName, Tags
 from farm.keys import DEFAULT_POOL
+from farm.seeds import SeedSchedule
 from farm.webhook_spec import WebhookSpec
 
 ZoneCount = Annotated[int, Field(ge=1, le=64)]
@@ -223,6 +224,16 @@ class SharedSpec(_Spec):
     def evaluates_at(self, spp: int) -> bool:
         """Whether the rule is evaluated when `spp` samples per pixel are merged."""
         return spp > 0 and (spp % self.step == 0 or spp == self.max_spp)
+
+    def seed_schedule(self, variant: str, width: int, height: int) -> SeedSchedule:
+        """The passes and seeds of its slices: on a variant, of a film of this size in pixels.
+
+        Raises
+        ------
+        SeedsExhausted
+            The variant has too few seeds for it.
+        """
+        return SeedSchedule(variant, width, height, self.slice_spp, self.max_spp, self.seed)
 
 
 #: Values for a scene's ``$parameters``.

@@ -7,11 +7,10 @@ from typing import Final
 
 from plateau.errors import CommandFailed
 
+IMAGES: Final = ("image.exr", "image.png", "difference.png")
 #: What a job leaves in its folder, beside the folder of its slices.
 RESULTS: Final = (
-    "image.exr",
-    "image.png",
-    "difference.png",
+    *IMAGES,
     "curve.csv",
     "curve.png",
     "summary.txt",

@@ -12,10 +12,10 @@ from farm.job import CurvePoint
 from plateau import words
 from plateau.client import ApiError, Client
 from plateau.errors import CommandFailed
+from plateau.out_folder import IMAGES
 from plateau.plot import plot_job
 from service.views import JobView, SliceView
 
-_IMAGES: Final = ("image.exr", "image.png", "difference.png")
 _KEPT: Final = "plateau-kept-"
 
 _Written = TypeVar("_Written")
@@ -82,7 +82,7 @@ class _Fetched:
 
 def _fetch(client: Client, job: JobView, folder: Path) -> _Fetched:
     folder.mkdir(parents=True, exist_ok=True)
-    files = [folder / name for name in _IMAGES if _download(client, job.id, name, folder / name)]
+    files = [folder / name for name in IMAGES if _download(client, job.id, name, folder / name)]
     if job.spec.keep_slices:
         files.append(_write_slices(client, job, folder / "slices"))
     points = client.curve(job.id)

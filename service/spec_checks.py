@@ -4,7 +4,7 @@ from typing import Final
 
 from pydantic import ValidationError
 
-from farm.seeds import SeedSchedule, SeedsExhausted
+from farm.seeds import SeedsExhausted
 from farm.spec import JobSpec, SharedSpec
 from service import problems
 from service.problems import FieldError, Problem
@@ -57,15 +57,9 @@ def invalid_field(kind: problems.ProblemType, field: str, message: str) -> Probl
 def check_seeds(spec: JobSpec, width: int, height: int, field: str = "spec") -> None:
     """Refuse a job that would run out of distinct sampler seeds on any worker that may take it."""
     try:
-        SeedSchedule(
-            # Of the variants that a worker may choose, JIT ones have the most seeds.
-            variant="llvm_ad_rgb" if spec.variant == "auto" else spec.variant,
-            width=width,
-            height=height,
-            slice_spp=spec.slice_spp,
-            max_spp=spec.max_spp,
-            job_seed=spec.seed,
-        )
+        # Of the variants that a worker may choose, JIT ones have the most seeds.
+        variant = "llvm_ad_rgb" if spec.variant == "auto" else spec.variant
+        spec.seed_schedule(variant, width, height)
     except SeedsExhausted as error:
         raise invalid_field(problems.INVALID_SPEC, field, str(error)) from error
 

@@ -8,7 +8,6 @@ from typing import Final
 import psutil
 
 from farm.queue import Lease
-from farm.seeds import SeedSchedule
 from farm.settings import Settings
 from worker.render_child import ChildLimits, Film, Loaded, RenderChild
 from worker.scene_cache import SceneCache
@@ -56,14 +55,7 @@ class RenderHost:
         """
         child = self._child_for(lease.variant)
         scene = self._load(child, lease)
-        schedule = SeedSchedule(
-            variant=lease.variant,
-            width=scene.width,
-            height=scene.height,
-            slice_spp=lease.spec.slice_spp,
-            max_spp=lease.spec.max_spp,
-            job_seed=lease.spec.seed,
-        )
+        schedule = lease.spec.seed_schedule(lease.variant, scene.width, scene.height)
         first_seed, last_seed = schedule.seed_range(lease.index)
 
         def show_pass(film: Film, spp: int) -> None:

@@ -15,7 +15,6 @@ from bench.support.simulated import about
 from farm import blobs, keys
 from farm.exr import Partial, encode_partial
 from farm.queue import Committed, SliceQueue, SliceRecord
-from farm.seeds import SeedSchedule
 from farm.stop import Stop
 from farm.wake import Wake
 
@@ -113,13 +112,7 @@ class NoiseCrew:
         started, spec, size = time.monotonic(), lease.spec, self.render.size
         pass_s = self._pass_s * self._slowness.get(worker, 1.0)
         over = {lease.job_id, f"{lease.job_id} {lease.entry}"}  # as the news of it has it
-        schedule = SeedSchedule(
-            variant=lease.variant,
-            width=size,
-            height=size,
-            slice_spp=spec.slice_spp,
-            max_spp=spec.max_spp,
-        )
+        schedule = spec.seed_schedule(lease.variant, size, size)
         for one in schedule.passes(lease.index):
             if self._ended & over or stop.wait(pass_s):
                 queue.hand_back(lease, time.monotonic() - started, cause="it was cancelled")

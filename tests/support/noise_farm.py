@@ -20,7 +20,7 @@ from farm.exr import Partial, Pixels, encode_partial
 from farm.job import Job
 from farm.jobs import Jobs
 from farm.queue import Committed, Lease, SliceQueue, SliceRecord
-from farm.seeds import SeedSchedule
+from farm.seeds import SeedRange
 from farm.settings import Settings
 from farm.spec import JobSpec
 from farm.stop import Stop
@@ -97,10 +97,7 @@ class NoiseFarm:
         content = self._partial(lease, spp, film)
         name = blobs.partial(lease.job_id, lease.index, "noise")
         self.store.put(name, content)
-        schedule = SeedSchedule(
-            lease.variant, SIZE[1], SIZE[0], spp, lease.spec.max_spp, lease.spec.seed
-        )
-        first_seed, last_seed = schedule.seed_range(lease.index)
+        first_seed, last_seed = self._seeds(lease)
         record = SliceRecord(
             index=lease.index,
             spp=spp,
@@ -117,13 +114,17 @@ class NoiseFarm:
         return answer
 
     @staticmethod
-    def _partial(lease: Lease, spp: int, film: Pixels) -> bytes:
+    def _seeds(lease: Lease) -> SeedRange:
+        return lease.spec.seed_schedule(lease.variant, SIZE[1], SIZE[0]).seed_range(lease.index)
+
+    def _partial(self, lease: Lease, spp: int, film: Pixels) -> bytes:
+        first_seed, last_seed = self._seeds(lease)
         return encode_partial(
             Partial(
                 job_id=lease.job_id,
                 index=lease.index,
-                first_seed=lease.index,
-                last_seed=lease.index,
+                first_seed=first_seed,
+                last_seed=last_seed,
                 spp=spp,
                 variant=lease.variant,
                 scene_sha256=lease.scene_sha256,

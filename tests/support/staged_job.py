@@ -7,7 +7,6 @@ from farm.blobs import Blobs
 from farm.jobs import Jobs
 from farm.ownership import Ownerships
 from farm.queue import Committed, Lease, SliceQueue, SliceRecord
-from farm.seeds import SeedSchedule
 from farm.spec import JobSpec
 from farm.states import JobState
 
@@ -51,14 +50,11 @@ class StagedJob:
             else:
                 self.plan()
             lease = self._lease()
-            spec = self.spec
-            schedule = SeedSchedule(
-                lease.variant, WIDTH, HEIGHT, spec.slice_spp, spec.max_spp, spec.seed
-            )
+            schedule = self.spec.seed_schedule(lease.variant, WIDTH, HEIGHT)
             first_seed, last_seed = schedule.seed_range(lease.index)
             record = SliceRecord(
                 index=lease.index,
-                spp=spec.slice_spp,
+                spp=self.spec.slice_spp,
                 first_seed=first_seed,
                 last_seed=last_seed,
                 blob="partial",
