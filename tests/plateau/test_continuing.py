@@ -12,7 +12,6 @@ from farm.job import Job
 from plateau.cli import app
 from tests.support.live_api import live_api
 from tests.support.noise_farm import NoiseFarm
-from tests.support.real_farm import until
 
 SHORT = {"step": 20, "slice_spp": 10, "max_spp": 400, "rule": {"name": "fixed", "spp": 40}}
 
@@ -29,16 +28,8 @@ def farm(
 
 def ended(farm: NoiseFarm, **spec: object) -> Job:
     job = farm.submit(**{**SHORT, **spec})
-
-    def step() -> bool:
-        lease = farm.lease()
-        if lease is not None:
-            farm.commit(lease)
-        return farm.jobs.get(job.id).finished_at is not None
-
     with farm.monitor():
-        until(step)
-    return farm.jobs.get(job.id)
+        return farm.finish(job)
 
 
 def plateau(*arguments: str) -> tuple[int, str, str]:

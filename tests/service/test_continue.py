@@ -24,6 +24,7 @@ from tests.support.noise_farm import NoiseFarm, noise_film
 from tests.support.real_farm import until
 
 SLICE, STEP = 10, 20
+DAY_S = 86_400
 QUICK = {"step": STEP, "slice_spp": SLICE, "max_spp": 400, "rule": {"name": "fixed", "spp": 80}}
 
 
@@ -34,16 +35,14 @@ def farm(client: redis.Redis, redis_url: str, tmp_path: Path) -> NoiseFarm:
 
 def work(farm: NoiseFarm, job: Job) -> Job:
     """Render slices as they are planned, until the job is finished; its invariants are checked."""
-
-    def step() -> bool:
-        lease = farm.lease()
-        if lease is not None:
-            farm.commit(lease)
-        return farm.jobs.get(job.id).finished_at is not None
-
-    until(step)
+    done = farm.finish(job)
     check_job(farm.jobs, farm.store, farm.jobs._redis, job.id)
-    return farm.jobs.get(job.id)
+    return done
+
+
+def let_it_have_ended(farm: NoiseFarm, job: Job, days_ago: float) -> None:
+    redis = farm.jobs._redis
+    redis.hset(keys.job(job.id), "finished_at", farm.jobs.now_ms() - round(days_ago * DAY_S * 1000))
 
 
 def go_on(farm: NoiseFarm, job: Job, **changes: Any) -> Job:
@@ -196,11 +195,10 @@ def test_sums_go_after_their_time_and_the_results_stay(
 ) -> None:
     with farm.monitor():
         job = work(farm, farm.submit(**QUICK))
-    day_s = 86_400
-    client.hset(keys.job(job.id), "finished_at", client.time()[0] * 1000 - 2 * day_s * 1000)
+    let_it_have_ended(farm, job, days_ago=2)
     for dry_run in (True, False):
-        assert sweep(client, farm.store, sums_older_than_s=3 * day_s, dry_run=dry_run).blobs == 0
-        would = sweep(client, farm.store, sums_older_than_s=day_s, dry_run=dry_run)
+        assert sweep(client, farm.store, sums_older_than_s=3 * DAY_S, dry_run=dry_run).blobs == 0
+        would = sweep(client, farm.store, sums_older_than_s=DAY_S, dry_run=dry_run)
         assert (would.sums, would.orphans, would.blobs) == (1, 0, 1)
     assert farm.store.names(blobs.checkpoints(job.id)) == []
     assert farm.picture(job, "image.png")
@@ -211,23 +209,21 @@ def test_sums_go_after_their_time_and_the_results_stay(
 def test_sums_stay_for_a_job_that_still_stands_on_them(
     farm: NoiseFarm, client: redis.Redis
 ) -> None:
-    day_s = 86_400
     # Given a job that ended long ago, and one that has just gone on with its sums
     with farm.monitor():
         old = work(farm, farm.submit(**QUICK))
     new = go_on(farm, old, rule={"name": "fixed", "spp": 120})
-    long_ago = client.time()[0] * 1000 - 4 * day_s * 1000
-    client.hset(keys.job(old.id), "finished_at", long_ago)
+    let_it_have_ended(farm, old, days_ago=4)
     # When the farm is swept, then the sums stay
     for dry_run in (True, False):
-        assert sweep(client, farm.store, sums_older_than_s=3 * day_s, dry_run=dry_run).sums == 0
+        assert sweep(client, farm.store, sums_older_than_s=3 * DAY_S, dry_run=dry_run).sums == 0
     with farm.monitor():
         done = work(farm, new)
     # And no slice is rendered twice
     assert set(rendered(farm, done)).isdisjoint(range(8))
     # When the new one has sums of its own, those of the old one go, and its own stay
     for dry_run in (True, False):
-        assert sweep(client, farm.store, sums_older_than_s=3 * day_s, dry_run=dry_run).sums == 1
+        assert sweep(client, farm.store, sums_older_than_s=3 * DAY_S, dry_run=dry_run).sums == 1
     assert farm.store.names(blobs.checkpoints(old.id)) == []
     assert Continuations(client).remains(done).slices == 12
 
@@ -235,22 +231,20 @@ def test_sums_stay_for_a_job_that_still_stands_on_them(
 def test_sums_on_which_two_ended_jobs_stand_go_with_the_second(
     farm: NoiseFarm, client: redis.Redis
 ) -> None:
-    day_s = 86_400
     # Given a job, and one that went on with it and was cancelled before it rendered anything
     with farm.monitor():
         old = work(farm, farm.submit(**QUICK))
         new = go_on(farm, old, rule={"name": "fixed", "spp": 120})
         farm.jobs.cancel(new.id)
         until(lambda: farm.jobs.get(new.id).finished_at is not None)
-    long_ago = client.time()[0] * 1000 - 4 * day_s * 1000
-    client.hset(keys.job(old.id), "finished_at", long_ago)
+    let_it_have_ended(farm, old, days_ago=4)
     # Then the second can be gone on with for as long as any other
-    assert sweep(client, farm.store, sums_older_than_s=3 * day_s).sums == 0
+    assert sweep(client, farm.store, sums_older_than_s=3 * DAY_S).sums == 0
     assert Continuations(client).remains(farm.jobs.get(new.id)).slices == 8
     # And after that the sums go
-    client.hset(keys.job(new.id), "finished_at", long_ago)
+    let_it_have_ended(farm, new, days_ago=4)
     for dry_run in (True, False):
-        swept = sweep(client, farm.store, sums_older_than_s=3 * day_s, dry_run=dry_run)
+        swept = sweep(client, farm.store, sums_older_than_s=3 * DAY_S, dry_run=dry_run)
         assert (swept.sums, swept.blobs) == (1, 1)
     assert farm.store.names(blobs.checkpoints(old.id)) == []
 

@@ -1,7 +1,6 @@
 """What the monitor does with a job that is paused: it keeps all of it, and goes on where it was."""
 
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -28,22 +27,6 @@ def farm(
     """A farm that saves and shows at once."""
     save_every_time(monkeypatch)
     return NoiseFarm(client, redis_url, tmp_path)
-
-
-def work(farm: NoiseFarm, condition: Callable[[], object]) -> None:
-    """Commit slices as they are planned, until the condition holds."""
-
-    def step() -> object:
-        lease = farm.lease()
-        if lease is not None:
-            farm.commit(lease)
-        return condition()
-
-    until(step)
-
-
-def finished(farm: NoiseFarm, job: Job) -> bool:
-    return farm.jobs.get(job.id).finished_at is not None
 
 
 def work_up_to(farm: NoiseFarm, index: int) -> Lease:
@@ -78,7 +61,7 @@ def undisturbed(farm: NoiseFarm) -> Job:
     """A job that converged by itself."""
     job = farm.submit(**QUICK)
     with farm.monitor():
-        work(farm, lambda: finished(farm, job))
+        farm.finish(job)
     return farm.jobs.get(job.id)
 
 
@@ -136,7 +119,7 @@ def test_a_monitor_that_takes_over_a_paused_job_changes_nothing(
         assert farm.jobs.get(job.id).state is JobState.PAUSED
         assert farm.lease() is None
         farm.jobs.resume(job.id)
-        work(farm, lambda: finished(farm, job))
+        farm.finish(job)
     assert outcome(farm, job) == outcome(farm, undisturbed)
 
 
@@ -151,7 +134,7 @@ def test_pausing_at_every_point_changes_nothing(farm: NoiseFarm, undisturbed: Jo
                 wait_until_saved(farm, job)
             farm.jobs.resume(job.id)
     with farm.monitor():
-        work(farm, lambda: finished(farm, job))
+        farm.finish(job)
     assert outcome(farm, job) == outcome(farm, undisturbed)
 
 
@@ -166,7 +149,7 @@ def test_the_last_slice_that_the_rule_waited_for_ends_a_paused_job(
         farm.jobs.pause(job.id)
         farm.commit(held)
         # Then nothing is left to be resumed
-        until(lambda: finished(farm, job))
+        until(lambda: farm.is_finished(job))
     assert outcome(farm, job) == outcome(farm, undisturbed)
     assert [line.split()[2] for line in farm.jobs.story(job.id)] == [
         "queued:",
@@ -187,7 +170,7 @@ def test_a_verdict_that_a_dying_monitor_took_with_it_is_found_again(
     farm.commit(held)
     assert farm.jobs.get(job.id).state is JobState.PAUSED
     with farm.monitor():
-        until(lambda: finished(farm, job))
+        until(lambda: farm.is_finished(job))
     assert outcome(farm, job) == outcome(farm, undisturbed)
 
 
@@ -198,7 +181,7 @@ def test_a_paused_job_whose_last_samples_were_in_hand_reaches_its_cap(farm: Nois
         held = work_up_to(farm, 4)
         farm.jobs.pause(job.id)
         farm.commit(held)
-        until(lambda: finished(farm, job))
+        until(lambda: farm.is_finished(job))
     done = farm.jobs.get(job.id)
     assert (done.state, done.spp) == (JobState.EXHAUSTED, 50)
     assert "cap of 50 spp" in done.reason
@@ -215,7 +198,7 @@ def test_the_time_limit_stands_still_meanwhile(farm: NoiseFarm) -> None:
         time.sleep(4)
         assert farm.jobs.get(job.id).state is JobState.PAUSED
         farm.jobs.resume(job.id)
-        until(lambda: finished(farm, job))
+        until(lambda: farm.is_finished(job))
     done = farm.jobs.get(job.id)
     assert done.state is JobState.EXHAUSTED
     assert "time limit of 3 s at 20 spp" in done.reason
@@ -232,7 +215,7 @@ def test_a_paused_job_that_is_cancelled_keeps_its_samples(farm: NoiseFarm) -> No
         farm.jobs.pause(job.id)
         farm.commit(held)
         farm.jobs.cancel(job.id)
-        until(lambda: finished(farm, job))
+        until(lambda: farm.is_finished(job))
     done = farm.jobs.get(job.id)
     assert (done.state, done.spp) == (JobState.CANCELLED, 50)
     check_job(farm.jobs, farm.store, farm.jobs._redis, job.id)

@@ -22,19 +22,6 @@ def farm(client: redis.Redis, redis_url: str, tmp_path: Path) -> NoiseFarm:
     return NoiseFarm(client, redis_url, tmp_path)
 
 
-def work(farm: NoiseFarm, job: Job) -> JobState:
-    """Render whatever is planned until the job is finished; returns its state."""
-
-    def finished() -> bool:
-        lease = farm.lease()
-        if lease is not None:
-            farm.commit(lease)
-        return farm.jobs.get(job.id).finished_at is not None
-
-    until(finished)
-    return farm.jobs.get(job.id).state
-
-
 def evict(client: redis.Redis, job: Job) -> None:
     client.delete(keys.job(job.id))
 
@@ -59,14 +46,14 @@ def test_one_that_redis_has_lost_is_dropped_and_the_others_go_on(
         # When Redis loses one of them
         lose(client, lost)
         # Then the other converges, and nobody has work with the lost one any more
-        assert work(farm, other) is JobState.CONVERGED
+        assert farm.finish(other).state is JobState.CONVERGED
         until(lambda: not client.sismember(keys.UNFINISHED, lost.id))
         assert client.zscore(keys.OPEN, lost.id) is None
         assert [one for one in client.zrange(keys.LEASES, 0, -1) if lost.id in one] == []
         with pytest.raises(JobNotFound):
             farm.jobs.get(lost.id)
         # And the monitor takes new ones
-        assert work(farm, farm.submit(**SHORT)) is JobState.CONVERGED
+        assert farm.finish(farm.submit(**SHORT)).state is JobState.CONVERGED
 
 
 def test_one_whose_spec_cannot_be_read_fails_and_the_others_go_on(
@@ -78,7 +65,7 @@ def test_one_whose_spec_cannot_be_read_fails_and_the_others_go_on(
     newer = {**json.loads(spec), "rule": {"name": "newer"}}
     client.hset(keys.job(odd.id), "spec", json.dumps(newer))
     with farm.monitor():
-        assert work(farm, other) is JobState.CONVERGED
+        assert farm.finish(other).state is JobState.CONVERGED
         until(lambda: not client.sismember(keys.UNFINISHED, odd.id))
     # Then it has failed, and says why
     client.hset(keys.job(odd.id), "spec", spec)
@@ -94,8 +81,8 @@ def test_one_that_cannot_even_be_given_up_waits_and_the_others_go_on(
     odd, other = farm.submit(**SHORT), farm.submit(**SHORT)
     client.hset(keys.job(odd.id), "state", "resting")
     with farm.monitor():
-        assert work(farm, other) is JobState.CONVERGED
+        assert farm.finish(other).state is JobState.CONVERGED
         until(lambda: "neither go on nor be given up" in caplog.text)
         # When it can be read again, it goes on too
         client.hset(keys.job(odd.id), "state", "queued")
-        assert work(farm, odd) is JobState.CONVERGED
+        assert farm.finish(odd).state is JobState.CONVERGED

@@ -7,7 +7,7 @@ index, as a rendered one is.
 import hashlib
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -25,6 +25,7 @@ from farm.settings import Settings
 from farm.spec import JobSpec
 from farm.stop import Stop
 from service.monitor import Monitor
+from tests.support.real_farm import until
 
 SIZE = (24, 32)  # height, width
 
@@ -78,6 +79,25 @@ class NoiseFarm:
             assert time.monotonic() < deadline, "nothing more was planned"
             time.sleep(0.02)
         return lease
+
+    def work(self, condition: Callable[[], object]) -> None:
+        """Commit slices as they are planned, until the condition holds."""
+
+        def step() -> object:
+            lease = self.lease()
+            if lease is not None:
+                self.commit(lease)
+            return condition()
+
+        until(step)
+
+    def finish(self, job: Job) -> Job:
+        """Work until the job is finished; returns it as it is then."""
+        self.work(lambda: self.is_finished(job))
+        return self.jobs.get(job.id)
+
+    def is_finished(self, job: Job) -> bool:
+        return self.jobs.get(job.id).finished_at is not None
 
     def lease(self) -> Lease | None:
         return self.queue.lease(("scalar_rgb",), None, in_turn=False)
