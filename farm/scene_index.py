@@ -24,8 +24,8 @@ class SceneIndex:
     def use(self, sha256: str) -> None:
         """Note that the scene is wanted, before anyone looks whether the blob store has it.
 
-        From now on no sweep removes it for an hour at least; see `farm.sweep`. Where one is just
-        removing it, this waits until that is done.
+        From now on no sweep removes it for an hour at least; see `farm.sweep.scenes`. Where one is
+        just removing it, this waits until that is done.
 
         Raises
         ------

@@ -1,0 +1,98 @@
+"""Forgets finished jobs, and lets go of the sums from which another job could have gone on.
+
+Only a finished job is forgotten: no monitor has work with it, and none takes it again. A zombie
+worker or monitor that comes back to it is told that the job has ended, or has lost its fence; what
+it put before is an orphan.
+
+A job that another one goes on with stays as long as that one: its slices may be all that the other
+has. Its sums stay until the other has sums of its own, or has let these go too.
+"""
+
+from collections import defaultdict
+from collections.abc import Iterator
+from typing import Final
+
+import redis
+
+from farm import blobs, keys
+from farm.blobs import StoredBlob
+from farm.jobs import Jobs
+from farm.ownership import Checkpoint
+from farm.scripts import Scripts
+from farm.sweep.removal import Removal
+
+_PAGE: Final = 500  #: jobs that are read at once
+
+
+class FinishedJobs:
+    """The finished jobs, as one sweep finds them."""
+
+    def __init__(self, client: redis.Redis, removal: Removal) -> None:
+        self._redis = client
+        self._scripts = Scripts(client)
+        self._removal = removal
+        self.forgotten: set[str] = set()  #: or those that would be, where nothing is removed
+        self.sums = 0  #: checkpoints that went, though their jobs stay
+
+    def forget(self, older_than_s: float) -> None:
+        """Forget the jobs that have been finished for so long."""
+        older_than_ms = round(older_than_s * 1000)
+        continuing = self._continuing()
+        for job_id in self._finished_for(older_than_ms):
+            if self._removal.dry_run:
+                goes = self.forgotten.issuperset(continuing[job_id])
+            else:
+                goes = self._scripts.run("forget", job_id, older_than_ms) == "forgotten"
+            if goes:
+                self.forgotten.add(job_id)
+                stored = self._removal.store.listing(blobs.of_job(job_id))
+                self._removal.remove(list(stored))
+
+    def let_sums_go(self, older_than_s: float) -> None:
+        """Let the sums go of jobs that have been finished for so long."""
+        older_than_ms = round(older_than_s * 1000)
+        continuing, left = self._continuing(), dict(field_of_all(self._redis, "checkpoint"))
+        for job_id in self.forgotten:
+            left[job_id] = None
+        for job_id in self._finished_for(older_than_ms):
+            checkpoint, others = left.get(job_id), continuing[job_id]
+            if checkpoint is None:
+                continue
+            if self._removal.dry_run:
+                goes = all(left.get(other) != checkpoint for other in others)
+            else:
+                goes = self._scripts.run("drop_sums", job_id, older_than_ms, *others) == "dropped"
+            if goes:
+                left[job_id] = None
+                blob = Checkpoint.model_validate_json(checkpoint).blob
+                size = self._removal.store.size(blob)
+                if size is not None and blob.startswith(blobs.of_job(job_id)):
+                    self.sums += self._removal.remove([StoredBlob(blob, size)])
+
+    def _continuing(self) -> defaultdict[str, list[str]]:
+        """Of each job, the jobs that go on with it."""
+        continuing = defaultdict[str, list[str]](list)
+        for job_id, continues in field_of_all(self._redis, "continues"):
+            if continues is not None:
+                continuing[continues].append(job_id)
+        return continuing
+
+    def _finished_for(self, older_than_ms: int) -> list[str]:
+        """The jobs that have been finished for so long, from the newest on.
+
+        So one that goes on with another comes before it.
+        """
+        before = Jobs(self._redis).now_ms() - older_than_ms
+        newest_first = reversed(list(field_of_all(self._redis, "finished_at")))
+        return [job_id for job_id, at in newest_first if at is not None and float(at) <= before]
+
+
+def field_of_all(client: redis.Redis, field: str) -> Iterator[tuple[str, str | None]]:
+    """Yield the id of every job, the oldest first, with one of its fields as Redis has it."""
+    ids = client.zrange(keys.JOBS, 0, -1)
+    for start in range(0, len(ids), _PAGE):
+        page = ids[start : start + _PAGE]
+        pipe = client.pipeline(transaction=False)
+        for job_id in page:
+            pipe.hget(keys.job(job_id), field)
+        yield from zip(page, pipe.execute(), strict=True)

@@ -1,0 +1,71 @@
+"""Removes blobs that nothing refers to.
+
+A job is in Redis before its first blob is put, and its id is never given again. So a blob in a
+listing whose job Redis does not know, when asked after the listing, belongs to a job that is gone
+for good. Of a finished job the set of results and the ledger change no more, so whatever else it
+has in these places is what a process left that was killed, or came too late. Of an unfinished job
+nothing is touched, and neither is a kind of blob that this module does not know.
+
+Studies have pictures of their own, see `farm.studies`; only those of unfinished ones go.
+"""
+
+from collections.abc import Callable, Collection
+from itertools import groupby
+
+import redis
+
+from farm import blobs, keys, studies
+from farm.blobs import StoredBlob
+from farm.jobs import Jobs
+from farm.ownership import Checkpoint
+from farm.spec import stored_spec
+from farm.sweep.removal import Removal
+
+
+def remove_orphans(client: redis.Redis, removal: Removal, forgotten: Collection[str]) -> int:
+    """Remove blobs of unknown jobs, and what finished ones do not need; returns how many.
+
+    Parameters
+    ----------
+    client, removal
+        Redis, and what removes from the blob store that belongs to it.
+    forgotten
+        Jobs whose blobs this sweep has removed, or counted, already.
+    """
+    found: dict[str, list[StoredBlob]] = {}
+    # A job's blobs come one after the other; where a store mixes them, it is asked for twice.
+    for job_id, stored in groupby(removal.store.listing(blobs.JOBS), _job_of):
+        if job_id not in forgotten:
+            keeps = _keeps(client, job_id)
+            for blob in stored:
+                if not keeps(blob.name):
+                    found.setdefault(job_id, []).append(blob)
+    removed = 0
+    for job_id, orphans in found.items():
+        keeps = _keeps(client, job_id)
+        removed += removal.remove(blob for blob in orphans if not keeps(blob.name))
+    return removed + removal.remove(studies.orphans(client, removal.store))
+
+
+def _keeps(client: redis.Redis, job_id: str) -> Callable[[str], bool]:
+    """Whether the job, as Redis knows it now, keeps the blob of a name."""
+    spec, finished_at, results, checkpoint = client.hmget(
+        keys.job(job_id), "spec", "finished_at", "results", "checkpoint"
+    )
+    if spec is None:
+        return lambda _: False
+    if finished_at is None:
+        return lambda _: True
+    kept: set[str] = set()
+    if stored_spec(spec).keep_slices:
+        kept = {record["blob"] for record in Jobs(client).ledger(job_id).values()}
+    if checkpoint is not None:
+        kept.add(Checkpoint.model_validate_json(checkpoint).blob)
+    swept = (blobs.partials(job_id), blobs.checkpoints(job_id), blobs.results(job_id))
+    return lambda name: (
+        name in kept or name.startswith(f"{results or ''}/") or not name.startswith(swept)
+    )
+
+
+def _job_of(blob: StoredBlob) -> str:
+    return blob.name.split("/")[1]

@@ -1,0 +1,84 @@
+"""Removes scenes that no job has.
+
+The danger is one that is submitted again just as it goes: the API sees its blob and does not put it
+again, the sweep removes it, and the job has no scene. Therefore
+
+1. the API notes the use (`SceneIndex.use`), then looks whether the scene is going, then at the
+   blob;
+2. a sweep fixes a moment, an hour in the past or more, then reads which scenes the jobs have, and
+   asks ``forget_scene.lua`` for each other scene that was last used before that moment: the
+   script looks once more, forgets the scene and says that it is going, in one step; the sweep
+   removes the blob; then it says that the scene is gone.
+
+Where the note is first, the script finds it and keeps the scene. Where the script is first, the
+API finds the scene going, waits, and then puts the blob again. A job that is created after the
+sweep has read the jobs has a note that is younger than the moment, unless its API took an hour
+between note and job. A sweep that dies in between leaves the scene going for five minutes, in
+which the API answers 503 for this scene. What is left open: a sweep that is suspended for these
+minutes exactly between its look at the clock and its call to the blob store.
+
+A scene without a note, from before there were notes or from a sweep that died, gets one by the
+first sweep that sees it; its time runs from then.
+"""
+
+import time
+from collections.abc import Collection
+from typing import Final
+
+import redis
+
+from farm import blobs, keys
+from farm.jobs import Jobs
+from farm.scripts import Scripts
+from farm.sweep.finished_jobs import field_of_all
+from farm.sweep.removal import Removal
+
+#: A scene that was used within this time is kept. No request takes so long.
+_IN_USE_S: Final = 3600.0
+#: So long the API takes a scene's blob not to be there, should a sweep die while it removes it.
+_GOING_S: Final = 300.0
+#: By then the removal must have begun: the rest of the time is for the blob store's own retries.
+_BEGINS_WITHIN_S: Final = 60.0
+
+
+def remove_scenes(
+    client: redis.Redis, removal: Removal, unused_for_s: float, forgotten: Collection[str]
+) -> int:
+    """Remove scenes of no job that were not used for so long; returns how many.
+
+    Parameters
+    ----------
+    client, removal
+        Redis, and what removes from the blob store that belongs to it.
+    unused_for_s
+        An hour at least; less is taken for that.
+    forgotten
+        Jobs that need no scene any more, though Redis may know them.
+    """
+    now = Jobs(client).now_ms()
+    before = now - round(max(unused_for_s, _IN_USE_S) * 1000)
+    stored = {
+        blob.name.removeprefix(blobs.SCENES): blob for blob in removal.store.listing(blobs.SCENES)
+    }
+    used = dict(client.zrange(keys.SCENES_USED, 0, -1, withscores=True))
+    unnoted = (stored.keys() | client.hkeys(keys.SCENES)) - used.keys()
+    if unnoted and not removal.dry_run:
+        client.zadd(keys.SCENES_USED, dict.fromkeys(unnoted, now), nx=True)
+    wanted = {
+        scene for job_id, scene in field_of_all(client, "scene_sha256") if job_id not in forgotten
+    }
+    scripts, removed = Scripts(client), 0
+    for sha256 in sorted(used.keys() - wanted):
+        asked = time.monotonic()
+        if used[sha256] >= before:
+            continue
+        if not removal.dry_run:
+            arguments = (sha256, before, round(_GOING_S * 1000))
+            if scripts.run("forget_scene", *arguments) != "forgotten":
+                continue
+        if time.monotonic() - asked > _BEGINS_WITHIN_S:
+            continue  # we were suspended, and by now the API may count on the blob
+        removed += removal.remove([stored[sha256]] if sha256 in stored else [])
+        if not removal.dry_run:
+            client.delete(keys.scene_going(sha256))
+    return removed
