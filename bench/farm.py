@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
 ROOT = Path(__file__).parents[1]
-#: Scene, size, spp and step. Larger films take fewer spp, and smaller steps, or a day.
-_CASES = ("box:512x512:700:100", "bar:512x512:700:100", "box:1920x1080:300:50")
+#: Scene, size, spp and step. Larger films take fewer spp, or a day.
+_CASES = ("box:512x512:700:100", "bar:512x512:700:100", "box:1920x1080:500:100")
 RENDERING = "time from the first lease to the verdict on the last sample"
 EFFICIENCY = "efficiency: spp per second once under way, merged and judged"
 CPU = "CPU time of all processes"
