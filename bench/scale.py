@@ -32,7 +32,7 @@ _HEARTBEAT_S = 5
 _ASKED = {
     "lease a slice": 1.0,
     "commit a slice": 1.0,
-    "monitor: read a job": 2.0,
+    "monitor: read a job": 1.0,
     "monitor: read what is committed": 1.0,
     "monitor: plan": 0.125,
     "monitor: a point of the curve": 0.25,

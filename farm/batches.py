@@ -12,7 +12,7 @@ from typing import Final
 
 import redis
 
-from farm import flicker, keys
+from farm import flicker, keys, records
 from farm.batch import Batch, Member, summarise
 from farm.errors import BatchNotFound, UnevenBatch
 from farm.job import moment
@@ -191,7 +191,9 @@ class Batches:
             for job_id in some:
                 pipe.hmget(keys.job(job_id), _FIELDS)
             for job_id, values in zip(some, pipe.execute(), strict=True):
-                if values[0] is not None:  # else it was forgotten a moment ago
+                if values[0] is None:  # it was forgotten a moment ago
+                    continue
+                with records.leaving_out_unreadable(), records.reading(job_id):
                     members.append(_member(job_id, dict(zip(_FIELDS, values, strict=True)), specs))
         return members
 

@@ -4,6 +4,7 @@
 
     FarmError
     ├── JobNotFound        no job of that id
+    ├── UnreadableJob      what Redis has of the job is nothing that this Plateau knows
     ├── IllegalTransition  the job's state does not allow this move; carries its story
     ├── BatchNotFound      no batch of that name
     ├── UnevenBatch        a guarded batch has other jobs than the one that is to join it
@@ -43,6 +44,15 @@ class JobNotFound(FarmError):
 
     def __init__(self, job_id: str) -> None:
         super().__init__(f"there is no job {job_id!r}")
+        self.job_id = job_id
+
+
+class UnreadableJob(FarmError):
+    """What Redis has of the job is nothing that this Plateau knows."""
+
+    def __init__(self, job_id: str, error: Exception) -> None:
+        why = f"it has no {error}" if isinstance(error, KeyError) else str(error)
+        super().__init__(f"this Plateau cannot read job {job_id}: {why}")
         self.job_id = job_id
 
 

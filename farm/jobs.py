@@ -113,12 +113,12 @@ class Jobs:
         )
 
     def get(self, job_id: str) -> Job:
-        """The job, or `JobNotFound`."""
+        """The job, or `JobNotFound`; or `UnreadableJob`, as from all that return a job."""
         with unavailable_as_farm_error():
             fields = self._redis.hgetall(keys.job(job_id))
         if not fields:
             raise JobNotFound(job_id)
-        return records.job(fields)
+        return records.job(job_id, fields)
 
     def search(
         self,

@@ -96,8 +96,13 @@ def _matching(
 
 
 def _jobs(client: redis.Redis, job_ids: list[str]) -> list[Job]:
-    """These jobs, but for those that were forgotten a moment ago."""
+    """These jobs, but for those that were forgotten a moment ago, or cannot be read."""
     pipe = client.pipeline(transaction=False)
     for job_id in job_ids:
         pipe.hgetall(keys.job(job_id))
-    return [records.job(fields) for fields in pipe.execute() if fields]
+    found = []
+    for job_id, fields in zip(job_ids, pipe.execute(), strict=True):
+        if fields:
+            with records.leaving_out_unreadable():
+                found.append(records.job(job_id, fields))
+    return found

@@ -1,14 +1,19 @@
 """Jobs and what belongs to them as Redis has them, read as the models of `farm.job`."""
 
 import json
-from collections.abc import Container
+import logging
+from collections.abc import Container, Iterator
+from contextlib import contextmanager
 from itertools import count
 from typing import Any
 
 from farm import blobs, fit
+from farm.errors import UnreadableJob
 from farm.job import CurvePoint, Event, Job, Worker, moment
 from farm.spec import JobSpec, stored_spec
 from farm.states import JobState
+
+_LOG = logging.getLogger(__name__)
 
 
 def curve_point(text: str) -> CurvePoint:
@@ -45,8 +50,31 @@ def prefix_length(indices: Container[int]) -> int:
     return next(index for index in count() if index not in indices)
 
 
-def job(fields: dict[str, str]) -> Job:
-    """A job as its hash has it."""
+@contextmanager
+def reading(job_id: str) -> Iterator[None]:
+    """Raise `UnreadableJob` where what is read of the job in this context makes no sense."""
+    try:
+        yield
+    except (KeyError, TypeError, ValueError) as error:
+        raise UnreadableJob(job_id, error) from error
+
+
+@contextmanager
+def leaving_out_unreadable() -> Iterator[None]:
+    """Log `UnreadableJob`: for lists, from which one job must not keep all others."""
+    try:
+        yield
+    except UnreadableJob as error:
+        _LOG.warning("left out of a list: %s", error)
+
+
+def job(job_id: str, fields: dict[str, str]) -> Job:
+    """A job as its hash has it, or `UnreadableJob`."""
+    with reading(job_id):
+        return _job(fields)
+
+
+def _job(fields: dict[str, str]) -> Job:
     spec = _spec(fields)
     latest = json.loads(fields.get("latest", "{}"))
     spp, width, height = int(fields["spp"]), fields.get("width"), fields.get("height")

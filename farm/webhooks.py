@@ -82,7 +82,7 @@ class Taken:
     @property
     def job(self) -> Job:
         """The job as it was when it happened."""
-        return records.job(self.fields)
+        return records.job(self.job_id, self.fields)
 
 
 class DeliveryTry(BaseModel):

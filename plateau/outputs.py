@@ -28,8 +28,17 @@ def write_results(client: Client, job: JobView, folder: Path) -> dict[str, Any]:
     ``curve.csv`` and ``curve.png``, where its curve has points; ``slices``, where it kept them, for
     `plateau judge`; ``summary.txt`` and ``summary.json``. Slices that are there already are not
     fetched again.
+
+    Raises
+    ------
+    OSError
+        They cannot be written; its `filename` is the folder's where it is no file's.
     """
-    return _summarise(job, _fetch(client, job, folder), folder)
+    try:
+        return _summarise(job, _fetch(client, job, folder), folder)
+    except OSError as error:
+        error.filename = error.filename or str(folder)  # a full disk says no name
+        raise
 
 
 def write_or_keep(

@@ -308,5 +308,6 @@ PROBLEM_DETAILS: Final = {
     "workers, and there is no room for another; wait for some to end, or ask for a combination "
     "that others have",
     "internal-error": "an error that Plateau did not expect; the API's log has the details",
+    "unreadable-job": f"this Plateau cannot read job {JOB_ID}: 'resting' is not a valid JobState",
     "store-unavailable": "Redis cannot be reached; try again shortly",
 }

@@ -1,22 +1,20 @@
 """One job, run by the monitor that owns it: plan, merge, judge, end, and write the results."""
 
-import hashlib
 import logging
 import time
 from typing import Final
 
 from farm import blobs
 from farm.blobs import Blobs
-from farm.errors import CorruptPartial, IllegalTransition
-from farm.exr import Pixels, decode_partial
+from farm.errors import IllegalTransition
 from farm.job import Job
 from farm.jobs import Jobs
-from farm.log import concerning
 from farm.ownership import Ownership, Ownerships
 from farm.queue import SliceRecord
-from farm.states import MAX_TRIES, JobState
+from farm.states import JobState
 from farm.totals import MonitorWork
 from service.checkpoints import Checkpoints
+from service.films import Films
 from service.judge import Judge, Judgement
 from service.look_ahead import Crew, LookAhead
 from service.results import Results
@@ -57,6 +55,7 @@ class JobRun:
         self._ended = False  # by this monitor, or by someone who was faster
         self._planned_stop = -1
         self._look_ahead = LookAhead(job)
+        self._films = Films(owned, owners, store)
         self._results = Results(owned, owners, store, job.spec)
         self._checkpoints = Checkpoints(owned, owners, store, keep_slices=job.spec.keep_slices)
         self._merge = self._checkpoints.recover(job.spec.slice_spp, self._judge)
@@ -82,9 +81,10 @@ class JobRun:
             if job.state is JobState.RENDERING and not self._merge.slices:
                 self._results.show_glimpse(self._judge)
             self._check_time()
-            if self._merge.slices > before or self._ended:
-                self._plan(enough)
+            if self._ended:
                 job = self._jobs.get(self.owned.job_id)
+            elif self._merge.slices > before:
+                self._plan(enough)
         if job.state is JobState.PAUSED and self._merge.slices:
             # It is asked again and again: so all is saved a moment after its last slice came. There
             # is no judgement in hand then that a checkpoint could lose.
@@ -107,31 +107,39 @@ class JobRun:
             self._planned_stop = stop
 
     def _merge_and_judge(self) -> None:
-        while self._judged():
-            records = self._owners.committed(
-                self.owned.job_id, range(self._merge.slices, self._merge.slices + _BATCH)
-            )
-            if not records:
-                return
-            for record in records:
-                if not self._add(record):
-                    return
-                self._checkpoints.note(record.blob)
-                # Judged first: what is merged is not come upon again after an error.
-                if self._spec.evaluates_at(self._merge.spp):
-                    with self._work.evaluations.timed():
-                        self._judgement = self._judge.judge(self._merge)
-                    self._look_ahead.expect(self._judgement.expected_spp)
-                    break
-                if self._merge.slices == 1 and not self._is_seen():
-                    self._results.show(self._merge, self._judge)  # long before the first point
+        """Merge what is committed, and judge it wherever the curve has a point.
+
+        What is committed meanwhile is announced, and no reason to look again.
+        """
+        goes_on = self._judged()
+        while goes_on:
+            start = self._merge.slices
+            records = self._owners.committed(self.owned.job_id, range(start, start + _BATCH))
+            goes_on = all(map(self._take, records)) and len(records) == _BATCH
+
+    def _take(self, record: SliceRecord) -> bool:
+        """Merge a slice and judge the sum, if it is time; returns whether the job goes on."""
+        if not self._add(record):
+            return False
+        self._checkpoints.note(record.blob)
+        if self._spec.evaluates_at(self._merge.spp):
+            with self._work.evaluations.timed():
+                self._judgement = self._judge.judge(self._merge)
+            self._look_ahead.expect(self._judgement.expected_spp)
+            return self._judged()
+        if self._merge.slices == 1 and not self._is_seen():
+            self._results.show(self._merge, self._judge)  # long before the first point
+        return True
 
     def _is_seen(self) -> bool:
         """Whether an image of whole slices is shown."""
         return (self._jobs.get(self.owned.job_id).image_spp or 0) >= self._spec.slice_spp
 
     def _judged(self) -> bool:
-        """Write down the judgement in hand, if any; returns whether the job goes on."""
+        """Write down the judgement in hand, if any; returns whether the job goes on.
+
+        It stays in hand through an error, for what is merged is not come upon again.
+        """
         if self._judgement is None:
             return True
         point, verdict, spp = self._judgement.point, self._judgement.verdict, self._merge.spp
@@ -152,37 +160,12 @@ class JobRun:
     def _add(self, record: SliceRecord) -> bool:
         """Merge a slice; returns False where its partial is lost or spoiled."""
         started = time.monotonic()
-        film = self._film(record)
+        film = self._films.film(record)
         if film is None:
             return False
         self._merge.add(film)
         self._work.merges.note(time.monotonic() - started)
         return True
-
-    def _film(self, record: SliceRecord) -> Pixels | None:
-        with concerning(self.owned.job_id, record.index):
-            return self._checked_film(record)
-
-    def _checked_film(self, record: SliceRecord) -> Pixels | None:
-        """The slice's film; None where its partial is lost or spoiled.
-
-        It is rendered again then, if the job still goes on.
-        """
-        try:
-            content = self._blobs.get(record.blob)
-            if hashlib.sha256(content).hexdigest() != record.sha256:
-                raise CorruptPartial(f"{record.blob} is not what its worker uploaded")
-            return decode_partial(content).pixels
-        except (FileNotFoundError, CorruptPartial) as error:
-            lost = isinstance(error, FileNotFoundError)
-            cause = f"the blob store has no {record.blob}" if lost else str(error)
-            _LOG.warning("%s", cause)
-            if self._owners.reject(self.owned, record, cause) > MAX_TRIES:
-                raise CorruptPartial(
-                    f"slice {record.index} was rendered {MAX_TRIES + 1} times and its partial "
-                    f"never came back whole: {cause}"
-                ) from error
-            return None
 
     def _check_time(self) -> None:
         """End the job where it rendered for as long as it may; pauses do not count."""

@@ -14,7 +14,7 @@ from service.key_guard import needs_key
 from service.problems import MEDIA_TYPE, Problem, ProblemDetails, documented
 
 #: What any request may be answered, whatever its route.
-_ANYWHERE: Final = documented(problems.INTERNAL_ERROR, store=False)
+_ANYWHERE: Final = documented(problems.INTERNAL_ERROR, problems.UNREADABLE_JOB, store=False)
 #: What one may be answered that may need a key.
 _GUARDED: Final = documented(
     problems.NO_KEY,

@@ -1,6 +1,5 @@
 """The sums of a job's slices up to points of its curve; some are remembered, and gone on from."""
 
-import hashlib
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from typing import Final
@@ -10,7 +9,8 @@ from numpy.typing import NDArray
 
 from farm.blobs import Blobs
 from farm.errors import CorruptPartial
-from farm.exr import Pixels, decode_partial
+from farm.exr import Pixels
+from service.films import checked_film
 from service.merge import normalised
 from service.point_images import KeptSlice, SliceLost
 
@@ -92,10 +92,7 @@ class PointSums:
 
     def _film(self, index: int, kept: KeptSlice) -> Pixels:
         try:
-            content = self._blobs.get(kept.blob)
-            if hashlib.sha256(content).hexdigest() != kept.sha256:
-                raise CorruptPartial("it is not what its worker uploaded")
-            return decode_partial(content).pixels
+            return checked_film(self._blobs, kept.blob, kept.sha256)
         except FileNotFoundError as error:
             raise SliceLost(f"slice {index} is gone") from error
         except CorruptPartial as error:

@@ -23,6 +23,7 @@ from farm.errors import (
     TooManyNeeds,
     TrialNotFound,
     UnevenBatch,
+    UnreadableJob,
     WorkerNotFound,
 )
 from farm.states import JobState
@@ -42,6 +43,7 @@ _REFUSALS: Final = {
 #: Errors that say it all, the problems that they are, and what to do about each.
 _AS_THEY_ARE: Final[dict[type[Exception], tuple[ProblemType, str]]] = {
     JobNotFound: (problems.UNKNOWN_JOB, "; GET /v1/jobs lists those there are"),
+    UnreadableJob: (problems.UNREADABLE_JOB, ""),
     BatchNotFound: (problems.UNKNOWN_BATCH, "; GET /v1/batches lists those there are"),
     WorkerNotFound: (problems.UNKNOWN_WORKER, "; GET /v1/workers lists those that do"),
     StudyNotFound: (problems.UNKNOWN_STUDY, "; GET /v1/studies lists those there are"),

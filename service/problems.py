@@ -78,6 +78,7 @@ KEY_REUSED: Final = ProblemType(
 TOO_MANY_REQUESTS: Final = ProblemType("too-many-requests", 429, "The key asks too often")
 TOO_MANY_JOBS: Final = ProblemType("too-many-jobs", 429, "The key has too many open jobs")
 INTERNAL_ERROR: Final = ProblemType("internal-error", 500, "The service failed")
+UNREADABLE_JOB: Final = ProblemType("unreadable-job", 500, "The job cannot be read")
 BUSY: Final = ProblemType("busy", 503, "Too many ask for this at once")
 STORE_UNAVAILABLE: Final = ProblemType("store-unavailable", 503, "Redis or the blob store is away")
 

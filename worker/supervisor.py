@@ -6,14 +6,12 @@ only where this worker can render other things: one that cannot gives its slice 
 
 import logging
 import os
-import socket
 import threading
 import time
 from contextlib import suppress
-from datetime import datetime, timezone
 from typing import Final
 
-from farm import keys, log, versions
+from farm import keys, log
 from farm.backoff import Backoff
 from farm.blobs import Blobs
 from farm.bundle import BundleError
@@ -26,6 +24,7 @@ from farm.seeds import SeedsExhausted
 from farm.settings import Settings
 from farm.stop import Stop, await_any
 from farm.wake import Wake
+from worker.about import About
 from worker.errors import SceneError
 from worker.health import Health
 from worker.host import RenderHost
@@ -64,10 +63,10 @@ class Supervisor:
         )
         renewing = connect_to_renew(settings.redis_url, settings.lease_s)
         self._renewals = SliceQueue(renewing, self.id, settings.lease_s)
-        self._threads = settings.threads or len(os.sched_getaffinity(0))
+        threads = settings.threads or len(os.sched_getaffinity(0))
         loading_s = START_TIMEOUT_S + settings.load_timeout_s
         scenes = SceneCache(store, settings.cache / "scenes", in_use_s=loading_s)
-        self._host = RenderHost(settings, self._threads, choice.llvm_library, scenes)
+        self._host = RenderHost(settings, threads, choice.llvm_library, scenes)
         self._uploader = Uploader(store, self._queue, self.id)
         self._health = Health(settings.cache, choice.llvm_library)
         self._reports = Reports(self._queue, stop)
@@ -75,13 +74,9 @@ class Supervisor:
         self._rendering: Lease | None = None
         self._pace = Pace()
         self._turn: tuple[str, float] = ("", 0.0)  # the job rendered last, and since when
-        self._started_at = datetime.now(timezone.utc)
-        self._slices_done = 0
-        self._samples_per_s: float | None = None
-        self._last_error: str | None = None
-        self._trouble: str | None = None  # why it takes no work
+        self._about = About(self.id, settings, choice.variants, threads)
 
-    # Three threads: this one renders; one renews the leases; one listens for jobs that end.
+    # This thread renders; one renews the leases, one listens for jobs that end, one for a stop.
 
     def run(self) -> None:
         """Work until told to stop; then give back the slice in hand and commit what is done."""
@@ -148,16 +143,16 @@ class Supervisor:
             note_refused(self._client, "worker", refused)
         if self._settings.when_refused == "exit":
             raise refused
-        if self._trouble is None:
+        if self._about.trouble is None:
             _LOG.error("out of service: %s", refused)
-        self._trouble = str(refused)
+        self._about.trouble = str(refused)
         wait_for_upgrade(self._stop)
 
     def _next_lease(self) -> Lease | None:
         job, since = self._turn
         in_turn = time.monotonic() < since + _TURN_S
         lease = self._queue.lease(self._choice.variants, job, in_turn=in_turn)
-        self._trouble = None  # it was let in, whatever was before
+        self._about.trouble = None  # it was let in, whatever was before
         return lease
 
     def _serve(self, lease: Lease) -> bool:
@@ -200,19 +195,17 @@ class Supervisor:
     def _render(self, lease: Lease) -> Rendered:
         rendered = self._host.render(lease, self._uploader.show)
         self._pace.took(lease.job_id, rendered.render_s)
-        self._slices_done += 1
-        samples = rendered.scene.width * rendered.scene.height * lease.spec.slice_spp
-        self._samples_per_s = samples / rendered.render_s
+        self._about.rendered(rendered)
         return rendered
 
     def _is_fit(self, lease: Lease, error: str, tried: Tried) -> bool:
         """Whether this worker can render anything else, so that the scene is to blame."""
         _LOG.warning("%s", error)
-        self._last_error = f"slice {lease.index} of job {lease.job_id}: {error}"
-        self._trouble = self._health.trouble(lease.variant)
-        if self._trouble is None:
+        self._about.last_error = f"slice {lease.index} of job {lease.job_id}: {error}"
+        self._about.trouble = self._health.trouble(lease.variant)
+        if self._about.trouble is None:
             return True
-        self._reports.unfit(lease, self._trouble, tried)
+        self._reports.unfit(lease, self._about.trouble, tried)
         self._sit_out(lease.variant)
         return False
 
@@ -220,10 +213,10 @@ class Supervisor:
         """Take no work until this worker can render again."""
         self._rendering = None
         backoff = Backoff(*_SIT_OUT_S)
-        while self._trouble is not None and not self._stop.is_set():
-            _LOG.error("out of service: %s", self._trouble)
+        while self._about.trouble is not None and not self._stop.is_set():
+            _LOG.error("out of service: %s", self._about.trouble)
             self._stop.wait(backoff.delay_s())
-            self._trouble = self._health.trouble(variant)
+            self._about.trouble = self._health.trouble(variant)
         _LOG.info("back in service")
 
     def _cancel_on_stop(self, over: Stop) -> None:
@@ -252,7 +245,7 @@ class Supervisor:
             try:
                 rendering = self._rendering
                 leases = self._uploader.leases + ((rendering,) if rendering else ())
-                lost = self._renewals.heartbeat(self._about(rendering), leases)
+                lost = self._renewals.heartbeat(self._about.told(rendering), leases)
                 if rendering in lost and rendering is self._rendering:
                     self._host.cancel()
                 backoff.reset()
@@ -262,28 +255,8 @@ class Supervisor:
             if over.wait(wait_s):
                 return
 
-    def _about(self, rendering: Lease | None) -> dict[str, object]:
-        return {
-            "id": self.id,
-            "host": socket.gethostname(),
-            "pid": os.getpid(),
-            "plateau": versions.plateau(),
-            "variants": self._choice.variants,
-            "threads": self._threads,
-            "pool": self._settings.pool,
-            "tags": self._settings.tags,
-            "job": rendering.job_id if rendering else None,
-            "slice": rendering.index if rendering else None,
-            "slices_done": self._slices_done,
-            "samples_per_s": self._samples_per_s,
-            "last_error": self._last_error,
-            "trouble": self._trouble,
-            "label": self._settings.label,
-            "started_at": self._started_at.isoformat(),
-        }
-
     def _note(self, error: str) -> None:
-        self._last_error = error
+        self._about.last_error = error
         _LOG.warning("%s", error)
 
     def _sign_off(self) -> None:

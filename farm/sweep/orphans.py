@@ -57,7 +57,11 @@ def _keeps(client: redis.Redis, job_id: str) -> Callable[[str], bool]:
     if finished_at is None:
         return lambda _: True
     kept: set[str] = set()
-    if stored_spec(spec).keep_slices:
+    try:
+        keeps_slices = stored_spec(spec).keep_slices
+    except ValueError:  # a newer Plateau knows what it needs
+        return lambda _: True
+    if keeps_slices:
         kept = {record["blob"] for record in Jobs(client).ledger(job_id).values()}
     if checkpoint is not None:
         kept.add(Checkpoint.model_validate_json(checkpoint).blob)

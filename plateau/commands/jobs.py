@@ -44,6 +44,7 @@ def watch(
     with connect(url) as client:
         job_id = whole_id(client, job_id)
         if out is not None:
+            client.job(job_id)  # no folder for one that there is not
             make_ready(out)
         try:
             job = follow(client, job_id, shown, lambda: None)

@@ -237,6 +237,16 @@ class TestOrphans:
         assert sweep(client, store).orphans == 3
         assert sorted(store.names(f"jobs/{job.id}/")) == sorted(kept)
 
+    def test_of_a_finished_job_that_cannot_be_read_stay_and_of_others_go(
+        self, client: redis.Redis, store: Blobs
+    ) -> None:
+        odd, other = finished(client, store), finished(client, store)
+        client.hset(keys.job(odd.id), "spec", json.dumps({"rule": {"name": "newer"}}))
+        orphan(store, odd.id)
+        orphan(store, other.id)
+        assert sweep(client, store).orphans == 3
+        assert len(store.names(f"jobs/{odd.id}/")) == 3 + 3
+
     def test_a_kind_of_blob_that_is_not_known_is_left_alone(
         self, client: redis.Redis, store: Blobs
     ) -> None:

@@ -224,6 +224,16 @@ class TestErrorsSayWhatToDo:
         code, _, err = plateau("fetch", job.id, "-o", str(tmp_path / "out"))
         assert (code, err) == (1, f"plateau: {tmp_path / 'out'}: File exists\n")
 
+    def test_of_a_disk_that_is_full(self, job: StagedJob, tmp_path: Path) -> None:
+        (tmp_path / "summary.txt").symlink_to("/dev/full")
+        code, _, err = plateau("fetch", job.id, "-o", str(tmp_path))
+        assert (code, err) == (1, f"plateau: {tmp_path}: No space left on device\n")
+
+    def test_of_a_job_that_is_not_there_before_its_folder_is(self, tmp_path: Path) -> None:
+        code, _, err = plateau("watch", "0123456789ab", "-o", str(tmp_path / "out"))
+        assert (code, "there is no job '0123456789ab'" in err) == (1, True)
+        assert not (tmp_path / "out").exists()
+
     def test_of_a_file_that_cannot_be_written_before_the_job_is_watched(
         self, job: StagedJob, tmp_path: Path
     ) -> None:

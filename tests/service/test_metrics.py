@@ -14,6 +14,7 @@ import redis
 from prometheus_client import Metric
 from prometheus_client.parser import text_string_to_metric_families
 
+from farm import keys
 from farm.blobs import Blobs
 from farm.embedded import EmbeddedRedis
 from farm.settings import Settings
@@ -182,12 +183,12 @@ class TestRequests:
         self, redis_url: str, store: Blobs, client: redis.Redis
     ) -> None:
         job = StagedJob(client)
-        client.hset(f"plateau:job:{job.id}", "spec", "no JSON")
+        client.xadd(keys.job(job.id, "curve"), {"point": "no JSON"})
         with _api(redis_url, store) as http:
             # After a bug the server closes the connection, so the next request needs another
-            answer = http.get(f"/v1/jobs/{job.id}", headers={"Connection": "close"})
+            answer = http.get(f"/v1/jobs/{job.id}/curve", headers={"Connection": "close"})
             problem(answer, 500, "internal-error")
-            labels = {"method": "GET", "route": "/v1/jobs/{job_id}", "status": "5xx"}
+            labels = {"method": "GET", "route": "/v1/jobs/{job_id}/curve", "status": "5xx"}
             assert Scrape(http).value(f"{LATENCY}_count", **labels) == 1
 
     def test_for_events_are_streams_and_have_no_latency(

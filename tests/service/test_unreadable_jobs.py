@@ -1,9 +1,10 @@
-"""A job that cannot be read holds up no other, and no monitor."""
+"""A job that cannot be read holds up no other, no monitor, and no list."""
 
 import json
 from collections.abc import Callable
 from pathlib import Path
 
+import httpx
 import pytest
 import redis
 
@@ -11,8 +12,10 @@ from farm import keys
 from farm.errors import JobNotFound
 from farm.job import Job
 from farm.states import JobState
+from tests.service.test_api_jobs import problem
 from tests.support.noise_farm import NoiseFarm
 from tests.support.real_farm import until
+from tests.support.staged_job import StagedJob
 
 SHORT = {"step": 20, "slice_spp": 10, "max_spp": 40, "rule": {"name": "fixed", "spp": 40}}
 
@@ -86,3 +89,29 @@ def test_one_that_cannot_even_be_given_up_waits_and_the_others_go_on(
         # When it can be read again, it goes on too
         client.hset(keys.job(odd.id), "state", "queued")
         assert farm.finish(odd).state is JobState.CONVERGED
+
+
+def test_one_in_a_state_that_is_unknown_is_left_out_of_lists(
+    http: httpx.Client, client: redis.Redis, caplog: pytest.LogCaptureFixture
+) -> None:
+    # Given two jobs of a batch, one of them in a state that this Plateau does not know
+    odd, other = StagedJob(client, batch="exposures"), StagedJob(client, batch="exposures")
+    client.hset(keys.job(odd.id), "state", "resting")
+    # Then lists have the other, and the API's log says why
+    for listed in ("/v1/jobs", "/v1/jobs?batch=exposures"):
+        assert [job["id"] for job in http.get(listed).json()["jobs"]] == [other.id]
+    assert http.get("/v1/batches/exposures").json()["jobs"] == 1
+    assert f"left out of a list: this Plateau cannot read job {odd.id}" in caplog.text
+    # And who asks for it is told why it cannot be shown
+    answer = http.get(f"/v1/jobs/{odd.id}")
+    assert "'resting'" in problem(answer, 500, "unreadable-job")["detail"]
+
+
+def test_one_that_lost_all_but_a_counter_is_left_out_of_lists(
+    http: httpx.Client, client: redis.Redis
+) -> None:
+    odd, other = StagedJob(client), StagedJob(client)
+    client.delete(keys.job(odd.id))
+    client.hincrby(keys.job(odd.id), "machine_ms", 20)
+    assert [job["id"] for job in http.get("/v1/jobs").json()["jobs"]] == [other.id]
+    problem(http.get(f"/v1/jobs/{odd.id}"), 500, "unreadable-job")
