@@ -6,17 +6,22 @@ cd "$(dirname "$0")/.."
 
 source deploy/lib.sh
 
+is_python() { "$1" -c "import sys; sys.exit(not ($2))" 2>/dev/null; }
+
 find_python() {
-  # Every candidate is run: a version manager's shim may exist without its Python.
-  local candidate
-  for candidate in ${PYTHON:-} python3.12 python3.11 python3.10 python3; do
-    if "$candidate" -c 'import sys; sys.exit(not (3, 10) <= sys.version_info < (3, 13))' 2>/dev/null
+  # Who names one gets it. Every candidate is run: a version manager's shim may exist without its
+  # Python. For those before 3.13 a Redis server comes with the dependencies.
+  local candidate new_enough='sys.version_info >= (3, 10)'
+  if [ -n "${PYTHON:-}" ]; then
+    if is_python "$PYTHON" "$new_enough"; then echo "$PYTHON"; return; fi
+    say "PYTHON=$PYTHON is no Python 3.10 or newer"
+    return 1
+  fi
+  for candidate in python3.12 python3.11 python3.10 python3; do
+    if is_python "$candidate" "$new_enough and sys.version_info < (3, 13)"
     then echo "$candidate"; return; fi
   done
-  for candidate in ${PYTHON:-} python3; do  # newer ones need a redis-server on the PATH
-    if "$candidate" -c 'import sys; sys.exit(sys.version_info < (3, 10))' 2>/dev/null
-    then echo "$candidate"; return; fi
-  done
+  if is_python python3 "$new_enough"; then echo python3; return; fi
   say "no Python 3.10 or newer was found; install one, or name it: make PYTHON=/path/to/python3"
   return 1
 }
@@ -34,6 +39,16 @@ make_venv() {
   fi
   .venv/bin/python -m pip install -q --disable-pip-version-check -c constraints.txt uv
   .venv/bin/uv pip install -q --compile-bytecode --python .venv/bin/python -c constraints.txt -e '.[dev]'
+}
+
+find_redis() {
+  .venv/bin/python -c \
+    'import sys; from farm.embedded import find_redis_server; sys.exit(find_redis_server() is None)' \
+    && return 0
+  if is_root_on_debian && apt_install redis-server; then return 0; fi
+  say "no redis-server, without which nothing runs here: install Redis 6.2 or newer" \
+      "(apt install redis-server; brew install redis), or use Python 3.10 to 3.12."
+  return 1
 }
 
 variant() { .venv/bin/python -m plateau doctor --json | .venv/bin/python -c \
@@ -64,6 +79,7 @@ find_chromium() {
 wanted=$(cat pyproject.toml constraints.txt | cksum)
 if [ "$(cat .venv/made-from 2>/dev/null)" != "$wanted" ]; then
   make_venv
+  find_redis
   find_llvm
   find_chromium
   say "compiling the metric (some 10 s, once)"
