@@ -95,7 +95,7 @@ def test_when_it_is_killed_everything_goes_and_the_next_may_start(up: Up, box: P
     first = up()
     with Client(first.wait_for(READY)) as client:
         job = client.submit(box)
-    assert len(first.family()) == 3
+    until(lambda: len(first.family()) == 3, 60)
     first.process.kill()
     second = up()  # at once: it waits until the others have left
     first.is_gone()
