@@ -7,35 +7,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import Final
 
-from pydantic import AfterValidator, Field
-
+from farm.job import Job
 from farm.keys import DEFAULT_POOL
-
-if TYPE_CHECKING:
-    from farm.job import Job
-    from farm.spec import SharedSpec
+from farm.spec import SharedSpec
 
 #: The variant of a job that is not pinned to one yet.
 ANY: Final = "auto"
-
-PlaceName = Annotated[
-    str,
-    Field(
-        min_length=1,
-        max_length=40,
-        pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$",
-    ),
-]
-
-
-def _in_order(names: tuple[str, ...]) -> tuple[str, ...]:
-    return tuple(sorted(set(names)))
-
-
-#: Sorted, each once.
-Tags = Annotated[tuple[PlaceName, ...], Field(max_length=16), AfterValidator(_in_order)]
 
 
 @dataclass(frozen=True)

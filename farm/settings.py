@@ -9,8 +9,8 @@ import platformdirs
 from pydantic import BeforeValidator, Field, SecretStr, ValidationInfo, field_validator
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
-from farm.fit import PlaceName, Tags
 from farm.keys import DEFAULT_POOL
+from farm.place_names import PlaceName, Tags
 
 LogFormat = Literal["text", "json"]
 

@@ -10,10 +10,10 @@ import asyncio
 import threading
 from collections.abc import Awaitable, Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 from farm.blobs import Blobs
+from service.kept_slices import KeptSlice
 
 if TYPE_CHECKING:
     from farm.exr import Pixels
@@ -29,18 +29,6 @@ _ASKED_EVERY_S: Final = 0.25
 
 class TooManyWait(Exception):
     """So many images are waited for that one more would take too long."""
-
-
-class SliceLost(Exception):
-    """A slice is gone or spoiled."""
-
-
-@dataclass(frozen=True)
-class KeptSlice:
-    """Where a slice lies, and what it has to be."""
-
-    blob: str
-    sha256: str
 
 
 class PointImages:

@@ -11,8 +11,8 @@ from farm.blobs import Blobs
 from farm.errors import CorruptPartial
 from farm.exr import Pixels
 from service.films import checked_film
+from service.kept_slices import KeptSlice, SliceLost
 from service.merge import normalised
-from service.point_images import KeptSlice, SliceLost
 
 #: So many bytes of sums are remembered; the newest one in any case.
 _REMEMBERED: Final = 128 << 20

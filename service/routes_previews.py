@@ -12,8 +12,9 @@ from farm.job import Job
 from service import previews, problems
 from service.etags import FINAL, Known, known, not_modified, strong
 from service.head import HEADERS_ONLY
+from service.kept_slices import KeptSlice, SliceLost
 from service.parts import Parts, parts
-from service.point_images import MOST_PIXELS, MOST_WAITING, KeptSlice, SliceLost, TooManyWait
+from service.point_images import MOST_PIXELS, MOST_WAITING, TooManyWait
 from service.problems import Problem, documented
 from service.routes_jobs import JobId
 from service.served_blobs import EXR, PNG, SPP, blob_response, described, headers_of

@@ -80,7 +80,8 @@ def plain_errors() -> Iterator[None]:
         raise
     except Exception as error:
         from farm.errors import Incompatible
-        from plateau.errors import EXPECTED, in_words
+        from plateau.cli.error_words import in_words
+        from plateau.errors import EXPECTED
 
         if not isinstance(error, EXPECTED):
             raise

@@ -16,7 +16,8 @@ from farm.blobs import Blobs
 from farm.exr import Pixels, decode_image, encode_image
 from farm.job import Job
 from service import point_images, point_sums
-from service.point_images import MOST_WAITING, KeptSlice, PointImages, SliceLost, TooManyWait
+from service.kept_slices import KeptSlice, SliceLost
+from service.point_images import MOST_WAITING, PointImages, TooManyWait
 from service.point_sums import PointSums
 from tests.support.commands import until
 from tests.support.live_api import live_api
