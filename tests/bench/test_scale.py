@@ -18,6 +18,7 @@ def test_workers_and_jobs_are_simulated_under_each_load(
 ) -> None:
     # Two processes of simulated workers, with three and two of them; and images that are small
     monkeypatch.setattr(scale_farm, "_CREWS", 2)
+    monkeypatch.setattr(scale_farm, "_MONITOR_LEASE_S", 3.0)
     monkeypatch.setattr(scale_load, "_SIZES", ((64, 64), (96, 64)))
     plan = Plan(
         workers=(5,),
@@ -27,7 +28,8 @@ def test_workers_and_jobs_are_simulated_under_each_load(
         monitors=(2,),
         waiting=3,
         turns=5,
-        seconds=2.5,
+        warm_s=0.3,
+        seconds=1.5,
         folder=str(tmp_path),
     )
     found = measure(plan)
