@@ -21,7 +21,7 @@ test-cluster: setup  ## More than one machine: S3, Slurm, Kubernetes, networks (
 	bash tests/cluster/install.sh $(PARTS)
 	CLUSTER_TESTS=$(or $(CLUSTER_TESTS),long) $(BIN)/python -m pytest \
 	  $(if $(PARTS),$(PARTS:%=tests/cluster/test_%*),tests/cluster) --durations 10 \
-	  $(if $(filter short,$(CLUSTER_TESTS)),-n 2 --dist loadfile --no-loadscope-reorder)
+	  $(if $(filter short,$(CLUSTER_TESTS)),-n auto --dist loadfile --no-loadscope-reorder)
 
 test-long: setup  ## The long forms of the statistical tests
 	LONG_TESTS=1 $(BIN)/python -m pytest tests/statistical
