@@ -84,6 +84,7 @@ class Batches:
                 newest_at=moment(newest_at),
             )
             for name, _, jobs, newest_at, states in lines
+            if jobs
         ]
         return found, lines[-1][1] if len(lines) == limit else None
 

@@ -101,6 +101,8 @@ def test_one_in_a_state_that_is_unknown_is_left_out_of_lists(
     for listed in ("/v1/jobs", "/v1/jobs?batch=exposures"):
         assert [job["id"] for job in http.get(listed).json()["jobs"]] == [other.id]
     assert http.get("/v1/batches/exposures").json()["jobs"] == 1
+    (batch,) = http.get("/v1/batches").json()["batches"]
+    assert (batch["jobs"], batch["states"]) == (1, {"queued": 1})
     assert f"left out of a list: this Plateau cannot read job {odd.id}" in caplog.text
     # And who asks for it is told why it cannot be shown
     answer = http.get(f"/v1/jobs/{odd.id}")
@@ -110,8 +112,11 @@ def test_one_in_a_state_that_is_unknown_is_left_out_of_lists(
 def test_one_that_lost_all_but_a_counter_is_left_out_of_lists(
     http: httpx.Client, client: redis.Redis
 ) -> None:
-    odd, other = StagedJob(client), StagedJob(client)
+    other, odd = StagedJob(client), StagedJob(client, batch="exposures")
     client.delete(keys.job(odd.id))
     client.hincrby(keys.job(odd.id), "machine_ms", 20)
     assert [job["id"] for job in http.get("/v1/jobs").json()["jobs"]] == [other.id]
     problem(http.get(f"/v1/jobs/{odd.id}"), 500, "unreadable-job")
+    # And a batch of which nothing else is left is none
+    assert http.get("/v1/batches").json()["batches"] == []
+    problem(http.get("/v1/batches/exposures"), 404, "unknown-batch")
