@@ -37,7 +37,8 @@ def write_results(client: Client, job: JobView, folder: Path) -> dict[str, Any]:
     try:
         return _summarise(job, _fetch(client, job, folder), folder)
     except OSError as error:
-        error.filename = error.filename or str(folder)  # a full disk says no name
+        if error.strerror and error.filename is None:  # a full disk says no name
+            error.filename = str(folder)
         raise
 
 

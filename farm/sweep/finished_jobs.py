@@ -16,8 +16,8 @@ import redis
 
 from farm import blobs, keys
 from farm.blobs import StoredBlob
-from farm.jobs import Jobs
 from farm.ownership import Checkpoint
+from farm.redis_link import now_ms
 from farm.scripts import Scripts
 from farm.sweep.removal import Removal
 
@@ -82,7 +82,7 @@ class FinishedJobs:
 
         So one that goes on with another comes before it.
         """
-        before = Jobs(self._redis).now_ms() - older_than_ms
+        before = now_ms(self._redis) - older_than_ms
         newest_first = reversed(list(field_of_all(self._redis, "finished_at")))
         return [job_id for job_id, at in newest_first if at is not None and float(at) <= before]
 

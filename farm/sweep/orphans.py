@@ -14,9 +14,8 @@ from itertools import groupby
 
 import redis
 
-from farm import blobs, keys, studies
+from farm import blobs, keys, records, studies
 from farm.blobs import StoredBlob
-from farm.jobs import Jobs
 from farm.ownership import Checkpoint
 from farm.spec import stored_spec
 from farm.sweep.removal import Removal
@@ -62,7 +61,8 @@ def _keeps(client: redis.Redis, job_id: str) -> Callable[[str], bool]:
     except ValueError:  # a newer Plateau knows what it needs
         return lambda _: True
     if keeps_slices:
-        kept = {record["blob"] for record in Jobs(client).ledger(job_id).values()}
+        ledger = records.ledger(client.hgetall(keys.job(job_id, "ledger")))
+        kept = {record["blob"] for record in ledger.values()}
     if checkpoint is not None:
         kept.add(Checkpoint.model_validate_json(checkpoint).blob)
     swept = (blobs.partials(job_id), blobs.checkpoints(job_id), blobs.results(job_id))

@@ -28,7 +28,7 @@ from typing import Final
 import redis
 
 from farm import blobs, keys
-from farm.jobs import Jobs
+from farm.redis_link import now_ms
 from farm.scripts import Scripts
 from farm.sweep.finished_jobs import field_of_all
 from farm.sweep.removal import Removal
@@ -55,7 +55,7 @@ def remove_scenes(
     forgotten
         Jobs that need no scene any more, though Redis may know them.
     """
-    now = Jobs(client).now_ms()
+    now = now_ms(client)
     before = now - round(max(unused_for_s, _IN_USE_S) * 1000)
     stored = {
         blob.name.removeprefix(blobs.SCENES): blob for blob in removal.store.listing(blobs.SCENES)
@@ -67,11 +67,10 @@ def remove_scenes(
     wanted = {
         scene for job_id, scene in field_of_all(client, "scene_sha256") if job_id not in forgotten
     }
+    unused = sorted(one for one in used.keys() - wanted if used[one] < before)
     scripts, removed = Scripts(client), 0
-    for sha256 in sorted(used.keys() - wanted):
+    for sha256 in unused:
         asked = time.monotonic()
-        if used[sha256] >= before:
-            continue
         if not removal.dry_run:
             arguments = (sha256, before, round(_GOING_S * 1000))
             if scripts.run("forget_scene", *arguments) != "forgotten":
