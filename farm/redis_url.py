@@ -15,15 +15,26 @@ A URL may hold a password, so nothing here that raises repeats any part of it bu
 """
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from ipaddress import IPv6Address
 from pathlib import Path
 from typing import Any, Final
-from urllib.parse import SplitResult, parse_qsl, quote, unquote, urlencode, urlsplit
+from urllib.parse import parse_qsl, quote, unquote, urlencode
 
 _SCHEMES: Final = ("redis", "rediss", "redis+sentinel", "rediss+sentinel", "unix")
 _SENTINEL_PORT: Final = 26379
+_HIGHEST_PORT: Final = 65535
 _FORM: Final = "redis+sentinel://host1:26379,host2:26379/mymaster/0"
 _HIDDEN: Final = "***"
+
+#: A URL's parts, by RFC 3986. Python's `urlsplit` takes a list of sentinels for one host; whether
+#: this may hold an IPv6 address depends on Python's version.
+_URL: Final = re.compile(
+    r"(?P<scheme>[^:/?#]+)://(?P<netloc>[^/?#]*)(?P<path>[^?#]*)(?:\?(?P<query>[^#]*))?"
+)
+_ADDRESS: Final = re.compile(
+    r"(?:\[(?P<ipv6>[^][]+)\]|(?P<name>[^][:]+))(?::(?P<port>[0-9]{1,5}))?"
+)
 
 
 class BadRedisUrl(ValueError):
@@ -38,6 +49,18 @@ class Sentinels:
     service: str
     options: dict[str, Any]  #: what redis-py's connections to the Redis take
     own_options: dict[str, Any]  #: and those to the sentinels
+
+
+@dataclass(frozen=True)
+class _Parts:
+    scheme: str
+    netloc: str  #: user, password, hosts and ports
+    path: str
+    query: str
+
+    @property
+    def url(self) -> str:
+        return f"{self.scheme}://{self.netloc}{self.path}{'?' if self.query else ''}{self.query}"
 
 
 def check(url: str) -> None:
@@ -61,8 +84,8 @@ def sentinels_of(url: str) -> Sentinels | None:
     service, _, database = parts.path.strip("/").partition("/")
     if not re.fullmatch(r"[\w.-]+", service) or not re.fullmatch(r"\d*", database):
         raise BadRedisUrl(f"must name the master, and may name a database: {_FORM}")
-    plain = parts._replace(scheme="redis", netloc=f"{user_info}{at}localhost", path=f"/{database}")
-    options = _options(plain.geturl())
+    plain = replace(parts, scheme="redis", netloc=f"{user_info}{at}localhost", path=f"/{database}")
+    options = _options(plain.url)
     del options["host"]
     if parts.scheme == "rediss+sentinel":
         options["ssl"] = True
@@ -94,7 +117,7 @@ def with_user(url: str, user: str) -> str:
     given, colon, password = user_info.partition(":")
     if given and unquote(given) != user:
         raise BadRedisUrl("names a user of its own: leave one of the two out")
-    return parts._replace(netloc=f"{quote(user, safe='')}{colon}{password}@{hosts}").geturl()
+    return replace(parts, netloc=f"{quote(user, safe='')}{colon}{password}@{hosts}").url
 
 
 def with_password(url: str, password: str) -> str:
@@ -104,28 +127,26 @@ def with_password(url: str, password: str) -> str:
     user, has_password, given = user_info.partition(":")
     if has_password and unquote(given) != password:
         raise BadRedisUrl("has a password of its own: leave one of the two out")
-    return parts._replace(netloc=f"{user}:{quote(password, safe='')}@{hosts}").geturl()
+    return replace(parts, netloc=f"{user}:{quote(password, safe='')}@{hosts}").url
 
 
 def with_parameters(url: str, parameters: dict[str, str]) -> str:
     """The URL with these parameters; those that it has itself count for more."""
-    if not parameters:
-        return url  # which `geturl` would write otherwise, where it has no host
     parts = _parts(url)
     both = {**parameters, **dict(parse_qsl(parts.query))}
-    return parts._replace(query=urlencode(both, safe="/")).geturl()
+    return replace(parts, query=urlencode(both, safe="/")).url
 
 
-def _parts(url: str) -> SplitResult:
+def _parts(url: str) -> _Parts:
     """The URL's parts, if they are what was meant: a password may hold what looks like an end."""
     scheme = url.partition("://")[0]
     if scheme not in _SCHEMES or "://" not in url:
         raise BadRedisUrl(f"must begin with one of {', '.join(f'{one}://' for one in _SCHEMES)}")
-    try:
-        parts = urlsplit(url)
-    except ValueError:
-        raise _unreadable() from None
-    if "@" in parts.path + parts.fragment or parts.netloc.count("@") > 1 or parts.fragment:
+    found = _URL.fullmatch(url)  # which has no match where there is a fragment
+    if found is None or not url.isprintable():
+        raise _unreadable()
+    parts = _Parts(**found.groupdict(default=""))
+    if "@" in parts.path or parts.netloc.count("@") > 1:
         raise _unreadable()
     if scheme != "unix" and not parts.netloc.rpartition("@")[2]:
         raise BadRedisUrl("names no host")
@@ -148,14 +169,17 @@ def _options(url: str) -> dict[str, Any]:
 
 
 def _address(text: str) -> tuple[str, int]:
-    try:
-        at = urlsplit(f"//{text}")
-        port = at.port
-    except ValueError:
-        raise _unreadable() from None
-    if not at.hostname:
+    if not text:
         raise BadRedisUrl(f"names no sentinels: {_FORM}")
-    return at.hostname, port or _SENTINEL_PORT
+    found = _ADDRESS.fullmatch(text)
+    if found is None or int(found["port"] or 0) > _HIGHEST_PORT:
+        raise _unreadable()
+    if found["ipv6"]:
+        try:
+            IPv6Address(found["ipv6"])
+        except ValueError:
+            raise _unreadable() from None
+    return found["ipv6"] or found["name"], int(found["port"] or _SENTINEL_PORT)
 
 
 def _unreadable() -> BadRedisUrl:

@@ -55,6 +55,8 @@ BAD = [
     "redis://u:pw@[::1",
     *("redis+sentinel://a,b", "redis+sentinel://a/", "redis+sentinel://a/my master"),
     *("redis+sentinel://a/m/x", "redis+sentinel://a,,b/m", "redis+sentinel://a:x/m"),
+    *("redis+sentinel://a:65536/m", "redis+sentinel://a:٣/m", "redis+sentinel://a\n/m"),
+    *("redis+sentinel://[::1/m", "redis+sentinel://[nowhere]/m", "redis+sentinel://::1/m"),
     f"redis+sentinel://u:{SECRET}@a/m",
     "redis://host?socket_timeout=soon",
     "rediss://host?ssl_ca_certs=/nowhere.pem",
@@ -107,3 +109,4 @@ def test_a_user_comes_into_a_url() -> None:
 def test_parameters_of_the_url_itself_count_for_more() -> None:
     url = with_parameters("rediss://host/0?ssl_ca_certs=/mine", {"ssl_ca_certs": "/c", "x": "a/b"})
     assert url == "rediss://host/0?ssl_ca_certs=/mine&x=a/b"
+    assert with_parameters("unix:///run/redis.sock", {"db": "1"}) == "unix:///run/redis.sock?db=1"
