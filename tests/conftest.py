@@ -36,8 +36,8 @@ def pytest_configure(config: pytest.Config) -> None:
     if number is not None:
         theirs = Path(config.option.basetemp)
         config.option.basetemp = str(theirs.with_name(number.removeprefix("gw")))
-    # A shell's background ignores SIGINT and nohup ignores SIGHUP; what we start would inherit that,
-    # and has to hear of both. A hang-up still ends no test run under nohup.
+    # A shell's background ignores SIGINT and nohup ignores SIGHUP. What we start would inherit it,
+    # and has to hear of both; a hang-up still ends no test run under nohup.
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
     if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
