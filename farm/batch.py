@@ -91,7 +91,7 @@ class Batch(_Record):
         "estimate",
     )
     machine_s: float = Field(description="seconds that render children spent on it")
-    samples_saved: int = Field(description="samples that converged jobs did not need of their caps")
+    samples_saved: int = Field(description="the sum of `samples_saved` of its jobs")
     created_at: datetime = Field(description="when its first job was made")
     started_at: datetime | None = Field(None, description="when the first slice was leased")
     ended_at: datetime | None = Field(None, description="when its last job ended, once all have")
@@ -117,17 +117,11 @@ class Member:
     forecast_spp: int | None
     film: tuple[int, int] | None
     machine_s: float
+    samples_saved: int
     created_at: datetime
     started_at: datetime | None
     ended_at: datetime | None
     finished: bool
-
-    @property
-    def samples_saved(self) -> int:
-        """As `farm.job.Job` has it."""
-        if self.state is not JobState.CONVERGED or self.film is None:
-            return 0
-        return (self.spec.max_spp - self.spp) * self.film[0] * self.film[1]
 
 
 def summarise(name: str, members: list[Member], *, guarded: bool, now: datetime) -> Batch:

@@ -27,7 +27,7 @@ _AT_ONCE: Final = 250
 #: What of a job's hash a summary needs.
 _FIELDS: Final = (
     *("state", "spec", "spp", "committed", "slice_spp", "machine_ms", "latest", "width", "height"),
-    *("created_at", "started_at", "ended_at", "finished_at", "held"),
+    *("created_at", "started_at", "ended_at", "finished_at", "held", "samples_saved"),
 )
 
 
@@ -252,6 +252,7 @@ def _member(job_id: str, fields: dict[str, str | None], specs: dict[str, JobSpec
         forecast_spp=latest.get("forecast_spp"),
         film=(int(width), int(height)) if width and height else None,
         machine_s=int(fields["machine_ms"] or 0) / 1000,
+        samples_saved=int(fields["samples_saved"] or 0),
         created_at=moment(fields["created_at"] or 0),
         finished=fields["finished_at"] is not None,
         **times,

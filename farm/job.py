@@ -109,7 +109,9 @@ class Job(_Record):
         None, description="the numbers of the rule that fired"
     )
     samples_saved: int = Field(
-        0, description="samples (not spp) that a converged job did not need of its cap"
+        0,
+        description="samples (not spp) that a converged job would have cost otherwise: those of "
+        "its cap, without those that it has or took over; none by the rule fixed",
     )
     machine_s: float = Field(description="seconds that render children spent on the job")
     wasted_s: float = Field(
@@ -137,6 +139,13 @@ class Job(_Record):
     finished_at: datetime | None = Field(
         None, description="when the final images were written and everything else was cleared"
     )
+
+    @property
+    def saved_fraction(self) -> float:
+        """`samples_saved` over the samples of the cap, in [0, 1)."""
+        if not self.samples_saved or self.width is None or self.height is None:
+            return 0.0
+        return self.samples_saved / (self.spec.max_spp * self.width * self.height)
 
 
 class Event(_Record):

@@ -78,9 +78,6 @@ def _job(fields: dict[str, str]) -> Job:
     spec = _spec(fields)
     latest = json.loads(fields.get("latest", "{}"))
     spp, width, height = int(fields["spp"]), fields.get("width"), fields.get("height")
-    saved = 0
-    if fields["state"] == JobState.CONVERGED and width and height:
-        saved = (spec.max_spp - spp) * int(width) * int(height)
     times = {
         name: moment(fields[name])
         for name in ("created_at", "started_at", "paused_at", "ended_at", "finished_at")
@@ -114,7 +111,7 @@ def _job(fields: dict[str, str]) -> Job:
         **{name: latest.get(name) for name in judged},
         forecast_s=_seconds_to_forecast(latest, fields),
         verdict=json.loads(fields["verdict"]) if "verdict" in fields else None,
-        samples_saved=saved,
+        samples_saved=int(fields.get("samples_saved", 0)),
         machine_s=int(fields["machine_ms"]) / 1000,
         wasted_s=int(fields.get("wasted_ms", 0)) / 1000,
         second_tries=int(fields.get("second_tries", 0)),

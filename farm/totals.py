@@ -84,7 +84,7 @@ class Census:
     jobs_ended: dict[str, int]  #: by the state at which they ended
     tries: dict[str, int]  #: of slices, by how they ended
     samples: int  #: in slices that were committed
-    samples_saved: int  #: that converged jobs did not need of their caps
+    samples_saved: int  #: as `farm.job.Job` has it, of all jobs that ever were
     second_tries: int  #: of slices that were late
     machine_s: float  #: that render children spent
     wasted_s: float  #: of those on slices of which another try was committed first

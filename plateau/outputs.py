@@ -132,7 +132,7 @@ def summary_json(job: JobView, points: list[CurvePoint], files: list[Path]) -> d
     """The job, its curve, how much it saved and the files that were written, as JSON values."""
     return {
         **job.model_dump(mode="json"),
-        "saved_fraction": words.saved_fraction(job),
+        "saved_fraction": job.saved_fraction,
         "wall_s": words.wall_s(job),
         "curve": [point.model_dump(mode="json") for point in points],
         "files": [str(path) for path in files],

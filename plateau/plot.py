@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from farm.job import CurvePoint, Job
-from farm.states import JobState
 from plateau import words
 
 if TYPE_CHECKING:
@@ -104,10 +103,8 @@ def plot_curve(
 
 
 def _outcome(job: Job) -> str:
-    if job.state is JobState.CONVERGED:
-        saved = words.percent(words.saved_fraction(job))
-        return f"converged at {job.spp:,} spp, {saved} of the cap saved"
-    return f"{job.state.value} at {job.spp:,} spp"
+    saved = f", {words.percent(job.saved_fraction)} of the cap saved" if job.samples_saved else ""
+    return f"{job.state.value} at {job.spp:,} spp{saved}"
 
 
 def _draw_visible(

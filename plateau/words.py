@@ -6,7 +6,6 @@ from typing import Final
 
 from farm.job import CurvePoint, Job
 from farm.spec import ReverseSpec, VisibleSpec
-from farm.states import JobState
 
 _MINUTE_S: Final = 60
 _HOUR_S: Final = 3600
@@ -105,13 +104,6 @@ def pauses(job: Job) -> str:
     return ", and ".join(filter(None, (before, now)))
 
 
-def saved_fraction(job: Job) -> float:
-    """The share of its cap that a converged job did not need; 0 for any other."""
-    if job.state is not JobState.CONVERGED:
-        return 0.0
-    return 1 - job.spp / job.spec.max_spp
-
-
 def summary(job: Job, waits_for: str | None = None) -> str:
     """What became of a job, in a few lines; `waits_for` says what it waits for, where it does."""
     rows = [("state", job.state.value), ("reason", job.reason)]
@@ -121,8 +113,8 @@ def summary(job: Job, waits_for: str | None = None) -> str:
         rows.append(("image", f"{job.width}×{job.height}, {job.variant}, scene {job.name}"))
     share = job.spp / job.spec.max_spp
     rows.append(("samples", f"{job.spp:,} of at most {job.spec.max_spp:,} spp ({percent(share)})"))
-    if job.state is JobState.CONVERGED:
-        saved = f"{percent(saved_fraction(job))} of the cap, {job.samples_saved:,} samples"
+    if job.samples_saved:
+        saved = f"{percent(job.saved_fraction)} of the cap, {job.samples_saved:,} samples"
         rows.append(("saved", saved))
     if job.visible_pixels is not None:
         seen = pixels(job.visible_pixels, job.visible_fraction)

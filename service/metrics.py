@@ -177,7 +177,7 @@ def _work_done(census: Census) -> Iterator[Metric]:
     )
     yield counter(
         "plateau_samples_saved_total",
-        "Samples that converged jobs did not need of their caps: what the farm exists for.",
+        "Samples that converged jobs would have cost otherwise: what the farm exists for.",
         census.samples_saved,
     )
     yield counter(

@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Final
 
 from farm.job import CurvePoint, Event, Job
-from farm.states import JobState
 from service.report_curve import curve_svg
 
 _STYLE: Final = (Path(__file__).parent / "page" / "report.css").read_text("utf-8")
@@ -92,9 +91,9 @@ def _facts(job: Job) -> str:
         "Machine time": f"{job.machine_s:,.1f} s",
         "Submitted": f"{job.created_at:%Y-%m-%d %H:%M:%S} UTC",
     }
-    if job.state is JobState.CONVERGED:
-        share = 1 - job.spp / job.spec.max_spp
-        rows["Saved"] = f"{100 * share:.1f} % of the cap, {job.samples_saved:,} samples"
+    if job.samples_saved:
+        share = f"{100 * job.saved_fraction:.1f} % of the cap"
+        rows["Saved"] = f"{share}, {job.samples_saved:,} samples"
     if job.estimate_pixels is not None and job.estimate_fraction is not None:
         rows["Still visible"] = (
             f"{job.estimate_pixels:,.3g} pixels ({100 * job.estimate_fraction:.3g} %) would still "

@@ -31,7 +31,8 @@ new_job(id, priority, 'goes on with job ' .. old, unpack(ARGV, first))
 redis.call('HINCRBY', job_key(old), 'continued', 1)
 redis.call('HSET', job_key(id), 'continues', old, 'continued_spp', judged_spp, 'variant', before[3],
            'width', before[4], 'height', before[5], 'notes', before[6] or '[]',
-           'started_at', now(), 'paused_ms', 0, 'planned', slices, 'issued', slices, 'committed', slices)
+           'started_at', now(), 'paused_ms', 0, 'planned', slices, 'issued', slices, 'committed', slices,
+           'taken_spp', slices * redis.call('HGET', job_key(id), 'slice_spp'))
 redis.call('COPY', job_key(old, 'ledger'), job_key(id, 'ledger'))
 for index = slices, before[8] - 1 do redis.call('HDEL', job_key(id, 'ledger'), index) end
 for index = 0, slices - 1 do

@@ -172,12 +172,17 @@ local function is_open(id)
   return state and MOVES[state]['cancelled'] or false
 end
 
--- Count the samples that a job which has converged did not need of its cap. One that goes on with
--- another's adds nothing: that one was counted.
-local function count_saved(id)
-  local job = redis.call('HMGET', job_key(id), 'spec', 'spp', 'width', 'height', 'continues')
-  if not job[3] or not job[4] or job[5] then return end
-  count('samples saved', (cjson.decode(job[1]).max_spp - job[2]) * job[3] * job[4])
+-- Note what a job that converged would have cost otherwise: the samples of its cap, without those that
+-- it has or took over. One that was to stop at so many would have cost no more. It is noted here alone:
+-- jobs, batches and the whole farm show what this has written.
+local function note_saved(id)
+  local job = redis.call('HMGET', job_key(id), 'spec', 'spp', 'taken_spp', 'width', 'height')
+  local spec = cjson.decode(job[1])
+  if spec.rule.name == 'fixed' or not job[4] then return end
+  local spp = math.max(0, spec.max_spp - math.max(job[2], job[3] or 0))
+  local samples = string.format('%.0f', spp * job[4] * job[5])
+  redis.call('HSET', job_key(id), 'samples_saved', samples)
+  count('samples saved', samples)
 end
 
 -- The slice of this entry needs nobody any more.
@@ -248,7 +253,7 @@ local function end_job(id, target, reason)
   local moved, state = move(id, target, reason)
   if not moved then return false, state end
   count('ended ' .. target)
-  if target == 'converged' then count_saved(id) end
+  if target == 'converged' then note_saved(id) end
   redis.call('HSET', job_key(id), 'ended_at', now())
   withdraw(id)
   redis.call('DEL', job_key(id, 'deaths'), job_key(id, 'spoiled'))

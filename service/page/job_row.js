@@ -4,6 +4,7 @@ import { get } from "./api.js";
 import { jobMenu } from "./actions.js";
 import { h, setAttribute, setText } from "./dom.js";
 import { Picture } from "./pictures.js";
+import { savings } from "./reason.js";
 import { Sparkline } from "./sparkline.js";
 import { ago, ENDED, percent, several, share, timeLeft, title, took, whole } from "./words.js";
 
@@ -81,8 +82,8 @@ export class JobRow {
     setText(this.#why, why);
     setAttribute(this.#why, "title", why);
     setText(this.#spp, `${whole(job.spp)} spp`);
-    setText(this.#cap, state === "converged"
-      ? `${share(1 - job.spp / spec.max_spp)} saved` : `of ${whole(spec.max_spp)} at most`);
+    const saved = savings(job);
+    setText(this.#cap, saved ? `${share(saved.fraction)} saved` : `of ${whole(spec.max_spp)} at most`);
     setText(this.#left, job.estimate_fraction == null ? "" : percent(job.estimate_fraction));
     setText(this.#leftOf, job.estimate_fraction == null ? "" : "still visible");
     setText(this.#time, ENDED.has(state) ? took(job) : timeLeft(job));

@@ -52,10 +52,11 @@ function aim(job) {
   return `It goes on until the rule ${rule.name} stops it, or to ${whole(cap)} spp.`;
 }
 
-/** What a converged job did not need: samples, and about how long machines would have worked on them. */
+/** What a job would have cost otherwise: samples, and about how long machines would have worked on them. */
 export function savings(job) {
-  if (job.state !== "converged" || !job.samples_saved) return null;
-  const rendered = job.spp * job.width * job.height;
+  if (!job.samples_saved) return null;
+  const pixels = job.width * job.height;
+  const rendered = (job.committed_spp - job.continued_spp) * pixels;
   const seconds = rendered > 0 ? (job.machine_s * job.samples_saved) / rendered : 0;
-  return { fraction: 1 - job.spp / job.spec.max_spp, samples: job.samples_saved, machine: seconds ? duration(seconds) : "" };
+  return { fraction: job.samples_saved / (job.spec.max_spp * pixels), samples: job.samples_saved, machine: seconds ? duration(seconds) : "" };
 }

@@ -240,6 +240,7 @@ def member(number: int, state: JobState, **other: Any) -> Member:
         "forecast_spp": None,
         "film": (32, 24) if spp else None,
         "machine_s": spp / 10,
+        "samples_saved": 0,
         "created_at": NOW - timedelta(seconds=90),
         "started_at": began,
         "ended_at": NOW if state.ended else None,

@@ -139,7 +139,9 @@ def test_a_job_is_watched_until_it_stops(visit: Visit, farm: NoiseFarm) -> None:
         expect(page.locator(".caption")).to_contain_text("200 spp")
         expect(page.locator(".story")).to_contain_text("The final images are written.")
     assert page.title() == "box: converged · Plateau"
-    expect(page.locator(".facts")).to_contain_text("20 %")
+    # A number that was asked for saves nothing of a cap
+    expect(page.locator(".facts")).to_contain_text("200 spp")
+    expect(page.locator(".facts")).not_to_contain_text("saved")
     expect(page.get_by_role("button", name="Cancel")).to_have_count(0)
 
 

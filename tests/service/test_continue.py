@@ -10,6 +10,7 @@ import pytest
 import redis
 
 from farm import blobs, keys
+from farm.batches import Batches
 from farm.continuation import Continuations, Remains, changed_spec, check
 from farm.errors import CannotContinue
 from farm.exr import decode_image
@@ -469,3 +470,44 @@ class TestOverHttp:
             done = work(farm, farm.jobs.get(new.json()["id"]))
         assert rendered(farm, done) == []
         assert done.spec.view.white_luminance == 300
+
+
+class TestSamplesSaved:
+    """What jobs would have cost otherwise: a job, its batch and the farm say the same."""
+
+    PIXELS = 32 * 24
+
+    def saved(self, farm: NoiseFarm, *done: Job) -> list[int]:
+        """Samples that each of these jobs saved, which are all of its batch and of the farm."""
+        each = [job.samples_saved for job in done]
+        batch = Batches(farm.jobs._redis).get("b")
+        assert batch.samples_saved == farm.jobs.census().samples_saved == sum(each)
+        return [samples // self.PIXELS for samples in each]
+
+    def test_are_those_that_the_cap_allowed_beyond_what_a_job_took_over(
+        self, farm: NoiseFarm
+    ) -> None:
+        loose, strict = (
+            {"name": "visible", "target": target, "min_spp": 40} for target in (0.99, 0.95)
+        )
+        asked = {**QUICK, "rule": loose, "batch": "b"}
+        with farm.monitor():
+            # Given a job that converged, one that went on from its sums, and one from its slices
+            first = work(farm, farm.submit(**asked))
+            second = work(farm, go_on(farm, first, rule={**strict, "min_spp": 100}, batch="b"))
+            kept = work(farm, farm.submit(**{**asked, "keep_slices": True}))
+            # And one that judged again what was kept, up to there: nothing was to be rendered
+            slices = len(farm.jobs.ledger(kept.id))
+            judged = work(farm, go_on(farm, kept, max_spp=slices * SLICE, batch="b"))
+        done = first, second, kept, judged
+        assert {job.state for job in done} == {JobState.CONVERGED}
+        assert second.spp > first.spp
+        # Then each saved what its cap allowed it to render and it did not
+        assert self.saved(farm, *done) == [400 - first.spp, 400 - second.spp, 400 - kept.spp, 0]
+
+    def test_are_none_where_the_number_was_asked_for(self, farm: NoiseFarm) -> None:
+        with farm.monitor():
+            fixed = work(farm, farm.submit(**QUICK, batch="b"))
+            further = work(farm, go_on(farm, fixed, rule={"name": "fixed", "spp": 100}, batch="b"))
+        assert (fixed.state, further.state) == (JobState.CONVERGED, JobState.CONVERGED)
+        assert self.saved(farm, fixed, further) == [0, 0]
