@@ -11,3 +11,13 @@ apt_install() {
     DEBIAN_FRONTEND=noninteractive apt-get install -y -qq "$@" >/dev/null
   fi
 }
+
+find_libraries() {
+  # What wheels need of the system, and slim images lack: worker/needed_libraries.py has the list.
+  local packages; packages=$(.venv/bin/python -m worker.needed_libraries)
+  [ -n "$packages" ] || return 0
+  # shellcheck disable=SC2086  # one word for each package
+  if is_root_on_debian && apt_install $packages; then return 0; fi
+  say "rendering needs libraries that are missing here; install them" \
+      "(Debian, Ubuntu: apt install $packages)."
+}

@@ -78,6 +78,7 @@ find_chromium() {
 wanted=$(cat pyproject.toml constraints.txt | cksum)
 if [ "$(cat .venv/made-from 2>/dev/null)" != "$wanted" ]; then
   make_venv
+  find_libraries
   find_redis
   find_llvm
   find_chromium

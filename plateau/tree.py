@@ -17,6 +17,7 @@ from plateau.errors import PlateauError
 from plateau.interrupts import Interrupts
 from plateau.member import Member, describe_exit
 from plateau.read_settings import REDIS_VARIABLES
+from worker import needed_libraries
 
 _API_START_S: Final = 60.0
 #: A stopping worker tries for 5 s to commit what it has.
@@ -59,6 +60,8 @@ class Tree:
 
     Raises
     ------
+    LibraryMissing
+        On entering: there are to be workers, and a library that rendering needs is not here.
     SchemaMismatch
         On entering: the data folder holds another layout.
     TreeFailed
@@ -175,6 +178,8 @@ class Tree:
             self._redis = None
 
     def _start(self) -> None:
+        if self._workers:
+            needed_libraries.check()
         if self._settings.redis_url is None:
             self._redis = EmbeddedRedis(self._data.redis, wait=False)
             self.redis_url = self._redis.url

@@ -24,6 +24,7 @@ from farm.seeds import SeedsExhausted
 from farm.settings import Settings
 from farm.stop import Stop, await_any
 from farm.wake import Wake
+from worker import needed_libraries
 from worker.about import About
 from worker.errors import SceneError
 from worker.health import Health
@@ -275,6 +276,7 @@ def run(settings: Settings, stop: Stop) -> None:
     """Run one worker against ``settings.redis_url`` and ``settings.blobs`` until `stop` is set."""
     if settings.blobs is None:
         raise ValueError("a worker needs blobs")
+    needed_libraries.check()
     choice = choose(settings.cache)
     worker = Supervisor(settings, choice, Blobs(settings.blobs), stop)
     log.identify(worker=worker.id)

@@ -22,6 +22,7 @@ from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
+from worker import needed_libraries
 from worker.llvm_libraries import llvm_libraries, system_libraries
 
 CUDA, LLVM, SCALAR = "cuda_ad_rgb", "llvm_ad_rgb", "scalar_rgb"
@@ -98,6 +99,12 @@ def choose(cache: Path, *, every: bool = False) -> VariantChoice:
         Try all candidates, and trust no memory: for ``plateau doctor``.
     """
     candidates = _candidates()
+    missing = needed_libraries.missing()
+    if missing:
+        # Every candidate would fail, with an error of Python's that names no library.
+        untried = tuple(Probe(*one, ok=False, detail="was not tried") for one in candidates)
+        why = f"nothing renders here: {needed_libraries.told(missing)}"
+        return VariantChoice(SCALAR, None, why, untried)
     memory = _Memory(cache / "variant.json", _identity(candidates))
     tried = None if every else memory.read()
     if tried is None:
