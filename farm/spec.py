@@ -133,8 +133,13 @@ class SharedSpec(_Spec):
     time_limit_s: float | None = Field(
         default=None,
         gt=0,
-        description="seconds from its first slice, pauses not counted, after which the job is "
-        "exhausted",
+        description="seconds, pauses not counted, after which the job is exhausted; "
+        "`time_limit_from` says where they begin",
+    )
+    time_limit_from: Literal["first_slice", "submission"] = Field(
+        default="first_slice",
+        description="where the time limit begins: at the first slice, so that waiting for a worker "
+        "does not count, or at the submission; a job without a slice by then fails",
     )
     min_spp: int | None = Field(
         default=None,

@@ -1,11 +1,11 @@
 """Options that several commands share."""
 
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from copy import copy
 from functools import wraps
 from pathlib import Path
-from typing import Annotated, Any, TypeAlias, get_args
+from typing import Annotated, Any, Final, TypeAlias, get_args
 
 import typer
 
@@ -69,6 +69,9 @@ NoCurve = Annotated[
     bool, typer.Option("--no-curve", help="On a terminal, show progress without the curve.")
 ]
 
+#: Options that choose among many workers and jobs, which mean nothing where there is but one.
+AMONG_MANY: Final = ("pool", "require", "priority", "batch", "flicker_guard")
+
 #: A `farm.spec.JobSpec`, by `takes_spec`; its module is imported only where a command runs.
 Spec: TypeAlias = Any
 
@@ -98,7 +101,12 @@ def spec_from_options(
         int | None, typer.Option(help="Cap, where it is exhausted.", show_default="10000")
     ] = None,
     time_limit: Annotated[
-        float | None, typer.Option(help="Seconds after which it is exhausted.", show_default="none")
+        float | None,
+        typer.Option(
+            help="Seconds after which it is exhausted: from its first slice on, and for `render` "
+            "from its submission.",
+            show_default="none",
+        ),
     ] = None,
     rule: Annotated[
         str | None,
@@ -196,10 +204,13 @@ def spec_from_options(
     return checked(spec_fields(**locals()))
 
 
-def takes_spec(command: Callable[..., None]) -> Callable[..., None]:
-    """Give the command the options of a spec in place of its parameter `spec`."""
+def takes_spec(
+    *, but: Collection[str] = ()
+) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Give a command the options of a spec, but for these, in place of its parameter `spec`."""
     options = inspect.signature(spec_from_options).parameters
-    return _taking("spec", spec_from_options, list(options.values()))(command)
+    taken = [option for name, option in options.items() if name not in but]
+    return _taking("spec", spec_from_options, taken)
 
 
 def takes_changes(*names: str) -> Callable[[Callable[..., None]], Callable[..., None]]:

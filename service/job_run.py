@@ -168,14 +168,23 @@ class JobRun:
         return True
 
     def _check_time(self) -> None:
-        """End the job where it rendered for as long as it may; pauses do not count."""
+        """End the job where it took as long as it may; pauses do not count."""
         limit_s = self._spec.time_limit_s
         if limit_s is None:
             return
         job = self._jobs.get(self.owned.job_id)
-        if job.started_at is None or job.state is not JobState.RENDERING:
+        counts_waiting = self._spec.time_limit_from == "submission"
+        begin = job.created_at if counts_waiting else job.started_at
+        if begin is None or job.state not in {JobState.QUEUED, JobState.RENDERING}:
             return
-        if self._jobs.now_ms() / 1000 - job.started_at.timestamp() - job.paused_s > limit_s:
+        if self._jobs.now_ms() / 1000 - begin.timestamp() - job.paused_s <= limit_s:
+            return
+        if job.state is JobState.QUEUED:
+            self._end(
+                JobState.FAILED,
+                f"no worker took a slice of it within its time limit of {limit_s:g} s",
+            )
+        else:
             self._end(
                 JobState.EXHAUSTED,
                 f"reached its time limit of {limit_s:g} s at {self._merge.spp} spp",

@@ -78,8 +78,12 @@ def diff(
     raise typer.Exit(code)
 
 
+#: How a job is rendered, where nothing is.
+_RENDERING = ("define", "time_limit", "seed", "variant", "sensor", "keep_slices")
+
+
 @command()
-@o.takes_spec
+@o.takes_spec(but=(*_RENDERING, *o.AMONG_MANY))
 def judge(
     folder: Annotated[Path, typer.Argument(help="Slices that a job kept, or EXR images.")],
     spec: o.Spec,

@@ -11,7 +11,7 @@ from plateau.cli.app import command, plain_errors
 
 
 @command()
-@o.takes_spec
+@o.takes_spec()
 def submit(
     scene: o.Scene,
     spec: o.Spec,

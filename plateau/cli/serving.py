@@ -11,7 +11,7 @@ from plateau.door import Door
 
 
 @command()
-@o.takes_spec
+@o.takes_spec(but=o.AMONG_MANY)
 def render(
     scene: o.Scene,
     spec: o.Spec,

@@ -14,12 +14,14 @@ from farm.spec import JobSpec
 from farm.states import JobState
 from plateau.data_folder import DataFolder, is_in_use
 from plateau.door import Door
+from plateau.errors import CommandFailed
 from plateau.exits import ExitCode
 from plateau.interrupts import Interrupts
 from plateau.out_folder import make_ready
 from plateau.packing import pack
 from plateau.read_settings import read_settings
 from plateau.tree import Tree
+from worker.variants import choose
 
 if TYPE_CHECKING:
     from plateau.client import Client
@@ -54,19 +56,22 @@ def render(
     # What can be refused is refused before anything is started.
     with pack(scene, spec.parameter_strings()) as packed:
         inspect_bundle(packed.file, parameters=spec.parameter_strings(), sensor=spec.sensor)
+    asked = read_settings()
+    _check_variant(spec.variant, asked.cache)
     make_ready(out)
 
-    asked = read_settings()
     settings = asked.model_copy(
         update={
             "redis_url": None,
             "blobs": None,
             "threads": threads or asked.threads,
-            # Its workers are there for this job alone, so they have whatever it asks for.
+            # Its workers are there for this job alone, whatever they are for elsewhere.
             "pool": spec.pool,
             "tags": spec.requires,
         }
     )
+    # Nothing but this job keeps them from it, so the wait for them counts.
+    spec = spec.model_copy(update={"time_limit_from": "submission"})
     with Interrupts() as interrupts, _temporary_data() as data:
         try:
             with Tree(
@@ -105,6 +110,25 @@ def render(
     if job.state is JobState.CANCELLED and interrupts.asked.is_set():
         return interrupts.exit_code
     return EXIT_CODES[job.state]
+
+
+def _check_variant(variant: str, cache: Path) -> None:
+    """Refuse a variant that the workers will not have, for the job would wait for it for ever.
+
+    What is found here is remembered in the cache, so that the workers need not try again.
+    """
+    if variant == "auto":
+        return
+    choice = choose(cache)
+    if variant in choice.variants:
+        return
+    tried = [one.detail for one in choice.tried if one.variant == variant]
+    raise CommandFailed(
+        f"this machine cannot render with {variant}"
+        + (f" ({tried[0]})" if tried else "")
+        + f", only with {' and '.join(choice.variants)}: leave --variant out, or see what "
+        "`plateau doctor` says of it"
+    )
 
 
 def _run(

@@ -166,6 +166,21 @@ class TestOptions:
         assert code == 2
         assert words in " ".join(err.split())
 
+    @pytest.mark.parametrize(
+        ("command", "names"),
+        [
+            ("render", "pool require priority batch flicker-guard"),
+            ("judge", "pool require priority batch flicker-guard keep-slices"),
+            ("judge", "define time-limit seed variant sensor"),
+        ],
+    )
+    def test_that_would_mean_nothing_are_not_taken(self, command: str, names: str) -> None:
+        of_submit = plateau("submit", "--help")[1]
+        for name in names.split():
+            assert f"--{name}" in of_submit
+            code, _, err = plateau(command, "scenes:box", f"--{name}", "1")
+            assert (code, f"No such option: --{name}" in " ".join(err.split())) == (2, True)
+
     def test_that_are_wrong_raise_for_callers(self) -> None:
         with pytest.raises(typer.BadParameter):
             spec_from_options(step=0)

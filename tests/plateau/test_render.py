@@ -25,14 +25,15 @@ def render(tmp_path: Path) -> Iterator[Render]:
     started: list[Command] = []
     (tmp_path / "floor.xml").write_bytes(FLOOR)
 
-    def start(*options: str, text: bytes = FLOOR) -> Command:
+    def start(*options: str, text: bytes = FLOOR, hides_gpus: bool = False) -> Command:
         path = tmp_path / "floor.xml"
         path.write_bytes(text)
         out = str(tmp_path / "out")
         # scalar: no library to look for; short leases: whoever dies is soon replaced
         arguments = ("render", str(path), "-o", out, "--variant", "scalar_rgb", *options)
         leases = {"PLATEAU_LEASE_S": "2", "PLATEAU_HEARTBEAT_S": "0.5"}
-        started.append(Command(*arguments, folder=tmp_path, **leases))
+        gpus = {"CUDA_VISIBLE_DEVICES": ""} if hides_gpus else {}
+        started.append(Command(*arguments, folder=tmp_path, **leases, **gpus))
         return started[-1]
 
     yield start
@@ -129,6 +130,31 @@ def test_a_scene_that_mitsuba_refuses_fails_in_its_words(render: Render, tmp_pat
     assert "Traceback" not in command.said
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert (summary["state"], "dodecahedron" in summary["reason"]) == ("failed", True)
+
+
+class TestWhatItsOwnWorkersCannotDo:
+    """They are there for this job alone: nobody else will come who can."""
+
+    def test_a_variant_is_refused_at_once(self, render: Render, tmp_path: Path) -> None:
+        # Given a machine without a GPU, and a limit that would end the wait
+        command = render("--variant", "cuda_ad_rgb", "--time-limit", "3600", hides_gpus=True)
+        assert command.exit_code() == 1
+        left_nothing(command)
+        assert command.said.startswith("plateau: this machine cannot render with cuda_ad_rgb")
+        assert "leave --variant out" in command.said
+        assert len(command.said.splitlines()) == 1
+        assert not (tmp_path / "out").exists()
+
+    def test_a_time_limit_counts_from_the_submission(self, render: Render, tmp_path: Path) -> None:
+        # Given a limit that is over before any worker could have started
+        command = render("--time-limit", "0.1")
+        # Then it ends, with or without a first slice
+        command.exit_code()
+        left_nothing(command)
+        summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+        assert summary["state"] in {"failed", "exhausted"}
+        assert "time limit of 0.1 s" in summary["reason"]
+        assert summary["spec"]["time_limit_from"] == "submission"
 
 
 class TestAFolderThatCannotBeWritten:

@@ -183,6 +183,19 @@ def test_a_time_limit_exhausts_a_job_and_keeps_its_samples(farm: NoiseFarm) -> N
     assert farm.picture(job, "image.png")
 
 
+def test_a_time_limit_from_the_submission_ends_a_job_that_nobody_renders(farm: NoiseFarm) -> None:
+    # Given two jobs that no worker takes
+    patient = farm.submit(**QUICK, time_limit_s=0.5)
+    job = farm.submit(**QUICK, time_limit_s=0.5, time_limit_from="submission")
+    with farm.monitor():
+        until(lambda: farm.jobs.get(job.id).finished_at is not None)
+    # Then the one whose limit counts from its submission ends, and the other waits
+    done = farm.jobs.get(job.id)
+    assert (done.state, done.spp) == (JobState.FAILED, 0)
+    assert done.reason == "no worker took a slice of it within its time limit of 0.5 s"
+    assert farm.jobs.get(patient.id).state is JobState.QUEUED
+
+
 def test_a_cancelled_job_keeps_what_was_rendered(farm: NoiseFarm) -> None:
     job = farm.submit(**QUICK)
     with farm.monitor():
