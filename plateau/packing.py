@@ -11,7 +11,7 @@ import os
 import shutil
 import tempfile
 import zipfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from itertools import takewhile
@@ -22,8 +22,9 @@ from typing import IO, BinaryIO, cast
 from farm.bundle import BundleError, BundleLimits
 from farm.bundle.archive import Archive
 from farm.bundle.entry import SCENE_XML, find_entry
+from farm.bundle.references import Reference
 from farm.bundle.tree import Kind, Parts
-from farm.bundle.walk import Reference, read_scene
+from farm.bundle.walk import read_scene
 
 _XML = "application/xml"
 _ZIP = "application/zip"
@@ -98,11 +99,9 @@ def pack(path: Path, *parameters: Mapping[str, str]) -> Packed:
         return Packed(path.open("rb"), _ZIP, path.name, (path,))
     disk = _Disk()
     entry = disk.parts(path)
-    references = [
-        reference
-        for values in _distinct(parameters)
-        for reference in read_scene(disk, entry, values, _LIMITS).references
-    ]
+    references: dict[Reference, None] = {}
+    for values in _distinct(parameters):
+        references |= dict.fromkeys(read_scene(disk, entry, values, _LIMITS).references)
     if not references:
         return Packed(path.open("rb"), _XML, path.name, (path,))
     for reference in references:
@@ -181,7 +180,7 @@ class _Layout:
     folders: tuple[Parts, ...]
 
     @classmethod
-    def of(cls, entry: Parts, references: list[Reference]) -> "_Layout":
+    def of(cls, entry: Parts, references: Collection[Reference]) -> "_Layout":
         files = {entry} | {each.path for each in references if each.role != "folder"}
         folders = {each.path for each in references if each.role == "folder"}
         folders.update(*(each.visited for each in references))

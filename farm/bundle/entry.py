@@ -69,10 +69,11 @@ def _skim(archive: Archive, document: Parts, budget: XmlBudget, limits: BundleLi
     """Return an XML file's root and what it includes, as far as it can be read and followed."""
     skim = _Skim()
     name = archive.label(document)
-    folders = [document[:-1]]
+    folders: tuple[Parts, ...] = (document[:-1],)
     parameters = Parameters({}, limits, budget)
 
     def start(tag: str, raw: dict[str, str], line: int) -> None:
+        nonlocal folders
         skim.root = skim.root or tag
         if tag not in ("default", "include", "path"):
             return
@@ -93,7 +94,7 @@ def _skim(archive: Archive, document: Parts, budget: XmlBudget, limits: BundleLi
         if tag == "include" and found.path is not None:
             skim.includes.add(found.path)
         elif tag == "path" and found.path is not None:
-            put_first(folders, found.path)
+            folders = put_first(found.path, folders)
 
     try:
         with archive.open(document) as stream:

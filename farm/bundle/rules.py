@@ -79,6 +79,12 @@ class BundleLimits:
     max_lookups: int = 2_000_000
     #: includes inside one another, as in Mitsuba
     max_include_depth: int = 15
+    #: XML files that are included in all, a file counted each time that it is included
+    max_includes: int = 1000
+    #: different references of a scene: files and folders, by the names that it has for them
+    max_references: int = 20_000
+    #: sensors and films of the whole scene, an included file counted each time that it is included
+    max_sensors: int = 1000
     #: pixels of the film
     max_pixels: int = 2**26
 

@@ -107,8 +107,6 @@ def _follow(
     return here
 
 
-def put_first(folders: list[Parts], folder: Parts) -> None:
-    """Make a folder the first to be looked in; once is enough, however often it is asked for."""
-    if folder in folders:
-        folders.remove(folder)
-    folders.insert(0, folder)
+def put_first(folder: Parts, folders: tuple[Parts, ...]) -> tuple[Parts, ...]:
+    """Return the folders with this one the first to be looked in, and nowhere else."""
+    return (folder, *(other for other in folders if other != folder))

@@ -15,27 +15,22 @@ tries it again), for scenes loaded with `mitsuba.load_file`:
   *scene's* list, even when it stands in an included file in some other folder.
 - What is found nowhere is looked up in Mitsuba's own folder and in the working folder. Neither is
   the scene's, so here it is missing.
+
+A few kilobytes can include a file, or name one, millions of times. So what would be found again is
+not looked for again: a file that is included a second time, with the same parameters in effect and
+the same folders, is counted and not read, and a name that leads somewhere is followed once.
 """
 
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal
 
 from farm.bundle.film import Cast, Film, Property, Sensor
 from farm.bundle.parameters import Parameters
+from farm.bundle.references import References, Role
 from farm.bundle.rules import BundleError, BundleLimits, brief, shown
-from farm.bundle.tree import (
-    EscapeError,
-    Kind,
-    Parts,
-    Tree,
-    find,
-    is_absolute,
-    leaves_upwards,
-    put_first,
-)
-from farm.bundle.xml import XmlBudget, read_elements
+from farm.bundle.tree import Parts, Tree, is_absolute, leaves_upwards, put_first
+from farm.bundle.xml import NOTHING, XmlBudget, XmlCost, read_elements
 
 _PLUGIN_NAME = re.compile(r"[A-Za-z0-9_]+")
 #: Elements that stand for a plugin.
@@ -47,25 +42,12 @@ _OBJECTS = frozenset(
 )
 
 
-@dataclass(frozen=True)
-class Reference:
-    """A file or folder that a scene names, and where it was found."""
-
-    role: Literal["include", "file", "folder"]
-    text: str
-    path: Parts
-    #: folders that were stood in on the way; `..` needs them to exist
-    visited: frozenset[Parts]
-    file: str
-    line: int
-
-
 @dataclass
 class Scene:
     """All that a scene's XML says that matters before Mitsuba sees it."""
 
     parameters: Parameters
-    references: list[Reference] = field(default_factory=list)
+    references: References
     cast: Cast = field(default_factory=Cast)
 
 
@@ -91,10 +73,9 @@ def read_scene(
         Where the XML is malformed, or a reference is missing or leaves the tree.
     """
     budget = XmlBudget(limits)
-    scene = Scene(Parameters(parameters, limits, budget))
+    scene = Scene(Parameters(parameters, limits, budget), References(tree, budget))
     walk = _Walk(tree, limits, scene, budget)
-    walk.read(entry, [entry[:-1]], including=(), holder=_ROOT)
-    walk.follow_plugin_files()
+    walk.read(entry, (entry[:-1],), including=(), holder=_ROOT)
     return scene
 
 
@@ -110,6 +91,22 @@ class _Holder:
 _ROOT = _Holder(None, is_stage=True)
 
 
+@dataclass
+class _Reading:
+    """What one reading of an XML file came to, for the next time that it is included."""
+
+    #: the file, and those that it includes, directly or not
+    files: set[Parts]
+    #: how deep includes are nested below it
+    height: int = 0
+    cost: XmlCost = NOTHING
+
+    def add(self, included: "_Reading") -> None:
+        """Take in what a file came to that this one includes."""
+        self.files |= included.files
+        self.height = max(self.height, included.height + 1)
+
+
 class _Walk:
     """One reading of a scene, over all of its XML files."""
 
@@ -117,58 +114,54 @@ class _Walk:
         self.tree = tree
         self.limits = limits
         self.scene = scene
-        self._budget = budget
-        #: what plugins will ask for once all XML is read: each text, its file and its line
-        self._named: list[tuple[str, str, int]] = []
-        self._plugin_folders: list[Parts] = []
+        self.budget = budget
+        #: counts what is said of sensors and films, which a second reading says again
+        self.changes_of_cast = 0
+        #: readings that changed nothing which lasts, by all that they depend on
+        self._known: dict[tuple[Parts, tuple[Parts, ...], int, bool], _Reading] = {}
+
+    def include(
+        self,
+        path: Parts,
+        folders: tuple[Parts, ...],
+        including: tuple[Parts, ...],
+        holder: _Holder,
+        at: tuple[str, int],
+    ) -> _Reading:
+        """Read an XML file where one includes it, or count it where it would say nothing new."""
+        self.budget.spend_includes(1, *at)
+        key = (path, folders, self.scene.parameters.revision, holder.is_stage)
+        known = self._known.get(key) if holder.owner is None else None
+        if (
+            known is not None
+            # Otherwise reading it again will say what is wrong, and where.
+            and len(including) + known.height < self.limits.max_include_depth
+            and known.files.isdisjoint(including)
+        ):
+            self.budget.spend_again(known.cost, *at)
+            return known
+        changes = self.changes_of_cast
+        reading = self.read(path, folders, including, holder)
+        if (key[2], changes) == (self.scene.parameters.revision, self.changes_of_cast):
+            self._known[key] = reading
+        return reading
 
     def read(
-        self, path: Parts, folders: list[Parts], including: tuple[Parts, ...], holder: _Holder
-    ) -> None:
-        """Read one XML file, and those that it includes where it includes them."""
-        reading = _File(self, path, folders, including, holder)
-        with self.tree.open(path) as stream:
-            read_elements(stream, reading.name, self._budget, reading.start, reading.end)
-        if not including:
-            self._plugin_folders = folders
-
-    def name_plugin_file(self, text: str, file: str, line: int) -> None:
-        """Remember a plugin's file until the scene's list of folders is complete."""
-        self._named.append((text, file, line))
-
-    def follow_plugin_files(self) -> None:
-        """Look up what the plugins will ask for."""
-        for text, file, line in self._named:
-            self.follow("file", self._plugin_folders, text, file, line)
-
-    def follow(
         self,
-        role: Literal["include", "file", "folder"],
-        folders: list[Parts],
-        text: str,
-        file: str,
-        line: int,
-    ) -> Parts:
-        """Return where a reference leads, having checked that it leads to the right kind."""
-        try:
-            found = find(self.tree, folders, text)
-        except EscapeError:
-            raise BundleError(
-                "path-escape",
-                f"{shown(text)} leads out of the bundle; put the file into it and name it by a "
-                f"relative path",
-                file=file,
-                line=line,
-            ) from None
-        self._budget.spend_lookups(found.lookups + len(folders), file, line)
-        expected: Kind = "folder" if role == "folder" else "file"
-        if found.path is None or found.kind != expected:
-            problem = f"is not a {expected}" if found.kind else self.tree.remedy
-            raise BundleError("missing-file", f"{shown(text)} {problem}", file=file, line=line)
-        self.scene.references.append(
-            Reference(role, text, found.path, found.visited, file=file, line=line)
-        )
-        return found.path
+        path: Parts,
+        folders: tuple[Parts, ...],
+        including: tuple[Parts, ...],
+        holder: _Holder,
+    ) -> _Reading:
+        """Read one XML file, and those that it includes where it includes them."""
+        before = self.budget.spent
+        file = _File(self, path, folders, including, holder)
+        with self.tree.open(path) as stream:
+            read_elements(stream, file.name, self.budget, file.start, file.end)
+        if not including:
+            self.scene.references.follow_plugin_files(file.folders)
+        file.reading.cost = self.budget.spent - before
+        return file.reading
 
 
 class _File:
@@ -178,16 +171,19 @@ class _File:
         self,
         walk: _Walk,
         path: Parts,
-        folders: list[Parts],
+        folders: tuple[Parts, ...],
         including: tuple[Parts, ...],
         holder: _Holder,
     ) -> None:
+        self.name = walk.tree.label(path)
+        self.folders = folders
+        self.reading = _Reading({path})
         self._walk = walk
         self._path = path
-        self._folders = folders
         self._including = including
         self._open = [holder]
-        self.name = walk.tree.label(path)
+        #: where names led since the folders are as they are
+        self._followed: dict[tuple[Role, str], Parts] = {}
 
     def start(self, tag: str, raw: dict[str, str], line: int) -> None:
         """Take in an element as it starts, as Mitsuba's parser does: in document order."""
@@ -203,7 +199,7 @@ class _File:
         attributes = {key: substitute(text, self.name, line) for key, text in raw.items()}
         self._check_plugin(tag, attributes, line)
         holder = self._open[-1]
-        self._open.append(self._enter(tag, attributes, holder, is_root=is_root))
+        self._open.append(self._enter(tag, attributes, holder, line, is_root=is_root))
         match tag:
             case "default":
                 name, value = attributes.get("name", ""), attributes.get("value", "")
@@ -212,15 +208,17 @@ class _File:
                 self._include(attributes.get("filename", ""), holder, line)
             case "path":
                 folder = self._follow("folder", attributes.get("value", ""), line)
-                put_first(self._folders, folder)
+                if folder not in self.folders[:1]:
+                    self.folders = put_first(folder, self.folders)
+                    self._followed = {}
             case "spectrum" if "filename" in attributes:
-                walk = self._walk
-                walk.follow("file", self._folders, attributes["filename"], self.name, line)
+                self._follow("file", attributes["filename"], line)
             case "string":
                 self._string(attributes.get("name", ""), attributes.get("value", ""), line)
             case "ref" if isinstance(holder.owner, Sensor):
                 holder.owner.references.append(attributes.get("id", ""))
             case "alias":
+                self._walk.changes_of_cast += 1
                 aliases = self._walk.scene.cast.aliases
                 aliases[attributes.get("as", "")] = attributes.get("id", "")
         if isinstance(holder.owner, Film) and tag not in _OBJECTS:
@@ -232,13 +230,16 @@ class _File:
         self._open.pop()
 
     def _enter(
-        self, tag: str, attributes: dict[str, str], holder: _Holder, *, is_root: bool
+        self, tag: str, attributes: dict[str, str], holder: _Holder, line: int, *, is_root: bool
     ) -> _Holder:
         """Return what the children of this element are in, and take note of sensors and films."""
         if tag == "scene":
             # The root of an included scene dissolves into whatever includes it.
             return holder if is_root else _Holder(None, is_stage=False)
         cast = self._walk.scene.cast
+        if tag in ("sensor", "film"):
+            self._walk.budget.spend_sensor(self.name, line)
+            self._walk.changes_of_cast += 1
         if tag == "sensor":
             sensor = Sensor()
             if holder.is_stage:
@@ -278,11 +279,12 @@ class _File:
                 file=self.name,
                 line=line,
             )
-        self._walk.read(path, [self._path[:-1], *self._folders], including, holder)
+        folders = (self._path[:-1], *self.folders)
+        self.reading.add(self._walk.include(path, folders, including, holder, at=(self.name, line)))
 
     def _string(self, name: str, value: str, line: int) -> None:
         if name == "filename":
-            self._walk.name_plugin_file(value, self.name, line)
+            self._walk.scene.references.name_plugin_file(value, self.name, line)
         # No plugin of Mitsuba's takes a path by any other name; should one, it stays inside.
         elif is_absolute(value) or leaves_upwards(value):
             raise BundleError(
@@ -292,7 +294,12 @@ class _File:
                 line=line,
             )
 
-    def _follow(self, role: Literal["include", "folder"], text: str, line: int) -> Parts:
-        """Follow an `<include>` or a `<path>`: these look in the file's own folder first."""
-        folders = [self._path[:-1], *self._folders]
-        return self._walk.follow(role, folders, text, self.name, line)
+    def _follow(self, role: Role, text: str, line: int) -> Parts:
+        """Follow a name that is looked up at its line, each once while the folders stay."""
+        if (role, text) not in self._followed:
+            # An `<include>` and a `<path>` look in the file's own folder first.
+            own = () if role == "file" else (self._path[:-1],)
+            folders = (*own, *self.folders)
+            follow = self._walk.scene.references.follow
+            self._followed[role, text] = follow(role, folders, text, self.name, line)
+        return self._followed[role, text]

@@ -7,6 +7,7 @@ refused: document types, entities, other encodings than UTF-8, and anything not 
 
 import re
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import IO
 from xml.sax import SAXParseException
 from xml.sax.handler import ContentHandler
@@ -35,11 +36,31 @@ class BudgetSpent(BundleError):
         super().__init__("xml-too-large", message, file=file, line=line)
 
 
+@dataclass(frozen=True)
+class XmlCost:
+    """What reading an XML file costs Mitsuba, with all that the file includes."""
+
+    bytes: int
+    elements: int
+    includes: int  #: files, the file itself left out
+
+    def __sub__(self, before: "XmlCost") -> "XmlCost":
+        return XmlCost(
+            self.bytes - before.bytes,
+            self.elements - before.elements,
+            self.includes - before.includes,
+        )
+
+
+NOTHING = XmlCost(0, 0, 0)
+
+
 class XmlBudget:
     """How much may still be spent on reading one scene.
 
     It spans all of a scene's files and counts a file each time that it is included: includes
-    inside includes can multiply a small bundle without end.
+    inside includes can multiply a small bundle without end. A file that need not be read again is
+    counted all the same (`spend_again`): Mitsuba will read it.
     """
 
     def __init__(self, limits: BundleLimits) -> None:
@@ -48,8 +69,22 @@ class XmlBudget:
         self._limits = limits
         self._bytes = 0
         self._elements = 0
+        self._includes = 0
+        self._sensors = 0
+        self._references = 0
         self._lookups = 0
         self._substitutions = 0
+
+    @property
+    def spent(self) -> XmlCost:
+        """What was spent so far of what Mitsuba will spend, too."""
+        return XmlCost(self._bytes, self._elements, self._includes)
+
+    def spend_again(self, cost: XmlCost, file: str, line: int) -> None:
+        """Count a file that was read before, or raise `BudgetSpent` where that is too much."""
+        self.spend_bytes(cost.bytes, file)
+        self.spend_elements(cost.elements, file, line)
+        self.spend_includes(cost.includes, file, line)
 
     def spend_bytes(self, count: int, file: str) -> None:
         """Count bytes read, or raise `BudgetSpent` where there are too many."""
@@ -61,13 +96,46 @@ class XmlBudget:
                 file=file,
             )
 
-    def spend_element(self, file: str, line: int) -> None:
-        """Count an element, or raise `BudgetSpent` where there are too many."""
-        self._elements += 1
+    def spend_elements(self, count: int, file: str, line: int) -> None:
+        """Count elements, or raise `BudgetSpent` where there are too many."""
+        self._elements += count
         if self._elements > self._limits.max_xml_elements:
             raise BudgetSpent(
                 f"the scene has more than {self._limits.max_xml_elements} elements, each include "
                 f"counted every time",
+                file=file,
+                line=line,
+            )
+
+    def spend_includes(self, count: int, file: str, line: int) -> None:
+        """Count files that are included, or raise `BudgetSpent` where there are too many."""
+        self._includes += count
+        if self._includes > self._limits.max_includes:
+            raise BudgetSpent(
+                f"the scene includes more than {self._limits.max_includes} files, each include "
+                f"counted every time; put several into one",
+                file=file,
+                line=line,
+            )
+
+    def spend_sensor(self, file: str, line: int) -> None:
+        """Count a sensor or a film, or raise `BudgetSpent` where there are too many."""
+        self._sensors += 1
+        if self._sensors > self._limits.max_sensors:
+            raise BudgetSpent(
+                f"the scene has more than {self._limits.max_sensors} sensors and films, each "
+                f"include counted every time; make several scenes of it",
+                file=file,
+                line=line,
+            )
+
+    def spend_reference(self, file: str, line: int) -> None:
+        """Count a reference that is new, or raise `BudgetSpent` where there are too many."""
+        self._references += 1
+        if self._references > self._limits.max_references:
+            raise BudgetSpent(
+                f"the scene has more than {self._limits.max_references} different names of files "
+                f"and folders; put several meshes into one file",
                 file=file,
                 line=line,
             )
@@ -202,7 +270,7 @@ class _Handler(ContentHandler):
 
     def startElement(self, name: str, attrs: AttributesImpl) -> None:  # noqa: N802 - SAX's name
         line = self._place.getLineNumber() or 0
-        self._budget.spend_element(self._name, line)
+        self._budget.spend_elements(1, self._name, line)
         self._depth += 1
         if self._depth > self._budget.max_depth:
             raise BundleError(

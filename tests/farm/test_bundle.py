@@ -5,6 +5,7 @@ import io
 import random
 import re
 import stat
+import tracemalloc
 import zipfile
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -237,6 +238,29 @@ def doubling(depth: int) -> io.BytesIO:
     return zipped(files)
 
 
+def wide(depth: int, width: int) -> io.BytesIO:
+    """Includes inside includes: small, and read width^depth times."""
+    files = {"scene.xml": scene(*[include("1.xml")] * width)}
+    for level in range(1, depth):
+        files[f"{level}.xml"] = scene(*[include(f"{level + 1}.xml")] * width, sensor="")
+    files[f"{depth}.xml"] = scene(sensor="")
+    return zipped(files)
+
+
+def sensors(includes: int, count: int) -> io.BytesIO:
+    return zipped(
+        {
+            "scene.xml": scene(*[include("sensors.xml")] * includes),
+            "sensors.xml": scene(*['<sensor type="perspective"/>'] * count),
+        }
+    )
+
+
+def names(count: int) -> io.BytesIO:
+    """One file by many names."""
+    return zipped({"scene.xml": scene(*[mesh("./" * n + "a.ply") for n in range(count)]), **MESH})
+
+
 def chain(length: int) -> io.BytesIO:
     files = {f"{n}.xml": scene(include(f"{n + 1}.xml"), sensor="") for n in range(length)}
     return zipped({"scene.xml": scene(include("0.xml")), **files, f"{length}.xml": scene()})
@@ -387,6 +411,10 @@ BAD = [
     Bad("xml-too-large", xml(*many_attributes(2**17)), "a tag, or text, of", "scene.xml"),
     Bad("xml-too-large", doubling(12), "counted every", kwargs=limits(max_xml_elements=999)),
     Bad("xml-too-large", doubling(12), "counted every", kwargs=limits(max_xml_bytes=9999)),
+    Bad("xml-too-large", wide(2, 40), "includes more than 1000 files", "scene.xml", 26),
+    Bad("xml-too-large", sensors(20, 60), "1000 sensors and films", "sensors.xml"),
+    Bad("xml-too-large", xml("<film/>" * 1001), "1000 sensors and films", "scene.xml", 2),
+    Bad("xml-too-large", names(99), "98 different names", kwargs=limits(max_references=98)),
     Bad("xml-too-large", xml(*defaults(300)), "more than 256 parameters", "scene.xml", 258),
     Bad("xml-too-large", xml(*laughs(30)), "more than 65536 characters", "scene.xml"),
     Bad("xml-too-large", xml(r'<a b="\$' + "x" * 2**16 + '"/>'), "more than 65536 char"),
@@ -561,6 +589,84 @@ def test_every_code_is_tested():
 
 def test_a_scene_deeper_than_any_include_still_loads_at_the_limit():
     assert inspect_bundle(chain(13)).files == 15
+
+
+class CountingStream(io.BytesIO):
+    """An upload that knows how many bytes of it were read."""
+
+    read_bytes = 0
+
+    def read(self, size: int | None = -1, /) -> bytes:
+        content = super().read(size)
+        self.read_bytes += len(content)
+        return content
+
+
+def test_a_file_that_is_included_again_is_not_read_again():
+    once, often = (
+        CountingStream(
+            zipped(
+                {
+                    "scene.xml": scene(*[include("a.xml")] * times),
+                    "a.xml": scene(*[include("b.xml")] * 20, sensor=""),
+                    "b.xml": scene(mesh("a.ply"), sensor=""),
+                    **MESH,
+                },
+                zipfile.ZIP_STORED,
+            ).getvalue()
+        )
+        for times in (1, 40)
+    )
+    inspect_bundle(once)
+    inspect_bundle(often)
+    longer_bytes = 39 * len(include("a.xml") + "\n")
+    # Once to find the scene, once to read it, and a directory has the same entries
+    assert often.read_bytes - once.read_bytes <= 3 * longer_bytes
+
+
+@pytest.mark.parametrize("what", [mesh("a.ply"), '<spectrum name="x" filename="a.ply"/>'])
+def test_a_name_that_is_met_again_takes_no_memory(what: str):
+    """Given 724 bytes with 200,000 names of one file, of which 124 MB were made before."""
+    upload = zipped(
+        {
+            "scene.xml": scene(*[include("a.xml")] * 200),
+            "a.xml": scene(*[what] * 1000, sensor=""),
+            **MESH,
+        }
+    )
+    tracemalloc.start()
+    try:
+        assert inspect_bundle(upload).files == 3
+        _, peak_bytes = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert peak_bytes < 4 * 2**20
+
+
+def test_a_file_that_is_included_again_is_read_again_where_that_tells_more():
+    """Given a default that the first reading leaves, and a sensor, it says other things then."""
+    found = inspect_bundle(
+        zipped(
+            {
+                "scene.xml": scene(*[include("a.xml")] * 3, sensor=""),
+                "a.xml": scene(mesh("$m.ply"), '<default name="n" value="1"/>'),
+                "b.xml": scene('<default name="m" value="a"/>', include("scene.xml"), sensor=""),
+                **MESH,
+            }
+        )
+    )
+    assert (found.entry, found.sensors) == ("b.xml", 3)
+
+
+def test_a_file_that_is_included_again_further_down_may_be_too_deep():
+    """Given a chain that fits from the scene itself, it does not fit below another chain."""
+    links = {f"{n}.xml": scene(include(f"{n + 1}.xml"), sensor="") for n in range(10)}
+    down = {f"d{n}.xml": scene(include(f"d{n + 1}.xml"), sensor="") for n in range(8)}
+    files = {**links, "10.xml": scene(sensor=""), **down}
+    files["d8.xml"] = scene(include("0.xml"), sensor="")
+    with pytest.raises(BundleError, match="more than 15 deep"):
+        inspect_bundle(zipped({"scene.xml": scene(include("0.xml"), include("d0.xml")), **files}))
+    assert inspect_bundle(zipped({"scene.xml": scene(include("0.xml")), **files})).files == 21
 
 
 def test_an_archive_is_not_read_into_memory(tmp_path: Path):

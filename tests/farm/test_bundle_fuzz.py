@@ -29,7 +29,8 @@ from farm.bundle import (
     unpack_bundle,
 )
 from farm.bundle.archive import Archive
-from farm.bundle.walk import Reference, read_scene
+from farm.bundle.references import Reference
+from farm.bundle.walk import read_scene
 from tests.support import long_tests
 from tests.support.bundle_strategies import CANARY, Upload, uploads
 from tests.support.bundles import scene, zipped
@@ -89,7 +90,7 @@ def references(upload: Upload, summary: SceneSummary) -> list[Reference]:
         return []  # nothing but itself to refer to: it would not have passed
     tree = Archive(io.BytesIO(upload.content), len(upload.content), LIMITS)
     entry = tuple(summary.entry.split("/"))
-    return read_scene(tree, entry, upload.parameters, LIMITS).references
+    return list(read_scene(tree, entry, upload.parameters, LIMITS).references)
 
 
 def check_disk(top: Path, folder: Path) -> tuple[int, int]:

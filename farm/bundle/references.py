@@ -1,0 +1,88 @@
+"""What a scene refers to: each file and folder that it names, followed once and kept once."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Literal
+
+from farm.bundle.rules import BundleError, shown
+from farm.bundle.tree import EscapeError, Kind, Parts, Tree, find
+from farm.bundle.xml import XmlBudget
+
+Role = Literal["include", "file", "folder"]
+
+
+@dataclass(frozen=True)
+class Reference:
+    """A file or folder that a scene names, and where it was found."""
+
+    role: Role
+    text: str
+    path: Parts
+    #: folders that were stood in on the way; `..` needs them to exist
+    visited: frozenset[Parts]
+    #: where it stands first
+    file: str = field(compare=False)
+    line: int = field(compare=False)
+
+
+class References:
+    """The references of one scene, each once, in the order in which they were met first.
+
+    Parameters
+    ----------
+    tree : Tree
+        Where the files are.
+    budget : XmlBudget
+        What following them may cost.
+    """
+
+    def __init__(self, tree: Tree, budget: XmlBudget) -> None:
+        self._tree = tree
+        self._budget = budget
+        self._met: dict[Reference, None] = {}
+        #: what plugins will ask for once all XML is read, and the file and line that ask first
+        self._named: dict[str, tuple[str, int]] = {}
+
+    def __iter__(self) -> Iterator[Reference]:
+        return iter(self._met)
+
+    def name_plugin_file(self, text: str, file: str, line: int) -> None:
+        """Remember a plugin's file until the scene's list of folders is complete."""
+        if text not in self._named:
+            self._budget.spend_reference(file, line)
+            self._named[text] = (file, line)
+
+    def follow_plugin_files(self, folders: tuple[Parts, ...]) -> None:
+        """Look up what the plugins will ask for, in the scene's folders."""
+        for text, (file, line) in self._named.items():
+            self.follow("file", folders, text, file, line)
+
+    def follow(
+        self,
+        role: Role,
+        folders: tuple[Parts, ...],
+        text: str,
+        file: str,
+        line: int,
+    ) -> Parts:
+        """Return where a reference leads, having checked that it leads to the right kind."""
+        try:
+            found = find(self._tree, folders, text)
+        except EscapeError:
+            raise BundleError(
+                "path-escape",
+                f"{shown(text)} leads out of the bundle; put the file into it and name it by a "
+                f"relative path",
+                file=file,
+                line=line,
+            ) from None
+        self._budget.spend_lookups(found.lookups + len(folders), file, line)
+        expected: Kind = "folder" if role == "folder" else "file"
+        if found.path is None or found.kind != expected:
+            problem = f"is not a {expected}" if found.kind else self._tree.remedy
+            raise BundleError("missing-file", f"{shown(text)} {problem}", file=file, line=line)
+        reference = Reference(role, text, found.path, found.visited, file=file, line=line)
+        if reference not in self._met:
+            self._budget.spend_reference(file, line)
+            self._met[reference] = None
+        return found.path
