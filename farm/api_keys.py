@@ -23,6 +23,7 @@ from farm import keys
 from farm.errors import UnknownKey
 from farm.job import moment
 from farm.redis_link import now_ms, unavailable_as_farm_error
+from farm.scripts import Scripts
 
 _SECRET_BYTES: Final = 32
 _SHOWN: Final = re.compile(r"plateau_([0-9a-f]{12})_([0-9a-f]{64})")
@@ -78,21 +79,16 @@ class ApiKeys:
 
     def __init__(self, client: redis.Redis) -> None:
         self._redis = client
+        self._scripts = Scripts(client)
 
     def create(self, name: str, role: Role, limits: KeyLimits) -> tuple[ApiKey, str]:
         """A new key, and the form in which it is shown this once."""
         key_id = secrets.token_hex(6)
         secret, sha256 = _new_secret()
-        with unavailable_as_farm_error():
-            key = ApiKey(
-                id=key_id,
-                name=name,
-                role=role,
-                sha256=sha256,
-                created_at=self._now(),
-                limits=limits,
-            )
-            self._redis.hset(keys.API_KEYS, key_id, key.model_dump_json())
+        key = ApiKey(
+            id=key_id, name=name, role=role, sha256=sha256, created_at=self._now(), limits=limits
+        )
+        self._put(key)
         return key, _shown(key_id, secret)
 
     def admit(self, shown: str, name: str, role: Role, limits: KeyLimits) -> ApiKey:
@@ -110,17 +106,16 @@ class ApiKeys:
         if match is None:
             raise UnknownKey("a key is plateau_, 12 hexadecimal digits, _ and 64 more")
         key_id, secret = match.groups()
-        with unavailable_as_farm_error():
-            new = ApiKey(
-                id=key_id,
-                name=name,
-                role=role,
-                sha256=_sha256(secret),
-                created_at=self._now(),
-                limits=limits,
-            )
-            if self._redis.hsetnx(keys.API_KEYS, key_id, new.model_dump_json()):
-                return new
+        new = ApiKey(
+            id=key_id,
+            name=name,
+            role=role,
+            sha256=_sha256(secret),
+            created_at=self._now(),
+            limits=limits,
+        )
+        if self._put(new):
+            return new
 
         def changed(key: ApiKey) -> ApiKey:
             if not key.usable:
@@ -156,8 +151,7 @@ class ApiKeys:
         UnknownKey
             There is no such key.
         """
-        with unavailable_as_farm_error():
-            now = self._now()
+        now = self._now()
         return self._change(
             key_id, lambda key: key.model_copy(update={"revoked_at": key.revoked_at or now})
         )
@@ -198,23 +192,22 @@ class ApiKeys:
 
     def _change(self, key_id: str, changed: Callable[[ApiKey], ApiKey]) -> ApiKey:
         """The key after a change; where two change it at once, one after the other."""
-        with unavailable_as_farm_error(), self._redis.pipeline() as pipe:
-            while True:
-                pipe.watch(keys.API_KEYS)
-                text = pipe.hget(keys.API_KEYS, key_id)
-                if text is None:
-                    raise UnknownKey(f"there is no key {key_id!r}; `plateau keys list` has them")
-                key = changed(ApiKey.model_validate_json(text))
-                pipe.multi()
-                pipe.hset(keys.API_KEYS, key_id, key.model_dump_json())
-                try:
-                    pipe.execute()
-                except redis.WatchError:
-                    continue
+        while True:
+            with unavailable_as_farm_error():
+                text = self._redis.hget(keys.API_KEYS, key_id)
+            if text is None:
+                raise UnknownKey(f"there is no key {key_id!r}; `plateau keys list` has them")
+            key = changed(ApiKey.model_validate_json(text))
+            if self._put(key, instead_of=text):
                 return key
 
+    def _put(self, key: ApiKey, instead_of: str = "") -> bool:
+        """Store the key; False where what is stored is another by now."""
+        return bool(self._scripts.run("put_key", key.id, instead_of, key.model_dump_json()))
+
     def _now(self) -> datetime:
-        return moment(now_ms(self._redis))
+        with unavailable_as_farm_error():
+            return moment(now_ms(self._redis))
 
 
 def opens(key: ApiKey, shown: str) -> bool:

@@ -92,7 +92,8 @@ Channels, hints only (who misses one looks again within some seconds):
 ``plateau:wake:workers:ID`` (``planned``, to one that had nothing to do),
 ``plateau:wake:monitors`` (``free ID``, or a job id) and ``plateau:wake:webhooks`` (a job id).
 
-Writers: everything is written by the scripts in ``farm/lua``.
+Writers: everything is written by the scripts in ``farm/lua``, but for the migrations of
+`farm.schema`.
 """
 
 from typing import Final
@@ -235,10 +236,12 @@ local JOB_PARTS = {{'{"', '".join(JOB_PARTS)}'}}
 local SCENES, SCENES_USED, WORKERS = '{SCENES}', '{SCENES_USED}', '{WORKERS}'
 local MONITORS, APIS, TOTALS = '{MONITORS}', '{APIS}', '{TOTALS}'
 local SCHEMA, PROTOCOL, REFUSED = '{SCHEMA}', '{PROTOCOL}', '{REFUSED}'
+local STORE, SWEPT = '{STORE}', '{SWEPT}'
 local HEARD, GRACE = '{HEARD}', '{GRACE}'
 local API_KEYS, API_KEYS_USED = '{API_KEYS}', '{API_KEYS_USED}'
 local WAKE_WORKERS, WAKE_MONITORS = '{WAKE_WORKERS}', '{WAKE_MONITORS}'
 local RECEIVERS, WAKE_WEBHOOKS = '{RECEIVERS}', '{WAKE_WEBHOOKS}'
+local WEBHOOK_SECRET, OLD_WEBHOOK_SECRET = '{WEBHOOK_SECRET}', '{OLD_WEBHOOK_SECRET}'
 local function job_key(id, part)
   if part then return PREFIX .. 'job:' .. id .. ':' .. part end
   return PREFIX .. 'job:' .. id

@@ -13,6 +13,7 @@ from farm.blob_probe import check_create_once
 from farm.blobs import Blobs
 from farm.errors import NotPermitted, StoreUnavailable, WrongStore
 from farm.redis_link import unavailable_as_farm_error
+from farm.scripts import Scripts
 
 
 def check_pair(client: redis.Redis, store: Blobs) -> None:
@@ -45,13 +46,12 @@ def _check_pair(client: redis.Redis, store: Blobs) -> None:
             raise WrongStore(_refusal(store, None, None))
         if not store.in_folder:
             check_create_once(store)
-        client.hsetnx(keys.STORE, "id", secrets.token_hex(8))
-        ours = client.hget(keys.STORE, "id")
+        ours = Scripts(client).run("pair", secrets.token_hex(8), "")
         theirs = store.make_mark(ours)
     if theirs is None or theirs != ours:
         raise WrongStore(_refusal(store, ours, theirs))
     if paired is None:
-        client.hset(keys.STORE, "paired", 1)
+        Scripts(client).run("pair", ours, "1")
 
 
 def farm_id(client: redis.Redis) -> str:

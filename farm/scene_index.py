@@ -9,7 +9,8 @@ import redis
 
 from farm import keys
 from farm.errors import StoreUnavailable
-from farm.redis_link import now_ms, unavailable_as_farm_error
+from farm.redis_link import unavailable_as_farm_error
+from farm.scripts import Scripts
 
 #: Removing a scene's blob takes milliseconds, as a rule.
 _SCENE_GOES_S: Final = 5.0
@@ -20,6 +21,7 @@ class SceneIndex:
 
     def __init__(self, client: redis.Redis) -> None:
         self._redis = client
+        self._scripts = Scripts(client)
 
     def use(self, sha256: str) -> None:
         """Note that the scene is wanted, before anyone looks whether the blob store has it.
@@ -33,22 +35,21 @@ class SceneIndex:
             That takes long: call again later.
         """
         patience = time.monotonic() + _SCENE_GOES_S
-        with unavailable_as_farm_error():
-            self._redis.zadd(keys.SCENES_USED, {sha256: now_ms(self._redis)})
-            while self._redis.exists(keys.scene_going(sha256)):
-                if time.monotonic() > patience:
-                    raise StoreUnavailable(f"scene {sha256} is being removed; send it again soon")
-                time.sleep(0.05)
+        is_going = self._scripts.run("use_scene", sha256)
+        while is_going:
+            if time.monotonic() > patience:
+                raise StoreUnavailable(f"scene {sha256} is being removed; send it again soon")
+            time.sleep(0.05)
+            with unavailable_as_farm_error():
+                is_going = self._redis.exists(keys.scene_going(sha256))
 
     def disuse(self, sha256: str) -> None:
         """Take the note of `use` back: the blob store has no such scene."""
-        with unavailable_as_farm_error():
-            self._redis.zrem(keys.SCENES_USED, sha256)
+        self._scripts.run("disuse_scene", sha256)
 
     def remember(self, sha256: str, summary: dict[str, Any]) -> None:
         """Note that the blob store holds this scene."""
-        with unavailable_as_farm_error():
-            self._redis.hsetnx(keys.SCENES, sha256, json.dumps(summary))
+        self._scripts.run("remember_scene", sha256, json.dumps(summary))
 
     def all(self) -> Iterator[dict[str, Any]]:
         """The scenes that the blob store holds, with their summaries."""

@@ -38,8 +38,7 @@ class Studies:
     def begin(self) -> str:
         """The id of a study that is to be made: from now on its pictures may be put."""
         study_id = secrets.token_hex(6)
-        with unavailable_as_farm_error():
-            self._redis.set(keys.study(study_id, "making"), "1", px=round(_MAKING_S * 1000))
+        self._scripts.run("begin_study", study_id, round(_MAKING_S * 1000))
         return study_id
 
     def made(self, request: dict[str, Any], owner: str) -> Study | None:

@@ -16,10 +16,8 @@ from typing import Final
 
 import redis
 
-from farm import keys
 from farm.durations import Durations, Histogram, histogram
 from farm.fit import ANY
-from farm.redis_link import now_ms, unavailable_as_farm_error
 from farm.scripts import Scripts
 from farm.states import JobState
 
@@ -242,5 +240,4 @@ class MonitorWork:
 
 def note_sweep(client: redis.Redis) -> None:
     """Note that a sweep was done just now."""
-    with unavailable_as_farm_error():
-        client.hset(keys.TOTALS, "swept at", now_ms(client))
+    Scripts(client).run("note_sweep")

@@ -31,7 +31,7 @@ _FIRST_DELAY_S: Final = 5.0
 _LONGEST_DELAY_S: Final = 4 * 3600.0
 
 #: For how long messages are signed with the farm's former secret too.
-_OLD_SECRET_S: Final = 86_400
+_OLD_SECRET_MS: Final = 86_400_000
 _OLD_SECRETS: Final = 3
 
 DeliveryState = Literal["waiting", "trying", "delivered", "given-up"]
@@ -208,10 +208,7 @@ class Outbox:
 
     def farm_secrets(self) -> tuple[str, ...]:
         """The secret that signs where a job brings none, and for a day those before it."""
-        with unavailable_as_farm_error():
-            self._redis.set(keys.WEBHOOK_SECRET, new_secret(), nx=True)
-            found = self._redis.mget(keys.WEBHOOK_SECRET, keys.OLD_WEBHOOK_SECRET)
-        return tuple(" ".join(filter(None, found)).split())
+        return tuple(" ".join(self._scripts.run("farm_secrets", new_secret())).split())
 
     def renew_farm_secret(self) -> str:
         """Another secret for the farm; for a day messages are signed with the former one too.
@@ -219,12 +216,8 @@ class Outbox:
         And with the one before that, if it was renewed twice: where the answer was lost, nobody has
         seen the secret between.
         """
-        with unavailable_as_farm_error():
-            pipe = self._redis.pipeline(transaction=True)
-            former = " ".join(self.farm_secrets()[:_OLD_SECRETS])
-            pipe.set(keys.OLD_WEBHOOK_SECRET, former, ex=_OLD_SECRET_S)
-            pipe.set(keys.WEBHOOK_SECRET, renewed := new_secret())
-            pipe.execute()
+        renewed = new_secret()
+        self._scripts.run("renew_farm_secret", renewed, _OLD_SECRET_MS, _OLD_SECRETS)
         return renewed
 
 

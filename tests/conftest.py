@@ -67,6 +67,24 @@ def _logging_as_it_was() -> Iterator[None]:
     root.setLevel(level)
 
 
+@pytest.fixture(scope="session", autouse=True)
+def _writes_are_watched() -> Iterator[None]:
+    from tests.support.redis_writes import watching  # its assertions are rewritten first
+
+    with watching():
+        yield
+
+
+@pytest.fixture(autouse=True)
+def _python_writes_nothing_to_redis() -> Iterator[None]:
+    """Also in a thread whose errors nobody hears of."""
+    from tests.support.redis_writes import found
+
+    yield
+    writes = [found.pop() for _ in range(len(found))]
+    assert writes == []
+
+
 @pytest.fixture(scope="session")
 def embedded_redis(tmp_path_factory: pytest.TempPathFactory) -> Iterator[EmbeddedRedis]:
     server = EmbeddedRedis(tmp_path_factory.mktemp("redis"))

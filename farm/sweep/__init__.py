@@ -14,10 +14,10 @@ from dataclasses import dataclass
 
 import redis
 
-from farm import keys
 from farm.blobs import Blobs
 from farm.pairing import check_pair
 from farm.redis_link import unavailable_as_farm_error
+from farm.scripts import Scripts
 from farm.sweep.finished_jobs import FinishedJobs
 from farm.sweep.orphans import remove_orphans
 from farm.sweep.removal import Removal
@@ -96,5 +96,4 @@ def sweep(
 
 def is_due(client: redis.Redis, every_s: float) -> bool:
     """Whether no sweep was begun by this call for so long; then the caller's begins now."""
-    with unavailable_as_farm_error():
-        return bool(client.set(keys.SWEPT, "1", nx=True, px=round(every_s * 1000)))
+    return bool(Scripts(client).run("begin_sweep", round(every_s * 1000)))

@@ -39,6 +39,7 @@ _IN_USE_S: Final = 3600.0
 _GOING_S: Final = 300.0
 #: By then the removal must have begun: the rest of the time is for the blob store's own retries.
 _BEGINS_WITHIN_S: Final = 60.0
+_AT_ONCE: Final = 1000  #: scenes that a script is given
 
 
 def remove_scenes(
@@ -55,20 +56,20 @@ def remove_scenes(
     forgotten
         Jobs that need no scene any more, though Redis may know them.
     """
-    now = now_ms(client)
-    before = now - round(max(unused_for_s, _IN_USE_S) * 1000)
+    before = now_ms(client) - round(max(unused_for_s, _IN_USE_S) * 1000)
     stored = {
         blob.name.removeprefix(blobs.SCENES): blob for blob in removal.store.listing(blobs.SCENES)
     }
     used = dict(client.zrange(keys.SCENES_USED, 0, -1, withscores=True))
-    unnoted = (stored.keys() | client.hkeys(keys.SCENES)) - used.keys()
-    if unnoted and not removal.dry_run:
-        client.zadd(keys.SCENES_USED, dict.fromkeys(unnoted, now), nx=True)
+    unnoted = sorted((stored.keys() | client.hkeys(keys.SCENES)) - used.keys())
+    scripts, removed = Scripts(client), 0
+    if not removal.dry_run:
+        for start in range(0, len(unnoted), _AT_ONCE):
+            scripts.run("note_scenes", *unnoted[start : start + _AT_ONCE])
     wanted = {
         scene for job_id, scene in field_of_all(client, "scene_sha256") if job_id not in forgotten
     }
     unused = sorted(one for one in used.keys() - wanted if used[one] < before)
-    scripts, removed = Scripts(client), 0
     for sha256 in unused:
         asked = time.monotonic()
         if not removal.dry_run:
@@ -79,5 +80,5 @@ def remove_scenes(
             continue  # we were suspended, and by now the API may count on the blob
         removed += removal.remove([stored[sha256]] if sha256 in stored else [])
         if not removal.dry_run:
-            client.delete(keys.scene_going(sha256))
+            scripts.run("scene_gone", sha256)
     return removed

@@ -21,7 +21,8 @@ from farm.spec import JobSpec
 from farm.states import JobState
 from farm.studies import Studies
 from farm.study import Screen
-from farm.totals import MonitorWork
+from farm.sweep import is_due
+from farm.totals import MonitorWork, note_sweep
 from farm.webhooks import Outbox
 from farm.workers import Workers
 
@@ -144,11 +145,11 @@ class Case:
 CASES: dict[str, Case] = {}
 
 #: Scripts that do something more when they are repeated: each has a test of its own.
-REPEATS_DIFFER: Final = {"lease": "", "own": "", "take_delivery": "", "take": ""}
+REPEATS_DIFFER: Final = frozenset({"lease", "own", "take_delivery", "take", "renew_farm_secret"})
 
 
 def written_by(name: str) -> str:
-    """The script, or whatever else, that does the write of a case."""
+    """The script that does the write of a case."""
     return name.partition(":")[0]
 
 
@@ -429,14 +430,65 @@ def _(world: World) -> Callable[[], object]:
     return lambda: Batches(world.lossy).guard("frames")
 
 
-@case("remember a scene")
+@case("remember_scene")
 def _(world: World) -> Callable[[], object]:
     return lambda: SceneIndex(world.lossy).remember("c" * 64, {"name": "box.xml"})
 
 
-@case("use a scene", answers_before=1)
+@case("use_scene")
 def _(world: World) -> Callable[[], object]:
     return lambda: SceneIndex(world.lossy).use("c" * 64)
+
+
+@case("disuse_scene")
+def _(world: World) -> Callable[[], object]:
+    SceneIndex(world.direct).use("c" * 64)
+    return lambda: SceneIndex(world.lossy).disuse("c" * 64)
+
+
+@case("note_scenes")
+def _(world: World) -> Callable[[], object]:
+    return lambda: Scripts(world.lossy).run("note_scenes", "c" * 64, "d" * 64)
+
+
+@case("scene_gone")
+def _(world: World) -> Callable[[], object]:
+    SceneIndex(world.direct).use("c" * 64)
+    Scripts(world.direct).run("forget_scene", "c" * 64, 10**14, 60_000)
+    return lambda: Scripts(world.lossy).run("scene_gone", "c" * 64)
+
+
+@case("begin_sweep", False, writes_only_times=True)  # as if the first one had been begun
+def _(world: World) -> Callable[[], object]:
+    return lambda: is_due(world.lossy, 60.0)
+
+
+@case("note_sweep", writes_only_times=True)
+def _(world: World) -> Callable[[], object]:
+    return lambda: note_sweep(world.lossy)
+
+
+@case("pair", "an id")
+def _(world: World) -> Callable[[], object]:
+    return lambda: Scripts(world.lossy).run("pair", "an id", "1")
+
+
+@case("put_key: of another's making", lambda key: key.usable, answers_before=1)
+def _(world: World) -> Callable[[], object]:
+    shown = f"plateau_{'a' * 12}_{'b' * 64}"
+    limits = world.api_key(burst=1).limits
+    return lambda: world.keys.admit(shown, "a key", Role.VIEWER, limits)
+
+
+@case("put_key: revoked", lambda key: not key.usable, answers_before=2)
+def _(world: World) -> Callable[[], object]:
+    key = world.api_key(burst=1)
+    return lambda: world.keys.revoke(key.id)
+
+
+@case("farm_secrets", lambda secrets: len(secrets) == 1)
+def _(world: World) -> Callable[[], object]:
+    return lambda: world.outbox.farm_secrets()
 
 
 @case("drain")
@@ -453,6 +505,11 @@ def _(world: World) -> Callable[[], object]:
     assert taken is not None
     outbox.settle(taken, "given-up", status=410, error="gone", took_s=0.1)
     return lambda: world.outbox.redeliver(job, 1)
+
+
+@case("begin_study")
+def _(world: World) -> Callable[[], object]:
+    return lambda: Scripts(world.lossy).run("begin_study", "a" * 12, 60_000)
 
 
 @case("create_study", lambda study: study.levels == (50, 100))
