@@ -20,6 +20,7 @@ from farm.redis_link import connect
 from farm.settings import Settings
 from service.app import create_app
 from service.event_hub import EventHub
+from service.http_server import server_config
 from service.key_guard import Access
 from service.loopback import is_loopback
 from service.spool import spool_in
@@ -109,13 +110,10 @@ def run(
         access=access,
         webhook_allow=settings.webhook_allow,
     )
-    config = uvicorn.Config(
+    config = server_config(
         app,
-        log_config=None,  # its lines go the way of ours
+        grace_s=_GRACE_S,
         log_level=logging.WARNING,
-        access_log=False,
-        server_header=False,
-        timeout_graceful_shutdown=_GRACE_S,
         ssl_certfile=None if tls is None else tls.certificate,
         ssl_keyfile=None if tls is None else str(tls.private_key),
     )
@@ -186,6 +184,8 @@ class _Server(uvicorn.Server):
         self._loop: asyncio.AbstractEventLoop | None = None
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        # The first request may be there before the first tick, which adds the date.
+        self.server_state.default_headers = self.config.encoded_headers
         await super().startup(sockets)
         self._loop = asyncio.get_running_loop()
         self._ready()

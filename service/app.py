@@ -36,7 +36,7 @@ from service import (
 )
 from service.cut_off import AnswerWhenCutOff
 from service.event_hub import EventHub
-from service.guards import ENVELOPE_BYTES, BodyLimit
+from service.guards import ENVELOPE_BYTES, BodyLimit, OneLength
 from service.head import HeadAsGet
 from service.http_metrics import CountRequests
 from service.key_guard import Access, KeyGuard
@@ -146,5 +146,6 @@ def create_app(
     app.add_middleware(KeyGuard, keys=ApiKeys(client), allowance=Allowance(client), access=access)
     app.add_middleware(LogFields)
     app.add_middleware(AnswerWhenCutOff)
+    app.add_middleware(OneLength)
     app.add_middleware(CountRequests, requests=app.state.metrics.requests)
     return app

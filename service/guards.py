@@ -2,15 +2,27 @@
 
 import asyncio
 import contextlib
+import re
 from collections.abc import Iterable
 from typing import Final
-from urllib.parse import urlsplit
 
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from service.callers import ANYBODY, Caller
 from service.loopback import is_loopback
-from service.problems import FOREIGN_HOST, FOREIGN_ORIGIN, UPLOAD_TOO_LARGE, Problem
+from service.problems import (
+    FOREIGN_HOST,
+    FOREIGN_ORIGIN,
+    MALFORMED_REQUEST,
+    UPLOAD_TOO_LARGE,
+    Problem,
+)
+
+#: ``Host`` as RFC 9110 has it: a name or an address, and perhaps a port.
+_HOST: Final = re.compile(r"(\[[0-9A-Fa-f:.]+\]|[0-9A-Za-z.-]+)(?::[0-9]{1,5})?")
+#: What a browser says of a request for its own user (an address that was typed, a bookmark), and of
+#: one by a page of this very service. Another port of this machine is another's page: "same-site".
+_OWN: Final = frozenset({"none", "same-origin"})
 
 
 def refuse_foreign(scope: Scope) -> None:
@@ -18,13 +30,14 @@ def refuse_foreign(scope: Scope) -> None:
 
     For an API that is open, which listens on loopback only. A web page elsewhere can still make a
     browser on this machine call it: under a name that it controls and points at 127.0.0.1 (DNS
-    rebinding; seen in ``Host``), or by a form that posts across sites (seen in ``Origin``). And a
-    proxy on this machine can let others in without knowing what it does. Where keys are wanted none
-    of this matters: a browser adds no key by itself to what another page asks for, and the service
-    may have any name.
+    rebinding; seen in ``Host``), by a form that posts across sites (seen in ``Origin``), or by a
+    picture, a frame or a link (seen in ``Sec-Fetch-Site`` alone). And a proxy on this machine can
+    let others in without knowing what it does. Where keys are wanted none of this matters: a
+    browser adds no key by itself to what another page asks for, and the service may have any name.
     """
     host = header(scope["headers"], b"host") or ""
-    if not is_loopback(_name_of(f"//{host}")):
+    named = _HOST.fullmatch(host)
+    if named is None or not is_loopback(named[1]):
         raise _foreign_host(f"the request is addressed to {host!r}")
     if any(name in _FROM_A_PROXY for name, _ in scope["headers"]):
         raise _foreign_host("the request came through a proxy")
@@ -32,6 +45,13 @@ def refuse_foreign(scope: Scope) -> None:
     if origin is not None and origin.lower() != f"{scope['scheme']}://{host}".lower():
         raise Problem(
             FOREIGN_ORIGIN, f"a page of {origin!r} made this request; only the API's own pages may"
+        )
+    site = header(scope["headers"], b"sec-fetch-site")
+    if site is not None and site.lower() not in _OWN:
+        raise Problem(
+            FOREIGN_ORIGIN,
+            f"a page of another web site made this request (Sec-Fetch-Site: {site}); only the "
+            "API's own pages may; where you followed a link, enter its address yourself",
         )
 
 
@@ -55,13 +75,6 @@ def header(headers: Iterable[tuple[bytes, bytes]], name: bytes) -> str | None:
     return next((value.decode("latin-1") for key, value in headers if key == name), None)
 
 
-def _name_of(url: str) -> str:
-    try:
-        return urlsplit(url).hostname or ""
-    except ValueError:
-        return ""
-
-
 #: So much of a refused body is still read, and for so long, before the connection is closed: closed
 #: on bytes that nobody has read, it would take the answer with it.
 _LINGER_BYTES = 64 * 2**20
@@ -73,6 +86,36 @@ ENVELOPE_BYTES: Final = 2 << 20
 
 #: A body that is no upload is read into memory, so it may have so many bytes at most.
 _MOST_OF_A_CHANGE = 2**16
+
+
+class OneLength:
+    """Refuses a request that says twice how long its body is, and one of HTTP/1.0 in chunks.
+
+    A proxy in front may believe the other of the two, and take for the next request what is part of
+    this one, or the reverse: request smuggling. RFC 9112, section 6, has both answered so, and the
+    connection closed.
+    """
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Pass the request on where its length is plain."""
+        names = {name for name, _ in scope.get("headers", ())}
+        in_chunks = b"transfer-encoding" in names
+        if in_chunks and (b"content-length" in names or scope["http_version"] == "1.0"):
+            await discard(receive)
+            await _AMBIGUOUS.response(scope["path"])(scope, receive, send)
+        else:
+            await self._app(scope, receive, send)
+
+
+_AMBIGUOUS: Final = Problem(
+    MALFORMED_REQUEST,
+    "where the request's body ends cannot be told: send Content-Length, or with HTTP/1.1 "
+    "Transfer-Encoding: chunked, and never both",
+    headers={"Connection": "close"},
+)
 
 
 class BodyLimit:

@@ -14,7 +14,9 @@ from service.key_guard import needs_key
 from service.problems import MEDIA_TYPE, Problem, ProblemDetails, documented
 
 #: What any request may be answered, whatever its route.
-_ANYWHERE: Final = documented(problems.INTERNAL_ERROR, problems.UNREADABLE_JOB, store=False)
+_ANYWHERE: Final = documented(
+    problems.MALFORMED_REQUEST, problems.INTERNAL_ERROR, problems.UNREADABLE_JOB, store=False
+)
 #: What one may be answered that may need a key.
 _GUARDED: Final = documented(
     problems.NO_KEY,
@@ -35,7 +37,7 @@ _KEYS: Final[dict[str, Any]] = {
     }
 }
 #: And a request with a body.
-_WITH_BODY: Final = documented(problems.MALFORMED_REQUEST, problems.UPLOAD_TOO_LARGE, store=False)
+_WITH_BODY: Final = documented(problems.UPLOAD_TOO_LARGE, store=False)
 #: What the framework says that it answers to an invalid request, where a route says nothing.
 _FOREIGN: Final = ("HTTPValidationError", "ValidationError")
 

@@ -17,7 +17,6 @@ _HTML: Final = "text/html"
 _PICTURES: Final = ("image.png", "difference.png")
 _HEADERS: Final = {
     "Content-Security-Policy": POLICY,
-    "X-Content-Type-Options": "nosniff",
     "Cache-Control": REVALIDATE,
 }
 

@@ -1,9 +1,15 @@
 """What a scene or a user says is never more than text, and the page obeys its own policy."""
 
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from urllib.parse import urlsplit
+
 import httpx
 import pytest
 import redis
-from playwright.sync_api import expect
+from playwright.sync_api import Browser, expect
 
 from farm.scene_index import SceneIndex
 from farm.states import JobState
@@ -94,3 +100,60 @@ def test_states_are_all_told_apart(visit: Visit) -> None:
     page = visit().page
     options = page.get_by_role("combobox", name="State").locator("option").all_inner_texts()
     assert sorted(options[1:]) == sorted(state.value for state in JobState)
+
+
+@contextmanager
+def another_site(text: str) -> Iterator[str]:
+    """The URL of a page with this text; its name is not that of our page, so it is another site."""
+
+    class Page(BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            self.send_response(200)
+            self.send_header("Content-Type", "text/html")
+            self.end_headers()
+            self.wfile.write(text.encode())
+
+        def log_message(self, *_: object) -> None:
+            pass
+
+    with ThreadingHTTPServer(("127.0.0.1", 0), Page) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        try:
+            yield f"http://localhost:{server.server_port}/"
+        finally:
+            server.shutdown()
+
+
+def test_a_page_of_another_site_may_link_to_ours_and_has_nothing_of_the_farm(
+    browser: Browser, url: str, farm: NoiseFarm
+) -> None:
+    job = farm.submit("box.xml")
+    asked = f"{url}/v1/jobs/{job.id}"
+    # Given a page of another site, which asks the API in every way that it can
+    elsewhere = f"""<!doctype html><title>elsewhere</title>
+      <a id="ours" href="{url}/jobs/{job.id}">ours</a> <a id="link" href="{asked}/log">log</a>
+      <form method="post" action="{asked}/cancel"></form>
+      <iframe src="{asked}/report.html"></iframe>"""
+    with another_site(elsewhere) as site, browser.new_context() as context:
+        page = context.new_page()
+        statuses: dict[str, int] = {}
+        page.on("response", lambda one: statuses.setdefault(urlsplit(one.url).path, one.status))
+        # If somebody opens it, and it follows its link and sends its form
+        page.goto(site)
+        fetch = "(url) => fetch(url, {mode: 'no-cors'}).then(() => 'had', () => 'had not')"
+        assert page.evaluate(fetch, f"{asked}/curve") == "had not"
+        assert page.evaluate(fetch, f"{url}/page/icon.svg") == "had not"
+        page.click("#link")
+        page.goto(site)
+        with page.expect_navigation(url=f"{asked}/cancel"):
+            page.evaluate("() => document.forms[0].submit()")
+        # Then the API refuses all of that
+        parts = ("report.html", "log", "cancel")
+        assert {part: statuses[f"/v1/jobs/{job.id}/{part}"] for part in parts} == dict.fromkeys(
+            parts, 403
+        )
+        assert farm.jobs.get(job.id).state is JobState.QUEUED
+        # But who follows its link to our page is shown the job
+        page.goto(site)
+        page.click("#ours")
+        expect(page.locator("main")).to_contain_text("The curve begins at its first step")

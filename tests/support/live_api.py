@@ -11,6 +11,7 @@ from farm.redis_link import connect
 from service.api import listen, url_of
 from service.app import create_app
 from service.event_hub import EventHub
+from service.http_server import server_config
 from service.key_guard import Access
 
 LARGEST_UPLOAD = 3_000_000
@@ -41,7 +42,7 @@ def live_api(
         access=access,
         webhook_allow=webhook_allow,
     )
-    config = uvicorn.Config(app, log_level="critical", timeout_graceful_shutdown=grace_s)
+    config = server_config(app, grace_s=grace_s, log_level="critical")
     server = uvicorn.Server(config)
     # The socket listens before the loop runs: whoever connects now waits a moment.
     listener.listen()
