@@ -57,8 +57,8 @@ def checkpoints(job_id: str) -> str:
 def results(job_id: str) -> str:
     """What the names of all results of a job begin with; `farm.jobs.Jobs.results` says which count.
 
-    A set of them is a folder with ``image.exr``, ``image.png``, ``difference.png`` and
-    ``thumbnail.png``.
+    A set of them is a folder with ``image.exr``, ``image.png``, ``thumbnail.png`` and, where there
+    is something to show, ``difference.png`` and ``non-finite.png``.
     """
     return f"{of_job(job_id)}results/"
 

@@ -63,7 +63,9 @@ class CurvePoint(_Record):
     )
     forecast_low_spp: int | None = Field(None, description="the band around it")
     forecast_high_spp: int | None = None
-    non_finite_pixels: int = Field(0, description="pixels with a NaN or an infinity")
+    non_finite_pixels: int = Field(
+        0, description="pixels with a NaN or an infinity, left out of every other count"
+    )
     zones: ZoneFractions | None = None
     at: datetime = Field(description="when it was evaluated, by Redis's clock")
     rules: dict[str, WatchedValue] = Field(
@@ -101,6 +103,11 @@ class Job(_Record):
     slope: float | None = None
     estimate_pixels: float | None = None
     estimate_fraction: float | None = None
+    non_finite_pixels: int | None = Field(
+        None,
+        description="pixels of the last judged image with a NaN or an infinity; they are left out "
+        "of every other count, and more than 0.1 % of them fail the job",
+    )
     forecast_spp: int | None = None
     forecast_s: float | None = Field(
         None, description="seconds from the last point to `forecast_spp`, at the job's mean rate"

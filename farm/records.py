@@ -89,6 +89,7 @@ def _job(fields: dict[str, str]) -> Job:
         "slope",
         "estimate_pixels",
         "estimate_fraction",
+        "non_finite_pixels",
         "forecast_spp",
     )
     return Job(

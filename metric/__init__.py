@@ -5,7 +5,8 @@ from metric.display import Image, Mask, Primaries, View, encode_srgb
 from metric.estimate import Estimate, half_buffer_estimate
 from metric.forecasts import Forecast, forecast
 from metric.noise_model import Half
-from metric.pictures import DIFFERENCE_PALETTE, difference_map
+from metric.non_finite import NonFinite, allowed_non_finite, non_finite_pixels
+from metric.pictures import MAP_PALETTE, difference_map, non_finite_map
 from metric.psychometrics import LogitFit, fit_logit
 from metric.rules import (
     RULES,
@@ -26,7 +27,7 @@ from metric.vdp import Difference, Percept, VisibleDifferences, visible_differen
 from metric.zones import zone_edges, zone_fractions
 
 __all__ = [
-    "DIFFERENCE_PALETTE",
+    "MAP_PALETTE",
     "RULES",
     "AnswersFit",
     "Difference",
@@ -42,6 +43,7 @@ __all__ = [
     "Memory",
     "Multiple",
     "Myszkowski",
+    "NonFinite",
     "Percept",
     "Primaries",
     "Reverse",
@@ -51,6 +53,7 @@ __all__ = [
     "View",
     "Visible",
     "VisibleDifferences",
+    "allowed_non_finite",
     "create_rule",
     "difference_map",
     "encode_srgb",
@@ -58,6 +61,8 @@ __all__ = [
     "fit_logit",
     "forecast",
     "half_buffer_estimate",
+    "non_finite_map",
+    "non_finite_pixels",
     "visible_differences",
     "zone_edges",
     "zone_fractions",

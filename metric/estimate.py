@@ -33,15 +33,16 @@ LARGEST_CLUMP = 25.0
 class Estimate:
     """How far an image is from the converged one, as far as an eye can tell."""
 
-    #: Visible pixels, 0 or more; a mean of two counts.
+    #: Visible pixels, 0 or more; a mean of two counts. Pixels that are NaN or infinite are left out
+    #: here and below: no sample will repair them.
     pixels: float
     #: `pixels` over the number of pixels, in [0, 1].
     fraction: float
     #: The band around `pixels` that holds the true count in about nine cases of ten.
     low_pixels: float
     high_pixels: float
-    #: How many of `pixels` are NaN or infinite; a mean of two counts. No sample will repair them.
-    non_finite: float
+    #: How many pixels are NaN or infinite.
+    non_finite: int
     #: For each pixel the share of the two comparisons in which it is visible: 0, ½ or 1,
     #: (H, W) float32.
     visible: Plane = field(repr=False, compare=False)
@@ -103,16 +104,18 @@ def estimate_from(metric: VisibleDifferences, model: NoiseModel, clean: Percept)
     differences = [
         metric.compare(clean, metric.percept(model.noisy(amount))) for amount in (1.0, -1.0)
     ]
-    pixels = sum(difference.count for difference in differences) / 2
-    non_finite = sum(difference.non_finite for difference in differences) / 2
+    pixels = sum(difference.finite_count for difference in differences) / 2
     visible = np.add(*(difference.visible for difference in differences), dtype=np.float32)
     visible *= np.float32(0.5)
-    low, high = _band(pixels - non_finite, visible > 0)
+    non_finite = differences[0].non_finite
+    if non_finite:
+        visible[model.non_finite] = 0
+    low, high = _band(pixels, visible > 0)
     return Estimate(
         pixels,
         pixels / visible.size,
-        low_pixels=low + non_finite,
-        high_pixels=min(high + non_finite, float(visible.size)),
+        low_pixels=low,
+        high_pixels=min(high, float(visible.size - non_finite)),
         non_finite=non_finite,
         visible=visible,
     )

@@ -45,7 +45,7 @@ class Forecast:
     """At how many samples per pixel the estimate falls to a target."""
 
     #: The best guess, at least the present spp; None where more than 1000 times as many would not
-    #: do, as where pixels are NaN or light is still to be found.
+    #: do, as where light is still to be found.
     spp: int | None
     #: The band around it that holds the spp in about nine cases of ten; None as for `spp`.
     low_spp: int | None
@@ -155,18 +155,17 @@ def forecast_from(
     """
     require_target(target)
     allowed = allowed_pixels(target, model.pixels)
-    pixels = estimate.pixels - estimate.non_finite
-    if pixels <= allowed:
+    if estimate.pixels <= allowed:
         return Forecast(spp, spp, spp)
 
-    search = _Search(above=(0.0, _over(pixels, allowed)))
+    search = _Search(above=(0.0, _over(estimate.pixels, allowed)))
     clump = mean_clump(estimate.visible > 0)
     furthest = math.log(FURTHEST)
     place = math.log(guess / spp) if guess is not None and guess > spp else search.crossing
     for _ in range(MOST_LOOKS):
         place = min(place, furthest)
         difference = metric.compare(clean, metric.percept(model.noisy(math.exp(-place / 2))))
-        excess = _over(difference.count - difference.non_finite, allowed)
+        excess = _over(difference.finite_count, allowed)
         if excess > 0:
             clump = mean_clump(difference.visible)
             if place == furthest:

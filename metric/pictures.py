@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -10,19 +10,21 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from metric.display import Mask
+    from metric.non_finite import NonFinite
 
-#: Visible pixels are shown in this colour, on the image in dim grey.
-_MARK = (255, 140, 0)
-_MARK_CODE = 255
-#: The colour of each code of a difference map, (256, 3) uint8.
-DIFFERENCE_PALETTE = np.repeat(np.arange(256, dtype=np.uint8)[:, np.newaxis], 3, axis=1)
-DIFFERENCE_PALETTE[_MARK_CODE] = _MARK
+#: What is marked on an image in dim grey, and how: visible pixels, NaN and infinite ones.
+_VISIBLE, _NAN, _INFINITE = 255, 254, 253
+_COLOURS = {_VISIBLE: (255, 140, 0), _NAN: (255, 0, 255), _INFINITE: (0, 200, 255)}
+#: The colour of each code of a map, (256, 3) uint8.
+MAP_PALETTE = np.repeat(np.arange(256, dtype=np.uint8)[:, np.newaxis], 3, axis=1)
+for _code, _colour in _COLOURS.items():
+    MAP_PALETTE[_code] = _colour
 
 
 def difference_map(picture: NDArray[np.uint8], visible: Mask) -> NDArray[np.uint8]:
     """Return the map of visible pixels laid over a picture, (H, W) uint8.
 
-    Its codes are those of `DIFFERENCE_PALETTE`, which makes it a picture.
+    Its codes are those of `MAP_PALETTE`, which makes it a picture.
 
     Parameters
     ----------
@@ -35,11 +37,35 @@ def difference_map(picture: NDArray[np.uint8], visible: Mask) -> NDArray[np.uint
     --------
     >>> visible = np.array([[True, False]])
     >>> codes = difference_map(np.full((1, 2, 3), 255, np.uint8), visible)
-    >>> DIFFERENCE_PALETTE[codes].tolist()
+    >>> MAP_PALETTE[codes].tolist()
     [[[255, 140, 0], [85, 85, 85]]]
     """
-    red, green, blue = np.moveaxis(picture.astype(np.uint16), -1, 0)
-    # A third of their mean.
-    codes: NDArray[np.uint8] = ((red + green + blue) // 9).astype(np.uint8)
-    codes[visible] = _MARK_CODE
+    codes = _dim_grey(picture)
+    codes[visible] = _VISIBLE
     return codes
+
+
+def non_finite_map(picture: NDArray[np.uint8], found: NonFinite) -> NDArray[np.uint8]:
+    """Return the map of pixels that are NaN (magenta) or infinite (blue) laid over a picture.
+
+    Parameters and codes are as for `difference_map`.
+
+    Examples
+    --------
+    >>> from metric.non_finite import non_finite_pixels
+    >>> image = np.array([[[np.nan] * 3, [np.inf] * 3, [0] * 3]], np.float32)
+    >>> codes = non_finite_map(np.zeros((1, 3, 3), np.uint8), non_finite_pixels(image))
+    >>> MAP_PALETTE[codes].tolist()
+    [[[255, 0, 255], [0, 200, 255], [0, 0, 0]]]
+    """
+    codes = _dim_grey(picture)
+    codes[found.nan] = _NAN
+    codes[found.infinite] = _INFINITE
+    return codes
+
+
+def _dim_grey(picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Return a third of each pixel's mean, (H, W) uint8: 85 at most."""
+    red, green, blue = np.moveaxis(picture.astype(np.uint16), -1, 0)
+    codes: NDArray[Any] = (red + green + blue) // 9
+    return codes.astype(np.uint8)

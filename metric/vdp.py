@@ -111,6 +111,11 @@ class Difference:
     #: How many pixels are not finite in either image.
     non_finite: int
 
+    @property
+    def finite_count(self) -> int:
+        """How many visible pixels are finite in both images: all that more samples may change."""
+        return self.count - self.non_finite
+
 
 class VisibleDifferences:
     """The predictor under one view.

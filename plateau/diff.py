@@ -17,7 +17,7 @@ import numpy as np
 from farm.exr import decode_image
 from farm.png import decode_png, encode_png
 from metric import (
-    DIFFERENCE_PALETTE,
+    MAP_PALETTE,
     Difference,
     Image,
     View,
@@ -95,7 +95,7 @@ class Comparison:
     def write_map(self, path: Path) -> None:
         """Write the visible pixels, marked on the test image in dim grey, as a PNG file."""
         codes = difference_map(encode_srgb(self.shown), self.difference.visible)
-        path.write_bytes(encode_png(codes, DIFFERENCE_PALETTE))
+        path.write_bytes(encode_png(codes, MAP_PALETTE))
 
 
 def compare_files(

@@ -22,12 +22,27 @@ from farm.exr import Pixels, decode_image, decode_partial
 from farm.job import CurvePoint
 from farm.spec import JobSpec
 from plateau.errors import PlateauError
+from service.broken_image import non_finite_png
 from service.judge import Judge
 from service.merge import Merge
 
 
 class CannotJudge(PlateauError):
     """The folder holds no series that can be judged; the message says why, in one line."""
+
+
+class BrokenSeries(CannotJudge):
+    """Too many pixels of the merged image are NaN or infinite.
+
+    Attributes
+    ----------
+    picture
+        A PNG file that shows where.
+    """
+
+    def __init__(self, flaw: str, picture: bytes) -> None:
+        super().__init__(flaw)
+        self.picture = picture
 
 
 @dataclass(frozen=True)
@@ -117,6 +132,8 @@ def judge_series(series: Series, spec: JobSpec) -> Judged:
     ------
     CannotJudge
         A file cannot be read, sizes differ, or no evaluation falls on the series.
+    BrokenSeries
+        Too many of its pixels are NaN or infinite, as would fail a job.
     """
     judge, merge = Judge(spec), Merge(slice_spp=series.spp)
     points: list[CurvePoint] = []
@@ -126,8 +143,11 @@ def judge_series(series: Series, spec: JobSpec) -> Judged:
         except ValueError as error:
             raise CannotJudge(f"{path}: {error}") from error
         if merge.spp % spec.step == 0:
-            now = datetime.now(timezone.utc)
-            points.append(CurvePoint.model_validate({**judge.judge(merge).point, "at": now}))
+            now, judgement = datetime.now(timezone.utc), judge.judge(merge)
+            if judgement.flaw is not None:
+                picture = non_finite_png(merge.image(), spec.view.exposure_ev)
+                raise BrokenSeries(f"{path}: at {merge.spp} spp {judgement.flaw}", picture)
+            points.append(CurvePoint.model_validate({**judgement.point, "at": now}))
     if not points:
         raise CannotJudge(
             f"the series ends at {merge.spp} spp, before the first evaluation: lower --step "

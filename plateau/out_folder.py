@@ -7,7 +7,7 @@ from typing import Final
 
 from plateau.errors import CommandFailed
 
-IMAGES: Final = ("image.exr", "image.png", "difference.png")
+IMAGES: Final = ("image.exr", "image.png", "difference.png", "non-finite.png")
 #: What a job leaves in its folder, beside the folder of its slices.
 RESULTS: Final = (
     *IMAGES,

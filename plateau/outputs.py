@@ -24,10 +24,10 @@ _Written = TypeVar("_Written")
 def write_results(client: Client, job: JobView, folder: Path) -> dict[str, Any]:
     """Write all that is known of an ended job into a folder; returns the summary as JSON.
 
-    These are ``image.exr``, ``image.png`` and ``difference.png``, where the job has an image;
-    ``curve.csv`` and ``curve.png``, where its curve has points; ``slices``, where it kept them, for
-    `plateau judge`; ``summary.txt`` and ``summary.json``. Slices that are there already are not
-    fetched again.
+    These are ``image.exr``, ``image.png`` and ``difference.png``, where the job has an image, and
+    ``non-finite.png``, where that is NaN or infinite anywhere; ``curve.csv`` and ``curve.png``,
+    where its curve has points; ``slices``, where it kept them, for `plateau judge`;
+    ``summary.txt`` and ``summary.json``. Slices that are there already are not fetched again.
 
     Raises
     ------

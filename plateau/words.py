@@ -124,6 +124,10 @@ def summary(job: Job, waits_for: str | None = None) -> str:
         rows.append(
             ("left", f"{left} still differ visibly from the converged image, by half buffers")
         )
+    if job.non_finite_pixels:
+        total = (job.width or 0) * (job.height or 0)
+        broken = pixels(job.non_finite_pixels, job.non_finite_pixels / total)
+        rows.append(("broken", f"{broken} are NaN or infinite, and left out of what is counted"))
     rows.append(("time", f"{duration(wall_s(job))}; machine time {duration(job.machine_s)}"))
     if job.paused_at is not None or job.paused_s:
         rows.append(("paused", pauses(job)))

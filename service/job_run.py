@@ -13,6 +13,7 @@ from farm.ownership import Ownership, Ownerships
 from farm.queue import SliceRecord
 from farm.states import JobState
 from farm.totals import MonitorWork
+from service.broken_image import flaw_of
 from service.checkpoints import Checkpoints
 from service.films import Films
 from service.judge import Judge, Judgement
@@ -144,7 +145,9 @@ class JobRun:
             return True
         point, verdict, spp = self._judgement.point, self._judgement.verdict, self._merge.spp
         self._owners.append_point(self.owned, spp, point)
-        if verdict.stop and spp > self._continued_spp:
+        if self._judgement.flaw is not None:
+            self._end_with_results(JobState.FAILED, self._judgement.flaw)
+        elif verdict.stop and spp > self._continued_spp:
             self._end_with_results(JobState.CONVERGED, verdict.reason, verdict.numbers)
         elif spp == self._spec.max_spp:
             reason = f"reached the cap of {spp} spp; {verdict.reason}"
@@ -184,11 +187,13 @@ class JobRun:
                 JobState.FAILED,
                 f"no worker took a slice of it within its time limit of {limit_s:g} s",
             )
-        else:
-            self._end(
-                JobState.EXHAUSTED,
-                f"reached its time limit of {limit_s:g} s at {self._merge.spp} spp",
-            )
+            return
+        reason = f"reached its time limit of {limit_s:g} s at {self._merge.spp} spp"
+        flaw = flaw_of(self._merge.image()) if self._merge.slices else None
+        if flaw is None:
+            self._end(JobState.EXHAUSTED, reason)
+        else:  # there was no point of the curve yet at which it could be judged
+            self._end(JobState.FAILED, f"{reason}; {flaw}")
 
     def _end_with_results(
         self, state: JobState, reason: str, numbers: dict[str, float | None] | None = None

@@ -22,6 +22,7 @@ from metric import (
 )
 from metric.compiled import CompiledVisibleDifferences
 from metric.compiled.predictor import COMPARISONS_BEFORE_KEEPING
+from service.broken_image import flaw_of
 from service.merge import Merge
 
 
@@ -49,6 +50,8 @@ class Judgement:
     verdict: Verdict
     #: At which spp the job's own rule is likely to be satisfied; None where nothing tells.
     expected_spp: int | None
+    #: Why the image is no result, whatever the rules say, in words; None where it may be one.
+    flaw: str | None
 
 
 class Judge:
@@ -92,21 +95,25 @@ class Judge:
         visible = verdicts["reverse"].visible
         assert visible is not None  # it always judges a map
         self._curve_map = (merge.spp, visible)
-        forecast = evidence.forecast(self._target)
+        curve = _curve(verdicts["reverse"])
+        flaw = flaw_of(evidence.image) if curve["non_finite_pixels"] else None
+        # Of an image that is no result, nothing is said that was judged of the rest of its pixels.
+        estimate = None if flaw else evidence.estimate
+        forecast = None if flaw else evidence.forecast(self._target)
         point = {
             "spp": merge.spp,
-            **_curve(verdicts["reverse"]),
-            **_estimate(evidence.estimate),
+            **curve,
+            **_estimate(estimate),
             **_forecast(forecast),
-            "zones": self._zone_fractions(visible, evidence.estimate),
+            "zones": self._zone_fractions(visible, estimate),
             "rules": {
-                name: {"value": verdicts[name].value, "stop": verdicts[name].stop}
+                name: {"value": verdicts[name].value, "stop": verdicts[name].stop and not flaw}
                 for name in self._shown
             },
         }
         own = verdicts[self._own]
         expected = self._expected_spp(own, forecast, merge.spp)
-        return Judgement(point, self._not_too_early(own, merge.spp), expected)
+        return Judgement(point, self._not_too_early(own, merge.spp), expected, flaw)
 
     def _expected_spp(self, own: Verdict, forecast: Forecast | None, spp: int) -> int | None:
         """Where the rule is likely to be satisfied: by the forecast, or by where its value goes."""

@@ -47,9 +47,10 @@ class Merge:
                 f"slice {self.slices} is {film.shape[1]}×{film.shape[0]} pixels, those before it "
                 f"{self._total.shape[1]}×{self._total.shape[0]}"
             )
-        self._total += film
-        if self.slices % 2 == 0:
-            self._even += film
+        with _infinities():
+            self._total += film
+            if self.slices % 2 == 0:
+                self._even += film
         self.slices += 1
 
     def image(self) -> Pixels:
@@ -63,9 +64,11 @@ class Merge:
             return None
         odd = self.slices // 2
         even = self.slices - odd
+        with _infinities():
+            rest = self._total - self._even
         return (
             (normalised(self._even), even * self.slice_spp),
-            (normalised(self._total - self._even), odd * self.slice_spp),
+            (normalised(rest), odd * self.slice_spp),
         )
 
     def arrays(self) -> dict[str, NDArray[Any]]:
@@ -87,12 +90,18 @@ def normalised(film: NDArray[np.float64]) -> Pixels:
     where = True if reached.all() else reached
     image = np.zeros((*weights.shape, 3), np.float32)
     # Channel by channel, for rows of one of them are a quarter of the time of rows of three.
-    for channel in range(3):
-        np.divide(
-            film[..., channel],
-            weights,
-            out=image[..., channel],
-            where=where,
-            casting="same_kind",
-        )
+    with _infinities():
+        for channel in range(3):
+            np.divide(
+                film[..., channel],
+                weights,
+                out=image[..., channel],
+                where=where,
+                casting="same_kind",
+            )
     return image
+
+
+def _infinities() -> np.errstate:
+    """While sums are worked with: a scene may have infinite pixels, of which numpy would warn."""
+    return np.errstate(invalid="ignore", over="ignore")

@@ -23,9 +23,11 @@ POLICY: Final = (
     "form-action 'none'; frame-ancestors 'none'; sandbox"
 )
 
-_CAPTIONS: Final = {
+#: By the names of the pictures that a report shows.
+CAPTIONS: Final = {
     "image.png": "The merged image, as the job's display shows it.",
     "difference.png": "Orange: what a person would see differ from the first image of the curve.",
+    "non-finite.png": "Magenta: pixels that are NaN; blue: infinite ones.",
 }
 
 
@@ -76,7 +78,7 @@ def _pictures(pictures: Mapping[str, bytes]) -> str:
         f'<figure><img alt="{escape(caption)}" src="data:image/png;base64,'
         f'{base64.b64encode(pictures[name]).decode()}"><figcaption>{escape(caption)}</figcaption>'
         "</figure>"
-        for name, caption in _CAPTIONS.items()
+        for name, caption in CAPTIONS.items()
         if name in pictures
     )
     return f'<div class="pictures">{figures}</div>'
@@ -98,6 +100,10 @@ def _facts(job: Job) -> str:
         rows["Still visible"] = (
             f"{job.estimate_pixels:,.3g} pixels ({100 * job.estimate_fraction:.3g} %) would still "
             "change visibly, by the half-buffer estimate"
+        )
+    if job.non_finite_pixels:
+        rows["Broken"] = (
+            f"{job.non_finite_pixels:,} pixels are NaN or infinite, and left out of what is counted"
         )
     if job.ended_at is not None:
         rows["Ended"] = f"{job.ended_at:%Y-%m-%d %H:%M:%S} UTC"

@@ -4,6 +4,8 @@ import logging
 import time
 from typing import Final
 
+import numpy as np
+
 from farm import blobs
 from farm.blobs import Blobs
 from farm.errors import CorruptPartial
@@ -11,7 +13,8 @@ from farm.exr import decode_partial, encode_image
 from farm.ownership import Ownership, Ownerships
 from farm.png import encode_png
 from farm.spec import JobSpec
-from metric import DIFFERENCE_PALETTE, difference_map, encode_srgb
+from metric import MAP_PALETTE, difference_map, encode_srgb
+from service.broken_image import non_finite_png
 from service.judge import Judge
 from service.merge import Merge
 from service.previews import Previews
@@ -91,10 +94,12 @@ class Results:
             "image.png": encode_png(picture),
             "thumbnail.png": encode_png(thumbnail(image, exposure_ev)),
         }
+        if not np.isfinite(image).all():
+            pictures["non-finite.png"] = non_finite_png(image, exposure_ev)
         visible = judge.visible_map(merge)
         if visible is not None:
             difference = difference_map(picture, visible)
-            pictures["difference.png"] = encode_png(difference, DIFFERENCE_PALETTE)
+            pictures["difference.png"] = encode_png(difference, MAP_PALETTE)
         return pictures
 
     def _put(self, spp: int, pictures: dict[str, bytes], token: str) -> str:

@@ -47,6 +47,19 @@ def difference_png(request: Request, job_id: JobId, farm: _Farm, has: _Known) ->
 
 
 @router.get(
+    "/non-finite.png",
+    response_class=StreamingResponse,
+    responses=described(PNG, problems.NO_IMAGE_YET),
+)
+def non_finite_png(request: Request, job_id: JobId, farm: _Farm, has: _Known) -> Response:
+    """Show where the merged image is NaN (magenta) or infinite (blue), if it is anywhere.
+
+    Such pixels are left out of every count. More than 0.1 % of them fail the job.
+    """
+    return _image("non-finite.png", PNG, job_id, farm, has, request)
+
+
+@router.get(
     "/thumbnail.png",
     response_class=StreamingResponse,
     responses=described(PNG, problems.NO_IMAGE_YET),
@@ -106,6 +119,11 @@ def _no_image(job: Job, name: str) -> Problem:
     lost = job.state.ended and job.points  # else a difference map comes with the first point
     if name == "difference.png" and job.image_spp and not lost:
         detail = _no_difference(job)
+    elif name == "non-finite.png" and job.image_spp:
+        detail = (
+            f"job {job.id} is {job.state.value} and has an image of {job.image_spp} spp, of which "
+            "no pixel is NaN or infinite"
+        )
     elif job.state.ended:
         detail = f"job {job.id} is {job.state.value} and left no image: {job.reason}"
     else:

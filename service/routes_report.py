@@ -8,13 +8,12 @@ from service import problems
 from service.etags import NOT_MODIFIED, REVALIDATE, Known, known, not_modified, strong
 from service.parts import Parts, parts
 from service.problems import documented
-from service.report import POLICY, report_html
+from service.report import CAPTIONS, POLICY, report_html
 from service.routes_jobs import JobId
 
 router = APIRouter(prefix="/v1/jobs/{job_id}", tags=["results"])
 
 _HTML: Final = "text/html"
-_PICTURES: Final = ("image.png", "difference.png")
 _HEADERS: Final = {
     "Content-Security-Policy": POLICY,
     "Cache-Control": REVALIDATE,
@@ -68,7 +67,7 @@ def report(
     if has.anything or has.has(tag):
         return not_modified(headers)
     pictures = {}
-    for name in _PICTURES if results else ():
+    for name in CAPTIONS if results else ():
         try:
             pictures[name] = farm.blobs.get(f"{results}/{name}")
         except FileNotFoundError:  # a newer set has just been shown, or there is no map yet

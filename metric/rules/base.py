@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar, TypeAlias
 
-from metric.display import as_image
+from metric.display import as_image, finite_pixels
 from metric.estimate import Estimate, estimate_from
 from metric.forecasts import Forecast, forecast_from
 from metric.noise_model import Half, NoiseModel, noise_model
@@ -61,6 +61,11 @@ class Evidence:
         """How many pixels the image has."""
         height, width = self.percept.shape
         return height * width
+
+    @cached_property
+    def finite(self) -> Mask:
+        """Which pixels of the merged image are neither NaN nor infinite, (H, W) bool."""
+        return finite_pixels(as_image(self.image))
 
     @cached_property
     def percept(self) -> Percept:

@@ -92,14 +92,6 @@ def allowed_pixels(threshold: float, pixels: int) -> float:
     return max(1.0, threshold * pixels / PAPER_PIXELS)
 
 
-def judged_pixels(difference: Difference) -> int:
-    """Return how many visible pixels more samples could do something about.
-
-    A sum that is NaN or infinite stays so. Such pixels are visible, but nothing to wait for.
-    """
-    return difference.count - difference.non_finite
-
-
 def first_verdict(evidence: Evidence, threshold: float, words: str) -> Verdict:
     """Return the verdict of a rule that has too few earlier images yet, and says so."""
     return Verdict(
@@ -134,7 +126,7 @@ def verdict_on(
     seen_from
         How the reason calls the earlier image.
     """
-    visible = judged_pixels(difference)
+    visible = difference.finite_count
     allowed = allowed_pixels(threshold, evidence.pixels)
     stop = visible <= allowed
     verb = "differs" if visible <= 1 else "differ"

@@ -10,7 +10,6 @@ from metric.rules.earlier import (
     EarlierImages,
     allowed_pixels,
     first_verdict,
-    judged_pixels,
     require_threshold,
     verdict_on,
 )
@@ -96,10 +95,10 @@ class Multiple(Rule):
         seen: dict[int, Difference] = {}
         for spp in spps:
             seen[spp] = metric.compare(metric.percept(self._earlier[spp]), evidence.percept)
-            if judged_pixels(seen[spp]) > allowed:
+            if seen[spp].finite_count > allowed:
                 break
-        worst = max(seen, key=lambda spp: judged_pixels(seen[spp]))
+        worst = max(seen, key=lambda spp: seen[spp].finite_count)
         which = f"the image at {worst} spp"
-        if self.window > 1 and judged_pixels(seen[worst]) <= allowed:
+        if self.window > 1 and seen[worst].finite_count <= allowed:
             which = f"any of the last {self.window} images, {spps[0]} to {spps[-1]} spp"
         return verdict_on(evidence, worst, seen[worst], self.threshold, which)

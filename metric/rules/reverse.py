@@ -49,7 +49,7 @@ class Reverse(Rule):
     scales with the pixel count: an image of W×H pixels stops at a slope of
     ``epsilon`` · W·H / 512². So the same noise stops at the same spp at any size.
 
-    It stores one image, the first.
+    Pixels that are NaN or infinite are left out. It stores one image, the first.
 
     References
     ----------
@@ -82,8 +82,11 @@ class Reverse(Rule):
         # The first image becomes the reference; every later one makes a point of the curve.
         reference, first_spp = self._reference(evidence)
         difference = evidence.metric.compare(reference, evidence.percept)
+        visible, pixels = difference.visible, difference.finite_count
+        if difference.non_finite:  # they stay so: no plateau to wait for
+            visible = visible & evidence.finite
         if evidence.spp > first_spp:
-            self._points = [*self._points, (evidence.spp, difference.count)][-self.window :]
+            self._points = [*self._points, (evidence.spp, pixels)][-self.window :]
 
         # The line, as soon as there are points enough.
         slope = least_squares_slope(self._points) if len(self._points) == self.window else None
@@ -93,8 +96,8 @@ class Reverse(Rule):
             value=slope,
             limit=epsilon,
             numbers={
-                "visible_pixels": float(difference.count),
-                "visible_fraction": difference.fraction,
+                "visible_pixels": float(pixels),
+                "visible_fraction": pixels / evidence.pixels,
                 "slope": slope,
                 "epsilon": epsilon,
                 "window": float(self.window),
@@ -102,7 +105,7 @@ class Reverse(Rule):
                 "non_finite_pixels": float(difference.non_finite),
             },
             reason=self._reason(evidence, slope, epsilon),
-            visible=difference.visible,
+            visible=visible,
         )
 
     def stored_images(self, evaluations: int) -> int:

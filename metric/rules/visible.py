@@ -58,8 +58,7 @@ class Visible(Rule):
         """Return whether the target is reached; the value is the estimate's fraction."""
         require_later(evidence.spp, self._newest_spp)
         estimate, allowed = evidence.estimate, allowed_pixels(self.target, evidence.pixels)
-        # A sum that is NaN or infinite stays so: nothing to wait for.
-        pixels = None if estimate is None else estimate.pixels - estimate.non_finite
+        pixels = None if estimate is None else estimate.pixels
         if pixels is not None:
             self._points = _recent([*self._points, (evidence.spp, pixels)])
         self._newest_spp = evidence.spp
@@ -110,7 +109,7 @@ class Visible(Rule):
         estimate = evidence.estimate
         if estimate is None:
             return "there are no two halves yet to compare"
-        pixels = estimate.pixels - estimate.non_finite
+        pixels = estimate.pixels
         if pixels > 0:
             verb = "differs" if pixels == 1 else "differ"
             words = f"an estimated {counted(pixels)} of {evidence.pixels:,} still {verb} visibly "

@@ -98,7 +98,8 @@ def judge(
     """Judge images that are rendered already, and say where each rule would have stopped.
 
     FOLDER holds the slices that a job kept (--keep-slices), or EXR images of any renderer, each
-    of --slice-spp samples per pixel, in the order of their names.
+    of --slice-spp samples per pixel, in the order of their names. With more than 0.1 % of its
+    pixels NaN or infinite an image is not judged: DIR then holds non-finite.png, which marks them.
 
     For example:
       plateau judge out/slices --rule visible --watch reverse --watch myszkowski -o judged

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from farm.spec import JobSpec, ReverseSpec, VisibleSpec
 from metric.rules.reverse import EPSILON_PIXELS
-from plateau.judge import Judged, find_series, judge_series
+from plateau.judge import BrokenSeries, Judged, find_series, judge_series
 from plateau.plot import plot_curve
 from service.routes_results import curve_csv
 
@@ -21,7 +21,13 @@ def judge(
     """Judge the folder, write the curve where asked, print; returns the exit code."""
     image_spp = spec.slice_spp if "slice_spp" in spec.model_fields_set else None
     series = find_series(folder, image_spp=image_spp, cumulative=cumulative)
-    judged = judge_series(series, spec)
+    try:
+        judged = judge_series(series, spec)
+    except BrokenSeries as broken:
+        if out is not None:
+            out.mkdir(parents=True, exist_ok=True)
+            (out / "non-finite.png").write_bytes(broken.picture)
+        raise
     if out is not None:
         _write(judged, spec, folder.resolve().name, out)
     if as_json:

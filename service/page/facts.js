@@ -16,6 +16,8 @@ export class Facts {
     this.#set("spp", "samples", `${whole(job.spp)} spp`, `of ${whole(job.spec.max_spp)} at most`);
     this.#set("machine", "machine time", job.machine_s ? duration(job.machine_s) : "–",
       rendering ? `within ${duration(rendering)}` : "not started");
+    this.#set("broken", job.non_finite_pixels ? "broken" : null, `${whole(job.non_finite_pixels ?? 0)} px`,
+      "NaN or infinite, left out of what is counted");
     const rate = job.width && job.machine_s ? (job.committed_spp * job.width * job.height) / job.machine_s : 0;
     this.#set("rate", rate ? "rate" : null, `${three(rate / 1e6)} M`, "samples per second and worker");
   }

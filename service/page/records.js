@@ -55,8 +55,8 @@ export class Records {
   }
 
   #showFiles() {
-    const { id, links, points, image_spp: image, finished_at: finished } = this.#job;
-    const kind = [image, points, finished].map(Boolean).join();
+    const { id, links, points, image_spp: image, finished_at: finished, non_finite_pixels: broken } = this.#job;
+    const kind = [image, points, finished, broken].map(Boolean).join();
     if (kind === this.#filesShown) return;
     this.#filesShown = kind;
     const ofImage = [
@@ -67,8 +67,9 @@ export class Records {
       ["difference.png", "Difference", "what differs visibly from the first image", links.difference_png],
       ["curve.csv", "CSV", "the points of the curve", `${links.self}/curve.csv`],
     ];
+    const ofBroken = [["non-finite.png", "Broken", "where the image is NaN or infinite", links.non_finite_png]];
     const report = ["report.html", "Report", "all of it on one page that stands alone", links.report];
-    const files = [...(image ? ofImage : []), ...(points ? ofPoints : [])];
+    const files = [...(image ? ofImage : []), ...(points ? ofPoints : []), ...(broken ? ofBroken : [])];
     const save = (name, path) => async (event) => {
       event.preventDefault();
       await download(path, `${id}-${name}`).catch((error) => complain(error.message, true));

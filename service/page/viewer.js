@@ -4,7 +4,7 @@ import { Comparison, newestOf } from "./comparison.js";
 import { h, setAttribute, setText } from "./dom.js";
 import { Side } from "./side.js";
 import { Stage } from "./stage.js";
-import { whole } from "./words.js";
+import { several, whole } from "./words.js";
 import { ZoneMap } from "./zones.js";
 
 /** What takes longer than this is said to be under way. */
@@ -13,8 +13,15 @@ const MODES = [
   ["image", "Image"],
   ["compare", "Compare"],
   ["difference", "Difference"],
+  ["broken", "Broken"],
   ["zones", "Zones"],
 ];
+
+/** Maps that lie over the image, by mode: their link, and the figure without which there is none. */
+const MAPS = {
+  difference: { link: "difference_png", where: "points" },
+  broken: { link: "non_finite_png", where: "non_finite_pixels" },
+};
 
 export class Viewer {
   #signal;
@@ -50,11 +57,13 @@ export class Viewer {
       compare: this.#compare.element,
       difference: h("div", { class: "panel" }, this.#overlay.label,
         h("span", { class: "hint" }, "Orange: a person would see that it differs from the first image.")),
+      broken: h("div", { class: "panel" },
+        h("span", { class: "hint" }, "Magenta: NaN. Blue: infinite. No sample repairs such a pixel; look for its emitter, texture or material.")),
       zones: h("div", { class: "panel" }, h("label", {}, h("span", {}, "By zones"), zones)),
     };
     const modes = h("div", { class: "modes", role: "group", "aria-label": "What is shown" },
       MODES.map(([value, text]) => h("button", {
-        "aria-pressed": String(value === this.#mode), "data-mode": value, onclick: () => this.#turn(value),
+        "aria-pressed": String(value === this.#mode), "data-mode": value, hidden: value === "broken", onclick: () => this.#turn(value),
       }, text)));
     this.#stage.element.hidden = true;
     this.element = h("section", { class: "viewer", "aria-labelledby": "image-title" },
@@ -73,6 +82,7 @@ export class Viewer {
     this.#job = job;
     this.#points = points;
     this.#zones.show(job, points[points.length - 1]);
+    this.element.querySelector("[data-mode=broken]").hidden = !job.non_finite_pixels;
     if (!job.image_spp) {
       setText(this.#nothing, job.finished_at ? "It ended without an image." : "Its first image comes with its first samples.");
       return;
@@ -117,8 +127,8 @@ export class Viewer {
   #sources() {
     if (this.#mode === "compare") return this.#compare.sides();
     const newest = newestOf(this.#job);
-    const difference = { png: this.#job.links.difference_png, exr: null, ev: 0, version: newest.version };
-    return [newest, this.#mode === "difference" && this.#job.points ? difference : null];
+    const map = this.#job[MAPS[this.#mode]?.where] && this.#job.links[MAPS[this.#mode].link];
+    return [newest, map ? { png: map, exr: null, ev: 0, version: newest.version } : null];
   }
 
   #turn(mode) {
@@ -200,6 +210,7 @@ export class Viewer {
       image: this.#ev() === 0 ? "as its display shows it" : "from the linear image",
       compare: "drag across the image, or use the slider",
       difference: "on the image in dim grey",
+      broken: `${several(job.non_finite_pixels ?? 0, "pixel")} of the last judged image`,
       zones: this.#zones.caption(),
     };
     setText(this.#caption, [size, spp, said[this.#mode]].filter(Boolean).join(" · "));

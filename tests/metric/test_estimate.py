@@ -88,11 +88,12 @@ def test_without_noise_nothing_is_visible():
 
 
 @pytest.mark.parametrize("spp", [(5, 5), (6, 4)])
-def test_a_pixel_that_is_not_finite_counts_as_visible(spp):
+def test_a_pixel_that_is_not_finite_is_left_out_and_counted_apart(spp):
     bad = TRUTH.copy()
     bad[3, 4] = [np.nan, np.inf, 1]
     estimate = half_buffer_estimate(METRIC, bad, (Half(bad, spp[0]), Half(TRUTH, spp[1])))
-    assert estimate.pixels == 1
+    assert (estimate.pixels, estimate.non_finite) == (0, 1)
+    assert not estimate.visible.any()
 
 
 @pytest.mark.parametrize("spp", [(5, 5), (6, 4)])

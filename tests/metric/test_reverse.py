@@ -143,13 +143,15 @@ class TestReasons:
             "slope 0: the first image already looked like the present one"
         )
 
-    def test_pixels_that_are_not_finite_are_among_the_numbers(self):
+    def test_pixels_that_are_not_finite_are_left_out_and_counted_apart(self):
         rule = Reverse()
-        bad = image_with(0)
-        bad[3, 3] = np.nan
-        verdict = rule.judge(Evidence(100, bad, None, METRIC))
-        assert verdict.numbers["non_finite_pixels"] == 1
-        assert verdict.numbers["visible_pixels"] == 1
+        for spp, visible in ((100, 0), (200, 20)):
+            bad = image_with(visible)
+            bad[-1, -1] = np.nan
+            verdict = rule.judge(Evidence(spp, bad, None, METRIC))
+            assert verdict.numbers["non_finite_pixels"] == 1
+            assert verdict.numbers["visible_pixels"] == visible
+            assert np.count_nonzero(verdict.visible) == visible
 
 
 class TestOrder:

@@ -24,7 +24,7 @@ from tests.page.conftest import Visit
 from tests.support.browser import Visitor
 from tests.support.commands import until
 from tests.support.live_api import live_api
-from tests.support.noise_farm import SIZE, NoiseFarm
+from tests.support.noise_farm import SIZE, NoiseFarm, noise_film
 
 SPEC = {
     "step": 25,
@@ -221,6 +221,8 @@ class TestTheImage:
         above = shown.locator("img.layer").last
         expect(above).to_be_visible()
         is_shown(above, png(finished.farm.picture(finished.job, "difference.png")))
+        # Nothing of its image is broken, so no picture of that is offered
+        expect(shown.get_by_role("button", name="Broken")).to_be_hidden()
         shown.get_by_label("Overlay").fill("40")
         expect(shown.locator(".side").last).to_have_css("opacity", "0.4")
 
@@ -326,6 +328,28 @@ def test_its_files_can_be_saved(
     assert download.value.suggested_filename == f"{finished.job.id}-{name}"
     download.value.save_as(tmp_path / name)
     assert (tmp_path / name).read_bytes().startswith(begins)
+
+
+def test_a_job_of_broken_pixels_shows_where_they_are(visit: Visit, farm: NoiseFarm) -> None:
+    # Given a scene with a mistake that makes a corner of its image NaN
+    job = farm.submit("box.zip", **SPEC)
+    with farm.monitor():
+        lease = farm.next_lease()
+        film = noise_film(lease.index, 25, 1.0)
+        film[:4, :5, 0] = np.nan
+        farm.commit(lease, film)
+        until(lambda: farm.is_finished(job), 60)
+    # Then the page says so, in words, in its figures and in a picture over the image
+    page = visit(f"/jobs/{job.id}").page
+    expect(page.locator(".one-job .title .state")).to_have_text("failed")
+    expect(page.locator(".reason")).to_contain_text("20 of 768 pixels (2.6 %) are NaN")
+    expect(page.locator(".facts")).to_contain_text("20 px")
+    page.get_by_role("button", name="Broken").click()
+    above = page.locator("img.layer").last
+    expect(above).to_be_visible()
+    is_shown(above, png(farm.picture(job, "non-finite.png")))
+    expect(page.locator(".caption")).to_contain_text("20 pixels")
+    expect(page.locator(".files").get_by_role("link", name="Broken")).to_be_visible()
 
 
 def test_a_job_that_is_not_there_is_said_so(visit: Visit) -> None:

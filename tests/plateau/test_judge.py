@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from farm.exr import Partial, encode_image, encode_partial
+from farm.exr import Partial, Pixels, encode_image, encode_partial
 from farm.spec import JobSpec
 from plateau.commands.judge import judge
 from plateau.judge import CannotJudge, find_series, judge_series
@@ -24,7 +24,7 @@ SPEC = JobSpec.model_validate(
 )
 
 
-def partial(index: int, job_id: str = "j") -> bytes:
+def partial(index: int, job_id: str = "j", film: Pixels | None = None) -> bytes:
     return encode_partial(
         Partial(
             job_id=job_id,
@@ -34,7 +34,7 @@ def partial(index: int, job_id: str = "j") -> bytes:
             spp=10,
             variant="scalar_rgb",
             scene_sha256="00",
-            pixels=noise_film(index, 10, 0.5),
+            pixels=noise_film(index, 10, 0.5) if film is None else film,
         )
     )
 
@@ -114,3 +114,14 @@ def test_the_command_prints_and_writes(
     assert len(rows) == 21
     assert judge(slices, SPEC, cumulative=False, out=None, as_json=True) == 0
     assert json.loads(capsys.readouterr().out)["stops"]["fixed"] == 100
+
+
+def test_a_series_of_broken_images_is_not_judged(slices: Path, tmp_path: Path) -> None:
+    # Given slices of which the third breaks more pixels than may be left out
+    film = noise_film(2, 10, 0.5)
+    film[0, :3, 0] = np.nan
+    (slices / "slice-2.exr").write_bytes(partial(2, film=film))
+    # Then no rule is told of it, and the picture shows where
+    with pytest.raises(CannotJudge, match=r"slice-3.exr: at 40 spp 3 of 768 pixels .* are NaN"):
+        judge(slices, SPEC, cumulative=False, out=tmp_path / "out", as_json=False)
+    assert [path.name for path in (tmp_path / "out").iterdir()] == ["non-finite.png"]

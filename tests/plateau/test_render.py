@@ -69,6 +69,24 @@ def test_a_scene_becomes_an_image(render: Render, tmp_path: Path) -> None:
     assert "99 % of the cap" in command.said
 
 
+def test_a_scene_of_nan_fails_and_shows_where(render: Render, tmp_path: Path) -> None:
+    # Given a mistake in the light of the world
+    sun = b'<emitter type="constant"><rgb name="radiance" value="nan, 1, 1"/></emitter>'
+    text = FLOOR.replace(b'<emitter type="constant"/>', sun)
+    assert text != FLOOR
+    # Then it is no success, whatever it is rendered for
+    command = render("--rule", "visible", "--step", "50", text=text)
+    assert command.exit_code(120) == 1
+    assert "plateau: the job failed: 384 of 384 pixels (100 %) are NaN" in command.said
+    # And neither the words nor the files say that it looks converged
+    out = tmp_path / "out"
+    summary = json.loads((out / "summary.json").read_text())
+    assert (summary["state"], summary["non_finite_pixels"]) == ("failed", 384)
+    assert summary["estimate_pixels"] is None
+    assert str(out / "non-finite.png") in summary["files"]
+    assert (out / "non-finite.png").read_bytes().startswith(b"\x89PNG")
+
+
 def test_ctrl_c_cancels_and_writes_what_there_is(render: Render, tmp_path: Path) -> None:
     command = render("--rule", "fixed", "--spp", "1000000", "--max-spp", "1000000")
     command.wait_for(r"200 spp")
