@@ -205,7 +205,9 @@ class Worker(_Record):
     slice: int | None
     slices_done: int
     samples_per_s: float | None = Field(description="rate over its last slice")
-    last_error: str | None
+    last_error: str | None = Field(
+        description="what went wrong last; null once it has rendered a slice since"
+    )
     trouble: str | None = Field(
         None, description="why it takes no work: it found that it can render nothing"
     )

@@ -9,7 +9,8 @@ class ExitCode(IntEnum):
     OK = 0  #: done; a job that was waited for has converged or is exhausted
     FAILED = 1  #: it could not be done, or the job failed; standard error says why
     USAGE = 2  #: the command line is not right, or two images cannot be compared
-    CANCELLED = 4  #: the job that was waited for was cancelled
+    MISSED = 3  #: jobs of the batch that was waited for ended before their rule stopped them
+    CANCELLED = 4  #: the job that was waited for was cancelled, or one of the batch
     INCOMPATIBLE = 76  #: a process does not fit the farm's data or its other processes: to start it
     #: again changes nothing, to install another version does
     INTERRUPTED = 130  #: Ctrl-C, as shells count signals

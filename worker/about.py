@@ -42,12 +42,13 @@ class About:
         }
         self._slices_done = 0
         self._samples_per_s: float | None = None
-        self.last_error: str | None = None
+        self.last_error: str | None = None  #: what went wrong since it last rendered a slice
         self.trouble: str | None = None  #: why it takes no work
 
     def rendered(self, one: Rendered) -> None:
-        """Count a slice, and its rate."""
+        """Count a slice, and its rate; what went wrong before is over."""
         self._slices_done += 1
+        self.last_error = None
         samples = one.scene.width * one.scene.height * one.lease.spec.slice_spp
         self._samples_per_s = samples / one.render_s
 

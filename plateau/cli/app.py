@@ -4,7 +4,7 @@ import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any, TypeVar
+from typing import Annotated, Any, TypeVar
 
 import typer
 import typer.core
@@ -27,7 +27,8 @@ Exit codes:
   0    done; a job that was waited for converged, or is exhausted
   1    it could not be done, or the job failed: standard error says why
   2    the command line is not right, or `diff` cannot compare the two images
-  4    the job that was waited for was cancelled
+  3    of the batch that was waited for, jobs ended before their rule stopped them
+  4    the job that was waited for was cancelled, or one of the batch
   76   a process does not fit the farm's data, or its other processes: install another version
   130  interrupted by Ctrl-C (143: by SIGTERM)
 
@@ -51,6 +52,26 @@ app = typer.Typer(
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
 )
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        from farm.versions import plateau
+
+        print(f"plateau {plateau()}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool,
+        typer.Option(
+            "--version", callback=_print_version, is_eager=True, help="Print the version and exit."
+        ),
+    ] = False,
+) -> None:
+    pass
 
 
 def command(

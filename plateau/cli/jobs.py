@@ -104,7 +104,8 @@ def watch(
       plateau watch 3f9ac2d01b77 --events | jq 'select(.type == "point") | .data.visible_pixels'
 
     On a terminal the curve is drawn as it grows. Ctrl-C stops watching; the job goes on. --json
-    prints the summary when it has ended.
+    prints the summary when it has ended. A batch of which jobs ended before their rule stopped them
+    ends with exit code 3.
     """
     from plateau.commands.batches import watch as watch_batch
     from plateau.commands.jobs import stream

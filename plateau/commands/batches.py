@@ -60,9 +60,20 @@ def watch(name: str, out: Path | None, *, url: str | None, as_json: bool) -> int
             print(f"plateau: not watching any more; batch {name} goes on", file=sys.stderr)
             raise
     print(batch.model_dump_json(indent=2) if as_json else _summary(batch))
+    return _exit_code(batch)
+
+
+def _exit_code(batch: BatchView) -> ExitCode:
+    """The worst that a job of the batch came to.
+
+    A cap that ends one image is what its user asked for. In a batch it leaves a frame noisier than
+    its neighbours, which nobody sees before the sequence flickers.
+    """
     if JobState.FAILED in batch.states:
         return ExitCode.FAILED
-    return ExitCode.CANCELLED if JobState.CANCELLED in batch.states else ExitCode.OK
+    if JobState.CANCELLED in batch.states:
+        return ExitCode.CANCELLED
+    return ExitCode.MISSED if batch.guard.missed_jobs else ExitCode.OK
 
 
 def _follow(client: Client, name: str, out: Path | None) -> BatchView:
@@ -101,7 +112,7 @@ def list_batches(*, limit: int, url: str | None, as_json: bool) -> None:
         (line.name, str(line.jobs), in_states(line.states), f"{line.newest_at:%Y-%m-%d %H:%M:%S}")
         for line in found
     ]
-    print_rows(_COLUMNS, rows, none="no batches")
+    print_rows(_COLUMNS, rows, none="no batches", spare=("newest (UTC)",))
 
 
 def show(name: str, *, url: str | None, as_json: bool) -> None:

@@ -23,6 +23,7 @@ WORKER_COLUMNS = (
     "version",
     "trouble",
 )
+_SPARE_OF_WORKERS = ("version", "up", "threads", "host", "done", "pool", "rate", "variant")
 _SCENE_COLUMNS = ("sha256", "name", "size", "film")
 
 
@@ -38,6 +39,7 @@ def workers(*, url: str | None, as_json: bool) -> None:
             WORKER_COLUMNS,
             [worker_row(worker, now) for worker in found],
             none="no worker lives; `plateau worker` starts one, `plateau up --workers N` some",
+            spare=_SPARE_OF_WORKERS,
         )
     for one in refused:
         line = f"plateau: the {one.role} of {one.host} was refused at {one.at:%H:%M} UTC: {one.why}"
@@ -51,7 +53,8 @@ def scenes(*, url: str | None, as_json: bool) -> None:
     if as_json:
         print(json.dumps([scene.model_dump(mode="json") for scene in found], indent=2))
     else:
-        print_rows(_SCENE_COLUMNS, list(map(_scene, found)), none="no scene is stored")
+        rows = list(map(_scene, found))
+        print_rows(_SCENE_COLUMNS, rows, none="no scene is stored", spare=("film", "size"))
 
 
 def worker_row(worker: Worker, now: datetime) -> tuple[str, ...]:

@@ -26,7 +26,8 @@ from service.views import JobView
 
 _PAGE = 100
 _WAITING = 5  #: so many jobs that wait for a worker that may render them are named
-_COLUMNS = ("id", "state", "spp", "visible", "wall", "created (UTC)", "batch", "scene")
+_COLUMNS = ("id", "state", "spp", "noise left", "time", "created (UTC)", "batch", "scene")
+_SPARE = ("created (UTC)", "batch", "time")  # on a narrow terminal
 
 
 def submit(scene: Path, spec: JobSpec, *, url: str | None, as_json: bool) -> None:
@@ -148,7 +149,7 @@ def list_jobs(
     if as_json:
         print(json.dumps([job.model_dump(mode="json") for job in jobs], indent=2))
     else:
-        print_rows(_COLUMNS, list(map(_row, jobs)), none="no jobs")
+        print_rows(_COLUMNS, list(map(_row, jobs)), none="no jobs", spare=_SPARE)
         _say_what_waits([job for job in jobs if job.waits_for])
 
 
@@ -185,12 +186,12 @@ def _say_what_waits(jobs: Sequence[JobView]) -> None:
 
 
 def _row(job: Job) -> tuple[str, ...]:
-    visible = "–" if job.visible_fraction is None else f"{100 * job.visible_fraction:.3g} %"
+    left = "–" if job.estimate_fraction is None else f"{100 * job.estimate_fraction:.3g} %"
     return (
         job.id,
         job.state.value,
         f"{job.spp}/{job.spec.max_spp}",
-        visible,
+        left,
         words.duration(words.wall_s(job)) if job.state.ended else "–",
         f"{job.created_at:%Y-%m-%d %H:%M:%S}",
         job.spec.batch or "–",

@@ -21,6 +21,7 @@ from plateau.redis_at_hand import redis_at_hand
 from plateau.tables import print_rows
 
 _COLUMNS: Final = ("id", "name", "role", "made", "last used", "requests", "open jobs", "revoked")
+_SPARE: Final = ("requests", "open jobs", "last used", "made")  # on a narrow terminal
 _MAX_NAME: Final = 100
 
 
@@ -68,6 +69,7 @@ def list_keys(*, as_json: bool) -> None:
             [_row(key, used.get(key.id)) for key in found],
             none="no key was ever made: the service is open to everybody on its machine, and "
             "listens there only; `plateau keys create NAME` makes one",
+            spare=_SPARE,
         )
 
 

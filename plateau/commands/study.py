@@ -54,7 +54,8 @@ def list_studies(*, url: str | None, as_json: bool) -> None:
     if as_json:
         print(json.dumps([study.model_dump(mode="json") for study in studies], indent=2))
         return
-    print_rows(_COLUMNS, list(map(_row, studies)), none="there are no studies")
+    spare = ("method", "levels", "95 % interval")
+    print_rows(_COLUMNS, list(map(_row, studies)), none="there are no studies", spare=spare)
 
 
 def export(study_id: str, *, table: bool, out: Path | None, url: str | None, as_json: bool) -> None:

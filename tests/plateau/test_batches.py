@@ -264,7 +264,7 @@ class TestTheCommandLine:
         ending.start()
         code, printed, progress = command("watch", "--batch", "w", "-o", str(out))
         ending.join()
-        assert code == 0
+        assert code == 3
         assert progress.splitlines()[0].startswith("1 queued, 1 converged")
         assert "1 ended short of the target: " + batch.job_ids[1] in printed
         assert sorted(folder.name for folder in out.iterdir()) == [
@@ -273,13 +273,15 @@ class TestTheCommandLine:
         assert (first / "image.png").read_bytes() == b"a picture"
         # What is there is not fetched again
         (first / "image.png").write_bytes(b"mine")
-        assert command("watch", "--batch", "w", "-o", str(out), "--json")[0] == 0
+        assert command("watch", "--batch", "w", "-o", str(out), "--json")[0] == 3
         assert (first / "image.png").read_bytes() == b"mine"
 
     @pytest.mark.parametrize(
         ("ends", "code"),
         [
-            ([JobState.CONVERGED, JobState.CANCELLED], 4),
+            ([JobState.CONVERGED, JobState.CONVERGED], 0),
+            ([JobState.CONVERGED, JobState.EXHAUSTED], 3),
+            ([JobState.EXHAUSTED, JobState.CANCELLED], 4),
             ([JobState.CANCELLED, JobState.FAILED], 1),
         ],
     )

@@ -5,6 +5,7 @@ import os
 import re
 import subprocess
 import sys
+from importlib.metadata import version
 from pathlib import Path
 
 import pytest
@@ -81,7 +82,11 @@ class TestHelp:
     def test_lists_the_exit_codes(self) -> None:
         code, out, _ = plateau("--help")
         assert code == 0
-        assert re.findall(r"^    (\d+) ", out, re.MULTILINE) == ["0", "1", "2", "4", "76", "130"]
+        codes = re.findall(r"^    (\d+) ", out, re.MULTILINE)
+        assert codes == ["0", "1", "2", "3", "4", "76", "130"]
+
+    def test_of_the_version(self) -> None:
+        assert plateau("--version") == (0, f"plateau {version('plateau')}\n", "")
 
     def test_comes_at_once(self) -> None:
         # In CPU time: the machine may be busy. No heavy module is the point of it.

@@ -263,6 +263,8 @@ def test_a_scene_that_cannot_be_fetched_for_a_while_costs_no_try(bench: Bench) -
         scene.unlink()
         scene.write_bytes(content)
         until(lambda: len(bench.jobs.ledger(job.id)) == 1)
+        # What troubled it is over with the next slice that it renders
+        until(lambda: bench.jobs.workers()[0].last_error is None)
     assert [event for event in bench.jobs.events(job.id) if event.type == "trouble"] == []
 
 
