@@ -13,7 +13,8 @@ from farm.webhook_spec import WebhookSpec
 ZoneCount = Annotated[int, Field(ge=1, le=64)]
 Priority = Annotated[int, Field(ge=-1000, le=1000)]
 RenderVariant = Literal["scalar_rgb", "llvm_ad_rgb", "cuda_ad_rgb"]
-Variant = Literal["auto"] | RenderVariant
+#: In one list, so that who mistypes one is told all.
+Variant = Literal["auto", "scalar_rgb", "llvm_ad_rgb", "cuda_ad_rgb"]
 
 #: The highest cap, in spp.
 MOST_SPP: Final = 1_000_000

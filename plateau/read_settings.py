@@ -5,7 +5,7 @@ from typing import Final
 
 from pydantic import ValidationError
 
-from farm import redis_url
+from farm import input_errors, redis_url
 from farm.settings import Settings
 from plateau.errors import PlateauError
 
@@ -124,7 +124,7 @@ def read_settings() -> Settings:
         return Settings()
     except ValidationError as error:
         found = (
-            f"PLATEAU_{str(one['loc'][0]).upper()}: {one['msg'].removeprefix('Value error, ')}"
+            f"PLATEAU_{str(one['loc'][0]).upper()}: {input_errors.message(one)}"
             for one in error.errors()
             if one["type"] != "default_factory_not_called"  # since another value is not allowed
         )

@@ -58,12 +58,15 @@ def checked(fields: dict[str, Any]) -> Any:
     """
     from pydantic import ValidationError
 
+    from farm import input_errors
     from farm.spec import JobSpec
 
     try:
         return JobSpec.model_validate(fields)
     except ValidationError as error:
-        messages = [_message(one["loc"], one["type"], one["msg"]) for one in error.errors()]
+        messages = [
+            _message(one["loc"], one["type"], input_errors.message(one)) for one in error.errors()
+        ]
         raise typer.BadParameter("; ".join(messages)) from error
 
 
@@ -109,18 +112,16 @@ _OF_ONE_RULE: Final = frozenset({"window", "epsilon", "spp"})
 
 
 def _message(location: tuple[int | str, ...], kind: str, message: str) -> str:
-    message = message.removeprefix("Value error, ")
+    """What is wrong with the option that the field was made of."""
     if not location:
         return message
     if kind == "union_tag_invalid":
-        tag = message.removeprefix("Input tag ").rpartition(" found using ")[0]
-        known = message.rpartition(": ")[2].replace("'", "")
-        return f"--{location[0]}: there is no rule {tag}; the rules are {known}"
+        return f"--{location[0]}: {message.replace('none called', 'no rule', 1)}"
     name = str(location[-1])
     option = f"--{_OPTIONS.get(name, name).replace('_', '-')}"
     rule = next((str(one) for one in location[1:-1] if isinstance(one, str)), "")
     if location[0] in {"rule", "watch"} and name not in _OF_ONE_RULE:
-        what = "it has no such parameter" if kind == "extra_forbidden" else message
+        what = "the rule has no such parameter" if kind == "extra_forbidden" else message
         return f"--{location[0]} {rule}:{name}: {what}"
     if kind == "extra_forbidden":
         return f"{option} is not an option of the rule {location[1]}"

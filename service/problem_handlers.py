@@ -28,7 +28,8 @@ from farm.errors import (
 )
 from farm.states import JobState
 from service import problems
-from service.problems import FieldError, Problem, ProblemType, unavailable
+from service.problems import Problem, ProblemType, unavailable
+from service.spec_checks import invalid_request
 
 #: What a move is called that a job's state does not allow, and what would be possible.
 _REFUSALS: Final = {
@@ -79,14 +80,7 @@ def add_problem_handlers(app: FastAPI) -> None:
         if any(one["type"] == "json_invalid" for one in error.errors()):
             problem = Problem(problems.MALFORMED_REQUEST, "the body is not JSON")
             return problem.response(request.url.path)
-        fields = [
-            FieldError(field=str(one["loc"][-1]), message=one["msg"]) for one in error.errors()
-        ]
-        detail = "; ".join(f"{field.field}: {field.message}" for field in fields)
-        problem = Problem(
-            problems.INVALID_REQUEST, detail, errors=[one.model_dump() for one in fields]
-        )
-        return problem.response(request.url.path)
+        return invalid_request(error.errors()).response(request.url.path)
 
     @app.exception_handler(UnevenBatch)
     def answer_uneven(request: Request, error: UnevenBatch) -> JSONResponse:

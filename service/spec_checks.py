@@ -1,13 +1,15 @@
-"""What is wrong with a spec, as problems that name its fields."""
+"""What is wrong with a spec or a request, as problems that name its fields."""
 
-from typing import Final
+from collections.abc import Sequence
+from typing import Any, Final
 
 from pydantic import ValidationError
 
+from farm import input_errors
 from farm.seeds import SeedsExhausted
 from farm.spec import JobSpec, SharedSpec
 from service import problems
-from service.problems import FieldError, Problem
+from service.problems import FieldError, Problem, ProblemType
 from service.webhook_addresses import ReceiverRefused, Receivers
 
 #: What a check of a submitted spec calls its two branches: no field is called so.
@@ -19,18 +21,39 @@ _MOST_ERRORS: Final = 50
 
 def invalid_spec(error: ValidationError) -> Problem:
     """The problem with a spec that did not pass its validation."""
+    return _invalid(problems.INVALID_SPEC, error.errors(include_url=False), ("spec",))
+
+
+def invalid_request(errors: Sequence[Any]) -> Problem:
+    """The problem with what else a request brings: its path, its query or its body.
+
+    Parameters
+    ----------
+    errors
+        Pydantic's details, whose locations begin with where it was.
+    """
+    return _invalid(problems.INVALID_REQUEST, errors, ())
+
+
+def _invalid(kind: ProblemType, details: Sequence[Any], within: tuple[str, ...]) -> Problem:
+    found: dict[str, list[str]] = {}  # more than one where a field may be of several kinds
+    for one in details:
+        location = one["loc"] if within else one["loc"][1:] or one["loc"]
+        field = ".".join((*within, *_names(location)))
+        message = input_errors.message(one)
+        found.setdefault(field, []).append(message)
     errors = [
-        FieldError(field=_field(one["loc"]), message=_message(one["type"], one["msg"]))
-        for one in error.errors(include_url=False, include_context=False)[:_MOST_ERRORS]
+        FieldError(field=field, message=input_errors.either(messages))
+        for field, messages in list(found.items())[:_MOST_ERRORS]
     ]
     return Problem(
-        problems.INVALID_SPEC,
+        kind,
         "; ".join(f"{one.field}: {one.message}" for one in errors),
         errors=[one.model_dump() for one in errors],
     )
 
 
-def _field(location: tuple[int | str, ...]) -> str:
+def _names(location: tuple[int | str, ...]) -> list[str]:
     """The field as the user wrote it: without the branches that the check tried."""
     names = [str(part) for part in location if part not in BRANCHES]
     if names[:1] == ["parameters"]:
@@ -40,13 +63,7 @@ def _field(location: tuple[int | str, ...]) -> str:
         names = names[:1] + names[2:]
     if names[:1] == ["watch"]:
         names = names[:2] + names[3:]
-    return ".".join(["spec", *names])
-
-
-def _message(kind: str, message: str) -> str:
-    if kind == "extra_forbidden":
-        return "there is no such field; /docs lists those there are"
-    return message.removeprefix("Value error, ")
+    return names
 
 
 def invalid_field(kind: problems.ProblemType, field: str, message: str) -> Problem:

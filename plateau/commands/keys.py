@@ -10,6 +10,7 @@ from typing import Any, Final
 
 from pydantic import ValidationError
 
+from farm import input_errors
 from farm.api_keys import ApiKey, ApiKeys, KeyLimits, Role
 from farm.redis_link import connect
 from farm.schema import check_schema
@@ -125,7 +126,10 @@ def _limits(settings: Settings, given: dict[str, float | None]) -> KeyLimits:
     except ValidationError as error:
         found = error.errors()[0]
         option = str(found["loc"][-1]).replace("upload_bytes", "upload_gb").replace("_", "-")
-        raise CommandFailed(f"--{option}: {found['msg']}") from None
+        told = input_errors.message(found)
+        if option == "upload-gb":  # which was checked as a number of bytes
+            told = "must be above 0"
+        raise CommandFailed(f"--{option}: {told}") from None
 
 
 def _show(key: ApiKey, shown: str, *, as_json: bool) -> None:

@@ -8,6 +8,7 @@ from contextlib import ExitStack
 
 from pydantic import ValidationError
 
+from farm import input_errors
 from farm.redis_link import connect as connect_to_redis
 from farm.schema import check_schema
 from farm.spec import JobSpec
@@ -48,7 +49,7 @@ def with_webhook(spec: JobSpec, url: str | None, events: Sequence[str]) -> JobSp
         found = error.errors()[0]
         names = {"url": "--webhook", "events": "--webhook-event", "secret": _SECRET}
         name = names[str(found["loc"][0])]
-        raise CommandFailed(f"{name}: {found['msg'].removeprefix('Value error, ')}") from None
+        raise CommandFailed(f"{name}: {input_errors.message(found)}") from None
 
 
 def undelivered(client: Client, job: JobView) -> list[str]:

@@ -154,14 +154,18 @@ class TestOptions:
         ("options", "words"),
         [
             (["--step", "30"], "step must be a multiple of slice_spp"),
-            (["--step", "-1"], "--step: Input should be greater than 0"),
+            (["--step", "-1"], "--step: must be above 0"),
             (["--exposure", "99"], "--exposure: "),
             (["--field-of-view", "180"], "--field-of-view: "),
-            (["--rule", "guess"], "--rule: there is no rule 'guess'; the rules are fixed, "),
-            (["--watch", "guess"], "--watch: there is no rule 'guess'; the rules are fixed, "),
-            (["--rule", "visible:target=2"], "--rule visible:target: Input should be less than 1"),
-            (["--rule", "fixed:target=2"], "--rule fixed:target: it has no such parameter"),
+            (["--rule", "guess"], "--rule: there is no rule 'guess'; there are fixed, "),
+            (["--watch", "guess"], "--watch: there is no rule 'guess'; there are fixed, "),
+            (["--rule", "visible:target=2"], "--rule visible:target: must be below 1"),
+            (["--rule", "fixed:target=2"], "--rule fixed:target: the rule has no such"),
             (["--rule", "fixed", "--window", "3"], "--window is not an option of the rule fixed"),
+            (
+                ["--variant", "cuda"],
+                "--variant: must be auto, scalar_rgb, llvm_ad_rgb or cuda_ad_rgb",
+            ),
             (["-D", "width"], "NAME=VALUE"),
             (["-D", "=3"], "NAME=VALUE"),
         ],
@@ -395,7 +399,7 @@ class TestErrorsAreOneLine:
         monkeypatch.setenv("PLATEAU_LEASE_S", "-1")
         code, _, err = plateau("monitor")
         assert code == 1
-        assert err == "plateau: PLATEAU_LEASE_S: Input should be greater than 0\n"
+        assert err == "plateau: PLATEAU_LEASE_S: must be above 0\n"
 
     def test_of_settings_that_do_not_fit_each_other(self, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setenv("PLATEAU_HEARTBEAT_S", "20")

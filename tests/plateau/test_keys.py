@@ -116,8 +116,8 @@ class TestTheCommands:
         ("arguments", "words"),
         [
             (("create", "me", "--role", "king"), "there is no role 'king'; there are viewer, sub"),
-            (("create", "me", "--burst", "0"), "--burst: Input should be greater than or equal"),
-            (("create", "me", "--upload-gb", "0"), "--upload-gb: Input should be greater"),
+            (("create", "me", "--burst", "0"), "--burst: must be at least 1"),
+            (("create", "me", "--upload-gb", "0"), "--upload-gb: must be above 0"),
             (("create", ""), "a key's name has 1 to 100 printable characters"),
             (("create", "a\nb"), "a key's name has"),
         ],

@@ -141,7 +141,7 @@ def test_as_text_a_line_has_its_fields_at_its_end(bench: Bench, run: Run) -> Non
 def test_an_unknown_format_is_refused(run: Run) -> None:
     worker = run("worker", log_format="yaml")
     assert worker.exit_code() == 1
-    assert worker.said == "plateau: PLATEAU_LOG_FORMAT: Input should be 'text' or 'json'\n"
+    assert worker.said == "plateau: PLATEAU_LOG_FORMAT: must be text or json\n"
 
 
 #: A `plateau` command in which calls of a function end in an error that nobody expects.

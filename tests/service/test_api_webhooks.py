@@ -42,7 +42,7 @@ def test_a_job_shows_whom_it_tells(http: httpx.Client) -> None:
         ({"url": URL, "secret": "swordfish-swordfish"}, "spec.webhook.secret", "openssl rand"),
         ({"url": URL, "events": ["done"]}, "spec.webhook.events.0", "finished"),
         ({"url": URL, "name": "x"}, "spec.webhook.name", "no such field"),
-        ({}, "spec.webhook.url", "required"),
+        ({}, "spec.webhook.url", "is missing"),
     ],
 )
 def test_what_cannot_be_told_is_refused_with_advice(

@@ -10,11 +10,12 @@ import jsonschema_rs
 import pytest
 import redis
 
+from farm import input_errors
 from farm.blobs import Blobs
 from farm.redis_link import connect
 from farm.studies import Studies
 from farm.study import Screen, Study
-from service import examples, study_examples
+from service import examples, idempotency, study_examples
 from service.app import create_app
 from service.event_hub import EventHub
 from service.key_guard import needs_key
@@ -62,6 +63,27 @@ def shown(media: dict[str, Any]) -> Iterator[object]:
     if "example" in media:
         yield media["example"]
     yield from (one["value"] for one in media.get("examples", {}).values())
+
+
+def patterns(document: object) -> set[str]:
+    """Every pattern that a part of the document asks for."""
+    if isinstance(document, list):
+        return set().union(*map(patterns, document))
+    if not isinstance(document, dict):
+        return set()
+    own = document.get("pattern")
+    within = set().union(*map(patterns, document.values()))
+    return {*within, own} if isinstance(own, str) else within
+
+
+def test_a_pattern_is_told_in_words(session_api: str, document: dict[str, Any]) -> None:
+    # Given all patterns of the document but those that the API checks in words of its own
+    own = {"^https?://", idempotency.PARAMETERS[0]["schema"]["pattern"]}
+    asked = patterns(document["paths"]) | patterns(document["components"])
+    assert asked - own == input_errors.PATTERNS.keys()
+    # When an id is none, then it is told what an id is
+    answer = httpx.get(f"{session_api}/v1/studies/nope", trust_env=False, timeout=60).json()
+    assert answer["detail"] == f"study_id: {input_errors.PATTERNS['^[0-9a-f]{12}$']}"
 
 
 def test_every_call_and_all_that_it_takes_is_described(operations: list[Operation]) -> None:

@@ -1,0 +1,150 @@
+"""What is wrong with a value that somebody gave, in plain English, for API and command line.
+
+Pydantic finds what is wrong; its own messages speak of inputs, literals and patterns, which who
+wrote the value has never heard of. Each message here goes on from the name of the field: ``step:
+must be above 0``. None repeats the value, which may be a secret.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from typing import TYPE_CHECKING, Any, Final
+
+if TYPE_CHECKING:
+    from pydantic_core import ErrorDetails
+
+#: What a pattern asks for. A test finds patterns without words.
+PATTERNS: Final = {
+    r"^[0-9a-f]{12}$": "must be an id: 12 characters, each a digit or a letter from a to f",
+    r"^([0-9a-f]{64})?$": "must be a SHA-256: 64 characters, each a digit or a letter from a to f",
+    r"^[A-Za-z0-9][A-Za-z0-9_.-]*$": "must begin with a letter or a digit, and may go on with "
+    "letters, digits, and the characters _ . -",
+    r"^[A-Za-z0-9][A-Za-z0-9_-]{0,31}$": "must begin with a letter or a digit, and have letters, "
+    "digits, _ and - only, 32 at most",
+    r"^[0-9]{1,15}$": "must be the next_cursor of an earlier page",
+    r"^[0-9]{1,19}-[0-9]{1,19}$": "must be the id of an event, such as 1764000000000-0",
+    r"^[^\x00-\x1f\x7f]+$": "must not have control characters, such as the end of a line",
+}
+
+
+def message(error: ErrorDetails) -> str:
+    """What is wrong with a field, by one of the errors that a `ValidationError` lists."""
+    words = _WORDS.get(error["type"])
+    if isinstance(words, str):
+        return words
+    if words is not None:
+        return words(error.get("ctx", {}))
+    said = error["msg"]
+    own = said.removeprefix("Value error, ")
+    return own if own != said else f"{said[:1].lower()}{said[1:]}"
+
+
+def either(messages: Iterable[str]) -> str:
+    """The messages of one field that may be of several kinds, in one, each of them once."""
+    several = list(dict.fromkeys(messages))
+    begin = "must be "
+    if len(several) > 1 and all(one.startswith(begin) for one in several):
+        kinds = [one.removeprefix(begin) for one in several]
+        return f"{begin}{', '.join(kinds[:-1])}, or {kinds[-1]}"
+    return "; or ".join(several)
+
+
+def _number(value: float) -> str:
+    return f"{int(value):,}" if value == int(value) else f"{value:g}"
+
+
+def _bound(words: str, name: str) -> Callable[[Mapping[str, Any]], str]:
+    return lambda about: f"must be {words} {_number(about[name])}"
+
+
+def _alternatives(listed: str) -> str:
+    """Pydantic's ``'a', 'b' or 'c'`` without its quotes."""
+    return listed.replace("'", "")
+
+
+def _one_of(about: Mapping[str, Any]) -> str:
+    return f"must be {_alternatives(about['expected'])}"
+
+
+def _unknown_tag(about: Mapping[str, Any]) -> str:
+    return (
+        f"there is none called {about['tag']!r}; there are {_alternatives(about['expected_tags'])}"
+    )
+
+
+def _tag_missing(about: Mapping[str, Any]) -> str:
+    return f"must say its {_alternatives(about['discriminator'])}"
+
+
+def _too_long(about: Mapping[str, Any]) -> str:
+    return f"must have at most {about['max_length']:,} {_characters(about['max_length'])}"
+
+
+def _too_short(about: Mapping[str, Any]) -> str:
+    if about["min_length"] == 1:
+        return "must not be empty"
+    return f"must have at least {about['min_length']:,} {_characters(about['min_length'])}"
+
+
+def _characters(count: int) -> str:
+    return "character" if count == 1 else "characters"
+
+
+def _too_many(about: Mapping[str, Any]) -> str:
+    return f"must have at most {_entries(about['max_length'])}"
+
+
+def _too_few(about: Mapping[str, Any]) -> str:
+    return f"must have at least {_entries(about['min_length'])}"
+
+
+def _entries(count: int) -> str:
+    return "1 entry" if count == 1 else f"{count:,} entries"
+
+
+def _pattern(about: Mapping[str, Any]) -> str:
+    return PATTERNS.get(about["pattern"], "is not written as it has to be; /docs says how")
+
+
+_TEXT: Final = "must be text"
+_WHOLE: Final = "must be a whole number"
+_NUMBER: Final = "must be a number"
+_YES_OR_NO: Final = "must be true or false"
+_OBJECT: Final = "must be an object, as {…} in JSON"
+_LIST: Final = "must be a list, as […] in JSON"
+
+_WORDS: Final[dict[str, str | Callable[[Mapping[str, Any]], str]]] = {
+    "missing": "is missing",
+    "extra_forbidden": "there is no such field",
+    "greater_than": _bound("above", "gt"),
+    "greater_than_equal": _bound("at least", "ge"),
+    "less_than": _bound("below", "lt"),
+    "less_than_equal": _bound("at most", "le"),
+    "finite_number": "must be a finite number",
+    "int_type": _WHOLE,
+    "int_parsing": _WHOLE,
+    "int_from_float": _WHOLE,
+    "int_parsing_size": "must be a whole number with fewer digits",
+    "float_type": _NUMBER,
+    "float_parsing": _NUMBER,
+    "bool_type": _YES_OR_NO,
+    "bool_parsing": _YES_OR_NO,
+    "string_type": _TEXT,
+    "string_too_short": _too_short,
+    "string_too_long": _too_long,
+    "string_pattern_mismatch": _pattern,
+    "literal_error": _one_of,
+    "enum": _one_of,
+    "union_tag_invalid": _unknown_tag,
+    "union_tag_not_found": _tag_missing,
+    "dict_type": _OBJECT,
+    "model_type": _OBJECT,
+    "model_attributes_type": _OBJECT,
+    "list_type": _LIST,
+    "tuple_type": _LIST,
+    "too_long": _too_many,
+    "too_short": _too_few,
+    "json_invalid": lambda about: f"is not JSON: {about['error']}",
+    "json_type": "must be JSON",
+    "path_type": "must be a path",
+}
