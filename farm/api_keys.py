@@ -196,7 +196,9 @@ class ApiKeys:
             with unavailable_as_farm_error():
                 text = self._redis.hget(keys.API_KEYS, key_id)
             if text is None:
-                raise UnknownKey(f"there is no key {key_id!r}; `plateau keys list` has them")
+                raise UnknownKey(
+                    f"there is no key {key_id!r}; `plateau keys list` shows those there are"
+                )
             key = changed(ApiKey.model_validate_json(text))
             if self._put(key, instead_of=text):
                 return key

@@ -76,6 +76,11 @@ class BatchNotFound(FarmError):
         self.name = name
 
 
+def _value(value: object) -> str:
+    """A field's value as people write it."""
+    return "not set" if value is None else str(value)
+
+
 class UnevenBatch(FarmError):
     """A guarded batch has only jobs that stop alike.
 
@@ -99,12 +104,16 @@ class UnevenBatch(FarmError):
         joins: bool = True,
     ) -> None:
         if joins:
-            words = (f"{name} would be {asked!r}, not {had!r}" for name, asked, had in differs)
-            why = "is guarded against flicker, and beside job"
+            why = "is guarded against flicker, so its jobs must stop alike; this one differs from"
+            here, there = "here", "there"
         else:
-            words = (f"{name} is {had!r} and not {asked!r}" for name, asked, had in differs)
-            why = "cannot be guarded: its jobs do not stop alike, of job"
-        super().__init__(f"batch {batch!r} {why} {job_id} {', '.join(words)}")
+            why = "cannot be guarded against flicker, since its jobs do not stop alike; see"
+            here, there = "in its newest job", "there"
+        words = (
+            f"{name} is {_value(asked)} {here}, and {_value(had)} {there}"
+            for name, asked, had in differs
+        )
+        super().__init__(f"batch {batch!r} {why} job {job_id}: {'; '.join(words)}")
         self.joins = joins
         self.batch = batch
         self.job_id = job_id

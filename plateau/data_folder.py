@@ -10,6 +10,7 @@ from types import TracebackType
 from typing import Final, TextIO
 
 from plateau.errors import PlateauError
+from plateau.out_folder import make
 
 #: Processes of a tree that was killed outright need a moment to notice and leave.
 _LEAVING_S: Final = 10.0
@@ -43,7 +44,7 @@ class DataFolder:
         return self._lock.fileno()
 
     def __enter__(self) -> "DataFolder":
-        self.path.mkdir(mode=0o700, parents=True, exist_ok=True)
+        make(self.path, "PLATEAU_DATA", mode=0o700)
         self.logs.mkdir(exist_ok=True)
         # Not truncated on opening: it says who holds the lock.
         lock = os.fdopen(os.open(self.path / "lock", os.O_RDWR | os.O_CREAT, 0o600), "r+")

@@ -18,6 +18,37 @@ RESULTS: Final = (
 )
 
 
+def make(folder: Path, named_by: str = "-o", *, mode: int = 0o777) -> None:
+    """Make a folder, and those above it, where there is none.
+
+    Parameters
+    ----------
+    folder
+        The folder.
+    named_by
+        The option or the setting that names it.
+    mode
+        Who may use it.
+
+    Raises
+    ------
+    CommandFailed
+        It cannot be made; the message says why and what to do.
+    """
+    try:
+        folder.mkdir(mode=mode, parents=True, exist_ok=True)
+    except (FileExistsError, NotADirectoryError):
+        blocking = next(one for one in (folder, *folder.parents) if one.exists())
+        raise CommandFailed(
+            f"{named_by} needs a folder, and {blocking} is a file: name another one"
+        ) from None
+    except OSError as error:
+        raise CommandFailed(
+            f"the folder {folder} cannot be made ({error.strerror}): name another one with "
+            f"{named_by}"
+        ) from error
+
+
 def make_ready(folder: Path, files: Sequence[str] = RESULTS) -> None:
     """Make the folder where there is none, and see that these files can be written into it.
 
@@ -25,10 +56,8 @@ def make_ready(folder: Path, files: Sequence[str] = RESULTS) -> None:
     ------
     CommandFailed
         They cannot; the message says why and what to do.
-    OSError
-        The folder cannot be made.
     """
-    folder.mkdir(parents=True, exist_ok=True)
+    make(folder)
     try:
         with tempfile.TemporaryFile(dir=folder) as probe:
             probe.write(bytes(4096))

@@ -12,7 +12,7 @@ from farm.job import CurvePoint
 from plateau import words
 from plateau.client import ApiError, Client
 from plateau.errors import CommandFailed
-from plateau.out_folder import IMAGES
+from plateau.out_folder import IMAGES, make
 from plateau.plot import plot_job
 from service.views import JobView, SliceView
 
@@ -91,7 +91,7 @@ class _Fetched:
 
 
 def _fetch(client: Client, job: JobView, folder: Path) -> _Fetched:
-    folder.mkdir(parents=True, exist_ok=True)
+    make(folder)
     files = [folder / name for name in IMAGES if _download(client, job.id, name, folder / name)]
     if job.spec.keep_slices:
         files.append(_write_slices(client, job, folder / "slices"))

@@ -21,6 +21,7 @@ from typing import IO, BinaryIO, cast
 
 from farm.bundle import BundleError, BundleLimits
 from farm.bundle.archive import Archive
+from farm.bundle.check import kind_of
 from farm.bundle.entry import SCENE_XML, find_entry
 from farm.bundle.references import Reference
 from farm.bundle.tree import Kind, Parts
@@ -28,7 +29,6 @@ from farm.bundle.walk import read_scene
 
 _XML = "application/xml"
 _ZIP = "application/zip"
-_ZIP_MAGIC = b"PK"
 #: The first moment that a zip can express; any fixed one does.
 _TIMESTAMP = (1980, 1, 1, 0, 0, 0)
 _FILE_ATTRIBUTES = 0o100644 << 16
@@ -94,8 +94,8 @@ def pack(path: Path, *parameters: Mapping[str, str]) -> Packed:
     if not path.is_file():
         raise BundleError("missing-file", missing, file=str(path))
     with path.open("rb") as file:
-        is_zip = file.read(len(_ZIP_MAGIC)) == _ZIP_MAGIC
-    if is_zip:
+        kind = kind_of(file, str(path))
+    if kind == "zip":
         return Packed(path.open("rb"), _ZIP, path.name, (path,))
     disk = _Disk()
     entry = disk.parts(path)

@@ -44,8 +44,8 @@ class Caller:
         if self.key is not None and self.key.role is not Role.ADMIN:
             raise Problem(
                 ROLE_TOO_LOW,
-                f"workers serve every key, so it takes an {Role.ADMIN.value}'s to steer them, and "
-                f"the key {self.key.name!r} is a {self.key.role.value}'s",
+                f"workers serve every key, so only one with the role {Role.ADMIN.value} may steer "
+                f"them, and the key {self.key.name!r} has the role {self.key.role.value}",
                 role=self.key.role.value,
                 needed=Role.ADMIN.value,
             )
@@ -53,12 +53,14 @@ class Caller:
     def check_may_steer(self, job_id: str, owner: str | None) -> None:
         """Return where it may change the job of this owner; raise the problem where it may not."""
         if not self.may_steer(owner):
-            whose = "belongs to another key" if owner else "was made without a key"
-            raise Problem(
-                NOT_YOUR_JOB,
-                f"job {job_id} {whose}; it takes that key, or an admin's, to change it",
-                job_id=job_id,
-            )
+            raise Problem(NOT_YOUR_JOB, f"job {job_id} {not_yours(owner)}", job_id=job_id)
+
+
+def not_yours(owner: str | None) -> str:
+    """Why a key may not change what belongs to the owner, in words behind the thing's name."""
+    if owner:
+        return "belongs to another key; only that key, or one with the role admin, may change it"
+    return "was made without a key; only a key with the role admin may change it"
 
 
 #: Who calls an open API.

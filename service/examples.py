@@ -252,10 +252,11 @@ PROBLEM_DETAILS: Final = {
     "and `plateau keys create NAME`, where the service runs, makes one",
     "bad-key": "the service does not know this key, or it was revoked; check PLATEAU_KEY, or ask "
     "who runs the service for another: `plateau keys create NAME` makes one",
-    "role-too-low": "this needs a submitter's key, and the key 'web page' is a viewer's; "
+    "role-too-low": "this needs a key with the role submitter, and the key 'web page' has the "
+    "role viewer; "
     "`plateau keys create NAME --role submitter` makes one",
-    "not-your-job": f"job {JOB_ID} belongs to another key; it takes that key, or an admin's, to "
-    "change it",
+    "not-your-job": f"job {JOB_ID} belongs to another key; only that key, or one with the role "
+    "admin, may change it",
     "unknown-path": "nothing is served at /problems/none; /docs lists what is",
     "unknown-job": f"there is no job '{JOB_ID}'; GET /v1/jobs lists those there are",
     "unknown-worker": f"no worker {_WORKER!r} lives; GET /v1/workers lists those that do",
@@ -265,7 +266,8 @@ PROBLEM_DETAILS: Final = {
     "/v1/studies/9c1f47be02d8/observers/o-7f3a takes part",
     "unknown-trial": "study 9c1f47be02d8 shows each observer 14 pairs, numbered from 0: there is "
     "no pair 14",
-    "not-your-study": "study 9c1f47be02d8 belongs to another key; it takes that key, or an admin's",
+    "not-your-study": "study 9c1f47be02d8 belongs to another key; only that key, or one with the "
+    "role admin, may change it",
     "cannot-study": f"job {JOB_ID} did not keep its slices: submit with keep_slices",
     "no-image-yet": f"job {JOB_ID} is queued; its first image comes a moment after its first "
     f"slice, which GET {_ROOT}/events announces",
@@ -284,8 +286,9 @@ PROBLEM_DETAILS: Final = {
     "cannot-resume": f"job {JOB_ID} is converged; only a paused job can be resumed",
     "cannot-continue": f"job {JOB_ID} cannot be continued: it has 2500 spp, so a cap of 2000 "
     "leaves nothing to render",
-    "uneven-batch": f"batch 'exposures' is guarded against flicker, and beside job {JOB_ID} "
-    "rule.target would be 0.001, not 0.0002; ask for the same, or name another batch",
+    "uneven-batch": f"batch 'exposures' is guarded against flicker, so its jobs must stop "
+    f"alike; this one differs from job {JOB_ID}: rule.target is 0.001 here, and 0.0002 "
+    "there; ask for the same, or name another batch",
     "job-ended": f"job {JOB_ID} is converged; only a job that has not ended can be changed",
     "cannot-cancel": f"job {JOB_ID} is converged; only a job that has not ended can be cancelled",
     "upload-too-large": "the request has more than 1,075,838,976 bytes; PLATEAU_MAX_UPLOAD_GB "

@@ -175,7 +175,8 @@ def _bad_key() -> Problem:
 def _role_too_low(key: ApiKey, needed: Role) -> Problem:
     return Problem(
         problems.ROLE_TOO_LOW,
-        f"this needs a {needed.value}'s key, and the key {key.name!r} is a {key.role.value}'s; "
+        f"this needs a key with the role {needed.value}, and the key {key.name!r} has the role "
+        f"{key.role.value}; "
         f"`plateau keys create NAME --role {needed.value}` makes one",
         headers={"WWW-Authenticate": 'Bearer realm="plateau", error="insufficient_scope"'},
         role=key.role.value,

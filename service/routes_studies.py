@@ -9,7 +9,7 @@ from farm.errors import CannotStudy
 from farm.study import PSEUDONYM, Observer, Study
 from service import problems
 from service import study_examples as examples
-from service.callers import CallerOf
+from service.callers import CallerOf, not_yours
 from service.etags import FINAL
 from service.parts import Parts, parts
 from service.problems import Problem, documented
@@ -106,10 +106,7 @@ def delete(study_id: _StudyId, farm: _Farm, who: CallerOf) -> None:
     """Remove a study with all its answers and pictures. It takes the key that made it."""
     study = farm.studies.get(study_id)
     if not who.may_steer(study.owner):
-        raise Problem(
-            problems.NOT_YOUR_STUDY,
-            f"study {study.id} belongs to another key; it takes that key, or an admin's",
-        )
+        raise Problem(problems.NOT_YOUR_STUDY, f"study {study.id} {not_yours(study.owner)}")
     farm.studies.forget(study.id, farm.blobs)
 
 

@@ -67,7 +67,7 @@ class Archive:
             raise
         except _BAD_HEADER as error:
             raise BundleError(
-                "zip-malformed", f"the archive cannot be read: {_said(error)}"
+                "zip-malformed", f"the archive is damaged: {_said(error)}; pack it again"
             ) from error
         infos = self._zip.infolist()
         if not infos:
@@ -166,7 +166,7 @@ def _too_many(entries: int, limits: BundleLimits) -> BundleError:
 
 
 def _damaged(name: str, error: Exception) -> BundleError:
-    return BundleError("zip-malformed", f"it cannot be unpacked: {_said(error)}", file=name)
+    return BundleError("zip-malformed", f"it is damaged: {_said(error)}; pack it again", file=name)
 
 
 def _said(error: Exception) -> str:

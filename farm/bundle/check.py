@@ -180,16 +180,31 @@ def _bundle(stream: BinaryIO, limits: BundleLimits) -> Archive | _LoneXml:
         raise BundleError(
             "too-large", f"the upload has {size} bytes; {limits.max_bytes} are allowed"
         )
+    if kind_of(stream) == "zip":
+        return Archive(stream, size, limits)
+    return _LoneXml(stream, size)
+
+
+def kind_of(stream: BinaryIO, file: str | None = None) -> Literal["xml", "zip"]:
+    """Return what a file that is open at its start is meant to be, by its first characters.
+
+    Raises
+    ------
+    BundleError
+        It is neither, or damaged; the message names `file` where it is given.
+    """
     beginning = stream.read(1024)
     if beginning.startswith(_ZIP_MAGIC):
-        return Archive(stream, size, limits)
+        return "zip"
     # With or without a mark of its encoding, in one byte or two: XML starts with a bracket.
-    if not beginning.translate(None, _NOT_TEXT).startswith(b"<"):
-        raise BundleError(
-            "not-a-scene",
-            "the upload is neither XML nor a zip; send a Mitsuba XML, or a zip of one",
-        )
-    return _LoneXml(stream, size)
+    if beginning.translate(None, _NOT_TEXT).startswith(b"<"):
+        return "xml"
+    raise BundleError(
+        "not-a-scene",
+        "it is neither XML nor a zip archive, or it is damaged; give a Mitsuba XML, or a zip of "
+        "one",
+        file=file,
+    )
 
 
 def _entry(bundle: Archive | _LoneXml, limits: BundleLimits) -> Parts:

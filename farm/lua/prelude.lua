@@ -416,7 +416,7 @@ local function forgive_worker(worker)
 end
 
 local function poison(id, index, causes)
-  end_job(id, 'failed', string.format('slice %s was given to %d workers and none survived it: %s',
+  end_job(id, 'failed', string.format('slice %s was tried %d times, and each try ended its process: %s',
                                       index, #causes, table.concat(causes, '; ')))
 end
 

@@ -9,7 +9,8 @@ from plateau import options as o
 from plateau.cli.app import Command, app, plain_errors
 
 _KeyId = Annotated[
-    str, typer.Argument(metavar="ID", help="The key's id, as `plateau keys list` shows it.")
+    str,
+    typer.Argument(metavar="KEY", help="The key's id or name, as `plateau keys list` shows it."),
 ]
 
 keys = typer.Typer(

@@ -151,7 +151,9 @@ def slurm(
         options.append(option)
     with plain_errors():
         if logs is not None:
-            logs.mkdir(parents=True, exist_ok=True)
+            from plateau.out_folder import make
+
+            make(logs, "--logs")
         run(
             Scaling(
                 limits=Limits(least=least, most=most, worth_s=worth, calm_s=calm, idle_s=idle),

@@ -6,6 +6,7 @@ from pathlib import Path
 from farm.spec import JobSpec, ReverseSpec, VisibleSpec
 from metric.rules.reverse import EPSILON_PIXELS
 from plateau.judge import BrokenSeries, Judged, find_series, judge_series
+from plateau.out_folder import make
 from plateau.plot import plot_curve
 from service.routes_results import curve_csv
 
@@ -19,13 +20,14 @@ def judge(
     as_json: bool,
 ) -> int:
     """Judge the folder, write the curve where asked, print; returns the exit code."""
+    if out is not None:
+        make(out)
     image_spp = spec.slice_spp if "slice_spp" in spec.model_fields_set else None
     series = find_series(folder, image_spp=image_spp, cumulative=cumulative)
     try:
         judged = judge_series(series, spec)
     except BrokenSeries as broken:
         if out is not None:
-            out.mkdir(parents=True, exist_ok=True)
             (out / "non-finite.png").write_bytes(broken.picture)
         raise
     if out is not None:
@@ -44,7 +46,6 @@ def judge(
 
 
 def _write(judged: Judged, spec: JobSpec, name: str, out: Path) -> None:
-    out.mkdir(parents=True, exist_ok=True)
     (out / "curve.csv").write_text(curve_csv(judged.points))
     reverse = next(
         (rule for rule in (spec.rule, *spec.watch) if isinstance(rule, ReverseSpec)), ReverseSpec()

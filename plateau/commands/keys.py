@@ -53,9 +53,9 @@ def create(
             if as_json:
                 print(json.dumps(_document(key, None), indent=2))
     done = "made" if shown is None else "took"
-    _say(f"{done} key {key.id} ({key.name}), a {key.role.value}'s")
+    _say(f"{done} key {key.id} ({key.name}) with the role {key.role.value}")
     if first:
-        _say("it is the first one: from now on every request to the service needs a key")
+        _say("it is the first key: from now on, every request to the service needs one")
 
 
 def list_keys(*, as_json: bool) -> None:
@@ -74,24 +74,27 @@ def list_keys(*, as_json: bool) -> None:
         )
 
 
-def rotate(key_id: str, *, as_json: bool) -> None:
+def rotate(given: str, *, as_json: bool) -> None:
     """Give a key another secret; prints as `create`."""
     with _keys(farm_settings()) as keys:
-        key, shown = keys.rotate(key_id)
+        key, shown = keys.rotate(_named(keys, given).id)
     _show(key, shown, as_json=as_json)
-    _say(f"key {key.id} ({key.name}) has another secret; the old one opens nothing any more")
+    _say(f"key {key.id} ({key.name}) has a new secret; the old one is refused from now on")
 
 
-def revoke(key_id: str, *, as_json: bool) -> None:
+def revoke(given: str, *, as_json: bool) -> None:
     """Revoke a key."""
     with _keys(farm_settings()) as keys:
-        key = keys.revoke(key_id)
+        key = keys.revoke(_named(keys, given).id)
         left = any(one.usable for one in keys.all())
     if as_json:
         print(json.dumps(_document(key, None), indent=2))
-    _say(f"key {key.id} ({key.name}) opens nothing any more; its jobs go on")
+    _say(f"key {key.id} ({key.name}) is refused from now on; its jobs go on")
     if not left:
-        _say("that was the last one; requests go on to need a key: `plateau keys create NAME`")
+        _say(
+            "that was the last key, and the service still wants one: `plateau keys create NAME` "
+            "makes another"
+        )
 
 
 @contextmanager
@@ -102,6 +105,22 @@ def _keys(settings: Settings, *, may_begin: bool = False) -> Iterator[ApiKeys]:
         client = stack.enter_context(connect(url))
         check_schema(client)
         yield ApiKeys(client)
+
+
+def _named(keys: ApiKeys, given: str) -> ApiKey:
+    """The key of this id or, where only one that was not revoked has it, of this name."""
+    every = keys.all()
+    same_id = [key for key in every if key.id == given]
+    named = [key for key in every if key.name == given]
+    found = same_id or [key for key in named if key.usable] or named
+    if len(found) > 1:
+        ids = ", ".join(key.id for key in found)
+        raise CommandFailed(f"{len(found)} keys have the name {given!r}: give an id, of {ids}")
+    if not found:
+        raise CommandFailed(
+            f"no key has the id or the name {given!r}; `plateau keys list` shows those there are"
+        )
+    return found[0]
 
 
 def _role(name: str) -> Role:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from farm.redis_acl import acl_file, rules
 from plateau.errors import CommandFailed
+from plateau.out_folder import make
 
 _VERSION = re.compile(r"(\d+)\.(\d+)(\.\d+)*")
 
@@ -27,7 +28,7 @@ def _password(folder: Path, user: str) -> str:
     """The user's password; where it has none yet, one is made, for its owner's eyes alone."""
     file = folder / f"{user}.password"
     if not file.exists():
-        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        make(folder, "--passwords", mode=0o700)
         descriptor = os.open(file, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
         with os.fdopen(descriptor, "w") as made:
             made.write(f"{secrets.token_hex(32)}\n")

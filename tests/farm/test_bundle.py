@@ -313,9 +313,9 @@ BAD = [
     Bad("not-a-scene", zipped({"a.xml": b"<bsdf/>", "b.xml": b"oops"}), "no Mitsuba scene"),
     Bad("ambiguous-scene", zipped({"a.xml": scene(), "b.xml": scene()}), r"a\.xml, b\.xml"),
     # The archive's directory
-    Bad("zip-malformed", io.BytesIO(b"PK\x03\x04 and so on"), "cannot be read"),
-    Bad("zip-malformed", io.BytesIO(zipped(MESH).getvalue()[:-30]), "cannot be read"),
-    Bad("zip-malformed", renamed(b"\xc3\x28", "é".encode()), "cannot be read"),
+    Bad("zip-malformed", io.BytesIO(b"PK\x03\x04 and so on"), "is damaged"),
+    Bad("zip-malformed", io.BytesIO(zipped(MESH).getvalue()[:-30]), "is damaged"),
+    Bad("zip-malformed", renamed(b"\xc3\x28", "é".encode()), "is damaged"),
     Bad(
         "too-many-entries",
         entry("b"),

@@ -118,7 +118,7 @@ def test_what_is_refused_all_the_same_is_said(visit: Visit, farm: NoiseFarm, key
     page.get_by_role("button", name="Actions for box").click()
     page.get_by_role("button", name="Cancel", exact=True).click()
     page.get_by_role("button", name="Cancel the job").click()
-    expect(page.get_by_role("alert")).to_contain_text("submitter's key")
+    expect(page.get_by_role("alert")).to_contain_text("role submitter")
 
 
 def test_the_page_itself_needs_none(visit: Visit) -> None:

@@ -216,7 +216,7 @@ class TestTheCommandLine:
         assert json.loads(command("batch", "w", "--json")[1])["job_ids"] == [job.id for job in made]
         # One that stops otherwise may not join
         code, _, error = command("submit", str(walk), "--batch", "w", "--min-spp", "500")
-        assert (code, "min_spp would be 500, not None" in error) == (1, True)
+        assert (code, "min_spp is 500 here, and not set there" in error) == (1, True)
 
     def test_submits_the_entries_of_a_file(self, walk: Path, tmp_path: Path) -> None:
         (tmp_path / "frames.csv").write_text("frame\n2\n1\n")

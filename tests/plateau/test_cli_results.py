@@ -222,7 +222,12 @@ class TestErrorsSayWhatToDo:
     def test_of_a_file_that_cannot_be_written(self, job: StagedJob, tmp_path: Path) -> None:
         (tmp_path / "out").write_text("a file, where a folder should be")
         code, _, err = plateau("fetch", job.id, "-o", str(tmp_path / "out"))
-        assert (code, err) == (1, f"plateau: {tmp_path / 'out'}: File exists\n")
+        file = tmp_path / "out"
+        told = f"plateau: -o needs a folder, and {file} is a file: name another one\n"
+        assert (code, err) == (1, told)
+        # And where it is a folder above that is none
+        code, _, err = plateau("render", "scenes:box", "-o", str(file / "of" / "today"))
+        assert (code, err) == (1, told)
 
     def test_of_a_disk_that_is_full(self, job: StagedJob, tmp_path: Path) -> None:
         (tmp_path / "summary.txt").symlink_to("/dev/full")

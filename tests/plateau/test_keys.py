@@ -62,7 +62,7 @@ class TestTheCommands:
         # Then standard output has the key and nothing else, for KEY=$(plateau keys create me)
         shown = SHOWN.fullmatch(made)
         assert shown is not None
-        assert "from now on every request to the service needs a key" in words
+        assert "from now on, every request to the service needs one" in words
         assert shown[2] not in words
         # And it is listed, but not what it opens with
         [listed] = json.loads(say("keys", "list", "--json")[0])
@@ -77,7 +77,7 @@ class TestTheCommands:
         assert again is not None
         assert again[1] == shown[1]
         assert again[2] != shown[2]
-        assert "that was the last one" in say("keys", "revoke", shown[1])[1]
+        assert "that was the last key" in say("keys", "revoke", shown[1])[1]
         assert json.loads(say("keys", "list", "--json")[0])[0]["revoked_at"] is not None
 
     def test_take_their_limits_from_the_settings(self, say: Say) -> None:
@@ -102,7 +102,7 @@ class TestTheCommands:
         for _ in range(2):
             out, err = say("keys", "create", "scaler", "--role", "viewer", "--from", str(file))
             assert out == ""
-            assert "took key 0123456789ab (scaler), a viewer's" in err
+            assert "took key 0123456789ab (scaler) with the role viewer" in err
             assert "5" * 64 not in err
         [listed] = json.loads(say("keys", "list", "--json")[0])
         assert (listed["id"], listed["role"]) == ("0123456789ab", "viewer")
@@ -131,7 +131,22 @@ class TestTheCommands:
         say("keys", "create", "me")
         for command in ("revoke", "rotate"):
             err = say("keys", command, "0123456789ab", code=1)[1]
-            assert err == "plateau: there is no key '0123456789ab'; `plateau keys list` has them\n"
+            assert err == (
+                "plateau: no key has the id or the name '0123456789ab'; `plateau keys list` shows "
+                "those there are\n"
+            )
+
+    def test_know_a_key_by_its_name_where_one_alone_has_it(self, say: Say) -> None:
+        for name in ("web page", "twice", "twice"):
+            say("keys", "create", name)
+        assert "(web page) has a new secret" in say("keys", "rotate", "web page")[1]
+        assert "(web page) is refused from now on" in say("keys", "revoke", "web page")[1]
+        # Of two that share a name it has to be said which; of one that was revoked, nothing
+        ids = [one["id"] for one in json.loads(say("keys", "list", "--json")[0])][1:]
+        err = say("keys", "revoke", "twice", code=1)[1]
+        assert err == f"plateau: 2 keys have the name 'twice': give an id, of {', '.join(ids)}\n"
+        say("keys", "revoke", ids[0])
+        assert f"key {ids[1]} (twice)" in say("keys", "revoke", "twice")[1]
 
     def test_find_no_farm_where_there_is_none(self, say: Say) -> None:
         assert "there is nothing of Plateau's in" in say("keys", "list", code=1)[1]

@@ -88,6 +88,14 @@ def test_a_scene_without_references_is_sent_as_it_is(project: Path):
         assert packed.file.read() == path.read_bytes()
 
 
+@pytest.mark.parametrize("damage", [slice(4, None), slice(0, 40)])
+def test_a_zip_that_is_damaged_is_called_so(tmp_path: Path, damage: slice):
+    path = tmp_path / "room.zip"
+    path.write_bytes(zipped({"scene.xml": scene()}).getvalue()[damage])
+    with pytest.raises(BundleError, match="damaged"), pack(path) as packed:
+        inspect_bundle(packed.file)
+
+
 def test_a_zip_is_sent_as_it_is(tmp_path: Path):
     path = tmp_path / "room.zip"
     path.write_bytes(zipped({"scene.xml": scene()}).getvalue())

@@ -266,8 +266,8 @@ class TestAGuardedBatch:
         submit(http, WIDE, {"parameters": {"w": 16}, "batch": "walk", "min_spp": 100})
         found = problem(http.post(batch["links"]["guard"]), 409, "uneven-batch")
         assert found["detail"] == (
-            "batch 'walk' cannot be guarded: its jobs do not stop alike, of job "
-            f"{found['job_id']} min_spp is None and not 100"
+            "batch 'walk' cannot be guarded against flicker, since its jobs do not stop alike; see "
+            f"job {found['job_id']}: min_spp is 100 in its newest job, and not set there"
         )
         assert found["job_id"] in batch["job_ids"]
         assert http.get(batch["links"]["self"]).json()["guard"]["guarded"] is False
