@@ -76,13 +76,13 @@ def patterns(document: object) -> set[str]:
     return {*within, own} if isinstance(own, str) else within
 
 
-def test_a_pattern_is_told_in_words(session_api: str, document: dict[str, Any]) -> None:
+def test_a_pattern_is_told_in_words(http: httpx.Client, document: dict[str, Any]) -> None:
     # Given all patterns of the document but those that the API checks in words of its own
     own = {"^https?://", idempotency.PARAMETERS[0]["schema"]["pattern"]}
     asked = patterns(document["paths"]) | patterns(document["components"])
     assert asked - own == input_errors.PATTERNS.keys()
     # When an id is none, then it is told what an id is
-    answer = httpx.get(f"{session_api}/v1/studies/nope", trust_env=False, timeout=60).json()
+    answer = http.get("/v1/studies/nope").json()
     assert answer["detail"] == f"study_id: {input_errors.PATTERNS['^[0-9a-f]{12}$']}"
 
 
