@@ -187,8 +187,11 @@ class ApiKeys:
     def owner_of(self, job_id: str) -> str | None:
         """Id of the key that made the job; "" where none did, None where there is no such job."""
         with unavailable_as_farm_error():
-            known, owner = self._redis.hmget(keys.job(job_id), "id", "owner")
-        return None if known is None else owner or ""
+            pipe = self._redis.pipeline(transaction=False)
+            pipe.exists(keys.job(job_id))
+            pipe.hget(keys.job(job_id, "sealed"), "owner")
+            known, owner = pipe.execute()
+        return owner or "" if known else None
 
     def _change(self, key_id: str, changed: Callable[[ApiKey], ApiKey]) -> ApiKey:
         """The key after a change; where two change it at once, one after the other."""

@@ -122,7 +122,7 @@ class Batches:
         while True:
             with unavailable_as_farm_error():
                 job_ids = self._redis.zrange(keys.batch(name), 0, -1)
-                for job_id, owner in zip(job_ids, self._of_each(job_ids, "owner"), strict=True):
+                for job_id, owner in zip(job_ids, self._owners(job_ids), strict=True):
                     check(job_id, owner)
                 spec = self._redis.hget(keys.job(job_ids[-1]), "spec") if job_ids else None
             if spec is None:
@@ -164,7 +164,7 @@ class Batches:
         """
         with unavailable_as_farm_error():
             job_ids = self._redis.zrange(keys.batch(name), 0, -1)
-            owners = self._of_each(job_ids, "owner")
+            owners = self._owners(job_ids)
         if not job_ids:
             raise BatchNotFound(name)
         mine = [job for job, owner in zip(job_ids, owners, strict=True) if may_touch(owner or "")]
@@ -176,10 +176,10 @@ class Batches:
             answers |= zip(some, self._scripts.run_each(script, runs), strict=True)
         return [_steered(job_id, steer, answers.get(job_id)) for job_id in job_ids]
 
-    def _of_each(self, job_ids: list[str], field: str) -> list[str | None]:
+    def _owners(self, job_ids: list[str]) -> list[str | None]:
         pipe = self._redis.pipeline(transaction=False)
         for job_id in job_ids:
-            pipe.hget(keys.job(job_id), field)
+            pipe.hget(keys.job(job_id, "sealed"), "owner")
         found: list[str | None] = pipe.execute()
         return found
 

@@ -1,5 +1,6 @@
 """The blob store: scenes, partials, checkpoints and results, in a folder or in S3."""
 
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -22,6 +23,7 @@ MARK: Final = "plateau-store"
 SCENES: Final = "scenes/"
 JOBS: Final = "jobs/"
 STUDIES: Final = "studies/"
+_PARTIAL: Final = re.compile(rf"{JOBS}[0-9a-f]{{12}}/partials/[^/]+\.exr")
 
 
 def scene(sha256: str) -> str:
@@ -42,6 +44,14 @@ def partial(job_id: str, index: int, attempt: str) -> str:
 def glimpse(job_id: str, attempt: str) -> str:
     """Where the first pass of a job's first slice is kept until it is shown."""
     return f"{partials(job_id)}glimpse-{attempt}.exr"
+
+
+def is_partial(name: str) -> bool:
+    """Whether it is a name as `partial` and `glimpse` give it, of whatever job.
+
+    Names in a ledger are what a worker has said: nothing else is read, shown or removed by them.
+    """
+    return _PARTIAL.fullmatch(name) is not None
 
 
 def partials(job_id: str) -> str:

@@ -115,10 +115,12 @@ class Jobs:
     def get(self, job_id: str) -> Job:
         """The job, or `JobNotFound`; or `UnreadableJob`, as from all that return a job."""
         with unavailable_as_farm_error():
-            fields = self._redis.hgetall(keys.job(job_id))
+            pipe = self._redis.pipeline(transaction=False)
+            records.ask_for(pipe, job_id)
+            fields, sealed = pipe.execute()
         if not fields:
             raise JobNotFound(job_id)
-        return records.job(job_id, fields)
+        return records.job(job_id, fields, sealed)
 
     def search(
         self,

@@ -80,6 +80,8 @@ plateau:job:ID:spoiled    hash    slice index → how often its partial was lost
 plateau:job:ID:curve      stream  points; the entry's id is spp-0                      the job's
 plateau:job:ID:events     stream  state, image, point, slice, trouble, finished        the job's
 plateau:job:ID:log        stream  how tries of slices ended and what was printed, ~2000  the job's
+plateau:job:ID:sealed     hash    what workers cannot change: the API key that made it,  the job's
+                                  ``owner`` and ``owner_name``
 plateau:job:ID:webhook    hash    its webhook's receiver, url and secret                the job's
 plateau:job:ID:deliveries hash    number → JSON of a webhook's message, its state, …   the job's
 plateau:job:ID:tries      stream  how tries of deliveries ended, ~1000                 the job's
@@ -159,6 +161,7 @@ JOB_PARTS: Final = (
     "curve",
     "events",
     "log",
+    "sealed",
     "webhook",
     "deliveries",
     "tries",

@@ -90,19 +90,20 @@ def _matching(
 ) -> list[tuple[str, float]]:
     pipe = client.pipeline(transaction=False)
     for job_id, _ in rows:
-        pipe.hmget(keys.job(job_id), list(wanted))
-    values = list(wanted.values())
-    return [row for row, found in zip(rows, pipe.execute(), strict=True) if found == values]
+        for field in wanted:
+            pipe.hget(keys.job(job_id, "sealed") if field == "owner" else keys.job(job_id), field)
+    found = iter(pipe.execute())
+    return [row for row in rows if [next(found) for _ in wanted] == list(wanted.values())]
 
 
 def _jobs(client: redis.Redis, job_ids: list[str]) -> list[Job]:
     """These jobs, but for those that were forgotten a moment ago, or cannot be read."""
     pipe = client.pipeline(transaction=False)
     for job_id in job_ids:
-        pipe.hgetall(keys.job(job_id))
-    found = []
-    for job_id, fields in zip(job_ids, pipe.execute(), strict=True):
+        records.ask_for(pipe, job_id)
+    found, answers = [], iter(pipe.execute())
+    for job_id, fields, sealed in zip(job_ids, answers, answers, strict=True):
         if fields:
             with records.leaving_out_unreadable():
-                found.append(records.job(job_id, fields))
+                found.append(records.job(job_id, fields, sealed))
     return found

@@ -71,6 +71,7 @@ class Membership:
             "started_at": self._started_at.isoformat(),
         }
         self._scripts.run("api_heartbeat", self.id, json.dumps(about), self._life_ms)
+        self._scripts.serve_workers()
 
     def sign_off(self) -> None:
         """Say that it stops."""

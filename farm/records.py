@@ -7,7 +7,9 @@ from contextlib import contextmanager
 from itertools import count
 from typing import Any
 
-from farm import blobs, fit
+from redis.client import Pipeline
+
+from farm import blobs, fit, keys
 from farm.errors import UnreadableJob
 from farm.job import CurvePoint, Event, Job, Worker, moment
 from farm.spec import JobSpec, stored_spec
@@ -68,13 +70,19 @@ def leaving_out_unreadable() -> Iterator[None]:
         _LOG.warning("left out of a list: %s", error)
 
 
-def job(job_id: str, fields: dict[str, str]) -> Job:
-    """A job as its hash has it, or `UnreadableJob`."""
+def ask_for(pipe: Pipeline, job_id: str) -> None:
+    """Ask for what makes a `Job`: two hashes, as `job` takes them."""
+    pipe.hgetall(keys.job(job_id))
+    pipe.hgetall(keys.job(job_id, "sealed"))
+
+
+def job(job_id: str, fields: dict[str, str], sealed: dict[str, str]) -> Job:
+    """A job as its hash has it, and what workers cannot change of it; or `UnreadableJob`."""
     with reading(job_id):
-        return _job(fields)
+        return _job(fields, sealed)
 
 
-def _job(fields: dict[str, str]) -> Job:
+def _job(fields: dict[str, str], sealed: dict[str, str]) -> Job:
     spec = _spec(fields)
     latest = json.loads(fields.get("latest", "{}"))
     spp, width, height = int(fields["spp"]), fields.get("width"), fields.get("height")
@@ -95,8 +103,8 @@ def _job(fields: dict[str, str]) -> Job:
     return Job(
         id=fields["id"],
         name=fields["name"],
-        owner=fields.get("owner") or None,
-        owner_name=fields.get("owner_name"),
+        owner=sealed.get("owner"),
+        owner_name=sealed.get("owner_name"),
         state=JobState(fields["state"]),
         reason=fields["reason"],
         spec=spec,

@@ -6,17 +6,26 @@ user                      may
 ``plateau-worker``        the queue: leases, ledgers, what is said of slices and of the workers
 ``plateau-monitor``       that, and jobs, scenes, webhooks with their secrets, and the sweeps
 ``plateau-api``           that, and batches, studies, what keys have used; keys themselves to read
-``plateau-admin``         everything of Plateau's, for `plateau keys`, `gc` and `doctor`
+``plateau-admin``         everything of Plateau's, for `plateau keys`, `gc` and `doctor`; and end a
+                          script, a client or the server that hangs
 ``plateau-replica``       follow a master, for replicas of it
 ``plateau-sentinel``      watch servers and promote a replica
 ========================  ========================================================================
 
-Whoever asks runs scripts with the rights of its user, so a worker can run any script, but none that
-goes beyond the keys, channels and commands given here. It can still spoil the queue itself, mark a
-job as failed (and have a webhook say what did not happen), or keep Redis busy: it has to write
-there; and it can see the names of all keys, since a lease makes its index afresh where that was
-damaged. What it cannot do is learn or change what opens the API, signs a webhook, says where one
-goes, or owns a job.
+Whoever asks runs scripts with the rights of its user. A worker can run any script that a monitor,
+an API or the administrator has loaded, but none goes beyond the keys, channels and commands given
+here. It can load none: Redis runs one script at a time, and one that does not end stops the farm
+until the server is killed. Nor does a script of Plateau's loop for good over what a worker has
+written.
+
+A worker in wrong hands can still spoil the queue: write what it likes into a job's hash and ledger,
+so mark a job as failed or done, show a wrong image, have a webhook say what did not happen, have a
+sweep remove a job that it calls old, stop others from getting slices by entries that no script can
+read; fill Redis's memory; and keep Redis busy for as long as it is connected. It sees the names of
+all keys, since a lease makes its index afresh where that was damaged. It cannot learn or change
+what opens the API, signs a webhook, says where one goes, whose a job is, or which monitor owns it.
+To be rid of one, give its user another password in the file; then ``plateau-admin`` may have Redis
+read it (`ACL LOAD`) and end the connections (`CLIENT KILL USER plateau-worker`).
 
 Redis has users since 6.0 and rights to read alone (``%R~``) since 7.0: on 6.2 whoever may read a
 key may write it.
@@ -30,23 +39,10 @@ from typing import Final
 
 from farm import keys
 from farm.keys import PREFIX
-from farm.scripts import texts
+from farm.scripts import WORKER_SCRIPTS, texts
 
 #: Ids of jobs and keys have twelve digits; a star would match the parts of a job too.
 _ID: Final = "?" * 12
-
-#: The scripts that workers run.
-WORKER_SCRIPTS: Final = (
-    "lease",
-    "heartbeat",
-    "glimpse",
-    "commit",
-    "died",
-    "hand_back",
-    "fail",
-    "leave",
-    "refused",
-)
 
 #: The parts of a job that are the queue.
 QUEUE_PARTS: Final = (
@@ -130,12 +126,25 @@ _READ_BY_API: Final = (keys.API_KEYS,)
 
 #: What a worker asks for beside its scripts, to listen and to see whether it belongs here.
 _WORKER_COMMANDS: Final = (
-    *("evalsha", "script|load", "time", "get", "hmget", "zscore"),
+    *("evalsha", "time", "get", "hmget", "zscore"),
     *("subscribe", "unsubscribe", "ping", "select", "acl|whoami"),
 )
 #: Neither configures the server, nor looks over all its keys, nor removes them all.
 _DATA_COMMANDS: Final = ("+@all", "-@admin", "-@dangerous", "+info", "+acl|whoami")
-_ADMIN_COMMANDS: Final = (*_DATA_COMMANDS, "+config|get")
+#: And ends what hangs: a script, a client, or the server, where a script that has written does not
+#: let itself be killed.
+_ADMIN_COMMANDS: Final = (
+    *(
+        *_DATA_COMMANDS,
+        "+config|get",
+        "+acl|log",
+        "+acl|load",
+        "+slowlog|get",
+        "+client|list",
+        "+client|kill",
+    ),
+    *("+script|kill", "+shutdown"),
+)
 #: As Redis's documentation has them.
 _REPLICA: Final = ("+psync", "+replconf", "+ping")
 _SENTINEL: Final = (

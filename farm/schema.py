@@ -111,6 +111,17 @@ _MIGRATIONS: Final = {
         redis.call('DEL', IDLE .. ':' .. variant)
       end
     """,
+    # In layout 5 the owner of a job, an API key, stood in the job's hash, which workers may write.
+    5: """
+      for _, id in ipairs(redis.call('ZRANGE', JOBS, 0, -1)) do
+        local owner = redis.call('HMGET', job_key(id), 'owner', 'owner_name')
+        if owner[1] and owner[1] ~= '' then
+          redis.call('HSET', job_key(id, 'sealed'), 'owner', owner[1], 'owner_name', owner[2] or '')
+          redis.call('HSET', job_key(id), 'party', owner[1])
+        end
+        redis.call('HDEL', job_key(id), 'owner', 'owner_name')
+      end
+    """,
 }
 
 _CHECK: Final = """

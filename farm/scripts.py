@@ -1,7 +1,14 @@
-"""The atomic scripts of ``farm/lua``, each opened by a comment that states its contract."""
+"""The atomic scripts of ``farm/lua``, each opened by a comment that states its contract.
 
+Redis has to know a script before it runs it. Whoever may gives it the text where it does not, so a
+farm on an embedded Redis need not think of it. Workers on a Redis with users may not: who can give
+Redis a script can give it one that never ends (`farm.redis_acl`). Monitors and APIs see to theirs,
+with each heartbeat, since a Redis that starts again, or takes over, knows no scripts.
+"""
+
+import hashlib
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import cache
 from importlib.resources import files
@@ -10,7 +17,7 @@ from typing import Any, Final
 import redis
 
 from farm import keys, versions
-from farm.errors import Refused, WrongLayout
+from farm.errors import NotPermitted, Refused, StoreUnavailable, WrongLayout
 from farm.redis_link import unavailable_as_farm_error
 from farm.states import JOB_MOVES
 
@@ -26,6 +33,19 @@ local layout = redis.call('GET', SCHEMA)
 if layout and layout ~= LAYOUT then return redis.error_reply('WRONGLAYOUT ' .. layout) end
 """
 _WRONG_LAYOUT: Final = re.compile(r"\bWRONGLAYOUT (\S+)")
+#: The scripts that workers run.
+WORKER_SCRIPTS: Final = (
+    "lease",
+    "heartbeat",
+    "glimpse",
+    "commit",
+    "died",
+    "hand_back",
+    "fail",
+    "leave",
+    "refused",
+)
+
 #: What a script says to whom speaks what the farm does not; see members.lua.
 _REFUSED: Final = re.compile(r"\bREFUSED (\d+) (\d+) (\S+)")
 
@@ -60,10 +80,15 @@ def texts() -> dict[str, str]:
 
 
 @contextmanager
-def _incompatible_as_farm_error() -> Iterator[None]:
-    """Raise `WrongLayout` or `Refused` where a script answers that this Plateau does not fit."""
+def _answers_as_farm_errors() -> Iterator[None]:
+    """Raise `WrongLayout` or `Refused` where a script answers that this Plateau does not fit.
+
+    And `StoreUnavailable` where Redis forgot the script as it was asked for.
+    """
     try:
         yield
+    except redis.exceptions.NoScriptError as error:
+        raise StoreUnavailable(f"Redis has just forgotten its scripts: {error}") from None
     except redis.exceptions.ResponseError as error:
         if wrong := _WRONG_LAYOUT.search(str(error)):
             raise WrongLayout(wrong[1]) from None
@@ -77,7 +102,7 @@ class Scripts:
 
     def __init__(self, client: redis.Redis) -> None:
         self._redis = client
-        self._scripts = {name: client.register_script(text) for name, text in texts().items()}
+        self._texts = texts()
 
     def run(self, script: str, *arguments: str | int | float) -> Any:
         """What the script returns; its first comment says what that may be.
@@ -86,23 +111,57 @@ class Scripts:
         ------
         StoreUnavailable
             Redis cannot be reached; whether the script ran is then unknown, and every script
-            may be run again.
+            may be run again. Or it does not know the script, and this user may not load it.
         WrongLayout
             The data has another layout by now than this Plateau's: nothing was done.
         Refused
             By scripts that say so: the farm does not speak what this Plateau does.
         """
-        with unavailable_as_farm_error(), _incompatible_as_farm_error():
-            return self._scripts[script](args=list(arguments))
+        with unavailable_as_farm_error(), _answers_as_farm_errors():
+            try:
+                return self._call(self._redis, script, arguments)
+            except redis.exceptions.NoScriptError:
+                self._load([script])
+                return self._call(self._redis, script, arguments)
 
     def run_each(self, script: str, arguments: Sequence[Sequence[str | int | float]]) -> list[Any]:
         """What the script returns for each of these arguments, in one round trip.
 
         Others may come in between two runs. Raises what `run` does.
         """
-        with unavailable_as_farm_error(), _incompatible_as_farm_error():
+        with unavailable_as_farm_error(), _answers_as_farm_errors():
+            self._load_unknown([script])
             pipe = self._redis.pipeline(transaction=False)
             for one in arguments:
-                self._scripts[script](args=list(one), client=pipe)
+                self._call(pipe, script, one)
             answers: list[Any] = pipe.execute()
         return answers
+
+    def serve_workers(self) -> None:
+        """See to it that Redis knows what workers run; raises what `run` does."""
+        with unavailable_as_farm_error():
+            self._load_unknown(WORKER_SCRIPTS)
+
+    def _call(self, client: redis.Redis, script: str, arguments: Sequence[Any]) -> Any:
+        return client.evalsha(_sha1(self._texts[script]), 0, *arguments)
+
+    def _load_unknown(self, scripts: Sequence[str]) -> None:
+        known = self._redis.script_exists(*(_sha1(self._texts[name]) for name in scripts))
+        self._load(name for name, is_known in zip(scripts, known, strict=True) if not is_known)
+
+    def _load(self, scripts: Iterable[str]) -> None:
+        try:
+            with unavailable_as_farm_error():
+                for name in scripts:
+                    self._redis.script_load(self._texts[name])
+        except NotPermitted:
+            raise StoreUnavailable(
+                f"Redis does not know the scripts of Plateau {versions.plateau()}, and this "
+                "process may not load them: it waits for a monitor or an API of this version"
+            ) from None
+
+
+@cache
+def _sha1(text: str) -> str:
+    """By which Redis knows a script."""
+    return hashlib.sha1(text.encode(), usedforsecurity=False).hexdigest()

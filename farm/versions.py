@@ -24,7 +24,7 @@ from functools import cache
 from typing import Final
 
 #: The layout that this Plateau reads and writes.
-LAYOUT: Final = 5
+LAYOUT: Final = 6
 
 #: The versions of the protocol that this Plateau speaks: these and all between.
 OLDEST: Final = 1

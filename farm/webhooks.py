@@ -73,6 +73,7 @@ class Taken:
     secrets: tuple[str, ...] = field(repr=False)  #: each signs; never empty
     token: str
     fields: dict[str, str] = field(repr=False)  #: the job's, as they were when it happened
+    sealed: dict[str, str] = field(repr=False)  #: and what workers cannot change of it
 
     @property
     def id(self) -> str:
@@ -82,7 +83,7 @@ class Taken:
     @property
     def job(self) -> Job:
         """The job as it was when it happened."""
-        return records.job(self.job_id, self.fields)
+        return records.job(self.job_id, self.fields, self.sealed)
 
 
 class DeliveryTry(BaseModel):
@@ -144,6 +145,7 @@ class Outbox:
             secrets=(found["secret"],) if found["secret"] else self.farm_secrets(),
             token=token,
             fields={**message["job"], "spec": found["spec"]},
+            sealed=found["sealed"],
         )
 
     def settle(

@@ -3,6 +3,7 @@
 import hashlib
 import logging
 
+from farm import blobs
 from farm.blobs import Blobs
 from farm.errors import CorruptPartial
 from farm.exr import Pixels, decode_partial
@@ -24,6 +25,8 @@ def checked_film(store: Blobs, blob: str, sha256: str) -> Pixels:
     CorruptPartial
         It is not what its worker uploaded.
     """
+    if not blobs.is_partial(blob):
+        raise CorruptPartial(f"{blob!r} is no partial's name")
     content = store.get(blob)
     if hashlib.sha256(content).hexdigest() != sha256:
         raise CorruptPartial(f"{blob} is not what its worker uploaded")

@@ -50,6 +50,8 @@ class Results:
             return
         self._glimpsed = True
         try:
+            if not blobs.is_partial(blob):
+                raise CorruptPartial(f"{blob!r} is no partial's name")
             partial = decode_partial(self._blobs.get(blob))
             if not 0 < partial.spp < self._spec.slice_spp:
                 raise CorruptPartial(f"a first pass of {partial.spp} spp")

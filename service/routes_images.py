@@ -85,6 +85,8 @@ def slice_exr(
     job = farm.job(job_id)
     try:
         record = farm.jobs.ledger(job.id)[index]
+        if not blobs.is_partial(record["blob"]):  # a worker may say what it likes
+            raise FileNotFoundError(record["blob"])
         headers = headers_of(job, strong(record["sha256"]), f"{job.id}-{index:06d}.exr")
         return blob_response(record["blob"], EXR, headers, farm, has, request)
     except (KeyError, FileNotFoundError) as error:

@@ -13,7 +13,7 @@ local batch, guarded, compared, first = ARGV[9], ARGV[10], ARGV[11], 12
 local made, by_then = made_before(idempotency, digest)
 if made then return {made, by_then} end
 local before = redis.call('HMGET', job_key(old), 'finished_at', 'checkpoint', 'variant', 'width',
-                          'height', 'notes', 'results', 'planned', 'spp')
+                          'height', 'notes', 'results', 'spp')
 if redis.call('EXISTS', job_key(old)) == 0 then return {'missing'} end
 if not before[1] then return {'changed'} end
 if checkpoint ~= '' and before[2] ~= checkpoint then return {'changed'} end
@@ -33,10 +33,10 @@ redis.call('HSET', job_key(id), 'continues', old, 'continued_spp', judged_spp, '
            'width', before[4], 'height', before[5], 'notes', before[6] or '[]',
            'started_at', now(), 'paused_ms', 0, 'planned', slices, 'issued', slices, 'committed', slices,
            'taken_spp', slices * redis.call('HGET', job_key(id), 'slice_spp'))
-redis.call('COPY', job_key(old, 'ledger'), job_key(id, 'ledger'))
-for index = slices, before[8] - 1 do redis.call('HDEL', job_key(id, 'ledger'), index) end
 for index = 0, slices - 1 do
-  local record = cjson.decode(redis.call('HGET', job_key(id, 'ledger'), index))
+  local text = redis.call('HGET', job_key(old, 'ledger'), index)
+  redis.call('HSET', job_key(id, 'ledger'), index, text)
+  local record = cjson.decode(text)
   redis.call('ZADD', job_key(id, 'seeds'), string.format('%.0f', record.first_seed),
              string.format('%.0f-%.0f', record.first_seed, record.last_seed))
 end
@@ -49,7 +49,7 @@ if checkpoint ~= '' then
     redis.call('HINCRBY', job_key(id), 'points', 1)
     announce(id, 'point', point)
   end
-  if (before[7] or '') ~= '' then show(id, before[7], before[9]) end
+  if (before[7] or '') ~= '' then show(id, before[7], before[8]) end
 end
 -- Nobody is shown the secret of a webhook, so none can be sent again for the same receiver.
 local hook = redis.call('HMGET', job_key(id, 'webhook'), 'receiver', 'secret')

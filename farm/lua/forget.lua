@@ -21,8 +21,8 @@ if batch and batch ~= '' then
     redis.call('SREM', GUARDED, batch)
   end
 end
-local owner = redis.call('HGET', job_key(id), 'owner')
-if owner and owner ~= '' then redis.call('ZREM', api_key_key(owner, 'jobs'), id) end
+local owner = redis.call('HGET', job_key(id, 'sealed'), 'owner')
+if owner then redis.call('ZREM', api_key_key(owner, 'jobs'), id) end
 drop_deliveries(id)
 redis.call('UNLINK', job_key(id))
 for _, part in ipairs(JOB_PARTS) do redis.call('UNLINK', job_key(id, part)) end

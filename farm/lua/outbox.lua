@@ -51,8 +51,9 @@ end
 
 -- Forget all deliveries of a job that is about to be forgotten itself.
 local function drop_deliveries(id)
-  local last = tonumber(redis.call('HGET', job_key(id), 'webhook_count') or 0)
-  for number = math.max(1, last - MOST_DELIVERIES + 1), last do drop_delivery(id, number) end
+  for _, number in ipairs(redis.call('HKEYS', job_key(id, 'deliveries'))) do
+    if string.match(number, '^%d+$') then drop_delivery(id, number) end
+  end
 end
 
 -- Put what happened to a job into the outbox, with the job as it is now, where its webhook wants it.

@@ -138,12 +138,22 @@ local function seal_webhook(id)
   redis.call('HDEL', job_key(id), 'webhook_url', 'webhook_secret')
 end
 
+-- Whose a job is, is no part of it either. What stays there is in whose share of the workers it counts.
+local function seal_owner(id, owner, key)
+  redis.call('HDEL', job_key(id), 'owner')
+  if not owner then return end
+  redis.call('HSET', job_key(id, 'sealed'), 'owner', owner, 'owner_name', key.name or '')
+  redis.call('HSET', job_key(id), 'party', owner)
+end
+
 -- A new job, queued; what follows `reason` are fields and values of its hash.
 local function new_job(id, priority, reason, ...)
   local number = redis.call('INCR', PREFIX .. 'created')
   redis.call('HSET', job_key(id), 'id', id, 'state', 'queued', 'reason', 'waiting for a worker',
              'created_at', now(), 'number', number, ...)
   seal_webhook(id)
+  local owner, key = owner_among(...)
+  seal_owner(id, owner, key)
   redis.call('ZADD', JOBS, number, id)
   redis.call('ZADD', in_state_key('queued'), number, id)
   local batch = redis.call('HMGET', job_key(id), 'batch', 'guards')
@@ -155,9 +165,7 @@ local function new_job(id, priority, reason, ...)
   redis.call('ZADD', OPEN, priority, id)
   redis.call('SADD', UNFINISHED, id)
   redis.call('HINCRBY', NEEDS, redis.call('HGET', job_key(id), 'need') or DEFAULT_POOL, 1)
-  local owner, key = owner_among(...)
   if owner then
-    redis.call('HSET', job_key(id), 'owner_name', key.name or '')
     redis.call('SADD', api_key_key(owner, 'open'), id)
     redis.call('ZADD', api_key_key(owner, 'jobs'), number, id)
   end
@@ -260,8 +268,8 @@ local function end_job(id, target, reason)
   redis.call('ZREM', OPEN, id)
   local need = redis.call('HGET', job_key(id), 'need') or DEFAULT_POOL
   if redis.call('HINCRBY', NEEDS, need, -1) < 1 then redis.call('HDEL', NEEDS, need) end
-  local owner = redis.call('HGET', job_key(id), 'owner')
-  if owner and owner ~= '' then redis.call('SREM', api_key_key(owner, 'open'), id) end
+  local party = redis.call('HGET', job_key(id), 'party')
+  if party then redis.call('SREM', api_key_key(party, 'open'), id) end
   redis.call('PUBLISH', WAKE_WORKERS, 'ended ' .. id)
   redis.call('PUBLISH', WAKE_MONITORS, id)
   return true, state
@@ -363,8 +371,13 @@ local function settle_tries(id, index, entry, worker)
     end
   end
   drop_entry(id, entry)
-  local prefix = tonumber(redis.call('HGET', job_key(id), 'prefix') or 0)
-  while redis.call('HEXISTS', job_key(id, 'ledger'), prefix) == 1 do prefix = prefix + 1 end
+  local prefix, committed = redis.call('HGET', job_key(id), 'prefix'), redis.call('HLEN', job_key(id, 'ledger'))
+  prefix = prefix and string.match(prefix, '^%d+$') and tonumber(prefix) or 0
+  if prefix > committed then prefix = 0 end
+  for index = prefix, committed - 1 do
+    if redis.call('HEXISTS', job_key(id, 'ledger'), index) == 0 then break end
+    prefix = index + 1
+  end
   redis.call('HSET', job_key(id), 'prefix', prefix)
   changed[id] = true
 end

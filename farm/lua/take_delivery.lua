@@ -1,8 +1,8 @@
 -- Lease the delivery that is due first, of a receiver that is not busy, to one who tries it. Of a job
 -- one is tried at a time, in the order in which they are due.
 -- ARGV: token, lease (ms), then receivers that are busy
--- Returns JSON {job, number, tries, receiver, url, secret, spec, now, delivery (JSON)}, or nil where
--- nothing is due.
+-- Returns JSON {job, number, tries, receiver, url, secret, spec, sealed, now, delivery (JSON)}, or nil
+-- where nothing is due.
 local token, lease_ms, busy = ARGV[1], ARGV[2], {}
 for i = 3, #ARGV do busy[ARGV[i]] = true end
 
@@ -14,9 +14,11 @@ local function lease(id, number, receiver)
   redis.call('HSET', deliveries, 'trying until', ends, number .. ' token', token)
   deliver_at(id, number, ends)
   local hook = redis.call('HMGET', job_key(id, 'webhook'), 'url', 'secret')
+  local sealed = redis.call('HMGET', job_key(id, 'sealed'), 'owner', 'owner_name')
   return cjson.encode({
     job = id, number = tonumber(number), receiver = receiver, url = hook[1], secret = hook[2],
     spec = redis.call('HGET', job_key(id), 'spec'),
+    sealed = {owner = sealed[1] or nil, owner_name = sealed[2] or nil},
     tries = redis.call('HINCRBY', deliveries, number .. ' tries', 1), now = now(),
     delivery = redis.call('HGET', deliveries, number),
   })

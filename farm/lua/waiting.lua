@@ -11,6 +11,16 @@
 --   need   "POOL", or "POOL TAG,TAG"           class  "VARIANT NEED"
 --   queue  "PRIORITY CLASS"                    kind   "POOL VARIANT,VARIANT TAG,TAG" of a worker
 
+-- What workers write may be anything, where one is in wrong hands, and no script may be busy with it for
+-- good: no loop counts from a number or up to one that is theirs, and a pattern is tried on so much of a
+-- text, since it may be tried at each character up to the last.
+local MOST_MATCHED = 4096
+local lua_string = string
+local string = setmetatable({
+  match = function(text, ...) return lua_string.match(lua_string.sub(text, 1, MOST_MATCHED), ...) end,
+  gmatch = function(text, ...) return lua_string.gmatch(lua_string.sub(text, 1, MOST_MATCHED), ...) end,
+}, {__index = lua_string})
+
 -- Jobs that the script has changed, and among them those that have more to give than before.
 local changed, has_more = {}, {}
 
@@ -153,7 +163,7 @@ local NOT_FILED = ' 0 '
 local function file(id)
   local state, held, ready, leased, slice_spp, number, owner, batch, was = unpack(
     redis.call('HMGET', job_key(id), 'state', 'held', 'ready', 'leased', 'slice_spp', 'number',
-               'owner', 'batch', 'filed'))
+               'party', 'batch', 'filed'))
   if not state then return end
   local pinned, asked, need, late_ms, prefix, late = unpack(
     redis.call('HMGET', job_key(id), 'variant', 'asked_variant', 'need', 'late_ms', 'prefix', 'late'))

@@ -15,48 +15,31 @@ from farm.blobs import Blobs
 from farm.embedded import EmbeddedRedis
 from farm.errors import NotPermitted, StoreUnavailable
 from farm.jobs import Jobs
+from farm.members import Membership
 from farm.ownership import Ownerships
 from farm.pairing import check_pair
 from farm.queue import Committed, Lease, SliceQueue, SliceRecord
-from farm.redis_acl import QUEUE_PARTS, WORKER_SCRIPTS, acl_file, rules
+from farm.redis_acl import QUEUE_PARTS, acl_file
 from farm.redis_link import connect, unavailable_as_farm_error
 from farm.schema import check_schema
-from farm.scripts import Scripts
+from farm.scripts import WORKER_SCRIPTS, Scripts, texts
 from farm.spec import JobSpec
 from farm.states import MAX_TRIES, JobState
 from farm.stop import Stop
 from farm.wake import Wake
 from farm.webhooks import Outbox
+from tests.support.redis_users import LEASE_S, Login, monitor_comes, users
 
-PASSWORD = "a password of a test"
-OLD = (6, 2)  #: what the embedded Redis is
-LEASE_S = 1.0
 VARIANTS = ("scalar_rgb",)
 LIMITS = KeyLimits(requests_per_minute=60, burst=10, upload_bytes=1, open_jobs=10)
 HOOK = {"url": "https://studio.example/hook", "events": ("rendering", "failed")}
 
-Login = Callable[[str], redis.Redis]
-
 
 @pytest.fixture
-def login(client: redis.Redis, embedded_redis: EmbeddedRedis) -> Iterator[Login]:
+def login(client: redis.Redis, redis_url: str) -> Iterator[Login]:
     """Opens a connection as one of the users; none of them may have been refused anything."""
-    users = acl_file(dict.fromkeys(rules(), PASSWORD), OLD).splitlines()[1:]
-    for line in users:
-        client.execute_command("ACL", "SETUSER", *line.split()[1:])
-    client.acl_log_reset()
-    opened = []
-
-    def open_as(role: str) -> redis.Redis:
-        path = embedded_redis.url.removeprefix("unix://")
-        opened.append(connect(f"unix://plateau-{role}:{PASSWORD}@{path}"))
-        return opened[-1]
-
-    yield open_as
-    for one in opened:
-        one.close()
-    for name in rules():
-        client.acl_deluser(name)
+    with users(client, redis_url) as login:
+        yield login
 
 
 def lease(worker: SliceQueue, loaded: str | None = None, *, in_turn: bool = False) -> Lease:
@@ -85,7 +68,7 @@ def about(name: str) -> dict[str, object]:
 
 def test_a_worker_can_do_all_that_workers_do(client: redis.Redis, login: Login) -> None:
     # Given a farm whose processes are each a user of its own
-    check_schema(login("monitor"))
+    monitor_comes(login)
     jobs, owners = Jobs(login("api")), Ownerships(login("monitor"), lease_s=15)
     key, _ = ApiKeys(login("admin")).create("anna", Role.SUBMITTER, LIMITS)
 
@@ -153,6 +136,7 @@ def never() -> Stop:
 JOB = "0123456789ab"
 WITHHELD = [
     *(("hget", keys.job(JOB, "webhook"), "secret"), ("hset", keys.job(JOB, "webhook"), "url", "x")),
+    *(("hgetall", keys.job(JOB, "sealed")), ("hset", keys.job(JOB, "sealed"), "owner", JOB)),
     *(("get", keys.WEBHOOK_SECRET), ("get", keys.OLD_WEBHOOK_SECRET)),
     *(("hgetall", keys.API_KEYS), ("hset", keys.API_KEYS, JOB, "{}"), ("hgetall", "plateau:keys")),
     *(("set", f"plateau:key:{JOB}:rate", "0"), ("zrange", keys.jobs_of_key(JOB), 0, -1)),
@@ -169,6 +153,7 @@ WITHHELD = [
     *(("flushall",), ("flushdb",), ("config", "get", "*"), ("config", "set", "dir", "/tmp")),
     *(("acl", "list"), ("acl", "setuser", "plateau-worker", "allkeys"), ("save",), ("shutdown",)),
     *(("script", "flush"), ("script", "kill"), ("client", "list")),
+    *(("script", "load", "while true do end"), ("client", "kill", "type", "normal")),
     *(("replicaof", "no", "one"), ("eval", "return 1", 0), ("migrate", "h", 1, "k", 0, 1)),
     *(("rename", keys.HEARD, keys.API_KEYS), ("copy", keys.API_KEYS, keys.HEARD), ("swapdb", 0, 1)),
 ]
@@ -187,11 +172,12 @@ def test_a_worker_hears_and_says_nothing_on_other_channels(login: Login, act: st
 
 
 def test_a_workers_scripts_reach_no_further_than_it_does(login: Login) -> None:
-    worker = login("worker")
-    script = f"return redis.call('HGETALL', '{keys.API_KEYS}')"
+    worker, admin = login("worker"), login("admin")
+    script = admin.script_load(f"return redis.call('HGETALL', '{keys.API_KEYS}')")
     with pytest.raises(NotPermitted), unavailable_as_farm_error():
-        worker.evalsha(worker.script_load(script), 0)
+        worker.evalsha(script, 0)
     # Nor those of others, which it may run: the rights are those of who asks
+    admin.script_load(texts()["create"])
     jobs = Jobs(login("api"))
     with pytest.raises(NotPermitted):
         Scripts(worker).run("create", "", "", 0, "", "", "", 1, JOB, "name", "x")
@@ -211,10 +197,19 @@ def test_a_monitor_has_nothing_to_do_with_who_may_use_the_api(
     "act",
     [
         *(("flushall",), ("keys", "*"), ("config", "set", "dir", "/"), ("acl", "list")),
-        *(("shutdown",), ("replicaof", "h", 1), ("set", "theirs", "x")),
+        *(("replicaof", "h", 1), ("set", "theirs", "x")),
     ],
 )
 def test_nobody_runs_the_server(login: Login, role: str, act: tuple[str, ...]) -> None:
+    with pytest.raises(redis.exceptions.NoPermissionError):
+        login(role).execute_command(*act)
+
+
+@pytest.mark.parametrize("role", ["monitor", "api"])
+@pytest.mark.parametrize("act", [("shutdown",), ("client", "list"), ("acl", "log")])
+def test_only_the_administrator_ends_what_hangs(
+    login: Login, role: str, act: tuple[str, ...]
+) -> None:
     with pytest.raises(redis.exceptions.NoPermissionError):
         login(role).execute_command(*act)
 
@@ -238,6 +233,27 @@ def test_a_worker_waits_for_who_may_lay_out_redis(login: Login, store: Blobs) ->
     check_pair(worker, store)
 
 
+def test_a_worker_waits_for_who_may_load_its_scripts(client: redis.Redis, login: Login) -> None:
+    # Given a farm without a monitor or an API
+    check_schema(login("monitor"))
+    worker = SliceQueue(login("worker"), "w", LEASE_S)
+
+    def waits() -> None:
+        with pytest.raises(StoreUnavailable, match="waits for a monitor or an API of this version"):
+            worker.heartbeat(about("w"), ())
+
+    waits()
+    # When a monitor comes, it goes on
+    monitor = monitor_comes(login)
+    assert worker.heartbeat(about("w"), ()) == ()
+    # And so it does after Redis has forgotten all scripts, as where it starts again
+    for comes_by in (lambda: monitor.heartbeat(0), Membership(login("api"), LEASE_S).heartbeat):
+        client.script_flush()
+        waits()
+        comes_by()
+        assert worker.heartbeat(about("w"), ()) == ()
+
+
 def test_a_wrong_password_is_not_repeated(login: Login, embedded_redis: EmbeddedRedis) -> None:
     path = embedded_redis.url.removeprefix("unix://")
     with pytest.raises(StoreUnavailable) as refusal, unavailable_as_farm_error():
@@ -259,7 +275,7 @@ def test_the_file_in_the_repository_is_what_the_command_prints() -> None:
 
 def test_who_met_an_old_file_waits_until_it_is_mended(client: redis.Redis, login: Login) -> None:
     # Given a worker whose user lacks what its scripts need by now
-    check_schema(login("monitor"))
+    monitor_comes(login)
     worker = SliceQueue(login("worker"), "w", LEASE_S)
     client.execute_command("ACL", "SETUSER", "plateau-worker", "-publish", "-zadd")
     # Then that is said, as what it waits for

@@ -243,7 +243,7 @@ def scan(client: redis.Redis, kind: Kind, loaded: str, *, in_turn: bool) -> str 
         if found and at != priority:
             break
         job = client.hgetall(keys.job(job_id))
-        slices, owner = keys.job(job_id, "slices"), job["owner"]
+        slices, owner = keys.job(job_id, "slices"), job.get("party", "")
         group = (owner, job["batch"]) if job["batch"] else job_id
         pending = client.xpending_range(slices, keys.GROUP, "-", "+", 1000)
         of_owner[owner] += len(pending) * int(job["slice_spp"])

@@ -1,6 +1,7 @@
 """A job's curve, ledger, images and events over HTTP."""
 
 import csv
+import json
 import threading
 from collections.abc import Iterator
 
@@ -8,11 +9,13 @@ import httpx
 import pytest
 import redis
 
-from farm import keys
+from farm import blobs, keys
 from farm.blobs import Blobs
+from farm.errors import CorruptPartial
 from farm.job import Event
 from farm.states import JobState
 from plateau.sse import parse_events
+from service.films import checked_film
 from tests.service.test_api_jobs import problem
 from tests.support.real_farm import until
 from tests.support.staged_job import HEIGHT, WIDTH, StagedJob
@@ -67,6 +70,21 @@ class TestTheCurve:
         job = StagedJob(client)
         assert http.get(f"/v1/jobs/{job.id}/curve").json() == {"points": []}
         assert http.get(f"/v1/jobs/{job.id}/curve.csv").text.startswith("spp,visible_pixels,")
+
+
+def test_a_slice_is_a_partial_whatever_its_worker_said(
+    http: httpx.Client, client: redis.Redis, store: Blobs
+) -> None:
+    # Given a ledger that names what is no partial
+    job, secret = StagedJob(client, keep_slices=True), blobs.scene("0" * 64)
+    job.commit()
+    store.put(secret, b"a scene")
+    record = {**json.loads(client.hget(keys.job(job.id, "ledger"), "0") or ""), "blob": secret}
+    client.hset(keys.job(job.id, "ledger"), "0", json.dumps(record))
+    # Then neither the API nor a monitor reads it
+    problem(http.get(f"/v1/jobs/{job.id}/slices/0.exr"), 404, "unknown-slice")
+    with pytest.raises(CorruptPartial, match="no partial's name"):
+        checked_film(store, secret, record["sha256"])
 
 
 def test_the_ledger_shows_each_slice(http: httpx.Client, client: redis.Redis) -> None:

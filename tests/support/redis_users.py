@@ -1,0 +1,48 @@
+"""Connections to a real Redis as the users that `plateau redis-acl` makes."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+import redis
+
+from farm.redis_acl import acl_file, rules
+from farm.redis_link import connect
+from farm.schema import check_schema
+from farm.totals import MonitorWork
+
+PASSWORD = "a password of a test"
+LEASE_S = 1.0
+
+#: Opens a connection as one of the users: ``worker``, ``monitor``, ``api``, ``admin``.
+Login = Callable[[str], redis.Redis]
+
+
+@contextmanager
+def users(root: redis.Redis, url: str) -> Iterator[Login]:
+    """The users, in a Redis that knows no scripts, at the path of a Unix socket."""
+    version = tuple(int(part) for part in root.info()["redis_version"].split(".")[:2])
+    for line in acl_file(dict.fromkeys(rules(), PASSWORD), version).splitlines()[1:]:
+        root.execute_command("ACL", "SETUSER", *line.split()[1:])
+    root.acl_log_reset()
+    root.script_flush()  # those of other tests
+    opened = []
+
+    def open_as(role: str) -> redis.Redis:
+        path = url.removeprefix("unix://")
+        opened.append(connect(f"unix://plateau-{role}:{PASSWORD}@{path}"))
+        return opened[-1]
+
+    yield open_as
+    for one in opened:
+        one.close()
+    for name in rules():
+        root.acl_deluser(name)
+
+
+def monitor_comes(login: Login) -> MonitorWork:
+    """A monitor lays out Redis, and says that it lives."""
+    monitor = login("monitor")
+    check_schema(monitor)
+    work = MonitorWork(monitor, "m", LEASE_S)
+    work.heartbeat(0)
+    return work
