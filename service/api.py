@@ -15,6 +15,7 @@ import uvicorn
 
 from farm.api_keys import ApiKeys
 from farm.blobs import Blobs
+from farm.bundle import BundleLimits
 from farm.errors import StoreUnavailable
 from farm.redis_link import connect
 from farm.settings import Settings
@@ -23,6 +24,7 @@ from service.event_hub import EventHub
 from service.http_server import server_config
 from service.key_guard import Access
 from service.loopback import is_loopback
+from service.scene_checks import SceneChecks
 from service.spool import spool_in
 
 #: How long a request may take to end when the API stops; streams of events end at once.
@@ -94,6 +96,7 @@ def run(
     if settings.redis_url is None or settings.blobs is None:
         raise ValueError("the API needs redis_url and blobs")
     spool_in(settings.cache / "uploads")
+    checks = SceneChecks(BundleLimits(max_bytes=round(settings.max_upload_gb * 2**30)))
     client = connect(settings.redis_url)
     access = access_at(host, ApiKeys(client), open_to_all=open_to_all)
     if tls is not None:
@@ -101,12 +104,13 @@ def run(
     elif access is Access.KEYS:
         _LOG.warning("keys come over plain HTTP, which others on the network can read: %s", _TLS)
     listener = listen(host, port)
+    checks.warm_up()  # before the app is made, which takes as long
     hub = EventHub(settings.redis_url)
     app = create_app(
         client=client,
         blobs=Blobs(settings.blobs),
         hub=hub,
-        max_upload_bytes=round(settings.max_upload_gb * 2**30),
+        checks=checks,
         access=access,
         webhook_allow=settings.webhook_allow,
     )

@@ -10,7 +10,6 @@ from farm.allowance import Allowance
 from farm.api_keys import ApiKeys
 from farm.batches import Batches
 from farm.blobs import Blobs
-from farm.bundle import BundleLimits
 from farm.continuation import Continuations
 from farm.jobs import Jobs
 from farm.redis_link import RedisClient
@@ -46,6 +45,7 @@ from service.openapi import DescribedAPI, refuse_unknown_parameters
 from service.parts import Parts
 from service.point_images import PointImages
 from service.problem_handlers import add_problem_handlers
+from service.scene_checks import SceneChecks
 from service.slashes import KeepSlashes
 from service.study_results import StudyResults
 from service.version_header import SayVersion
@@ -64,7 +64,7 @@ def create_app(
     client: RedisClient,
     blobs: Blobs,
     hub: EventHub,
-    max_upload_bytes: int,
+    checks: SceneChecks,
     access: Access = Access.UNTIL_KEYS,
     webhook_allow: tuple[str, ...] = (),
 ) -> FastAPI:
@@ -72,10 +72,11 @@ def create_app(
 
     Parameters
     ----------
-    client, blobs, hub
-        Redis, the blob store, and the fan-out of events, which is closed with the app.
-    max_upload_bytes
-        Size of the largest scene that is taken.
+    client, blobs
+        Redis and the blob store.
+    hub, checks
+        The fan-out of events and the checks of scenes, whose limits are the API's; they are closed
+        with the app.
     access
         Whether requests need keys.
     webhook_allow
@@ -87,6 +88,7 @@ def create_app(
         yield
         await hub.close()
         points.close()
+        checks.close()
 
     app = DescribedAPI(
         title="Plateau",
@@ -112,7 +114,7 @@ def create_app(
         study_results=StudyResults(studies),
         blobs=blobs,
         points=points,
-        limits=BundleLimits(max_bytes=max_upload_bytes),
+        checks=checks,
         hub=hub,
         outbox=Outbox(client),
         workers=Workers(client),
@@ -141,7 +143,7 @@ def create_app(
     app.webhooks.include_router(routes_webhooks.sent)
     app.add_middleware(KeepSlashes)
     app.add_middleware(HeadAsGet)
-    app.add_middleware(BodyLimit, most=max_upload_bytes + ENVELOPE_BYTES)
+    app.add_middleware(BodyLimit, most=checks.limits.max_bytes + ENVELOPE_BYTES)
     app.add_middleware(SayVersion)
     app.add_middleware(KeyGuard, keys=ApiKeys(client), allowance=Allowance(client), access=access)
     app.add_middleware(LogFields)

@@ -275,7 +275,7 @@ PROBLEM_DETAILS: Final = {
     f"GET {_ROOT}/previews lists the pictures to be had",
     "cannot-merge": f"job {JOB_ID} keeps no picture of 300 spp, and did not keep its slices; "
     f"GET {_ROOT}/previews lists the pictures to be had",
-    "busy": "8 images of points are waited for already; try again in 5 s",
+    "busy": "many scenes are being checked already; try again in 2 s",
     "unknown-delivery": f"job {JOB_ID} has no delivery 9; GET {_ROOT}/webhooks lists those it has",
     "unknown-slice": f"slice 15 of job {JOB_ID} is not stored; slices stay where the job's spec "
     "says keep_slices",

@@ -8,7 +8,6 @@ from fastapi import Request
 
 from farm.batches import Batches
 from farm.blobs import Blobs
-from farm.bundle import BundleLimits
 from farm.continuation import Continuations
 from farm.errors import JobNotFound
 from farm.job import Job
@@ -19,6 +18,7 @@ from farm.webhooks import Outbox
 from farm.workers import Workers
 from service.event_hub import EventHub
 from service.point_images import PointImages
+from service.scene_checks import SceneChecks
 from service.study_results import StudyResults
 from service.webhook_addresses import Receivers
 
@@ -27,7 +27,7 @@ _JOB_ID: Final = re.compile(r"[0-9a-f]{12}")
 
 @dataclass(frozen=True)
 class Parts:
-    """The queue, the blob store, and the limits on what comes in."""
+    """The queue, the blob store, and the checks of what comes in."""
 
     jobs: Jobs
     scenes: SceneIndex
@@ -37,7 +37,7 @@ class Parts:
     study_results: StudyResults
     blobs: Blobs
     points: PointImages
-    limits: BundleLimits
+    checks: SceneChecks
     hub: EventHub
     outbox: Outbox
     workers: Workers

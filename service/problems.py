@@ -16,6 +16,9 @@ MEDIA_TYPE: Final = "application/problem+json"
 #: When a client may try again while Redis or the blob store is away, in seconds.
 _RETRY_AFTER_S: Final = 2
 
+#: What is answered to a client that has gone; nobody reads it, but the metrics count it.
+CLIENT_GONE: Final = 499
+
 _log = logging.getLogger(__name__)
 
 

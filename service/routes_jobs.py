@@ -13,7 +13,7 @@ from service.batch_views import BATCH, BatchView, batch_path, batch_view
 from service.callers import CallerOf
 from service.parts import Parts, parts
 from service.problems import Problem, documented
-from service.uploads import Submission, create_job, submission
+from service.uploads import StoredScene, Submission, create_job, stored_scene, submission
 from service.views import JobChange, JobPage, JobView, Log, SliceLog, Slices, SliceView, job_view
 
 router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
@@ -117,6 +117,7 @@ _SUBMISSION: Final[dict[str, Any]] = {
             problems.NO_SCENE,
             problems.UNKNOWN_SCENE,
             problems.BROKEN_SCENE,
+            problems.BUSY,
             problems.KEY_REUSED,
             problems.UNEVEN_BATCH,
             problems.TOO_MANY_JOBS,
@@ -126,6 +127,7 @@ _SUBMISSION: Final[dict[str, Any]] = {
 def submit(
     response: Response,
     asked: Annotated[Submission, Depends(submission)],
+    scene: Annotated[StoredScene, Depends(stored_scene)],
     farm: Annotated[Parts, Depends(parts)],
     who: CallerOf,
 ) -> JobView | BatchView:
@@ -136,7 +138,7 @@ def submit(
     the spec its name is made up. Answers 201; the header `Idempotency-Replayed: true` says that
     the key's first request had made it already.
     """
-    created = create_job(asked, farm, owner=who.id)
+    created = create_job(asked, scene, farm, owner=who.id)
     idempotency.settle(created, asked.idempotency_key, response)
     batch = created.job.spec.batch
     if isinstance(asked.spec, JobSpec) or batch is None:

@@ -39,8 +39,6 @@ _PROBLEMS: Final = (
 )
 #: When to ask again while too many wait, in seconds.
 _BUSY_S: Final = 5
-#: What servers call the answer to a client that has gone; nobody reads it.
-_CLIENT_GONE: Final = 499
 
 
 @router.get("", responses=documented(problems.UNKNOWN_JOB))
@@ -121,7 +119,7 @@ async def _merged(
     except SliceLost as error:
         raise _cannot(job, spp, str(error)) from error
     if content is None:
-        return Response(status_code=_CLIENT_GONE)
+        return Response(status_code=problems.CLIENT_GONE)
     return Response(content, media_type=media_type, headers=headers)
 
 

@@ -5,10 +5,9 @@ from typing import Annotated
 from fastapi import APIRouter, Depends
 
 from service import problems
-from service.parts import Parts, parts
 from service.problems import documented
 from service.routes_jobs import SUBMISSION_BODY
-from service.uploads import Submission, store_scene, submission
+from service.uploads import StoredScene, stored_scene
 from service.views import SceneFound
 
 router = APIRouter(prefix="/v1/scenes", tags=["scenes"])
@@ -26,17 +25,17 @@ router = APIRouter(prefix="/v1/scenes", tags=["scenes"])
         problems.NO_SCENE,
         problems.UNKNOWN_SCENE,
         problems.BROKEN_SCENE,
+        problems.BUSY,
     ),
 )
 def check(
-    asked: Annotated[Submission, Depends(submission)], farm: Annotated[Parts, Depends(parts)]
+    found: Annotated[StoredScene, Depends(stored_scene)],
 ) -> SceneFound:
     """Check a scene and store it, without a job: what `POST /v1/jobs` would find in it.
 
     Takes the same parts. Of `spec`, `parameters`, `sensor` and what decides on seeds count. A scene
     that no job uses stays for an hour at least, and is submitted by its `sha256`.
     """
-    found = store_scene(asked, farm)
     return SceneFound(
         sha256=found.sha256,
         name=found.name,

@@ -9,32 +9,36 @@ import os
 import re
 import secrets
 import tempfile
-import time
-from collections.abc import AsyncIterator, Iterator
-from contextlib import contextmanager
+from collections.abc import AsyncIterator
+from contextlib import ExitStack
 from dataclasses import dataclass
-from typing import BinaryIO, Final
+from typing import Annotated, BinaryIO, Final, cast
 
-from fastapi import Request
+from fastapi import Depends, Request
+from fastapi.concurrency import run_in_threadpool
 from starlette.datastructures import FormData, UploadFile
+from starlette.exceptions import HTTPException
 
 from farm import blobs as blob_names
-from farm.bundle import BundleError, BundleLimits, SceneSummary, inspect_bundle
+from farm.bundle import BundleError, SceneSummary
 from farm.jobs import Created
 from farm.scene_index import SceneIndex
 from farm.spec import BatchSpec, JobSpec
 from service import problems
+from service.check_process import CheckEnded
 from service.idempotency import idempotency_key
-from service.parts import Parts, parts_of
-from service.problems import Problem
+from service.parts import Parts, parts, parts_of
+from service.problems import CLIENT_GONE, Problem
+from service.scene_checks import Gone, TooManyChecks, Turn
 from service.spec_checks import check_seeds, check_webhook, invalid_field
 from service.submitted_spec import submitted_spec
 
 _FIELDS: Final = frozenset({"scene", "scene_sha256", "spec"})
 _MAX_SPEC_BYTES: Final = 1 << 20
 _MAX_NAME: Final = 90  #: a made-up batch is called by it
-#: A scene may take a second to check, and a list has up to a thousand entries.
+#: CPU time: a scene may take a second to check, and a list has up to a thousand entries.
 _MOST_CHECKING_S: Final = 60.0
+_BUSY_S: Final = 2
 _CHUNK_BYTES: Final = 1 << 20
 _SHA256: Final = re.compile(r"[0-9a-f]{64}")
 
@@ -116,37 +120,54 @@ class StoredScene:
     summary: SceneSummary
 
 
-def store_scene(asked: Submission, farm: Parts) -> StoredScene:
-    """What was found in the scene that a request brings or names, checked with the spec's values.
+async def stored_scene(
+    request: Request,
+    asked: Annotated[Submission, Depends(submission)],
+    farm: Annotated[Parts, Depends(parts)],
+) -> StoredScene:
+    """The scene that a request brings or names, checked with the spec's values, and stored.
 
-    An upload is stored; a sweep leaves it for an hour at least.
+    A sweep leaves it for an hour at least. Few scenes are fetched, hashed and checked at a time.
     """
-    if isinstance(asked.scene, str):
-        name = _name_of_stored(asked.scene, farm.scenes)
-        farm.scenes.use(asked.scene)
-        with _fetched(asked.scene, farm) as file:
-            size = _size(file)
-            return StoredScene(asked.scene, name, size, _inspected(file, asked.spec, farm.limits))
-    with _on_disk(asked.scene) as file:
-        sha256 = _sha256(file)
-        summary = _inspected(file, asked.spec, farm.limits)
-        size = _size(file)
-        farm.scenes.use(sha256)
-        farm.blobs.put_once(blob_names.scene(sha256), file, size)
-    name = _clean_name(asked.scene.filename)
+    try:
+        async with farm.checks.turn(request.is_disconnected) as turn:
+            with await run_in_threadpool(_opened, asked.scene, farm) as file:
+                sha256 = await run_in_threadpool(_sha256, file)
+                if isinstance(asked.scene, str) and sha256 != asked.scene:
+                    raise _damaged(asked.scene)
+                summary = await _checked(turn, file, asked.spec)
+                return await run_in_threadpool(_stored, asked.scene, sha256, file, summary, farm)
+    except (TooManyChecks, CheckEnded) as error:
+        raise Problem(
+            problems.BUSY,
+            f"many scenes are being checked already; try again in {_BUSY_S} s",
+            headers={"Retry-After": str(_BUSY_S)},
+        ) from error
+    except Gone:
+        raise HTTPException(CLIENT_GONE) from None
+
+
+def _stored(
+    scene: UploadFile | str, sha256: str, file: BinaryIO, summary: SceneSummary, farm: Parts
+) -> StoredScene:
+    """The scene, of which the blob store has the file from now on."""
+    size = _size(file)
+    if isinstance(scene, str):
+        return StoredScene(sha256, _name_of_stored(sha256, farm.scenes), size, summary)
+    farm.scenes.use(sha256)
+    farm.blobs.put_once(blob_names.scene(sha256), file, size)
+    name = _clean_name(scene.filename)
     farm.scenes.remember(
         sha256, {"name": name, "bytes": size, "width": summary.width, "height": summary.height}
     )
     return StoredScene(sha256, name, size, summary)
 
 
-def create_job(asked: Submission, farm: Parts, *, owner: str) -> Created:
+def create_job(asked: Submission, scene: StoredScene, farm: Parts, *, owner: str) -> Created:
     """The job that was asked for, its owner's, or the first of many: all of them or none.
 
-    Nothing is created unless the scene passes the check with the values of each. The scene is
-    stored before a job exists, so that no worker finds a job without one.
+    The scene is stored before a job exists, so that no worker finds a job without one.
     """
-    scene = store_scene(asked, farm)
     sha256, name = scene.sha256, scene.name
     digest = hashlib.sha256(f"{sha256} {asked.spec.as_request()}".encode()).hexdigest()
     return farm.jobs.create_all(
@@ -167,34 +188,33 @@ def _job_specs(spec: JobSpec | BatchSpec, scene: str) -> list[JobSpec]:
     return spec.job_specs(spec.batch or f"{stem}-{secrets.token_hex(3)}")
 
 
-@contextmanager
-def _on_disk(upload: UploadFile) -> Iterator[BinaryIO]:
-    """The spooled upload as an ordinary file."""
-    with os.fdopen(os.dup(upload.file.fileno()), "rb") as file:  # fileno() moves it to disk
-        file.seek(0)
-        yield file
-
-
-@contextmanager
-def _fetched(sha256: str, farm: Parts) -> Iterator[BinaryIO]:
-    with tempfile.TemporaryFile() as file:
+def _opened(scene: UploadFile | str, farm: Parts) -> BinaryIO:
+    """The scene as an ordinary file: an upload where it was spooled, a stored one fetched."""
+    if not isinstance(scene, str):
+        return os.fdopen(os.dup(scene.file.fileno()), "rb")  # fileno() moves it to disk
+    farm.scenes.use(scene)
+    with ExitStack() as until_it_is_there:
+        file = cast("BinaryIO", until_it_is_there.enter_context(tempfile.TemporaryFile()))
         try:
-            for chunk in farm.blobs.chunks(blob_names.scene(sha256)):
+            for chunk in farm.blobs.chunks(blob_names.scene(scene)):
                 file.write(chunk)
         except FileNotFoundError as error:
-            farm.scenes.disuse(sha256)
+            farm.scenes.disuse(scene)
             raise Problem(
                 problems.UNKNOWN_SCENE,
-                f"no scene {sha256} is stored here; send the file itself as the part scene",
+                f"no scene {scene} is stored here; send the file itself as the part scene",
             ) from error
-        file.seek(0)
-        if _sha256(file) != sha256:
-            raise Problem(
-                problems.UNKNOWN_SCENE,
-                f"the copy of scene {sha256} that is stored here is damaged; remove the blob "
-                f"{blob_names.scene(sha256)} and send the file itself as the part scene",
-            )
-        yield file
+        file.flush()  # another process reads it
+        until_it_is_there.pop_all()
+    return file
+
+
+def _damaged(sha256: str) -> Problem:
+    return Problem(
+        problems.UNKNOWN_SCENE,
+        f"the copy of scene {sha256} that is stored here is damaged; remove the blob "
+        f"{blob_names.scene(sha256)} and send the file itself as the part scene",
+    )
 
 
 def _size(file: BinaryIO) -> int:
@@ -205,51 +225,54 @@ def _size(file: BinaryIO) -> int:
 
 def _sha256(file: BinaryIO) -> str:
     digest = hashlib.sha256()
+    file.seek(0)
     while chunk := file.read(_CHUNK_BYTES):
         digest.update(chunk)
     file.seek(0)
     return digest.hexdigest()
 
 
-def _inspected(file: BinaryIO, spec: JobSpec | BatchSpec, limits: BundleLimits) -> SceneSummary:
+async def _checked(turn: Turn, file: BinaryIO, spec: JobSpec | BatchSpec) -> SceneSummary:
     """What is found with the spec's values; with the first entry's, where each passes the check."""
+    entries = _different(spec)
+    asked = [(one.parameter_strings(), one.sensor) for one in entries.values()]
+    try:
+        found = await turn.check(file, asked, total_s=_MOST_CHECKING_S)
+    except BundleError as error:
+        raise _broken(error) from error
+    fields = iter(entries)
+    for (width, height), one in zip(found.sizes, entries.values(), strict=False):
+        check_seeds(one, width, height, next(fields) or "spec")
+    if found.error is not None:
+        raise _broken(found.error, next(fields)) from found.error
+    if len(found.sizes) < len(asked):
+        message = f"with {next(fields).rpartition('.')[2]} entries the scene took "
+        message += f"{_MOST_CHECKING_S:g} s to check; "
+        message += "send fewer at once, each time with the same batch"
+        raise invalid_field(problems.INVALID_SPEC, "spec.parameters", message)
+    assert found.summary is not None  # a spec has an entry at least
+    return found.summary
+
+
+def _different(spec: JobSpec | BatchSpec) -> dict[str, JobSpec]:
+    """The spec of each job, by the field that has its values; of jobs with the same, the first."""
     if isinstance(spec, JobSpec):
-        return _inspected_once(file, spec, limits)
-    summary, known = None, set()
-    started = time.monotonic()
+        return {"": spec}
+    different: dict[frozenset[tuple[str, str]], tuple[str, JobSpec]] = {}
     for index, one in enumerate(spec.job_specs("checked")):
         values = frozenset(one.parameter_strings().items())
-        if values in known:
-            continue
-        if time.monotonic() - started > _MOST_CHECKING_S:
-            message = f"with {index} entries the scene took {_MOST_CHECKING_S:g} s to check; "
-            message += "send fewer at once, each time with the same batch"
-            raise invalid_field(problems.INVALID_SPEC, "spec.parameters", message)
-        known.add(values)
-        found = _inspected_once(file, one, limits, f"spec.parameters.{index}")
-        summary = summary or found
-    assert summary is not None  # a list has an entry at least
-    return summary
+        different.setdefault(values, (f"spec.parameters.{index}", one))
+    return dict(different.values())
 
 
-def _inspected_once(
-    file: BinaryIO, spec: JobSpec, limits: BundleLimits, field: str = ""
-) -> SceneSummary:
-    """What is found with the values of one job, which are in this field of a list."""
-    try:
-        summary = inspect_bundle(
-            file, parameters=spec.parameter_strings(), sensor=spec.sensor, limits=limits
-        )
-    except BundleError as error:
-        kind = problems.UPLOAD_TOO_LARGE if error.code == "too-large" else problems.BROKEN_SCENE
-        problem = Problem(kind, str(error), code=error.code, file=error.file, line=error.line)
-        if field:
-            problem.detail = f"with {field}: {error}"
-            problem.members["errors"] = [{"field": field, "message": str(error)}]
-        raise problem from error
-    check_seeds(spec, summary.width, summary.height, field or "spec")
-    file.seek(0)
-    return summary
+def _broken(error: BundleError, field: str = "") -> Problem:
+    """The problem with a scene, given the values of this field of a list."""
+    kind = problems.UPLOAD_TOO_LARGE if error.code == "too-large" else problems.BROKEN_SCENE
+    problem = Problem(kind, str(error), code=error.code, file=error.file, line=error.line)
+    if field:
+        problem.detail = f"with {field}: {error}"
+        problem.members["errors"] = [{"field": field, "message": str(error)}]
+    return problem
 
 
 def _name_of_stored(sha256: str, scenes: SceneIndex) -> str:

@@ -1,6 +1,6 @@
 """Scenes as they are uploaded: checked without Mitsuba, packed, and unpacked."""
 
-from farm.bundle.check import SceneSummary, inspect_bundle, unpack_bundle
+from farm.bundle.check import SceneSummary, inspect_bundle, inspect_each, unpack_bundle
 from farm.bundle.rules import CODES, BundleError, BundleLimits
 
 __all__ = [
@@ -9,5 +9,6 @@ __all__ = [
     "BundleLimits",
     "SceneSummary",
     "inspect_bundle",
+    "inspect_each",
     "unpack_bundle",
 ]

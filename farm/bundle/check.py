@@ -10,7 +10,7 @@ Mitsuba would load) or costs more than it should (bombs, include cycles, huge fi
 """
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -78,22 +78,32 @@ def inspect_bundle(
     -----
     Sizes are those that the archive declares; `unpack_bundle` finds out whether they are true.
     """
+    return next(inspect_each(source, [(parameters or {}, sensor)], limits))
+
+
+def inspect_each(
+    source: Path | BinaryIO,
+    asked: Iterable[tuple[Mapping[str, str], int]],
+    limits: BundleLimits = _DEFAULT_LIMITS,
+) -> Iterator[SceneSummary]:
+    """Yield what an upload holds with each of these parameters and sensors, as `inspect_bundle`."""
     with _opened(source) as stream:
         bundle = _bundle(stream, limits)
         entry = _entry(bundle, limits)
-        scene = read_scene(bundle, entry, parameters or {}, limits)
-    scene.parameters.check_all_used()
-    width, height = scene.cast.image_size(sensor, limits)
-    return SceneSummary(
-        kind="zip" if isinstance(bundle, Archive) else "xml",
-        entry=bundle.label(entry),
-        files=len(bundle.files),
-        bytes_unpacked=sum(bundle.files.values()),
-        width=width,
-        height=height,
-        sensors=len(scene.cast.sensors),
-        parameters=scene.parameters.defaults,
-    )
+        for parameters, sensor in asked:
+            scene = read_scene(bundle, entry, parameters, limits)
+            scene.parameters.check_all_used()
+            width, height = scene.cast.image_size(sensor, limits)
+            yield SceneSummary(
+                kind="zip" if isinstance(bundle, Archive) else "xml",
+                entry=bundle.label(entry),
+                files=len(bundle.files),
+                bytes_unpacked=sum(bundle.files.values()),
+                width=width,
+                height=height,
+                sensors=len(scene.cast.sensors),
+                parameters=scene.parameters.defaults,
+            )
 
 
 def unpack_bundle(

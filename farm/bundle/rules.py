@@ -129,3 +129,10 @@ class BundleError(ValueError):
         self.code = code
         self.file = file
         self.line = line
+
+    @classmethod
+    def told(cls, *, code: str, message: str, file: str | None, line: int | None) -> "BundleError":
+        """The error that another process told of: its code, its words as they are, its place."""
+        error = cls(code, message)
+        error.file, error.line = file, line
+        return error

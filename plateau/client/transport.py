@@ -189,7 +189,10 @@ class Transport:
             problem = None
         if isinstance(problem, dict) and "type" in problem:
             retry_after_s = _seconds(answer.headers.get("Retry-After"))
-            return ApiError(answer.status_code, problem, retry_after_s=retry_after_s)
+            error = ApiError(answer.status_code, problem, retry_after_s=retry_after_s)
+            # It is there and has too much to do, so it is waited for.
+            self._is_heard = self._is_heard or error.slug == "busy"
+            return error
         if answer.status_code in _AWAY:  # a proxy in front of a service that is away
             return ApiError(answer.status_code, {})
         return NotPlateau(self.url, f"HTTP status {answer.status_code}")

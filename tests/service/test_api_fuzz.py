@@ -41,11 +41,13 @@ from schemathesis.pytest.lazy import get_all_tests
 
 from farm.api_keys import ApiKeys, KeyLimits, Role
 from farm.blobs import Blobs
+from farm.bundle import BundleLimits
 from farm.jobs import Jobs
 from farm.redis_link import connect
 from farm.states import JobState
 from service.app import create_app
 from service.event_hub import EventHub
+from service.scene_checks import SceneChecks
 from tests.support import long_tests
 from tests.support.live_api import LARGEST_UPLOAD
 from tests.support.staged_job import StagedJob
@@ -91,7 +93,7 @@ def the_document() -> dict[str, Any]:
             client=connect(nowhere),
             blobs=Blobs(folder),
             hub=EventHub(nowhere),
-            max_upload_bytes=LARGEST_UPLOAD,
+            checks=SceneChecks(BundleLimits(max_bytes=LARGEST_UPLOAD)),
         )
     return app.openapi()
 

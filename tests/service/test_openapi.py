@@ -12,6 +12,7 @@ import redis
 
 from farm import input_errors
 from farm.blobs import Blobs
+from farm.bundle import BundleLimits
 from farm.redis_link import connect
 from farm.studies import Studies
 from farm.study import Screen, Study
@@ -20,6 +21,7 @@ from service.app import create_app
 from service.event_hub import EventHub
 from service.key_guard import needs_key
 from service.problems import TYPES
+from service.scene_checks import SceneChecks
 from tests.service.test_api_jobs import submit
 from tests.support.live_api import LARGEST_UPLOAD
 from tests.support.staged_job import StagedJob
@@ -254,7 +256,7 @@ def test_a_route_that_is_left_out_of_the_description_works(tmp_path: Path) -> No
         client=connect(nowhere),
         blobs=Blobs(str(tmp_path)),
         hub=EventHub(nowhere),
-        max_upload_bytes=LARGEST_UPLOAD,
+        checks=SceneChecks(BundleLimits(max_bytes=LARGEST_UPLOAD)),
     )
 
     @app.get("/page", include_in_schema=False)

@@ -7,12 +7,14 @@ from contextlib import contextmanager
 import uvicorn
 
 from farm.blobs import Blobs
+from farm.bundle import BundleLimits
 from farm.redis_link import connect
 from service.api import listen, url_of
 from service.app import create_app
 from service.event_hub import EventHub
 from service.http_server import server_config
 from service.key_guard import Access
+from service.scene_checks import SceneChecks
 
 LARGEST_UPLOAD = 3_000_000
 
@@ -38,7 +40,7 @@ def live_api(
         client=connect(redis_url),
         blobs=store,
         hub=hub,
-        max_upload_bytes=LARGEST_UPLOAD,
+        checks=SceneChecks(BundleLimits(max_bytes=LARGEST_UPLOAD)),
         access=access,
         webhook_allow=webhook_allow,
     )
