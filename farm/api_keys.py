@@ -51,8 +51,12 @@ class KeyLimits(BaseModel):
     burst: int = Field(
         ge=1, le=1_000_000, description="so many requests may come at once, after a pause"
     )
-    upload_bytes: int | None = Field(ge=1, description="largest upload; null: the farm's limit")
-    open_jobs: int | None = Field(ge=1, description="most jobs that have not ended; null: any")
+    upload_bytes: int | None = Field(
+        ge=1, le=2**50, description="largest upload; null: the farm's limit"
+    )
+    open_jobs: int | None = Field(
+        ge=1, le=1_000_000_000, description="most jobs that have not ended; null: any"
+    )
 
 
 class ApiKey(BaseModel):

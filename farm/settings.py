@@ -18,6 +18,13 @@ LogFormat = Literal["text", "json"]
 #: of for half a lease, the whole farm is thought silent and nothing is taken back (prelude.lua).
 LEASE_HEARTBEATS: Final = 2.5
 
+#: The longest time that a setting may name, in seconds: a day for what is waited for here and now.
+_DAY_S: Final = 86_400.0
+#: And in days: ten years.
+_MOST_DAYS: Final = 3_653.0
+#: More than any machine has, in GiB.
+_MOST_GB: Final = 2.0**20
+
 _HOST_NAME: Final = re.compile(r"[A-Za-z0-9_-]+(\.[A-Za-z0-9_-]+)*\.?")
 
 #: A file; "" is none, so that the setting can be taken back for a process.
@@ -76,31 +83,49 @@ class Settings(BaseSettings):
         200, ge=1, le=1_000_000, description="and how many at once, after a pause"
     )
     key_upload_gb: float | None = Field(
-        None, gt=0, description="largest upload of a new API key; unset, PLATEAU_MAX_UPLOAD_GB"
+        None,
+        gt=0,
+        le=_MOST_GB,
+        description="largest upload of a new API key; unset, PLATEAU_MAX_UPLOAD_GB",
     )
     key_open_jobs: int = Field(
-        10_000, ge=1, description="how many jobs of a new API key may be open at once"
+        10_000,
+        ge=1,
+        le=1_000_000_000,
+        description="how many jobs of a new API key may be open at once",
     )
     lease_s: float = Field(
-        15.0, gt=0, description="a lease not renewed for this long may be reclaimed"
+        15.0, gt=0, le=_DAY_S, description="a lease not renewed for this long may be reclaimed"
     )
     heartbeat_s: float = Field(
         default_factory=lambda known: min(5.0, known["lease_s"] / 3),
         gt=0,
+        le=_DAY_S,
         description="a worker renews its leases this often; unset, 5 or a third of the lease",
     )
     pass_timeout_s: float = Field(
-        120.0, gt=0, description="a pass that takes longer is killed with its process group"
+        120.0,
+        gt=0,
+        le=_DAY_S,
+        description="a pass that takes longer is killed with its process group",
     )
     load_timeout_s: float = Field(
-        300.0, gt=0, description="a scene that takes longer to load is given up"
+        300.0, gt=0, le=_DAY_S, description="a scene that takes longer to load is given up"
     )
     child_memory_gb: float | None = Field(
-        None, gt=0, description="memory limit of a render child; unset, its share of the machine's"
+        None,
+        gt=0,
+        le=_MOST_GB,
+        description="memory limit of a render child; unset, its share of the machine's",
     )
-    max_upload_gb: float = Field(2.0, gt=0, description="largest scene that the API takes")
+    max_upload_gb: float = Field(
+        2.0, gt=0, le=_MOST_GB, description="largest scene that the API takes"
+    )
     threads: int | None = Field(
-        None, gt=0, description="threads of a render child; unset, all cores of the machine"
+        None,
+        gt=0,
+        le=65_536,
+        description="threads of a render child; unset, all cores of the machine",
     )
     pool: PlaceName = Field(
         DEFAULT_POOL, description="a worker renders the jobs of this pool alone"
@@ -111,12 +136,14 @@ class Settings(BaseSettings):
     keep_results_days: float | None = Field(
         None,
         ge=0,
+        le=_MOST_DAYS,
         allow_inf_nan=False,
         description="finished jobs go after so many days; unset, they stay",
     )
     keep_sums_days: float = Field(
         3.0,
         ge=0,
+        le=_MOST_DAYS,
         allow_inf_nan=False,
         description="for so many days after its end a job can be gone on with, though its slices "
         "are not kept; 0 keeps no sums",
@@ -124,6 +151,7 @@ class Settings(BaseSettings):
     keep_scenes_days: float | None = Field(
         None,
         ge=0,
+        le=_MOST_DAYS,
         allow_inf_nan=False,
         description="scenes of no job go after so many days without use; unset, they stay",
     )
@@ -144,6 +172,7 @@ class Settings(BaseSettings):
     leave_after_s: float | None = Field(
         None,
         gt=0,
+        le=366 * _DAY_S,
         description="a worker that had nothing to do for so long ends; unset, it stays",
     )
     when_refused: Literal["exit", "wait"] = Field(

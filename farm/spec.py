@@ -18,12 +18,25 @@ Variant = Literal["auto", "scalar_rgb", "llvm_ad_rgb", "cuda_ad_rgb"]
 
 #: The highest cap, in spp.
 MOST_SPP: Final = 1_000_000
+#: The longest time limit: a year.
+MOST_S: Final = 366 * 86_400
+#: Thresholds and slopes are in pixels at 512×512, and that has no more.
+PIXELS_AT_512: Final = 512 * 512
+
+#: Visible pixels at 512×512.
+Threshold = Annotated[float, Field(ge=0, le=PIXELS_AT_512)]
+#: Samples per pixel.
+Spp = Annotated[int, Field(ge=1, le=MOST_SPP)]
 #: A list of parameters makes at most so many jobs.
 MAX_ENTRIES: Final = 1000
 
 
 class _Spec(BaseModel):
     """Frozen, and unknown fields are refused.
+
+    Each number has a least and a greatest value, both allowed: so a form, a schema and the metric
+    can have the very same, and what is out of bounds is refused before anything is rendered.
+    `tests/farm/test_rules_agree.py` holds the metric to them, `tests/page/test_submit.py` the page.
 
     Defaults are given by name (``Field(default=…)``): from one by position, a user's type checker
     would not learn that the field may be left out.
@@ -36,15 +49,15 @@ class ViewSpec(_Spec):
     """The display and the distance at which the image is judged."""
 
     exposure_ev: float = Field(
-        default=0.0, ge=-30, le=30, description="exposure in EV (powers of two)"
+        default=0.0, ge=-100, le=100, description="exposure in EV (powers of two)"
     )
     white_luminance: float = Field(
-        default=100.0, gt=0, le=20_000, description="display white in cd/m²"
+        default=100.0, ge=0.01, le=20_000, description="display white in cd/m²"
     )
     field_of_view_deg: float = Field(
         default=45.0,
-        gt=0,
-        lt=180,
+        ge=0.0001,
+        le=179.9,
         description="angle under which the image's width is seen, in degrees",
     )
     primaries: Literal["rec709", "adobe1998"] = Field(
@@ -56,7 +69,7 @@ class FixedSpec(_Spec):
     """Stop at a number of samples, whatever the image looks like (algorithm 4.1)."""
 
     name: Literal["fixed"] = "fixed"
-    spp: int = Field(default=10_000, gt=0, description="samples per pixel at which to stop")
+    spp: Spp = Field(default=10_000, description="samples per pixel at which to stop")
 
 
 class ReverseSpec(_Spec):
@@ -68,7 +81,8 @@ class ReverseSpec(_Spec):
     )
     epsilon: float = Field(
         default=0.1,
-        gt=0,
+        ge=0,
+        le=PIXELS_AT_512,
         description="slope, in visible pixels per spp at 512×512, at which to stop",
     )
 
@@ -77,8 +91,8 @@ class SuccessiveSpec(_Spec):
     """Stop when an image hardly differs from the one before it (algorithm 4.2)."""
 
     name: Literal["successive"] = "successive"
-    threshold: float = Field(
-        default=1.0, ge=0, description="visible pixels at 512×512 at which to stop"
+    threshold: Threshold = Field(
+        default=1.0, description="visible pixels at 512×512 at which to stop"
     )
 
 
@@ -87,8 +101,8 @@ class MultipleSpec(_Spec):
 
     name: Literal["multiple"] = "multiple"
     window: int = Field(default=5, ge=1, le=1000, description="earlier images that are compared")
-    threshold: float = Field(
-        default=1.0, ge=0, description="visible pixels at 512×512 at which to stop"
+    threshold: Threshold = Field(
+        default=1.0, description="visible pixels at 512×512 at which to stop"
     )
 
 
@@ -96,9 +110,9 @@ class MyszkowskiSpec(_Spec):
     """Stop when the image hardly differs from the one at a share of its samples (1998)."""
 
     name: Literal["myszkowski"] = "myszkowski"
-    alpha: float = Field(default=0.5, gt=0, lt=1, description="the share of the samples")
-    threshold: float = Field(
-        default=1.0, ge=0, description="visible pixels at 512×512 at which to stop"
+    alpha: float = Field(default=0.5, ge=0.01, le=0.99, description="the share of the samples")
+    threshold: Threshold = Field(
+        default=1.0, description="visible pixels at 512×512 at which to stop"
     )
 
 
@@ -108,11 +122,11 @@ class VisibleSpec(_Spec):
     name: Literal["visible"] = "visible"
     target: float = Field(
         default=0.0002,
-        gt=0,
-        lt=1,
+        ge=1e-9,
+        le=0.99,
         description="fraction of the pixels that may still differ visibly",
     )
-    min_spp: int = Field(default=200, ge=1, description="not before so many samples per pixel")
+    min_spp: Spp = Field(default=200, description="not before so many samples per pixel")
 
 
 RuleSpec = Annotated[
@@ -124,16 +138,15 @@ RuleSpec = Annotated[
 class SharedSpec(_Spec):
     """How an image is sampled, judged and stopped, whatever the scene's parameters are."""
 
-    step: int = Field(default=100, gt=0, description="spp between two evaluations of the rule")
+    step: Spp = Field(default=100, description="spp between two evaluations of the rule")
     slice_spp: int = Field(
-        default=25, gt=0, le=4096, description="spp of one slice, the unit of work"
+        default=25, ge=1, le=4096, description="spp of one slice, the unit of work"
     )
-    max_spp: int = Field(
-        default=10_000, gt=0, le=MOST_SPP, description="cap: the job is exhausted there"
-    )
+    max_spp: Spp = Field(default=10_000, description="cap: the job is exhausted there")
     time_limit_s: float | None = Field(
         default=None,
-        gt=0,
+        ge=0.1,
+        le=MOST_S,
         description="seconds, pauses not counted, after which the job is exhausted; "
         "`time_limit_from` says where they begin",
     )
@@ -142,9 +155,8 @@ class SharedSpec(_Spec):
         description="where the time limit begins: at the first slice, so that waiting for a worker "
         "does not count, or at the submission; a job without a slice by then fails",
     )
-    min_spp: int | None = Field(
+    min_spp: Spp | None = Field(
         default=None,
-        ge=1,
         description="whatever the rule says, not converged before so many samples per pixel; the "
         "rule visible has a min_spp of its own, and the greater of the two counts",
     )
@@ -165,7 +177,7 @@ class SharedSpec(_Spec):
         default=(), description="only workers that have all of these tags render it"
     )
     seed: int = Field(
-        default=0, ge=0, lt=4096, description="another seed draws samples independent of all others"
+        default=0, ge=0, le=4095, description="another seed draws samples independent of all others"
     )
     sensor: int = Field(default=0, ge=0, le=1000, description="index of the scene's sensor")
     rule: RuleSpec = Field(default_factory=VisibleSpec, description="the rule that ends the job")
@@ -242,8 +254,11 @@ class SharedSpec(_Spec):
         return SeedSchedule(variant, width, height, self.slice_spp, self.max_spp, self.seed)
 
 
+#: Any that 64 bits hold; more digits would be no number to any renderer.
+_WholeNumber = Annotated[int, Field(ge=-(2**63), le=2**63 - 1)]
+
 #: Values for a scene's ``$parameters``.
-Parameters = dict[str, str | int | float | bool]
+Parameters = dict[str, str | _WholeNumber | float | bool]
 
 
 def parameter_strings(parameters: Parameters) -> dict[str, str]:

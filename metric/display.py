@@ -15,6 +15,8 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from metric.bounds import bounded, require_bounds
+
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
@@ -56,6 +58,9 @@ FLOAT32_EXPONENTS = (-126, 127)
 #: No screen's white is brighter, in cd/m²: twice the most that any standard codes for.
 BRIGHTEST_WHITE = 20_000
 
+#: A film of 10,000 pixels on a screen seen from 1,000 km, and a screen before the very eye.
+FIELDS_OF_VIEW_DEG = (0.0001, 179.9)
+
 #: CIE 15:2004, where the cube root of CIELAB gives way to a straight line.
 LAB_EPSILON = 216 / 24389
 LAB_KAPPA = 24389 / 27
@@ -75,12 +80,12 @@ class View:
         If a parameter lies outside its domain.
     """
 
-    #: Exposure in stops, -100 to 100: displayed light is the image times 2 to this power.
-    exposure_ev: float = 0.0
-    #: Luminance of the screen's white in cd/m², above 0.
-    white_luminance: float = 100.0
-    #: Horizontal angle that the image fills, in degrees, between 0 and 180.
-    field_of_view_deg: float = 45.0
+    #: Exposure in stops: displayed light is the image times 2 to this power.
+    exposure_ev: float = bounded(0.0, -EXPOSURE_LIMIT_EV, EXPOSURE_LIMIT_EV)
+    #: Luminance of the screen's white in cd/m².
+    white_luminance: float = bounded(100.0, 0.01, BRIGHTEST_WHITE)
+    #: Horizontal angle that the image fills, in degrees.
+    field_of_view_deg: float = bounded(45.0, *FIELDS_OF_VIEW_DEG)
     #: The screen's primaries, in which the image's channels are given.
     primaries: Primaries = "rec709"
     #: Power from the image's values to linear light, above 0: 1 for rendered radiance.
@@ -89,20 +94,7 @@ class View:
     luminance_only: bool = False
 
     def __post_init__(self) -> None:
-        if not abs(self.exposure_ev) <= EXPOSURE_LIMIT_EV:
-            raise ValueError(
-                f"exposure_ev must lie between -{EXPOSURE_LIMIT_EV} and {EXPOSURE_LIMIT_EV}, "
-                f"not {self.exposure_ev}"
-            )
-        if not 0 < self.white_luminance <= BRIGHTEST_WHITE:
-            raise ValueError(
-                f"white_luminance must be above 0 and at most {BRIGHTEST_WHITE:,} cd/m², "
-                f"not {self.white_luminance}"
-            )
-        if not 0 < self.field_of_view_deg < 180:
-            raise ValueError(
-                f"field_of_view_deg must lie between 0 and 180, not {self.field_of_view_deg}"
-            )
+        require_bounds(self)
         if self.primaries not in RGB_TO_XYZ:
             known = ", ".join(get_args(Primaries))
             raise ValueError(f"primaries must be one of {known}, not {self.primaries!r}")

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar, TypeAlias
 
+from metric.bounds import require_bounds
 from metric.display import as_image, finite_pixels
 from metric.estimate import Estimate, estimate_from
 from metric.forecasts import Forecast, forecast_from
@@ -28,6 +29,9 @@ Json: TypeAlias = "dict[str, Json] | list[Json] | str | int | float | bool | Non
 
 #: The paper's image size, for which thresholds and slopes in pixels are taken to hold.
 PAPER_PIXELS = 512 * 512
+
+#: The most samples per pixel that anybody can ask for.
+MOST_SPP = 1_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,6 +146,9 @@ class Rule(ABC):
     #: How a job names the rule.
     name: ClassVar[str]
 
+    def __post_init__(self) -> None:
+        require_bounds(self)
+
     @abstractmethod
     def judge(self, evidence: Evidence) -> Verdict:
         """Return the verdict on this evidence, and remember what later ones need.
@@ -175,12 +182,6 @@ class Rule(ABC):
         ValueError
             If it is not the memory of such a rule.
         """
-
-
-def require_whole_number(name: str, value: object, *, least: int) -> None:
-    """Raise ValueError unless the parameter is a whole number, at least so large."""
-    if isinstance(value, bool) or not isinstance(value, int) or value < least:
-        raise ValueError(f"{name} must be a whole number of at least {least}, not {value!r}")
 
 
 def require_later(spp: int, newest: int | None) -> None:

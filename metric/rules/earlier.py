@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -70,12 +69,6 @@ class EarlierImages:
                 if len(spps) == len(rows) and ascending and {*map(str, spps)} == {*memory.images}:
                     return cls({spp: as_image(memory.images[str(spp)]).copy() for spp in spps})
         return None
-
-
-def require_threshold(value: float) -> None:
-    """Raise ValueError unless a threshold in visible pixels is 0 or more."""
-    if not (math.isfinite(value) and value >= 0):
-        raise ValueError(f"threshold must be 0 or more, not {value}")
 
 
 def allowed_pixels(threshold: float, pixels: int) -> float:

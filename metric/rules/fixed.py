@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
-from metric.rules.base import Memory, Rule, Verdict, require_whole_number
+from metric.bounds import bounded
+from metric.rules.base import MOST_SPP, Memory, Rule, Verdict
 
 if TYPE_CHECKING:
     from metric.rules.base import Evidence
@@ -24,10 +25,7 @@ class Fixed(Rule):
     name: ClassVar[str] = "fixed"
 
     #: The cap, in samples per pixel.
-    spp: int = 10_000
-
-    def __post_init__(self) -> None:
-        require_whole_number("spp", self.spp, least=1)
+    spp: int = bounded(10_000, 1, MOST_SPP)
 
     def judge(self, evidence: Evidence) -> Verdict:
         """Return whether the cap is reached; the value is the spp."""

@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar
 
-from metric.rules.base import Memory, Rule, Verdict, require_whole_number
+from metric.bounds import bounded
+from metric.rules.base import PAPER_PIXELS, Memory, Rule, Verdict
 from metric.rules.earlier import (
     EarlierImages,
     allowed_pixels,
     first_verdict,
-    require_threshold,
     verdict_on,
 )
 
@@ -45,18 +45,14 @@ class Multiple(Rule):
 
     name: ClassVar[str] = "multiple"
 
-    #: w: how many images the window holds, 1 or more.
-    window: int = 5
-    #: Visible pixels at 512×512 by which any of them may still differ, 0 or more.
-    threshold: float = 1.0
+    #: w: how many images the window holds.
+    window: int = bounded(5, 1, 1000)
+    #: Visible pixels at 512×512 by which any of them may still differ.
+    threshold: float = bounded(1.0, 0, PAPER_PIXELS)
 
     _earlier: EarlierImages = field(
         default_factory=EarlierImages, init=False, repr=False, compare=False
     )
-
-    def __post_init__(self) -> None:
-        require_whole_number("window", self.window, least=1)
-        require_threshold(self.threshold)
 
     def judge(self, evidence: Evidence) -> Verdict:
         """Return whether the whole window looks like the image after it.

@@ -6,8 +6,9 @@ import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar
 
-from metric.rules.base import Memory, Rule, Verdict
-from metric.rules.earlier import EarlierImages, first_verdict, require_threshold, verdict_on
+from metric.bounds import bounded
+from metric.rules.base import PAPER_PIXELS, Memory, Rule, Verdict
+from metric.rules.earlier import EarlierImages, first_verdict, verdict_on
 
 if TYPE_CHECKING:
     from metric.rules.base import Evidence
@@ -42,19 +43,14 @@ class Myszkowski(Rule):
 
     name: ClassVar[str] = "myszkowski"
 
-    #: α: the earlier image's share of the samples, between 0 and 1.
-    alpha: float = 0.5
-    #: Visible pixels at 512×512 by which the two may differ, 0 or more.
-    threshold: float = 1.0
+    #: α: the earlier image's share of the samples.
+    alpha: float = bounded(0.5, 0.01, 0.99)
+    #: Visible pixels at 512×512 by which the two may differ.
+    threshold: float = bounded(1.0, 0, PAPER_PIXELS)
 
     _earlier: EarlierImages = field(
         default_factory=EarlierImages, init=False, repr=False, compare=False
     )
-
-    def __post_init__(self) -> None:
-        if not 0 < self.alpha < 1:
-            raise ValueError(f"alpha must lie between 0 and 1, not {self.alpha}")
-        require_threshold(self.threshold)
 
     def judge(self, evidence: Evidence) -> Verdict:
         """Return whether the two look alike; the value is by how many pixels they do not."""

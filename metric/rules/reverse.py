@@ -10,10 +10,10 @@ independent reference the curve would fall.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar
 
+from metric.bounds import bounded
 from metric.display import Image, as_image
 from metric.rules.base import (
     PAPER_PIXELS,
@@ -21,7 +21,6 @@ from metric.rules.base import (
     Rule,
     Verdict,
     require_later,
-    require_whole_number,
 )
 from metric.rules.line import least_squares_slope
 from metric.rules.words import darkness
@@ -59,10 +58,10 @@ class Reverse(Rule):
 
     name: ClassVar[str] = "reverse"
 
-    #: N: how many points the line is laid through, 2 or more.
-    window: int = 5
-    #: ε: visible pixels per spp at 512×512, 0 or more.
-    epsilon: float = 0.1
+    #: N: how many points the line is laid through.
+    window: int = bounded(5, 2, 1000)
+    #: ε: visible pixels per spp at 512×512; at 0 the curve must not rise at all.
+    epsilon: float = bounded(0.1, 0, EPSILON_PIXELS)
 
     _first_spp: int | None = field(default=None, init=False, repr=False, compare=False)
     _first_image: Image | None = field(default=None, init=False, repr=False, compare=False)
@@ -71,11 +70,6 @@ class Reverse(Rule):
     _points: list[tuple[int, int]] = field(
         default_factory=list, init=False, repr=False, compare=False
     )
-
-    def __post_init__(self) -> None:
-        require_whole_number("window", self.window, least=2)
-        if not (math.isfinite(self.epsilon) and self.epsilon >= 0):
-            raise ValueError(f"epsilon must be 0 or more, not {self.epsilon}")
 
     def judge(self, evidence: Evidence) -> Verdict:
         """Return whether the curve has levelled off; the value is its slope."""

@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar
 
-from metric.rules.base import Memory, Rule, Verdict
-from metric.rules.earlier import EarlierImages, first_verdict, require_threshold, verdict_on
+from metric.bounds import bounded
+from metric.rules.base import PAPER_PIXELS, Memory, Rule, Verdict
+from metric.rules.earlier import EarlierImages, first_verdict, verdict_on
 
 if TYPE_CHECKING:
     from metric.rules.base import Evidence
@@ -35,15 +36,12 @@ class Successive(Rule):
 
     name: ClassVar[str] = "successive"
 
-    #: Visible pixels at 512×512 that may still change, 0 or more.
-    threshold: float = 1.0
+    #: Visible pixels at 512×512 that may still change.
+    threshold: float = bounded(1.0, 0, PAPER_PIXELS)
 
     _earlier: EarlierImages = field(
         default_factory=EarlierImages, init=False, repr=False, compare=False
     )
-
-    def __post_init__(self) -> None:
-        require_threshold(self.threshold)
 
     def judge(self, evidence: Evidence) -> Verdict:
         """Return whether nothing has changed; the value is how many pixels visibly did."""

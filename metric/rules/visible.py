@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar
 
-from metric.estimate import allowed_pixels, require_target
-from metric.rules.base import Memory, Rule, Verdict, require_later, require_whole_number
+from metric.bounds import bounded
+from metric.estimate import allowed_pixels
+from metric.rules.base import MOST_SPP, Memory, Rule, Verdict, require_later
 from metric.rules.line import power_law_at_the_end
 from metric.rules.words import counted, darkness, left_out
 
@@ -39,20 +40,16 @@ class Visible(Rule):
 
     name: ClassVar[str] = "visible"
 
-    #: Share of the pixels that may still differ visibly, between 0 and 1.
-    target: float = 0.0002
-    #: Samples per pixel before which it does not stop, 1 or more.
-    min_spp: int = 200
+    #: Share of the pixels that may still differ visibly.
+    target: float = bounded(0.0002, 1e-9, 0.99)
+    #: Samples per pixel before which it does not stop.
+    min_spp: int = bounded(200, 1, MOST_SPP)
 
     _newest_spp: int | None = field(default=None, init=False, repr=False, compare=False)
     #: The evaluations that the trend is of: spp, and the estimate in pixels.
     _points: list[tuple[int, float]] = field(
         default_factory=list, init=False, repr=False, compare=False
     )
-
-    def __post_init__(self) -> None:
-        require_target(self.target)
-        require_whole_number("min_spp", self.min_spp, least=1)
 
     def judge(self, evidence: Evidence) -> Verdict:
         """Return whether the target is reached; the value is the estimate's fraction."""

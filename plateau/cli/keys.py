@@ -50,7 +50,9 @@ def create(
     upload_gb: Annotated[
         float | None,
         typer.Option(
-            help="Largest scene that it may upload.", show_default="PLATEAU_KEY_UPLOAD_GB"
+            help="Largest scene that it may upload.",
+            show_default="PLATEAU_KEY_UPLOAD_GB",
+            max=2**20,
         ),
     ] = None,
     open_jobs: Annotated[

@@ -188,6 +188,7 @@ def gc(
             help="Forget jobs that were finished so long ago, with their results.",
             show_default="PLATEAU_KEEP_RESULTS_DAYS, else never",
             min=0,
+            max=3653,
         ),
     ] = None,
     sums_older_than: Annotated[
@@ -198,6 +199,7 @@ def gc(
             "gone on with.",
             show_default="PLATEAU_KEEP_SUMS_DAYS, else 3",
             min=0,
+            max=3653,
         ),
     ] = None,
     scenes_unused_for: Annotated[
@@ -207,6 +209,7 @@ def gc(
             help="Remove scenes of no job, unused for so long (an hour at least).",
             show_default="PLATEAU_KEEP_SCENES_DAYS, else never",
             min=0,
+            max=3653,
         ),
     ] = None,
     dry_run: Annotated[

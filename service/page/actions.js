@@ -4,6 +4,7 @@ import { send } from "./api.js";
 import { complain, confirmed, h, say, setAttribute } from "./dom.js";
 import { showGuard } from "./guard.js";
 import { maySteer, maySubmit } from "./me.js";
+import { PRIORITY } from "./rules.js";
 import { ENDED, title, whole } from "./words.js";
 
 /** Does something and says so; what the API refuses is shown in its words. */
@@ -46,7 +47,7 @@ export function controls(jobNow, refresh, close = () => {}) {
     }
   }
   const input = h("input", {
-    type: "number", min: -1000, max: 1000, step: 1, value: job.spec.priority, "aria-label": "Priority",
+    type: "number", ...PRIORITY, value: job.spec.priority, "aria-label": "Priority",
   });
   found.push(h("form", { class: "priority", onsubmit: prioritise },
     h("label", {}, "Priority ", input), h("button", {}, "Set")));

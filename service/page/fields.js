@@ -16,7 +16,7 @@ export class Field {
     const id = `field-${(count += 1)}`;
     const { type = "number", min, max, step, maxlength, value, placeholder } = about;
     this.input = h("input", {
-      id, type, min, max, step, maxlength, value, placeholder, name: path,
+      id, type, min: this.#shown(min), max: this.#shown(max), step, maxlength, value: this.#shown(value), placeholder, name: path,
       required: !about.optional, autocomplete: "off",
       "aria-describedby": `${id}-help ${id}-wrong`,
     });
@@ -33,8 +33,12 @@ export class Field {
     const { type, scale = 1, optional } = this.#about;
     const text = this.input.value.trim();
     if (optional && text === "") return undefined;
-    // Without the digits that 0.01 as a binary number would add.
-    return type === "text" ? text : Number((Number(text) * scale).toPrecision(12));
+    return type === "text" ? text : rounded(Number(text) * scale);
+  }
+
+  /** A value of the spec as the input has it. */
+  #shown(value) {
+    return typeof value === "number" ? rounded(value / (this.#about.scale ?? 1)) : value;
   }
 
   /** Says what is wrong with it. */
@@ -43,6 +47,11 @@ export class Field {
     this.#wrong.hidden = !message;
     this.input.setAttribute("aria-invalid", String(Boolean(message)));
   }
+}
+
+/** Without the digits that 0.01 as a binary number would add. */
+function rounded(value) {
+  return Number(value.toPrecision(12));
 }
 
 /** The fields of a part of the spec, and their values together. */

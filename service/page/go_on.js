@@ -5,6 +5,7 @@ import { h, setText } from "./dom.js";
 import { fieldsOf } from "./fields.js";
 import { maySubmit } from "./me.js";
 import { OneJob } from "./one_job.js";
+import { LIMITS, RULES } from "./rules.js";
 import { ENDED, title, whole } from "./words.js";
 
 /** A button that asks how far; null where there is nothing to go on with. */
@@ -15,14 +16,15 @@ export function goOnButton(job, go) {
 
 function ask(job, go) {
   const { rule, max_spp: cap } = job.spec;
+  const most = LIMITS.find(({ name }) => name === "max_spp");
   const limits = fieldsOf("spec", [{
-    name: "max_spp", label: "At most", unit: "spp", value: Math.max(cap, 2 * job.spp), min: job.spp + 1, step: 1,
+    ...most, value: Math.min(most.max, Math.max(cap, 2 * job.spp)), min: Math.min(most.max, job.spp + 1),
     help: `It has ${whole(job.spp)} by now, and loses none of them.`,
   }]);
+  const asked = RULES.find(({ name }) => name === "visible").fields.find(({ name }) => name === "target");
   const stricter = fieldsOf("spec.rule", rule.name !== "visible" ? [] : [{
-    name: "target", label: "Pixels that may still differ", unit: "%", scale: 0.01, step: "any", min: 0.0001, max: 99,
-    value: Number((100 * (job.state === "converged" ? rule.target / 2 : rule.target)).toPrecision(3)),
-    help: "The smaller, the stricter.",
+    ...asked, help: "The smaller, the stricter.",
+    value: Number(Math.max(asked.min, job.state === "converged" ? rule.target / 2 : rule.target).toPrecision(3)),
   }]);
   const wanted = new OneJob();
   const wrong = h("p", { class: "bad", role: "alert" });

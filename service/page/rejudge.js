@@ -84,8 +84,5 @@ function ask(job, go) {
 
 /** Fields with the values that a job had. */
 function asItWas(abouts, had) {
-  return abouts.map((about) => {
-    const value = had[about.name];
-    return value == null ? about : { ...about, value: Number((value / (about.scale ?? 1)).toPrecision(12)) };
-  });
+  return abouts.map((about) => ({ ...about, value: had[about.name] ?? about.value }));
 }

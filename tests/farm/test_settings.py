@@ -1,9 +1,26 @@
 """The settings that must fit each other."""
 
+from typing import get_args
+
 import pytest
 from pydantic import ValidationError
 
 from farm.settings import Settings
+
+NUMBERS = {
+    name: field
+    for name, field in Settings.model_fields.items()
+    if {int, float} & {field.annotation, *get_args(field.annotation)}
+}
+
+
+@pytest.mark.parametrize("name", NUMBERS)
+def test_each_number_has_bounds(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+    # What has none is refused late, by a clock, by Redis, or by the kernel, in their words
+    for absurd in ("inf", "nan", "1e300", "9" * 30, "-1"):
+        monkeypatch.setenv(f"PLATEAU_{name.upper()}", absurd)
+        with pytest.raises(ValidationError, match=name):
+            Settings()
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 from pydantic import ValidationError
 
-from farm.spec import JobSpec
+from farm.spec import BatchSpec, JobSpec
 
 
 def test_the_default_is_the_papers_rule() -> None:
@@ -36,6 +36,32 @@ def test_the_default_is_the_papers_rule() -> None:
 def test_what_is_wrong_is_named(wrong: dict[str, Any], words: str) -> None:
     with pytest.raises(ValidationError, match=words):
         JobSpec.model_validate(wrong)
+
+
+@pytest.mark.parametrize(
+    ("absurd", "words"),
+    [
+        ({"step": 10**400}, "step"),
+        ({"min_spp": 10**400}, "min_spp"),
+        ({"time_limit_s": 1e308}, "time_limit_s"),
+        ({"time_limit_s": 5e-324}, "time_limit_s"),
+        ({"rule": {"name": "fixed", "spp": 10**300}}, "spp"),
+        ({"rule": {"name": "visible", "min_spp": 10**400}}, "min_spp"),
+        ({"rule": {"name": "reverse", "epsilon": 1e308}}, "epsilon"),
+        ({"watch": [{"name": "multiple", "threshold": 1e308}]}, "threshold"),
+        ({"view": {"field_of_view_deg": 5e-324}}, "field_of_view_deg"),
+        ({"view": {"white_luminance": 5e-324}}, "white_luminance"),
+        ({"parameters": {"width": 10**400}}, "width"),
+    ],
+)
+def test_what_would_fail_late_is_refused_in_a_job_and_in_a_batch(
+    absurd: dict[str, Any], words: str
+) -> None:
+    with pytest.raises(ValidationError, match=words):
+        JobSpec.model_validate(absurd)
+    entry = absurd.get("parameters", {"frame": 1})
+    with pytest.raises(ValidationError, match=words):
+        BatchSpec.model_validate({**absurd, "parameters": [entry]})
 
 
 def test_evaluations_fall_on_each_step_and_on_the_cap() -> None:

@@ -4,10 +4,13 @@ import io
 import re
 import zipfile
 from pathlib import Path
+from typing import get_args
 
 import pytest
 from playwright.sync_api import Page, expect
+from pydantic import BaseModel
 
+from farm.spec import JobSpec, RuleSpec, ViewSpec
 from service.examples import SCENE_XML
 from tests.page.conftest import Visit
 from tests.support.noise_farm import NoiseFarm
@@ -185,3 +188,33 @@ class TestWhatIsRefused:
         form.get_by_label("width", exact=True).fill("80")
         form.get_by_label("width", exact=True).blur()
         expect(form.locator(".found")).to_contain_text("80 × 256 pixels")
+
+
+#: Units in which the form shows what the spec has in others.
+SHOWN_OVER = {"spec.rule.visible.target": 0.01, "spec.time_limit_s": 60}
+#: What each number of the form says: which it is, and its input's value and bounds.
+NUMBERS = """(form) => [...form.querySelectorAll("input[type=number]")].map((input) => [
+    input.name.replace("spec.rule", `spec.rule.${input.closest(".choice")?.dataset.rule}`),
+    [input.value, input.min, input.max],
+])"""
+
+
+def numbers(path: str, model: type[BaseModel]) -> dict[str, list[float | None]]:
+    """The numbers of a spec: where each is, its default, its least and its greatest value."""
+    return {
+        f"{path}.{name}": [schema["default"], part["minimum"], part["maximum"]]
+        for name, schema in model.model_json_schema()["properties"].items()
+        for part in schema.get("anyOf", [schema])
+        if part.get("type") in {"integer", "number"}
+    }
+
+
+def test_each_number_of_the_form_has_the_default_and_the_bounds_of_the_spec(form: Page) -> None:
+    specified = numbers("spec", JobSpec) | numbers("spec.view", ViewSpec)
+    for rule in get_args(get_args(RuleSpec)[0]):
+        specified |= numbers(f"spec.rule.{rule.model_fields['name'].default}", rule)
+    asked = {
+        name: [float(one) * SHOWN_OVER.get(name, 1) if one else None for one in shown]
+        for name, shown in form.locator("form").evaluate(NUMBERS)
+    }
+    assert asked == {name: pytest.approx(three) for name, three in specified.items()}

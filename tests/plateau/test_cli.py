@@ -154,12 +154,12 @@ class TestOptions:
         ("options", "words"),
         [
             (["--step", "30"], "step must be a multiple of slice_spp"),
-            (["--step", "-1"], "--step: must be above 0"),
-            (["--exposure", "99"], "--exposure: "),
+            (["--step", "-1"], "--step: must be at least 1"),
+            (["--exposure", "101"], "--exposure: "),
             (["--field-of-view", "180"], "--field-of-view: "),
             (["--rule", "guess"], "--rule: there is no rule 'guess'; there are fixed, "),
             (["--watch", "guess"], "--watch: there is no rule 'guess'; there are fixed, "),
-            (["--rule", "visible:target=2"], "--rule visible:target: must be below 1"),
+            (["--rule", "visible:target=2"], "--rule visible:target: must be at most 0.99"),
             (["--rule", "fixed:target=2"], "--rule fixed:target: the rule has no such"),
             (["--rule", "fixed", "--window", "3"], "--window is not an option of the rule fixed"),
             (
@@ -174,6 +174,27 @@ class TestOptions:
         code, _, err = plateau("submit", box, *options)
         assert code == 2
         assert words in " ".join(err.split())
+
+    @pytest.mark.parametrize(
+        ("command", "option", "absurd"),
+        [
+            ("gc", "--results-older-than", "1e300"),
+            ("keys create me", "--upload-gb", "1e308"),
+            ("keys create me", "--open-jobs", "9" * 30),
+        ],
+    )
+    def test_that_no_clock_and_no_disk_could_hold_are_named(
+        self,
+        command: str,
+        option: str,
+        absurd: str,
+        tmp_path: Path,
+        monkeypatch: pytest.MonkeyPatch,
+    ) -> None:
+        monkeypatch.setenv("PLATEAU_DATA", str(tmp_path))
+        code, out, err = plateau(*command.split(), option, absurd)
+        assert (code > 0, out, option in err) == (True, "", True)
+        assert list(tmp_path.glob("blobs")) == []
 
     @pytest.mark.parametrize(
         ("command", "names"),

@@ -156,6 +156,47 @@ def of_its_schema(document: dict[str, Any], schema: dict[str, Any]) -> list[obje
     return list(schema.get("examples", ()))
 
 
+def numbers(document: dict[str, Any], part: Any, name: str, seen: set[str]) -> Iterator[Any]:
+    """Each number in a schema and those that it refers to, with the name of its field."""
+    if isinstance(part, list):
+        for one in part:
+            yield from numbers(document, one, name, seen)
+    elif isinstance(part, dict):
+        reference = part.get("$ref", "")
+        if reference and reference not in seen:
+            seen.add(reference)
+            kind = reference.rpartition("/")[2]
+            yield from numbers(document, document["components"]["schemas"][kind], kind, seen)
+        if part.get("type") in {"integer", "number"}:
+            yield name, part
+        for key in ("anyOf", "oneOf", "allOf", "items", "prefixItems", "additionalProperties"):
+            yield from numbers(document, part.get(key), name, seen)
+        for field, one in part.get("properties", {}).items():
+            yield from numbers(document, one, f"{name}.{field}", seen)
+
+
+def test_every_number_that_it_takes_has_bounds(
+    document: dict[str, Any], operations: list[Operation]
+) -> None:
+    """What has none fails late: as a number that no clock, no film and no Redis can hold.
+
+    Paths are left out, for they name something that is there or is not.
+    """
+    found: list[tuple[str, dict[str, Any]]] = []
+    for _, path, operation in operations:
+        for one in operation.get("parameters", []):
+            if one["in"] != "path":
+                found += numbers(document, one["schema"], one["name"], set())
+        for body in operation.get("requestBody", {}).get("content", {}).values():
+            found += numbers(document, body["schema"], path, set())
+    names = {name for name, _ in found}
+    assert {"limit", "JobSpec.step", "ViewSpec.exposure_ev", "Screen.pixel_pitch_mm"} <= names
+    # Of a scene's parameters only the scene knows what they may be.
+    scenes = {"JobSpec.parameters", "BatchSpec.parameters"}
+    unbounded = {name for name, part in found if not {"minimum", "maximum"} <= part.keys()}
+    assert unbounded == scenes
+
+
 def test_every_error_is_a_problem_of_a_known_type(operations: list[Operation]) -> None:
     for method, path, described in operations:
         statuses = set(described["responses"])

@@ -1,0 +1,51 @@
+"""Parameters between two bounds, both allowed; what lies beyond them, or is no number, is refused.
+
+A parameter's bounds stand beside its default, as those of a job's specification do in `farm.spec`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import field, fields
+from typing import TYPE_CHECKING, TypeVar
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+_Number = TypeVar("_Number", int, float)
+
+_BOUNDS = "bounds"
+
+
+def bounded(default: _Number, least: _Number, most: _Number) -> _Number:
+    """Return the field of a dataclass that has this default and these bounds.
+
+    Where the default is whole, so is every value.
+    """
+    number: _Number = field(default=default, metadata={_BOUNDS: (least, most)})
+    return number
+
+
+def require_bounds(parameters: DataclassInstance) -> None:
+    """Raise ValueError unless each bounded field of the dataclass lies between its bounds.
+
+    Examples
+    --------
+    >>> from dataclasses import dataclass
+    >>> @dataclass
+    ... class Window:
+    ...     points: int = bounded(5, 2, 1000)
+    >>> require_bounds(Window(1000))
+    >>> require_bounds(Window(1))
+    Traceback (most recent call last):
+    ValueError: points must be a whole number from 2 to 1,000, not 1
+    """
+    for one in fields(parameters):
+        if _BOUNDS not in one.metadata:
+            continue
+        least, most = one.metadata[_BOUNDS]
+        value = getattr(parameters, one.name)
+        is_whole = isinstance(one.default, int)
+        fits = isinstance(value, int) and not isinstance(value, bool) if is_whole else True
+        if not (fits and least <= value <= most):
+            kind = "a whole number" if is_whole else "a number"
+            raise ValueError(f"{one.name} must be {kind} from {least:,} to {most:,}, not {value!r}")
