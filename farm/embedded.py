@@ -12,7 +12,7 @@ from typing import BinaryIO, Final
 
 from farm.durable import make_folder, sync
 from farm.errors import StoreUnavailable
-from farm.processes import die_with_parent
+from farm.processes import die_with_parent, plain_environment
 
 _START_S: Final = 30.0
 #: In bytes; Linux takes 107, macOS 103.
@@ -136,6 +136,7 @@ class EmbeddedRedis:
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
+            env=plain_environment(),
             start_new_session=True,
             preexec_fn=die_with_parent(),
         )

@@ -1,7 +1,11 @@
-"""Processes that others look after: a sign of life, and children that end with their parent."""
+"""Processes that others look after, and may not look into.
+
+A sign of life, children that end with their parent, and memory that is shut.
+"""
 
 import contextlib
 import ctypes
+import errno
 import logging
 import os
 import signal
@@ -11,7 +15,11 @@ from pathlib import Path
 
 _LOG = logging.getLogger(__name__)
 
+#: What a process needs of the environment that keeps no secrets of Plateau's, or of the cloud's.
+_PLAIN = ("PATH", "LANG", "LC_ALL", "PYTHONPATH", "VIRTUAL_ENV", "LD_LIBRARY_PATH")
+
 _PR_SET_PDEATHSIG = 1
+_PR_SET_DUMPABLE = 4
 
 
 def die_with_parent(signal_number: int = signal.SIGTERM) -> Callable[[], None]:
@@ -30,6 +38,29 @@ def die_with_parent(signal_number: int = signal.SIGTERM) -> Callable[[], None]:
             os.kill(os.getpid(), signal_number)
 
     return arrange
+
+
+def plain_environment() -> dict[str, str]:
+    """Return this process's environment without credentials: nothing of Redis or the blob store."""
+    return {name: os.environ[name] for name in _PLAIN if name in os.environ}
+
+
+def shut_memory() -> None:
+    """Keep other processes of this user from this one's memory, environment and open files.
+
+    Credentials are there. It leaves no core dump either. Who is root still gets in; and a program
+    that is started from here begins with its memory open.
+
+    Raises
+    ------
+    OSError
+        This system has no such thing, or refuses it.
+    """
+    if not sys.platform.startswith("linux"):
+        raise OSError(errno.ENOSYS, f"there is no way to on {sys.platform}")
+    libc = ctypes.CDLL(None, use_errno=True)
+    if libc.prctl(_PR_SET_DUMPABLE, 0, 0, 0, 0) != 0:
+        raise OSError(ctypes.get_errno(), f"prctl: {os.strerror(ctypes.get_errno())}")
 
 
 def forget_life(file: Path | None) -> None:

@@ -6,11 +6,12 @@ import os
 import sys
 import threading
 from collections.abc import Callable
+from contextlib import suppress
 
 from farm import log
 from farm.blobs import Blobs
 from farm.errors import Incompatible
-from farm.processes import forget_life
+from farm.processes import forget_life, shut_memory
 from farm.redis_link import connect
 from farm.schema import await_checks
 from farm.settings import Settings
@@ -36,6 +37,8 @@ def run_until_signal(role: str, run: Work) -> None:
     SystemExit
         It could not go on; its log says why.
     """
+    with suppress(OSError):
+        shut_memory()
     settings = farm_settings()
     missing = [
         name

@@ -4,12 +4,14 @@ import os
 import select
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from types import TracebackType
 from typing import Final, TextIO
 
 from farm.backoff import Backoff
 from farm.embedded import EmbeddedRedis
 from farm.errors import StoreUnavailable
+from farm.processes import shut_memory
 from farm.settings import Settings
 from plateau.data_folder import DataFolder
 from plateau.door import Door
@@ -100,6 +102,8 @@ class Tree:
         self._api_says: TextIO | None = None  # where the API writes its URL once it answers
 
     def __enter__(self) -> "Tree":
+        with suppress(OSError):
+            shut_memory()  # whoever starts them has the same credentials as they have
         try:
             self._start()
         except BaseException:

@@ -1,85 +1,50 @@
-"""What a render child may not take or do, whatever the scene in it comes to.
+"""What a render child may not take, see or do, whatever the scene in it comes to.
 
 Resource limits bound its memory, its open files and the files that it writes; its time is bounded
-by the supervisor. A seccomp filter then takes away what rendering has no use for: other programs,
-other processes, sockets, and looking into other processes. (``RLIMIT_NPROC`` would not do: it
-counts all of a user's processes and threads together, and does not bind root.) A filter needs no
-privilege, binds root too, and holds for every thread; a refused call fails with ``EPERM``.
+by the supervisor. Four things then keep it from whoever else is on the machine, its supervisor
+first:
 
-What is left: the child reads and writes files as the worker's user does.
+- Landlock leaves it Python, Mitsuba, the system's libraries, the scenes (which it can open by name
+  and not list) and one folder to write into, that of the kernels that Dr.Jit compiles.
+- Root's capabilities go.
+- Its memory is shut: no process of the same user can look into it.
+- A seccomp filter refuses other programs and processes, sockets, signals and the like.
+
+All of it is taken before the child has a second thread and before it has seen a scene. What the
+kernel lacks is told and left out. What is left to a scene that takes a child over: the scenes that
+this child is given, and the kernels that children of this machine share.
 """
 
-import ctypes
-import errno
+import json
 import os
-import platform
 import resource
-import struct
+import subprocess
 import sys
-from collections.abc import Iterator
-from dataclasses import dataclass
+import tempfile
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import Final
 
-# <linux/prctl.h>, <linux/seccomp.h>
-_PR_SET_NO_NEW_PRIVS: Final = 38
-_SECCOMP_SET_MODE_FILTER: Final = 1
-_SECCOMP_FILTER_FLAG_TSYNC: Final = 1  # all threads of the process, not the caller's alone
-_ALLOW: Final = 0x7FFF0000
-_FAIL_WITH: Final = 0x00050000
+import farm
+import worker
+from farm.processes import shut_memory
+from worker import landlock
+from worker.capabilities import drop_capabilities
+from worker.seccomp import refuse_calls
 
-# <linux/bpf_common.h>: the four instructions that a filter is made of
-_LOAD: Final = 0x20  # a word of `struct seccomp_data`, by its offset
-_JUMP_IF_EQUAL: Final = 0x15
-_JUMP_IF_AT_LEAST: Final = 0x35
-_JUMP_IF_ANY_BIT: Final = 0x45
-_RETURN: Final = 0x06
+#: Where systems keep shared libraries, and lists of them.
+_LIBRARIES: Final = (
+    *("/lib", "/lib64", "/usr/lib", "/usr/lib64", "/usr/local/lib", "/nix/store", "/gnu/store"),
+    "/etc/ld.so.cache",
+    "/etc/ssl/openssl.cnf",  # Python's hashes read it
+)
 
-# `struct seccomp_data`: int nr; u32 arch; u64 instruction_pointer; u64 args[6]. Little-endian.
-_NUMBER: Final = 0
-_ARCHITECTURE: Final = 4
-_FIRST_ARGUMENT: Final = 16
-
-_CLONE_THREAD: Final = 0x00010000
-
-
-@dataclass(frozen=True)
-class _Calls:
-    """The system calls of one architecture by number (`asm/unistd.h`)."""
-
-    architecture: int  #: AUDIT_ARCH_*
-    seccomp: int
-    clone: int
-    clone3: int
-    refused: tuple[int, ...]
-    #: x86_64 alone: the same calls under the x32 numbers, from here on
-    foreign_from: int | None = None
-
-
-_MACHINES: Final = {
-    "x86_64": _Calls(
-        architecture=0xC000003E,
-        seccomp=317,
-        clone=56,
-        clone3=435,
-        refused=(
-            *(57, 58, 59, 322),  # fork, vfork, execve, execveat
-            *(41, 53, 425),  # socket, socketpair, io_uring_setup (which could open sockets)
-            *(101, 310, 311, 438),  # ptrace, process_vm_readv, …_writev, pidfd_getfd
-        ),
-        foreign_from=0x40000000,
-    ),
-    "aarch64": _Calls(
-        architecture=0xC00000B7,
-        seccomp=277,
-        clone=220,
-        clone3=435,
-        refused=(
-            *(221, 281),  # execve, execveat
-            *(198, 199, 425),  # socket, socketpair, io_uring_setup
-            *(117, 270, 271, 438),  # ptrace, process_vm_readv, …_writev, pidfd_getfd
-        ),
-    ),
-}
+#: What the C library, LLVM and Embree ask of the machine: processors, memory, themselves.
+_MACHINE: Final = (
+    *("/proc/self", "/proc/cpuinfo", "/proc/meminfo", "/proc/stat", "/proc/sys/vm"),
+    *("/sys/devices/system", "/dev/null", "/dev/zero", "/dev/urandom"),
+)
 
 
 def limit_resources(memory_bytes: int, open_files: int, file_bytes: int) -> None:
@@ -107,57 +72,85 @@ def limit_resources(memory_bytes: int, open_files: int, file_bytes: int) -> None
         resource.setrlimit(kind, (most, most))
 
 
-def refuse_processes_and_network() -> str | None:
-    """Take programs, processes and sockets away from all threads; return why not, if not.
+@dataclass(frozen=True)
+class Measure:
+    """One of the things that shut a render child in."""
 
-    Sockets and threads that are there go on, and new threads can be started.
+    name: str  #: what it is about
+    holds: str  #: what is so where it was taken
+    error: str | None  #: why it could not be taken; None where it was
 
-    Returns
-    -------
-    str or None
-        None where the kernel took the filter; otherwise what is missing, as a sentence's end.
+
+def confine(*, scenes: Iterable[Path], kernels: Path) -> tuple[Measure, ...]:
+    """Shut this process in, for good; return what was done for that, and what could not be.
+
+    To be called before other threads are started: Landlock and capabilities are each thread's own.
+
+    Parameters
+    ----------
+    scenes : iterable of Path
+        Folders in which scenes lie.
+    kernels : Path
+        The folder that Dr.Jit keeps compiled kernels in; it has to be there.
     """
-    calls = _MACHINES.get(platform.machine())
-    if not sys.platform.startswith("linux") or calls is None or sys.maxsize < 2**32:
-        return f"there is no filter for {sys.platform} on {platform.machine()}"
-    program = b"".join(_program(calls))
-    code = ctypes.create_string_buffer(program, len(program))
-    # struct sock_fprog: unsigned short len; struct sock_filter *filter
-    header = struct.pack("@HP", len(program) // 8, ctypes.addressof(code))
-    libc = ctypes.CDLL(None, use_errno=True)
-    # Without this, only root could set a filter; with it, set-user-id programs stay powerless.
-    if libc.prctl(_PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) != 0:
-        return f"prctl failed: {os.strerror(ctypes.get_errno())}"
-    arguments = (calls.seccomp, _SECCOMP_SET_MODE_FILTER, _SECCOMP_FILTER_FLAG_TSYNC)
-    if libc.syscall(*map(ctypes.c_long, arguments), ctypes.c_char_p(header)) != 0:
-        return f"seccomp failed: {os.strerror(ctypes.get_errno())}"
-    return None
+    files = f"libraries, scenes by name and its kernels alone (Landlock, ABI {landlock.abi()})"
+    calls = "no programs, processes, signals or sockets (seccomp)"
+    return (
+        _take("capabilities", "root's are gone", drop_capabilities),
+        _take("memory", "other processes cannot look into it", shut_memory),
+        _take("files", files, lambda: landlock.restrict(_allowed(scenes, kernels))),
+        _take("system calls", calls, refuse_calls),
+    )
 
 
-def _program(calls: _Calls) -> Iterator[bytes]:
-    """Yield the filter's instructions: `struct sock_filter` {u16 code; u8 jt, jf; u32 k}."""
-    refuse = _instruction(_RETURN, _FAIL_WITH | errno.EPERM)
-    # Another architecture's calls have other numbers (int 0x80 on x86_64): refuse them all.
-    yield _instruction(_LOAD, _ARCHITECTURE)
-    yield _instruction(_JUMP_IF_EQUAL, calls.architecture, over_if=1)
-    yield refuse
-    yield _instruction(_LOAD, _NUMBER)
-    if calls.foreign_from is not None:
-        yield _instruction(_JUMP_IF_AT_LEAST, calls.foreign_from, over_unless=1)
-        yield refuse
-    for number in calls.refused:
-        yield _instruction(_JUMP_IF_EQUAL, number, over_unless=1)
-        yield refuse
-    # clone3 has its flags in memory, where a filter cannot look. glibc then falls back on clone.
-    yield _instruction(_JUMP_IF_EQUAL, calls.clone3, over_unless=1)
-    yield _instruction(_RETURN, _FAIL_WITH | errno.ENOSYS)
-    yield _instruction(_JUMP_IF_EQUAL, calls.clone, over_unless=3)
-    yield _instruction(_LOAD, _FIRST_ARGUMENT)
-    yield _instruction(_JUMP_IF_ANY_BIT, _CLONE_THREAD, over_if=1)
-    yield refuse
-    yield _instruction(_RETURN, _ALLOW)
+def try_here() -> tuple[Measure, ...]:
+    """Return what comes of `confine` on this machine, tried in a process that ends with it."""
+    with tempfile.TemporaryDirectory() as kernels:
+        done = subprocess.run(
+            [sys.executable, "-s", "-m", "worker.confinement", kernels],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            text=True,
+            check=True,
+        )
+    return tuple(Measure(**one) for one in json.loads(done.stdout))
 
 
-def _instruction(code: int, operand: int, over_if: int = 0, over_unless: int = 0) -> bytes:
-    """Pack one instruction: jumps go over so many, where the condition holds or does not."""
-    return struct.pack("=HBBI", code, over_if, over_unless, operand)
+def _take(name: str, holds: str, measure: Callable[[], None]) -> Measure:
+    try:
+        measure()
+    except OSError as error:
+        return Measure(name, holds, error.strerror or str(error))
+    return Measure(name, holds, None)
+
+
+def _allowed(scenes: Iterable[Path], kernels: Path) -> Iterator[tuple[Path, int]]:
+    """Yield what may be opened, each with its rights."""
+    for path in (*_python(), *map(Path, (*_LIBRARIES, *_MACHINE)), *_named_libraries()):
+        yield path, landlock.READ
+    for folder in scenes:
+        yield folder, landlock.OPEN
+    yield kernels, landlock.KEEP_FILES
+    yield Path("/dev/null"), landlock.KEEP_FILES
+
+
+def _python() -> Iterator[Path]:
+    """Yield where modules are imported from, the working folder aside: that may be anyone's."""
+    # `python -m` puts it first, where it is not told otherwise.
+    working = None if getattr(sys.flags, "safe_path", False) else sys.path[0]
+    yield from (Path(one) for one in sys.path if one not in ("", working))
+    for package in (farm, worker):
+        yield from map(Path, package.__path__)
+
+
+def _named_libraries() -> Iterator[Path]:
+    """Yield the folders of libraries that Python or the environment names."""
+    yield Path(sys.base_prefix) / "lib"
+    yield Path(sys.prefix) / "lib"
+    yield from (Path(one) for one in os.environ.get("LD_LIBRARY_PATH", "").split(":") if one)
+    if llvm := os.environ.get("DRJIT_LIBLLVM_PATH"):
+        yield Path(llvm).resolve().parent
+
+
+if __name__ == "__main__":
+    print(json.dumps([asdict(one) for one in confine(scenes=(), kernels=Path(sys.argv[1]))]))

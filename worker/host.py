@@ -106,7 +106,7 @@ class RenderHost:
             pass_timeout_s=self._settings.pass_timeout_s,
         )
         home = self._settings.cache / "home"
-        self._child = RenderChild(variant, self._llvm_library, limits, home)
+        self._child = RenderChild(variant, self._llvm_library, limits, home, [self._scenes.folder])
         return self._child
 
     def _load(self, child: RenderChild, lease: Lease) -> Loaded:

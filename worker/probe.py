@@ -1,11 +1,16 @@
 """Renders one small image in a Mitsuba variant and prints OK: ``python -m worker.probe VARIANT``.
 
-A process of its own, since an LLVM that does not suit the machine aborts it.
+A process of its own, since an LLVM that does not suit the machine aborts it; shut in as a render
+child is, since a library that this keeps from it would not suit either.
 """
 
+import os
 import resource
 import signal
 import sys
+from pathlib import Path
+
+from worker.confinement import confine
 
 
 def main(variant: str) -> None:
@@ -15,6 +20,8 @@ def main(variant: str) -> None:
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))  # an abort is expected here: no core file
+    if not variant.startswith("cuda"):  # as in `worker.child`
+        confine(scenes=(), kernels=Path(os.environ["DRJIT_CACHE_DIR"]))
     import mitsuba as mi
     import numpy as np
 

@@ -12,7 +12,7 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -21,18 +21,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from farm.bundle import BundleLimits
-from farm.processes import die_with_parent
+from farm.processes import die_with_parent, plain_environment
 from farm.seeds import Pass
 from worker.errors import SceneError
+from worker.scene_cache import loading_threads
 from worker.words import Words
 
 _LOG = logging.getLogger(__name__)
 
 #: A sum of passes before it is divided by its weights: (height, width, 4), R, G, B and W.
 Film = NDArray[np.float32]
-
-#: Only these reach the child: no credentials, nothing of Redis or the blob store.
-_PASSED_ON: Final = ("PATH", "LANG", "LC_ALL", "PYTHONPATH", "VIRTUAL_ENV", "LD_LIBRARY_PATH")
 
 #: A cancelled render that goes on for so long is ended by force.
 CANCEL_GRACE_S: Final = 2.0
@@ -81,7 +79,9 @@ class Loaded:
 class RenderChild:
     """A child process with Mitsuba in it, kept alive between slices.
 
-    Making one does not wait for it: that takes a second, in which others can do something.
+    Making one does not wait for it: that takes a second, in which others can do something. Of the
+    files of others it can open those in the folders `scenes`, and it writes into `home` alone; see
+    `worker.confinement`.
 
     Every request raises `ChildDied` when the process ends or does not answer in time (its whole
     process group is killed then), `SceneError` with Mitsuba's words, and `OSError` where the disk
@@ -90,7 +90,12 @@ class RenderChild:
     """
 
     def __init__(
-        self, variant: str, llvm_library: str | None, limits: ChildLimits, home: Path
+        self,
+        variant: str,
+        llvm_library: str | None,
+        limits: ChildLimits,
+        home: Path,
+        scenes: Iterable[Path],
     ) -> None:
         self.variant = variant
         self._limits = limits
@@ -100,9 +105,10 @@ class RenderChild:
         self._lock = threading.Lock()
         self._words = Words()
         self._home = home
-        home.mkdir(parents=True, exist_ok=True)
-        environment = {name: os.environ[name] for name in _PASSED_ON if name in os.environ}
-        environment["HOME"] = str(home.absolute())  # Dr.Jit keeps compiled kernels there
+        kernels = home / ".drjit"  # where Dr.Jit keeps them, and all that the child writes into
+        kernels.mkdir(parents=True, exist_ok=True)
+        environment = plain_environment()
+        environment["HOME"] = str(home.absolute())
         if llvm_library is not None:
             environment["DRJIT_LIBLLVM_PATH"] = llvm_library
         # Without a name, so that nothing is left of it whoever dies.
@@ -112,6 +118,7 @@ class RenderChild:
             self._process = subprocess.Popen(
                 [
                     sys.executable,
+                    "-s",  # nobody's modules lie in that home
                     "-m",
                     "worker.child",
                     f"--socket={theirs.fileno()}",
@@ -121,6 +128,8 @@ class RenderChild:
                     f"--memory-bytes={limits.memory_bytes}",
                     f"--open-files={limits.open_files}",
                     f"--file-bytes={limits.file_bytes}",
+                    f"--kernels={kernels.absolute()}",
+                    *(f"--scenes={folder.absolute()}" for folder in scenes),
                 ],
                 env=environment,
                 pass_fds=[theirs.fileno(), self._films.fileno()],
@@ -145,9 +154,8 @@ class RenderChild:
         """Return once the child has imported Mitsuba; `load` does this by itself."""
         if self._is_ready:
             return
-        unconfined = self._expect(START_TIMEOUT_S, "starting")["unconfined"]
-        if unconfined is not None:
-            _LOG.warning("the render child may start processes and open sockets: %s", unconfined)
+        for what in self._expect(START_TIMEOUT_S, "starting")["stays_open"]:
+            _LOG.warning("the render child is not shut in: %s", what)
         self._is_ready = True
 
     def load(self, folder: Path, entry: str, parameters: dict[str, str], sensor: int) -> Loaded:
@@ -159,6 +167,7 @@ class RenderChild:
                 "entry": entry,
                 "parameters": parameters,
                 "sensor": sensor,
+                "threads": loading_threads(folder),
             }
         )
         self.await_ready()

@@ -60,7 +60,13 @@ class Renderer:
         self._prepared: PreparedScene | None = None
 
     def load(
-        self, folder: Path, entry: str, parameters: Mapping[str, str], sensor: int = 0
+        self,
+        folder: Path,
+        entry: str,
+        parameters: Mapping[str, str],
+        sensor: int = 0,
+        *,
+        threads: int,
     ) -> LoadedScene:
         """Load the scene of `entry` in `folder`, in the place of the one before.
 
@@ -74,6 +80,8 @@ class Renderer:
             Values for the scene's ``$parameters``, as Mitsuba's ``-D``.
         sensor : int
             Index of the sensor to render.
+        threads : int
+            How many load the scene, see `worker.scene_cache.loading_threads`.
 
         Raises
         ------
@@ -82,7 +90,7 @@ class Renderer:
             is loaded then.
         """
         self._unload()
-        prepared = prepare(self._variant, folder, entry, parameters, sensor)
+        prepared = prepare(self._variant, folder, entry, parameters, sensor, threads)
         self._prepared = prepared
         return LoadedScene(prepared.width, prepared.height, prepared.notes)
 

@@ -22,6 +22,8 @@ from farm.errors import CorruptBlob, StoreUnavailable
 _KEPT: Final = 16
 _ABANDONED_S: Final = 86_400.0  #: no scene takes so long to fetch and unpack
 _CHUNK_BYTES: Final = 1 << 20
+#: How an OpenEXR file begins, whatever it is called.
+_OPENEXR: Final = b"\x76\x2f\x31\x01"
 
 
 class SceneCache:
@@ -39,7 +41,7 @@ class SceneCache:
 
     def __init__(self, store: Blobs, folder: Path, in_use_s: float) -> None:
         self._blobs = store
-        self._folder = folder
+        self.folder = folder
         self._in_use_s = in_use_s
 
     def scene(self, sha256: str) -> tuple[Path, str]:
@@ -56,29 +58,29 @@ class SceneCache:
         StoreUnavailable
             The blob store failed, or this machine's disk: it may be full.
         """
-        home = self._folder / sha256
+        home = self.folder / sha256
         if not self._is_there(home):
             self._unpack(sha256, home)
-        with _disk_errors(self._folder):
+        with _disk_errors(self.folder):
             self._forget_oldest()
             return home / "files", (home / "entry").read_text()
 
     def _is_there(self, home: Path) -> bool:
         """Whether the scene is unpacked; if so, it is in use from now on."""
-        with _disk_errors(self._folder), suppress(FileNotFoundError):
+        with _disk_errors(self.folder), suppress(FileNotFoundError):
             os.utime(home)
             return (home / "entry").exists()
         return False
 
     def _unpack(self, sha256: str, home: Path) -> None:
-        with _disk_errors(self._folder):
-            self._folder.mkdir(parents=True, exist_ok=True)
+        with _disk_errors(self.folder):
+            self.folder.mkdir(parents=True, exist_ok=True)
             # Made apart and moved into place, so that nobody sees half a scene.
-            making = Path(tempfile.mkdtemp(prefix=".making-", dir=self._folder))
+            making = Path(tempfile.mkdtemp(prefix=".making-", dir=self.folder))
         try:
             bundle = making / "bundle"
             self._fetch(sha256, bundle)
-            with _disk_errors(self._folder):
+            with _disk_errors(self.folder):
                 (making / "files").mkdir()
                 entry = unpack_bundle(bundle, making / "files")
                 bundle.unlink()
@@ -93,7 +95,7 @@ class SceneCache:
         """Write the scene's blob to a file, and read that back to see that it is what was asked."""
         chunks = self._blobs.chunks(blobs.scene(sha256))
         first = next(chunks, b"")  # here it shows whether there is such a blob
-        with _disk_errors(self._folder):
+        with _disk_errors(self.folder):
             with path.open("wb") as file:
                 file.write(first)
                 file.writelines(chunks)
@@ -108,7 +110,7 @@ class SceneCache:
     def _forget_oldest(self) -> None:
         """Remove what has not been used for longest, and what a killed worker was making."""
         homes: list[tuple[float, Path]] = []
-        for home in self._folder.iterdir():
+        for home in self.folder.iterdir():
             with suppress(FileNotFoundError):  # another worker has forgotten it
                 homes.append((home.stat().st_mtime, home))
         now = time.time()
@@ -123,12 +125,27 @@ class SceneCache:
     def _forget(self, home: Path) -> None:
         """Remove a scene, unless another worker asks for it at this moment."""
         # Taken away whole, so that nobody is ever given what is left of it.
-        gone = self._folder / f".forgotten-{uuid4().hex}"
+        gone = self.folder / f".forgotten-{uuid4().hex}"
         with suppress(OSError):  # another worker has forgotten it, or made it anew
             home.rename(gone)
             if gone.stat().st_mtime > time.time() - self._in_use_s:
                 gone.rename(home)
         shutil.rmtree(gone, ignore_errors=True)
+
+
+def loading_threads(folder: Path) -> int:
+    """Return how many threads load a scene: one, so that sums have the same last bits every time.
+
+    Normals are such sums, where a mesh has none and Mitsuba makes them of its faces'. But with one
+    thread it waits for ever for another that reads an OpenEXR file.
+    """
+    files = (path for path in folder.rglob("*") if path.is_file())
+    return 2 if any(map(_is_openexr, files)) else 1
+
+
+def _is_openexr(path: Path) -> bool:
+    with path.open("rb") as file:
+        return file.read(len(_OPENEXR)) == _OPENEXR
 
 
 def _sha256(path: Path) -> str:

@@ -39,9 +39,6 @@ _NO_WEIGHTS = "the integrator '{}' does not sample pixel by pixel: its films hav
 #: Names that Mitsuba's parser keeps for its own arguments.
 _UNPASSABLE = {"config", "filename"}
 
-#: How an OpenEXR file begins, whatever it is called.
-_OPENEXR = b"\x76\x2f\x31\x01"
-
 
 @dataclass(frozen=True)
 class PreparedScene:
@@ -67,7 +64,7 @@ class PreparedScene:
 
 
 def prepare(
-    variant: str, folder: Path, entry: str, parameters: Mapping[str, str], sensor: int
+    variant: str, folder: Path, entry: str, parameters: Mapping[str, str], sensor: int, threads: int
 ) -> PreparedScene:
     """Return the scene of `entry` in `folder`, adapted to the farm and instantiated.
 
@@ -83,6 +80,8 @@ def prepare(
         Values for the scene's ``$parameters``, as Mitsuba's ``-D``.
     sensor : int
         Index of the sensor to render.
+    threads : int
+        How many load the scene, see `worker.scene_cache.loading_threads`.
 
     Raises
     ------
@@ -98,7 +97,7 @@ def prepare(
     # what a seed's random numbers stand for.
     config.parallel = config.merge_meshes = False
     _build_hierarchies_alone()
-    with scene_errors(folder), _threads(_loading_threads(folder)):
+    with scene_errors(folder), _threads(threads):
         state = mi.parser.parse_file(config, str(folder / entry), **parameters)
         mi.parser.transform_all(config, state)
         notes = _adapt(variant, list(state.nodes))
@@ -136,21 +135,6 @@ def _build_hierarchies_alone() -> None:
     """
     with _threads(1):
         mi.load_dict({"type": "scene", "shape": {"type": "sphere"}}, parallel=False)
-
-
-def _loading_threads(folder: Path) -> int:
-    """Return how many threads load a scene: one, so that sums have the same last bits every time.
-
-    Normals are such sums, where a mesh has none and Mitsuba makes them of its faces'. But with one
-    thread it waits for ever for another that reads an OpenEXR file.
-    """
-    files = (path for path in folder.rglob("*") if path.is_file())
-    return 2 if any(map(_is_openexr, files)) else 1
-
-
-def _is_openexr(path: Path) -> bool:
-    with path.open("rb") as file:
-        return file.read(len(_OPENEXR)) == _OPENEXR
 
 
 @contextmanager

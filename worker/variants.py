@@ -22,7 +22,7 @@ from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
-from worker import needed_libraries
+from worker import landlock, needed_libraries
 from worker.llvm_libraries import llvm_libraries, system_libraries
 
 CUDA, LLVM, SCALAR = "cuda_ad_rgb", "llvm_ad_rgb", "scalar_rgb"
@@ -133,7 +133,7 @@ def probe(variant: str, library: str | None, timeout_s: float = _PROBE_TIMEOUT_S
         environment["DRJIT_CACHE_DIR"] = empty
         try:
             done = subprocess.run(
-                [sys.executable, "-m", "worker.probe", variant],
+                [sys.executable, "-s", "-m", "worker.probe", variant],
                 env=environment,
                 stdin=subprocess.DEVNULL,
                 capture_output=True,
@@ -221,6 +221,7 @@ def _identity(candidates: list[tuple[str, str | None]]) -> dict[str, Any]:
         "mitsuba": version("mitsuba"),
         "drjit": version("drjit"),
         "cpu": _cpu_model(),
+        "landlock": landlock.abi(),
         "candidates": [variant for variant, _ in candidates],
         "libraries": [[path, stat.st_mtime_ns, stat.st_size] for path, stat in files],
     }

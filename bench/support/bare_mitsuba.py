@@ -30,6 +30,7 @@ def main() -> None:
     dr.set_thread_count(request["threads"])
 
     # The scene as the farm prepares it, so that the samples are the same.
+    from worker.scene_cache import loading_threads
     from worker.scene_prep import prepare
 
     one = prepare(
@@ -38,6 +39,7 @@ def main() -> None:
         request["entry"],
         request["parameters"],
         sensor=0,
+        threads=loading_threads(Path(request["folder"])),
     )
     total: Any = 0.0
     began_s, ended_s = time.monotonic() - _STARTED, []

@@ -18,6 +18,7 @@ from farm.redis_url import without_password
 from farm.settings import Settings
 from plateau.exits import ExitCode
 from plateau.read_settings import farm_settings
+from worker.confinement import try_here
 from worker.variants import Probe, VariantChoice, choose
 
 
@@ -36,6 +37,7 @@ def doctor(*, as_json: bool) -> int:
     settings = farm_settings()
     choice = choose(settings.cache, every=True)
     checks = [*_machine(), *_stores(settings), *_folders(settings), *_variants(choice)]
+    checks += _confinement()
     can_render = all(check.ok for check in checks if check.needed)
     if as_json:
         found = {
@@ -103,6 +105,12 @@ def _variants(choice: VariantChoice) -> Iterator[Check]:
         yield Check(_name(probe), probe.detail, ok=probe.ok)
     works = any(probe.ok for probe in choice.tried)
     yield Check("a worker takes", choice.why, ok=works, needed=True)
+
+
+def _confinement() -> Iterator[Check]:
+    for one in try_here():
+        detail = one.holds if one.error is None else f"not shut in: {one.error}"
+        yield Check(f"a render child's {one.name}", detail, ok=one.error is None)
 
 
 def _name(probe: Probe) -> str:

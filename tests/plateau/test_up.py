@@ -2,6 +2,8 @@
 
 import re
 import signal
+import subprocess
+import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -19,10 +21,10 @@ READY = r"listens at (http://127\.0\.0\.1:\d+)"
 def up(tmp_path: Path) -> Iterator[Up]:
     started: list[Command] = []
 
-    def start(*arguments: str) -> Command:
+    def start(*arguments: str, **environment: str) -> Command:
         # No worker: none of this needs one, and it takes the longest to start
         arguments = ("up", "--workers", "0", "--port", "0", *arguments)
-        started.append(Command(*arguments, folder=tmp_path))
+        started.append(Command(*arguments, folder=tmp_path, **environment))
         return started[-1]
 
     yield start
@@ -59,6 +61,36 @@ def test_it_stops_in_order_and_its_jobs_survive(
     second = up()
     with Client(second.wait_for(READY)) as client:
         assert client.job(job.id).scene_sha256 == job.scene_sha256
+
+
+#: Another process of the same user, without root's powers: which environments show it a secret?
+PEEK = """
+import sys
+from pathlib import Path
+from worker.capabilities import drop_capabilities
+
+drop_capabilities()
+for pid in sys.argv[1:]:
+    try:
+        shown = b"swordfish" in Path(f"/proc/{pid}/environ").read_bytes()
+    except PermissionError:
+        shown = False
+    if shown:
+        print(Path(f"/proc/{pid}/cmdline").read_text())
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="there is no /proc elsewhere")
+def test_none_of_its_processes_shows_another_its_credentials(up: Up) -> None:
+    # Given a service with credentials in its environment
+    service = up("--workers", "1", AWS_SECRET_ACCESS_KEY="swordfish")
+    with Client(service.wait_for(READY)) as client:
+        until(lambda: bool(client.workers()), 120)
+    # Then neither the command nor anything that it has started shows them, once it runs
+    ones = [str(service.process.pid), *(str(one.pid) for one in service.family())]
+    assert len(ones) >= 5  # Redis, API, monitor and worker
+    peek = [sys.executable, "-c", PEEK, *ones]
+    until(lambda: not subprocess.check_output(peek), 60)
 
 
 def test_a_second_one_on_its_folder_is_refused(up: Up) -> None:

@@ -12,6 +12,8 @@ import numpy as np
 import psutil
 from numpy.typing import NDArray
 
+from worker.scene_cache import loading_threads
+
 # Mitsuba is imported in the process alone: the tests' own must be able to die of nothing.
 if TYPE_CHECKING:
     from worker.renderer import LoadedScene, Renderer
@@ -58,7 +60,8 @@ def _start(variant: str, llvm_library: str | None, threads: int) -> None:
 
 
 def _load(folder: Path, entry: str, parameters: dict[str, str], sensor: int) -> "LoadedScene":
-    return _renderer.load(folder, entry, parameters, sensor)
+    threads = loading_threads(folder)
+    return _renderer.load(folder, entry, parameters, sensor, threads=threads)
 
 
 def _render_pass(spp: int, seed: int) -> NDArray[np.float32]:

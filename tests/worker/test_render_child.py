@@ -27,7 +27,7 @@ LONG = (Pass(1024, 0),) * 1000  # more than anybody waits for
 
 @pytest.fixture
 def child(tmp_path: Path) -> Iterator[RenderChild]:
-    child = RenderChild("scalar_rgb", None, LIMITS, tmp_path / "home")
+    child = RenderChild("scalar_rgb", None, LIMITS, tmp_path / "home", [BOX])
     yield child
     child.kill()
 
@@ -92,7 +92,7 @@ class TestOnASmallDisk:
 
     @pytest.fixture
     def child(self, disk: LoopDisk) -> Iterator[RenderChild]:
-        child = RenderChild("scalar_rgb", None, LIMITS, disk.folder / "home")
+        child = RenderChild("scalar_rgb", None, LIMITS, disk.folder / "home", [BOX])
         child.await_ready()
         yield child
         child.kill()
@@ -158,7 +158,7 @@ def test_a_pass_that_outlasts_a_cancel_is_ended_by_force(
 
 def test_a_hanging_pass_is_killed(tmp_path: Path) -> None:
     limits = ChildLimits(threads=2, memory_bytes=0, load_timeout_s=60, pass_timeout_s=0.5)
-    child = RenderChild("scalar_rgb", None, limits, tmp_path / "home")
+    child = RenderChild("scalar_rgb", None, limits, tmp_path / "home", [BOX])
     child.load(BOX, "scene.xml", {"width": "256", "height": "256"}, 0)
     with pytest.raises(ChildDied, match=r"rendering a pass took longer than 0\.5 s"):
         child.render(LONG)
@@ -174,7 +174,7 @@ def test_a_death_is_told_with_its_signal(child: RenderChild, tmp_path: Path) -> 
 
 def test_a_scene_that_wants_too_much_memory_costs_its_child(tmp_path: Path) -> None:
     limits = ChildLimits(threads=1, memory_bytes=1 << 30, load_timeout_s=60, pass_timeout_s=60)
-    child = RenderChild("scalar_rgb", None, limits, tmp_path / "home")
+    child = RenderChild("scalar_rgb", None, limits, tmp_path / "home", [BOX])
     child.load(BOX, "scene.xml", {"width": "8192", "height": "8192"}, 0)
     with pytest.raises(ChildDied, match=r"(?i)memory|bad_alloc|SIGABRT"):
         child.render((Pass(1, 0),))
@@ -184,7 +184,7 @@ def test_a_scene_that_wants_too_much_memory_costs_its_child(tmp_path: Path) -> N
 def test_it_knows_no_secrets(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PLATEAU_REDIS_URL", "redis://:swordfish@host")
     monkeypatch.setenv("AWS_SECRET_ACCESS_KEY", "swordfish")
-    child = RenderChild("scalar_rgb", None, LIMITS, tmp_path / "home")
+    child = RenderChild("scalar_rgb", None, LIMITS, tmp_path / "home", [BOX])
     environment = psutil.Process(child.pid).environ()
     child.kill()
     assert "swordfish" not in " ".join(environment.values())
@@ -196,7 +196,7 @@ def test_it_does_not_outlive_a_supervisor_that_is_killed(tmp_path: Path) -> None
         "import sys, time; from pathlib import Path\n"
         "from worker.render_child import ChildLimits, RenderChild\n"
         "limits = ChildLimits(threads=1, memory_bytes=0, load_timeout_s=60, pass_timeout_s=60)\n"
-        "print(RenderChild('scalar_rgb', None, limits, Path(sys.argv[1])).pid, flush=True)\n"
+        "print(RenderChild('scalar_rgb', None, limits, Path(sys.argv[1]), []).pid, flush=True)\n"
         "time.sleep(60)"
     )
     supervisor = subprocess.Popen(

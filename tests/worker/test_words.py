@@ -24,7 +24,7 @@ SMALL = {"size": "16"}
 
 @pytest.fixture
 def child(tmp_path: Path) -> Iterator[RenderChild]:
-    child = RenderChild("scalar_rgb", None, LIMITS, tmp_path / "home")
+    child = RenderChild("scalar_rgb", None, LIMITS, tmp_path / "home", [tmp_path])
     yield child
     child.kill()
 
