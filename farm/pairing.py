@@ -39,8 +39,11 @@ def check_pair(client: redis.Redis, store: Blobs) -> None:
 
 
 def _check_pair(client: redis.Redis, store: Blobs) -> None:
-    ours, paired = client.hmget(keys.STORE, "id", "paired")
+    # In this order: while another process pairs them, the id is there before the mark is.
     theirs = store.mark()
+    ours, paired = client.hmget(keys.STORE, "id", "paired")
+    if theirs is None and paired is not None:  # between the two
+        theirs = store.mark()
     if theirs is None and paired is None:
         if not client.exists(keys.JOBS) and any(store.listing(blobs.JOBS)):
             raise WrongStore(_refusal(store, None, None))
