@@ -11,8 +11,8 @@ _CAUSE: Final = re.compile(r'(?:message|error): "([^"]+)"')
 
 _SILENCE: Final = "TimedOut"
 _KEYS: Final = "AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY"
-_NO_USER: Final = "nobody has this AWS_ACCESS_KEY_ID there"
-_MAY_NOT: Final = "these credentials may not do that there"
+_NO_USER: Final = "the store does not know this AWS_ACCESS_KEY_ID"
+_MAY_NOT: Final = "the store does not allow that with these credentials"
 #: By what is in an error that somebody has to do something about: what.
 _REMEDIES: Final = {
     "<Code>NoSuchBucket<": "there is no such bucket: make it, or set PLATEAU_BLOBS to another",
@@ -20,16 +20,16 @@ _REMEDIES: Final = {
     "<Code>XAdminUserNotFound<": _NO_USER,  # versitygw, as 404
     "<Code>SignatureDoesNotMatch<": "AWS_SECRET_ACCESS_KEY is not that of AWS_ACCESS_KEY_ID",
     "<Code>ExpiredToken<": "AWS_SESSION_TOKEN has expired",
-    "<Code>InvalidToken<": "AWS_SESSION_TOKEN is none of these credentials",
+    "<Code>InvalidToken<": "AWS_SESSION_TOKEN does not belong to these credentials",
     "<Code>RequestTimeTooSkewed<": "this machine's clock differs from the store's",
     "<Code>AccessDenied<": _MAY_NOT,
     "code: AccessDenied": _MAY_NOT,  # of one of many blobs that were to be removed at once
     "169.254.169.254": f"there are no credentials: set {_KEYS}",
-    "UnknownIssuer": "this machine does not know who signed its certificate: set AWS_CA_BUNDLE",
+    "UnknownIssuer": "this machine does not trust its certificate: set AWS_CA_BUNDLE",
     "InvalidContentType": "it does not speak TLS: is its endpoint an http:// one?",
     "BareRedirect": "the bucket is in another region: set AWS_REGION",
     _SILENCE: "it does not answer",
-    "IncompleteMessage": "it hung up",
+    "IncompleteMessage": "it closed the connection",
 }
 
 

@@ -74,8 +74,8 @@ class Continuations:
         if not job.state.ended:
             raise CannotContinue(
                 job.id,
-                f"it is {job.state.value}: it goes on by itself; its priority, its pause and its "
-                "cancelling are what can be steered",
+                f"it is {job.state.value}: it goes on by itself; change its priority, pause it or "
+                "cancel it instead",
             )
         if job.finished_at is None:
             raise CannotContinue(job.id, "its results are being written: try again in a moment")
@@ -203,7 +203,7 @@ def check(job: Job, remains: Remains, spec: JobSpec) -> None:
         if getattr(spec, name) != getattr(job.spec, name):
             raise CannotContinue(
                 job.id,
-                f"{name} makes other samples, so that none could be taken over: submit the scene "
+                f"{name} makes other samples, so none could be taken over: submit the scene "
                 "as a new job",
             )
     if not remains.kept:
@@ -230,7 +230,7 @@ def _check_seeds(job: Job, remains: Remains, spec: JobSpec) -> None:
         which = f"from {caps[lowest]} to" if lowest < highest else "of"
         remedy = f"a max_spp {which} {caps[highest]} goes on with them"
     else:
-        remedy = "no higher cap goes on with them; submit the scene as a new job"
+        remedy = "no higher cap keeps them; submit the scene as a new job"
         if job.continues is not None:
             remedy += f", or go on with job {job.continues}, whose samples they are"
     raise CannotContinue(
@@ -270,8 +270,8 @@ def _check_sums(job: Job, remains: Remains, spec: JobSpec) -> None:
         if rule.name not in _ALWAYS_READY and rule not in seen:
             raise CannotContinue(
                 job.id,
-                f"the rule {rule.name} compares with earlier images, which were not kept: it could "
-                "go on only as it was; visible, reverse and fixed can be named in any case",
+                f"the rule {rule.name} compares with earlier images, which were not kept: leave "
+                "the rule as it was, or name visible, reverse or fixed",
             )
     if spec.max_spp <= spp:
         raise CannotContinue(

@@ -134,7 +134,7 @@ class WorkerNotFound(FarmError):
     """No worker of this id lives."""
 
     def __init__(self, worker_id: str) -> None:
-        super().__init__(f"no worker {worker_id!r} lives")
+        super().__init__(f"there is no worker {worker_id!r}")
         self.worker_id = worker_id
 
 
@@ -171,7 +171,7 @@ class TooManyNeeds(FarmError):
     def __init__(self, most: int) -> None:
         super().__init__(
             f"jobs that have not ended need {most} different combinations of pool and tags of "
-            "workers, and there is no room for another"
+            "workers, which is the most that a farm takes"
         )
 
 

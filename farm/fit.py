@@ -68,4 +68,5 @@ def waits_for(job: Job, kinds: Iterable[Kind]) -> str | None:
         "" if job.spec.pool == DEFAULT_POOL else f"in pool {job.spec.pool}",
         f"with tags {', '.join(job.spec.requires)}" if job.spec.requires else "",
     ]
-    return f"waits for {' '.join(filter(None, ['a worker', *wanted]))}: none lives that takes work"
+    which = " ".join(filter(None, ["a worker", *wanted]))
+    return f"waits for {which}: there is none that takes work"

@@ -59,7 +59,9 @@ def _encryption(url: str) -> Finding:
         return Finding("Redis over TLS", "yes")
     if _is_here(url):
         return Finding("Redis over TLS", "no, and it never leaves this machine")
-    told = "no: passwords and all else can be read on the way; begin PLATEAU_REDIS_URL with rediss"
+    told = (
+        "no: others on the network can read all, passwords too; begin PLATEAU_REDIS_URL with rediss"
+    )
     return Finding("Redis over TLS", told, ok=False)
 
 
@@ -92,7 +94,7 @@ def _role(about: dict[str, Any]) -> Finding:
 def _persistence(client: RedisClient, about: dict[str, Any]) -> Finding:
     name = "Redis persistence"
     if not about["aof_enabled"]:
-        told = "appendonly no: what was answered is lost with the power; set `appendonly yes`"
+        told = "appendonly no: a power loss would lose acknowledged writes; set `appendonly yes`"
         return Finding(name, told, ok=False)
     if about["aof_last_write_status"] != "ok":
         return Finding(name, "its last write failed: is its disk full?", ok=False)
@@ -103,7 +105,7 @@ def _persistence(client: RedisClient, about: dict[str, Any]) -> Finding:
         return Finding(name, "appendonly yes; appendfsync is not for this user to ask")
     if policy == "always":
         return Finding(name, "appendonly yes, appendfsync always")
-    told = f"appendfsync {policy}: the power takes the last writes with it; set `always`"
+    told = f"appendfsync {policy}: a power loss would lose the last writes; set `always`"
     return Finding(name, told, ok=False)
 
 
@@ -111,7 +113,7 @@ def _eviction(about: dict[str, Any]) -> Finding:
     policy, most = about.get("maxmemory_policy", "unknown"), about.get("maxmemory", 0)
     if policy == "noeviction" or not most:
         return Finding("Redis memory", f"{policy}, {about['used_memory_human']} used")
-    told = f"maxmemory-policy {policy}: full, it would drop jobs; set `noeviction`"
+    told = f"maxmemory-policy {policy}: when memory is full, it drops jobs; set `noeviction`"
     return Finding("Redis memory", told, ok=False)
 
 

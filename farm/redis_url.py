@@ -116,7 +116,7 @@ def with_user(url: str, user: str) -> str:
     user_info, _, hosts = parts.netloc.rpartition("@")
     given, colon, password = user_info.partition(":")
     if given and unquote(given) != user:
-        raise BadRedisUrl("names a user of its own: leave one of the two out")
+        raise BadRedisUrl("names another user than PLATEAU_REDIS_USER: leave one of the two out")
     return replace(parts, netloc=f"{quote(user, safe='')}{colon}{password}@{hosts}").url
 
 
@@ -126,7 +126,9 @@ def with_password(url: str, password: str) -> str:
     user_info, _, hosts = parts.netloc.rpartition("@")
     user, has_password, given = user_info.partition(":")
     if has_password and unquote(given) != password:
-        raise BadRedisUrl("has a password of its own: leave one of the two out")
+        raise BadRedisUrl(
+            "has another password than PLATEAU_REDIS_PASSWORD_FILE: leave one of the two out"
+        )
     return replace(parts, netloc=f"{user}:{quote(password, safe='')}@{hosts}").url
 
 

@@ -31,7 +31,7 @@ def connect(url: str | None, *, timeout_s: float = 30.0, quiet: bool = False) ->
         if not quiet and _series(version) != _series(versions.plateau()):
             print(
                 f"plateau: this is Plateau {versions.plateau()}, and the service at {where} is "
-                f"{version}: what only one of them knows may fail; install the same",
+                f"{version}: what only one of them knows will fail; install the same version",
                 file=sys.stderr,
             )
 

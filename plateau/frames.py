@@ -71,7 +71,7 @@ def from_file(path: Path) -> list[Values]:
     try:
         text = path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError:
-        raise CommandFailed(f"{path} is no UTF-8 text: save it as UTF-8") from None
+        raise CommandFailed(f"{path} is not UTF-8 text: save it as UTF-8") from None
     entries = _of_json(path, text) if text.lstrip()[:1] in {"[", "{"} else _of_csv(path, text)
     if not entries:
         raise CommandFailed(f"{path} has no entries: each makes a job")
@@ -83,14 +83,14 @@ def _of_json(path: Path, text: str) -> list[Values]:
     try:
         found: Any = json.loads(text)
     except (ValueError, RecursionError) as error:
-        raise CommandFailed(f"{path} is no JSON: {error}") from None
+        raise CommandFailed(f"{path} is not JSON: {error}") from None
     if not (isinstance(found, list) and all(isinstance(one, dict) for one in found)):
-        raise CommandFailed(f'{path} has to be a list of objects, as [{{"frame": 1}}]')
+        raise CommandFailed(f'{path} must be a list of objects, as [{{"frame": 1}}]')
     for number, entry in enumerate(found, start=1):
         for name, value in entry.items():
             if not (_is_text(name) and _is_value(value)):
                 raise CommandFailed(
-                    f"entry {number} of {path}: {name!r} has to be a text, a number, true or false"
+                    f"entry {number} of {path}: {name!r} must be text, a number, true or false"
                 )
     return found
 
@@ -110,10 +110,10 @@ def _of_csv(path: Path, text: str) -> list[Values]:
     try:
         rows = [row for row in csv.reader(text.splitlines()) if row]
     except csv.Error as error:
-        raise CommandFailed(f"{path} is no CSV: {error}") from None
+        raise CommandFailed(f"{path} is not CSV: {error}") from None
     names = rows[0] if rows else []
     if not all(names) or len(set(names)) < len(names):
-        raise CommandFailed(f"the first row of {path} has to name each column, and once only")
+        raise CommandFailed(f"the first row of {path} must name each column once")
     for number, row in enumerate(rows[1:], start=1):
         if len(row) != len(names):
             raise CommandFailed(

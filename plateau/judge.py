@@ -100,7 +100,7 @@ def find_series(folder: Path, *, image_spp: int | None, cumulative: bool) -> Ser
     """
     files = tuple(sorted(folder.glob("*.exr"), key=_by_numbers))
     if not files:
-        known = "has no .exr files" if folder.is_dir() else "is no folder"
+        known = "has no .exr files" if folder.is_dir() else "is not a folder"
         raise CannotJudge(
             f"{folder} {known}: give the slices of a job that kept them, or images of any renderer"
         )

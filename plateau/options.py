@@ -98,7 +98,8 @@ def spec_from_options(
         int | None, typer.Option(help="Spp of one slice of work.", show_default="25")
     ] = None,
     max_spp: Annotated[
-        int | None, typer.Option(help="Cap, where it is exhausted.", show_default="10000")
+        int | None,
+        typer.Option(help="Cap in spp, at which a job is exhausted.", show_default="10000"),
     ] = None,
     time_limit: Annotated[
         float | None,
@@ -111,7 +112,8 @@ def spec_from_options(
     rule: Annotated[
         str | None,
         typer.Option(
-            help="What ends it: visible, reverse, fixed, successive, multiple or myszkowski, with "
+            help="Rule that ends the job: visible, reverse, fixed, successive, multiple or "
+            "myszkowski, with "
             "its parameters as in visible:target=0.001,min_spp=300. --window and --epsilon alone "
             "mean reverse, --spp alone means fixed.",
             show_default="visible",
@@ -121,7 +123,8 @@ def spec_from_options(
     watch: Annotated[
         list[str] | None,
         typer.Option(
-            help="A rule to report beside it, written the same way; repeatable.",
+            help="Another rule, which is reported and ends nothing; written the same way; "
+            "repeatable.",
             autocompletion=complete.rules,
         ),
     ] = None,
@@ -181,7 +184,7 @@ def spec_from_options(
     min_spp: Annotated[
         int | None,
         typer.Option(
-            help="Never converged before, whatever the rule says: for even frames.",
+            help="The job does not converge before so many spp, whatever the rule says.",
             show_default="none",
         ),
     ] = None,

@@ -68,6 +68,6 @@ def make_ready(folder: Path, files: Sequence[str] = RESULTS) -> None:
     for name in files:
         if (folder / name).is_dir():
             raise CommandFailed(
-                f"{folder / name} is a folder, and a file of that name is to be written: move it, "
+                f"{folder / name} is a folder, and a file has to be written there: move it, "
                 "or give another folder with -o"
             )

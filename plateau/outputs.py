@@ -62,7 +62,7 @@ def write_or_keep(
     if place.trouble is not None:
         raise CommandFailed(
             f"not all could be written into {folder} ({place.trouble.strerror or place.trouble}): "
-            f"the rest is in {place.folder}; move it where it shall stay"
+            f"the rest is in {place.folder}; move it to where you want it"
         )
     return about
 

@@ -105,7 +105,7 @@ def secret_in(file: Path, option: str) -> str:
     try:
         secret = file.read_text().strip()
     except (OSError, UnicodeDecodeError) as error:
-        why = getattr(error, "strerror", None) or "it is no text"
+        why = getattr(error, "strerror", None) or "it is not text"
         raise BadSetting(f"{option}: {file} cannot be read: {why}") from error
     if not secret:
         raise BadSetting(f"{option}: {file} is empty")

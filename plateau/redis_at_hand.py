@@ -33,7 +33,7 @@ def redis_at_hand(
         return settings.redis_url
     if not may_begin and not data.redis.is_dir():
         raise CommandFailed(
-            f"there is nothing of Plateau's in {data.path}: set PLATEAU_DATA to the folder that "
+            f"there is no data of Plateau in {data.path}: set PLATEAU_DATA to the folder that "
             "`plateau up` says it uses, or PLATEAU_REDIS_URL and PLATEAU_BLOBS"
         )
     try:

@@ -32,7 +32,7 @@ def chosen(accept: str, offers: tuple[str, ...]) -> str:
     if _quality(best, ranges) == 0:
         raise Problem(
             NOT_ACCEPTABLE,
-            f"Accept is {accept!r}; to be had are {' and '.join(offers)}",
+            f"the answer comes as {' or '.join(offers)}, and Accept is {accept!r}",
             offers=offers,
         )
     return best

@@ -126,7 +126,7 @@ WORKER: Final[dict[str, Any]] = {
     "slice": 16,
     "slices_done": 16,
     "samples_per_s": 2.7e6,
-    "last_error": "slice 3: the render child was ended by SIGSEGV while rendering a pass",
+    "last_error": "slice 3: the render process was ended by SIGSEGV while rendering a pass",
     "trouble": None,
     "drained": False,
     "started_at": "2026-11-21T08:00:00Z",
@@ -247,7 +247,7 @@ PROBLEM_DETAILS: Final = {
     "makes a key, and with keys it may have any name",
     "foreign-origin": "a page of 'https://example.org' made this request; only the API's own "
     "pages may",
-    "no-key": "this service wants an API key, as the header Authorization: Bearer KEY; plateau's "
+    "no-key": "this service needs an API key, in the header Authorization: Bearer KEY; plateau's "
     "commands take it from PLATEAU_KEY or PLATEAU_KEY_FILE, its Python client as Client(key=…), "
     "and `plateau keys create NAME`, where the service runs, makes one",
     "bad-key": "the service does not know this key, or it was revoked; check PLATEAU_KEY, or ask "
@@ -259,11 +259,11 @@ PROBLEM_DETAILS: Final = {
     "admin, may change it",
     "unknown-path": "nothing is served at /problems/none; /docs lists what is",
     "unknown-job": f"there is no job '{JOB_ID}'; GET /v1/jobs lists those there are",
-    "unknown-worker": f"no worker {_WORKER!r} lives; GET /v1/workers lists those that do",
+    "unknown-worker": f"there is no worker {_WORKER!r}; GET /v1/workers lists those there are",
     "unknown-batch": "there is no batch 'exposures'; GET /v1/batches lists those there are",
     "unknown-study": "there is no study '9c1f47be02d8'; GET /v1/studies lists those there are",
     "unknown-observer": "nobody takes part in study 9c1f47be02d8 as 'o-7f3a'; PUT "
-    "/v1/studies/9c1f47be02d8/observers/o-7f3a takes part",
+    "/v1/studies/9c1f47be02d8/observers/o-7f3a joins it",
     "unknown-trial": "study 9c1f47be02d8 shows each observer 14 pairs, numbered from 0: there is "
     "no pair 14",
     "not-your-study": "study 9c1f47be02d8 belongs to another key; only that key, or one with the "
@@ -272,14 +272,14 @@ PROBLEM_DETAILS: Final = {
     "no-image-yet": f"job {JOB_ID} is queued; its first image comes a moment after its first "
     f"slice, which GET {_ROOT}/events announces",
     "unknown-point": f"job {JOB_ID} has no point at 130 spp: they are 100 spp apart, up to 400; "
-    f"GET {_ROOT}/previews lists the pictures to be had",
+    f"GET {_ROOT}/previews lists the pictures there are",
     "cannot-merge": f"job {JOB_ID} keeps no picture of 300 spp, and did not keep its slices; "
-    f"GET {_ROOT}/previews lists the pictures to be had",
+    f"GET {_ROOT}/previews lists the pictures there are",
     "busy": "many scenes are being checked already; try again in 2 s",
     "unknown-delivery": f"job {JOB_ID} has no delivery 9; GET {_ROOT}/webhooks lists those it has",
     "unknown-slice": f"slice 15 of job {JOB_ID} is not stored; slices stay where the job's spec "
     "says keep_slices",
-    "not-acceptable": "Accept is 'image/png'; to be had are application/json and text/csv",
+    "not-acceptable": "the answer comes as application/json or text/csv, and Accept is 'image/png'",
     "method-not-allowed": "/v1/jobs does not take DELETE; /docs says what it takes",
     "cannot-pause": f"job {JOB_ID} is queued; only a job that is rendering can be paused; a queued "
     "one can have a lower priority",
@@ -309,9 +309,9 @@ PROBLEM_DETAILS: Final = {
     "too-many-jobs": "the key has 1,000 jobs that have not ended, and may have 1,000; wait for one "
     "to end, or cancel one",
     "too-many-needs": "jobs that have not ended need 64 different combinations of pool and tags of "
-    "workers, and there is no room for another; wait for some to end, or ask for a combination "
+    "workers, which is the most that a farm takes; wait for some to end, or ask for a combination "
     "that others have",
-    "internal-error": "an error that Plateau did not expect; the API's log has the details",
+    "internal-error": "Plateau met an error that it did not expect; the API's log has the details",
     "unreadable-job": f"this Plateau cannot read job {JOB_ID}: 'resting' is not a valid JobState",
     "store-unavailable": "Redis cannot be reached; try again shortly",
 }

@@ -162,7 +162,7 @@ class BodyLimit:
         caller: Caller = scope.get("state", {}).get("caller", ANYBODY)
         most = (caller.upload_bytes or self._most) + ENVELOPE_BYTES
         if most < self._most:
-            return most, f"; the key {caller.name!r} may send no more"
+            return most, f", the limit of the key {caller.name!r}"
         return self._most, "; PLATEAU_MAX_UPLOAD_GB sets the limit"
 
 

@@ -156,7 +156,7 @@ def _shown_key(scope: Scope) -> str | None:
 def _no_key() -> Problem:
     return Problem(
         problems.NO_KEY,
-        "this service wants an API key, as the header Authorization: Bearer KEY; plateau's "
+        "this service needs an API key, in the header Authorization: Bearer KEY; plateau's "
         "commands take it from PLATEAU_KEY or PLATEAU_KEY_FILE, its Python client as "
         "Client(key=…), and `plateau keys create NAME`, where the service runs, makes one",
         headers={"WWW-Authenticate": 'Bearer realm="plateau"'},

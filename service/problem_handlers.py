@@ -46,7 +46,7 @@ _AS_THEY_ARE: Final[dict[type[Exception], tuple[ProblemType, str]]] = {
     JobNotFound: (problems.UNKNOWN_JOB, "; GET /v1/jobs lists those there are"),
     UnreadableJob: (problems.UNREADABLE_JOB, ""),
     BatchNotFound: (problems.UNKNOWN_BATCH, "; GET /v1/batches lists those there are"),
-    WorkerNotFound: (problems.UNKNOWN_WORKER, "; GET /v1/workers lists those that do"),
+    WorkerNotFound: (problems.UNKNOWN_WORKER, "; GET /v1/workers lists those there are"),
     StudyNotFound: (problems.UNKNOWN_STUDY, "; GET /v1/studies lists those there are"),
     TrialNotFound: (problems.UNKNOWN_TRIAL, ""),
     CannotContinue: (problems.CANNOT_CONTINUE, ""),
@@ -112,7 +112,7 @@ def add_problem_handlers(app: FastAPI) -> None:
     @app.exception_handler(ObserverNotFound)
     def answer_unknown_observer(request: Request, error: ObserverNotFound) -> JSONResponse:
         path = f"/v1/studies/{error.study_id}/observers/{error.name}"
-        detail = f"{error}; PUT {path} takes part"
+        detail = f"{error}; PUT {path} joins it"
         return Problem(problems.UNKNOWN_OBSERVER, detail).response(request.url.path)
 
     @app.exception_handler(Incompatible)  # this API is about to end; another one may answer
@@ -135,7 +135,7 @@ def add_problem_handlers(app: FastAPI) -> None:
 
     @app.exception_handler(Exception)
     def answer_unexpected(request: Request, _: Exception) -> JSONResponse:
-        detail = "an error that Plateau did not expect; the API's log has the details"
+        detail = "Plateau met an error that it did not expect; the API's log has the details"
         return Problem(problems.INTERNAL_ERROR, detail).response(request.url.path)
 
 

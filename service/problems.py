@@ -39,30 +39,36 @@ class ProblemType:
 MALFORMED_REQUEST: Final = ProblemType("malformed-request", 400, "The request cannot be read")
 FOREIGN_HOST: Final = ProblemType("foreign-host", 403, "This service answers this machine only")
 FOREIGN_ORIGIN: Final = ProblemType("foreign-origin", 403, "Other web sites may not call this API")
-NO_KEY: Final = ProblemType("no-key", 401, "An API key is wanted")
-BAD_KEY: Final = ProblemType("bad-key", 401, "The API key opens nothing here")
+NO_KEY: Final = ProblemType("no-key", 401, "An API key is needed")
+BAD_KEY: Final = ProblemType("bad-key", 401, "The API key is not valid here")
 ROLE_TOO_LOW: Final = ProblemType("role-too-low", 403, "The key's role does not allow this")
 NOT_YOUR_JOB: Final = ProblemType("not-your-job", 403, "The job is not this key's")
 NOT_YOUR_STUDY: Final = ProblemType("not-your-study", 403, "The study is not this key's")
 UNKNOWN_PATH: Final = ProblemType("unknown-path", 404, "There is nothing here")
 UNKNOWN_JOB: Final = ProblemType("unknown-job", 404, "There is no such job")
-UNKNOWN_WORKER: Final = ProblemType("unknown-worker", 404, "No such worker lives")
+UNKNOWN_WORKER: Final = ProblemType("unknown-worker", 404, "There is no such worker")
 UNKNOWN_BATCH: Final = ProblemType("unknown-batch", 404, "There is no such batch")
 NO_IMAGE_YET: Final = ProblemType("no-image-yet", 404, "The job has no such image yet")
 UNKNOWN_POINT: Final = ProblemType("unknown-point", 404, "The curve has no such point")
 UNKNOWN_SLICE: Final = ProblemType("unknown-slice", 404, "The slice is not stored")
 UNKNOWN_DELIVERY: Final = ProblemType("unknown-delivery", 404, "The job has no such delivery")
 UNKNOWN_STUDY: Final = ProblemType("unknown-study", 404, "There is no such study")
-UNKNOWN_OBSERVER: Final = ProblemType("unknown-observer", 404, "Nobody takes part so")
+UNKNOWN_OBSERVER: Final = ProblemType("unknown-observer", 404, "There is no such observer")
 UNKNOWN_TRIAL: Final = ProblemType("unknown-trial", 404, "The observer is shown no such pair")
-METHOD_NOT_ALLOWED: Final = ProblemType("method-not-allowed", 405, "Not by this method")
-NOT_ACCEPTABLE: Final = ProblemType("not-acceptable", 406, "It is not to be had in that form")
+METHOD_NOT_ALLOWED: Final = ProblemType(
+    "method-not-allowed", 405, "The path does not take this method"
+)
+NOT_ACCEPTABLE: Final = ProblemType(
+    "not-acceptable", 406, "The answer does not come in that format"
+)
 CANNOT_CANCEL: Final = ProblemType("cannot-cancel", 409, "The job has already ended")
 CANNOT_PAUSE: Final = ProblemType("cannot-pause", 409, "The job is not rendering")
 CANNOT_RESUME: Final = ProblemType("cannot-resume", 409, "The job is not paused")
-CANNOT_CONTINUE: Final = ProblemType("cannot-continue", 409, "No job can go on with this one so")
+CANNOT_CONTINUE: Final = ProblemType(
+    "cannot-continue", 409, "The job cannot be continued like this"
+)
 CANNOT_MERGE: Final = ProblemType("cannot-merge", 409, "That image cannot be made again")
-CANNOT_STUDY: Final = ProblemType("cannot-study", 409, "No study can be made so")
+CANNOT_STUDY: Final = ProblemType("cannot-study", 409, "The study cannot be made like this")
 UNEVEN_BATCH: Final = ProblemType("uneven-batch", 409, "The job would stop unlike its batch")
 TOO_MANY_NEEDS: Final = ProblemType(
     "too-many-needs", 409, "Jobs need too many different pools and tags"
@@ -72,18 +78,20 @@ UPLOAD_TOO_LARGE: Final = ProblemType("upload-too-large", 413, "The upload is to
 NOT_MULTIPART: Final = ProblemType("not-multipart", 415, "The body is not multipart/form-data")
 INVALID_REQUEST: Final = ProblemType("invalid-request", 422, "A part of the request is not valid")
 INVALID_SPEC: Final = ProblemType("invalid-spec", 422, "The job's spec is not valid")
-NO_SCENE: Final = ProblemType("no-scene", 422, "The request brings no scene")
+NO_SCENE: Final = ProblemType("no-scene", 422, "The request has no scene")
 UNKNOWN_SCENE: Final = ProblemType("unknown-scene", 422, "No such scene is stored")
-BROKEN_SCENE: Final = ProblemType("broken-scene", 422, "The scene cannot be taken")
+BROKEN_SCENE: Final = ProblemType("broken-scene", 422, "The scene was refused")
 KEY_REUSED: Final = ProblemType(
     "idempotency-key-reused", 422, "The idempotency key was used for another request"
 )
-TOO_MANY_REQUESTS: Final = ProblemType("too-many-requests", 429, "The key asks too often")
+TOO_MANY_REQUESTS: Final = ProblemType("too-many-requests", 429, "The key makes too many requests")
 TOO_MANY_JOBS: Final = ProblemType("too-many-jobs", 429, "The key has too many open jobs")
 INTERNAL_ERROR: Final = ProblemType("internal-error", 500, "The service failed")
 UNREADABLE_JOB: Final = ProblemType("unreadable-job", 500, "The job cannot be read")
-BUSY: Final = ProblemType("busy", 503, "Too many ask for this at once")
-STORE_UNAVAILABLE: Final = ProblemType("store-unavailable", 503, "Redis or the blob store is away")
+BUSY: Final = ProblemType("busy", 503, "Too many requests for this at once")
+STORE_UNAVAILABLE: Final = ProblemType(
+    "store-unavailable", 503, "Redis or the blob store is not available"
+)
 
 #: Every type, by its slug.
 TYPES: Final[dict[str, ProblemType]] = {

@@ -113,7 +113,7 @@ async def _merged(
     except TooManyWait as error:
         raise Problem(
             problems.BUSY,
-            f"{MOST_WAITING} images of points are waited for already; try again in {_BUSY_S} s",
+            f"{MOST_WAITING} requests wait for images of points already; try again in {_BUSY_S} s",
             headers={"Retry-After": str(_BUSY_S)},
         ) from error
     except SliceLost as error:
@@ -191,4 +191,4 @@ def _cannot(job: Job, spp: int, why: str) -> Problem:
 
 
 def _where(job: Job) -> str:
-    return f"GET /v1/jobs/{job.id}/previews lists the pictures to be had"
+    return f"GET /v1/jobs/{job.id}/previews lists the pictures there are"

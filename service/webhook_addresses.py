@@ -181,6 +181,7 @@ def _private(host: str) -> ReceiverRefused:
 
 def _unencrypted(host: str) -> ReceiverRefused:
     return ReceiverRefused(
-        f"{host} is to be told by http, which anyone on the way can read: use https, or have it "
+        f"messages to {host} would go by plain HTTP, which anyone on the way can read: use https, "
+        f"or have it "
         f"named in the farm's {_SETTING}"
     )

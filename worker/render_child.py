@@ -197,7 +197,7 @@ class RenderChild:
         # By position: the place in the file is the child's, which may be writing.
         if os.preadv(self._films.fileno(), [film.data], at) < film.nbytes:
             self.kill()
-            raise ChildDied("the render child left a film that is cut short")
+            raise ChildDied("the render process left a film that is cut short")
         return film
 
     def take_words(self) -> str:
@@ -269,7 +269,7 @@ class RenderChild:
         if not chunk:
             how, words = _how(self._process.wait()), self._last_words()
             self.kill()  # its group may live on
-            raise ChildDied(f"the render child {how} while {doing}{words}")
+            raise ChildDied(f"the render process {how} while {doing}{words}")
         self._received += chunk
 
     def _last_words(self) -> str:

@@ -135,7 +135,7 @@ class Supervisor:
         leave_after_s = self._settings.leave_after_s
         if leave_after_s is None or time.monotonic() < worked_at + leave_after_s:
             return False
-        _LOG.info("there was nothing to do for %g s: it leaves", leave_after_s)
+        _LOG.info("there was nothing to do for %g s: the worker stops", leave_after_s)
         return True
 
     def _wait_for_upgrade(self, refused: Refused) -> None:

@@ -54,9 +54,12 @@ def _seen_from(
     if viewing_distance is None and pixel_pitch is None:
         return None
     if viewing_distance is None or pixel_pitch is None:
-        raise CannotCompare("--viewing-distance and --pixel-pitch belong together")
+        raise CannotCompare("give --viewing-distance and --pixel-pitch together")
     if field_of_view_deg is not None:
-        raise CannotCompare("--field-of-view says what --viewing-distance and --pixel-pitch do")
+        raise CannotCompare(
+            "give --field-of-view, or --viewing-distance and --pixel-pitch: both "
+            "say how large the image is"
+        )
     try:
         return SeenFrom(viewing_distance_cm=viewing_distance, pixel_pitch_mm=pixel_pitch)
     except ValueError as error:

@@ -79,7 +79,9 @@ def _stores(settings: Settings) -> Iterator[Check]:
         blobs.get(name)
         blobs.delete(name)
         check_create_once(blobs)
-        yield Check("blob store", f"{shown} can be written, and creates a blob once", needed=True)
+        yield Check(
+            "blob store", f"{shown} can be written, and writes no blob over another", needed=True
+        )
     except Exception as error:  # noqa: BLE001  (a store's URL may fail in any way)
         yield Check("blob store", f"{shown}: {error}", ok=False, needed=True)
 
@@ -99,12 +101,12 @@ def _variants(choice: VariantChoice) -> Iterator[Check]:
     if "cuda_ad_rgb" not in variants:
         yield Check("CUDA", "no driver was found", ok=False)
     if "llvm_ad_rgb" not in variants:
-        detail = "no library was found; libllvm19 (apt install libllvm19) makes it 3 times as fast"
+        detail = "no library was found; with one (apt install libllvm19) it is 3 times as fast"
         yield Check("LLVM", detail, ok=False)
     for probe in choice.tried:
         yield Check(_name(probe), probe.detail, ok=probe.ok)
     works = any(probe.ok for probe in choice.tried)
-    yield Check("a worker takes", choice.why, ok=works, needed=True)
+    yield Check("workers render with", choice.why, ok=works, needed=True)
 
 
 def _confinement() -> Iterator[Check]:

@@ -38,7 +38,8 @@ def workers(*, url: str | None, as_json: bool) -> None:
         print_rows(
             WORKER_COLUMNS,
             [worker_row(worker, now) for worker in found],
-            none="no worker lives; `plateau worker` starts one, `plateau up --workers N` some",
+            none="there is no worker; `plateau worker` starts one, `plateau up --workers N` "
+            "starts N",
             spare=_SPARE_OF_WORKERS,
         )
     for one in refused:

@@ -36,7 +36,9 @@ def curve(job_id: str, *, form: CurveForm, url: str | None) -> None:
         print(json.dumps([point.model_dump(mode="json") for point in points], indent=2))
         return
     if not points:
-        print(f"no point yet: the first comes at {job.spec.step:,} spp", file=sys.stderr)
+        print(
+            f"the curve has no point yet: the first comes at {job.spec.step:,} spp", file=sys.stderr
+        )
         return
     for point in points:
         print(words.point_line(job, point))

@@ -37,8 +37,8 @@ def gc(
     data = DataFolder(settings.data)
     if settings.redis_url and settings.blobs is None:
         raise CommandFailed(
-            "set PLATEAU_BLOBS too: of the blobs there, those go that PLATEAU_REDIS_URL does not "
-            "know"
+            "set PLATEAU_BLOBS too: it names the store from which blobs are removed that no job "
+            "in PLATEAU_REDIS_URL needs"
         )
     where = settings.blobs or str(data.blobs.absolute())
     with ExitStack() as stack:

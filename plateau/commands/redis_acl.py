@@ -18,7 +18,7 @@ def redis_acl(passwords: Path | None, redis: str) -> None:
     match = _VERSION.fullmatch(redis)
     version = (int(match[1]), int(match[2])) if match else (0, 0)
     if version < (6, 2):
-        raise CommandFailed(f"{redis!r} is no version of Redis from 6.2 on")
+        raise CommandFailed(f"{redis!r} is not a version of Redis from 6.2 on")
     users = rules(version)
     known = {} if passwords is None else {user: _password(passwords, user) for user in users}
     print(acl_file(known, version), end="")

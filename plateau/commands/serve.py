@@ -45,7 +45,7 @@ def up(door: Door, *, workers: int) -> int:
                 _greet(tree, data, door, workers)
                 while not interrupts.asked.wait(_TICK_S):
                     tree.check()
-                _tell("stopping; once more to stop by force")
+                _tell("stopping; Ctrl-C again stops by force")
         except KeyboardInterrupt:
             return interrupts.exit_code
     return ExitCode.OK
@@ -130,7 +130,7 @@ def _who_may(redis_url: str, door: Door) -> str:
         with connect(redis_url) as client:
             keys = ApiKeys(client).all()
     except StoreUnavailable:
-        return "Who may use it shows when Redis answers."
+        return "Redis does not answer yet, so it is not known who may use it."
     if not keys:
         return (
             "It is open to everybody on this machine, and to nobody else: no key was ever made "
@@ -145,7 +145,8 @@ def _about_tls(door: Door) -> str:
     if door.certificate is not None or is_loopback(door.host):
         return ""
     return (
-        "Keys come over plain HTTP, which others on the network can read: give it a certificate\n"
+        "API keys travel over plain HTTP, which others on the network can read: give it a "
+        "certificate\n"
         "(--tls-certificate, --tls-key), or put a proxy with TLS in front.\n"
     )
 

@@ -38,7 +38,7 @@ def with_webhook(spec: JobSpec, url: str | None, events: Sequence[str]) -> JobSp
     """
     if url is None:
         if events:
-            raise CommandFailed("--webhook-event says what --webhook URL is told: name that too")
+            raise CommandFailed("--webhook-event says what is sent to --webhook URL: give that too")
         return spec
     asked: dict[str, object] = {"url": url, "secret": os.environ.get(_SECRET) or None}
     if events:
@@ -71,7 +71,7 @@ def list_deliveries(job_id: str, *, url: str | None, as_json: bool) -> None:
     if as_json:
         print(found.model_dump_json(indent=2))
         return
-    none = "nothing was to be told yet" if found.url else "the job has no webhook"
+    none = "no message was due yet" if found.url else "the job has no webhook"
     print_rows(_COLUMNS, list(map(_row, found.deliveries)), none=none)
 
 
@@ -94,7 +94,9 @@ def secret(*, renew: bool, as_json: bool) -> None:
         found = outbox.renew_farm_secret() if renew else outbox.farm_secrets()[0]
     print(json.dumps({"secret": found}) if as_json else found)
     if renew:
-        print("plateau: for a day the one before it signs too", file=sys.stderr)
+        print(
+            "plateau: for a day, messages are signed with the previous secret, too", file=sys.stderr
+        )
 
 
 def _row(one: Delivery) -> tuple[str, ...]:

@@ -50,7 +50,7 @@ def test_a_job_waits_for_a_worker_of_its_pool_and_tags_and_says_so(farm: RealFar
     until(lambda: len(farm.client.workers()) == 1)
     job = farm.submit(**{**SPEC, "pool": "night", "requires": ["gpu", "highmem"]})
     assert job.waits_for == (
-        "waits for a worker in pool night with tags gpu, highmem: none lives that takes work"
+        "waits for a worker in pool night with tags gpu, highmem: there is none that takes work"
     )
     # One that has but one of the tags is of no use
     farm.start("worker", "--pool", "night", "--tag", "gpu")

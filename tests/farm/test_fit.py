@@ -102,7 +102,7 @@ class TestWords:
         job = farm.job(requires=("gpu", "highmem"))
         farm.lives("plain", "gpu")
         assert farm.words(job) == (
-            "waits for a worker with tags gpu, highmem: none lives that takes work"
+            "waits for a worker with tags gpu, highmem: there is none that takes work"
         )
         assert farm.jobs.census().jobs_unserved == 1
         farm.lives("large", "highmem", "gpu", "fast")
@@ -113,11 +113,12 @@ class TestWords:
         job = farm.job(variant="cuda_ad_rgb", pool="night")
         farm.lives("plain")
         assert farm.words(job) == (
-            "waits for a worker that renders cuda_ad_rgb in pool night: none lives that takes work"
+            "waits for a worker that renders cuda_ad_rgb in pool night: there is none that takes "
+            "work"
         )
 
     def test_any_at_all(self, farm: Farm) -> None:
-        assert farm.words(farm.job()) == "waits for a worker: none lives that takes work"
+        assert farm.words(farm.job()) == "waits for a worker: there is none that takes work"
 
     def test_not_where_it_is_not_to_be_rendered(self, farm: Farm) -> None:
         job = farm.job()

@@ -119,7 +119,9 @@ def test_a_job_is_watched_until_it_stops(visit: Visit, farm: NoiseFarm) -> None:
     visitor = visit(f"/jobs/{job.id}", expected={404})  # an image comes a moment after its point
     page = visitor.page
     expect(page.get_by_role("heading", name="box", exact=True)).to_be_visible()
-    expect(page.get_by_text("It waits for a worker: none lives that takes work.")).to_be_visible()
+    expect(
+        page.get_by_text("It waits for a worker: there is none that takes work.")
+    ).to_be_visible()
     expect(page.get_by_text("The curve begins at its first step, 25 spp.")).to_be_visible()
     with farm.monitor():
         # Its first pass is to be seen before there is a slice

@@ -166,14 +166,14 @@ class TestLists:
             ("", "has no entries"),
             ("a,b\n", "has no entries"),
             ("[]", "has no entries"),
-            ("a,a\n1,2\n", "name each column, and once only"),
+            ("a,a\n1,2\n", "name each column once"),
             ("a,\n1,2\n", "name each column"),
             ("a,b\n1,2\n3\n", "entry 2 of .* has 1 values for 2 columns"),
             ("[1]", "list of objects"),
             ('{"a": 1}', "list of objects"),
-            ("[{", "is no JSON"),
+            ("[{", "is not JSON"),
             ("a\n" + "1\n" * 1001, "makes 1,001 jobs"),
-            ("a\n" + "1" * 200_000, "is no CSV: field larger"),
+            ("a\n" + "1" * 200_000, "is not CSV: field larger"),
         ],
     )
     def test_of_a_file_that_is_wrong(self, tmp_path: Path, content: str, words: str) -> None:
@@ -188,14 +188,14 @@ class TestLists:
         self, tmp_path: Path, value: str
     ) -> None:
         (tmp_path / "frames").write_text(f'[{{"größe": 1}}, {{}}, {{"a": true, "größe": {value}}}]')
-        words = "entry 3 of .*frames: 'größe' has to be a text, a number, true or false"
+        words = "entry 3 of .*frames: 'größe' must be text, a number, true or false"
         with pytest.raises(CommandFailed, match=words):
             from_file(tmp_path / "frames")
 
     @pytest.mark.parametrize("encoding", ["latin-1", "utf-16"])
     def test_of_a_file_in_another_encoding(self, tmp_path: Path, encoding: str) -> None:
         (tmp_path / "frames").write_bytes("material\nWeißblech\n".encode(encoding))
-        with pytest.raises(CommandFailed, match="frames is no UTF-8 text: save it as UTF-8"):
+        with pytest.raises(CommandFailed, match="frames is not UTF-8 text: save it as UTF-8"):
             from_file(tmp_path / "frames")
 
 
@@ -228,7 +228,7 @@ class TestTheCommandLine:
         assert (code, "give one" in error) == (1, True)
         (tmp_path / "frames.csv").write_text('[{"frame": null}]')
         code, _, error = command("submit", str(walk), "--parameters", file)
-        said = f"entry 1 of {file}: 'frame' has to be a text, a number, true or false"
+        said = f"entry 1 of {file}: 'frame' must be text, a number, true or false"
         assert (code, error) == (1, f"plateau: {said}\n")
 
     def test_cancels_pauses_and_resumes_all_of_it(self, plateau: Client, walk: Path) -> None:

@@ -232,7 +232,7 @@ class TestTalkingToAService:
         code, out, err = plateau("list")
         assert code == 0
         assert err.splitlines() == [
-            f"plateau: job {job} waits for a worker: none lives that takes work"
+            f"plateau: job {job} waits for a worker: there is none that takes work"
             for job in made[:0:-1]
         ]
         rows = [line.split("\t") for line in out.splitlines()]
@@ -257,7 +257,7 @@ class TestTalkingToAService:
 
     def test_show_tells_of_troubles_among_it(self, client: redis.Redis) -> None:
         job = StagedJob(client)
-        job.die("the render child was ended by SIGSEGV")
+        job.die("the render process was ended by SIGSEGV")
         job.commit()
         job.end(JobState.CONVERGED, "levelled off")
         lines = plateau("show", job.id)[1].splitlines()
@@ -265,7 +265,7 @@ class TestTalkingToAService:
         assert [line.split("UTC  ")[1] for line in story] == [
             "queued: created",
             "rendering: rendering with scalar_rgb",
-            "  slice 0, worker worker-1: the render child was ended by SIGSEGV",
+            "  slice 0, worker worker-1: the render process was ended by SIGSEGV",
             "converged: levelled off",
         ]
 

@@ -57,7 +57,11 @@ class TestCurve:
 
     def test_that_has_no_point_yet_says_when_it_will(self, client: redis.Redis) -> None:
         new = StagedJob(client, step=50)
-        assert plateau("curve", new.id) == (0, "", "no point yet: the first comes at 50 spp\n")
+        assert plateau("curve", new.id) == (
+            0,
+            "",
+            "the curve has no point yet: the first comes at 50 spp\n",
+        )
         assert plateau("curve", new.id, "--json") == (0, "[]\n", "")
 
 

@@ -104,7 +104,7 @@ def test_a_job_is_paused_resumed_and_put_before_others(
     for _ in range(2):
         assert plateau.pause(job.id).state is JobState.PAUSED
     assert plateau.set_priority(job.id, 7).spec.priority == 7
-    with pytest.raises(ApiError, match="less than or equal to 1000"):
+    with pytest.raises(ApiError, match="must be at most 1,000"):
         plateau.set_priority(job.id, 1001)
     for _ in range(2):
         assert plateau.resume(job.id).state is JobState.RENDERING

@@ -365,9 +365,9 @@ def test_a_value_out_of_its_domain_is_refused_by_its_option(option, value, file)
 
 def test_a_distance_needs_a_pitch_and_no_angle_beside_it(file):
     image = file("a.png", grey())
-    assert "belong together" in refused(image, image, "--viewing-distance", "60")
-    assert "belong together" in refused(image, image, "--pixel-pitch", "0.25")
+    assert "and --pixel-pitch together" in refused(image, image, "--viewing-distance", "60")
+    assert "and --pixel-pitch together" in refused(image, image, "--pixel-pitch", "0.25")
     both = ("--viewing-distance", "60", "--pixel-pitch", "0.25")
-    assert "--field-of-view says" in refused(image, image, *both, "--field-of-view", "45")
+    assert "give --field-of-view, or" in refused(image, image, *both, "--field-of-view", "45")
     nowhere = ("--viewing-distance", "0", "--pixel-pitch", "0.25")
     assert refused(image, image, *nowhere).startswith("plateau: --viewing-distance must")

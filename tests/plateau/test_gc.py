@@ -132,7 +132,7 @@ def test_it_works_on_a_farm_of_many_machines(
 class TestWhatItRefuses:
     def test_a_folder_with_nothing_in_it(self, tmp_path: Path) -> None:
         said = Gc(tmp_path)(code=1)
-        assert said.startswith("plateau: there is nothing of Plateau's in ")
+        assert said.startswith("plateau: there is no data of Plateau in ")
         assert not (tmp_path / "data").exists()
 
     def test_a_redis_without_its_blobs(self, tmp_path: Path, data: Path, redis_url: str) -> None:

@@ -149,7 +149,7 @@ class TestTheCommands:
         assert f"key {ids[1]} (twice)" in say("keys", "revoke", "twice")[1]
 
     def test_find_no_farm_where_there_is_none(self, say: Say) -> None:
-        assert "there is nothing of Plateau's in" in say("keys", "list", code=1)[1]
+        assert "there is no data of Plateau in" in say("keys", "list", code=1)[1]
 
 
 class TestAClient:
@@ -248,7 +248,7 @@ class TestAService:
         up = start(*elsewhere)
         port = up.wait_for(READY).rpartition(":")[2]
         up.wait_for("Every request needs an API key")
-        up.wait_for("Keys come over plain HTTP, which others on the network can read")
+        up.wait_for("API keys travel over plain HTTP, which others on the network can read")
         with Client(f"http://127.0.0.1:{port}") as client, pytest.raises(ApiError, match="API key"):
             client.jobs()
 

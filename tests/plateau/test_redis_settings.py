@@ -114,4 +114,4 @@ def test_rights_to_read_alone_are_for_a_redis_that_knows_them() -> None:
     for bad in ("6.0", "seven"):
         refused = CliRunner().invoke(app, ["redis-acl", "--redis", bad])
         assert refused.exit_code == 1
-        assert "no version of Redis from 6.2 on" in refused.stderr
+        assert "is not a version of Redis from 6.2 on" in refused.stderr

@@ -184,8 +184,8 @@ class TestAFolderThatCannotBeWritten:
         assert command.exit_code() == 1
         left_nothing(command)
         assert command.said == (
-            f"plateau: {tmp_path / 'out' / 'image.png'} is a folder, and a file of that name is to "
-            "be written: move it, or give another folder with -o\n"
+            f"plateau: {tmp_path / 'out' / 'image.png'} is a folder, and a file has to be written "
+            "there: move it, or give another folder with -o\n"
         )
         # Nobody may write there, root neither
         command = render("-o", "/proc")
@@ -216,7 +216,7 @@ class TestAFolderThatCannotBeWritten:
         command.is_gone()
         out = tmp_path / "out"
         assert f"plateau: not all could be written into {out} (Is a directory): " in command.said
-        rest = Path(command.wait_for(r"the rest is in (.+); move it where it shall stay"))
+        rest = Path(command.wait_for(r"the rest is in (.+); move it to where you want it"))
         assert {path.name for path in rest.iterdir()} >= kept
         assert json.loads((rest / "summary.json").read_text())["spp"] >= 200
         assert (rest / "image.exr").exists() or (out / "image.exr").exists()

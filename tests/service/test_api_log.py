@@ -14,7 +14,7 @@ def job(client: redis.Redis) -> StagedJob:
     """Slice 0 committed in silence, slice 1 after a death and with a warning."""
     job = StagedJob(client)
     job.commit()
-    job.die("the render child was ended by SIGSEGV", said="last words")
+    job.die("the render process was ended by SIGSEGV", said="last words")
     job.commit(said="a warning")
     return job
 
@@ -27,7 +27,7 @@ def test_it_tells_of_every_try(http: httpx.Client, job: StagedJob) -> None:
         (1, "committed", "a warning"),
     ]
     assert [one["worker"] for one in entries] == ["worker-1"] * 3
-    assert entries[1]["cause"] == "the render child was ended by SIGSEGV"
+    assert entries[1]["cause"] == "the render process was ended by SIGSEGV"
     assert [one["seconds"] for one in entries] == [0.5, 0.2, 0.5]
     assert [one["at"] for one in entries] == sorted(one["at"] for one in entries)
     assert http.get(f"/v1/jobs/{job.id}").json()["links"]["log"] == f"/v1/jobs/{job.id}/log"

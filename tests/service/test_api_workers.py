@@ -89,8 +89,8 @@ def test_a_job_that_no_worker_may_render_says_so(http: httpx.Client, client: red
     made = http.post("/v1/jobs", files=scene, data=asked)
     assert made.status_code == 201
     words = (
-        "waits for a worker that renders llvm_ad_rgb in pool night with tags gpu: none lives that "
-        "takes work"
+        "waits for a worker that renders llvm_ad_rgb in pool night with tags gpu: there is none "
+        "that takes work"
     )
 
     def waits_for() -> set[str | None]:

@@ -156,7 +156,7 @@ class TestAccept:
 
     @pytest.mark.parametrize("accept", ["image/png", "text/csv;q=0, application/json;q=0.000"])
     def test_of_nothing_on_offer_is_a_problem(self, accept: str) -> None:
-        with pytest.raises(Problem, match="to be had are application/json and text/csv"):
+        with pytest.raises(Problem, match="comes as application/json or text/csv"):
             chosen(accept, (JSON, CSV))
 
     def test_that_cannot_be_met_is_406_where_there_is_a_choice(

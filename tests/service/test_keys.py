@@ -326,7 +326,7 @@ class TestJobs:
         # Beside the scene a form may have 2 MiB: no limit of a key is missed by that
         answer = submit(mine, b"\0" * (2**21 + 2000))
         assert (
-            "the key 'a submitter' may send no more"
+            "the limit of the key 'a submitter'"
             in (problem(answer, 413, "upload-too-large")["detail"])
         )
         assert submit(mine).status_code == 201
