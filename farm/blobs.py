@@ -36,6 +36,12 @@ def of_job(job_id: str) -> str:
     return f"{JOBS}{job_id}/"
 
 
+def in_job(name: str) -> tuple[str, str]:
+    """The id of the job whose blob it is, and its name without what `of_job` gives."""
+    job_id, _, rest = name.removeprefix(JOBS).partition("/")
+    return job_id, rest
+
+
 def partial(job_id: str, index: int, attempt: str) -> str:
     """Where one attempt at a slice is kept; the ledger says which attempt counts."""
     return f"{partials(job_id)}{index:06d}-{attempt}.exr"
@@ -71,6 +77,10 @@ def results(job_id: str) -> str:
     is something to show, ``difference.png`` and ``non-finite.png``.
     """
     return f"{of_job(job_id)}results/"
+
+
+#: At the end of the names of sets that no other follows: their EXR is compressed.
+FINAL: Final = "-final"
 
 
 def result_set(job_id: str, spp: int, token: str) -> str:

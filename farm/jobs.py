@@ -6,7 +6,7 @@ from typing import Any, Final
 
 import redis
 
-from farm import flicker, keys, records
+from farm import blobs, flicker, keys, records
 from farm.errors import (
     IllegalTransition,
     JobEnded,
@@ -17,6 +17,7 @@ from farm.errors import (
 from farm.fit import Kind
 from farm.job import CurvePoint, Event, Job, LogEntry, Worker
 from farm.listing import jobs_before
+from farm.ownership import Checkpoint, checkpoint_of
 from farm.redis_link import now_ms, unavailable_as_farm_error
 from farm.scripts import Scripts
 from farm.slice_log import slice_log
@@ -213,6 +214,20 @@ class Jobs:
         """Where the job's last results are in the blob store; "" where it has none yet."""
         with unavailable_as_farm_error():
             return self._redis.hget(keys.job(job_id), "results") or ""
+
+    def sha256(self, blob: str) -> str | None:
+        """What the bytes of a result or a preview of a job have to be.
+
+        None where that was not noted: by a Plateau before this one, or the blob went.
+        """
+        job_id, name = blobs.in_job(blob)
+        with unavailable_as_farm_error():
+            sha256: str | None = self._redis.hget(keys.job(job_id, "digests"), name)
+        return sha256
+
+    def checkpoint(self, job_id: str) -> Checkpoint | None:
+        """Where the sums of the job's first slices are, if they are kept."""
+        return checkpoint_of(self._redis, job_id)
 
     def ledger(self, job_id: str) -> dict[int, dict[str, Any]]:
         """Each committed slice's record, by index, in order."""

@@ -82,6 +82,8 @@ plateau:job:ID:events     stream  state, image, point, slice, trouble, finished 
 plateau:job:ID:log        stream  how tries of slices ended and what was printed, ~2000  the job's
 plateau:job:ID:sealed     hash    what workers cannot change: the API key that made it,  the job's
                                   ``owner`` and ``owner_name``
+plateau:job:ID:digests    hash    blob, without jobs/ID/ → SHA-256 of its bytes: of the  the job's
+                                  results that are shown, and of previews
 plateau:job:ID:webhook    hash    its webhook's receiver, url and secret                the job's
 plateau:job:ID:deliveries hash    number → JSON of a webhook's message, its state, …   the job's
 plateau:job:ID:tries      stream  how tries of deliveries ended, ~1000                 the job's
@@ -162,6 +164,7 @@ JOB_PARTS: Final = (
     "events",
     "log",
     "sealed",
+    "digests",
     "webhook",
     "deliveries",
     "tries",

@@ -5,13 +5,14 @@ the token and is refused, with `FenceLost`, once another monitor has taken over.
 """
 
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import redis
 from pydantic import BaseModel, ConfigDict
 
-from farm import keys
+from farm import blobs, keys
 from farm.errors import FenceLost, IllegalTransition
 from farm.queue import SliceRecord
 from farm.redis_link import unavailable_as_farm_error
@@ -27,6 +28,13 @@ class Checkpoint(BaseModel):
     blob: str  #: its key in the blob store
     sha256: str  #: of its bytes
     slices: int  #: how many are in the sums
+
+
+def checkpoint_of(client: redis.Redis, job_id: str) -> Checkpoint | None:
+    """The job's last checkpoint, if it has one."""
+    with unavailable_as_farm_error():
+        text = client.hget(keys.job(job_id), "checkpoint")
+    return None if text is None else Checkpoint.model_validate_json(text)
 
 
 @dataclass(frozen=True)
@@ -93,9 +101,7 @@ class Ownerships:
 
     def checkpoint(self, job_id: str) -> Checkpoint | None:
         """The job's last checkpoint, if it has one."""
-        with unavailable_as_farm_error():
-            text = self._redis.hget(keys.job(job_id), "checkpoint")
-        return None if text is None else Checkpoint.model_validate_json(text)
+        return checkpoint_of(self._redis, job_id)
 
     def save_checkpoint(self, owned: Ownership, checkpoint: Checkpoint) -> None:
         """Note the job's last checkpoint."""
@@ -107,9 +113,18 @@ class Ownerships:
             blob, results = self._redis.hmget(keys.job(job_id), "glimpse", "results")
         return None if results else blob
 
-    def show_results(self, owned: Ownership, results: str, spp: int) -> None:
-        """Say where the job's last set of results is in the blob store, and of how many spp."""
-        self._checked("show", owned, results, spp)
+    def show_results(
+        self, owned: Ownership, results: str, spp: int, sha256: Mapping[str, str] | None = None
+    ) -> None:
+        """Say where the job's last set of results is in the blob store, and of how many spp.
+
+        `sha256` has the digest of each file of the set by its name.
+        """
+        self._checked("show", owned, results, spp, _digests(results, sha256))
+
+    def note_blob(self, owned: Ownership, blob: str, sha256: str | None) -> None:
+        """Note what a blob of the job has to be, before it is put; None forgets one that went."""
+        self._checked("note_blob", owned, blobs.in_job(blob)[1], sha256 or "")
 
     def reject(self, owned: Ownership, record: SliceRecord, cause: str) -> int:
         """Have a slice rendered again whose partial is lost or spoiled.
@@ -138,6 +153,7 @@ class Ownerships:
         reason: str,
         verdict: dict[str, float | None] | None = None,
         results: str = "",
+        sha256: Mapping[str, str] | None = None,
     ) -> None:
         """End the job; its remaining slices are withdrawn.
 
@@ -152,6 +168,8 @@ class Ownerships:
         results
             Where its last results are in the blob store, where they are written already: then the
             job is concluded with this.
+        sha256
+            The digest of each file of the results by its name.
 
         Raises
         ------
@@ -166,13 +184,22 @@ class Ownerships:
             reason,
             "" if verdict is None else json.dumps(verdict),
             results,
+            _digests(results, sha256),
         )
         if outcome == "fenced":
             raise FenceLost(owned.job_id)
         if outcome == "illegal":
             raise IllegalTransition(owned.job_id, state[0], target)
 
-    def conclude(self, owned: Ownership, *, spp: int, results: str, notes: tuple[str, ...]) -> None:
+    def conclude(
+        self,
+        owned: Ownership,
+        *,
+        spp: int,
+        results: str,
+        sha256: Mapping[str, str] | None = None,
+        notes: tuple[str, ...],
+    ) -> None:
         """Say that the results of an ended job are written: nothing else of it is needed.
 
         Parameters
@@ -183,10 +210,13 @@ class Ownerships:
             Samples per pixel in its final image.
         results
             Where its results are in the blob store; "" where it has none.
+        sha256
+            The digest of each file of the results by its name; None where they were shown before.
         notes
             All that is to be known of how it was rendered.
         """
-        self._checked("conclude", owned, spp, results, json.dumps(notes))
+        digests = _digests(results, sha256)
+        self._checked("conclude", owned, spp, results, digests, json.dumps(notes))
 
     def concluded(self, job_id: str) -> bool:
         """Whether the job's last results are written."""
@@ -209,6 +239,14 @@ class Ownerships:
         if answer == "fenced":
             raise FenceLost(owned.job_id)
         return answer
+
+
+def _digests(results: str, sha256: Mapping[str, str] | None) -> str:
+    """The digests of a set of results by blob, as the scripts take them."""
+    if not sha256:
+        return ""
+    _, folder = blobs.in_job(results)
+    return json.dumps({f"{folder}/{name}": digest for name, digest in sha256.items()})
 
 
 def _flat(owned: tuple[Ownership, ...]) -> list[str]:

@@ -75,6 +75,13 @@ class Studies:
             raise StudyNotFound(study_id)
         return _study(fields)
 
+    def sha256(self, study_id: str, blob: str) -> str | None:
+        """What the bytes of a picture of the study have to be; None where that was not noted."""
+        with unavailable_as_farm_error():
+            about = self._redis.hget(keys.study(study_id), "about")
+        noted: dict[str, str] = json.loads(about or "{}").get("sha256", {})
+        return noted.get(blob)
+
     def all(self) -> list[Study]:
         """All studies, newest first."""
         with unavailable_as_farm_error():

@@ -47,6 +47,7 @@ from service.point_images import PointImages
 from service.problem_handlers import add_problem_handlers
 from service.scene_checks import SceneChecks
 from service.slashes import KeepSlashes
+from service.stored_files import StoredFiles
 from service.study_results import StudyResults
 from service.version_header import SayVersion
 from service.webhook_addresses import Receivers
@@ -104,15 +105,16 @@ def create_app(
         # A job shows the spec that it was given, so one description serves both ways.
         separate_input_output_schemas=False,
     )
-    studies, points = Studies(client), PointImages(blobs)
+    jobs, studies, points = Jobs(client), Studies(client), PointImages(blobs)
     parts = Parts(
-        jobs=Jobs(client),
+        jobs=jobs,
         scenes=SceneIndex(client),
         batches=Batches(client),
         continuations=Continuations(client),
         studies=studies,
         study_results=StudyResults(studies),
         blobs=blobs,
+        files=StoredFiles(blobs, jobs),
         points=points,
         checks=checks,
         hub=hub,

@@ -1,11 +1,13 @@
 """Checkpoints of a job: its sums and what its rules remember, in one blob."""
 
+from __future__ import annotations
+
 import hashlib
 import io
 import json
 import logging
 import time
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,8 +16,10 @@ from farm import blobs
 from farm.blobs import Blobs
 from farm.errors import CorruptPartial
 from farm.ownership import Checkpoint, Ownership, Ownerships
-from service.judge import Judge
 from service.merge import Merge
+
+if TYPE_CHECKING:
+    from service.judge import Judge
 
 _LOG = logging.getLogger(__name__)
 
@@ -89,30 +93,19 @@ class Checkpoints:
         if self._last is None:
             return Merge(slice_spp=slice_spp)
         try:
-            about, arrays = _unpack(self._content(self._last))
+            merge, memory = read_sums(self._blobs, self._last, slice_spp)
         except (FileNotFoundError, CorruptPartial) as error:
             _LOG.warning("the merge starts again: %s", error)
             self._render_again(self._last)
             return Merge(slice_spp=slice_spp)
-        images = {
-            name.removeprefix("rule:"): image
-            for name, image in arrays.items()
-            if name.startswith("rule:")
-        }
-        judge.recall(about["rules"], images)
+        judge.recall(*memory)
         self._saved_slices = self._last.slices
-        return Merge.from_arrays(slice_spp, self._last.slices, arrays)
+        return merge
 
     def _delete_own(self, *names: str) -> None:
         """Delete these blobs, but for those of a job that this one goes on with."""
         own = blobs.of_job(self._owned.job_id)
         self._blobs.delete(*(name for name in names if name.startswith(own)))
-
-    def _content(self, checkpoint: Checkpoint) -> bytes:
-        content = self._blobs.get(checkpoint.blob)
-        if hashlib.sha256(content).hexdigest() != checkpoint.sha256:
-            raise CorruptPartial(f"the checkpoint {checkpoint.blob} is not what was saved")
-        return content
 
     def _render_again(self, lost: Checkpoint) -> None:
         """Have every slice rendered again whose partial went when this checkpoint had it."""
@@ -122,6 +115,30 @@ class Checkpoints:
         for record in records:
             if record.blob not in stored:
                 self._owners.reject(self._owned, record, "the checkpoint that had it was lost")
+
+
+def read_sums(
+    store: Blobs, checkpoint: Checkpoint, slice_spp: int
+) -> tuple[Merge, tuple[dict[str, Any], dict[str, NDArray[Any]]]]:
+    """The sums of a checkpoint, and what rules remembered then, as `Judge.recall` takes it.
+
+    Raises
+    ------
+    FileNotFoundError
+        The blob store does not have it.
+    CorruptPartial
+        It is not what was saved.
+    """
+    content = store.get(checkpoint.blob)
+    if hashlib.sha256(content).hexdigest() != checkpoint.sha256:
+        raise CorruptPartial(f"the checkpoint {checkpoint.blob} is not what was saved")
+    about, arrays = _unpack(content)
+    images = {
+        name.removeprefix("rule:"): image
+        for name, image in arrays.items()
+        if name.startswith("rule:")
+    }
+    return Merge.from_arrays(slice_spp, checkpoint.slices, arrays), (about["rules"], images)
 
 
 def _pack(about: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> bytes:

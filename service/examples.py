@@ -313,5 +313,8 @@ PROBLEM_DETAILS: Final = {
     "that others have",
     "internal-error": "Plateau met an error that it did not expect; the API's log has the details",
     "unreadable-job": f"this Plateau cannot read job {JOB_ID}: 'resting' is not a valid JobState",
+    "spoiled-file": f"what was stored as jobs/{JOB_ID}/results/0000400-7-final/image.exr is "
+    "damaged or lost, and what is kept of its job does not suffice to make it again; restore that "
+    "blob from a backup, or render the scene again",
     "store-unavailable": "Redis cannot be reached; try again shortly",
 }

@@ -199,8 +199,8 @@ class JobRun:
         self, state: JobState, reason: str, numbers: dict[str, float | None] | None = None
     ) -> None:
         """End the job, and conclude it with this image: nothing can come between the two."""
-        results = self._results.write(self._merge, self._judge)
-        self._end(state, reason, numbers, results)
+        results, sha256 = self._results.write(self._merge, self._judge)
+        self._end(state, reason, numbers, results, sha256)
 
     def _end(
         self,
@@ -208,10 +208,11 @@ class JobRun:
         reason: str,
         verdict: dict[str, float | None] | None = None,
         results: str = "",
+        sha256: dict[str, str] | None = None,
     ) -> None:
         self._ended = True
         try:
-            self._owners.end(self.owned, state, reason, verdict, results)
+            self._owners.end(self.owned, state, reason, verdict, results, sha256)
         except IllegalTransition as refused:
             _LOG.info("%s", refused)  # it was cancelled, or it failed, a moment ago
 
@@ -244,11 +245,13 @@ class JobRun:
         if not self._merge_up_to(job):
             lost = f"the image has {self._merge.spp} spp: a slice was lost after the job had ended"
             notes = (*notes, lost)
+        sha256: dict[str, str] | None = None
         if self._merge.slices:
-            results, spp = self._results.write(self._merge, self._judge), self._merge.spp
+            results, sha256 = self._results.write(self._merge, self._judge)
+            spp = self._merge.spp
         else:  # what was last shown of its slices, if anything
             results, spp = self._jobs.results(job.id) if self._is_seen() else "", job.spp
-        self._owners.conclude(self.owned, spp=spp, results=results, notes=notes)
+        self._owners.conclude(self.owned, spp=spp, results=results, sha256=sha256, notes=notes)
 
     def _clear(self, job: Job, sums: set[str]) -> None:
         """Remove every blob of the job but its results, its sums and the slices that it keeps."""

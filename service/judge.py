@@ -143,8 +143,9 @@ class Judge:
         first = self._rules["reverse"].memory().images.get("first")
         if first is None:
             return None
-        reference, test = (self._metric.percept(image) for image in (first, merge.image()))
-        return self._metric.compare(reference, test).visible
+        evidence = Evidence(spp=merge.spp, image=merge.image(), halves=None, metric=self._metric)
+        difference = self._metric.compare(self._metric.percept(first), evidence.percept)
+        return difference.visible & evidence.finite if difference.non_finite else difference.visible
 
     def _zone_fractions(
         self, visible: NDArray[np.bool_], estimate: Estimate | None

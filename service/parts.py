@@ -19,6 +19,7 @@ from farm.workers import Workers
 from service.event_hub import EventHub
 from service.point_images import PointImages
 from service.scene_checks import SceneChecks
+from service.stored_files import StoredFiles
 from service.study_results import StudyResults
 from service.webhook_addresses import Receivers
 
@@ -36,6 +37,7 @@ class Parts:
     studies: Studies
     study_results: StudyResults
     blobs: Blobs
+    files: StoredFiles
     points: PointImages
     checks: SceneChecks
     hub: EventHub

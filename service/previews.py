@@ -1,5 +1,7 @@
 """What a job looked like on its way: a bounded number of pictures at points of its curve."""
 
+import hashlib
+from collections.abc import Callable
 from itertools import pairwise
 from typing import Final
 
@@ -18,11 +20,21 @@ class Previews:
 
     A picture is what the merged image looked like at some spp, which does not depend on who merged
     it: a monitor that takes over goes on with those that it finds.
+
+    Parameters
+    ----------
+    store, job_id
+        Where they lie, and whose they are.
+    note
+        Told the SHA-256 of a blob before it is put, and None once it has gone.
     """
 
-    def __init__(self, store: Blobs, job_id: str) -> None:
+    def __init__(
+        self, store: Blobs, job_id: str, note: Callable[[str, str | None], object]
+    ) -> None:
         self._blobs = store
         self._job_id = job_id
+        self._note = note
         self._sizes: dict[int, int] | None = None
 
     def keep(self, spp: int, png: bytes) -> None:
@@ -30,11 +42,14 @@ class Previews:
         if self._sizes is None:
             listing = self._blobs.listing(blobs.previews(self._job_id))
             self._sizes = {blobs.spp_of_preview(one.name): one.size for one in listing}
-        self._blobs.put(blobs.preview(self._job_id, spp), png)
+        blob = blobs.preview(self._job_id, spp)
+        self._note(blob, hashlib.sha256(png).hexdigest())
+        self._blobs.put(blob, png)
         self._sizes[spp] = len(png)
         while _are_too_many(self._sizes):
             gone = missed_least(sorted(self._sizes))
             self._blobs.delete(blobs.preview(self._job_id, gone))
+            self._note(blobs.preview(self._job_id, gone), None)
             del self._sizes[gone]
 
 

@@ -30,6 +30,7 @@ from farm.states import JobState
 from service import problems
 from service.problems import Problem, ProblemType, unavailable
 from service.spec_checks import invalid_request
+from service.stored_files import SpoiledBlob
 
 #: What a move is called that a job's state does not allow, and what would be possible.
 _REFUSALS: Final = {
@@ -51,6 +52,7 @@ _AS_THEY_ARE: Final[dict[type[Exception], tuple[ProblemType, str]]] = {
     TrialNotFound: (problems.UNKNOWN_TRIAL, ""),
     CannotContinue: (problems.CANNOT_CONTINUE, ""),
     CannotStudy: (problems.CANNOT_STUDY, ""),
+    SpoiledBlob: (problems.SPOILED_FILE, ""),
 }
 
 #: What a bare status that the framework raises is called here.

@@ -88,6 +88,7 @@ TOO_MANY_REQUESTS: Final = ProblemType("too-many-requests", 429, "The key makes 
 TOO_MANY_JOBS: Final = ProblemType("too-many-jobs", 429, "The key has too many open jobs")
 INTERNAL_ERROR: Final = ProblemType("internal-error", 500, "The service failed")
 UNREADABLE_JOB: Final = ProblemType("unreadable-job", 500, "The job cannot be read")
+SPOILED_FILE: Final = ProblemType("spoiled-file", 500, "The stored file is damaged")
 BUSY: Final = ProblemType("busy", 503, "Too many requests for this at once")
 STORE_UNAVAILABLE: Final = ProblemType(
     "store-unavailable", 503, "Redis or the blob store is not available"

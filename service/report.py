@@ -35,7 +35,7 @@ def report_html(
     job: Job,
     points: list[CurvePoint],
     events: Iterable[Event],
-    pictures: Mapping[str, bytes],
+    pictures: Mapping[str, bytes | None],
 ) -> str:
     """The report as an HTML document.
 
@@ -44,7 +44,7 @@ def report_html(
     job, points, events
         The job, its curve and what happened to it.
     pictures
-        PNG files by the names of its results, as far as there are any.
+        PNG files by the names of its results, as far as there are any; None where one was damaged.
     """
     name = escape(job.name)
     return f"""<!doctype html>
@@ -73,15 +73,23 @@ def _sentence(text: str) -> str:
     return escape(f"{text[:1].upper()}{text[1:]}".rstrip(".") + ".")
 
 
-def _pictures(pictures: Mapping[str, bytes]) -> str:
+def _pictures(pictures: Mapping[str, bytes | None]) -> str:
     figures = "".join(
-        f'<figure><img alt="{escape(caption)}" src="data:image/png;base64,'
-        f'{base64.b64encode(pictures[name]).decode()}"><figcaption>{escape(caption)}</figcaption>'
-        "</figure>"
+        _picture(name, caption, pictures[name])
         for name, caption in CAPTIONS.items()
         if name in pictures
     )
     return f'<div class="pictures">{figures}</div>'
+
+
+def _picture(name: str, caption: str, content: bytes | None) -> str:
+    if content is None:
+        return f"<p>{name} is damaged in the farm's store, and is left out.</p>"
+    source = f"data:image/png;base64,{base64.b64encode(content).decode()}"
+    return (
+        f'<figure><img alt="{escape(caption)}" src="{source}">'
+        f"<figcaption>{escape(caption)}</figcaption></figure>"
+    )
 
 
 def _facts(job: Job) -> str:

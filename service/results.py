@@ -1,24 +1,20 @@
 """The pictures of a job: what the merged image looks like, and where it differs from the first."""
 
+import hashlib
 import logging
 import time
 from typing import Final
 
-import numpy as np
-
 from farm import blobs
 from farm.blobs import Blobs
 from farm.errors import CorruptPartial
-from farm.exr import decode_partial, encode_image
+from farm.exr import decode_partial
 from farm.ownership import Ownership, Ownerships
-from farm.png import encode_png
 from farm.spec import JobSpec
-from metric import MAP_PALETTE, difference_map, encode_srgb
-from service.broken_image import non_finite_png
 from service.judge import Judge
 from service.merge import Merge
 from service.previews import Previews
-from service.thumbnails import thumbnail
+from service.result_files import result_files
 
 _LOG = logging.getLogger(__name__)
 
@@ -37,7 +33,9 @@ class Results:
         self._owners = owners
         self._blobs = store
         self._spec = spec
-        self._previews = Previews(store, owned.job_id)
+        self._previews = Previews(
+            store, owned.job_id, note=lambda blob, sha256: owners.note_blob(owned, blob, sha256)
+        )
         self._glimpsed = False
         self._shown: str | None = None
         self._shown_spp = 0
@@ -73,39 +71,36 @@ class Results:
     def show(self, merge: Merge, judge: Judge) -> None:
         """Show the merged image."""
         pictures = self._pictures(merge, judge, compressed=False)  # another comes in a moment
-        written, before = self._put(merge.spp, pictures, str(self._owned.token)), self._shown
-        self._owners.show_results(self._owned, written, merge.spp)
+        (written, sha256), before = self._put(merge.spp, pictures, self._owned.token), self._shown
+        self._owners.show_results(self._owned, written, merge.spp, sha256)
         if self._spec.evaluates_at(merge.spp):
             self._previews.keep(merge.spp, pictures["image.png"])
         self._shown, self._shown_spp = written, merge.spp
         if before not in {None, written}:
             self._blobs.delete(*self._blobs.names(f"{before}/"))
 
-    def write(self, merge: Merge, judge: Judge) -> str:
-        """Write the pictures of the merged image; returns the set's name, which nobody sees yet."""
-        return self._put(
-            merge.spp, self._pictures(merge, judge, compressed=True), f"{self._owned.token}-final"
-        )
+    def write(self, merge: Merge, judge: Judge) -> tuple[str, dict[str, str]]:
+        """Write the pictures of the merged image, which nobody sees yet.
+
+        Returns the set's name, and the SHA-256 of each of its files by name.
+        """
+        pictures = self._pictures(merge, judge, compressed=True)
+        return self._put(merge.spp, pictures, f"{self._owned.token}{blobs.FINAL}")
 
     def _pictures(self, merge: Merge, judge: Judge, *, compressed: bool) -> dict[str, bytes]:
-        image, exposure_ev = merge.image(), self._spec.view.exposure_ev
-        about: dict[str, str | int] = {"plateau:job": self._owned.job_id, "plateau:spp": merge.spp}
-        picture = encode_srgb(image, exposure_ev)
-        pictures = {
-            "image.exr": encode_image(image, about, compressed=compressed),
-            "image.png": encode_png(picture),
-            "thumbnail.png": encode_png(thumbnail(image, exposure_ev)),
-        }
-        if not np.isfinite(image).all():
-            pictures["non-finite.png"] = non_finite_png(image, exposure_ev)
-        visible = judge.visible_map(merge)
-        if visible is not None:
-            difference = difference_map(picture, visible)
-            pictures["difference.png"] = encode_png(difference, MAP_PALETTE)
-        return pictures
+        return result_files(
+            merge.image(),
+            judge.visible_map(merge),
+            job_id=self._owned.job_id,
+            spp=merge.spp,
+            exposure_ev=self._spec.view.exposure_ev,
+            compressed=compressed,
+        )
 
-    def _put(self, spp: int, pictures: dict[str, bytes], token: str) -> str:
+    def _put(self, spp: int, pictures: dict[str, bytes], token: str) -> tuple[str, dict[str, str]]:
         name = blobs.result_set(self._owned.job_id, spp, token)
         for picture, content in pictures.items():
             self._blobs.put(f"{name}/{picture}", content)
-        return name
+        return name, {
+            picture: hashlib.sha256(content).hexdigest() for picture, content in pictures.items()
+        }

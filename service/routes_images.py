@@ -13,6 +13,7 @@ from service.parts import Parts, parts
 from service.problems import Problem
 from service.routes_jobs import JobId
 from service.served_blobs import EXR, PNG, SPP, blob_response, described, headers_of
+from service.stored_files import SpoiledBlob
 
 router = APIRouter(prefix="/v1/jobs/{job_id}", tags=["results"])
 
@@ -85,10 +86,11 @@ def slice_exr(
     job = farm.job(job_id)
     try:
         record = farm.jobs.ledger(job.id)[index]
-        if not blobs.is_partial(record["blob"]):  # a worker may say what it likes
-            raise FileNotFoundError(record["blob"])
-        headers = headers_of(job, strong(record["sha256"]), f"{job.id}-{index:06d}.exr")
-        return blob_response(record["blob"], EXR, headers, farm, has, request)
+        blob, sha256 = record["blob"], record["sha256"]
+        if not blobs.is_partial(blob):  # a worker may say what it likes
+            raise FileNotFoundError(blob)
+        headers = headers_of(job, strong(sha256), f"{job.id}-{index:06d}.exr")
+        return blob_response(blob, sha256, EXR, headers, farm, has, request)
     except (KeyError, FileNotFoundError) as error:
         raise Problem(
             problems.UNKNOWN_SLICE,
@@ -101,19 +103,25 @@ def _image(
     name: str, media_type: str, job_id: str, farm: Parts, has: Known, request: Request
 ) -> Response:
     job = farm.job(job_id)
-    results = ""
+    results, sha256 = "", None
     # A set of pictures goes when the next one is shown, perhaps between our two looks.
     while (shown := farm.jobs.results(job.id)) != results:
         results = shown
         # A set that was shown never changes: its name stands for its bytes.
         tag = strong(results.rpartition("/")[2], name)
+        blob = f"{results}/{name}"
+        sha256 = farm.jobs.sha256(blob)
+        if sha256 is None and farm.jobs.results(job.id) != results:
+            continue  # what was noted of it went with it
         try:
             headers = headers_of(job, tag, f"{job.id}-{name}")
             if spp := blobs.spp_of_set(results):
                 headers[SPP] = str(spp)
-            return blob_response(f"{results}/{name}", media_type, headers, farm, has, request)
+            return blob_response(blob, sha256, media_type, headers, farm, has, request)
         except FileNotFoundError:
             continue
+    if sha256 is not None:
+        raise SpoiledBlob(blob)
     raise _no_image(job, name)
 
 

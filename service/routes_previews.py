@@ -18,6 +18,7 @@ from service.point_images import MOST_PIXELS, MOST_WAITING, TooManyWait
 from service.problems import Problem, documented
 from service.routes_jobs import JobId
 from service.served_blobs import EXR, PNG, SPP, blob_response, described, headers_of
+from service.stored_files import SpoiledBlob
 from service.views import Preview, PreviewList
 
 if TYPE_CHECKING:
@@ -79,8 +80,13 @@ async def preview_png(
     headers = _headers(job, spp, "png")
     try:
         blob = blobs.preview(job.id, spp)
-        return await run_in_threadpool(blob_response, blob, PNG, headers, farm, has, request)
-    except FileNotFoundError:
+        sha256 = await run_in_threadpool(farm.jobs.sha256, blob)
+        return await run_in_threadpool(
+            blob_response, blob, sha256, PNG, headers, farm, has, request
+        )
+    except (FileNotFoundError, SpoiledBlob) as error:
+        if isinstance(error, SpoiledBlob) and not _can_be_merged(job):
+            raise
         return await _merged(request, job, spp, farm, (PNG, headers, _png(job)))
 
 

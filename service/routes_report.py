@@ -10,6 +10,7 @@ from service.parts import Parts, parts
 from service.problems import documented
 from service.report import CAPTIONS, POLICY, report_html
 from service.routes_jobs import JobId
+from service.stored_files import SpoiledBlob
 
 router = APIRouter(prefix="/v1/jobs/{job_id}", tags=["results"])
 
@@ -66,10 +67,13 @@ def report(
     }
     if has.anything or has.has(tag):
         return not_modified(headers)
-    pictures = {}
+    pictures: dict[str, bytes | None] = {}
     for name in CAPTIONS if results else ():
+        blob = f"{results}/{name}"
         try:
-            pictures[name] = farm.blobs.get(f"{results}/{name}")
+            pictures[name] = farm.files.content(blob, farm.jobs.sha256(blob))
+        except SpoiledBlob:
+            pictures[name] = None
         except FileNotFoundError:  # a newer set has just been shown, or there is no map yet
             continue
     content = report_html(job, farm.jobs.curve(job.id), happened, pictures)

@@ -49,7 +49,7 @@ _PNG: Final[dict[int | str, dict[str, Any]]] = {
         "description": "the picture",
         "content": {"image/png": {"schema": {"type": "string", "format": "binary"}}},
     },
-    **documented(*_INVALID),
+    **documented(problems.SPOILED_FILE, *_INVALID),
 }
 
 
@@ -228,10 +228,10 @@ def _made(asked: NewStudy, request: dict[str, Any], farm: Parts, owner: str) -> 
     }
     study_id = farm.studies.begin()
     try:
-        put_pictures(
+        digests = put_pictures(
             farm.blobs, study_id, job=job, slices=slices, levels=levels, reference=reference
         )
-        study = farm.studies.create(study_id, request, owner, about)
+        study = farm.studies.create(study_id, request, owner, {**about, "sha256": digests})
     except CannotStudy:
         farm.studies.forget(study_id, farm.blobs)
         raise
@@ -250,7 +250,7 @@ def _observer(farm: Parts, study: Study, who: Observer) -> ObserverView:
 
 def _picture(farm: Parts, study_id: str, blob: str) -> Response:
     try:
-        content = farm.blobs.get(blob)
+        content = farm.files.content(blob, farm.studies.sha256(study_id, blob))
     except FileNotFoundError as error:
         raise Problem(
             problems.UNKNOWN_STUDY, f"there is no study {study_id!r} with such a picture"

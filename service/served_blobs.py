@@ -1,5 +1,6 @@
 """Blobs as answers: streamed, with what a client needs to keep them and to know them again."""
 
+import base64
 from collections.abc import Iterator
 from typing import Any, Final
 
@@ -15,13 +16,16 @@ from service.problems import documented
 
 PNG: Final = "image/png"
 EXR: Final = "image/x-exr"
+#: The header with the SHA-256 of the file, by which a client sees that it has come whole.
+#: RFC 9530, section 3.
+REPR_DIGEST: Final = "Repr-Digest"
 #: The header that says how many samples per pixel an image has: a running job's grow on.
 SPP: Final = "Plateau-Spp"
 
 
 def described(media_type: str, *kinds: problems.ProblemType) -> dict[int | str, dict[str, Any]]:
     """The ``responses`` of a route that serves a blob of a job, for OpenAPI."""
-    names = ("ETag", "Cache-Control", "Content-Disposition", SPP)
+    names = ("ETag", "Cache-Control", "Content-Disposition", REPR_DIGEST, SPP)
     binary = {"schema": {"type": "string", "format": "binary"}}
     return {
         200: {
@@ -30,7 +34,7 @@ def described(media_type: str, *kinds: problems.ProblemType) -> dict[int | str, 
             "headers": {name: {"schema": {"type": "string"}} for name in names},
         },
         **NOT_MODIFIED,
-        **documented(problems.UNKNOWN_JOB, *kinds),
+        **documented(problems.UNKNOWN_JOB, problems.SPOILED_FILE, *kinds),
     }
 
 
@@ -47,15 +51,29 @@ def headers_of(job: Job, tag: str, file_name: str) -> dict[str, str]:
 
 def blob_response(
     blob: str,
+    sha256: str | None,
     media_type: str,
     headers: dict[str, str],
     farm: Parts,
     has: Known,
     request: Request,
 ) -> Response:
-    """The blob, or 304; `FileNotFoundError` where there is none."""
+    """The blob, or 304.
+
+    It is served where it has this SHA-256; unchecked where that was not noted when it was written.
+
+    Raises
+    ------
+    SpoiledBlob
+        Its bytes are others, and cannot be made again.
+    FileNotFoundError
+        There is none.
+    """
     if has.has(headers["ETag"]):
         return not_modified(headers)
+    if sha256 is not None:
+        farm.files.require(blob, sha256)
+        headers = {**headers, REPR_DIGEST: _repr_digest(sha256)}
     size = farm.blobs.size(blob)
     if size is None:
         raise FileNotFoundError(blob)
@@ -67,6 +85,10 @@ def blob_response(
     chunks = farm.blobs.chunks(blob)
     first = next(chunks, b"")
     return StreamingResponse(_joined(first, chunks), media_type=media_type, headers=headers)
+
+
+def _repr_digest(sha256: str) -> str:
+    return f"sha-256=:{base64.b64encode(bytes.fromhex(sha256)).decode()}:"
 
 
 def _joined(first: bytes, rest: Iterator[bytes]) -> Iterator[bytes]:

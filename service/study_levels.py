@@ -8,6 +8,7 @@ from farm.jobs import Jobs
 from farm.records import prefix_length
 from farm.study import MOST_LEVELS, MOST_PIXELS
 from farm.study_order import Method
+from service.kept_slices import KeptSlice
 
 #: The paper's levels, as shares of the reference's spp: 100, 500, …, 2500 of 10,000.
 _CONSTANT: Final = tuple(one / 100 for one in range(1, 26, 4))
@@ -15,8 +16,8 @@ _CONSTANT: Final = tuple(one / 100 for one in range(1, 26, 4))
 _LIMITS: Final = tuple(0.005 * 80 ** (one / 11) for one in range(12))
 
 
-def kept_slices(jobs: Jobs, job: Job) -> list[str]:
-    """The blobs of the job's slices from the first on, without a gap.
+def kept_slices(jobs: Jobs, job: Job) -> list[KeptSlice]:
+    """The job's slices from the first on, without a gap.
 
     Raises
     ------
@@ -28,7 +29,8 @@ def kept_slices(jobs: Jobs, job: Job) -> list[str]:
     if not job.spec.keep_slices:
         raise CannotStudy(f"job {job.id} did not keep its slices: submit with keep_slices")
     ledger = jobs.ledger(job.id)
-    kept = [ledger[index]["blob"] for index in range(prefix_length(ledger))]
+    records = [ledger[index] for index in range(prefix_length(ledger))]
+    kept = [KeptSlice(record["blob"], record["sha256"]) for record in records]
     if not kept or job.width is None or job.height is None:
         raise CannotStudy(f"job {job.id} has no slices")
     if job.width * job.height > MOST_PIXELS:

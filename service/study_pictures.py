@@ -4,6 +4,7 @@ All are made alike, by the job's own exposure, so that nothing tells two of them
 number of their samples.
 """
 
+import hashlib
 import threading
 from collections.abc import Iterator
 from typing import Final
@@ -11,10 +12,11 @@ from typing import Final
 from farm import blobs
 from farm.blobs import Blobs
 from farm.errors import CannotStudy, CorruptPartial
-from farm.exr import decode_partial
 from farm.job import Job
 from farm.png import encode_png
 from metric import encode_srgb
+from service.films import checked_film
+from service.kept_slices import KeptSlice
 from service.merge import Merge
 
 #: Merging takes a few hundred MB, so one process makes one study at a time.
@@ -26,11 +28,11 @@ def put_pictures(
     study_id: str,
     *,
     job: Job,
-    slices: list[str],
+    slices: list[KeptSlice],
     levels: tuple[int, ...],
-    reference: list[str],
-) -> None:
-    """Merge the slices and put the pictures of a study.
+    reference: list[KeptSlice],
+) -> dict[str, str]:
+    """Merge the slices and put the pictures of a study; returns the SHA-256 of each by its blob.
 
     Parameters
     ----------
@@ -39,8 +41,8 @@ def put_pictures(
     job
         Whose exposure they all have, and whose slices the levels are made of.
     slices, reference
-        Blobs of the slices of the job and of the reference, from the first on; the same where
-        the job is its own reference.
+        The slices of the job and of the reference, from the first on; the same where the job is
+        its own reference.
     levels
         Spp of the test images, rising.
 
@@ -52,25 +54,30 @@ def put_pictures(
     places = {spp: blobs.study_level(study_id, spp) for spp in levels}
     same = slices == reference
     wanted = slices if same else slices[: levels[-1] // job.spec.slice_spp]
+    digests = {}
     with _ONE_AT_A_TIME:
         for merge in _merges(store, wanted, job.spec.slice_spp):
             if merge.spp in places:
-                _put(store, places[merge.spp], merge, job)
+                digests[places[merge.spp]] = _put(store, places[merge.spp], merge, job)
         if not same:
             *_, merge = _merges(store, reference, slice_spp=1)  # one object that grows
-        _put(store, blobs.study_reference(study_id), merge, job)
+        place = blobs.study_reference(study_id)
+        digests[place] = _put(store, place, merge, job)
+    return digests
 
 
-def _merges(store: Blobs, slices: list[str], slice_spp: int) -> Iterator[Merge]:
+def _merges(store: Blobs, slices: list[KeptSlice], slice_spp: int) -> Iterator[Merge]:
     """The sum of the slices so far, after each of them."""
     merge = Merge(slice_spp=slice_spp)
-    for name in slices:
+    for kept in slices:
         try:
-            merge.add(decode_partial(store.get(name)).pixels)
+            merge.add(checked_film(store, kept.blob, kept.sha256))
         except (FileNotFoundError, CorruptPartial, ValueError) as error:
             raise CannotStudy(f"slice {merge.slices} cannot be used: {error}") from error
         yield merge
 
 
-def _put(store: Blobs, name: str, merge: Merge, job: Job) -> None:
-    store.put(name, encode_png(encode_srgb(merge.image(), job.spec.view.exposure_ev)))
+def _put(store: Blobs, name: str, merge: Merge, job: Job) -> str:
+    content = encode_png(encode_srgb(merge.image(), job.spec.view.exposure_ev))
+    store.put(name, content)
+    return hashlib.sha256(content).hexdigest()

@@ -49,7 +49,7 @@ if checkpoint ~= '' then
     redis.call('HINCRBY', job_key(id), 'points', 1)
     announce(id, 'point', point)
   end
-  if (before[7] or '') ~= '' then show(id, before[7], before[8]) end
+  if (before[7] or '') ~= '' then show(id, before[7], before[8], '') end
 end
 -- Nobody is shown the secret of a webhook, so none can be sent again for the same receiver.
 local hook = redis.call('HMGET', job_key(id, 'webhook'), 'receiver', 'secret')

@@ -43,9 +43,18 @@ end
 local function has_image(id) return (redis.call('HGET', job_key(id), 'results') or '') ~= '' end
 
 -- The job has a set of results, of so many spp: there is an image to be looked at, from the first on.
-local function show(id, results, spp)
+-- What its bytes are is noted by blob (JSON); with '' the set is one that is shown already, or another
+-- job's.
+local function show(id, results, spp, digests)
   if not has_image(id) then announce(id, 'image', cjson.encode({spp = tonumber(spp)})) end
   redis.call('HSET', job_key(id), 'results', results)
+  if digests == '' then return end
+  for _, blob in ipairs(redis.call('HKEYS', job_key(id, 'digests'))) do
+    if string.sub(blob, 1, 8) == 'results/' then redis.call('HDEL', job_key(id, 'digests'), blob) end
+  end
+  for blob, sha256 in pairs(cjson.decode(digests)) do
+    redis.call('HSET', job_key(id, 'digests'), blob, sha256)
+  end
 end
 
 -- For how long the job's clock has stood still (ms), the pause that lasts included.

@@ -7,6 +7,7 @@
     ├── BadKey        the API key cannot be one
     ├── Unreachable   nothing answers there
     ├── NotPlateau    something answers there that is not understood
+    ├── Damaged       what came of a file is not what the service sent
     ├── ApiError      the service answers with a problem
     └── TimedOut      what was waited for did not come in time; a TimeoutError too
 """
@@ -57,6 +58,16 @@ class NotPlateau(ClientError):
         super().__init__(
             f"what answers at {url} is no Plateau service of this version ({answer}); "
             "check --url or PLATEAU_URL"
+        )
+
+
+class Damaged(ClientError):
+    """What came of a file is not what the service sent."""
+
+    def __init__(self, path: str) -> None:
+        super().__init__(
+            f"what came of {path} is not what the service sent: its SHA-256 is another; fetch it "
+            "again, and look at what lies between this machine and the service where that recurs"
         )
 
 

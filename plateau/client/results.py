@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from farm.job import CurvePoint
 from plateau.client.calls import Calls
+from plateau.client.digests import Digest
 from plateau.client.errors import ClientError
 from plateau.client.transport import Patience
 from service.views import Curve
@@ -69,7 +70,11 @@ class ResultCalls(Calls):
         ApiError
             ``unknown-job``; ``no-image-yet`` before anything of it can be seen.
         """
-        return self._transport.send("GET", f"/v1/jobs/{job_id}/{name}").content
+        path, digest = f"/v1/jobs/{job_id}/{name}", Digest()
+        answer = self._transport.send("GET", path)
+        digest.update(answer.content)
+        digest.check(path, answer.headers)
+        return answer.content
 
     def array(self, job_id: str) -> "NDArray[np.float32]":
         """The job's merged image: the newest while it runs, in the end the final one.
@@ -119,7 +124,9 @@ class ResultCalls(Calls):
         Raises
         ------
         ApiError
-            ``unknown-job``, ``no-image-yet``, ``unknown-slice``.
+            ``unknown-job``, ``no-image-yet``, ``unknown-slice``, ``spoiled-file``.
+        Damaged
+            What came is not what the service sent.
         OSError
             The file cannot be written.
         """
@@ -138,11 +145,14 @@ class ResultCalls(Calls):
                     self._transport.stream(address, read_s=_READ_S) as answer,
                     path.open("wb") as file,
                 ):
+                    digest = Digest()
                     for chunk in answer.iter_bytes():
+                        digest.update(chunk)
                         file.write(chunk)
                         if file.tell() > furthest:
                             furthest = file.tell()
                             patience.renew()
+                    digest.check(address, answer.headers)
             except ClientError as error:
                 patience.wait_after(error)
             else:

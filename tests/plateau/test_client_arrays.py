@@ -31,7 +31,6 @@ def test_a_slice_is_its_film(plateau: Client, client: redis.Redis, store: Blobs)
     with pytest.raises(ApiError) as caught:
         plateau.film(job.id, 0)
     assert caught.value.slug == "unknown-slice"
-    job.commit()
     film = np.random.default_rng(2).random((HEIGHT, WIDTH, 4), dtype=np.float32)
     partial = Partial(
         job_id=job.id,
@@ -43,7 +42,8 @@ def test_a_slice_is_its_film(plateau: Client, client: redis.Redis, store: Blobs)
         scene_sha256="0" * 64,
         pixels=film,
     )
-    store.put("partial", encode_partial(partial))
+    store.put(job.slice_blob(0), encode_partial(partial))
+    job.commit(partial=encode_partial(partial))
     fetched = plateau.film(job.id, 0)
     assert fetched.dtype == np.float32
     assert np.array_equal(fetched, film)

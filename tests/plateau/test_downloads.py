@@ -2,8 +2,10 @@
 
 import socket
 import threading
+from base64 import b64encode
 from collections.abc import Iterator
 from contextlib import contextmanager
+from hashlib import sha256
 from pathlib import Path
 
 import pytest
@@ -12,7 +14,7 @@ import redis
 from farm.api_keys import ApiKeys, KeyLimits, Role
 from farm.blobs import Blobs
 from farm.job import Job
-from plateau.client import Client, Unreachable
+from plateau.client import Client, Damaged, Unreachable
 from plateau.outputs import write_results
 from tests.support.live_api import live_api
 from tests.support.noise_farm import NoiseFarm
@@ -119,7 +121,7 @@ def test_a_file_is_whole_though_the_service_broke_off_and_was_started_again(
 
 def test_a_service_that_always_breaks_off_is_not_asked_for_ever(tmp_path: Path) -> None:
     with (
-        _always_half() as url,
+        _always(HALF) as url,
         Client(url, patience_s=0.5) as plateau,
         pytest.raises(Unreachable),
     ):
@@ -128,8 +130,8 @@ def test_a_service_that_always_breaks_off_is_not_asked_for_ever(tmp_path: Path) 
 
 
 @contextmanager
-def _always_half() -> Iterator[str]:
-    """A service that ends each connection in the middle of its answer, at the same place."""
+def _always(answer: bytes) -> Iterator[str]:
+    """A service that sends the same to each request, and hangs up."""
 
     def serve() -> None:
         while True:
@@ -139,7 +141,7 @@ def _always_half() -> Iterator[str]:
                 return
             with connection:
                 connection.recv(65536)
-                connection.sendall(HALF)
+                connection.sendall(answer)
 
     with socket.create_server(("127.0.0.1", 0)) as server:
         thread = threading.Thread(target=serve)
@@ -149,3 +151,21 @@ def _always_half() -> Iterator[str]:
         finally:
             server.shutdown(socket.SHUT_RDWR)
             thread.join()
+
+
+def test_a_file_that_was_changed_on_its_way_is_not_kept(tmp_path: Path) -> None:
+    # Given a proxy that changes a byte of a file, which has its SHA-256 with it
+    named = b64encode(sha256(b"a picture").digest())
+    head = (
+        b"HTTP/1.1 200 OK\r\nContent-Length: 9\r\nRepr-Digest: unixsum=:AAA=:, sha-256=:%s:\r\n\r\n"
+    )
+    with _always(head % named + b"a pictuce") as url, Client(url, patience_s=0) as plateau:
+        with pytest.raises(Damaged, match=r"image.exr is not what the service sent"):
+            plateau.download("0123456789ab", "image.exr", tmp_path / "image.exr")
+        with pytest.raises(Damaged):
+            plateau.image("0123456789ab", "image.exr")
+    assert list(tmp_path.iterdir()) == []
+    # And one that came as it was sent
+    with _always(head % named + b"a picture") as url, Client(url, patience_s=0) as plateau:
+        plateau.download("0123456789ab", "image.exr", tmp_path / "image.exr")
+    assert content(tmp_path) == {"image.exr": b"a picture"}

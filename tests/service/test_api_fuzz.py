@@ -50,7 +50,7 @@ from service.event_hub import EventHub
 from service.scene_checks import SceneChecks
 from tests.support import long_tests
 from tests.support.live_api import LARGEST_UPLOAD
-from tests.support.staged_job import StagedJob
+from tests.support.staged_job import PARTIAL, StagedJob
 
 SEED = int(os.environ.get("FUZZ_SEED", "20261121"))
 REQUESTS = 1000 if long_tests.WANTED else 25  #: random ones for each operation, at most
@@ -64,9 +64,9 @@ def job_ids(client: redis.Redis, api_store: Blobs) -> list[str]:
     queued, rendering, paused, failed, finished = (
         StagedJob(client, keep_slices=True, batch="exposures") for _ in range(5)
     )
-    api_store.put("partial", b"a slice")  # where each staged ledger says that it is
     for job in (rendering, paused, finished):
         job.commit(8, said="WARN: unused parameter")
+        api_store.put(job.slice_blob(0), PARTIAL)
         job.point(100, 0)
         job.point(200, 30, slope=0.25)
         for name in ("image.png", "image.exr", "difference.png"):

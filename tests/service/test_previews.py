@@ -1,5 +1,6 @@
 """The pictures that a job keeps of its way: few, well spread, and true."""
 
+import hashlib
 import io
 from itertools import pairwise
 from pathlib import Path
@@ -26,8 +27,15 @@ def test_the_one_that_is_missed_least_lies_between_the_closest_by_ratio() -> Non
     assert missed_least([100, 110, 1000]) == 110
 
 
+def previews_of(store: Blobs, noted: dict[str, str | None] | None = None) -> Previews:
+    """The previews of a job; what is noted of their bytes goes into a dictionary."""
+    noted = {} if noted is None else noted
+    return Previews(store, "job", note=noted.__setitem__)
+
+
 def test_they_stay_spread_however_many_come(store: Blobs) -> None:
-    previews = Previews(store, "job")
+    noted: dict[str, str | None] = {}
+    previews = previews_of(store, noted)
     large = bytes(MOST_BYTES // LEAST + 1)
     for spp in range(100, 10_001, 100):
         previews.keep(spp, large)
@@ -36,10 +44,14 @@ def test_they_stay_spread_however_many_come(store: Blobs) -> None:
     assert (spps[0], spps[-1]) == (100, 10_000)
     ratios = [after / before for before, after in pairwise(spps)]
     assert max(ratios[1:]) < 1.8  # the first step, from 100 to 200, is 2
+    # And of each that there is, and of no other, it is noted what its bytes are
+    sha256 = hashlib.sha256(large).hexdigest()
+    known = {blob: digest for blob, digest in noted.items() if digest is not None}
+    assert known == {blobs.preview("job", spp): sha256 for spp in spps}
 
 
 def test_small_ones_are_all_kept_up_to_a_number(store: Blobs) -> None:
-    previews = Previews(store, "job")
+    previews = previews_of(store)
     for spp in range(1, MOST + 1):
         previews.keep(spp, b"picture")
     assert kept(store, "job") == list(range(1, MOST + 1))
@@ -50,7 +62,7 @@ def test_small_ones_are_all_kept_up_to_a_number(store: Blobs) -> None:
 
 
 def test_no_more_bytes_are_kept_than_agreed(store: Blobs) -> None:
-    previews = Previews(store, "job")
+    previews = previews_of(store)
     half = bytes(MOST_BYTES // (2 * LEAST))
     for spp in range(1, 61):
         previews.keep(spp, half)
@@ -58,8 +70,8 @@ def test_no_more_bytes_are_kept_than_agreed(store: Blobs) -> None:
 
 
 def test_a_monitor_that_takes_over_goes_on_with_what_there_is(store: Blobs) -> None:
-    Previews(store, "job").keep(100, b"one")
-    heir = Previews(store, "job")
+    previews_of(store).keep(100, b"one")
+    heir = previews_of(store)
     heir.keep(200, b"two")
     heir.keep(100, b"one")
     assert kept(store, "job") == [100, 200]

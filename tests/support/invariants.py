@@ -22,7 +22,7 @@ from tests.support.real_farm import RealFarm, until
 RESULTS = ("image.exr", "image.png", "thumbnail.png")
 
 #: What Redis keeps of a job that is finished.
-KEPT = {"", "ledger", "seeds", "curve", "events", "log", "fence"}
+KEPT = {"", "ledger", "seeds", "curve", "events", "log", "digests", "fence"}
 
 
 @dataclass(frozen=True)
@@ -98,6 +98,9 @@ def check_job(
     previews = set(store.names(blobs.previews(job_id)))
     assert len(previews) <= MOST_PREVIEWS
     expected |= previews
+    # Of all that is served, Redis knows what its bytes are
+    for blob in previews | {f"{jobs.results(job_id)}/{name}" for name in RESULTS if job.spp}:
+        assert sha256(store.get(blob)).hexdigest() == jobs.sha256(blob)
     # A worker whose commit came too late takes its partial back a moment later
     with suppress(AssertionError):
         until(lambda: set(store.names(f"jobs/{job_id}/")) == expected, 60)

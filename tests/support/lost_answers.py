@@ -6,7 +6,7 @@ from typing import Any, Final
 
 import redis
 
-from farm import keys, scripts
+from farm import blobs, keys, scripts
 from farm.allowance import Allowance
 from farm.api_keys import ApiKey, ApiKeys, KeyLimits, Role
 from farm.batches import Batches, Steer
@@ -31,6 +31,7 @@ LEASE_S = 60.0
 HOOK: Final[dict[str, Any]] = {"url": "https://lab.example/hook", "events": ("queued",)}
 SPEC: Final[dict[str, Any]] = {"step": 100, "slice_spp": 50, "max_spp": 1000}
 RESULTS: Final = "jobs/0123456789ab/results/0000050-1-final"
+SHA256: Final = {"image.png": "ab" * 32, "image.exr": "cd" * 32}
 ABOUT: Final[dict[str, Any]] = {"id": WORKER, "variants": ["scalar_rgb"]}
 
 
@@ -281,7 +282,13 @@ def _(world: World) -> Callable[[], object]:
 @case("show")
 def _(world: World) -> Callable[[], object]:
     world.job()
-    return lambda: world.owners.show_results(world.owned, RESULTS, 50)
+    return lambda: world.owners.show_results(world.owned, RESULTS, 50, SHA256)
+
+
+@case("note_blob")
+def _(world: World) -> Callable[[], object]:
+    blob = blobs.preview(world.job(), 50)
+    return lambda: world.owners.note_blob(world.owned, blob, "ab" * 32)
 
 
 @case("save")
@@ -295,14 +302,16 @@ def _(world: World) -> Callable[[], object]:
     world.committed(webhook=True)
     verdict = {"slope": 0.01}
     state, why = JobState.CONVERGED, "levelled off"
-    return lambda: world.owners.end(world.owned, state, why, verdict, RESULTS)
+    return lambda: world.owners.end(world.owned, state, why, verdict, RESULTS, SHA256)
 
 
 @case("conclude")
 def _(world: World) -> Callable[[], object]:
     world.committed()
     Ownerships(world.direct, LEASE_S).end(world.owned, JobState.EXHAUSTED, "the cap")
-    return lambda: world.owners.conclude(world.owned, spp=50, results=RESULTS, notes=("a note",))
+    return lambda: world.owners.conclude(
+        world.owned, spp=50, results=RESULTS, sha256=SHA256, notes=("a note",)
+    )
 
 
 @case("abandon", FenceLost)

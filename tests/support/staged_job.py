@@ -1,5 +1,7 @@
 """A job that a test moves along by hand, as a worker and a monitor would."""
 
+import hashlib
+
 import redis
 
 from farm import blobs
@@ -11,6 +13,8 @@ from farm.spec import JobSpec
 from farm.states import JobState
 
 WIDTH, HEIGHT = 32, 24
+#: What a slice is where nobody looks into it.
+PARTIAL = b"a slice"
 
 
 class StagedJob:
@@ -42,8 +46,8 @@ class StagedJob:
         self._put_back += 1
         self._queue.died(self._lease(), cause, 0.2, said)
 
-    def commit(self, slices: int = 1, said: str = "") -> None:
-        """Plan, lease and commit so many slices."""
+    def commit(self, slices: int = 1, said: str = "", partial: bytes = PARTIAL) -> None:
+        """Plan, lease and commit so many slices; a test that looks into them puts `slice_blob`."""
         for _ in range(slices):
             if self._put_back:
                 self._put_back -= 1
@@ -57,8 +61,8 @@ class StagedJob:
                 spp=self.spec.slice_spp,
                 first_seed=first_seed,
                 last_seed=last_seed,
-                blob="partial",
-                sha256="ab" * 32,
+                blob=self.slice_blob(lease.index),
+                sha256=hashlib.sha256(partial).hexdigest(),
                 worker="worker-1",
                 render_s=0.5,
             )
@@ -66,6 +70,10 @@ class StagedJob:
                 lease, record, width=WIDTH, height=HEIGHT, notes=(), said=said
             )
             assert answer is Committed.COMMITTED
+
+    def slice_blob(self, index: int) -> str:
+        """Where a slice is, as the ledger says."""
+        return blobs.partial(self.id, index, "staged")
 
     def _lease(self) -> Lease:
         lease = self._queue.lease(("scalar_rgb",), None, in_turn=False)

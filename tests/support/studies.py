@@ -44,8 +44,8 @@ def ended_job(
         farm.commit(lease, film)
         merge.add(film)
     owners.end(owned, JobState.CONVERGED, "levelled off", {})
-    results = Results(owned, owners, farm.store, job.spec).write(merge, Judge(job.spec))
-    owners.conclude(owned, spp=spp, results=results, notes=())
+    results, sha256 = Results(owned, owners, farm.store, job.spec).write(merge, Judge(job.spec))
+    owners.conclude(owned, spp=spp, results=results, sha256=sha256, notes=())
     owners.finish(owned, keeps_sums=False)
     return farm.jobs.get(job.id)
 
