@@ -155,6 +155,11 @@ class Settings(BaseSettings):
         allow_inf_nan=False,
         description="scenes of no job go after so many days without use; unset, they stay",
     )
+    plugins: Annotated[tuple[str, ...], NoDecode] = Field(
+        (),
+        description="types of plugin, separated by commas, that workers have beside Mitsuba's own: "
+        "the API refuses scenes that ask for others",
+    )
     webhook_allow: Annotated[tuple[str, ...], NoDecode] = Field(
         (),
         description="networks and host names, separated by commas, that may be sent webhooks "
@@ -196,9 +201,9 @@ class Settings(BaseSettings):
             )
         return given
 
-    @field_validator("tags", mode="before")
+    @field_validator("tags", "plugins", mode="before")
     @classmethod
-    def _separate_tags(cls, given: object) -> object:
+    def _separate_words(cls, given: object) -> object:
         return tuple(given.replace(",", " ").split()) if isinstance(given, str) else given
 
     @field_validator("webhook_allow", mode="before")

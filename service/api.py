@@ -15,7 +15,7 @@ import uvicorn
 
 from farm.api_keys import ApiKeys
 from farm.blobs import Blobs
-from farm.bundle import BundleLimits
+from farm.bundle import BundleLimits, known_plugins
 from farm.errors import StoreUnavailable
 from farm.redis_link import connect
 from farm.settings import Settings
@@ -96,7 +96,10 @@ def run(
     if settings.redis_url is None or settings.blobs is None:
         raise ValueError("the API needs redis_url and blobs")
     spool_in(settings.cache / "uploads")
-    checks = SceneChecks(BundleLimits(max_bytes=round(settings.max_upload_gb * 2**30)))
+    limits = BundleLimits(
+        max_bytes=round(settings.max_upload_gb * 2**30), plugins=known_plugins(settings.plugins)
+    )
+    checks = SceneChecks(limits)
     client = connect(settings.redis_url)
     access = access_at(host, ApiKeys(client), open_to_all=open_to_all)
     if tls is not None:

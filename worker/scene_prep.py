@@ -9,6 +9,7 @@ reconstruction filter stay. Part of the render child: imports Mitsuba.
 
 from __future__ import annotations
 
+import traceback
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
@@ -34,7 +35,16 @@ _IMPURE = {
     "timeout": "a pass cut short is not the same pass twice",
 }
 
+#: Those of `mitsuba.ad`: they give an image and its derivatives, and no film that is not developed.
+_DIFFERENTIABLE = (
+    "the integrator '{}' is made for differentiable rendering, and its films cannot be added up: "
+    "use 'path' or 'volpath'"
+)
+
 _NO_WEIGHTS = "the integrator '{}' does not sample pixel by pixel: its films have no weights to add"
+
+#: `scene_errors` itself and the function that uses it: Mitsuba's C++ has no frames of its own.
+_OUR_FRAMES = 2
 
 #: Names that Mitsuba's parser keeps for its own arguments.
 _UNPASSABLE = {"config", "filename"}
@@ -109,6 +119,9 @@ def prepare(
 def scene_errors(folder: Path | None = None) -> Iterator[None]:
     """Turn what Mitsuba raises into `SceneError`, save for a lack of memory, which passes.
 
+    Whatever it is, the same scene would raise it again. Where Python code of Mitsuba's or of a
+    plugin raises it, the traceback is printed for the slice's log, and the message is one line.
+
     Parameters
     ----------
     folder : Path, optional
@@ -116,10 +129,15 @@ def scene_errors(folder: Path | None = None) -> Iterator[None]:
     """
     try:
         yield
-    except (RuntimeError, TypeError, ValueError) as error:
-        message = str(error)
-        if "memory" in message.lower():
+    except SceneError:
+        raise
+    except Exception as error:
+        message = str(error).strip() or type(error).__name__
+        if isinstance(error, MemoryError) or "memory" in message.lower():
             raise MemoryError(message) from error
+        if len(traceback.extract_tb(error.__traceback__)) > _OUR_FRAMES:
+            traceback.print_exception(error)
+            message = f"{type(error).__name__}: {message.splitlines()[0]}"
         for prefix in (folder, folder.resolve()) if folder else ():
             message = message.replace(f"{prefix}/", "")
         raise SceneError(message) from error
@@ -231,6 +249,8 @@ def _check(scene: Any, index: int, notes: tuple[str, ...]) -> PreparedScene:
         count = len(sensors)
         raise SceneError(f"there is no sensor {index}: the scene has {count}, counted from 0")
     integrator = scene.integrator()
+    if isinstance(integrator, mi.CppADIntegrator):
+        raise SceneError(_DIFFERENTIABLE.format(type(integrator).__name__))
     if not isinstance(integrator, mi.SamplingIntegrator):
         raise SceneError(_NO_WEIGHTS.format(_name(integrator)))
     if integrator.aov_names():

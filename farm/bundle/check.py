@@ -4,9 +4,10 @@ An upload is a Mitsuba XML file, or a zip of one with its meshes and textures. I
 checked. The API checks it before it stores it, and a worker checks the archive again as it unpacks
 it; neither runs Mitsuba for that, and neither reads a mesh.
 
-There is no list of allowed plugins: what a plugin makes of its values is Mitsuba's business, in a
-child process. What is refused is what reaches beyond the bundle (paths, links, libraries that
-Mitsuba would load) or costs more than it should (bombs, include cycles, huge films).
+What a plugin makes of its values is Mitsuba's business, in a child process. What is refused is a
+plugin that there is not, where the limits say which there are, and what reaches beyond the bundle
+(paths, links, libraries that Mitsuba would load) or costs more than it should (bombs, include
+cycles, huge films).
 """
 
 import os

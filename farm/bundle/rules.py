@@ -28,6 +28,7 @@ CODES = {
     "undefined-parameter": "the scene uses a $parameter that has neither value nor default",
     "unpackable-path": "a scene to be packed names a file by an absolute path or across a link",
     "unknown-parameter": "a job parameter is not one of the scene's",
+    "unknown-plugin": "a plugin's type is none that the farm's Mitsuba has",
     "xml-depth": "XML elements are nested too deep",
     "xml-encoding": "an XML file is not UTF-8",
     "xml-entity": "an XML file has a document type declaration or entities",
@@ -87,6 +88,8 @@ class BundleLimits:
     max_sensors: int = 1000
     #: pixels of the film
     max_pixels: int = 2**26
+    #: types of plugin that there are; none for any
+    plugins: tuple[str, ...] = ()
 
 
 def shown(text: str) -> str:

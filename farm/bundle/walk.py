@@ -21,6 +21,7 @@ not looked for again: a file that is included a second time, with the same param
 the same folders, is counted and not read, and a name that leads somewhere is followed once.
 """
 
+import difflib
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -33,6 +34,8 @@ from farm.bundle.tree import Parts, Tree, is_absolute, leaves_upwards, put_first
 from farm.bundle.xml import NOTHING, XmlBudget, XmlCost, read_elements
 
 _PLUGIN_NAME = re.compile(r"[A-Za-z0-9_]+")
+#: No plugin's name is longer, and a search for one like it takes its time.
+_LONGEST_PLUGIN = 40
 #: Elements that stand for a plugin.
 _OBJECTS = frozenset(
     [
@@ -256,10 +259,23 @@ class _File:
 
     def _check_plugin(self, tag: str, attributes: dict[str, str], line: int) -> None:
         plugin = attributes.get("type")
-        if tag in _OBJECTS and plugin is not None and not _PLUGIN_NAME.fullmatch(plugin):
+        if tag not in _OBJECTS or plugin is None:
+            return
+        if not _PLUGIN_NAME.fullmatch(plugin):
             raise BundleError(
                 "plugin-name",
                 f"{shown(plugin)} is not the name of a plugin: letters, digits and _ are allowed",
+                file=self.name,
+                line=line,
+            )
+        known = self._walk.limits.plugins
+        if known and plugin not in known:
+            nearest = difflib.get_close_matches(plugin[:_LONGEST_PLUGIN], known, n=1)
+            guess = f"; did you mean {nearest[0]!r}?" if nearest else ""
+            raise BundleError(
+                "unknown-plugin",
+                f"Mitsuba has no plugin of the type {shown(plugin)}{guess} "
+                "(PLATEAU_PLUGINS names those that workers have beside Mitsuba's)",
                 file=self.name,
                 line=line,
             )

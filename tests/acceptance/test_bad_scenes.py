@@ -51,6 +51,7 @@ def test_each_bad_scene_is_refused_or_fails_in_words_and_the_next_job_runs(
         (b"PK\x03\x04 no zip", "zip"),
         (missing.encode(), "no.ply"),
         (SCENE.format(width=0, shape="sphere", more="").encode(), "width"),
+        (SCENE.format(width=8, shape="sfere", more="").encode(), "did you mean 'sphere'?"),
         (escaping_zip, ".."),
     ]:
         answer = post(farm, content)
@@ -58,11 +59,12 @@ def test_each_bad_scene_is_refused_or_fails_in_words_and_the_next_job_runs(
         assert answer.headers["content-type"] == "application/problem+json"
         assert words in answer.text
     # Or failed by the worker, with Mitsuba's words
-    answer = post(farm, SCENE.format(width=8, shape="nosuchplugin", more="").encode())
+    more = '<float name="nosuchproperty" value="1"/>'
+    answer = post(farm, SCENE.format(width=8, shape="sphere", more=more).encode())
     assert answer.status_code == 201
     failed = farm.client.wait(answer.json()["id"])
     assert failed.state == "failed"
-    assert "nosuchplugin" in failed.reason
+    assert "nosuchproperty" in failed.reason
     # And then a good one runs
     done = farm.client.wait(post(farm, good()).json()["id"])
     assert (done.state, done.spp) == ("converged", 4)

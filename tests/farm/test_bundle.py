@@ -13,7 +13,14 @@ from typing import Any
 
 import pytest
 
-from farm.bundle import CODES, BundleError, BundleLimits, SceneSummary, inspect_bundle
+from farm.bundle import (
+    CODES,
+    BundleError,
+    BundleLimits,
+    SceneSummary,
+    inspect_bundle,
+    known_plugins,
+)
 from tests.support.bundles import PLY, include, link, mesh, scene, zipped
 
 FILM = '<sensor type="perspective"><film type="hdrfilm">{}</film></sensor>'
@@ -141,7 +148,7 @@ def test_the_film_is_that_of_the_sensor_asked_for():
     assert inspect_bundle(upload).sensors == 2
 
 
-def test_any_plugin_may_be_asked_for():
+def test_any_plugin_may_be_asked_for_where_nobody_says_which_there_are():
     """What a plugin does with its values is Mitsuba's business, in a child process."""
     body = '<shape type="no_such_shape"><string name="note" value="3/4 of it"/></shape>'
     assert inspect_bundle(io.BytesIO(scene(body))).sensors == 1
@@ -432,6 +439,20 @@ BAD = [
         xml('<default name="t" value="ply"/><shape type="$t"/>'),
         r"\.\./ply",
         kwargs=given(t="../ply"),
+    ),
+    Bad(
+        "unknown-plugin",
+        xml('<shape type="sfere"/>'),
+        "no plugin of the type 'sfere'; did you mean 'sphere'",
+        "scene.xml",
+        2,
+        kwargs=limits(plugins=known_plugins()),
+    ),
+    Bad(
+        "unknown-plugin",
+        xml('<default name="t" value="' + "x" * 9999 + '"/><bsdf type="$t"/>'),
+        r"x'… \(PLATEAU_PLUGINS",
+        kwargs=limits(plugins=known_plugins()),
     ),
     # References
     Bad("missing-file", xml(mesh("a.ply")), "single XML file; send a zip", "scene.xml", 2),

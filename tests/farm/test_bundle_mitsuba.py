@@ -1,6 +1,7 @@
 """The check follows files and reads films as Mitsuba does: each scene is given to both."""
 
 import json
+import re
 import subprocess
 import sys
 from collections.abc import Mapping
@@ -8,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from farm.bundle import BundleError, inspect_bundle
+from farm.bundle import BundleError, inspect_bundle, known_plugins
 from tests.support.bundles import PLY, include, mesh, scene, zipped
 
 SPECTRUM = b"400 0.5\n700 0.5\n"
@@ -316,6 +317,29 @@ def test_the_check_agrees_with_mitsuba(name: str, mitsubas: dict[str, list[list[
 def test_both_verdicts_are_met(mitsubas: dict[str, list[list[int]] | None]):
     refused = [name for name, sizes in mitsubas.items() if sizes is None]
     assert 10 < len(refused) < len(CASES) - 25
+
+
+def test_the_known_plugins_are_those_that_mitsuba_makes() -> None:
+    # Of what is a library, Mitsuba knows what it makes; what is in Python says its name
+    program = (
+        "import json, mitsuba as mi; mi.set_variant('scalar_rgb');"
+        "kinds = mi.PluginManager.instance().plugin_type;"
+        "print(mi.__path__[0]);"
+        f"print(json.dumps([n for n in {known_plugins()} if kinds(n) == mi.ObjectType.Unknown]))"
+    )
+    said = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    ).stdout
+    package, unknown = said.splitlines()
+    registers = re.compile(r"""mi\.register_integrator\(\s*['"](\w+)""")
+    in_python = {
+        name
+        for file in Path(package, "python").rglob("*.py")
+        for name in registers.findall(file.read_text())
+    }
+    assert set(json.loads(unknown)) == in_python
+    assert {"path", "sphere", "hdrfilm", "d65"} <= set(known_plugins())
+    assert "own" in known_plugins(["own"])
 
 
 def test_mitsuba_would_load_a_plugin_from_the_scenes_folder(tmp_path: Path):

@@ -313,6 +313,14 @@ REFUSALS = {
     "no integrator": ([('<integrator type="path"/>', "")], {}, "the scene has no integrator"),
     "a film that is no hdrfilm": ([('"hdrfilm"', '"specfilm"')], {}, "is a 'specfilm'"),
     "particle tracing": ([('"path"', '"ptracer"')], {}, "'ptracer' does not sample pixel by pixel"),
+    "differentiable rendering": (
+        [('"path"', '"prb"')], {}, "'PRBIntegrator' is made for diff|Plugin \"prb\" not found"
+    ),
+    "differentiable rendering, projective": (
+        [('"path"', '"direct_projective"')],
+        {},
+        "'DirectProjectiveIntegrator' is made for diff|Plugin \"direct_projective\" not found",
+    ),
     "an integrator of many images": (
         [('<integrator type="path"/>',
           f'<integrator type="aov">{DEPTH}<integrator type="path"/></integrator>')],

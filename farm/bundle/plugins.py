@@ -1,0 +1,27 @@
+"""Which types of plugin Mitsuba has, known without running it."""
+
+import importlib.util
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Final
+
+#: Integrators for differentiable rendering, written in Python; the others are a library each.
+_IN_PYTHON: Final = (
+    *("direct_projective", "prb", "prb_basic", "prb_projective", "prbvolpath"),
+    "volprim_rf_basic",
+)
+
+
+def known_plugins(more: Iterable[str] = ()) -> tuple[str, ...]:
+    """Return the types of plugin of the Mitsuba that is installed here, and `more`, sorted.
+
+    Returns
+    -------
+    tuple of str
+        Empty where no Mitsuba is installed: nobody knows then.
+    """
+    mitsuba = importlib.util.find_spec("mitsuba")  # which does not import it
+    if mitsuba is None or mitsuba.origin is None:
+        return ()
+    libraries = Path(mitsuba.origin).with_name("plugins").glob("*.*")
+    return tuple(sorted({*(path.stem for path in libraries), *_IN_PYTHON, *more}))
