@@ -1,8 +1,8 @@
 """What the frames of a sequence have to have in common to stop at the same visible noise.
 
-Frames that stop at different noise flicker. How much is left in one is decided by its rule with
-the target, by the least spp, by how often it is judged and by how it is looked at. Jobs that are
-alike in these are *even*; a batch with a guarded job takes even ones only.
+Frames that stop with different amounts of noise flicker. How much is left in one is decided by its
+rule with the target, by the least spp, by how often it is judged and by how it is looked at. Jobs
+that are alike in these are *even*; a batch with a guarded job takes even ones only.
 """
 
 from dataclasses import dataclass

@@ -131,9 +131,9 @@ class Judge:
         if not verdict.stop or not self._min_spp or spp - self._step >= self._min_spp:
             return verdict
         stop = spp >= self._min_spp
-        may = "could end no earlier" if stop else "cannot end yet"
+        may = "could not end earlier" if stop else "cannot end yet"
         return replace(
-            verdict, stop=stop, reason=f"{verdict.reason}; by min_spp, {self._min_spp}, it {may}"
+            verdict, stop=stop, reason=f"{verdict.reason}; min_spp is {self._min_spp}, so it {may}"
         )
 
     def visible_map(self, merge: Merge) -> NDArray[np.bool_] | None:

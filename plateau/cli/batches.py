@@ -39,8 +39,8 @@ def batch(
     For example:
       plateau batch walk
 
-    Frames that stop at different noise flicker. The guard's lines say whether all jobs stop by the
-    same rule, target, minimum and view, and which ended short of their target.
+    Frames that stop with different amounts of noise flicker. The guard's lines say whether all
+    jobs stop by the same rule, target, minimum and view, and which ended short of their target.
     """
     from plateau.commands.batches import show as run
 

@@ -40,8 +40,8 @@ export function controls(jobNow, refresh, close = () => {}) {
     close();
     const { committed_spp: spp } = jobNow();
     const kept = spp
-      ? `Its image stays as it is by then, at ${whole(spp)} spp or a little more.`
-      : "Not one slice of it is rendered yet, so no image of it will stay.";
+      ? `It keeps the image that it has by then, at ${whole(spp)} spp or a little more.`
+      : "No slice of it has been rendered yet, so it will have no image.";
     if (await confirmed(`Cancel ${name}?`, kept, "Cancel the job")) {
       await attempt(() => send("POST", job.links.cancel), `${name} is cancelled`, refresh);
     }
@@ -89,7 +89,7 @@ export function batchMenu(batch, jobsNow, nameOf, refresh) {
         states.has("paused") && button("Resume all", "resume", `${batch} goes on`),
         h("button", { class: "danger", onclick: async () => {
           close();
-          const kept = "Of those that are under way, the images stay as they are by then.";
+          const kept = "Jobs that are being rendered keep the image that they have by then.";
           if (await confirmed(`Cancel all jobs of ${batch}?`, kept, "Cancel them all", "Keep them")) {
             await attempt(() => all("cancel"), `${batch} is cancelled`, refresh);
           }

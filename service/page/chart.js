@@ -69,7 +69,7 @@ export class CurveChart {
     this.#full.hidden = !points.length;
     this.#empty.hidden = points.length > 0;
     if (!points.length) {
-      setText(this.#empty, job.finished_at ? "It has no point: it ended before its first step."
+      setText(this.#empty, job.finished_at ? "The curve has no point: the job ended before its first step."
         : `The curve begins at its first step, ${whole(job.spec.step)} spp.`);
       return;
     }

@@ -90,7 +90,7 @@ export function newestOf(job) {
 
 function kept(previews, points) {
   const missing = points.filter(({ spp }) => !previews.some((one) => one.spp === spp)).length;
-  if (previews.length && previews[0].linear) return "Every point of the curve, made from the slices that it keeps.";
+  if (previews.length && previews[0].linear) return "Every point of the curve, merged from the slices that the job keeps.";
   if (missing <= 1) return "";
-  return `It kept pictures of ${several(previews.length, "point")} out of ${whole(points.length)}; a job that keeps its slices offers them all.`;
+  return `The job kept pictures of ${several(previews.length, "point")} out of ${whole(points.length)}; a job that keeps its slices offers them all.`;
 }

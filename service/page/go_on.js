@@ -19,7 +19,7 @@ function ask(job, go) {
   const most = LIMITS.find(({ name }) => name === "max_spp");
   const limits = fieldsOf("spec", [{
     ...most, value: Math.min(most.max, Math.max(cap, 2 * job.spp)), min: Math.min(most.max, job.spp + 1),
-    help: `It has ${whole(job.spp)} by now, and loses none of them.`,
+    help: `It has ${whole(job.spp)} by now, and keeps them all.`,
   }]);
   const asked = RULES.find(({ name }) => name === "visible").fields.find(({ name }) => name === "target");
   const stricter = fieldsOf("spec.rule", rule.name !== "visible" ? [] : [{

@@ -58,9 +58,9 @@ function told(guard, nameOf) {
   const list = (items) => h("ul", {}, items.map((item) => h("li", {}, ...item)));
   const named = guard.missed.flatMap((id, at) => (at ? [", ", link(id)] : [link(id)]));
   return [
-    h("p", {}, "Frames that stop at different noise flicker. ", guard.guarded
+    h("p", {}, "Frames that stop with different amounts of noise flicker. ", guard.guarded
       ? "This batch is guarded: it takes only jobs that stop as its others do."
-      : "This batch is not guarded: a job that joins it may stop at other noise."),
+      : "This batch is not guarded: a job that joins it may stop with another amount of noise."),
     guard.even
       ? h("p", {}, `All its jobs stop alike: ${alike(guard)}.`)
       : h("p", { class: "bad" }, `Not all of its jobs stop alike. Most do so ${alike(guard)}, but`),
@@ -73,7 +73,7 @@ function told(guard, nameOf) {
     guard.jump && h("p", {}, "The largest change between neighbours: from ",
       link(guard.jump.jobs[0]), ` with ${percent(guard.jump.estimate_fraction[0])} to `,
       link(guard.jump.jobs[1]), ` with ${percent(guard.jump.estimate_fraction[1])}.`),
-    h("p", { class: "help" }, "It evens out noise, each frame judged as a still. Fireflies and shimmering textures are none of it."),
+    h("p", { class: "help" }, "The guard evens out noise, and judges each frame as a still. It does nothing about fireflies and shimmering textures."),
   ].filter(Boolean);
 }
 

@@ -118,7 +118,7 @@ function summed({ jobs, next }, workers) {
 }
 
 function emptiness(filtered) {
-  if (filtered) return [h("p", {}, "No job is like that. "), h("a", { href: "/" }, "Show all jobs")];
+  if (filtered) return [h("p", {}, "No job matches these filters. "), h("a", { href: "/" }, "Show all jobs")];
   return [
     h("p", { class: "lead" }, "Nothing to see yet."),
     h("p", {}, "Submit a Mitsuba scene, and watch it until more samples change nothing that you could see."),

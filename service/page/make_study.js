@@ -63,7 +63,7 @@ async function ask(job, go) {
     progress.hidden = !isUnderWay;
     setText(make, isUnderWay ? "Merging…" : "Make it");
     setText(merging, isUnderWay
-      ? `Merging ${several(slices, "slice")}, about ${roughly(slices * secondsOf(job))}. Should you leave this page, it goes on, and is then among the studies.`
+      ? `Merging ${several(slices, "slice")}, about ${roughly(slices * secondsOf(job))}. You may leave this page: the study is made all the same, and is then among the studies.`
       : "");
   }
   document.body.append(dialog);

@@ -18,7 +18,7 @@ export class OneJob {
       if (!(error instanceof Problem) || error.status >= 500) throw new Error(notKnown(error), { cause: error });
       if (error.slug === "idempotency-key-reused") {
         this.#key = newKey();
-        error.message = `What you asked for before has arrived, as job ${error.details.job_id}. Ask once more to have this one too.`;
+        error.message = `Your earlier request has arrived, as job ${error.details.job_id}. Ask again to have this one too.`;
       }
       throw error;
     }
@@ -27,7 +27,7 @@ export class OneJob {
 
 function notKnown(error) {
   const said = error instanceof Problem ? sentence(error.message) : "The service did not answer.";
-  return `${said} It is not known whether it arrived; try again, it will not be made twice.`;
+  return `${said} It is not known whether the request arrived; try again: nothing is made twice.`;
 }
 
 function newKey() {

@@ -12,11 +12,11 @@ export function reasonInWords(job) {
     return `${sentence(job.reason)}${kept}`;
   }
   if (state === "failed") return sentence(job.reason);
-  if (state === "paused") return `${sentence(job.reason)} Workers take no more of it until it is resumed.`;
+  if (state === "paused") return `${sentence(job.reason)} Workers render no more of it until it is resumed.`;
   if (job.waits_for) return `It ${job.waits_for}. ${leftToSee(job)}`.trim();
   if (state === "queued") return "It waits for a worker.";
   if (!job.points) {
-    return `It is rendering. The first look is at ${whole(spec.step)} spp; so far ${whole(job.committed_spp)} are done.`;
+    return `It is being rendered, and first judged at ${whole(spec.step)} spp; ${whole(job.committed_spp)} are done so far.`;
   }
   return `${leftToSee(job)} ${aim(job)}`.trim();
 }

@@ -114,7 +114,7 @@ export class Records {
     const shown = entries.filter(({ what, text }) => what !== "committed" || text);
     const quiet = entries.length - shown.length;
     this.#log.replaceChildren(
-      h("p", { class: "hint" }, quiet ? `${several(quiet, "slice")} went through without a word.` : ""),
+      h("p", { class: "hint" }, quiet ? `${several(quiet, "slice")} went through without trouble.` : ""),
       ...shown.map((entry) => h("div", {},
         h("p", { "data-what": entry.what }, h("time", { datetime: entry.at }, clock(entry.at)),
           ` slice ${entry.slice} ${entry.what} by ${entry.worker}`, entry.cause ? `: ${entry.cause}` : ""),
@@ -123,7 +123,7 @@ export class Records {
 }
 
 function told(type, data) {
-  if (type === "image") return [`Its first image is there, of ${whole(data.spp)} spp.`];
+  if (type === "image") return [`The first image is there, of ${whole(data.spp)} spp.`];
   if (type === "finished") return ["The final images are written."];
   if (type === "trouble") return [`Slice ${data.index}, worker ${data.worker}: ${data.cause}`];
   const reason = data.reason && data.reason !== data.to ? `: ${data.reason}` : "";

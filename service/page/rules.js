@@ -12,7 +12,7 @@ export const RULES = [
       { name: "target", label: "Pixels that may still differ", unit: "%", value: 0.0002, scale: 0.01, min: 1e-9, max: 0.99, step: "any",
         help: "The share of the image that a person might still see change." },
       { name: "min_spp", label: "Not before", unit: "spp", value: 200, ...spp,
-        help: "A guard against lucky first looks." },
+        help: "Guards against an estimate that is low by chance." },
     ],
   },
   {
@@ -64,11 +64,11 @@ export const VIEW = [
 
 export const LIMITS = [
   { name: "max_spp", label: "At most", unit: "spp", value: 10000, ...spp,
-    help: "The cap: it ends there, converged or not." },
+    help: "The cap: the job ends there, converged or not." },
   { name: "step", label: "Look every", unit: "spp", value: 100, ...spp,
-    help: "Samples between two looks at the image; a whole number of slices." },
+    help: "Samples between two judgements of the image; a whole number of slices." },
   { name: "time_limit_s", label: "Time limit", unit: "min", value: "", scale: 60, min: 0.1, max: 366 * 86_400, step: "any", optional: true,
-    help: "It ends after so long, pauses not counted. Empty: no limit." },
+    help: "The job ends after this time, without pauses. Empty: no limit." },
 ];
 
 export const PRIORITY = { min: -1000, max: 1000, step: 1 };
@@ -76,7 +76,7 @@ export const PRIORITY = { min: -1000, max: 1000, step: 1 };
 export const MORE = [
   { name: "batch", label: "Batch", value: "", type: "text", maxlength: 100, optional: true, help: "A name that groups jobs." },
   { name: "min_spp", label: "No sooner than", unit: "spp", value: "", ...spp, optional: true,
-    help: "No job of a sequence converges before, whatever its rule says." },
+    help: "The job does not converge before, whatever its rule says." },
   { name: "priority", label: "Priority", value: 0, ...PRIORITY, help: "Higher is served first." },
   { name: "slice_spp", label: "Slice", unit: "spp", value: 25, min: 1, max: 4096, step: 1,
     help: "What a worker renders at a time." },

@@ -10,7 +10,7 @@ export function open(main, { signal }) {
   document.title = "Studies · Plateau";
   const list = h("ul", { class: "studies", "aria-label": "Studies" });
   const nothing = h("div", { class: "nothing", hidden: true },
-    h("p", { class: "lead" }, "Nobody has been asked yet."),
+    h("p", { class: "lead" }, "There are no studies yet."),
     h("p", {}, "A study asks people from how many samples on they see no difference. It is made from a finished job that kept its slices: open the job and choose ",
       h("b", {}, "Study…")));
   main.append(h("div", { class: "head" }, h("h1", {}, "Observer studies")), list, nothing);

@@ -69,12 +69,12 @@ class Submission {
       h("details", {}, h("summary", {}, "More"),
         h("div", { class: "fields" }, this.#more.elements),
         h("p", { class: "check" }, this.#keep, h("label", { for: "keep-slices" },
-          "Keep every slice, to compare any two points of its way and to judge it again (some MB each)")),
+          "Keep every slice, to compare any two points of the curve and to judge the job again (some MB each)")),
         h("p", { class: "check" }, this.#guard, h("label", { for: "flicker-guard" },
           "Guard it against flicker: only jobs that stop alike may join")),
         h("fieldset", { class: "watch" }, h("legend", {}, "Rules to watch beside it: they stop nothing, and mark the curve where they would have"),
           RULES.filter(({ name }) => name !== "fixed").map((rule) => this.#watch(rule)))),
-      h("p", { class: "send" }, this.#button, h("span", { class: "hint" }, "It can be cancelled at any time; what is rendered by then is kept.")));
+      h("p", { class: "send" }, this.#button, h("span", { class: "hint" }, "The job can be cancelled at any time; what is rendered by then is kept.")));
     this.element = h("form", { class: "submit", novalidate: true, onsubmit: (event) => { event.preventDefault(); this.#submit(); } },
       h("h1", {}, "Submit a scene"), this.#picker, this.#drop, this.#stored, this.#wrong, this.#summary, this.#rest);
     this.#listStored();
@@ -169,7 +169,7 @@ class Submission {
     for (const [, field] of this.#parameters) field.input.addEventListener("change", () => this.#check());
     this.#parameterBox.hidden = !this.#parameters.length;
     this.#parameterBox.replaceChildren(h("legend", {}, "Its parameters"),
-      h("p", { class: "help" }, "What the scene leaves open, with its own values; what you write replaces them."),
+      h("p", { class: "help" }, "The scene's parameters with their defaults; what you write replaces them."),
       h("div", { class: "fields small" }, this.#parameters.map(([, field]) => field.element)));
   }
 

@@ -84,7 +84,7 @@ export class Viewer {
     this.#zones.show(job, points[points.length - 1]);
     this.element.querySelector("[data-mode=broken]").hidden = !job.non_finite_pixels;
     if (!job.image_spp) {
-      setText(this.#nothing, job.finished_at ? "It ended without an image." : "Its first image comes with its first samples.");
+      setText(this.#nothing, job.finished_at ? "The job ended without an image." : "Its first image comes with its first samples.");
       return;
     }
     if (this.#busy) return;

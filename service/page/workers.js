@@ -13,7 +13,7 @@ export function open(main, { signal }) {
   const summary = h("p", { class: "summary", "aria-live": "polite" });
   const list = h("ul", { class: "workers", "aria-label": "Workers" });
   const nothing = h("div", { class: "nothing", hidden: true },
-    h("p", { class: "lead" }, "Nobody renders."),
+    h("p", { class: "lead" }, "There are no workers."),
     h("p", {}, "Start a worker on any machine that reaches Redis and the blob store: ", h("code", {}, "plateau worker")));
   main.append(h("div", { class: "head" }, h("div", {}, h("h1", {}, "Workers"), summary)), list, nothing);
   const refusals = h("ul", { class: "refused", "aria-label": "Refused", hidden: true });

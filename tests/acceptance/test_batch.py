@@ -62,7 +62,7 @@ def test_three_frames_come_to_their_end_alike(farm: RealFarm, tmp_path: Path) ->
         assert job.spp == min(spp for spp in spps if spp >= 100)
     early = [job for job, spps in zip(jobs, stopped, strict=True) if spps[0] < 100]
     assert early, "no frame would have stopped before its least spp: the test shows nothing"
-    assert all("by min_spp, 100, it could end no earlier" in job.reason for job in early)
+    assert all("min_spp is 100, so it could not end earlier" in job.reason for job in early)
     # Each folder has the image of its frame, in their order: each brighter than the one before
     folders = sorted((tmp_path / "frames").iterdir())
     assert [folder.name for folder in folders] == [

@@ -70,7 +70,7 @@ def test_a_job_that_ended_without_an_image_says_so(visit: Visit, farm: NoiseFarm
     expect(nothing).to_have_text("Its first image comes with its first samples.")
     cancelled(farm, job)
     for _ in range(2):  # to who has seen it end, and to who comes later
-        expect(nothing).to_have_text("It ended without an image.")
+        expect(nothing).to_have_text("The job ended without an image.")
         expect(files).to_have_text("It ended without any.")
         page.reload()
 
@@ -81,11 +81,11 @@ def test_cancelling_says_what_stays(visit: Visit, farm: NoiseFarm, job: Job) -> 
     lease = farm.next_lease()
     farm.glimpse(lease, 4)
     expect(page.locator(".caption")).to_contain_text("4 spp")
-    assert "Not one slice of it is rendered yet" in ask_to_cancel(page)
+    assert "No slice of it has been rendered yet" in ask_to_cancel(page)
     # What was rendered since then counts
     farm.commit(lease)
     expect(page.locator(".caption")).to_contain_text("25 spp")
-    assert "Its image stays as it is by then, at 25 spp" in ask_to_cancel(page)
+    assert "It keeps the image that it has by then, at 25 spp" in ask_to_cancel(page)
 
 
 class TestDifference:

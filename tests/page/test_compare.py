@@ -101,7 +101,7 @@ class TestAJobThatKeptPictures:
         page = visit(f"/jobs/{job.id}").page
         page.get_by_role("button", name="Compare").click()
         count = len(kept(farm.store, job.id))
-        words = f"It kept pictures of {count} point{'s' if count > 1 else ''} out of 8"
+        words = f"The job kept pictures of {count} point{'s' if count > 1 else ''} out of 8"
         expect(page.get_by_text(words)).to_be_visible()
 
     def test_both_at_one_exposure_as_far_as_8_bits_go(

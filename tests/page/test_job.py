@@ -128,7 +128,7 @@ def test_a_job_is_watched_until_it_stops(visit: Visit, farm: NoiseFarm) -> None:
         first = farm.next_lease()
         farm.glimpse(first, 4)
         expect(page.locator(".caption")).to_contain_text("4 spp")
-        expect(page.locator(".story")).to_contain_text("Its first image is there, of 4 spp.")
+        expect(page.locator(".story")).to_contain_text("The first image is there, of 4 spp.")
         farm.commit(first)
         farm.render(2)
         # Points come as they are made, without a reload
@@ -307,7 +307,7 @@ def test_its_records_are_there(shown: Page, finished: Finished) -> None:
     expect(shown.get_by_role("cell", name="200", exact=True)).to_be_visible()
     expect(shown.locator("summary", has_text="1 worker, 8 slices")).to_be_visible()
     shown.locator("summary", has_text="Log").click()
-    expect(shown.get_by_text("8 slices went through without a word.")).to_be_visible()
+    expect(shown.get_by_text("8 slices went through without trouble.")).to_be_visible()
     shown.get_by_text("What was asked").click()
     expect(shown.get_by_label("The job's spec")).to_contain_text('"max_spp": 250')
 

@@ -12,7 +12,7 @@ from tests.page.test_compare import finished
 from tests.support.browser import Visitor
 from tests.support.noise_farm import NoiseFarm
 
-NOT_KNOWN = "It is not known whether it arrived; try again, it will not be made twice."
+NOT_KNOWN = "It is not known whether the request arrived; try again: nothing is made twice."
 A_JOB = re.compile("/jobs/[0-9a-f]{12}$")
 
 
@@ -90,7 +90,7 @@ class TestASubmission:
         # When something else is asked for
         page.get_by_label("At most").fill("2000")
         page.get_by_role("button", name="Render it").click()
-        expect(wrong).to_contain_text(f"What you asked for before has arrived, as job {first}.")
+        expect(wrong).to_contain_text(f"Your earlier request has arrived, as job {first}.")
         assert ids(farm) == [first]
         # Then it is made where that is wanted, too
         page.get_by_role("button", name="Render it").click()

@@ -16,7 +16,7 @@ from tests.support.noise_farm import NoiseFarm
 
 def test_each_worker_says_what_it_does(visit: Visit, farm: NoiseFarm, client: redis.Redis) -> None:
     page = visit("/workers").page
-    expect(page.get_by_text("Nobody renders.")).to_be_visible()
+    expect(page.get_by_text("There are no workers.")).to_be_visible()
     job = farm.submit("box.zip")
     place = {"pool": "night", "tags": ["gpu", "highmem"]}
     busy = {**about("w-1"), **place, "job": job.id, "slice": 3, "samples_per_s": 2.5e6}

@@ -40,7 +40,7 @@ def test_a_job_goes_on_till_then_and_ends_by_its_rule(farm: NoiseFarm) -> None:
     assert held.verdict is not None
     assert "levelled off" in held.reason
     if held.spp - 20 < least:
-        assert f"by min_spp, {least}, it could end no earlier" in held.reason
+        assert f"min_spp is {least}, so it could not end earlier" in held.reason
 
 
 def test_one_that_the_rule_reaches_late_changes_nothing(farm: NoiseFarm) -> None:
@@ -52,7 +52,7 @@ def test_one_that_the_rule_reaches_late_changes_nothing(farm: NoiseFarm) -> None
 def test_a_fixed_number_of_samples_gives_way_to_it(farm: NoiseFarm) -> None:
     job = ended(farm, rule={"name": "fixed", "spp": 40}, min_spp=110)
     assert (job.state, job.spp) == (JobState.CONVERGED, 120)
-    assert job.reason.endswith("by min_spp, 110, it could end no earlier")
+    assert job.reason.endswith("min_spp is 110, so it could not end earlier")
 
 
 def test_as_high_as_the_cap_it_lets_the_rule_decide_there(farm: NoiseFarm) -> None:
