@@ -16,6 +16,7 @@ been drawn just so: on scalar variants it decides their passes and seeds (see `f
 import hashlib
 import secrets
 from bisect import bisect_left
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -30,6 +31,7 @@ from farm.redis_link import unavailable_as_farm_error
 from farm.scripts import Scripts
 from farm.seeds import SeedRange, SeedsExhausted
 from farm.spec import MOST_SPP, JobSpec
+from farm.webhook_spec import WebhookSpec
 
 #: What determines the samples.
 _SAMPLING: Final = ("slice_spp", "variant", "seed", "sensor", "parameters")
@@ -172,23 +174,34 @@ def changed_spec(spec: JobSpec, changes: dict[str, Any]) -> dict[str, Any]:
     nothing of the one before stays in it. The batch and the webhook were the old job's own.
     """
     own = dict.fromkeys(_OWN)
-    merged: dict[str, Any] = _merged(_merged(spec.model_dump(mode="json"), own), changes)
+    had: dict[str, Any] = _merged(spec.model_dump(mode="json"), own)
+    merged: dict[str, Any] = _merged(had, changes, JobSpec.model_fields)
     rule = changes.get("rule")
     if isinstance(rule, dict) and "name" in rule:
         merged["rule"] = rule
     return merged
 
 
-def _merged(target: Any, patch: Any) -> Any:
+def _merged(target: Any, patch: Any, known: Collection[str] = ()) -> Any:
+    """The target with the patch; a null whose name is not there stays, unless that is `known`."""
     if not isinstance(patch, dict):
         return patch
     merged = dict(target) if isinstance(target, dict) else {}
     for name, value in patch.items():
-        if value is None:
+        if value is not None:
+            merged[name] = _merged(merged.get(name), value, _known_in(name, value))
+        elif name in merged or name in known:
             merged.pop(name, None)
         else:
-            merged[name] = _merged(merged.get(name), value)
+            merged[name] = None  # for the check of the whole, which knows no such field
     return merged
+
+
+def _known_in(name: str, part: Any) -> Collection[str]:
+    """What a part of a spec may have that the old job's has not."""
+    if name == "parameters" and isinstance(part, dict):
+        return part.keys()
+    return WebhookSpec.model_fields if name == "webhook" else ()
 
 
 def check(job: Job, remains: Remains, spec: JobSpec) -> None:

@@ -1,5 +1,6 @@
 """What the options of the command line say of a spec."""
 
+from contextlib import suppress
 from typing import Any, Final
 
 import typer
@@ -86,16 +87,24 @@ def _definition(text: str) -> tuple[str, str]:
     return name, value
 
 
-def _rule(text: str) -> dict[str, str]:
+def _rule(text: str) -> dict[str, str | int | float]:
     """A rule as it is written on the command line: ``name`` or ``name:parameter=value,…``."""
     name, _, parameters = text.partition(":")
-    given = {"name": name}
+    given: dict[str, str | int | float] = {"name": name}
     for definition in filter(None, parameters.split(",")):
         parameter, separator, value = definition.partition("=")
         if not (separator and parameter):
             raise typer.BadParameter(f"a rule is NAME or NAME:PARAMETER=VALUE,…, not {text!r}")
-        given[parameter] = value
+        given[parameter] = _number(value)
     return given
+
+
+def _number(text: str) -> str | int | float:
+    """The number that is written so, as services take it; what is none is left as it is."""
+    for kind in (int, float):
+        with suppress(ValueError):
+            return kind(text)
+    return text
 
 
 #: Where an option is not called as the spec's field.

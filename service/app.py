@@ -97,6 +97,8 @@ def create_app(
         version="1",
         lifespan=lifespan,
         dependencies=[Depends(refuse_unknown_parameters)],
+        # What a route is called is the operation's id, and so a method of a generated client.
+        generate_unique_id_function=lambda route: route.name,
         # A path has one form: a redirect would end an upload by curl in silence.
         redirect_slashes=False,
         # The framework's pages are fetched from elsewhere: see `service.routes_docs`.

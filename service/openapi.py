@@ -26,7 +26,7 @@ _GUARDED: Final = documented(
     problems.ROLE_TOO_LOW,
     problems.TOO_MANY_REQUESTS,
 )
-_KEY: Final = "API key"
+_KEY: Final = "api_key"
 _KEYS: Final[dict[str, Any]] = {
     _KEY: {
         "type": "http",

@@ -26,7 +26,7 @@ _RESPONSES: Final[dict[int | str, dict[str, Any]]] = documented(problems.UNKNOWN
 
 
 @router.get("", responses=documented(problems.INVALID_REQUEST))
-def page(
+def list_batches(
     farm: _Farm,
     cursor: paging.Cursor = None,
     limit: Annotated[
@@ -43,7 +43,7 @@ def page(
 
 
 @router.get("/{name}", responses=_RESPONSES)
-def show(name: BatchName, farm: _Farm) -> BatchView:
+def get_batch(name: BatchName, farm: _Farm) -> BatchView:
     """Sum a batch up: how far its jobs are, when they will end, and whether they are even.
 
     `guard` is what an animator needs to know: frames that stop at different noise flicker. It
@@ -54,7 +54,7 @@ def show(name: BatchName, farm: _Farm) -> BatchView:
 
 
 @router.post("/{name}/cancel", status_code=202, responses=_RESPONSES)
-def cancel(name: BatchName, who: CallerOf, farm: _Farm) -> BatchSteered:
+def cancel_batch(name: BatchName, who: CallerOf, farm: _Farm) -> BatchSteered:
     """Cancel all jobs of a batch that have not ended; what is merged of each is kept as its image.
 
     Says what became of each. Jobs of other keys are left alone. Repeating it is harmless.
@@ -63,7 +63,7 @@ def cancel(name: BatchName, who: CallerOf, farm: _Farm) -> BatchSteered:
 
 
 @router.post("/{name}/pause", status_code=202, responses=_RESPONSES)
-def pause(name: BatchName, who: CallerOf, farm: _Farm) -> BatchSteered:
+def pause_batch(name: BatchName, who: CallerOf, farm: _Farm) -> BatchSteered:
     """Pause a batch: workers take no more slices of any of its jobs.
 
     Those that wait for their first slice stay `queued` and are held back (`held`). Says what became
@@ -74,7 +74,7 @@ def pause(name: BatchName, who: CallerOf, farm: _Farm) -> BatchSteered:
 
 
 @router.post("/{name}/resume", status_code=202, responses=_RESPONSES)
-def resume(name: BatchName, who: CallerOf, farm: _Farm) -> BatchSteered:
+def resume_batch(name: BatchName, who: CallerOf, farm: _Farm) -> BatchSteered:
     """Let all jobs of a paused batch go on, and those begin that were held back.
 
     Says what became of each. Jobs of other keys are left alone. Repeating it is harmless.
@@ -87,7 +87,7 @@ def resume(name: BatchName, who: CallerOf, farm: _Farm) -> BatchSteered:
     status_code=202,
     responses=documented(problems.UNKNOWN_BATCH, problems.UNEVEN_BATCH, problems.NOT_YOUR_JOB),
 )
-def guard(name: BatchName, who: CallerOf, farm: _Farm) -> BatchView:
+def guard_batch(name: BatchName, who: CallerOf, farm: _Farm) -> BatchView:
     """Guard a batch against flicker: from now on it takes only jobs that stop as those it has.
 
     Those have to stop alike already: 409 names one that does not, and in what. All of them have to

@@ -1,10 +1,12 @@
 """Routes that go on with a job that has ended: to more samples, or under another judgement."""
 
+import json
 from dataclasses import dataclass
 from typing import Annotated, Any, Final
 
 from fastapi import APIRouter, Body, Depends, Response
-from pydantic import ValidationError
+from pydantic import ConfigDict, RootModel, ValidationError
+from pydantic.config import JsonDict
 
 from farm.continuation import Remains, changed_spec, check
 from farm.errors import CannotContinue
@@ -13,6 +15,8 @@ from farm.spec import JobSpec
 from service import idempotency, problems
 from service.callers import CallerOf
 from service.idempotency import IdempotencyKey
+from service.json_numbers import whole_numbers
+from service.merge_patch import merge_patch
 from service.parts import Parts, parts
 from service.problems import documented
 from service.routes_jobs import JobId, shown
@@ -42,8 +46,20 @@ _RESPONSES: Final[dict[int | str, dict[str, Any]]] = {
     ),
 }
 
+
+def _described(schema: JsonDict) -> None:
+    """Say of a body's schema which fields there are, as the spec has them."""
+    schema.update(merge_patch(JobSpec.model_json_schema()), title="SpecChanges")
+
+
+class SpecChanges(RootModel[dict[str, Any]]):
+    """Fields of the spec that are to be others than the old job's."""
+
+    model_config = ConfigDict(json_schema_extra=_described)
+
+
 Changes = Annotated[
-    dict[str, Any],
+    SpecChanges,
     Body(
         description="fields of the spec that are to be others than the old job's: a JSON merge "
         "patch (RFC 7396), except that a `rule` with a `name` replaces the old one whole",
@@ -73,7 +89,9 @@ class Asker:
     def start(self, job: Job, remains: Remains, changes: dict[str, Any]) -> JobView:
         """The job that goes on with the ended one, its spec changed so."""
         try:
-            spec = JobSpec.model_validate(changed_spec(job.spec, changes))
+            changed = changed_spec(job.spec, whole_numbers(changes))
+            # As JSON, in which a list may be a tuple; a number in quotes is none there either.
+            spec = JobSpec.model_validate_json(json.dumps(changed), strict=True)
         except ValidationError as error:
             raise invalid_spec(error) from error
         check_webhook(spec, self.farm.receivers)
@@ -103,7 +121,7 @@ def continue_job(job_id: JobId, asker: Annotated[Asker, Depends()], changes: Cha
     with which scalar_rgb would have drawn other samples is refused; the detail names those that go
     on.
     """
-    return asker.start(*asker.look_at(job_id), changes)
+    return asker.start(*asker.look_at(job_id), changes.root)
 
 
 @router.post(
@@ -112,7 +130,7 @@ def continue_job(job_id: JobId, asker: Annotated[Asker, Depends()], changes: Cha
     responses=_RESPONSES,
     openapi_extra={"parameters": idempotency.PARAMETERS},
 )
-def rejudge(job_id: JobId, asker: Annotated[Asker, Depends()], changes: Changes) -> JobView:
+def rejudge_job(job_id: JobId, asker: Annotated[Asker, Depends()], changes: Changes) -> JobView:
     """Judge an ended job's slices again, under another view or by other rules, as a new job.
 
     For a job that kept its slices (`keep_slices`). Nothing is rendered: the new job's cap is where
@@ -125,10 +143,10 @@ def rejudge(job_id: JobId, asker: Annotated[Asker, Depends()], changes: Changes)
             "its slices were not kept, so they cannot be judged again: submit with keep_slices",
         )
     cap = remains.slices * job.spec.slice_spp
-    if "max_spp" in changes:
+    if "max_spp" in changes.root:
         raise invalid_field(
             problems.INVALID_SPEC,
             "spec.max_spp",
             f"is where the slices end, at {cap} spp; to render more of them, POST to continue",
         )
-    return asker.start(job, remains, {**changes, "max_spp": cap})
+    return asker.start(job, remains, {**changes.root, "max_spp": cap})

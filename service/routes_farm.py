@@ -1,10 +1,11 @@
 """Routes for the farm itself: workers, scenes, health, and what a problem's type means."""
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 from fastapi import APIRouter, Depends, Path, Query, Request, Response
 from pydantic.json_schema import SkipJsonSchema
 
+from farm.place_names import PlaceName
 from farm.spec import RenderVariant
 from service import examples, metrics, problems
 from service.callers import CallerOf
@@ -21,13 +22,13 @@ def _all_workers(farm: Parts) -> Workers:
 
 
 @router.get("/v1/workers", responses=documented())
-def workers(farm: Annotated[Parts, Depends(parts)]) -> Workers:
+def list_workers(farm: Annotated[Parts, Depends(parts)]) -> Workers:
     """List the workers that live, what each renders, and who was not let in."""
     return _all_workers(farm)
 
 
 @router.get("/v1/demand", responses=documented(problems.INVALID_REQUEST))
-def demand(
+def get_demand(
     farm: Annotated[Parts, Depends(parts)],
     variant: Annotated[
         list[RenderVariant],
@@ -38,10 +39,11 @@ def demand(
         ),
     ] = [],  # noqa: B006  (FastAPI copies it)
     pool: Annotated[
-        str | None, Query(description="and are in this pool; none: in any", examples=["night"])
+        PlaceName | SkipJsonSchema[None],  # no query has a null
+        Query(description="and are in this pool; left out: in any", examples=["night"]),
     ] = None,
     tag: Annotated[
-        list[str] | SkipJsonSchema[None],  # no query has a null
+        list[PlaceName | Literal[""]] | SkipJsonSchema[None],
         Query(
             description="and have these tags, or none (`tag=`); left out: any tags",
             examples=[["highmem"]],
@@ -63,7 +65,9 @@ _STEERING = documented(problems.UNKNOWN_WORKER)
 
 
 @router.post("/v1/workers/{worker_id}/drain", status_code=202, responses=_STEERING)
-def drain(worker_id: _WorkerId, farm: Annotated[Parts, Depends(parts)], by: CallerOf) -> Workers:
+def drain_worker(
+    worker_id: _WorkerId, farm: Annotated[Parts, Depends(parts)], by: CallerOf
+) -> Workers:
     """Tell a worker to take no more slices; what it has in hand it finishes.
 
     It lives on, idle, and may be stopped without a loss. Doing it again is harmless, and `resume`
@@ -75,7 +79,9 @@ def drain(worker_id: _WorkerId, farm: Annotated[Parts, Depends(parts)], by: Call
 
 
 @router.post("/v1/workers/{worker_id}/resume", status_code=202, responses=_STEERING)
-def let_work(worker_id: _WorkerId, farm: Annotated[Parts, Depends(parts)], by: CallerOf) -> Workers:
+def resume_worker(
+    worker_id: _WorkerId, farm: Annotated[Parts, Depends(parts)], by: CallerOf
+) -> Workers:
     """Let a drained worker take slices again; harmless where it is not. Answers all workers."""
     by.check_may_steer_workers()
     farm.workers.resume(worker_id)
@@ -83,19 +89,19 @@ def let_work(worker_id: _WorkerId, farm: Annotated[Parts, Depends(parts)], by: C
 
 
 @router.get("/v1/scenes", responses=documented())
-def scenes(farm: Annotated[Parts, Depends(parts)]) -> Scenes:
+def list_scenes(farm: Annotated[Parts, Depends(parts)]) -> Scenes:
     """List the stored scenes; a job can be made from one by its SHA-256."""
     return Scenes(scenes=[SceneView(**scene) for scene in farm.scenes.all()])
 
 
 @router.get("/healthz")
-def live() -> Health:
+def get_health() -> Health:
     """Say that the API runs, whatever else is away."""
     return Health()
 
 
 @router.get("/readyz", responses=documented())
-def ready(farm: Annotated[Parts, Depends(parts)]) -> Health:
+def get_readiness(farm: Annotated[Parts, Depends(parts)]) -> Health:
     """Say that the API can work: Redis and the blob store answer."""
     farm.jobs.ping()
     farm.blobs.exists("scenes/none")
@@ -111,14 +117,14 @@ def ready(farm: Annotated[Parts, Depends(parts)]) -> Health:
         }
     },
 )
-def prometheus(request: Request) -> Response:
+def get_metrics(request: Request) -> Response:
     """Count the whole farm, and this process's requests, in Prometheus's text format."""
     found: metrics.Metrics = request.app.state.metrics
     return Response(found.exposition(), headers={"Content-Type": metrics.CONTENT_TYPE})
 
 
 @router.get("/problems/{slug}", responses=documented(problems.UNKNOWN_PATH, store=False))
-def problem_type(
+def get_problem_type(
     slug: Annotated[str, Path(description="the last part of a `type`", examples=["no-scene"])],
 ) -> ProblemTypeView:
     """Say what a problem's `type` means."""

@@ -24,7 +24,7 @@ _Known = Annotated[Known, Depends(known)]
 @router.get(
     "/image.png", response_class=StreamingResponse, responses=described(PNG, problems.NO_IMAGE_YET)
 )
-def image_png(request: Request, job_id: JobId, farm: _Farm, has: _Known) -> Response:
+def get_image_png(request: Request, job_id: JobId, farm: _Farm, has: _Known) -> Response:
     """Show the merged image as the job's display shows it: the newest, in the end the final one."""
     return _image("image.png", PNG, job_id, farm, has, request)
 
@@ -32,7 +32,7 @@ def image_png(request: Request, job_id: JobId, farm: _Farm, has: _Known) -> Resp
 @router.get(
     "/image.exr", response_class=StreamingResponse, responses=described(EXR, problems.NO_IMAGE_YET)
 )
-def image_exr(request: Request, job_id: JobId, farm: _Farm, has: _Known) -> Response:
+def get_image_exr(request: Request, job_id: JobId, farm: _Farm, has: _Known) -> Response:
     """Show the merged image as linear radiance, float32."""
     return _image("image.exr", EXR, job_id, farm, has, request)
 
@@ -42,7 +42,7 @@ def image_exr(request: Request, job_id: JobId, farm: _Farm, has: _Known) -> Resp
     response_class=StreamingResponse,
     responses=described(PNG, problems.NO_IMAGE_YET),
 )
-def difference_png(request: Request, job_id: JobId, farm: _Farm, has: _Known) -> Response:
+def get_difference_png(request: Request, job_id: JobId, farm: _Farm, has: _Known) -> Response:
     """Show where the merged image differs visibly from the first image of the curve."""
     return _image("difference.png", PNG, job_id, farm, has, request)
 
@@ -52,7 +52,7 @@ def difference_png(request: Request, job_id: JobId, farm: _Farm, has: _Known) ->
     response_class=StreamingResponse,
     responses=described(PNG, problems.NO_IMAGE_YET),
 )
-def non_finite_png(request: Request, job_id: JobId, farm: _Farm, has: _Known) -> Response:
+def get_non_finite_png(request: Request, job_id: JobId, farm: _Farm, has: _Known) -> Response:
     """Show where the merged image is NaN (magenta) or infinite (blue), if it is anywhere.
 
     Such pixels are left out of every count. More than 0.1 % of them fail the job.
@@ -65,7 +65,7 @@ def non_finite_png(request: Request, job_id: JobId, farm: _Farm, has: _Known) ->
     response_class=StreamingResponse,
     responses=described(PNG, problems.NO_IMAGE_YET),
 )
-def thumbnail_png(request: Request, job_id: JobId, farm: _Farm, has: _Known) -> Response:
+def get_thumbnail_png(request: Request, job_id: JobId, farm: _Farm, has: _Known) -> Response:
     """Show the merged image in small, for lists: its longer side has 192 pixels at most."""
     return _image("thumbnail.png", PNG, job_id, farm, has, request)
 
@@ -75,7 +75,7 @@ def thumbnail_png(request: Request, job_id: JobId, farm: _Farm, has: _Known) -> 
     response_class=StreamingResponse,
     responses=described(EXR, problems.UNKNOWN_SLICE, problems.INVALID_REQUEST),
 )
-def slice_exr(
+def get_slice_exr(
     request: Request,
     job_id: JobId,
     index: Annotated[int, Path(ge=0, description="the slice's index", examples=[0])],

@@ -56,7 +56,10 @@ SUBMISSION_BODY: Final[dict[str, Any]] = {
                             "description": "of one job, or of many where `parameters` is a list",
                         },
                     },
-                    "anyOf": [{"required": ["scene"]}, {"required": ["scene_sha256"]}],
+                    # One of the two. As anyOf that says the same, and generators of clients would
+                    # know of no parts.
+                    "if": {"not": {"required": ["scene"]}},
+                    "then": {"required": ["scene_sha256"]},
                     "additionalProperties": False,
                 },
                 "examples": {
@@ -124,7 +127,7 @@ _SUBMISSION: Final[dict[str, Any]] = {
         ),
     },
 )
-def submit(
+def submit_job(
     response: Response,
     asked: Annotated[Submission, Depends(submission)],
     scene: Annotated[StoredScene, Depends(stored_scene)],
@@ -149,7 +152,7 @@ def submit(
 
 
 @router.get("", responses=documented(problems.INVALID_REQUEST))
-def page(
+def list_jobs(
     farm: Annotated[Parts, Depends(parts)],
     state: Annotated[
         JobState | None, Query(description="only jobs in this state", examples=["rendering"])
@@ -179,7 +182,7 @@ def page(
 
 
 @router.get("/{job_id}", responses=documented(problems.UNKNOWN_JOB))
-def show(job_id: JobId, farm: Annotated[Parts, Depends(parts)]) -> JobView:
+def get_job(job_id: JobId, farm: Annotated[Parts, Depends(parts)]) -> JobView:
     """Show a job: its state and why, what is merged, and what the eye would see of the rest."""
     return shown([farm.job(job_id)], farm)[0]
 
@@ -194,7 +197,7 @@ def show(job_id: JobId, farm: Annotated[Parts, Depends(parts)]) -> JobView:
         problems.INVALID_REQUEST,
     ),
 )
-def change(job_id: JobId, asked: JobChange, farm: Annotated[Parts, Depends(parts)]) -> JobView:
+def change_job(job_id: JobId, asked: JobChange, farm: Annotated[Parts, Depends(parts)]) -> JobView:
     """Change a job's priority, which is part of its `spec` then.
 
     It counts from the next slice that a worker takes; nobody stops in the middle of one. A job that
@@ -208,7 +211,7 @@ def change(job_id: JobId, asked: JobChange, farm: Annotated[Parts, Depends(parts
     status_code=202,
     responses=documented(problems.UNKNOWN_JOB, problems.CANNOT_CANCEL),
 )
-def cancel(job_id: JobId, farm: Annotated[Parts, Depends(parts)], who: CallerOf) -> JobView:
+def cancel_job(job_id: JobId, farm: Annotated[Parts, Depends(parts)], who: CallerOf) -> JobView:
     """Cancel a job. Its state changes at once; workers stop within a pass, about a second.
 
     What is merged by then is kept and written as its image. Cancelling it again is harmless; a
@@ -222,7 +225,7 @@ def cancel(job_id: JobId, farm: Annotated[Parts, Depends(parts)], who: CallerOf)
     status_code=202,
     responses=documented(problems.UNKNOWN_JOB, problems.CANNOT_PAUSE),
 )
-def pause(job_id: JobId, farm: Annotated[Parts, Depends(parts)], who: CallerOf) -> JobView:
+def pause_job(job_id: JobId, farm: Annotated[Parts, Depends(parts)], who: CallerOf) -> JobView:
     """Pause a rendering job: workers take no more slices of it, and its time limit stands still.
 
     The slices that they are rendering are finished, merged and judged, so the job may yet converge
@@ -237,7 +240,7 @@ def pause(job_id: JobId, farm: Annotated[Parts, Depends(parts)], who: CallerOf) 
     status_code=202,
     responses=documented(problems.UNKNOWN_JOB, problems.CANNOT_RESUME),
 )
-def resume(job_id: JobId, farm: Annotated[Parts, Depends(parts)], who: CallerOf) -> JobView:
+def resume_job(job_id: JobId, farm: Annotated[Parts, Depends(parts)], who: CallerOf) -> JobView:
     """Let a paused job go on where it stood: its image and curve are those of one never paused.
 
     Resuming a job that is rendering is harmless; one that waits for its first slice, or has ended,
@@ -247,14 +250,14 @@ def resume(job_id: JobId, farm: Annotated[Parts, Depends(parts)], who: CallerOf)
 
 
 @router.get("/{job_id}/slices", responses=documented(problems.UNKNOWN_JOB))
-def slices(job_id: JobId, farm: Annotated[Parts, Depends(parts)]) -> Slices:
+def list_slices(job_id: JobId, farm: Annotated[Parts, Depends(parts)]) -> Slices:
     """Show the ledger: each committed slice with its seeds, its worker and its time."""
     ledger = farm.jobs.ledger(farm.job(job_id).id)
     return Slices(slices=[SliceView(**record) for record in ledger.values()])
 
 
 @router.get("/{job_id}/log", responses=documented(problems.UNKNOWN_JOB))
-def log(job_id: JobId, farm: Annotated[Parts, Depends(parts)]) -> Log:
+def get_job_log(job_id: JobId, farm: Annotated[Parts, Depends(parts)]) -> Log:
     """Show how each try of a slice ended, and what Mitsuba printed meanwhile.
 
     By time. Of tries that left more to say than their line in the ledger, the newest 2000 or so.
@@ -266,7 +269,7 @@ def log(job_id: JobId, farm: Annotated[Parts, Depends(parts)]) -> Log:
     "/{job_id}/slices/{index}/log",
     responses=documented(problems.UNKNOWN_JOB, problems.UNKNOWN_SLICE, problems.INVALID_REQUEST),
 )
-def one_slice_log(
+def get_slice_log(
     job_id: JobId,
     index: Annotated[int, Path(ge=0, description="the slice's index", examples=[15])],
     farm: Annotated[Parts, Depends(parts)],

@@ -38,7 +38,7 @@ class KeyView(BaseModel):
 
 
 @router.get("/v1/key", responses=documented())
-def key(who: CallerOf) -> KeyView:
+def get_key(who: CallerOf) -> KeyView:
     """Show what the request's key may do; where the service is open, anybody may do all."""
     if who.key is None:
         return KeyView(id=None, name=None, role=Role.ADMIN, limits=None)

@@ -68,7 +68,7 @@ def list_previews(job_id: JobId, farm: _Farm) -> PreviewList:
 
 
 @router.get("/{spp}.png", response_class=StreamingResponse, responses=described(PNG, *_PROBLEMS))
-async def preview_png(
+async def get_preview_png(
     request: Request, job_id: JobId, spp: _Spp, farm: _Farm, has: _Known
 ) -> Response:
     """Show what the merged image looked like at a point of the curve.
@@ -91,7 +91,7 @@ async def preview_png(
 
 
 @router.get("/{spp}.exr", response_class=Response, responses=described(EXR, *_PROBLEMS))
-async def preview_exr(
+async def get_preview_exr(
     request: Request, job_id: JobId, spp: _Spp, farm: _Farm, has: _Known
 ) -> Response:
     """Show the same as linear radiance, float32: for jobs that kept their slices."""

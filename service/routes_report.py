@@ -46,7 +46,7 @@ class _HtmlResponse(Response):
         **documented(problems.UNKNOWN_JOB),
     },
 )
-def report(
+def get_report(
     job_id: JobId,
     farm: Annotated[Parts, Depends(parts)],
     has: Annotated[Known, Depends(known)],

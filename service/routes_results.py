@@ -78,7 +78,7 @@ def curve_csv(points: list[CurvePoint]) -> str:
         **documented(problems.UNKNOWN_JOB, problems.NOT_ACCEPTABLE),
     },
 )
-def curve(
+def get_curve(
     job_id: JobId,
     farm: Annotated[Parts, Depends(parts)],
     has: Annotated[Known, Depends(known)],
@@ -101,7 +101,7 @@ def curve(
         **documented(problems.UNKNOWN_JOB),
     },
 )
-def curve_as_csv(
+def get_curve_csv(
     job_id: JobId,
     farm: Annotated[Parts, Depends(parts)],
     has: Annotated[Known, Depends(known)],
@@ -145,7 +145,7 @@ def _curve_tag(points: int, media_type: str) -> str:
         **documented(problems.UNKNOWN_JOB, problems.NOT_ACCEPTABLE, problems.INVALID_REQUEST),
     },
 )
-async def events(
+async def get_events(
     request: Request,
     job_id: JobId,
     who: CallerOf,

@@ -28,7 +28,7 @@ router = APIRouter(prefix="/v1/scenes", tags=["scenes"])
         problems.BUSY,
     ),
 )
-def check(
+def check_scene(
     found: Annotated[StoredScene, Depends(stored_scene)],
 ) -> SceneFound:
     """Check a scene and store it, without a job: what `POST /v1/jobs` would find in it.

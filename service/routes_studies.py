@@ -71,7 +71,7 @@ def _csv(example: str) -> dict[int | str, dict[str, Any]]:
         **documented(problems.UNKNOWN_JOB, problems.CANNOT_STUDY, problems.INVALID_REQUEST),
     },
 )
-def create(asked: NewStudy, farm: _Farm, who: CallerOf, response: Response) -> StudyView:
+def create_study(asked: NewStudy, farm: _Farm, who: CallerOf, response: Response) -> StudyView:
     """Make a study from the kept slices of an ended job: its pictures are merged now.
 
     That takes a moment for each slice. The pictures are the study's own, so the jobs may be
@@ -92,7 +92,7 @@ def list_studies(farm: _Farm) -> StudyList:
 
 
 @router.get("/{study_id}", responses=documented(*_INVALID))
-def show(study_id: _StudyId, farm: _Farm) -> StudyView:
+def get_study(study_id: _StudyId, farm: _Farm) -> StudyView:
     """Show a study and what it has found so far. Not for observers before they have answered."""
     return _shown(farm, farm.studies.get(study_id))
 
@@ -102,7 +102,7 @@ def show(study_id: _StudyId, farm: _Farm) -> StudyView:
     status_code=204,
     responses=documented(problems.NOT_YOUR_STUDY, *_INVALID),
 )
-def delete(study_id: _StudyId, farm: _Farm, who: CallerOf) -> None:
+def delete_study(study_id: _StudyId, farm: _Farm, who: CallerOf) -> None:
     """Remove a study with all its answers and pictures. It takes the key that made it."""
     study = farm.studies.get(study_id)
     if not who.may_steer(study.owner):
@@ -111,13 +111,13 @@ def delete(study_id: _StudyId, farm: _Farm, who: CallerOf) -> None:
 
 
 @router.get("/{study_id}/reference.png", response_class=Response, responses=_PNG)
-def reference_png(study_id: _StudyId, farm: _Farm) -> Response:
+def get_study_reference(study_id: _StudyId, farm: _Farm) -> Response:
     """Show the reference."""
     return _picture(farm, study_id, blobs.study_reference(study_id))
 
 
 @router.get("/{study_id}/levels/{spp}.png", response_class=Response, responses=_PNG)
-def level_png(
+def get_study_level(
     study_id: _StudyId,
     spp: Annotated[int, Path(ge=1, le=1_000_000, description="of the level", examples=[900])],
     farm: _Farm,
@@ -129,7 +129,7 @@ def level_png(
 @router.get(
     "/{study_id}/answers.csv", response_class=Response, responses=_csv(examples.ANSWERS_CSV)
 )
-def answers_csv(study_id: _StudyId, farm: _Farm) -> Response:
+def get_study_answers(study_id: _StudyId, farm: _Farm) -> Response:
     """Export the study in the form of the paper's table 1: the share that saw a difference.
 
     A column for each level that has answers. `plateau study fit` reads it.
@@ -143,7 +143,7 @@ def answers_csv(study_id: _StudyId, farm: _Farm) -> Response:
     response_class=Response,
     responses=_csv(examples.TRIALS_CSV),
 )
-def all_trials_csv(study_id: _StudyId, farm: _Farm) -> Response:
+def get_study_trials(study_id: _StudyId, farm: _Farm) -> Response:
     """Export every answer, a line each: who, to what, what, and at which screen.
 
     `plateau study fit` reads it too, and says how sure the thresholds are.
@@ -157,7 +157,7 @@ def all_trials_csv(study_id: _StudyId, farm: _Farm) -> Response:
 @router.put(
     "/{study_id}/observers/{observer}", responses=documented(problems.CANNOT_STUDY, *_INVALID)
 )
-def take_part(study_id: _StudyId, observer: _Name, asked: TakingPart, farm: _Farm) -> ObserverView:
+def join_study(study_id: _StudyId, observer: _Name, asked: TakingPart, farm: _Farm) -> ObserverView:
     """Take part in a study under a pseudonym; whoever does already goes on as before.
 
     Then the screen stays that of the first time.
@@ -170,7 +170,7 @@ def take_part(study_id: _StudyId, observer: _Name, asked: TakingPart, farm: _Far
     "/{study_id}/observers/{observer}",
     responses=documented(problems.UNKNOWN_OBSERVER, *_INVALID),
 )
-def observer(study_id: _StudyId, observer: _Name, farm: _Farm) -> ObserverView:
+def get_observer(study_id: _StudyId, observer: _Name, farm: _Farm) -> ObserverView:
     """Show what an observer is shown, in order, and what of it has an answer."""
     study = farm.studies.get(study_id)
     return _observer(farm, study, farm.studies.observer(study, observer))
@@ -180,7 +180,7 @@ def observer(study_id: _StudyId, observer: _Name, farm: _Farm) -> ObserverView:
     "/{study_id}/observers/{observer}/answers/{trial}",
     responses=documented(problems.UNKNOWN_OBSERVER, problems.UNKNOWN_TRIAL, *_INVALID),
 )
-def answer(
+def answer_trial(
     study_id: _StudyId,
     observer: _Name,
     trial: Annotated[int, Path(ge=0, le=999, description="the pair's number", examples=[0])],

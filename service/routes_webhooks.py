@@ -19,7 +19,7 @@ sent = APIRouter()
 
 
 @router.get("", responses=documented(problems.UNKNOWN_JOB))
-def deliveries(job_id: JobId, farm: Annotated[Parts, Depends(parts)]) -> Deliveries:
+def list_deliveries(job_id: JobId, farm: Annotated[Parts, Depends(parts)]) -> Deliveries:
     """Show what became of the messages to a job's webhook: each try of each, and when the next is.
 
     The newest hundred messages, and of their tries the newest thousand or so.
@@ -41,7 +41,7 @@ def deliveries(job_id: JobId, farm: Annotated[Parts, Depends(parts)]) -> Deliver
         **documented(problems.UNKNOWN_JOB, problems.UNKNOWN_DELIVERY, problems.INVALID_REQUEST),
     },
 )
-def redeliver(
+def redeliver_message(
     job_id: JobId,
     number: Annotated[
         int, Path(ge=1, le=10**9, description="the delivery's `number`", examples=[2])
@@ -64,8 +64,13 @@ def redeliver(
     return found
 
 
-@sent.post("job", status_code=204, response_description="it is delivered, as by any 2xx")
-def told(_: WebhookMessage) -> None:
+@sent.post(
+    "job",
+    operation_id="tell_of_job",
+    status_code=204,
+    response_description="it is delivered, as by any 2xx",
+)
+def tell_of_job(_: WebhookMessage) -> None:
     """What happened to a job, sent to its spec's `webhook`.
 
     Signed as Standard Webhooks has it: `webhook-id` is the same at every try, `webhook-timestamp`

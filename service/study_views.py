@@ -7,6 +7,7 @@ from pydantic import BaseModel, ConfigDict, Field, StringConstraints
 from farm.study import MOST_LEVELS, MOST_STUDIES, Answer, Observer, Screen, Study
 from farm.study_order import Method, Side
 from service import study_examples as examples
+from service.json_numbers import WithWholeNumbers
 from service.study_results import StudyResult
 
 _JobId = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{12}$")]
@@ -16,7 +17,7 @@ def _shows(example: dict[str, Any]) -> Any:
     return {"examples": [example]}
 
 
-class NewStudy(BaseModel):
+class NewStudy(WithWholeNumbers):
     """What a study is to be made of."""
 
     model_config = ConfigDict(

@@ -1,5 +1,6 @@
 """The spec that a request brings: of one job, or of many where its parameters are a list."""
 
+import json
 import unicodedata
 from typing import Annotated, Any, Final
 
@@ -7,6 +8,7 @@ from pydantic import Discriminator, Tag, TypeAdapter, ValidationError
 
 from farm.spec import BatchSpec, JobSpec, SharedSpec
 from service import problems
+from service.json_numbers import whole_numbers
 from service.spec_checks import BRANCHES, invalid_field, invalid_spec
 
 #: Controls, halves of characters, and what ends a line: nobody sees them in a name, and no path has
@@ -31,11 +33,19 @@ _SUBMITTED: Final[TypeAdapter[JobSpec | BatchSpec]] = TypeAdapter(
 def submitted_spec(text: str | bytes) -> JobSpec | BatchSpec:
     """What the request asks for; raises the problem with it."""
     try:
-        spec = _SUBMITTED.validate_json(text, strict=True)
+        spec = _SUBMITTED.validate_json(_plain(text), strict=True)
     except ValidationError as error:
         raise invalid_spec(error) from error
     check_batch_name(spec)
     return spec
+
+
+def _plain(text: str | bytes) -> str | bytes:
+    """The same JSON with whole numbers as such; what is no JSON is left as it is."""
+    try:
+        return json.dumps(whole_numbers(json.loads(text)))
+    except (ValueError, RecursionError):
+        return text
 
 
 def check_batch_name(spec: SharedSpec) -> None:

@@ -9,6 +9,7 @@ from farm.job import CurvePoint, Event, Job, LogEntry, Worker
 from farm.members import RefusedProcess
 from farm.spec import Priority
 from service import examples
+from service.json_numbers import WithWholeNumbers
 
 
 def _shows(example: dict[str, Any]) -> JsonDict:
@@ -28,7 +29,7 @@ class JobView(Job):
     links: dict[str, str] = Field(description="paths of the job's curve, events and images")
 
 
-class JobChange(BaseModel):
+class JobChange(WithWholeNumbers):
     """What of a job can be changed while it has not ended."""
 
     model_config = ConfigDict(

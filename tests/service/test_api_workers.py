@@ -66,6 +66,11 @@ def test_demand_is_counted_for_the_variants_of_a_pool(
     assert demand(pool="default", tag="") == demand()
     assert demand(pool="night")["slices"] == 0
     assert http.get("/v1/demand", params={"variant": "vulkan"}).status_code == 422
+    for name in ("", "a b", "-night", "n" * 41, "nächtlich", "night\n"):
+        for parameter in ("pool", "tag"):
+            status = http.get("/v1/demand", params={parameter: name}).status_code
+            # No tag at all is asked for by an empty one
+            assert status == (200 if (parameter, name) == ("tag", "") else 422), (parameter, name)
 
 
 def test_demand_of_jobs_that_require_tags_is_for_workers_that_have_them(

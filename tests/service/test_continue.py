@@ -8,6 +8,7 @@ import httpx
 import numpy as np
 import pytest
 import redis
+from pydantic import ValidationError
 
 from farm import blobs, keys
 from farm.batches import Batches
@@ -363,6 +364,11 @@ def test_changes_are_a_merge_patch_and_a_named_rule_is_another() -> None:
     assert changed(rule={"name": "reverse"}).rule.model_dump()["window"] == 5
     assert changed(view={"exposure_ev": 2}).view.exposure_ev == 2
     assert changed(max_spp=None).max_spp == 10_000
+    # A null takes away what is there, or may be, and no field has a name that nobody knows
+    assert changed(batch=None, webhook=None, parameters={"w": None}) == spec
+    for unknown in ({"typo": None}, {"view": {"typo": None}}, {"rule": {"typo": None}}):
+        with pytest.raises(ValidationError, match="typo"):
+            changed(**unknown)
 
 
 class TestOverHttp:

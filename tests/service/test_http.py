@@ -14,6 +14,7 @@ from plateau.sse import parse_events
 from service.accept import chosen
 from service.problems import Problem
 from tests.service.test_api_jobs import problem, submit
+from tests.support.bundles import scene
 from tests.support.staged_job import StagedJob
 
 JSON, CSV, SSE = "application/json", "text/csv", "text/event-stream"
@@ -172,7 +173,7 @@ class TestAccept:
     def test_of_both_forms_of_events_gives_the_stream(
         self, http: httpx.Client, client: redis.Redis
     ) -> None:
-        job = StagedJob(client)
+        job = StagedJob(client, keep_slices=True)
         job.commit()
         job.end()
         job.finish()
@@ -220,6 +221,60 @@ class TestABody:
     ) -> None:
         found = problem(submit(http, spec=spec), 422, "invalid-spec")
         assert [one["field"] for one in found["errors"]] == [field]
+
+
+class TestAWholeNumber:
+    """JSON has one kind of number, and its schema takes 10.0 for an integer."""
+
+    def test_may_be_written_with_a_point(self, http: httpx.Client) -> None:
+        asked = {
+            "max_spp": 200.0,
+            "step": 1e2,
+            "min_spp": 10.0,
+            "zones": [2.0, 3],
+            "rule": {"name": "fixed", "spp": 100.0},
+            "watch": [{"name": "reverse", "window": 6.0}],
+            "view": {"exposure_ev": 1.0},
+        }
+        answer = submit(http, spec=asked)
+        assert answer.status_code == 201, answer.text
+        spec = answer.json()["spec"]
+        assert {name: spec[name] for name in ("max_spp", "step", "min_spp", "zones")} == {
+            "max_spp": 200,
+            "step": 100,
+            "min_spp": 10,
+            "zones": [2, 3],
+        }
+        assert spec["rule"]["spp"] == 100
+        assert spec["watch"][0]["window"] == 6
+
+    def test_is_left_to_a_scene_as_it_was_written(self, http: httpx.Client) -> None:
+        sphere = '<shape type="sphere"><float name="radius" value="$radius"/></shape>'
+        given = scene('<default name="radius" value="1"/>', sphere)
+        assert '"radius":2.0' in submit(http, given, {"parameters": {"radius": 2.0}}).text
+        batch = submit(http, given, {"parameters": [{"radius": 3.0}, {"radius": 4}]}).json()
+        assert '"radius":3.0' in http.get(f"/v1/jobs/{batch['job_ids'][0]}").text
+
+    def test_may_be_so_in_any_body(self, http: httpx.Client, client: redis.Redis) -> None:
+        job = StagedJob(client, keep_slices=True)
+        answer = http.patch(f"/v1/jobs/{job.id}", json={"priority": 7.0})
+        assert answer.json()["spec"]["priority"] == 7
+        job.commit()
+        job.end()
+        job.finish()
+        # It is another field that is refused, by its name
+        answer = http.post(f"/v1/jobs/{job.id}/continue", json={"max_spp": 400.0, "min_spp": 10.5})
+        found = problem(answer, 422, "invalid-spec")
+        assert [one["field"] for one in found["errors"]] == ["spec.min_spp"]
+
+    def test_in_quotes_is_none(self, http: httpx.Client, client: redis.Redis) -> None:
+        job = StagedJob(client, keep_slices=True)
+        job.commit()
+        job.end()
+        job.finish()
+        answer = http.post(f"/v1/jobs/{job.id}/continue", json={"max_spp": "400"})
+        found = problem(answer, 422, "invalid-spec")
+        assert [one["field"] for one in found["errors"]] == ["spec.max_spp"]
 
 
 class TestHeaders:

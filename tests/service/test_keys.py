@@ -139,7 +139,7 @@ class TestAKey:
                 answer = http.request(method, asked)
                 assert answer.headers["www-authenticate"] == 'Bearer realm="plateau"'
                 assert "plateau keys create" in problem(answer, 401, "no-key")["detail"]
-                assert operation["security"] == [{"API key": []}]
+                assert operation["security"] == [{"api_key": []}]
         # Not even what is not there is told
         problem(http.get("/v1/nothing"), 401, "no-key")
 
@@ -163,7 +163,7 @@ class TestAKey:
 
     def test_is_told_to_swagger(self, http: httpx.Client) -> None:
         schemes = http.get("/openapi.json").json()["components"]["securitySchemes"]
-        assert schemes["API key"]["scheme"] == "bearer"
+        assert schemes["api_key"]["scheme"] == "bearer"
 
     def test_revoked_ends_a_stream_of_events_that_is_open(
         self, as_: As, keys: ApiKeys, client: redis.Redis, monkeypatch: pytest.MonkeyPatch

@@ -1,6 +1,7 @@
 """The API's description of itself: complete, and each of its examples works."""
 
 import asyncio
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,7 @@ import httpx
 import jsonschema_rs
 import pytest
 import redis
+from openapi_spec_validator import OpenAPIV31SpecValidator, validate
 
 from farm import input_errors
 from farm.blobs import Blobs
@@ -31,6 +33,8 @@ PROBLEM = "application/problem+json"
 
 #: What is told of a study when it is made; the rest is Redis's own.
 ABOUT = Study.model_fields.keys() - {"id", "owner", "created_at"}
+
+PATCH = {"$ref": "#/components/schemas/SpecChanges"}
 
 Operation = tuple[str, str, dict[str, Any]]
 
@@ -86,6 +90,86 @@ def test_a_pattern_is_told_in_words(http: httpx.Client, document: dict[str, Any]
     # When an id is none, then it is told what an id is
     answer = http.get("/v1/studies/nope").json()
     assert answer["detail"] == f"study_id: {input_errors.PATTERNS['^[0-9a-f]{12}$']}"
+
+
+def test_the_document_is_valid_openapi_3_1(document: dict[str, Any]) -> None:
+    assert document["openapi"].startswith("3.1.")
+    validate(document, cls=OpenAPIV31SpecValidator)
+
+
+def test_every_operation_has_a_name_of_its_own(
+    document: dict[str, Any], operations: list[Operation]
+) -> None:
+    told = [
+        described["operationId"]
+        for item in document["webhooks"].values()
+        for described in item.values()
+    ]
+    names = [described["operationId"] for _, _, described in operations] + told
+    assert {"submit_job", "get_job", "list_jobs", "get_image_exr", "tell_of_job"} <= set(names)
+    assert len(set(names)) == len(names)
+    # A verb and what it is done to, as `submit_job`, and nothing of the path
+    assert [name for name in names if not re.fullmatch(r"[a-z]+(_[a-z]+)+", name)] == []
+    assert [name for name in names if "v1" in name] == []
+
+
+def test_every_body_says_all_that_may_be_in_it(
+    document: dict[str, Any], operations: list[Operation]
+) -> None:
+    for method, path, described in operations:
+        for media in described.get("requestBody", {}).get("content", {}).values():
+            schema = resolved(document, media["schema"])
+            assert schema["additionalProperties"] is False, f"{method} {path}"
+
+
+class TestThePatchOfASpec:
+    """The body of `continue` and `rejudge`, which names fields of the spec and parts of them."""
+
+    @pytest.mark.parametrize(
+        "changes",
+        [
+            {},
+            {"max_spp": 400, "min_spp": None},
+            {"rule": {"target": 0.001}},
+            {"rule": {"name": "fixed", "spp": 100.0}},
+            {"rule": {"window": 7}},  # of two rules, of which the old job has one
+            {"watch": [{"name": "reverse"}, {"name": "visible", "target": 0.1}]},
+            {"view": {"exposure_ev": -1, "primaries": None}},
+            {"zones": [2, 3], "webhook": {"url": "https://studio.example/"}},
+            {"parameters": {"width": 64, "film": None}},
+        ],
+    )
+    def test_takes_any_part(self, document: dict[str, Any], changes: dict[str, Any]) -> None:
+        assert violations(document, PATCH, changes) == []
+
+    @pytest.mark.parametrize(
+        "changes",
+        [
+            {"no_such_field": 1},
+            {"no_such_field": None},
+            {"view": {"no_such_field": None}},
+            {"max_spp": "400"},
+            {"max_spp": 0},
+            {"view": {"no_such_field": 1}},
+            {"rule": {"name": "none such"}},
+            {"watch": [{"window": 7, "target": 0.1}]},
+            {"zones": [2, 0]},
+            [],
+        ],
+    )
+    def test_takes_nothing_else_and_nor_does_the_api(
+        self, document: dict[str, Any], http: httpx.Client, client: redis.Redis, changes: Any
+    ) -> None:
+        assert violations(document, PATCH, changes)
+        job = StagedJob(client, keep_slices=True)
+        job.commit()
+        job.end()
+        job.finish()
+        for call in ("continue", "rejudge"):
+            answer = http.post(f"/v1/jobs/{job.id}/{call}", json=changes)
+            assert answer.status_code in {409, 422}, f"{call}: {answer.text}"
+        said = http.post(f"/v1/jobs/{job.id}/continue", json=changes).json()
+        assert said["type"] in {"/problems/invalid-spec", "/problems/invalid-request"}
 
 
 def test_every_call_and_all_that_it_takes_is_described(operations: list[Operation]) -> None:
@@ -149,11 +233,16 @@ def test_every_answer_of_text_has_an_example_that_is_valid(
                     assert violations(document, media["schema"], example) == [], name
 
 
-def of_its_schema(document: dict[str, Any], schema: dict[str, Any]) -> list[object]:
+def resolved(document: dict[str, Any], schema: dict[str, Any]) -> dict[str, Any]:
     reference = schema.get("$ref")
-    if reference is not None:
-        schema = document["components"]["schemas"][reference.rpartition("/")[2]]
-    return list(schema.get("examples", ()))
+    if reference is None:
+        return schema
+    found: dict[str, Any] = document["components"]["schemas"][reference.rpartition("/")[2]]
+    return found
+
+
+def of_its_schema(document: dict[str, Any], schema: dict[str, Any]) -> list[object]:
+    return list(resolved(document, schema).get("examples", ()))
 
 
 def numbers(document: dict[str, Any], part: Any, name: str, seen: set[str]) -> Iterator[Any]:
@@ -192,7 +281,7 @@ def test_every_number_that_it_takes_has_bounds(
     names = {name for name, _ in found}
     assert {"limit", "JobSpec.step", "ViewSpec.exposure_ev", "Screen.pixel_pitch_mm"} <= names
     # Of a scene's parameters only the scene knows what they may be.
-    scenes = {"JobSpec.parameters", "BatchSpec.parameters"}
+    scenes = {"JobSpec.parameters", "BatchSpec.parameters", "SpecChanges.parameters"}
     unbounded = {name for name, part in found if not {"minimum", "maximum"} <= part.keys()}
     assert unbounded == scenes
 
