@@ -1,21 +1,10 @@
 """The folder that results are to be written into, looked at before there are any."""
 
 import tempfile
-from collections.abc import Sequence
 from pathlib import Path
-from typing import Final
 
 from plateau.errors import CommandFailed
-
-IMAGES: Final = ("image.exr", "image.png", "difference.png", "non-finite.png")
-#: What a job leaves in its folder, beside the folder of its slices.
-RESULTS: Final = (
-    *IMAGES,
-    "curve.csv",
-    "curve.png",
-    "summary.txt",
-    "summary.json",
-)
+from plateau.job_folder import RESULTS, require_free
 
 
 def make(folder: Path, named_by: str = "-o", *, mode: int = 0o777) -> None:
@@ -49,13 +38,31 @@ def make(folder: Path, named_by: str = "-o", *, mode: int = 0o777) -> None:
         ) from error
 
 
-def make_ready(folder: Path, files: Sequence[str] = RESULTS) -> None:
-    """Make the folder where there is none, and see that these files can be written into it.
+def make_ready(folder: Path) -> None:
+    """Make the folder where there is none, and see that a job's results can be written into it.
 
     Raises
     ------
     CommandFailed
         They cannot; the message says why and what to do.
+    """
+    make_writable(folder)
+    for name in RESULTS:
+        if (folder / name).is_dir():
+            raise CommandFailed(
+                f"{folder / name} is a folder, and a file has to be written there: move it, "
+                "or give another folder with -o"
+            )
+    require_free(folder)
+
+
+def make_writable(folder: Path) -> None:
+    """Make the folder where there is none, and see that something can be written into it.
+
+    Raises
+    ------
+    CommandFailed
+        It cannot; the message says why and what to do.
     """
     make(folder)
     try:
@@ -65,9 +72,3 @@ def make_ready(folder: Path, files: Sequence[str] = RESULTS) -> None:
         raise CommandFailed(
             f"nothing can be written into {folder} ({error.strerror}): give another folder with -o"
         ) from error
-    for name in files:
-        if (folder / name).is_dir():
-            raise CommandFailed(
-                f"{folder / name} is a folder, and a file has to be written there: move it, "
-                "or give another folder with -o"
-            )

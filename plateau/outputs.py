@@ -12,7 +12,7 @@ from farm.job import CurvePoint
 from plateau import words
 from plateau.client import ApiError, Client
 from plateau.errors import CommandFailed
-from plateau.out_folder import IMAGES, make
+from plateau.job_folder import IMAGES, SLICES, begin, in_turn, whole
 from plateau.plot import plot_job
 from service.views import JobView, SliceView
 
@@ -27,7 +27,8 @@ def write_results(client: Client, job: JobView, folder: Path) -> dict[str, Any]:
     These are ``image.exr``, ``image.png`` and ``difference.png``, where the job has an image, and
     ``non-finite.png``, where that is NaN or infinite anywhere; ``curve.csv`` and ``curve.png``,
     where its curve has points; ``slices``, where it kept them, for `plateau judge`;
-    ``summary.txt`` and ``summary.json``. Slices that are there already are not fetched again.
+    ``summary.txt`` and ``summary.json``. Slices that are there already are not fetched again; what
+    another job has left there is removed before the first file is written.
 
     Raises
     ------
@@ -35,7 +36,8 @@ def write_results(client: Client, job: JobView, folder: Path) -> dict[str, Any]:
         They cannot be written; its `filename` is the folder's where it is no file's.
     """
     try:
-        return _summarise(job, _fetch(client, job, folder), folder)
+        with in_turn(folder):
+            return _summarise(job, _fetch(client, job, folder), folder)
     except OSError as error:
         if error.strerror and error.filename is None:  # a full disk says no name
             error.filename = str(folder)
@@ -56,9 +58,10 @@ def write_or_keep(
         The folder did not take it all; the message names the temporary folder that has the rest.
     """
     place = _Place(folder)
-    fetched = place.take(lambda there: _fetch(client, job, there))
-    when_fetched()
-    about = place.take(lambda there: _summarise(job, fetched, there))
+    with in_turn(folder):
+        fetched = place.take(lambda there: _fetch(client, job, there))
+        when_fetched()
+        about = place.take(lambda there: _summarise(job, fetched, there))
     if place.trouble is not None:
         raise CommandFailed(
             f"not all could be written into {folder} ({place.trouble.strerror or place.trouble}): "
@@ -91,14 +94,17 @@ class _Fetched:
 
 
 def _fetch(client: Client, job: JobView, folder: Path) -> _Fetched:
-    make(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    # Asked for before anything is removed: the service may be gone.
+    slices = _slices(client, job)
+    points = client.curve(job.id)
+    begin(folder, job.id, lambda path: _is_one_of(slices, path))
     files = [folder / name for name in IMAGES if _download(client, job.id, name, folder / name)]
     if job.spec.keep_slices:
-        files.append(_write_slices(client, job, folder / "slices"))
-    points = client.curve(job.id)
+        files.append(_write_slices(client, job, slices, folder / SLICES))
     if points:
         files.append(folder / "curve.csv")
-        (folder / "curve.csv").write_text(client.curve_csv(job.id))
+        _write(folder / "curve.csv", client.curve_csv(job.id))
     return _Fetched(points, files)
 
 
@@ -106,26 +112,43 @@ def _summarise(job: JobView, fetched: _Fetched, folder: Path) -> dict[str, Any]:
     files = list(fetched.files)
     if fetched.points:
         files.append(folder / "curve.png")
-        plot_job(job, fetched.points, folder / "curve.png")
+        with whole(folder / "curve.png") as path:
+            plot_job(job, fetched.points, path)
     files += [folder / "summary.txt", folder / "summary.json"]
-    (folder / "summary.txt").write_text(words.summary(job) + "\n")
+    _write(folder / "summary.txt", words.summary(job) + "\n")
     about = summary_json(job, fetched.points, files)
-    (folder / "summary.json").write_text(json.dumps(about, indent=2) + "\n")
+    _write(folder / "summary.json", json.dumps(about, indent=2) + "\n")
     return about
 
 
-def _write_slices(client: Client, job: JobView, folder: Path) -> Path:
+def _write(file: Path, text: str) -> None:
+    with whole(file) as path:
+        path.write_text(text)
+
+
+def _slices(client: Client, job: JobView) -> dict[str, SliceView]:
+    """The slices that the job kept, by the names of their files."""
+    if not job.spec.keep_slices:
+        return {}
+    return {f"{part.index:06d}.exr": part for part in client.slices(job.id)}
+
+
+def _write_slices(client: Client, job: JobView, slices: dict[str, SliceView], folder: Path) -> Path:
     folder.mkdir(exist_ok=True)
-    for part in client.slices(job.id):
-        path = folder / f"{part.index:06d}.exr"
-        if not _is_there(part, path):
-            client.download(job.id, f"slices/{part.index}.exr", path)
+    for name, part in slices.items():
+        if not _is_one_of(slices, folder / name):
+            client.download(job.id, f"slices/{part.index}.exr", folder / name)
     return folder
 
 
-def _is_there(part: SliceView, path: Path) -> bool:
-    """Whether the file is this very slice, byte for byte, and not the one of another job."""
-    return path.exists() and hashlib.sha256(path.read_bytes()).hexdigest() == part.sha256
+def _is_one_of(slices: dict[str, SliceView], path: Path) -> bool:
+    """Whether the file is the slice of its name, byte for byte, and not the one of another job."""
+    part = slices.get(path.name)
+    return (
+        part is not None
+        and path.exists()
+        and hashlib.sha256(path.read_bytes()).hexdigest() == part.sha256
+    )
 
 
 def summary_json(job: JobView, points: list[CurvePoint], files: list[Path]) -> dict[str, Any]:

@@ -47,7 +47,8 @@ def fetch(
       plateau fetch 3f9ac2d01b77 -o out
 
     Prints the files that it wrote; slices too, where the job keeps them: those that are in DIR
-    already are not fetched again. --json prints the summary.
+    already are not fetched again. What another job left in DIR is removed, what is nobody's job's
+    is not. --json prints the summary.
     """
     from plateau.commands.fetch import fetch as run
 

@@ -35,9 +35,10 @@ def render(
     Starts all that it needs, and leaves nothing running. DIR then holds image.exr, image.png,
     difference.png (what differs visibly from the first image), curve.csv, curve.png, summary.txt
     and summary.json, and non-finite.png where pixels are NaN or infinite; more than 0.1 % of them
-    fail the job. Ctrl-C cancels: what is rendered by then is still written; a second one
-    leaves at once. Where DIR cannot be written it is refused before anything is rendered; where it
-    cannot be any more, in the end, the results go into a temporary folder, which is named.
+    fail the job. What an earlier job left in DIR goes when the first of them is written. Ctrl-C
+    cancels: what is rendered by then is still written; a second one leaves at once. Where DIR
+    cannot be written it is refused before anything is rendered; where it cannot be any more, in the
+    end, the results go into a temporary folder, which is named.
     """
     from plateau.commands.render import render as run
 

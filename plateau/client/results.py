@@ -1,6 +1,5 @@
 """Calls that fetch what a job has come to: its curve, its images, its slices."""
 
-import secrets
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -9,6 +8,7 @@ from plateau.client.calls import Calls
 from plateau.client.digests import Digest
 from plateau.client.errors import ClientError
 from plateau.client.transport import Patience
+from plateau.job_folder import whole
 from service.views import Curve
 
 if TYPE_CHECKING:
@@ -130,12 +130,8 @@ class ResultCalls(Calls):
         OSError
             The file cannot be written.
         """
-        unfinished = path.with_name(f".{path.name}.{secrets.token_hex(4)}")
-        try:
+        with whole(path) as unfinished:
             self._receive(f"/v1/jobs/{job_id}/{name}", unfinished)
-            unfinished.replace(path)
-        finally:
-            unfinished.unlink(missing_ok=True)
 
     def _receive(self, address: str, path: Path) -> None:
         patience, furthest = Patience(self._transport), 0

@@ -18,7 +18,8 @@ from plateau.connect import connect
 from plateau.errors import CommandFailed
 from plateau.exits import ExitCode
 from plateau.frames import Values, each, from_file
-from plateau.out_folder import make_ready
+from plateau.job_folder import frame, require_free_for_batch
+from plateau.out_folder import make_writable
 from plateau.outputs import write_results
 from plateau.tables import print_rows
 from service.batch_views import BatchSteered, BatchView
@@ -52,8 +53,10 @@ def watch(name: str, out: Path | None, *, url: str | None, as_json: bool) -> int
     Results are written as they come, each job's into a folder named by its place in the batch.
     """
     if out is not None:
-        make_ready(out, files=())  # each job has a folder of its own in it
+        make_writable(out)
     with connect(url) as client:
+        if out is not None:
+            require_free_for_batch(out, client.batch(name).job_ids)
         try:
             batch = _follow(client, name, out)
         except KeyboardInterrupt:
@@ -95,7 +98,7 @@ def _fetch(client: Client, batch: BatchView, out: Path, written: set[str]) -> No
     for job in client.all_jobs(batch=batch.name):
         if job.finished_at is None or job.id in written or job.id not in places:
             continue
-        folder = out / f"{places[job.id]:04d}-{job.id}"
+        folder = frame(out, places[job.id], job.id)
         if not (folder / "summary.json").exists():  # it is written last
             write_results(client, job, folder)
         written.add(job.id)

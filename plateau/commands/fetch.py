@@ -10,6 +10,7 @@ from rich.console import Console
 from plateau import words
 from plateau.connect import connect
 from plateau.job_ids import whole_id
+from plateau.out_folder import make_ready
 from plateau.outputs import write_results
 from plateau.terminal_curve import terminal_curve
 
@@ -58,8 +59,9 @@ def curve(job_id: str, *, form: CurveForm, url: str | None) -> None:
 def fetch(job_id: str, out: Path, *, url: str | None, as_json: bool) -> None:
     """Write what there is of a job into a folder."""
     with connect(url) as client:
-        job_id = whole_id(client, job_id)
-        about = write_results(client, client.job(job_id), out)
+        job = client.job(whole_id(client, job_id))
+        make_ready(out)
+        about = write_results(client, job, out)
     if as_json:
         print(json.dumps(about, indent=2))
         return

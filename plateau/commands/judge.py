@@ -5,6 +5,8 @@ from pathlib import Path
 
 from farm.spec import JobSpec, ReverseSpec, VisibleSpec
 from metric.rules.reverse import EPSILON_PIXELS
+from plateau.errors import CommandFailed
+from plateau.job_folder import owner
 from plateau.judge import BrokenSeries, Judged, find_series, judge_series
 from plateau.out_folder import make
 from plateau.plot import plot_curve
@@ -22,6 +24,11 @@ def judge(
     """Judge the folder, write the curve where asked, print; returns the exit code."""
     if out is not None:
         make(out)
+        if (job := owner(out)) is not None:
+            raise CommandFailed(
+                f"{out} has the results of job {job}, and a curve of its own: give another folder "
+                "with -o"
+            )
     image_spp = spec.slice_spp if "slice_spp" in spec.model_fields_set else None
     series = find_series(folder, image_spp=image_spp, cumulative=cumulative)
     try:

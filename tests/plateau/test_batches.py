@@ -276,6 +276,33 @@ class TestTheCommandLine:
         assert command("watch", "--batch", "w", "-o", str(out), "--json")[0] == 3
         assert (first / "image.png").read_bytes() == b"mine"
 
+    def test_puts_no_two_batches_and_no_other_job_into_one_folder(
+        self, client: redis.Redis, store: Blobs, tmp_path: Path
+    ) -> None:
+        # Given a batch, whose frames were fetched, and another
+        jobs = Jobs(client)
+        for name in ("walk", "run"):
+            made = jobs.create_all([JobSpec(batch=name)] * 2, name=name, scene_sha256="00")
+            for job in jobs.search(batch=name)[0]:
+                end(client, store, job.id, JobState.CONVERGED)
+        frames, single = tmp_path / "frames", tmp_path / "single"
+        assert command("watch", "--batch", "walk", "-o", str(frames))[0] == 0
+        assert command("fetch", made.job.id, "-o", str(single))[0] == 0
+        before = sorted(tmp_path.rglob("*"))
+        # When anything else is to be written there, then it is refused, and all is as it was
+        for words, says in [
+            (["watch", "--batch", "run", "-o", str(frames)], "results that are not of this batch"),
+            (["watch", "--batch", "run", "-o", str(single)], f"the results of job {made.job.id}"),
+            (["watch", made.job.id, "-o", str(frames)], "the results of a batch (0000-"),
+            (["fetch", made.job.id, "-o", str(frames)], "the results of a batch (0000-"),
+        ]:
+            code, _, error = command(*words)
+            assert (code, says in error, "another folder with -o" in error) == (1, True, True)
+        assert sorted(tmp_path.rglob("*")) == before
+        # But the batch itself may be watched again, and the job be fetched again
+        assert command("watch", "--batch", "walk", "-o", str(frames))[0] == 0
+        assert command("fetch", made.job.id, "-o", str(single))[0] == 0
+
     @pytest.mark.parametrize(
         ("ends", "code"),
         [

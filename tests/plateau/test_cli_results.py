@@ -1,6 +1,9 @@
 """Commands that fetch what a job has come to, and name jobs by the beginning of their ids."""
 
 import json
+import resource
+import subprocess
+import sys
 from collections.abc import Iterator
 from datetime import datetime, timezone
 from pathlib import Path
@@ -233,10 +236,18 @@ class TestErrorsSayWhatToDo:
         code, _, err = plateau("render", "scenes:box", "-o", str(file / "of" / "today"))
         assert (code, err) == (1, told)
 
-    def test_of_a_disk_that_is_full(self, job: StagedJob, tmp_path: Path) -> None:
-        (tmp_path / "summary.txt").symlink_to("/dev/full")
-        code, _, err = plateau("fetch", job.id, "-o", str(tmp_path))
-        assert (code, err) == (1, f"plateau: {tmp_path}: No space left on device\n")
+    def test_of_a_disk_that_takes_no_more(self, api: str, job: StagedJob, tmp_path: Path) -> None:
+        out = tmp_path / "out"
+        # It takes what is tried before anything is fetched, but no picture of a curve
+        done = subprocess.run(
+            [sys.executable, "-m", "plateau", "fetch", job.id, "-o", str(out), "--url", api],
+            preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (5000, 5000)),
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert (done.returncode, done.stderr) == (1, f"plateau: {out}: File too large\n")
+        assert {path.name for path in out.iterdir()} == {".plateau-job", "curve.csv"}
 
     def test_of_a_job_that_is_not_there_before_its_folder_is(self, tmp_path: Path) -> None:
         code, _, err = plateau("watch", "0123456789ab", "-o", str(tmp_path / "out"))

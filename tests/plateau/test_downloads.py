@@ -78,17 +78,18 @@ class TestSlices:
             (slices / "000003.exr").write_bytes(fetched["000003.exr"][:-1])
             plateau.download(other.id, "slices/4.exr", slices / "000004.exr")
             assert (slices / "000004.exr").read_bytes() != fetched["000004.exr"]
-            before = {path.name: path.stat().st_ino for path in slices.iterdir()}
+            before = {path.name: _stamp(path) for path in slices.iterdir()}
             # When the job is fetched again
             write_results(plateau, plateau.job(job.id), tmp_path / "out")
         # Then these three are as they should be, and the others are the very same files
         assert content(slices) == fetched
-        same = {path.name for path in slices.iterdir() if before.get(path.name) == _inode(path)}
+        same = {path.name for path in slices.iterdir() if before.get(path.name) == _stamp(path)}
         assert same == set(fetched) - {"000002.exr", "000003.exr", "000004.exr"}
 
 
-def _inode(path: Path) -> int:
-    return path.stat().st_ino
+def _stamp(path: Path) -> tuple[int, int]:
+    """What no other file has: numbers alone are given again."""
+    return path.stat().st_ino, path.stat().st_mtime_ns
 
 
 def test_a_file_is_whole_though_the_service_broke_off_and_was_started_again(

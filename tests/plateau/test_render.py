@@ -41,6 +41,19 @@ def render(tmp_path: Path) -> Iterator[Render]:
         command.end()
 
 
+def visible(folder: Path) -> set[str]:
+    """The names of what a person sees in the folder."""
+    return {path.name for path in folder.iterdir() if not path.name.startswith(".")}
+
+
+def of_an_earlier_job(out: Path) -> Path:
+    """An image that an earlier job left there."""
+    out.mkdir()
+    (out / ".plateau-job").write_text("0123456789ab\n")
+    (out / "image.png").write_text("an earlier image")
+    return out / "image.png"
+
+
 def left_nothing(command: Command) -> None:
     command.is_gone()
     assert list(command.temporary.iterdir()) == []
@@ -54,7 +67,7 @@ def test_a_scene_becomes_an_image(render: Render, tmp_path: Path) -> None:
     summary = json.loads((out / "summary.json").read_text())
     assert (summary["state"], summary["spp"]) == ("converged", 100)
     assert [point["spp"] for point in summary["curve"]] == [50, 100]
-    assert {path.name for path in out.iterdir()} == {
+    assert visible(out) == {
         "curve.csv",
         "curve.png",
         "difference.png",
@@ -66,7 +79,7 @@ def test_a_scene_becomes_an_image(render: Render, tmp_path: Path) -> None:
     # In a pipe, progress is a line for each point, and the end is in words
     assert "rendering with scalar_rgb" in command.said
     assert "50 spp" in command.said
-    assert "99 % of the cap" in command.said
+    assert "of the cap" not in command.said  # the rule fixed saves nothing
 
 
 def test_a_scene_of_nan_fails_and_shows_where(render: Render, tmp_path: Path) -> None:
@@ -100,12 +113,15 @@ def test_ctrl_c_cancels_and_writes_what_there_is(render: Render, tmp_path: Path)
     assert (tmp_path / "out" / "image.exr").exists()
 
 
-def test_ctrl_c_before_anything_runs_leaves_at_once(render: Render) -> None:
+def test_ctrl_c_before_anything_runs_leaves_at_once(render: Render, tmp_path: Path) -> None:
+    earlier = of_an_earlier_job(tmp_path / "out")
     command = render()
     until(lambda: len(command.family()) >= 1, 60)
     command.process.send_signal(signal.SIGINT)
     assert command.exit_code() == 130
     left_nothing(command)
+    # And so it leaves what was there before
+    assert earlier.read_text() == "an earlier image"
 
 
 def test_when_it_is_killed_nothing_runs_on(render: Render) -> None:
@@ -140,6 +156,7 @@ def test_processes_that_are_killed_change_nothing(render: Render, tmp_path: Path
 
 
 def test_a_scene_that_mitsuba_refuses_fails_in_its_words(render: Render, tmp_path: Path) -> None:
+    of_an_earlier_job(tmp_path / "out")
     command = render(text=FLOOR.replace(b"rectangle", b"dodecahedron"))
     assert command.exit_code(120) == 1
     left_nothing(command)
@@ -148,6 +165,8 @@ def test_a_scene_that_mitsuba_refuses_fails_in_its_words(render: Render, tmp_pat
     assert "Traceback" not in command.said
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert (summary["state"], "dodecahedron" in summary["reason"]) == ("failed", True)
+    # And no image of an earlier job is beside it
+    assert visible(tmp_path / "out") == {"summary.txt", "summary.json"}
 
 
 class TestWhatItsOwnWorkersCannotDo:
