@@ -26,6 +26,8 @@ DEFAULT_EVENTS: Final[tuple[WebhookEvent, ...]] = (
 SECRET_PREFIX: Final = "whsec_"
 _SECRET_BYTES: Final = range(24, 65)  # as Standard Webhooks has it
 _PORTS: Final = {"https": 443, "http": 80}
+#: What is shown for a path that is not shown. ASCII, as a URL has to be: clients read it as one.
+_HIDDEN: Final = "/..."
 
 
 class WebhookSpec(BaseModel):
@@ -68,8 +70,7 @@ class WebhookSpec(BaseModel):
             raise ValueError("must be like https://host/path")
         if "@" in parts.netloc:
             raise ValueError(
-                "must name no user and no password: it is shown to all who may see the job; the "
-                "receiver knows the farm by its signature"
+                "must name no user and no password: the receiver knows the farm by its signature"
             )
         if parts.fragment:
             raise ValueError("must have no #fragment: nobody would receive it")
@@ -104,6 +105,17 @@ class WebhookSpec(BaseModel):
         """Who is asked: scheme, host and port, without the path, which may be confidential."""
         parts = self.parts
         return f"{parts.scheme}://{parts.hostname}:{parts.port or _PORTS[parts.scheme]}"
+
+    @property
+    def is_hidden(self) -> bool:
+        """Whether this is what others are shown of a webhook, and no URL to send anything to."""
+        return self.url.endswith(_HIDDEN) and self.parts.path == _HIDDEN
+
+    def hidden(self) -> "WebhookSpec":
+        """The same for those who are not to know its path, which is often all that opens it."""
+        return self.model_copy(
+            update={"url": f"{self.parts.scheme}://{self.parts.netloc}{_HIDDEN}", "secret": None}
+        )
 
 
 def _is_secret(text: str) -> bool:

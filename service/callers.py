@@ -33,6 +33,10 @@ class Caller:
         """The largest upload that the key may bring; None where it has no limit of its own."""
         return None if self.key is None else self.key.limits.upload_bytes
 
+    def made(self, owner: str | None) -> bool:
+        """Whether it made what belongs to the owner; where the API is open, all are one."""
+        return self.id == (owner or "")
+
     def may_steer(self, owner: str | None) -> bool:
         """Whether it may change what belongs to the owner, a key's id: its own, or all as admin."""
         if self.key is None or self.key.role is Role.ADMIN:

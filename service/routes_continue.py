@@ -102,7 +102,7 @@ class Asker:
         )
         idempotency.settle(new, self.key, self.response)
         self.response.headers["Location"] = f"/v1/jobs/{new.job.id}"
-        return shown([new.job], self.farm)[0]
+        return shown([new.job], self.farm, self.who)[0]
 
 
 @router.post(

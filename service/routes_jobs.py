@@ -10,7 +10,7 @@ from farm.spec import JobSpec
 from farm.states import JobState
 from service import examples, idempotency, paging, problems
 from service.batch_views import BATCH, BatchView, batch_path, batch_view
-from service.callers import CallerOf
+from service.callers import Caller, CallerOf
 from service.parts import Parts, parts
 from service.problems import Problem, documented
 from service.uploads import StoredScene, Submission, create_job, stored_scene, submission
@@ -19,10 +19,10 @@ from service.views import JobChange, JobPage, JobView, Log, SliceLog, Slices, Sl
 router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
 
 
-def shown(jobs: list[Job], farm: Parts) -> list[JobView]:
-    """The jobs as the API shows them, with what they wait for where no worker may render them."""
+def shown(jobs: list[Job], farm: Parts, who: Caller) -> list[JobView]:
+    """The jobs as the caller sees them, with what they wait for where no worker may render them."""
     kinds = [] if all(job.state.ended for job in jobs) else farm.jobs.kinds()
-    return [job_view(job, waits_for(job, kinds)) for job in jobs]
+    return [job_view(job, waits_for(job, kinds), to_owner=who.made(job.owner)) for job in jobs]
 
 
 JobId = Annotated[str, Path(description="the job's `id`", examples=[examples.JOB_ID])]
@@ -146,7 +146,7 @@ def submit_job(
     batch = created.job.spec.batch
     if isinstance(asked.spec, JobSpec) or batch is None:
         response.headers["Location"] = f"/v1/jobs/{created.job.id}"
-        return shown([created.job], farm)[0]
+        return shown([created.job], farm, who)[0]
     response.headers["Location"] = batch_path(batch)
     return batch_view(farm.batches.get(batch))
 
@@ -154,6 +154,7 @@ def submit_job(
 @router.get("", responses=documented(problems.INVALID_REQUEST))
 def list_jobs(
     farm: Annotated[Parts, Depends(parts)],
+    who: CallerOf,
     state: Annotated[
         JobState | None, Query(description="only jobs in this state", examples=["rendering"])
     ] = None,
@@ -178,13 +179,13 @@ def list_jobs(
     found, after = farm.jobs.search(
         state=state, batch=batch, owner=owner, before=before, limit=limit
     )
-    return JobPage(jobs=shown(found, farm), next_cursor=paging.cursor_of(after))
+    return JobPage(jobs=shown(found, farm, who), next_cursor=paging.cursor_of(after))
 
 
 @router.get("/{job_id}", responses=documented(problems.UNKNOWN_JOB))
-def get_job(job_id: JobId, farm: Annotated[Parts, Depends(parts)]) -> JobView:
+def get_job(job_id: JobId, farm: Annotated[Parts, Depends(parts)], who: CallerOf) -> JobView:
     """Show a job: its state and why, what is merged, and what the eye would see of the rest."""
-    return shown([farm.job(job_id)], farm)[0]
+    return shown([farm.job(job_id)], farm, who)[0]
 
 
 @router.patch(
@@ -197,13 +198,15 @@ def get_job(job_id: JobId, farm: Annotated[Parts, Depends(parts)]) -> JobView:
         problems.INVALID_REQUEST,
     ),
 )
-def change_job(job_id: JobId, asked: JobChange, farm: Annotated[Parts, Depends(parts)]) -> JobView:
+def change_job(
+    job_id: JobId, asked: JobChange, farm: Annotated[Parts, Depends(parts)], who: CallerOf
+) -> JobView:
     """Change a job's priority, which is part of its `spec` then.
 
     It counts from the next slice that a worker takes; nobody stops in the middle of one. A job that
     has ended answers 409 with its state.
     """
-    return shown([farm.jobs.set_priority(farm.job(job_id).id, asked.priority)], farm)[0]
+    return shown([farm.jobs.set_priority(farm.job(job_id).id, asked.priority)], farm, who)[0]
 
 
 @router.post(
@@ -217,7 +220,8 @@ def cancel_job(job_id: JobId, farm: Annotated[Parts, Depends(parts)], who: Calle
     What is merged by then is kept and written as its image. Cancelling it again is harmless; a
     job that ended otherwise answers 409 with its state.
     """
-    return job_view(farm.jobs.cancel(farm.job(job_id).id, f"cancelled by {who.name}"))
+    job = farm.jobs.cancel(farm.job(job_id).id, f"cancelled by {who.name}")
+    return job_view(job, to_owner=who.made(job.owner))
 
 
 @router.post(
@@ -232,7 +236,8 @@ def pause_job(job_id: JobId, farm: Annotated[Parts, Depends(parts)], who: Caller
     or reach its cap. Pausing it again is harmless; a job that waits for its first slice, or has
     ended, answers 409 with its state.
     """
-    return job_view(farm.jobs.pause(farm.job(job_id).id, f"paused by {who.name}"))
+    job = farm.jobs.pause(farm.job(job_id).id, f"paused by {who.name}")
+    return job_view(job, to_owner=who.made(job.owner))
 
 
 @router.post(
@@ -246,7 +251,7 @@ def resume_job(job_id: JobId, farm: Annotated[Parts, Depends(parts)], who: Calle
     Resuming a job that is rendering is harmless; one that waits for its first slice, or has ended,
     answers 409 with its state.
     """
-    return shown([farm.jobs.resume(farm.job(job_id).id, f"resumed by {who.name}")], farm)[0]
+    return shown([farm.jobs.resume(farm.job(job_id).id, f"resumed by {who.name}")], farm, who)[0]
 
 
 @router.get("/{job_id}/slices", responses=documented(problems.UNKNOWN_JOB))

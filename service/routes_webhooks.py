@@ -7,9 +7,11 @@ from fastapi import APIRouter, Depends, Path
 from farm.job import Job
 from farm.webhooks import Delivery
 from service import examples, problems
+from service.callers import CallerOf
 from service.parts import Parts, parts
 from service.problems import Problem, documented
 from service.routes_jobs import JobId
+from service.views import job_view
 from service.webhook_views import Deliveries, WebhookMessage
 
 router = APIRouter(prefix="/v1/jobs/{job_id}/webhooks", tags=["webhooks"])
@@ -19,13 +21,15 @@ sent = APIRouter()
 
 
 @router.get("", responses=documented(problems.UNKNOWN_JOB))
-def list_deliveries(job_id: JobId, farm: Annotated[Parts, Depends(parts)]) -> Deliveries:
+def list_deliveries(
+    job_id: JobId, farm: Annotated[Parts, Depends(parts)], who: CallerOf
+) -> Deliveries:
     """Show what became of the messages to a job's webhook: each try of each, and when the next is.
 
     The newest hundred messages, and of their tries the newest thousand or so.
     """
     job = farm.job(job_id)
-    webhook = job.spec.webhook
+    webhook = job_view(job, to_owner=who.made(job.owner)).spec.webhook
     return Deliveries(
         url=None if webhook is None else webhook.url,
         events=() if webhook is None else webhook.events,

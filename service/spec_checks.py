@@ -85,6 +85,9 @@ def check_webhook(spec: SharedSpec, receivers: Receivers) -> None:
     """Refuse a webhook to where the farm would send nothing."""
     if spec.webhook is None:
         return
+    if spec.webhook.is_hidden:
+        message = "is what others are shown of a webhook: name the whole URL"
+        raise invalid_field(problems.INVALID_SPEC, "spec.webhook.url", message)
     try:
         receivers.check(spec.webhook.url)
     except ReceiverRefused as refused:

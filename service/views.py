@@ -215,8 +215,21 @@ class Health(BaseModel):
     status: str = "ok"
 
 
-def job_view(job: Job, waits_for: str | None = None) -> JobView:
-    """The job as the API shows it; `waits_for` says that no worker may render it."""
+def job_view(job: Job, waits_for: str | None = None, *, to_owner: bool = False) -> JobView:
+    """The job as the API shows it.
+
+    Parameters
+    ----------
+    job
+        The job.
+    waits_for
+        Says that no worker may render it.
+    to_owner
+        Whether who made it is shown it, and so the path of its webhook, which is often a secret.
+    """
+    if job.spec.webhook is not None and not to_owner:
+        spec = job.spec.model_copy(update={"webhook": job.spec.webhook.hidden()})
+        job = job.model_copy(update={"spec": spec})
     root = f"/v1/jobs/{job.id}"
     links = {
         "self": root,

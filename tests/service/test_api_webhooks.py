@@ -6,6 +6,7 @@ import httpx
 import pytest
 import redis
 
+from farm.api_keys import ApiKeys, KeyLimits, Role
 from farm.blobs import Blobs
 from farm.spec import JobSpec
 from farm.webhook_spec import DEFAULT_EVENTS
@@ -27,6 +28,57 @@ def test_a_job_shows_whom_it_tells(http: httpx.Client) -> None:
     assert job["links"]["webhooks"] == f"/v1/jobs/{job['id']}/webhooks"
     # All changes but the first, where nothing is said
     assert asked(http).json()["spec"]["webhook"]["events"] == list(DEFAULT_EVENTS)
+
+
+def test_the_path_is_shown_to_who_asked_for_it_and_to_nobody_else(
+    http: httpx.Client, client: redis.Redis
+) -> None:
+    # Given three keys, and a job of the first whose webhook's path is its secret
+    limits = KeyLimits(requests_per_minute=6000, burst=100, upload_bytes=None, open_jobs=None)
+
+    def headers(role: Role) -> dict[str, str]:
+        key = ApiKeys(client).create(f"a {role.value}", role, limits)[1]
+        return {"Authorization": f"Bearer {key}"}
+
+    owner = headers(Role.SUBMITTER)
+    url = "https://hooks.studio.example:8443/services/T0/swordfish?token=swordfish"
+    spec = {"webhook": {"url": url, "events": ["queued"]}, "batch": "tuesday"}
+    path = f"/v1/jobs/{submit(http, spec=spec, headers=owner).json()['id']}"
+    # Then its owner is shown all of it
+    pages = (path, "/v1/jobs", "/v1/jobs?batch=tuesday", f"{path}/webhooks")
+    for page in pages:
+        assert url in http.get(page, headers=owner).text, page
+    # And others whom it tells, also where they change it: an admin may, and has no need to know
+    for other in (headers(Role.SUBMITTER), headers(Role.VIEWER), headers(Role.ADMIN)):
+        for page in pages:
+            shown = http.get(page, headers=other).text
+            assert "swordfish" not in shown, page
+            assert '"https://hooks.studio.example:8443/..."' in shown, page
+        for page in (f"{path}/events?after=0-0", f"{path}/report.html", f"{path}/log"):
+            accept = {"Accept": "application/json, text/html"}
+            assert "swordfish" not in http.get(page, headers={**other, **accept}).text, page
+    for answer in (
+        http.patch(path, json={"priority": 3}, headers=other),
+        http.post(f"{path}/webhooks/1/redeliver", headers=other),
+        http.post(f"{path}/cancel", headers=other),
+    ):
+        assert answer.is_success, answer.text
+        assert "swordfish" not in answer.text
+    # And nobody tells the masked one
+    masked = {"url": "https://hooks.studio.example:8443/..."}
+    found = problem(submit(http, spec={"webhook": masked}, headers=owner), 422, "invalid-spec")
+    assert "name the whole URL" in found["detail"]
+
+
+def test_a_webhook_of_nobody_s_job_is_shown_to_nobody_once_there_are_keys(
+    http: httpx.Client, client: redis.Redis
+) -> None:
+    path = f"/v1/jobs/{asked(http).json()['id']}"
+    assert URL in http.get(path).text
+    limits = KeyLimits(requests_per_minute=60, burst=10, upload_bytes=None, open_jobs=None)
+    key = ApiKeys(client).create("an admin", Role.ADMIN, limits)[1]
+    shown = http.get(path, headers={"Authorization": f"Bearer {key}"}).json()
+    assert shown["spec"]["webhook"]["url"] == "https://studio.example/..."
 
 
 @pytest.mark.parametrize(
