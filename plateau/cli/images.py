@@ -43,7 +43,9 @@ def diff(
     ] = None,
     map_file: Annotated[
         Path | None,
-        typer.Option("--map", metavar="OUT.png", help="Mark the visible pixels on TEST, there."),
+        typer.Option(
+            "--map", metavar="OUT.png", help="File for TEST with the visible pixels marked."
+        ),
     ] = None,
     as_json: o.Json = False,
 ) -> None:
@@ -91,7 +93,7 @@ def judge(
         bool, typer.Option("--cumulative", help="Each image contains the one before.")
     ] = False,
     out: Annotated[
-        Path | None, typer.Option("--out", "-o", metavar="DIR", help="Write the curve there.")
+        Path | None, typer.Option("--out", "-o", metavar="DIR", help="Folder for the curve.")
     ] = None,
     as_json: o.Json = False,
 ) -> None:

@@ -35,7 +35,8 @@ def submit(
         str | None,
         typer.Option(
             metavar="URL",
-            help="Who is told of the job's changes, by requests that PLATEAU_WEBHOOK_SECRET signs, "
+            help="URL that is told of the job's changes, by requests that PLATEAU_WEBHOOK_SECRET "
+            "signs, "
             "or else the farm's own secret.",
         ),
     ] = None,
@@ -43,7 +44,7 @@ def submit(
         list[str] | None,
         typer.Option(
             metavar="EVENT",
-            help="Tell this one: a state that the job comes to, or finished, when its results are "
+            help="Event to send: a state that the job comes to, or finished, when its results are "
             "written; repeatable.",
             show_default="all but queued",
         ),
@@ -84,7 +85,7 @@ def watch(
     job_id: o.OrJobId = None,
     batch: o.OrBatch = None,
     out: Annotated[
-        Path | None, typer.Option("--out", "-o", metavar="DIR", help="Write the results there.")
+        Path | None, typer.Option("--out", "-o", metavar="DIR", help="Folder for the results.")
     ] = None,
     no_curve: o.NoCurve = False,
     events: Annotated[
@@ -112,9 +113,9 @@ def watch(
     from plateau.commands.jobs import watch as run
 
     if events and (out is not None or as_json):
-        raise typer.BadParameter("--events goes with neither --out nor --json")
+        raise typer.BadParameter("--events cannot be combined with --out or --json")
     if events and batch is not None:
-        raise typer.BadParameter("--events is of one job")
+        raise typer.BadParameter("--events shows one job, not a batch")
     job = o.one_of(job_id, batch)
     with plain_errors():
         if batch is not None:

@@ -36,7 +36,7 @@ def curve(
 def fetch(
     job_id: o.JobId,
     out: Annotated[
-        Path, typer.Option("--out", "-o", metavar="DIR", help="Write the files there.")
+        Path, typer.Option("--out", "-o", metavar="DIR", help="Folder for the files.")
     ] = Path("plateau-out"),
     url: o.Url = None,
     as_json: o.Json = False,

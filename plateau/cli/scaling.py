@@ -24,33 +24,35 @@ app.add_typer(scale, name="scale")
 def slurm(
     most: Annotated[int, typer.Option("--max", help="Most workers at once.", min=0)],
     least: Annotated[
-        int, typer.Option("--min", help="So many stay though there is nothing to do.", min=0)
+        int, typer.Option("--min", help="Fewest workers, even with nothing to do.", min=0)
     ] = 0,
     worth: Annotated[
         float,
         typer.Option(
             metavar="SECONDS",
-            help="A worker is submitted where there is so much work for it, or a slice of more.",
+            help="A worker is submitted where there is so much work for it, or a longer slice.",
             min=0.001,
         ),
     ] = 60.0,
     calm: Annotated[
         float,
         typer.Option(
-            metavar="SECONDS", help="None leaves before less was wanted for so long.", min=0
+            metavar="SECONDS", help="No worker leaves before fewer were needed for so long.", min=0
         ),
     ] = 60.0,
     idle: Annotated[
         float,
         typer.Option(
-            metavar="SECONDS", help="And none before it had nothing to do for so long.", min=0
+            metavar="SECONDS",
+            help="No worker leaves before it had nothing to do for so long.",
+            min=0,
         ),
     ] = 30.0,
     from_priority: Annotated[
         int | None,
         typer.Option(
             metavar="PRIORITY",
-            help="Jobs of a lower priority bring no workers; those that are there render them.",
+            help="Jobs of a lower priority start no workers; those that run render them.",
         ),
     ] = None,
     partition: Annotated[str | None, typer.Option(help="Partition, or several: a,b.")] = None,

@@ -16,7 +16,7 @@ def render(
     scene: o.Scene,
     spec: o.Spec,
     out: Annotated[
-        Path, typer.Option("--out", "-o", metavar="DIR", help="Where the results go.")
+        Path, typer.Option("--out", "-o", metavar="DIR", help="Folder for the results.")
     ] = Path("plateau-out"),
     workers: Annotated[int, typer.Option(help="Worker processes.", min=1, max=256)] = 1,
     threads: Annotated[
@@ -67,7 +67,8 @@ _Port = Annotated[
 _Open = Annotated[
     bool,
     typer.Option(
-        "--open", help="Want no keys, though there are some; on this machine's own address only."
+        "--open",
+        help="Ask for no key, even where there are some; on this machine's own address only.",
     ),
 ]
 _Certificate = Annotated[
@@ -75,7 +76,7 @@ _Certificate = Annotated[
     typer.Option(
         "--tls-certificate",
         metavar="FILE",
-        help="Serve https with this certificate, a PEM file with those that it rests on.",
+        help="Serve https with this certificate, a PEM file with its chain.",
     ),
 ]
 _PrivateKey = Annotated[
@@ -87,7 +88,7 @@ def _door(
     host: str, port: int, *, open_to_all: bool, certificate: Path | None, private_key: Path | None
 ) -> Door:
     if (certificate is None) != (private_key is None):
-        raise typer.BadParameter("--tls-certificate and --tls-key go together")
+        raise typer.BadParameter("give --tls-certificate and --tls-key together")
     return Door(host, port, open_to_all, certificate, private_key)
 
 
@@ -186,7 +187,7 @@ def gc(
         float | None,
         typer.Option(
             metavar="DAYS",
-            help="Forget jobs that were finished so long ago, with their results.",
+            help="Remove jobs that were finished before so many days, with their results.",
             show_default="PLATEAU_KEEP_RESULTS_DAYS, else never",
             min=0,
             max=3653,
@@ -196,8 +197,8 @@ def gc(
         float | None,
         typer.Option(
             metavar="DAYS",
-            help="Remove the sums of jobs that were finished so long ago; with them a job can be "
-            "gone on with.",
+            help="Remove the sums of jobs that were finished before so many days; without "
+            "them, a job cannot be continued.",
             show_default="PLATEAU_KEEP_SUMS_DAYS, else 3",
             min=0,
             max=3653,
@@ -207,7 +208,8 @@ def gc(
         float | None,
         typer.Option(
             metavar="DAYS",
-            help="Remove scenes of no job, unused for so long (an hour at least).",
+            help="Remove scenes that no job has and nobody used for so many days (an hour at "
+                "least).",
             show_default="PLATEAU_KEEP_SCENES_DAYS, else never",
             min=0,
             max=3653,

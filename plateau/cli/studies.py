@@ -31,7 +31,7 @@ def create(
         str | None,
         typer.Option(
             metavar="JOB_ID",
-            help="A job that is the reference, of another seed.",
+            help="Job of another seed that is the reference.",
             show_default="the job itself",
         ),
     ] = None,
@@ -48,7 +48,7 @@ def create(
         ),
     ] = None,
     name: Annotated[
-        str | None, typer.Option(help="What tables call it.", show_default="the job's name")
+        str | None, typer.Option(help="Its name in tables.", show_default="the job's name")
     ] = None,
     url: o.Url = None,
     as_json: o.Json = False,
@@ -98,7 +98,9 @@ def export(
     ] = False,
     out: Annotated[
         Path | None,
-        typer.Option("--out", "-o", metavar="FILE", help="Write it there.", show_default="stdout"),
+        typer.Option(
+            "--out", "-o", metavar="FILE", help="File for the table.", show_default="stdout"
+        ),
     ] = None,
     url: o.Url = None,
     as_json: o.Json = False,
@@ -134,7 +136,7 @@ def fit(
         Path, typer.Argument(help="A CSV file: single answers, or the paper's table 1.")
     ],
     plot: Annotated[
-        Path | None, typer.Option(metavar="OUT.png", help="Plot answers and fits, there.")
+        Path | None, typer.Option(metavar="OUT.png", help="File for a plot of answers and fits.")
     ] = None,
     as_json: o.Json = False,
 ) -> None:

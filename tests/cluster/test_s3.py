@@ -250,7 +250,7 @@ def test_wrong_credentials_and_a_missing_bucket_are_clear_errors(
     environment.setenv("AWS_SECRET_ACCESS_KEY", f"not the {SECRET}")
     assert "AWS_SECRET_ACCESS_KEY is not that of AWS_ACCESS_KEY_ID" in refusal(f"s3://{BUCKET}")
     environment.setenv("AWS_ACCESS_KEY_ID", "nobody")
-    assert "nobody has this AWS_ACCESS_KEY_ID" in refusal(f"s3://{BUCKET}")
+    assert "the store does not know this AWS_ACCESS_KEY_ID" in refusal(f"s3://{BUCKET}")
 
 
 def test_a_worker_s_credentials_are_of_no_use_for_anything_else(
@@ -284,7 +284,7 @@ def test_a_worker_s_credentials_are_of_no_use_for_anything_else(
             lambda: theirs.put("elsewhere/a", b"y"),
             lambda: Blobs(f"s3://{BUCKET}").get("scenes/of-others"),
         ):
-            with pytest.raises(BlobsUnavailable, match="may not do that there"):
+            with pytest.raises(BlobsUnavailable, match="the store does not allow that"):
                 ask()
         theirs.delete(partial)
         assert store.mark() == "ours"
