@@ -243,10 +243,8 @@ METRICS: Final = (
 PROBLEM_DETAILS: Final = {
     "malformed-request": "Missing boundary in multipart.",
     "foreign-host": "the request is addressed to 'farm.example'; without API keys, this service "
-    "answers its own machine only, as "
-    "localhost, 127.0.0.1 or [::1]; once `plateau keys create NAME` has made a key, it answers "
-    "under "
-    "any name",
+    "answers its own machine only, as localhost, 127.0.0.1 or [::1]; once `plateau keys create "
+    "NAME` has made a key, it answers under any name",
     "foreign-origin": "a page of 'https://example.org' made this request; only the API's own "
     "pages may",
     "no-key": "this service needs an API key, in the header Authorization: Bearer KEY; plateau's "

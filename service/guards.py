@@ -64,10 +64,9 @@ _FROM_A_PROXY: Final = frozenset(
 def _foreign_host(what: str) -> Problem:
     return Problem(
         FOREIGN_HOST,
-        f"{what}; without API keys, this service answers its own machine only, as "
-        "localhost, 127.0.0.1 or [::1]; once `plateau keys create NAME` has made a key, it "
-        "answers under "
-        "any name",
+        f"{what}; without API keys, this service answers its own machine only, as localhost, "
+        "127.0.0.1 or [::1]; once `plateau keys create NAME` has made a key, it answers under any "
+        "name",
     )
 
 

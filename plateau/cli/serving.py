@@ -209,7 +209,7 @@ def gc(
         typer.Option(
             metavar="DAYS",
             help="Remove scenes that no job has and nobody used for so many days (an hour at "
-                "least).",
+            "least).",
             show_default="PLATEAU_KEEP_SCENES_DAYS, else never",
             min=0,
             max=3653,

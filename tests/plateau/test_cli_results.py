@@ -106,7 +106,7 @@ class TestWatch:
         assert events[-4]["data"]["visible_pixels"] == 9
         for more in (["--json"], ["-o", "out"]):
             code, _, err = plateau("watch", job.id, "--events", *more)
-            assert (code, "--events goes with neither" in err) == (2, True)
+            assert (code, "--events cannot be combined" in err) == (2, True)
 
 
 class TestFarm:
