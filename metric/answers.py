@@ -27,6 +27,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike, NDArray
 
+#: A fit to fewer answers would say nothing.
+FEWEST_ANSWERS: Final = 20
+
 _MOST_STEPS: Final = 200
 _CLOSE: Final = 1e-9
 
@@ -43,6 +46,15 @@ class AnswersFit:
     observers: int
     #: (2, 2) of a and b: as if all answers were independent, and by how observers differ.
     covariances: tuple[NDArray[np.float64], ...]
+
+    @property
+    def refusal(self) -> str | None:
+        """Why nothing should be concluded from the fit, in words; None where something may be."""
+        if self.answers < FEWEST_ANSWERS:
+            return f"a fit needs {FEWEST_ANSWERS} answers or more, and there are {self.answers}"
+        if self.a >= 0:
+            return "differences were not seen less often at more samples per pixel"
+        return None
 
     def probability(self, spp: ArrayLike) -> NDArray[np.float64]:
         """Return the probability to perceive a difference at these spp, of their shape."""

@@ -40,13 +40,50 @@ class FittedScene:
     probabilities: tuple[float, ...]
     fit: LogitFit | AnswersFit
 
+    @property
+    def refusal(self) -> str | None:
+        """Why the fit is not shown, in words; None where it is."""
+        if isinstance(self.fit, AnswersFit):
+            return self.fit.refusal
+        if self.fit.a >= 0:
+            return "differences were not seen less often at more samples per pixel"
+        return None
+
     def threshold(self, probability: float) -> float | None:
-        """The spp at which a difference is perceived so often; None where the fit is flat."""
-        return None if self.fit.a == 0 else self.fit.threshold(probability)
+        """The spp at which a difference is perceived so often; None where that would be a guess.
+
+        It is where the fit is refused, or the single answers do not bound it.
+        """
+        single = isinstance(self.fit, AnswersFit)
+        if self.refusal or (single and self.interval(probability) is None):
+            return None
+        return self.fit.threshold(probability)
 
     def interval(self, probability: float) -> tuple[float, float] | None:
         """Where that spp lies with 95 % confidence; None where single answers are not known."""
-        return self.fit.interval(probability) if isinstance(self.fit, AnswersFit) else None
+        if self.refusal or not isinstance(self.fit, AnswersFit):
+            return None
+        return self.fit.interval(probability)
+
+    def warnings(self) -> list[str]:
+        """What whoever reads the thresholds has to know, a sentence each."""
+        if self.refusal:
+            return [f"no fit: {self.refusal}"]
+        return [told for one in PROBABILITIES if (told := self._warning(one))]
+
+    def _warning(self, probability: float) -> str:
+        spp, least, most = self.threshold(probability), min(self.spp), max(self.spp)
+        if spp is None:
+            return (
+                f"the answers do not bound the threshold of {probability:.0%}: it takes more of "
+                "them, or levels at which some see a difference and others do not"
+            )
+        if not least <= spp <= most:
+            return (
+                f"the threshold of {probability:.0%}, {spp:,.0f} spp, lies beyond what was shown, "
+                f"{least:,.0f} to {most:,.0f} spp: it is no more than the fitted curve's guess"
+            )
+        return ""
 
 
 def fit_table(path: Path) -> list[FittedScene]:
@@ -125,7 +162,8 @@ def plot_study(fitted: list[FittedScene], path: Path) -> None:
     over = np.linspace(0, 1.5 * max(max(one.spp) for one in fitted), 200)
     for axes, one in zip(grid.flat, fitted, strict=False):
         axes.plot(one.spp, one.probabilities, "o", color="#1f6f8b", markersize=4)
-        axes.plot(over, one.fit.probability(over), color="#d1495b")
+        if one.refusal is None:
+            axes.plot(over, one.fit.probability(over), color="#d1495b")
         for probability in PROBABILITIES:
             place = one.threshold(probability)
             if place is not None:

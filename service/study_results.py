@@ -3,6 +3,7 @@
 import csv
 import io
 from collections import Counter
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Final
 
 from pydantic import BaseModel, ConfigDict, Field
@@ -14,9 +15,6 @@ if TYPE_CHECKING:
     from metric import AnswersFit
 
 _THRESHOLDS: Final = (0.5, 0.1)
-#: A fit to fewer answers would say nothing.
-_FEWEST: Final = 20
-
 _FORMULA: Final = ("=", "+", "-", "@", "\t", "\r")
 
 TRIALS_HEADER: Final = (
@@ -66,10 +64,12 @@ class StudyResult(BaseModel):
     levels: list[LevelResult] = Field(description="by rising spp")
     a: float | None = Field(
         description="of p = 1 / (1 + e^-(a·spp + b)), fitted to all answers (Firth); null while "
-        f"there are fewer than {_FEWEST}, or more samples do not help"
+        "there are fewer than 20, or more samples do not help"
     )
     b: float | None
-    thresholds: list[Threshold] = Field(description="where p is 0.5 and 0.1; none without a fit")
+    thresholds: list[Threshold] = Field(
+        description="where p is 0.5 and 0.1, as far as the answers bound it; none without a fit"
+    )
     suggested_levels: list[int] = Field(
         description="for a study by constant stimuli: seven at equal distances over the interval "
         "in which the answers change"
@@ -111,7 +111,7 @@ def study_result(study: Study, observers: list[Observer], answers: list[Answer])
         levels=levels,
         a=None if fit is None else fit.a,
         b=None if fit is None else fit.b,
-        thresholds=[] if fit is None else [_threshold(fit, p) for p in _THRESHOLDS],
+        thresholds=[] if fit is None else list(_thresholds(fit)),
         suggested_levels=_suggested(levels, study.slice_spp),
     )
 
@@ -160,7 +160,7 @@ def _levels(study: Study, answers: list[Answer]) -> list[LevelResult]:
 
 
 def _fit(answers: list[Answer]) -> "AnswersFit | None":
-    if len(answers) < _FEWEST or len({one.spp for one in answers}) < 2:
+    if len({one.spp for one in answers}) < 2:
         return None
     from metric import fit_answers  # here, since clients import this module for its models
 
@@ -169,13 +169,17 @@ def _fit(answers: list[Answer]) -> "AnswersFit | None":
         [one.seen for one in answers],
         [one.observer for one in answers],
     )
-    return fit if fit.a < 0 else None
+    return None if fit.refusal else fit
 
 
-def _threshold(fit: "AnswersFit", probability: float) -> Threshold:
-    low, high = fit.interval(probability) or (None, None)
-    spp = fit.threshold(probability)
-    return Threshold(probability=probability, spp=spp, low_spp=low, high_spp=high)
+def _thresholds(fit: "AnswersFit") -> Iterator[Threshold]:
+    """Those that the answers bound: any other would be a guess."""
+    for probability in _THRESHOLDS:
+        interval = fit.interval(probability)
+        if interval is not None:
+            low, high = interval
+            spp = fit.threshold(probability)
+            yield Threshold(probability=probability, spp=spp, low_spp=low, high_spp=high)
 
 
 def _suggested(levels: list[LevelResult], slice_spp: int) -> list[int]:

@@ -147,6 +147,10 @@ def fit(
     a line for each answer, as `plateau study export` writes it: then each answer counts once, and
     each threshold has an interval in which it lies with 95 % confidence.
 
+    Fewer than 20 answers, or answers that did not become rarer with more samples, have no fit, and
+    a threshold that the answers do not bound is left open; standard error says why. The exit code
+    is 1 where no scene has a fit.
+
     For example:
       plateau study fit trials.csv --plot thresholds.png
     """

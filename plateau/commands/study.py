@@ -9,11 +9,16 @@ from typing import Any
 from farm.study_order import Method
 from metric import AnswersFit
 from plateau.connect import connect
+from plateau.exits import ExitCode
 from plateau.job_ids import whole_id
 from plateau.study import PROBABILITIES, FittedScene, fit_table, plot_study
 from plateau.tables import print_rows
 from service.study_views import StudyView
 
+_NO_INTERVALS = (
+    "shares do not tell how many answers they are of, so there are no intervals: fit the single "
+    "answers (trials.csv)"
+)
 _COLUMNS = ("id", "name", "method", "levels", "observers", "answers", "50 % at", "95 % interval")
 
 
@@ -78,7 +83,7 @@ def delete(study_id: str, *, url: str | None) -> None:
 
 
 def fit(table: Path, *, plot: Path | None, as_json: bool) -> int:
-    """Fit a table, plot it where asked, print; returns the exit code."""
+    """Fit a table, plot it where asked, print; the exit code says whether any scene has a fit."""
     fitted = fit_table(table)
     if plot is not None:
         plot_study(fitted, plot)
@@ -88,7 +93,11 @@ def fit(table: Path, *, plot: Path | None, as_json: bool) -> int:
         _print_answers(fitted)
     else:
         _print_table(fitted)
-    return 0
+        print(f"plateau: {_NO_INTERVALS}", file=sys.stderr)
+    for one in fitted:
+        for told in one.warnings():
+            print(f"plateau: {one.scene}: {told}", file=sys.stderr)
+    return ExitCode.FAILED if all(one.refusal for one in fitted) else ExitCode.OK
 
 
 def _print_table(fitted: list[FittedScene]) -> None:
@@ -98,10 +107,7 @@ def _print_table(fitted: list[FittedScene]) -> None:
     for one in fitted:
         places = "".join(_place(one.threshold(probability)) for probability in PROBABILITIES)
         figures = asdict(one.fit)
-        print(
-            f"{one.scene:<{width}}{figures['a']:>11.5f}{figures['b']:>9.3f}{figures['c']:>7.2f}"
-            f"{figures['r']:>9.3f}{places}"
-        )
+        print(f"{one.scene:<{width}}{_fitted(one)}{figures['c']:>7.2f}{figures['r']:>9.3f}{places}")
 
 
 def _print_answers(fitted: list[FittedScene]) -> None:
@@ -114,9 +120,15 @@ def _print_answers(fitted: list[FittedScene]) -> None:
             f"{_place(one.threshold(p))}{_between(one.interval(p)):>18}" for p in PROBABILITIES
         )
         print(
-            f"{one.scene:<{width}}{one.fit.answers:>9}{one.fit.observers:>11}"
-            f"{one.fit.a:>11.5f}{one.fit.b:>9.3f}{places}"
+            f"{one.scene:<{width}}{one.fit.answers:>9}{one.fit.observers:>11}{_fitted(one)}{places}"
         )
+
+
+def _fitted(one: FittedScene) -> str:
+    """The columns of a and b."""
+    if one.refusal:
+        return f"{'–':>11}{'–':>9}"
+    return f"{one.fit.a:>11.5f}{one.fit.b:>9.3f}"
 
 
 def _place(spp: float | None) -> str:
@@ -130,10 +142,13 @@ def _between(interval: tuple[float, float] | None) -> str:
 def _as_json(one: FittedScene) -> dict[str, object]:
     figures: dict[str, Any] = asdict(one.fit)
     figures.pop("covariances", None)
+    if one.refusal:
+        figures |= {"a": None, "b": None}
     thresholds = {f"{probability:g}": one.threshold(probability) for probability in PROBABILITIES}
     found: dict[str, object] = {"scene": one.scene, **figures, "threshold_spp": thresholds}
     if isinstance(one.fit, AnswersFit):
         found["interval_spp"] = {f"{p:g}": one.interval(p) for p in PROBABILITIES}
+    found["warnings"] = one.warnings()
     return found
 
 

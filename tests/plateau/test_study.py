@@ -2,6 +2,7 @@
 
 import csv
 import json
+from collections.abc import Iterable
 from pathlib import Path
 
 import pytest
@@ -74,3 +75,71 @@ def test_what_cannot_be_fitted_is_said(tmp_path: Path, text: str, words: str) ->
     table.write_text(text)
     with pytest.raises(CannotFit, match=words):
         fit_table(table)
+
+
+class TestSingleAnswers:
+    """The page and `plateau study fit` refuse alike: what they do not know, they do not say."""
+
+    def test_that_are_too_few_have_no_fit(
+        self, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        # Given eleven answers, in which a curve would find thresholds far beyond the last level
+        levels, seen = [100, 200, 300] * 4, [True] * 8 + [True, True, False]
+        table = trials(tmp_path, "box", zip(levels, seen, strict=False))
+        # When they are fitted
+        assert fit(table, plot=tmp_path / "plot.png", as_json=False) == 1
+        # Then neither a curve nor a threshold is printed, and it is said why
+        out, err = capsys.readouterr()
+        assert out.splitlines()[1].split() == ["box", "11", "1", *"––––––"]
+        assert err == "plateau: box: no fit: a fit needs 20 answers or more, and there are 11\n"
+        fit(table, plot=None, as_json=True)
+        [told] = json.loads(capsys.readouterr().out)
+        assert (told["a"], told["b"], told["answers"]) == (None, None, 11)
+        assert told["threshold_spp"] == told["interval_spp"] == {"0.5": None, "0.1": None}
+
+    def test_that_are_seen_more_often_with_more_samples_have_none(self, tmp_path: Path) -> None:
+        table = trials(tmp_path, "box", [(100, False), (200, True)] * 15)
+        [fitted] = fit_table(table)
+        assert (fitted.threshold(0.5), fitted.interval(0.5)) == (None, None)
+        assert fitted.warnings() == [
+            "no fit: differences were not seen less often at more samples per pixel"
+        ]
+
+    def test_that_do_not_bound_a_threshold_leave_it_open(self, tmp_path: Path) -> None:
+        # Given answers that hardly depend on what was shown
+        answers = [(100, True), (200, True), (100, True), (200, False), (100, False)] * 5
+        [fitted] = fit_table(trials(tmp_path, "box", answers))
+        assert fitted.refusal is None
+        assert (fitted.threshold(0.1), fitted.interval(0.1)) == (None, None)
+        assert "do not bound the threshold of 10%" in fitted.warnings()[-1]
+
+    def test_that_bound_them_have_intervals(
+        self, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        one = [(100, True), (200, True), (300, True), (300, False), (400, False), (500, False)]
+        table = trials(tmp_path, "box", one * 10)
+        assert fit(table, plot=None, as_json=True) == 0
+        [told] = json.loads(capsys.readouterr().out)
+        low, high = told["interval_spp"]["0.5"]
+        assert 200 < low < told["threshold_spp"]["0.5"] < high < 400
+        assert told["warnings"] == []
+
+
+def test_a_threshold_beyond_what_was_shown_is_said_to_be_a_guess(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table = tmp_path / "shares.csv"
+    table.write_text("scene,100,200\nbox,0.9,0.8\n")
+    assert fit(table, plot=None, as_json=False) == 0
+    no_intervals, half, tenth = capsys.readouterr().err.splitlines()
+    assert "there are no intervals: fit the single answers" in no_intervals
+    for line in (half, tenth):
+        assert "lies beyond what was shown, 100 to 200 spp" in line
+
+
+def trials(folder: Path, scene: str, answers: Iterable[tuple[int, bool]]) -> Path:
+    """A table of an observer's single answers."""
+    table = folder / "trials.csv"
+    lines = [f"{scene},ann,{spp},{str(seen).lower()}" for spp, seen in answers]
+    table.write_text("\n".join(["scene,observer,spp,seen", *lines]))
+    return table
