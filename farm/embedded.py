@@ -12,6 +12,7 @@ from typing import BinaryIO, Final
 
 from farm.durable import make_folder, sync
 from farm.errors import StoreUnavailable
+from farm.log_files import rotate
 from farm.processes import die_with_parent, plain_environment
 
 _START_S: Final = 30.0
@@ -170,6 +171,10 @@ class EmbeddedRedis:
                     raise StoreUnavailable(f"the embedded Redis did not start: {words}") from error
                 time.sleep(0.01)
         client.close()
+
+    def rotate_log(self) -> None:
+        """Begin its log anew where that is too long; the server opens it for each line."""
+        rotate(self._log)
 
     def last_words(self) -> str:
         """The end of its log."""

@@ -5,15 +5,19 @@ given the process's own fields (``role``, ``worker`` or ``monitor``) and those o
 about at the time (``job``, ``slice``), and is written as a line for people or for programs.
 """
 
+import copy
 import json
 import logging
+import math
 import re
 import sys
+from collections import OrderedDict
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from contextvars import ContextVar
+from dataclasses import dataclass
 from datetime import datetime, timezone
-from typing import Final
+from typing import TYPE_CHECKING, Final, TextIO
 
 from farm.settings import LogFormat
 
@@ -21,6 +25,12 @@ from farm.settings import LogFormat
 _PROCESS: Final[dict[str, str]] = {}
 #: Those of what this thread or task is about: ``job`` and, where it is about one, ``slice``.
 _CONCERN: Final[ContextVar[dict[str, str | int]]] = ContextVar("concern")
+
+#: So often a line is written within so many seconds; after that it is counted.
+_TOLD_TIMES: Final = 5
+_RUN_S: Final = 60.0
+#: So many different lines are remembered.
+_MOST_RUNS: Final = 1000
 
 #: A value that a line of text shows as it is; others are quoted.
 _WORD: Final = re.compile(r"[^\s='\"]+")
@@ -37,10 +47,15 @@ def set_up(role: str, log_format: LogFormat) -> None:
         ``text``: time, level and message, then the fields, then an exception's lines. ``json``: an
         object with ``time`` (ISO 8601, UTC), ``level``, ``message``, ``role``, where they apply
         ``worker``, ``monitor``, ``job`` and ``slice``, and ``exception`` as text.
+
+    Notes
+    -----
+    A line that comes more than five times within a minute is counted from then on. How often it
+    came is said ahead of the next line of any kind that follows that minute, or at the end.
     """
     _PROCESS.clear()
     identify(role=role)
-    handler = logging.StreamHandler(sys.stderr)
+    handler = _Counting(sys.stderr)
     handler.setFormatter(_Json() if log_format == "json" else _Text())
     logging.basicConfig(handlers=[handler], level=logging.INFO, force=True)
     logging.captureWarnings(True)
@@ -84,6 +99,68 @@ def printable(text: str) -> str:
     )
 
 
+if TYPE_CHECKING:
+    _StreamHandler = logging.StreamHandler[TextIO]
+else:  # before Python 3.11 it is no generic
+    _StreamHandler = logging.StreamHandler
+
+
+@dataclass
+class _Run:
+    """One line as it comes again and again."""
+
+    first: logging.LogRecord
+    times: int = 1
+
+    def summary(self) -> logging.LogRecord:
+        """A line that says how often it came, beyond those that were written."""
+        said = copy.copy(self.first)
+        more = self.times - _TOLD_TIMES
+        said.msg = f"{self.first.getMessage()} [{more:,} times more within {_RUN_S:g} s]"
+        said.args = said.exc_info = said.exc_text = None
+        return said
+
+
+class _Counting(_StreamHandler):
+    """Writes a line a few times and counts it then: who can cause one cannot fill the disk."""
+
+    def __init__(self, stream: TextIO) -> None:
+        super().__init__(stream)
+        self._runs: OrderedDict[tuple[object, ...], _Run] = OrderedDict()  # by age
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Write the record, or count it; its fields are those of its thread."""
+        fields = record.__dict__["plateau_fields"] = _fields()
+        self._end_runs(before=record.created - _RUN_S)
+        error = record.exc_info[1] if record.exc_info else None
+        about = tuple(fields.items())
+        key = (record.name, record.levelno, record.getMessage(), repr(error), about)
+        run = self._runs.get(key)
+        if run is None:
+            if len(self._runs) >= _MOST_RUNS:
+                self._end_oldest()
+            self._runs[key] = _Run(record)
+        else:
+            run.times += 1
+        if run is None or run.times <= _TOLD_TIMES:
+            super().emit(record)
+
+    def close(self) -> None:
+        """Say what was counted."""
+        with self.lock or nullcontext():
+            self._end_runs(before=math.inf)
+        super().close()
+
+    def _end_runs(self, before: float) -> None:
+        while self._runs and next(iter(self._runs.values())).first.created < before:
+            self._end_oldest()
+
+    def _end_oldest(self) -> None:
+        _, run = self._runs.popitem(last=False)
+        if run.times > _TOLD_TIMES:
+            super().emit(run.summary())
+
+
 class _Json(logging.Formatter):
     """Every record as an object."""
 
@@ -92,7 +169,7 @@ class _Json(logging.Formatter):
             "time": _time(record),
             "level": record.levelname.lower(),
             "message": record.getMessage(),
-            **_fields(),
+            **record.__dict__["plateau_fields"],
         }
         if record.exc_info:
             fields["exception"] = self.formatException(record.exc_info)
@@ -107,7 +184,10 @@ class _Text(logging.Formatter):
 
     def format(self, record: logging.LogRecord) -> str:
         message = printable(" | ".join(record.getMessage().splitlines()))
-        fields = (f"{name}={_quoted(str(value))}" for name, value in _fields().items())
+        fields = (
+            f"{name}={_quoted(str(value))}"
+            for name, value in record.__dict__["plateau_fields"].items()
+        )
         line = " ".join((_time(record), f"[{record.levelname.lower()}]", message, *fields))
         if not record.exc_info:
             return line

@@ -9,13 +9,13 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 
+from farm.log_files import rotate
 from farm.processes import die_with_parent
 
 _BACKOFF_S: Final = 0.5
 _LONGEST_BACKOFF_S: Final = 30.0
 #: A process that lived for so long had started well.
 _WELL_S: Final = 30.0
-_LOG_BYTES: Final = 10_000_000
 _LAST_WORDS_BYTES: Final = 2000
 _KEYS: Final = ("PLATEAU_KEY", "PLATEAU_KEY_FILE", "PLATEAU_WEBHOOK_SECRET")
 
@@ -65,8 +65,7 @@ class Member:
 
     def start(self, *, passed: tuple[int, ...] = (), more: tuple[str, ...] = ()) -> None:
         """Start it, for once with these descriptors and arguments too."""
-        if self.log.exists() and self.log.stat().st_size > _LOG_BYTES:
-            self.log.replace(self.log.with_suffix(".log.1"))
+        self.rotate_log()
         with self.log.open("ab") as log:
             self._begins_at = log.tell()
             # A session of its own: a Ctrl-C in the terminal reaches the tree's root alone.
@@ -82,6 +81,11 @@ class Member:
             )
         self._asked_to_stop = False
         self._started_at = time.monotonic()
+
+    def rotate_log(self) -> None:
+        """Begin its log anew where that is too long, whether it runs or not."""
+        if rotate(self.log):
+            self._begins_at = 0
 
     def has_died(self) -> str | None:
         """How the process ended, once for each time that it did; None while it runs."""

@@ -135,6 +135,7 @@ class Tree:
         if self._redis is not None:
             self._start_again(self._redis)
         for member in self._members:
+            member.rotate_log()
             cause = member.has_died()
             if cause is not None:
                 self._bury(member, cause)
@@ -142,6 +143,7 @@ class Tree:
 
     def _start_again(self, server: EmbeddedRedis) -> None:
         """Start Redis again where it has died; the others wait for it and lose nothing."""
+        server.rotate_log()
         if server.process.poll() is not None and time.monotonic() >= self._redis_start_at:
             self._tell(f"Redis {describe_exit(server.process.returncode)}; starting it again")
             try:

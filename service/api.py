@@ -20,6 +20,7 @@ from farm.errors import StoreUnavailable
 from farm.redis_link import connect
 from farm.settings import Settings
 from service.app import create_app
+from service.connections import backlog, most_connections, raise_descriptor_limit
 from service.event_hub import EventHub
 from service.http_server import server_config
 from service.key_guard import Access
@@ -117,9 +118,12 @@ def run(
         access=access,
         webhook_allow=settings.webhook_allow,
     )
+    descriptors = raise_descriptor_limit()
     config = server_config(
         app,
         grace_s=_GRACE_S,
+        limit_concurrency=most_connections(descriptors),
+        backlog=backlog(descriptors),
         log_level=logging.WARNING,
         ssl_certfile=None if tls is None else tls.certificate,
         ssl_keyfile=None if tls is None else str(tls.private_key),

@@ -5,8 +5,8 @@ from typing import Any, Final
 import h11
 import uvicorn
 from starlette.types import ASGIApp
-from uvicorn.protocols.http.h11_impl import H11Protocol
 
+from service.connections import Connection, Loop
 from service.problems import MALFORMED_REQUEST, Problem
 
 #: On every answer, whoever makes it. A browser takes the body for what its type says and nothing
@@ -25,7 +25,7 @@ _UNREADABLE: Final = Problem(
 )
 
 
-class Protocol(H11Protocol):
+class Protocol(Connection):
     """HTTP/1.1 by h11, whichever parsers are installed: they differ in what they let through."""
 
     def send_400_response(self, msg: str) -> None:  # noqa: ARG002  (the problem says more)
@@ -60,6 +60,7 @@ def server_config(app: ASGIApp, *, grace_s: int, **options: Any) -> uvicorn.Conf
     return uvicorn.Config(
         app,
         http=Protocol,
+        loop=f"{Loop.__module__}:{Loop.__name__}",
         ws="none",  # nothing here speaks WebSocket, and its parsers answer requests on their own
         headers=ON_EVERY_ANSWER,
         log_config=None,  # its lines go the way of ours

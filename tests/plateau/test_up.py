@@ -14,6 +14,8 @@ from tests.support.bundles import scene
 from tests.support.commands import Command, until
 
 Up = Callable[..., Command]
+#: Redis, API, monitor, and the process in which the API checks scenes.
+FAMILY = 4
 READY = r"listens at (http://127\.0\.0\.1:\d+)"
 
 
@@ -50,7 +52,7 @@ def test_it_stops_in_order_and_its_jobs_survive(
     # It says how another worker joins, and where its data is
     assert re.search(r"PLATEAU_REDIS_URL=\S+ PLATEAU_BLOBS=\S+ plateau worker", first.said)
     assert str(tmp_path / "data") in first.said
-    assert len(first.family()) == 3
+    assert len(first.family()) == FAMILY
     # If it is asked to stop
     first.process.send_signal(number)
     # Then it does, with nothing left behind
@@ -127,7 +129,7 @@ def test_when_it_is_killed_everything_goes_and_the_next_may_start(up: Up, box: P
     first = up()
     with Client(first.wait_for(READY)) as client:
         job = client.submit(box)
-    until(lambda: len(first.family()) == 3, 60)
+    until(lambda: len(first.family()) == FAMILY, 60)
     first.process.kill()
     second = up()  # at once: it waits until the others have left
     first.is_gone()
@@ -141,7 +143,7 @@ def test_a_process_that_dies_is_started_again(up: Up, name: str) -> None:
     url = command.wait_for(READY)
     command.member(name).kill()
     command.wait_for(f"{name} was ended by SIGKILL; starting it again")
-    until(lambda: len(command.family()) == 3, 60)
+    until(lambda: len(command.family()) == FAMILY, 60)
     with Client(url) as client:  # the API has its port again
         assert client.jobs().jobs == []
 
@@ -155,5 +157,29 @@ def test_redis_is_started_again_with_all_that_it_had(up: Up, box: Path) -> None:
         redis_server = next(one for one in command.family() if "redis" in one.name())
         redis_server.kill()
         command.wait_for("Redis was ended by SIGKILL; starting it again")
-        until(lambda: len(command.family()) == 3, 60)
+        until(lambda: len(command.family()) == FAMILY, 60)
         assert client.job(job.id).id == job.id
+
+
+def test_logs_are_begun_anew_where_they_are_too_long(up: Up, tmp_path: Path) -> None:
+    # Given a service whose logs grow and grow
+    command = up()
+    url = command.wait_for(READY)
+    logs = tmp_path / "data" / "logs"
+    api, redis_log = logs / "api.log", next((tmp_path / "data").rglob("redis.log"))
+    before = api.read_text()
+    for log in (api, redis_log):
+        with log.open("ab") as file:
+            file.write(b"noise\n" * 2_000_000)
+    # Then they are short again, and what they had is beside them
+    for log in (api, redis_log):
+        until(lambda log=log: log.stat().st_size < 10_000, 60)  # type: ignore[misc]
+        assert log.with_suffix(".log.1").stat().st_size > 10_000_000
+    assert api.with_suffix(".log.1").read_text().startswith(before)
+    # And who wrote there goes on to
+    command.member("monitor").kill()
+    with Client(url) as client:
+        assert client.jobs().jobs == []
+    command.process.send_signal(signal.SIGTERM)
+    assert command.exit_code() == 0
+    assert "\0" not in api.read_text()
