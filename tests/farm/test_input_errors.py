@@ -30,7 +30,7 @@ RULES = "fixed, successive, multiple, reverse, myszkowski, visible"
 @pytest.mark.parametrize(
     ("field", "value", "words"),
     [
-        ("step", 0, "must be above 0"),
+        ("step", 0, "must be at least 1"),
         ("step", "100", "must be a whole number"),
         ("step", 1.5, "must be a whole number"),
         ("max_spp", 10**400, "must be at most 1,000,000"),
