@@ -26,8 +26,12 @@ from worker.errors import SceneError
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
 
-#: The film's parameters that the farm sets; the image is the same, its container is ours.
-_FILM = {"file_format": "openexr", "pixel_format": "rgb", "component_format": "float32"}
+#: The film's parameters that the farm sets, each with why.
+_FILM = {
+    "pixel_format": ("rgb", "alpha and other channels are not rendered"),
+    "file_format": ("openexr", "results are OpenEXR and PNG"),
+    "component_format": ("float32", "samples are added up in it"),
+}
 
 #: Integrator parameters that would make a pass depend on time or split it behind our back.
 _IMPURE = {
@@ -196,6 +200,7 @@ def _adapt(variant: str, nodes: list[Any]) -> tuple[str, ...]:
 def _adapt_sampler(node: Any) -> Iterable[str]:
     was = node.props.plugin_name()
     had_seed = node.props.has_property("seed")
+    count = node.props["sample_count"] if node.props.has_property("sample_count") else None
     # A new one: the old sampler's other parameters mean nothing to the independent sampler.
     properties = mi.Properties("independent")
     properties.set_id(node.props.id())
@@ -204,6 +209,11 @@ def _adapt_sampler(node: Any) -> Iterable[str]:
         yield f"the scene's '{was}' sampler was replaced by 'independent'"
     if had_seed:
         yield "the sampler's own seed was dropped: the job's seed counts"
+    if count is not None:
+        yield (
+            f"the sampler's sample_count of {count} was ignored: the job's rule decides how many "
+            "samples there are (the rule 'fixed' renders as many as it is told)"
+        )
 
 
 def _adapt_film(properties: Any) -> Iterable[str]:
@@ -216,8 +226,13 @@ def _adapt_film(properties: Any) -> Iterable[str]:
         # Said here: sensors divide by the film's size, and complain of their field of view.
         if properties.has_property(name) and not properties[name]:
             raise SceneError(f"the film's {name} is 0")
-    for name, value in _FILM.items():
-        properties[name] = value
+    for name, (ours, why) in _FILM.items():
+        theirs = properties[name] if properties.has_property(name) else ours
+        if str(theirs).lower() != ours:
+            yield f"the film's {name} was '{theirs}' and became '{ours}': {why}"
+        properties[name] = ours
+    if properties.has_property("compensate"):
+        yield "the film's compensate was ignored: this Mitsuba has no such setting any more"
     if properties.has_property("sample_border"):
         if properties["sample_border"]:
             yield "the film's sample_border was switched off"

@@ -1,6 +1,7 @@
 """The page on a real farm: API, monitor and worker in processes of their own, and Mitsuba."""
 
 import re
+import shutil
 from pathlib import Path
 
 import pytest
@@ -13,8 +14,12 @@ from tests.support.real_farm import BOX, RealFarm
 
 @pytest.fixture
 def scene(tmp_path: Path) -> Path:
+    """A scene that says how many samples it wants, which the farm takes no notice of."""
     path = tmp_path / "box.zip"
-    with pack(BOX) as packed:
+    copied = shutil.copytree(BOX, tmp_path / "box") / "scene.xml"
+    wants = '<sampler type="independent"><integer name="sample_count" value="16"/></sampler>'
+    copied.write_text(copied.read_text().replace('<sampler type="independent"/>', wants))
+    with pack(copied) as packed:
         path.write_bytes(packed.file.read())
     return path
 
@@ -40,6 +45,8 @@ def test_a_scene_is_submitted_and_rendered_to_its_end(
         expect(page).to_have_url(re.compile("/jobs/[0-9a-f]{12}$"))
         expect(page.locator(".one-job .title .state")).to_have_text("converged", timeout=120_000)
         expect(page.locator(".frame img.layer").first).to_have_js_property("naturalWidth", 48)
+        # And what the scene asked for in vain is told
+        expect(page.locator(".notes")).to_contain_text("sample_count of 16 was ignored")
         page.goto("/workers")
         expect(page.locator(".worker")).to_contain_text("idle")
         visitor.leave()

@@ -1,6 +1,7 @@
 """`plateau render`: from a scene to its results, for real, with Mitsuba."""
 
 import json
+import re
 import signal
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -153,6 +154,22 @@ def test_processes_that_are_killed_change_nothing(render: Render, tmp_path: Path
         disturbed.wait_for(rf"{name}\S* was ended by SIGKILL; starting it again")
     assert disturbed.exit_code(120) == 0
     assert points() == expected
+
+
+def test_what_was_asked_for_and_not_done_is_told(render: Render, tmp_path: Path) -> None:
+    # Given a scene that says how many samples it wants, as Mitsuba's examples do, and wants alpha
+    wants = FLOOR.replace(
+        b"</film>",
+        b'<string name="pixel_format" value="rgba"/></film>'
+        b'<sampler type="independent"><integer name="sample_count" value="$spp"/></sampler>',
+    ).replace(b"<sensor", b'<default name="spp" value="128"/><sensor', 1)
+    command = render("-D", "spp=16", "--rule", "fixed", "--spp", "25", "--step", "25", text=wants)
+    assert command.exit_code(120) == 0
+    # Then the command says what became of it, and so do the results
+    assert re.search(r"note: +the sampler's sample_count of 16 was ignored", command.said)
+    assert re.search(r"note: +the film's pixel_format was 'rgba' and became 'rgb'", command.said)
+    notes = json.loads((tmp_path / "out" / "summary.json").read_text())["notes"]
+    assert len(notes) == 2
 
 
 def test_a_scene_that_mitsuba_refuses_fails_in_its_words(render: Render, tmp_path: Path) -> None:
