@@ -9,6 +9,7 @@ import pytest
 from farm.exr import Partial, Pixels, encode_image, encode_partial
 from farm.spec import JobSpec
 from plateau.commands.judge import judge
+from plateau.errors import CommandFailed
 from plateau.judge import CannotJudge, find_series, judge_series
 from tests.support.noise_farm import noise_film
 
@@ -125,3 +126,12 @@ def test_a_series_of_broken_images_is_not_judged(slices: Path, tmp_path: Path) -
     with pytest.raises(CannotJudge, match=r"slice-3.exr: at 40 spp 3 of 768 pixels .* are NaN"):
         judge(slices, SPEC, cumulative=False, out=tmp_path / "out", as_json=False)
     assert [path.name for path in (tmp_path / "out").iterdir()] == ["non-finite.png"]
+
+
+def test_a_judgement_is_not_laid_over_a_jobs_own_curve(slices: Path, tmp_path: Path) -> None:
+    # Given the folder of a job, as `plateau fetch` leaves it
+    (tmp_path / ".plateau-job").write_text("0123456789ab\n")
+    (tmp_path / "curve.csv").write_text("the job's own")
+    with pytest.raises(CommandFailed, match="the results of job 0123456789ab"):
+        judge(slices, SPEC, cumulative=False, out=tmp_path, as_json=False)
+    assert (tmp_path / "curve.csv").read_text() == "the job's own"
