@@ -34,10 +34,15 @@ def write_results(client: Client, job: JobView, folder: Path) -> dict[str, Any]:
     ------
     OSError
         They cannot be written; its `filename` is the folder's where it is no file's.
+    CommandFailed
+        All but some were written: those are damaged in the service's store.
     """
     try:
         with in_turn(folder):
-            return _summarise(job, _fetch(client, job, folder), folder)
+            fetched = _fetch(client, job, folder)
+            about = _summarise(job, fetched, folder)
+        _check_whole(fetched)
+        return about
     except OSError as error:
         if error.strerror and error.filename is None:  # a full disk says no name
             error.filename = str(folder)
@@ -56,6 +61,7 @@ def write_or_keep(
     ------
     CommandFailed
         The folder did not take it all; the message names the temporary folder that has the rest.
+        Or some files are damaged in the service's store.
     """
     place = _Place(folder)
     with in_turn(folder):
@@ -67,6 +73,7 @@ def write_or_keep(
             f"not all could be written into {folder} ({place.trouble.strerror or place.trouble}): "
             f"the rest is in {place.folder}; move it to where you want it"
         )
+    _check_whole(fetched)
     return about
 
 
@@ -91,21 +98,29 @@ class _Place:
 class _Fetched:
     points: list[CurvePoint]
     files: list[Path]
+    damaged: list[str]  #: what the service says of each file that it does not have whole
 
 
 def _fetch(client: Client, job: JobView, folder: Path) -> _Fetched:
     folder.mkdir(parents=True, exist_ok=True)
     # Asked for before anything is removed: the service may be gone.
     slices = _slices(client, job)
-    points = client.curve(job.id)
+    fetched = _Fetched(client.curve(job.id), [], [])
     begin(folder, job.id, lambda path: _is_one_of(slices, path))
-    files = [folder / name for name in IMAGES if _download(client, job.id, name, folder / name)]
+    for name in IMAGES:
+        if _download(client, job.id, name, folder / name, fetched.damaged):
+            fetched.files.append(folder / name)
     if job.spec.keep_slices:
-        files.append(_write_slices(client, job, slices, folder / SLICES))
-    if points:
-        files.append(folder / "curve.csv")
+        fetched.files.append(_write_slices(client, job, slices, folder / SLICES, fetched.damaged))
+    if fetched.points:
+        fetched.files.append(folder / "curve.csv")
         _write(folder / "curve.csv", client.curve_csv(job.id))
-    return _Fetched(points, files)
+    return fetched
+
+
+def _check_whole(fetched: _Fetched) -> None:
+    if fetched.damaged:
+        raise CommandFailed("\n".join(fetched.damaged))
 
 
 def _summarise(job: JobView, fetched: _Fetched, folder: Path) -> dict[str, Any]:
@@ -133,11 +148,17 @@ def _slices(client: Client, job: JobView) -> dict[str, SliceView]:
     return {f"{part.index:06d}.exr": part for part in client.slices(job.id)}
 
 
-def _write_slices(client: Client, job: JobView, slices: dict[str, SliceView], folder: Path) -> Path:
+def _write_slices(
+    client: Client,
+    job: JobView,
+    slices: dict[str, SliceView],
+    folder: Path,
+    damaged: list[str],
+) -> Path:
     folder.mkdir(exist_ok=True)
     for name, part in slices.items():
         if not _is_one_of(slices, folder / name):
-            client.download(job.id, f"slices/{part.index}.exr", folder / name)
+            _download(client, job.id, f"slices/{part.index}.exr", folder / name, damaged)
     return folder
 
 
@@ -162,11 +183,14 @@ def summary_json(job: JobView, points: list[CurvePoint], files: list[Path]) -> d
     }
 
 
-def _download(client: Client, job_id: str, name: str, path: Path) -> bool:
+def _download(client: Client, job_id: str, name: str, path: Path, damaged: list[str]) -> bool:
+    """Fetch a file, if it is there; what is said of a damaged one goes into a list."""
     try:
         client.download(job_id, name, path)
     except ApiError as error:
-        if error.slug == "no-image-yet":
-            return False
-        raise
+        if error.slug == "spoiled-file":
+            damaged.append(str(error))
+        elif error.slug != "no-image-yet":
+            raise
+        return False
     return True

@@ -50,7 +50,7 @@ def size(count: float) -> str:
 
 
 def figures(job: Job, point: CurvePoint) -> list[str]:
-    """Visible pixels, slope, estimate and forecast of a point, as far as they are known."""
+    """Visible pixels, slope, estimate, forecast and broken pixels of a point, where known."""
     found = [f"visible {pixels(point.visible_pixels, point.visible_fraction)}"]
     if point.slope is not None:
         stop = stop_slope(job)
@@ -63,6 +63,8 @@ def figures(job: Job, point: CurvePoint) -> list[str]:
         found.append(f"estimate {left}{aim}")
     if point.forecast_spp is not None and not job.state.ended:
         found.append(f"forecast {point.forecast_spp:,} spp")
+    if point.non_finite_pixels:
+        found.append(f"broken {point.non_finite_pixels:,} px")
     return found
 
 

@@ -7,7 +7,7 @@ from farm.spec import JobSpec, ReverseSpec, VisibleSpec
 from metric.rules.reverse import EPSILON_PIXELS
 from plateau.errors import CommandFailed
 from plateau.job_folder import owner
-from plateau.judge import BrokenSeries, Judged, find_series, judge_series
+from plateau.judge import BrokenSeries, CannotJudge, Judged, find_series, judge_series
 from plateau.out_folder import make
 from plateau.plot import plot_curve
 from service.routes_results import curve_csv
@@ -34,8 +34,9 @@ def judge(
     try:
         judged = judge_series(series, spec)
     except BrokenSeries as broken:
-        if out is not None:
-            (out / "non-finite.png").write_bytes(broken.picture)
+        if out is None:
+            raise CannotJudge(f"{broken}; -o DIR writes that picture") from None
+        (out / "non-finite.png").write_bytes(broken.picture)
         raise
     if out is not None:
         _write(judged, spec, folder.resolve().name, out)

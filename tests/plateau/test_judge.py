@@ -126,6 +126,8 @@ def test_a_series_of_broken_images_is_not_judged(slices: Path, tmp_path: Path) -
     with pytest.raises(CannotJudge, match=r"slice-3.exr: at 40 spp 3 of 768 pixels .* are NaN"):
         judge(slices, SPEC, cumulative=False, out=tmp_path / "out", as_json=False)
     assert [path.name for path in (tmp_path / "out").iterdir()] == ["non-finite.png"]
+    with pytest.raises(CannotJudge, match="-o DIR writes that picture"):
+        judge(slices, SPEC, cumulative=False, out=None, as_json=False)
 
 
 def test_a_judgement_is_not_laid_over_a_jobs_own_curve(slices: Path, tmp_path: Path) -> None:

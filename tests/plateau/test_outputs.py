@@ -19,6 +19,7 @@ from farm.spec import FixedSpec
 from farm.states import JobState
 from plateau.cli import app
 from plateau.client import Client
+from plateau.errors import CommandFailed
 from plateau.job_folder import begin, in_turn, owner
 from plateau.outputs import write_results
 from tests.support.live_api import live_api
@@ -79,6 +80,24 @@ def test_all_that_a_converged_job_has(
     summary = json.loads((folder / "summary.json").read_text())
     assert (summary["state"], summary["saved_fraction"]) == ("converged", 0.6)
     assert len(summary["curve"]) == 4
+
+
+def test_a_file_that_is_damaged_costs_the_others_nothing(
+    plateau: Client, client: redis.Redis, store: Blobs, tmp_path: Path
+) -> None:
+    # Given a job of which one file was damaged since it was written
+    job = StagedJob(client, max_spp=1000)
+    job.commit(16)
+    job.point(100, 0)
+    job.picture(store, "image.png", b"image.png")
+    job.picture(store, "image.exr", b"image.exr", was=b"another")
+    job.end()
+    job.finish(400)
+    # Then all others are written, and the command says which is missing and why
+    with pytest.raises(CommandFailed, match=r"/image.exr is damaged or lost"):
+        write_results(plateau, plateau.job(job.id), tmp_path / "out")
+    written = {path.name for path in (tmp_path / "out").glob("[!.]*")}
+    assert written == {"image.png", "curve.csv", "curve.png", "summary.txt", "summary.json"}
 
 
 @pytest.mark.parametrize("state", [JobState.EXHAUSTED, JobState.CANCELLED])

@@ -91,6 +91,7 @@ def test_a_scene_of_nan_fails_and_shows_where(render: Render, tmp_path: Path) ->
     # Then it is no success, whatever it is rendered for
     command = render("--rule", "visible", "--step", "50", text=text)
     assert command.exit_code(120) == 1
+    assert "broken 384 px" in command.said
     assert "plateau: the job failed: 384 of 384 pixels (100 %) are NaN" in command.said
     # And neither the words nor the files say that it looks converged
     out = tmp_path / "out"

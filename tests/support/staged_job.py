@@ -103,10 +103,11 @@ class StagedJob:
         self._owners.conclude(self._owned, spp=spp, results=self._pictures, notes=())
         self._owners.finish(self._owned, keeps_sums=False)
 
-    def picture(self, store: Blobs, name: str, content: bytes) -> None:
-        """Put a picture where the API finds it."""
+    def picture(self, store: Blobs, name: str, content: bytes, was: bytes | None = None) -> None:
+        """Put a picture where the API finds it, and note the SHA-256 of what it was, if given."""
         store.put(f"{self._pictures}/{name}", content)
-        self._owners.show_results(self._owned, self._pictures, 100)
+        noted = None if was is None else {name: hashlib.sha256(was).hexdigest()}
+        self._owners.show_results(self._owned, self._pictures, 100, noted)
 
     @property
     def _pictures(self) -> str:
