@@ -16,12 +16,14 @@ import signal
 import subprocess
 import sys
 import tempfile
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
+from farm.processes import die_with_parent
 from worker import landlock, needed_libraries
 from worker.llvm_libraries import llvm_libraries, system_libraries
 
@@ -141,13 +143,23 @@ def probe(variant: str, library: str | None, timeout_s: float = _PROBE_TIMEOUT_S
                 errors="replace",
                 timeout=timeout_s,
                 check=False,
-                # Until it can die of it: see there.
-                preexec_fn=lambda: signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT}),
+                preexec_fn=_before_the_probe(),
             )
         except subprocess.TimeoutExpired:
             return Probe(variant, library, ok=False, detail=f"{_TIMED_OUT} {timeout_s:g} s")
     ok = done.returncode == 0 and done.stdout.rstrip().endswith("OK")
     return Probe(variant, library, ok, "rendered an image" if ok else _last_words(done))
+
+
+def _before_the_probe() -> Callable[[], None]:
+    """What a probe does before its program starts: it dies with its worker, and not of Ctrl-C."""
+    arrange = die_with_parent(signal.SIGKILL)
+
+    def before_the_program() -> None:
+        arrange()
+        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # until it can die of it
+
+    return before_the_program
 
 
 def _candidates() -> list[tuple[str, str | None]]:

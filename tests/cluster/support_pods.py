@@ -27,7 +27,7 @@ from tests.cluster.support_chart import ROOT, Manifest
 
 _CONFINED = (
     'mount --bind "$0" "$0" && mount -o remount,bind,ro / && cd / && '
-    'exec setpriv --reuid "$1" --regid "$1" --clear-groups --no-new-privs '
+    'exec setpriv --pdeathsig KILL --reuid "$1" --regid "$1" --clear-groups --no-new-privs '
     "--bounding-set=-all,+dac_read_search --inh-caps=-all,+dac_read_search "
     '--ambient-caps=+dac_read_search "${@:2}"'
 )

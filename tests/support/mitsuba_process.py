@@ -12,6 +12,7 @@ import numpy as np
 import psutil
 from numpy.typing import NDArray
 
+from tests.support.own_processes import end_with_parent
 from worker.scene_cache import loading_threads
 
 # Mitsuba is imported in the process alone: the tests' own must be able to die of nothing.
@@ -52,6 +53,7 @@ class MitsubaProcess(AbstractContextManager["MitsubaProcess"]):
 
 def _start(variant: str, llvm_library: str | None, threads: int) -> None:
     global _renderer
+    end_with_parent()
     if llvm_library is not None:
         os.environ["DRJIT_LIBLLVM_PATH"] = llvm_library
     from worker.renderer import Renderer
