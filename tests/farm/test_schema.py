@@ -65,6 +65,25 @@ class TestLayout1:
                 check_schema(client)
 
 
+def test_the_owner_of_a_job_goes_where_no_worker_writes(client: redis.Redis) -> None:
+    # Given a job of layout 5, with its owner in its hash, and one of nobody's
+    mine, nobodys = (
+        Jobs(client).create(JobSpec(), name="old", scene_sha256="00", owner=owner).job.id
+        for owner in ("a" * 12, "")
+    )
+    client.delete(keys.job(mine, "sealed"))
+    client.hdel(keys.job(mine), "party")
+    client.hset(keys.job(mine), mapping={"owner": "a" * 12, "owner_name": "anna"})
+    client.hset(keys.job(nobodys), "owner", "")
+    client.set(keys.SCHEMA, 5)
+    check_schema(client)
+    # Then it is the owner's still, and counts in his share
+    found = [Jobs(client).get(job_id) for job_id in (mine, nobodys)]
+    assert [(job.owner, job.owner_name) for job in found] == [("a" * 12, "anna"), (None, None)]
+    assert client.hmget(keys.job(mine), "owner", "owner_name", "party") == [None, None, "a" * 12]
+    assert client.exists(keys.job(nobodys, "sealed")) == 0
+
+
 def test_migrations_run_in_order_and_all_at_once(
     client: redis.Redis, monkeypatch: pytest.MonkeyPatch
 ) -> None:
