@@ -57,6 +57,9 @@ class KeyLimits(BaseModel):
     open_jobs: int | None = Field(
         ge=1, le=1_000_000_000, description="most jobs that have not ended; null: any"
     )
+    scenes_bytes: int | None = Field(
+        None, ge=1, le=2**60, description="most bytes of scenes that it has stored; null: any"
+    )
 
 
 class ApiKey(BaseModel):

@@ -51,6 +51,15 @@ class SceneIndex:
         """Note that the blob store holds this scene."""
         self._scripts.run("remember_scene", sha256, json.dumps(summary))
 
+    def bytes_of(self, owner: str) -> int:
+        """How many bytes the stored scenes have that this key, by its id, was the first to send."""
+        return sum(scene["bytes"] for scene in self.all() if scene.get("owner") == owner)
+
+    def has(self, sha256: str) -> bool:
+        """Whether the blob store holds this scene."""
+        with unavailable_as_farm_error():
+            return bool(self._redis.hexists(keys.SCENES, sha256))
+
     def all(self) -> Iterator[dict[str, Any]]:
         """The scenes that the blob store holds, with their summaries."""
         with unavailable_as_farm_error():

@@ -88,6 +88,9 @@ class Settings(BaseSettings):
         le=_MOST_GB,
         description="largest upload of a new API key; unset, PLATEAU_MAX_UPLOAD_GB",
     )
+    key_scenes_gb: float | None = Field(
+        50.0, gt=0, le=2**30, description="how much a new API key may have stored of scenes"
+    )
     key_open_jobs: int = Field(
         10_000,
         ge=1,

@@ -306,6 +306,9 @@ PROBLEM_DETAILS: Final = {
     "another scene or spec; use a new key for a new job",
     "too-many-requests": "the key 'nightly' may make 1200 requests a minute, and 200 at once; try "
     "again in 1 s",
+    "too-many-scenes": "the key 'nightly' has stored 53,000,000,000 bytes of scenes and may store "
+    "53,687,091,200; this one has 900,000,000; ask who runs the service to remove unused ones "
+    "(`plateau gc --scenes-unused-for DAYS`)",
     "too-many-jobs": "the key has 1,000 jobs that have not ended, and may have 1,000; wait for one "
     "to end, or cancel one",
     "too-many-needs": "jobs that have not ended need 64 different combinations of pool and tags of "

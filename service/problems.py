@@ -74,6 +74,9 @@ TOO_MANY_NEEDS: Final = ProblemType(
     "too-many-needs", 409, "Jobs need too many different pools and tags"
 )
 JOB_ENDED: Final = ProblemType("job-ended", 409, "The job has ended and cannot be changed")
+TOO_MANY_SCENES: Final = ProblemType(
+    "too-many-scenes", 403, "The key has stored as much of scenes as it may"
+)
 UPLOAD_TOO_LARGE: Final = ProblemType("upload-too-large", 413, "The upload is too large")
 NOT_MULTIPART: Final = ProblemType("not-multipart", 415, "The body is not multipart/form-data")
 INVALID_REQUEST: Final = ProblemType("invalid-request", 422, "A part of the request is not valid")

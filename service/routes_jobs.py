@@ -121,6 +121,7 @@ _SUBMISSION: Final[dict[str, Any]] = {
             problems.UNKNOWN_SCENE,
             problems.BROKEN_SCENE,
             problems.BUSY,
+            problems.TOO_MANY_SCENES,
             problems.KEY_REUSED,
             problems.UNEVEN_BATCH,
             problems.TOO_MANY_JOBS,

@@ -22,6 +22,7 @@ _EXAMPLE: Final[JsonDict] = {
         "burst": 200,
         "upload_bytes": 500_000_000,
         "open_jobs": 10_000,
+        "scenes_bytes": 53_687_091_200,
     },
 }
 

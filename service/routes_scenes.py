@@ -26,6 +26,7 @@ router = APIRouter(prefix="/v1/scenes", tags=["scenes"])
         problems.UNKNOWN_SCENE,
         problems.BROKEN_SCENE,
         problems.BUSY,
+        problems.TOO_MANY_SCENES,
     ),
 )
 def check_scene(

@@ -12,6 +12,7 @@ import tempfile
 from collections.abc import AsyncIterator
 from contextlib import ExitStack
 from dataclasses import dataclass
+from functools import partial
 from typing import Annotated, BinaryIO, Final, cast
 
 from fastapi import Depends, Request
@@ -25,6 +26,7 @@ from farm.jobs import Created
 from farm.scene_index import SceneIndex
 from farm.spec import BatchSpec, JobSpec
 from service import problems
+from service.callers import Caller, CallerOf
 from service.check_process import CheckEnded
 from service.idempotency import idempotency_key
 from service.parts import Parts, parts, parts_of
@@ -124,6 +126,7 @@ async def stored_scene(
     request: Request,
     asked: Annotated[Submission, Depends(submission)],
     farm: Annotated[Parts, Depends(parts)],
+    who: CallerOf,
 ) -> StoredScene:
     """The scene that a request brings or names, checked with the spec's values, and stored.
 
@@ -136,7 +139,8 @@ async def stored_scene(
                 if isinstance(asked.scene, str) and sha256 != asked.scene:
                     raise _damaged(asked.scene)
                 summary = await _checked(turn, file, asked.spec)
-                return await run_in_threadpool(_stored, asked.scene, sha256, file, summary, farm)
+                store = partial(_stored, asked.scene, sha256, file, summary, farm, who)
+                return await run_in_threadpool(store)
     except (TooManyChecks, CheckEnded) as error:
         raise Problem(
             problems.BUSY,
@@ -148,19 +152,45 @@ async def stored_scene(
 
 
 def _stored(
-    scene: UploadFile | str, sha256: str, file: BinaryIO, summary: SceneSummary, farm: Parts
+    scene: UploadFile | str,
+    sha256: str,
+    file: BinaryIO,
+    summary: SceneSummary,
+    farm: Parts,
+    who: Caller,
 ) -> StoredScene:
     """The scene, of which the blob store has the file from now on."""
     size = _size(file)
     if isinstance(scene, str):
         return StoredScene(sha256, _name_of_stored(sha256, farm.scenes), size, summary)
+    _check_quota(sha256, size, farm.scenes, who)
     farm.scenes.use(sha256)
     farm.blobs.put_once(blob_names.scene(sha256), file, size)
     name = _clean_name(scene.filename)
-    farm.scenes.remember(
-        sha256, {"name": name, "bytes": size, "width": summary.width, "height": summary.height}
-    )
+    known = {"name": name, "bytes": size, "width": summary.width, "height": summary.height}
+    farm.scenes.remember(sha256, {**known, "owner": who.id})
     return StoredScene(sha256, name, size, summary)
+
+
+def _check_quota(sha256: str, size: int, scenes: SceneIndex, who: Caller) -> None:
+    """Refuse a scene that would be more than its key may have stored.
+
+    Who sends a scene that is stored already is not charged for it. Uploads at the same time may
+    each be the one that just fits, and few are stored at a time.
+    """
+    most = None if who.key is None else who.key.limits.scenes_bytes
+    if most is None or scenes.has(sha256):
+        return
+    stored = scenes.bytes_of(who.id)
+    if stored + size > most:
+        raise Problem(
+            problems.TOO_MANY_SCENES,
+            f"the key {who.name!r} has stored {stored:,} bytes of scenes and may store {most:,}; "
+            f"this one has {size:,}; ask who runs the service to remove unused ones (`plateau gc "
+            "--scenes-unused-for DAYS`)",
+            stored_bytes=stored,
+            limit_bytes=most,
+        )
 
 
 def create_job(asked: Submission, scene: StoredScene, farm: Parts, *, owner: str) -> Created:

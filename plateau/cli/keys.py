@@ -55,6 +55,14 @@ def create(
             max=2**20,
         ),
     ] = None,
+    scenes_gb: Annotated[
+        float | None,
+        typer.Option(
+            help="How much it may have stored of scenes.",
+            show_default="PLATEAU_KEY_SCENES_GB",
+            max=2**30,
+        ),
+    ] = None,
     open_jobs: Annotated[
         int | None,
         typer.Option(
@@ -89,6 +97,7 @@ def create(
                 "requests_per_minute": requests_per_minute,
                 "burst": burst,
                 "upload_gb": upload_gb,
+                "scenes_gb": scenes_gb,
                 "open_jobs": open_jobs,
             },
             key_from=key_from,

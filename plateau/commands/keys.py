@@ -137,16 +137,16 @@ def _limits(settings: Settings, given: dict[str, float | None]) -> KeyLimits:
         name: getattr(settings, f"key_{name}") if value is None else value
         for name, value in given.items()
     }
-    upload_gb = asked.pop("upload_gb")
+    for name in ("upload", "scenes"):
+        gigabytes = asked.pop(f"{name}_gb")
+        asked[f"{name}_bytes"] = None if gigabytes is None else round(gigabytes * 2**30)
     try:
-        return KeyLimits(
-            **asked, upload_bytes=None if upload_gb is None else round(upload_gb * 2**30)
-        )
+        return KeyLimits(**asked)
     except ValidationError as error:
         found = error.errors()[0]
-        option = str(found["loc"][-1]).replace("upload_bytes", "upload_gb").replace("_", "-")
+        option = str(found["loc"][-1]).replace("_bytes", "_gb").replace("_", "-")
         told = input_errors.message(found)
-        if option == "upload-gb":  # which was checked as a number of bytes
+        if option.endswith("-gb"):  # which was checked as a number of bytes
             told = "must be above 0"
         raise CommandFailed(f"--{option}: {told}") from None
 

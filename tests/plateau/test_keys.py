@@ -94,6 +94,7 @@ class TestTheCommands:
             "burst": 9,
             "upload_bytes": 2**29,
             "open_jobs": 10_000,
+            "scenes_bytes": 50 * 2**30,
         }
 
     def test_take_a_key_from_a_file_and_print_it_nowhere(self, say: Say, tmp_path: Path) -> None:

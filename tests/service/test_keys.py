@@ -16,7 +16,7 @@ from farm.states import JobState
 from service import examples, routes_results
 from service.api import CannotListen, access_at
 from service.key_guard import Access, needs_key
-from tests.service.test_api_jobs import problem, submit
+from tests.service.test_api_jobs import BOX, problem, submit
 from tests.support.live_api import live_api
 from tests.support.redis_proxy import RedisProxy
 from tests.support.staged_job import StagedJob
@@ -330,6 +330,21 @@ class TestJobs:
             in (problem(answer, 413, "upload-too-large")["detail"])
         )
         assert submit(mine).status_code == 201
+
+
+class TestScenes:
+    def test_of_a_key_have_room_for_so_many_bytes(self, as_: As) -> None:
+        mine, other = as_("submitter", scenes_bytes=len(BOX) + 10), as_("submitter")
+        # Given a key that has stored as much as it may
+        assert submit(mine).status_code == 201
+        # When it sends another scene, that is refused
+        more = BOX + b"<!-- another -->"
+        said = problem(submit(mine, more), 403, "too-many-scenes")
+        assert (said["stored_bytes"], said["limit_bytes"]) == (len(BOX), len(BOX) + 10)
+        # And what is stored it may submit as often as it likes, also what another key has sent
+        assert submit(mine).status_code == 201
+        assert submit(other, more).status_code == 201
+        assert submit(mine, more).status_code == 201
 
 
 class TestRequests:
