@@ -119,7 +119,14 @@ class Settings(BaseSettings):
         None,
         gt=0,
         le=_MOST_GB,
-        description="memory limit of a render child; unset, its share of the machine's",
+        description="memory limit of a render child; unset, 80 % of the machine's, divided among "
+        "PLATEAU_WORKERS_HERE",
+    )
+    workers_here: int = Field(
+        1,
+        gt=0,
+        le=4096,
+        description="how many workers share this machine's memory; `plateau up` sets it",
     )
     max_upload_gb: float = Field(
         2.0, gt=0, le=_MOST_GB, description="largest scene that the API takes"

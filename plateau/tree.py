@@ -247,6 +247,7 @@ class Tree:
             "PLATEAU_THREADS": str(self._settings.threads or share),
             "PLATEAU_POOL": self._settings.pool,
             "PLATEAU_TAGS": ",".join(self._settings.tags),
+            "PLATEAU_WORKERS_HERE": str(max(self._workers, self._settings.workers_here)),
         }
 
     def _wait_for_url(self, api: Member, pipe: TextIO) -> str:

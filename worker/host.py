@@ -13,7 +13,8 @@ from worker.render_child import ChildLimits, Film, Loaded, RenderChild
 from worker.scene_cache import SceneCache
 from worker.uploader import Glimpse, Rendered
 
-_MEMORY_SHARE: Final = 0.8  #: of the machine's memory, where no limit is set
+#: Of the machine's memory, for the children of all its workers, where no limit is set.
+_MEMORY_SHARE: Final = 0.8
 
 
 class RenderHost:
@@ -97,17 +98,21 @@ class RenderHost:
             return self._child
         self.close()
         self._loaded = None
-        memory_gb = self._settings.child_memory_gb
-        memory = memory_gb * 1e9 if memory_gb else _MEMORY_SHARE * psutil.virtual_memory().total
         limits = ChildLimits(
             threads=self._threads,
-            memory_bytes=0 if variant.startswith("cuda") else int(memory),
+            memory_bytes=0 if variant.startswith("cuda") else self._memory_bytes(),
             load_timeout_s=self._settings.load_timeout_s,
             pass_timeout_s=self._settings.pass_timeout_s,
         )
         home = self._settings.cache / "home"
         self._child = RenderChild(variant, self._llvm_library, limits, home, [self._scenes.folder])
         return self._child
+
+    def _memory_bytes(self) -> int:
+        if self._settings.child_memory_gb:
+            return int(self._settings.child_memory_gb * 1e9)
+        total: int = psutil.virtual_memory().total
+        return int(_MEMORY_SHARE * total / self._settings.workers_here)
 
     def _load(self, child: RenderChild, lease: Lease) -> Loaded:
         spec = lease.spec

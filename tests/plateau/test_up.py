@@ -5,8 +5,10 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 
+import psutil
 import pytest
 
 from plateau.client import Client
@@ -93,6 +95,24 @@ def test_none_of_its_processes_shows_another_its_credentials(up: Up) -> None:
     assert len(ones) >= 5  # Redis, API, monitor and worker
     peek = [sys.executable, "-c", PEEK, *ones]
     until(lambda: not subprocess.check_output(peek), 60)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="others' limits are seen on Linux alone")
+def test_its_render_children_share_the_machines_memory(up: Up) -> None:
+    service = up("--workers", "2")
+
+    def limits() -> list[int]:
+        found = []
+        for one in service.family():
+            with suppress(psutil.NoSuchProcess):
+                if "worker.child" in one.cmdline():
+                    found.append(one.rlimit(psutil.RLIMIT_AS)[1])
+        return [most for most in found if most != psutil.RLIM_INFINITY]
+
+    # Once both have a child that has set its limits
+    until(lambda: len(limits()) == 2, 120)
+    total = psutil.virtual_memory().total
+    assert 0.79 * total < sum(limits()) <= 0.8 * total
 
 
 def test_a_second_one_on_its_folder_is_refused(up: Up) -> None:
