@@ -40,7 +40,7 @@ class Differs(_Record):
 
 
 class Jump(_Record):
-    """The largest change of what is left to see from one converged job to the next."""
+    """The largest change of the noise left from one converged job to the next."""
 
     jobs: tuple[str, str] = Field(description="the two, in the batch's order")
     estimate_fraction: tuple[float, float] = Field(description="of each")
@@ -59,7 +59,7 @@ class Guard(_Record):
     rule: str = Field(description="the rule that most of its jobs have")
     target: float | None = Field(
         None,
-        description="of the rule visible: the fraction of pixels that may still differ visibly",
+        description="of the rule visible: the noise that may be left, as a fraction of the pixels",
     )
     min_spp: int = Field(description="no job converges before so many spp; 0 without a minimum")
     differs: list[Differs] = Field(description="where jobs differ from most others: at most 100")
@@ -70,7 +70,7 @@ class Guard(_Record):
     spp: Extent | None = Field(None, description="of the jobs that converged")
     estimate_fraction: Extent | None = Field(
         None,
-        description="of the jobs that converged: pixels seen to differ from the converged image",
+        description="noise left, of the jobs that converged",
     )
     jump: Jump | None = None
 
@@ -87,8 +87,7 @@ class Batch(_Record):
     spp: Extent | None = Field(None, description="spp merged, of all jobs")
     estimate_fraction: Extent | None = Field(
         None,
-        description="pixels seen to differ from the converged image, of the jobs that have an "
-        "estimate",
+        description="noise left, of the jobs that have an estimate",
     )
     machine_s: float = Field(description="seconds that render children spent on it")
     samples_saved: int = Field(description="the sum of `samples_saved` of its jobs")

@@ -15,6 +15,11 @@ def moment(milliseconds: str | int | float) -> datetime:
     return datetime.fromtimestamp(float(milliseconds) / 1000, timezone.utc)
 
 
+def utc_now() -> datetime:
+    """Now, by the clock of this machine."""
+    return datetime.now(timezone.utc)
+
+
 class _Record(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -30,10 +35,10 @@ class ZoneFractions(_Record):
     """A judgement by zones: rows from the top, in each the zones from the left."""
 
     visible_fraction: tuple[tuple[float, ...], ...] = Field(
-        description="of each zone's pixels, how many differ visibly from the first image"
+        description="changed since the first image: of each zone's pixels, how many differ visibly"
     )
     estimate_fraction: tuple[tuple[float, ...], ...] | None = Field(
-        description="and how many are estimated to differ visibly from the converged image"
+        description="noise left: how many are estimated to differ visibly from the converged image"
     )
 
 
@@ -42,14 +47,16 @@ class CurvePoint(_Record):
 
     spp: int = Field(description="samples per pixel in the merged image")
     visible_pixels: int = Field(
-        description="pixels that differ visibly from the first image of the curve"
+        description="changed since the first image: pixels that differ visibly from that of the "
+        "curve's first point"
     )
     visible_fraction: float = Field(description="the same over all pixels, in [0, 1]")
     slope: float | None = Field(
         description="least-squares slope of visible_pixels over spp; null before the window is full"
     )
     estimate_pixels: float | None = Field(
-        description="half-buffer estimate: pixels seen to differ from the converged image"
+        description="noise left: pixels that differ visibly from the converged image, by the "
+        "half-buffer estimate"
     )
     estimate_fraction: float | None = Field(description="the same over all pixels, in [0, 1]")
     estimate_low_pixels: float | None = Field(
@@ -58,7 +65,7 @@ class CurvePoint(_Record):
     estimate_high_pixels: float | None = None
     forecast_spp: int | None = Field(
         None,
-        description="spp at which the estimate falls to the target of the rule `visible`; null "
+        description="spp at which the noise left falls to the target of the rule `visible`; null "
         "where that is out of reach",
     )
     forecast_low_spp: int | None = Field(None, description="the band around it")
@@ -98,11 +105,15 @@ class Job(_Record):
     )
     committed_spp: int = Field(description="samples per pixel in the ledger, merged or not")
     points: int = Field(description="points of the curve")
-    visible_pixels: int | None = None
-    visible_fraction: float | None = None
-    slope: float | None = None
-    estimate_pixels: float | None = None
-    estimate_fraction: float | None = None
+    visible_pixels: int | None = Field(
+        None, description="changed since the first image, in pixels, at the newest point"
+    )
+    visible_fraction: float | None = Field(None, description="the same over all pixels")
+    slope: float | None = Field(None, description="of visible_pixels over spp, there")
+    estimate_pixels: float | None = Field(
+        None, description="noise left, in pixels, at the newest point"
+    )
+    estimate_fraction: float | None = Field(None, description="the same over all pixels")
     non_finite_pixels: int | None = Field(
         None,
         description="pixels of the last judged image with a NaN or an infinity; they are left out "
@@ -146,6 +157,10 @@ class Job(_Record):
     finished_at: datetime | None = Field(
         None, description="when the final images were written and everything else was cleared"
     )
+
+    def duration_s(self, now: datetime) -> float:
+        """Seconds from its submission to its end, or until `now`: waits and pauses count."""
+        return max(0.0, ((self.ended_at or now) - self.created_at).total_seconds())
 
     @property
     def saved_fraction(self) -> float:

@@ -83,7 +83,7 @@ class ReverseSpec(_Spec):
         default=0.1,
         ge=0,
         le=PIXELS_AT_512,
-        description="slope, in visible pixels per spp at 512×512, at which to stop",
+        description="slope, in changed pixels per spp at 512×512, at which to stop",
     )
 
 
@@ -92,7 +92,7 @@ class SuccessiveSpec(_Spec):
 
     name: Literal["successive"] = "successive"
     threshold: Threshold = Field(
-        default=1.0, description="visible pixels at 512×512 at which to stop"
+        default=1.0, description="differing pixels at 512×512 at which to stop"
     )
 
 
@@ -102,7 +102,7 @@ class MultipleSpec(_Spec):
     name: Literal["multiple"] = "multiple"
     window: int = Field(default=5, ge=1, le=1000, description="earlier images that are compared")
     threshold: Threshold = Field(
-        default=1.0, description="visible pixels at 512×512 at which to stop"
+        default=1.0, description="differing pixels at 512×512 at which to stop"
     )
 
 
@@ -112,19 +112,19 @@ class MyszkowskiSpec(_Spec):
     name: Literal["myszkowski"] = "myszkowski"
     alpha: float = Field(default=0.5, ge=0.01, le=0.99, description="the share of the samples")
     threshold: Threshold = Field(
-        default=1.0, description="visible pixels at 512×512 at which to stop"
+        default=1.0, description="differing pixels at 512×512 at which to stop"
     )
 
 
 class VisibleSpec(_Spec):
-    """Stop when hardly a pixel is estimated to differ visibly from the converged image (ours)."""
+    """Stop when hardly any noise is left: pixels that differ visibly from the converged image."""
 
     name: Literal["visible"] = "visible"
     target: float = Field(
         default=0.0002,
         ge=1e-9,
         le=0.99,
-        description="fraction of the pixels that may still differ visibly",
+        description="noise that may be left, as a fraction of the pixels",
     )
     min_spp: Spp = Field(default=200, description="not before so many samples per pixel")
 

@@ -10,8 +10,8 @@ from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
+from farm import figures
 from farm.states import JobState
-from plateau import words
 from service.batch_views import BatchView
 
 #: Shows a batch as it stands.
@@ -54,8 +54,8 @@ def _lines(batch: BatchView) -> Group:
     bar = Table.grid(padding=(0, 2), expand=True)
     bar.add_column(ratio=1)
     bar.add_column(justify="right", no_wrap=True)
-    figures = filter(None, (f"{ended:,} of {batch.jobs:,} jobs", _left(batch)))
-    bar.add_row(ProgressBar(total=batch.jobs, completed=ended), "   ".join(figures))
+    done = filter(None, (f"{ended:,} of {batch.jobs:,} jobs", _left(batch)))
+    bar.add_row(ProgressBar(total=batch.jobs, completed=ended), "   ".join(done))
     state = in_states(batch.states)
     if not batch.guard.even:
         state += f"   not even: `plateau batch {batch.name}` says why"
@@ -67,4 +67,4 @@ def _left(batch: BatchView) -> str:
     if batch.forecast_end_at is None:
         return ""
     seconds = (batch.forecast_end_at - datetime.now(timezone.utc)).total_seconds()
-    return f"{words.duration(max(0.0, seconds))} left"
+    return f"about {figures.roughly(max(0.0, seconds))} left"

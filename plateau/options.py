@@ -134,7 +134,7 @@ def spec_from_options(
     epsilon: Annotated[
         float | None,
         typer.Option(
-            help="reverse: slope at which to stop, in visible pixels per spp at 512×512.",
+            help="reverse: slope at which to stop, in changed pixels per spp at 512×512.",
             show_default="0.1",
         ),
     ] = None,

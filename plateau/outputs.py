@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
-from farm.job import CurvePoint
+from farm.job import CurvePoint, utc_now
 from plateau import words
 from plateau.client import ApiError, Client
 from plateau.errors import CommandFailed
@@ -130,7 +130,7 @@ def _summarise(job: JobView, fetched: _Fetched, folder: Path) -> dict[str, Any]:
         with whole(folder / "curve.png") as path:
             plot_job(job, fetched.points, path)
     files += [folder / "summary.txt", folder / "summary.json"]
-    _write(folder / "summary.txt", words.summary(job) + "\n")
+    _write(folder / "summary.txt", words.summary(job, utc_now()) + "\n")
     about = summary_json(job, fetched.points, files)
     _write(folder / "summary.json", json.dumps(about, indent=2) + "\n")
     return about
@@ -177,7 +177,7 @@ def summary_json(job: JobView, points: list[CurvePoint], files: list[Path]) -> d
     return {
         **job.model_dump(mode="json"),
         "saved_fraction": job.saved_fraction,
-        "wall_s": words.wall_s(job),
+        "wall_s": job.duration_s(utc_now()),
         "curve": [point.model_dump(mode="json") for point in points],
         "files": [str(path) for path in files],
     }

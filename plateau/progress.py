@@ -2,7 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections import deque
-from datetime import datetime, timezone
+from datetime import datetime
 from pathlib import Path
 from types import TracebackType
 from typing import Final
@@ -13,7 +13,8 @@ from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
-from farm.job import CurvePoint, Event, Job
+from farm import figures
+from farm.job import CurvePoint, Event, Job, utc_now
 from farm.states import JobState
 from plateau import words
 from plateau.terminal_curve import LEAST_COLUMNS, LEAST_ROWS, terminal_curve
@@ -104,7 +105,7 @@ class PlainProgress(Progress):
         super().event(event)
         if event.type == "point" and self._job is not None:
             point = self._points[-1]
-            after = words.duration((point.at - self._job.created_at).total_seconds())
+            after = figures.duration((point.at - self._job.created_at).total_seconds())
             self.note(words.point_line(self._job, point, self._rate(self._job), after))
 
     def refresh(self) -> None:
@@ -161,19 +162,21 @@ class LiveProgress(Progress):
         head = Table.grid(expand=True)
         head.add_column(ratio=1)
         head.add_column(justify="right")
+        now = utc_now()
+        times = filter(None, (words.time_left(job, now), figures.duration(job.duration_s(now))))
         head.add_row(
             Text.assemble((Path(job.name).stem, "bold"), f"  {job.state.value}{variant}{size}"),
-            words.duration(words.wall_s(job, _now())),
+            " · ".join(times),
         )
         spp = max(job.spp, job.committed_spp) if not job.state.ended else job.spp
         bar = Table.grid(padding=(0, 2), expand=True)
         bar.add_column(ratio=1)
         bar.add_column(justify="right", no_wrap=True)
-        figures = filter(None, (f"{spp:,} of at most {job.spec.max_spp:,} spp", self._rate(job)))
-        bar.add_row(ProgressBar(total=job.spec.max_spp, completed=spp), "   ".join(figures))
+        done = filter(None, (f"{spp:,} of at most {job.spec.max_spp:,} spp", self._rate(job)))
+        bar.add_row(ProgressBar(total=job.spec.max_spp, completed=spp), "   ".join(done))
         lines: list[Table | Text] = [head, bar]
         if self._points:
-            lines.append(Text("   ".join(words.figures(job, self._points[-1]))))
+            lines.append(Text("   ".join(words.point_figures(job, self._points[-1]))))
         elif job.state is not JobState.PAUSED:
             lines.append(Text(job.reason, style="dim"))
         if job.state is JobState.PAUSED:
@@ -210,7 +213,3 @@ def sparkline(values: list[int]) -> str:
     values = values[-_SPARK_COLUMNS:]
     top = max(*values, 1)
     return "".join(_SPARKS[value * (len(_SPARKS) - 1) // top] for value in values)
-
-
-def _now() -> datetime:
-    return datetime.now(timezone.utc)

@@ -5,9 +5,9 @@ from datetime import datetime
 from itertools import chain
 from typing import Final
 
+from farm import figures
 from farm.job import Event, LogEntry
 from farm.log import printable
-from plateau import words
 
 #: A story tells so many troubles: the first ones, and the last ones.
 _FIRST: Final = 4
@@ -54,7 +54,7 @@ def story(job_id: str, events: Iterable[Event], log: Iterable[LogEntry]) -> list
 def log_lines(entries: Iterable[LogEntry]) -> Iterator[str]:
     """Each try's end as a line, followed by what was printed meanwhile, indented."""
     for one in entries:
-        took = "" if one.seconds is None else f" after {words.duration(one.seconds)}"
+        took = "" if one.seconds is None else f" after {figures.duration(one.seconds)}"
         cause = "" if one.cause is None else f": {_in_a_line(one.cause)}"
         yield f"{_time(one.at)}  slice {one.slice}  {one.what}{took} by {one.worker}{cause}"
         yield from (f"    {line}" for line in printable(one.text).splitlines())

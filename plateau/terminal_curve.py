@@ -1,6 +1,6 @@
 """The curve of a job in a terminal, drawn in braille dots.
 
-What is left to see falls towards the target, what differs from the first image rises to its
+The noise left falls towards the target, what has changed since the first image rises to its
 plateau; both are shares of the image, on one logarithmic axis. Each line has its name at the right,
 so nothing hangs on the colours.
 """
@@ -17,12 +17,12 @@ from rich.text import Text
 from farm.job import CurvePoint
 
 #: A chart that is smaller says nothing; one that is wider is hard to take in.
-LEAST_COLUMNS: Final = 44
+LEAST_COLUMNS: Final = 46
 LEAST_ROWS: Final = 4
 _MOST_COLUMNS: Final = 100
 #: What stands beside the dots: the numbers at the left, the names at the right.
 _NUMBERS: Final = 8
-_NAMES: Final = 10
+_NAMES: Final = 12
 _NO_DOTS: Final = 0x2800
 #: So far a line goes on in a dash, and then waits, in columns.
 _DASH: Final = (2, 3)
@@ -66,7 +66,10 @@ def terminal_curve(
     lines = list(_lines(points, target, forecast_spp, max_spp))
     shares = [share for line in lines for _, share in line.places]
     if not shares:
-        return Text("nothing differs visibly, so far", style="dim")
+        return Text(
+            "nothing differs visibly, so far",
+            style="dim",
+        )
     low, high = _half_decades(min(shares), max(shares))
     end_spp = max(spp for line in lines for spp, _ in line.places)
     chart = _Chart(
@@ -85,8 +88,8 @@ def _lines(
     points: list[CurvePoint], target: float | None, forecast_spp: int | None, max_spp: int
 ) -> Iterator[_Line]:
     """The lines, the most important one last, since it is drawn over the others."""
-    visible = [(point.spp, point.visible_fraction) for point in points]
-    estimate = [
+    changed = [(point.spp, point.visible_fraction) for point in points]
+    left = [
         (point.spp, point.estimate_fraction)
         for point in points
         if point.estimate_fraction is not None
@@ -95,14 +98,14 @@ def _lines(
     ahead = min(forecast_spp or end, max_spp)
     if target is not None:
         yield _Line("target", "red", [(0.0, target), (max(end, ahead), target)], dashed=True)
-    yield _Line("visible", "cyan", _above_zero(visible))
-    falling = _above_zero(estimate)
+    yield _Line("changed", "cyan", _above_zero(changed))
+    falling = _above_zero(left)
     if falling and target is not None and ahead > end and falling[-1][1] > target:
         # The error falls as a power of the samples, so it is no straight line here; but a person
         # asks when it comes to its target, and that is where the dashes end.
         arrival = target if ahead == forecast_spp else falling[-1][1]
         yield _Line("", "magenta", [falling[-1], (ahead, arrival)], dashed=True)
-    yield _Line("estimate", "magenta", falling)
+    yield _Line("noise left", "magenta", falling)
 
 
 class _Chart:

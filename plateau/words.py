@@ -1,43 +1,27 @@
-"""Figures in words, as progress and summaries show them."""
+"""A job and its curve in words, as progress and summaries show them."""
 
-import math
 from datetime import datetime
 from typing import Final
 
+from farm.figures import duration, percent, pixels, roughly, share, significant
 from farm.job import CurvePoint, Job
 from farm.spec import ReverseSpec, VisibleSpec
+from farm.states import JobState
 
-_MINUTE_S: Final = 60
-_HOUR_S: Final = 3600
-
-
-def duration(seconds: float) -> str:
-    """Seconds as people say them: ``4.2 s``, ``3 min 20 s``, ``2 h 05 min``."""
-    if seconds < _MINUTE_S - 0.05:
-        return f"{seconds:.1f} s"
-    whole = round(seconds)
-    if whole < _HOUR_S:
-        return f"{whole // 60} min {whole % 60} s"
-    return f"{whole // 3600} h {whole % 3600 // 60:02d} min"
+#: What stands before each line of a summary has so much room.
+_NAME_COLUMNS: Final = 12
 
 
-def percent(fraction: float) -> str:
-    """A fraction as a percentage, rounded down: it says 100 only where it is."""
-    tenths = math.floor(fraction * 1000 + 1e-9)
-    return f"{tenths // 10} %" if tenths % 10 == 0 else f"{tenths / 10:.1f} %"
+def row(name: str, text: str) -> str:
+    """A line of a summary."""
+    return f"{name + ':':<{_NAME_COLUMNS}}{text}"
 
 
-def pixels(count: float | None, fraction: float | None) -> str:
+def of_image(count: float | None, fraction: float | None) -> str:
     """A number of pixels and its share of the image."""
     if count is None or fraction is None:
         return "–"
-    number = f"{count:,.0f}" if count >= 10 else f"{count:.2g}"  # an estimate may be half a pixel
-    return f"{number} px ({100 * fraction:.3g} %)"
-
-
-def significant(value: float) -> str:
-    """A number with three significant digits or, where it is large, all of its whole ones."""
-    return f"{value:,.0f}" if abs(value) >= 100 else f"{value:.3g}"
+    return f"{pixels(count)} px ({percent(fraction)})"
 
 
 def size(count: float) -> str:
@@ -49,18 +33,18 @@ def size(count: float) -> str:
     return f"{count:,.1f} GB"
 
 
-def figures(job: Job, point: CurvePoint) -> list[str]:
-    """Visible pixels, slope, estimate, forecast and broken pixels of a point, where known."""
-    found = [f"visible {pixels(point.visible_pixels, point.visible_fraction)}"]
+def point_figures(job: Job, point: CurvePoint) -> list[str]:
+    """What changed since the first image, slope, noise left, forecast, broken pixels: what is known."""
+    found = [f"changed {of_image(point.visible_pixels, point.visible_fraction)}"]
     if point.slope is not None:
         stop = stop_slope(job)
         aim = "" if stop is None else f" (stops at {significant(stop)})"
         found.append(f"slope {significant(point.slope)} px/spp{aim}")
     if point.estimate_pixels is not None:
-        left = pixels(point.estimate_pixels, point.estimate_fraction)
+        left = of_image(point.estimate_pixels, point.estimate_fraction)
         target = stop_fraction(job)
         aim = "" if target is None else f" (stops at {100 * target:g} %)"
-        found.append(f"estimate {left}{aim}")
+        found.append(f"noise left {left}{aim}")
     if point.forecast_spp is not None and not job.state.ended:
         found.append(f"forecast {point.forecast_spp:,} spp")
     if point.non_finite_pixels:
@@ -70,7 +54,7 @@ def figures(job: Job, point: CurvePoint) -> list[str]:
 
 def point_line(job: Job, point: CurvePoint, *more: str) -> str:
     """A point of the curve in a line, with more at its end."""
-    return f"{point.spp:>6} spp  {'  '.join(filter(None, (*figures(job, point), *more)))}"
+    return f"{point.spp:>6} spp  {'  '.join(filter(None, (*point_figures(job, point), *more)))}"
 
 
 def rule_window(job: Job) -> int:
@@ -80,7 +64,7 @@ def rule_window(job: Job) -> int:
 
 
 def stop_slope(job: Job) -> float | None:
-    """The slope at which the job's rule stops, in visible pixels per spp of its own image."""
+    """The slope at which the job's rule stops, in changed pixels per spp of its own image."""
     if not isinstance(job.spec.rule, ReverseSpec) or job.width is None or job.height is None:
         return None
     from metric.rules.reverse import EPSILON_PIXELS  # with numpy: for those alone who ask
@@ -89,14 +73,31 @@ def stop_slope(job: Job) -> float | None:
 
 
 def stop_fraction(job: Job) -> float | None:
-    """The share of visibly wrong pixels at which the job's rule stops."""
+    """The noise left at which the job's rule stops, as a share of the pixels."""
     return job.spec.rule.target if isinstance(job.spec.rule, VisibleSpec) else None
 
 
-def wall_s(job: Job, now: datetime | None = None) -> float:
-    """Seconds from the job's creation until its results were written, or until now."""
-    end = job.finished_at or job.ended_at or now
-    return (end - job.created_at).total_seconds() if end else 0.0
+def time_left(job: Job, now: datetime) -> str:
+    """What is left of a job's time, as the page says it; "" where nobody can know."""
+    if job.state is not JobState.RENDERING or job.started_at is None:
+        return ""
+    rendered = job.committed_spp - job.continued_spp
+    forecast = job.forecast_spp
+    if (
+        isinstance(job.spec.rule, VisibleSpec)
+        and job.forecast_s is not None
+        and forecast is not None
+        and forecast <= job.spec.max_spp
+    ):
+        # The forecast is of the last point, and slices have come since.
+        ahead = max(0, forecast - job.committed_spp) / max(1, forecast - job.spp)
+        seconds = ahead * job.forecast_s
+        return "any moment" if seconds < 3 else f"about {roughly(seconds)} left"
+    rendering_s = (now - job.started_at).total_seconds() - job.paused_s
+    if rendered <= 0 or rendering_s <= 0:
+        return ""
+    to_cap = max(0, job.spec.max_spp - job.committed_spp)
+    return f"at most {roughly(to_cap * rendering_s / rendered)} left"
 
 
 def pauses(job: Job) -> str:
@@ -106,32 +107,36 @@ def pauses(job: Job) -> str:
     return ", and ".join(filter(None, (before, now)))
 
 
-def summary(job: Job, waits_for: str | None = None) -> str:
-    """What became of a job, in a few lines; `waits_for` says what it waits for, where it does."""
+def summary(job: Job, now: datetime, waits_for: str | None = None) -> str:
+    """What became of a job by now, in a few lines; `waits_for` says what it lacks, if anything."""
     rows = [("state", job.state.value), ("reason", job.reason)]
     if waits_for:
         rows.append(("workers", f"it {waits_for}"))
     if job.width is not None:
         rows.append(("image", f"{job.width}×{job.height}, {job.variant}, scene {job.name}"))
-    share = job.spp / job.spec.max_spp
-    rows.append(("samples", f"{job.spp:,} of at most {job.spec.max_spp:,} spp ({percent(share)})"))
-    if job.samples_saved:
-        saved = f"{percent(job.saved_fraction)} of the cap, {job.samples_saved:,} samples"
+    samples = f"{job.spp:,} of at most {job.spec.max_spp:,} spp"
+    if job.samples_saved:  # one share of the cap is enough
+        rows.append(("samples", samples))
+        saved = f"{share(job.saved_fraction)} of the cap, {job.samples_saved:,} samples"
         rows.append(("saved", saved))
+    else:
+        rows.append(("samples", f"{samples} ({share(job.spp / job.spec.max_spp)})"))
     if job.visible_pixels is not None:
-        seen = pixels(job.visible_pixels, job.visible_fraction)
-        rows.append(("visible", f"{seen} differ visibly from the first image of the curve"))
+        changed = of_image(job.visible_pixels, job.visible_fraction)
+        rows.append(("changed", f"{changed} differ visibly from the first image of the curve"))
     if job.estimate_pixels is not None:
-        left = pixels(job.estimate_pixels, job.estimate_fraction)
+        left = of_image(job.estimate_pixels, job.estimate_fraction)
         rows.append(
-            ("left", f"{left} still differ visibly from the converged image, by half buffers")
+            ("noise left", f"{left} still differ visibly from the converged image, by half buffers")
         )
-    if job.non_finite_pixels:
-        total = (job.width or 0) * (job.height or 0)
-        broken = pixels(job.non_finite_pixels, job.non_finite_pixels / total)
-        rows.append(("broken", f"{broken} are NaN or infinite, and left out of what is counted"))
-    rows.append(("time", f"{duration(wall_s(job))}; machine time {duration(job.machine_s)}"))
+    rows.append(
+        ("time", f"{duration(job.duration_s(now))}; machine time {duration(job.machine_s)}")
+    )
+    if to_come := time_left(job, now):
+        aims = isinstance(job.spec.rule, VisibleSpec) and job.forecast_spp is not None
+        forecast = f", forecast {job.forecast_spp:,} spp" if aims else ""
+        rows.append(("to come", f"{to_come}{forecast}"))
     if job.paused_at is not None or job.paused_s:
         rows.append(("paused", pauses(job)))
     rows += [("note", note) for note in job.notes]
-    return "\n".join(f"{name + ':':<9}{text}" for name, text in rows)
+    return "\n".join(row(name, text) for name, text in rows)

@@ -12,7 +12,8 @@ from html import escape
 from pathlib import Path
 from typing import Final
 
-from farm.job import CurvePoint, Event, Job
+from farm import figures
+from farm.job import CurvePoint, Event, Job, utc_now
 from service.report_curve import curve_svg
 
 _STYLE: Final = (Path(__file__).parent / "page" / "report.css").read_text("utf-8")
@@ -26,7 +27,7 @@ POLICY: Final = (
 #: By the names of the pictures that a report shows.
 CAPTIONS: Final = {
     "image.png": "The merged image, as the job's display shows it.",
-    "difference.png": "Orange: what a person would see differ from the first image of the curve.",
+    "difference.png": "Orange: changed since the first image of the curve, as a person sees it.",
     "non-finite.png": "Magenta: pixels that are NaN; blue: infinite ones.",
 }
 
@@ -98,16 +99,18 @@ def _facts(job: Job) -> str:
         "Image": f"{size}, {job.variant or 'not rendered'}",
         "Scene": f"{job.name}, SHA-256 {job.scene_sha256}",
         "Samples": f"{job.spp:,} of at most {job.spec.max_spp:,} spp",
-        "Machine time": f"{job.machine_s:,.1f} s",
+        "Time": figures.duration(job.duration_s(utc_now())),
+        "Machine time": figures.duration(job.machine_s),
         "Submitted": f"{job.created_at:%Y-%m-%d %H:%M:%S} UTC",
     }
     if job.samples_saved:
-        share = f"{100 * job.saved_fraction:.1f} % of the cap"
+        share = f"{figures.share(job.saved_fraction)} of the cap"
         rows["Saved"] = f"{share}, {job.samples_saved:,} samples"
     if job.estimate_pixels is not None and job.estimate_fraction is not None:
-        rows["Still visible"] = (
-            f"{job.estimate_pixels:,.3g} pixels ({100 * job.estimate_fraction:.3g} %) would still "
-            "change visibly, by the half-buffer estimate"
+        left = f"{figures.pixels(job.estimate_pixels)} pixels"
+        rows["Noise left"] = (
+            f"{left} ({figures.percent(job.estimate_fraction)}) still differ visibly from the "
+            "converged image, by the half-buffer estimate"
         )
     if job.non_finite_pixels:
         rows["Broken"] = (
@@ -125,11 +128,11 @@ def _facts(job: Job) -> str:
 
 
 def _points(points: list[CurvePoint]) -> str:
-    names = ("spp", "visible", "slope", "still visible", "between", "forecast")
+    names = ("spp", "changed", "slope", "noise left", "between", "forecast")
     head = "".join(f'<th scope="col">{name}</th>' for name in names)
     rows = "".join(
         f'<tr><th scope="row">{point.spp:,}</th><td>{point.visible_pixels:,}</td>'
-        f"<td>{_number(point.slope)}</td><td>{_number(point.estimate_pixels)}</td>"
+        f"<td>{_number(point.slope)}</td><td>{_pixels(point.estimate_pixels)}</td>"
         f"<td>{_band(point.estimate_low_pixels, point.estimate_high_pixels)}</td>"
         f"<td>{_number(point.forecast_spp)}</td></tr>"
         for point in points
@@ -138,13 +141,15 @@ def _points(points: list[CurvePoint]) -> str:
 
 
 def _band(low: float | None, high: float | None) -> str:
-    return "–" if low is None or high is None else f"{_number(low)} – {_number(high)}"
+    return "–" if low is None or high is None else f"{_pixels(low)} – {_pixels(high)}"
 
 
 def _number(value: float | None) -> str:
-    if value is None:
-        return "–"
-    return f"{value:,.0f}" if abs(value) >= 1000 else f"{value:.3g}"
+    return "–" if value is None else figures.significant(value)
+
+
+def _pixels(count: float | None) -> str:
+    return "–" if count is None else figures.pixels(count)
 
 
 def _story(events: Iterable[Event]) -> str:

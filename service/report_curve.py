@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from html import escape
 from typing import Final
 
+from farm.figures import significant
 from farm.job import CurvePoint, Job
 from farm.spec import VisibleSpec
 
@@ -47,7 +48,7 @@ class _Axis:
 
 
 def curve_svg(job: Job, points: list[CurvePoint]) -> str:
-    """The curve: visible pixels above, and below, on a logarithmic axis, what is left to see.
+    """The curve: changed pixels above, and below, on a logarithmic axis, the noise left.
 
     Each rule is marked where it stopped, or first would have. There has to be a point.
     """
@@ -62,7 +63,7 @@ def curve_svg(job: Job, points: list[CurvePoint]) -> str:
 def _above(points: list[CurvePoint], spp: _Axis) -> Iterable[str]:
     most = max(1.0, *(point.visible_pixels for point in points))
     pixels = _Axis(0, 1.1 * most, _ABOVE[1], _ABOVE[0])
-    yield from _frame(spp, pixels, "pixels that differ visibly from the first image")
+    yield from _frame(spp, pixels, "changed since the first image, in pixels")
     yield _line("curve", points, spp, pixels, lambda point: point.visible_pixels)
 
 
@@ -83,7 +84,11 @@ def _below(job: Job, points: list[CurvePoint], spp: _Axis) -> Iterable[str]:
     low = 10.0 ** math.floor(math.log10(min(counts)) - 0.1)
     high = 10.0 ** math.ceil(math.log10(max(counts)) + 0.05)
     pixels = _Axis(low, high, _BELOW[1], _BELOW[0], logarithmic=True)
-    yield from _frame(spp, pixels, "pixels still visible, by the half-buffer estimate")
+    yield from _frame(
+        spp,
+        pixels,
+        "noise left, in pixels, by half buffers",
+    )
     banded = [point for point in known if point.estimate_low_pixels and point.estimate_high_pixels]
     if banded:
         edge = [
@@ -96,7 +101,7 @@ def _below(job: Job, points: list[CurvePoint], spp: _Axis) -> Iterable[str]:
     if target:
         y = pixels.at(target)
         yield f'<line class="target" x1="{_LEFT}" x2="{_WIDTH - _RIGHT}" y1="{y}" y2="{y}"/>'
-        yield _text(_WIDTH - _RIGHT, y - 5, f"target {target:.3g}", "end", "target")
+        yield _text(_WIDTH - _RIGHT, y - 5, f"target {significant(target)}", "end", "target")
 
 
 def _stops(job: Job, points: list[CurvePoint], spp: _Axis) -> Iterable[str]:

@@ -43,7 +43,7 @@ def get_image_exr(request: Request, job_id: JobId, farm: _Farm, has: _Known) -> 
     responses=described(PNG, problems.NO_IMAGE_YET),
 )
 def get_difference_png(request: Request, job_id: JobId, farm: _Farm, has: _Known) -> Response:
-    """Show where the merged image differs visibly from the first image of the curve."""
+    """Show what has changed since the first image: where a person sees the merged one differ."""
     return _image("difference.png", PNG, job_id, farm, has, request)
 
 

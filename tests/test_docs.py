@@ -1,9 +1,12 @@
 """The docs name everything that a user can set, call or be told."""
 
+import re
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 import typer.main
+from typer.testing import CliRunner
 
 from farm.settings import Settings
 from plateau.cli import app
@@ -60,3 +63,24 @@ def test_every_call_is_in_the_docs(method: str, path: str) -> None:
 def test_every_problem_is_in_the_docs(problem: ProblemType) -> None:
     row = f"| `{problem.uri}` | {problem.status} |"
     assert row in (ROOT / "docs" / "api.md").read_text()
+
+
+def page() -> str:
+    scripts = (ROOT / "service" / "page").glob("*.js")
+    return "\n".join(script.read_text() for script in scripts)
+
+
+def help_of_all_commands() -> str:
+    commands = typer.main.get_command(app).commands  # type: ignore[attr-defined]
+    return "\n".join(CliRunner().invoke(app, [name, "--help"]).stdout for name in commands)
+
+
+def guides() -> str:
+    names = ("README.md", "docs/api.md", "docs/page.md", "docs/client.md", "docs/animation.md")
+    return "\n".join((ROOT / name).read_text() for name in names)
+
+
+@pytest.mark.parametrize("text", [page, help_of_all_commands, guides])
+def test_what_changed_and_what_is_left_are_not_both_visible(text: Callable[[], str]) -> None:
+    """docs/glossary.md has the terms: changed since the first image, and noise left."""
+    assert re.findall(r"(?i)visible pixels|still visible", text()) == []

@@ -149,10 +149,10 @@ class Reverse(Rule):
             return f"the curve has {len(self._points)} of the {self.window} points of a slope"
         if not any(pixels for _, pixels in self._points):
             return (
-                f"nothing was visible against the image at {self._first_spp} spp "
+                f"nothing has changed visibly since the image at {self._first_spp} spp "
                 f"on any of the last {self.window} points, slope 0: {_why_invisible(evidence)}"
             )
-        measured = f"slope {slope:.4g} visible pixels per spp over the last {self.window} points"
+        measured = f"slope {slope:.4g} changed pixels per spp over the last {self.window} points"
         if slope <= epsilon:
             return f"the curve has levelled off: {measured}, at most ε = {epsilon:.4g}"
         return f"the curve still climbs: {measured}, above ε = {epsilon:.4g}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 from metric.vdp import COLOUR_LUMINANCE
@@ -19,16 +20,20 @@ def darkness(evidence: Evidence) -> str | None:
 
 
 def counted(pixels: float) -> str:
-    """Return a number of pixels in words.
+    """Return a number of pixels in words: whole ones, or their halves below ten.
+
+    It rounds as `farm.figures.pixels`, which this package does not know; a test compares the two.
 
     Examples
     --------
-    >>> counted(0), counted(1), counted(2.5), counted(1234)
-    ('no pixel', '1 pixel', '2.5 pixels', '1,234 pixels')
+    >>> counted(0), counted(1), counted(2.5), counted(232.5), counted(1234)
+    ('no pixel', '1 pixel', '2.5 pixels', '233 pixels', '1,234 pixels')
     """
     if pixels == 0:
         return "no pixel"
-    return "1 pixel" if pixels == 1 else f"{pixels:,.10g} pixels"
+    if pixels == 1:
+        return "1 pixel"
+    return f"{math.floor(pixels + 0.5):,} pixels" if pixels >= 10 else f"{pixels:.2g} pixels"
 
 
 def left_out(non_finite: float) -> str:

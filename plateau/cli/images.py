@@ -44,7 +44,7 @@ def diff(
     map_file: Annotated[
         Path | None,
         typer.Option(
-            "--map", metavar="OUT.png", help="File for TEST with the visible pixels marked."
+            "--map", metavar="OUT.png", help="File for TEST with what differs visibly marked."
         ),
     ] = None,
     as_json: o.Json = False,

@@ -33,7 +33,7 @@ def render(
       plateau render scene.xml --rule fixed --spp 400
 
     Starts all that it needs, and leaves nothing running. DIR then holds image.exr, image.png,
-    difference.png (what differs visibly from the first image), curve.csv, curve.png, summary.txt
+    difference.png (what has changed since the first image), curve.csv, curve.png, summary.txt
     and summary.json, and non-finite.png where pixels are NaN or infinite; more than 0.1 % of them
     fail the job. What an earlier job left in DIR goes when the first of them is written. Ctrl-C
     cancels: what is rendered by then is still written; a second one leaves at once. Where DIR

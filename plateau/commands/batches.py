@@ -3,11 +3,13 @@
 import json
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
 from rich.console import Console
 
+from farm import figures
 from farm.batch import Extent
 from farm.spec import JobSpec
 from farm.states import JobState
@@ -147,8 +149,8 @@ def _summary(batch: BatchView) -> str:
     guard = batch.guard
     rows = [
         ("batch", f"{batch.name}, {batch.jobs:,} jobs: {in_states(batch.states)}"),
-        ("samples", f"{_extent(batch.spp, '{:,.0f}')} spp"),
-        ("time", f"machine time {words.duration(batch.machine_s)}"),
+        ("samples", f"{_extent(batch.spp, figures.significant)} spp"),
+        ("time", f"machine time {figures.duration(batch.machine_s)}"),
     ]
     if batch.held:
         rows.append(("held", f"{batch.held:,} of the queued jobs, until the batch is resumed"))
@@ -171,13 +173,13 @@ def _summary(batch: BatchView) -> str:
         missed = f"{guard.missed_jobs:,} ended short of the target: "
         rows.append(("missed", missed + ", ".join(guard.missed[:_SHOWN]) + more))
     if guard.estimate_fraction is not None:
-        left = _extent(guard.estimate_fraction, "{:.3%}")
-        rows.append(("left", f"{left} of the pixels, in the jobs that converged"))
-    return "\n".join(f"{name + ':':<10}{text}" for name, text in rows)
+        left = _extent(guard.estimate_fraction, figures.percent)
+        rows.append(("noise left", f"{left} of the pixels, in the jobs that converged"))
+    return "\n".join(words.row(name, text) for name, text in rows)
 
 
-def _extent(extent: Extent | None, form: str) -> str:
+def _extent(extent: Extent | None, said: Callable[[float], str]) -> str:
     if extent is None:
         return "–"
-    least, most, mean = (form.format(value) for value in (extent.least, extent.most, extent.mean))
+    least, most, mean = map(said, (extent.least, extent.most, extent.mean))
     return least if least == most else f"{least} to {most}, {mean} on average,"

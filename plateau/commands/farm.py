@@ -4,10 +4,11 @@ import json
 import sys
 from datetime import datetime, timezone
 
+from farm.figures import duration
 from farm.job import Worker
 from plateau.connect import connect
 from plateau.tables import print_rows
-from plateau.words import duration, size
+from plateau.words import size
 from service.views import SceneView
 
 WORKER_COLUMNS = (

@@ -7,7 +7,8 @@ from pathlib import Path
 
 from rich.console import Console
 
-from farm.job import Job
+from farm import figures
+from farm.job import Job, utc_now
 from farm.spec import JobSpec
 from farm.states import JobState
 from plateau import words
@@ -59,9 +60,9 @@ def watch(
     if as_json:
         print(json.dumps(about, indent=2))
     else:
-        print(words.summary(job))
+        print(words.summary(job, utc_now()))
         if about["files"]:
-            print(f"{'files:':<9}{', '.join(about['files'])}")
+            print(words.row("files", ", ".join(about["files"])))
     return EXIT_CODES[job.state]
 
 
@@ -84,10 +85,10 @@ def show(job_id: str, *, url: str | None, as_json: bool) -> None:
     if as_json:
         print(job.model_dump_json(indent=2))
         return
-    print(f"{'job:':<9}{job.id} ({job.name})")
+    print(words.row("job", f"{job.id} ({job.name})"))
     if job.owner is not None:
-        print(f"{'owner:':<9}{job.owner_name} (key {job.owner})")
-    print(words.summary(job, job.waits_for))
+        print(words.row("owner", f"{job.owner_name} (key {job.owner})"))
+    print(words.summary(job, utc_now(), job.waits_for))
     print("story:")
     for line in told:
         print(f"  {line}")
@@ -186,13 +187,13 @@ def _say_what_waits(jobs: Sequence[JobView]) -> None:
 
 
 def _row(job: Job) -> tuple[str, ...]:
-    left = "–" if job.estimate_fraction is None else f"{100 * job.estimate_fraction:.3g} %"
+    left = "–" if job.estimate_fraction is None else figures.percent(job.estimate_fraction)
     return (
         job.id,
         job.state.value,
         f"{job.spp}/{job.spec.max_spp}",
         left,
-        words.duration(words.wall_s(job)) if job.state.ended else "–",
+        figures.duration(job.duration_s(utc_now())),
         f"{job.created_at:%Y-%m-%d %H:%M:%S}",
         job.spec.batch or "–",
         job.name,

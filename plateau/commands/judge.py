@@ -9,7 +9,7 @@ from plateau.errors import CommandFailed
 from plateau.job_folder import owner
 from plateau.judge import BrokenSeries, CannotJudge, Judged, find_series, judge_series
 from plateau.out_folder import make
-from plateau.plot import plot_curve
+from plateau.plot import Marks, plot_curve
 from service.routes_results import curve_csv
 
 
@@ -59,14 +59,17 @@ def _write(judged: Judged, spec: JobSpec, name: str, out: Path) -> None:
         (rule for rule in (spec.rule, *spec.watch) if isinstance(rule, ReverseSpec)), ReverseSpec()
     )
     plot_curve(
-        f"{name}: judged to {judged.points[-1].spp:,} spp",
+        name,
+        f"judged to {judged.points[-1].spp:,} spp",
         judged.points,
         out / "curve.png",
-        window=reverse.window,
-        stop_slope=reverse.epsilon * judged.width * judged.height / EPSILON_PIXELS,
-        target=next(
-            (rule.target for rule in (spec.rule, *spec.watch) if isinstance(rule, VisibleSpec)),
-            None,
+        Marks(
+            window=reverse.window,
+            stop_slope=reverse.epsilon * judged.width * judged.height / EPSILON_PIXELS,
+            target=next(
+                (rule.target for rule in (spec.rule, *spec.watch) if isinstance(rule, VisibleSpec)),
+                None,
+            ),
+            stops={name: spp for name, spp in judged.stops.items() if spp is not None},
         ),
-        stops={name: spp for name, spp in judged.stops.items() if spp is not None},
     )

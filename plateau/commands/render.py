@@ -87,6 +87,7 @@ def render(
                 # Imported while the tree's processes start.
                 from rich.console import Console
 
+                from farm.job import utc_now
                 from plateau import words
                 from plateau.client import Client
                 from plateau.outputs import write_or_keep
@@ -103,8 +104,8 @@ def render(
     if as_json:
         print(json.dumps(about, indent=2))
     else:
-        print(words.summary(job))
-        print(f"{'files:':<9}{', '.join(about['files'])}")
+        print(words.summary(job, utc_now()))
+        print(words.row("files", ", ".join(about["files"])))
     if job.state is JobState.FAILED:
         print(f"plateau: the job failed: {job.reason}", file=sys.stderr)
     if job.state is JobState.CANCELLED and interrupts.asked.is_set():

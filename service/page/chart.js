@@ -1,4 +1,4 @@
-// A job's convergence: what differs visibly from the first image, and what is left to see.
+// A job's convergence: what has changed since the first image, and the noise left.
 
 import { colours, compact, decades, fromZero } from "./chart_axes.js";
 import { drawForecast, drawLevel, drawStops, forecastOf, stopsOf } from "./chart_marks.js";
@@ -24,8 +24,8 @@ export class CurveChart {
   #table = new PointTable();
   #drawn = "";
   #logX = toggle("spp", false, () => this.#build());
-  #logAbove = toggle("different", false, () => this.#build());
-  #logBelow = toggle("still visible", true, () => this.#build());
+  #logAbove = toggle("changed", false, () => this.#build());
+  #logBelow = toggle("noise left", true, () => this.#build());
   #host;
   #empty = h("p", { class: "lead" });
   #full;
@@ -37,9 +37,9 @@ export class CurveChart {
       "aria-label": "Convergence curve. Left and right walk along its points, plus and minus zoom, 0 shows all.",
       onkeydown: (event) => this.#key(event),
     },
-    h("p", { class: "plot-title" }, h("b", {}, "Different from the first image"), this.#slope),
+    h("p", { class: "plot-title" }, h("b", {}, "Changed since the first image"), ": pixels that differ visibly from it", this.#slope),
     this.#above,
-    h("p", { class: "plot-title" }, h("b", {}, "Still visible"), ": what more samples would still change, by half buffers"),
+    h("p", { class: "plot-title" }, h("b", {}, "Noise left"), ": pixels that more samples would still change visibly, by half buffers"),
     this.#below);
     this.#full = h("div", { hidden: true },
       h("div", { class: "tools" },
@@ -225,7 +225,7 @@ export class CurveChart {
     const { slope } = this.#points[this.#points.length - 1];
     const rule = rulesOf(this.#job).find(({ name }) => name === "reverse");
     const aim = rule ? `; reverse waits for ${three(stopSlope(this.#job, rule))}` : "";
-    setText(this.#slope, slope == null ? "" : `: rising by ${three(slope)} px/spp${aim}`);
+    setText(this.#slope, slope == null ? "" : `, rising by ${three(slope)} px/spp${aim}`);
     if (this.#at == null) this.#read(null);
     this.#table.show(this.#points);
   }

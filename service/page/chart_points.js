@@ -3,16 +3,16 @@
 import { h } from "./dom.js";
 import { percent, pixels, three, whole } from "./words.js";
 
-const COLUMNS = ["spp", "visible", "slope", "still visible", "between", "forecast"];
+const COLUMNS = ["spp", "changed", "slope", "noise left", "between", "forecast"];
 
 /** A point in a line. */
 export function told(point) {
   const parts = [`${whole(point.spp)} spp`,
-    `${pixels(point.visible_pixels)} px (${percent(point.visible_fraction)}) differ from the first image`];
+    `${pixels(point.visible_pixels)} px (${percent(point.visible_fraction)}) changed since the first image`];
   if (point.slope != null) parts.push(`slope ${three(point.slope)} px/spp`);
   if (point.estimate_pixels != null) {
     const band = point.estimate_low_pixels == null ? "" : ` (${pixels(point.estimate_low_pixels)} to ${pixels(point.estimate_high_pixels)})`;
-    parts.push(`${pixels(point.estimate_pixels)} px${band} still visible`);
+    parts.push(`${pixels(point.estimate_pixels)} px${band} of noise left`);
   }
   return parts.join(" · ");
 }

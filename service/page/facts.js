@@ -2,7 +2,7 @@
 
 import { savings } from "./reason.js";
 import { h, setText } from "./dom.js";
-import { duration, large, renderingSeconds, share, three, whole } from "./words.js";
+import { duration, durationSeconds, large, share, three, whole } from "./words.js";
 
 export class Facts {
   #rows = new Map();
@@ -10,12 +10,11 @@ export class Facts {
 
   show(job) {
     const saved = savings(job);
-    const rendering = renderingSeconds(job);
     this.#set("saved", saved && "saved", saved && share(saved.fraction),
       saved && `of the cap: ${large(saved.samples)} samples${saved.machine ? `, about ${saved.machine} of machine time` : ""}`);
     this.#set("spp", "samples", `${whole(job.spp)} spp`, `of ${whole(job.spec.max_spp)} at most`);
     this.#set("machine", "machine time", job.machine_s ? duration(job.machine_s) : "–",
-      rendering ? `within ${duration(rendering)}` : "not started");
+      job.started_at ? `within ${duration(durationSeconds(job))} since it was submitted` : "not started");
     this.#set("broken", job.non_finite_pixels ? "broken" : null, `${whole(job.non_finite_pixels ?? 0)} px`,
       "NaN or infinite, left out of what is counted");
     const rate = job.width && job.machine_s ? (job.committed_spp * job.width * job.height) / job.machine_s : 0;

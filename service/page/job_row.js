@@ -85,7 +85,7 @@ export class JobRow {
     const saved = savings(job);
     setText(this.#cap, saved ? `${share(saved.fraction)} saved` : `of ${whole(spec.max_spp)} at most`);
     setText(this.#left, job.estimate_fraction == null ? "" : percent(job.estimate_fraction));
-    setText(this.#leftOf, job.estimate_fraction == null ? "" : "still visible");
+    setText(this.#leftOf, job.estimate_fraction == null ? "" : "noise left");
     setText(this.#time, ENDED.has(state) ? took(job) : timeLeft(job));
     setText(this.#who, who(job));
     if (this.#seen) this.#fetch();

@@ -25,7 +25,7 @@ function converged(job) {
   const { rule } = job.spec;
   const at = `It stopped by itself at ${whole(job.spp)} spp`;
   if (rule.name === "visible" && job.estimate_pixels != null) {
-    return `${at}: more samples would still change ${seen(job)}, by its own estimate, and you allowed ${percent(rule.target)}.`;
+    return `${at}: the noise left is ${seen(job)}, by its own estimate, and you allowed ${percent(rule.target)}.`;
   }
   if (rule.name === "reverse" && job.slope != null && job.width) {
     return `${at}: compared with the first image hardly anything changes any more. The curve rises by ${three(job.slope)} pixels per spp; you asked for less than ${three(stopSlope(job, rule))}.`;
@@ -35,7 +35,7 @@ function converged(job) {
 
 function leftToSee(job) {
   if (job.estimate_pixels == null) return "";
-  return `More samples would still change ${seen(job)} so that a person could see it.`;
+  return `The noise left is ${seen(job)}: what more samples would still change so that a person could see it.`;
 }
 
 function seen(job) {

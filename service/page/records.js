@@ -2,7 +2,7 @@
 
 import { download, get } from "./api.js";
 import { complain, h, setText } from "./dom.js";
-import { clock, duration, several, three, whole } from "./words.js";
+import { clock, duration, several, sharesOf, whole } from "./words.js";
 
 const EVERY_MS = 4000;
 
@@ -64,7 +64,7 @@ export class Records {
       ["image.png", "PNG", "the image as judged", links.image_png],
     ];
     const ofPoints = [
-      ["difference.png", "Difference", "what differs visibly from the first image", links.difference_png],
+      ["difference.png", "Difference", "what has changed since the first image", links.difference_png],
       ["curve.csv", "CSV", "the points of the curve", `${links.self}/curve.csv`],
     ];
     const ofBroken = [["non-finite.png", "Broken", "where the image is NaN or infinite", links.non_finite_png]];
@@ -102,10 +102,12 @@ export class Records {
       workers.set(worker, { slices: sum.slices + 1, spp: sum.spp + spp, seconds: sum.seconds + seconds });
     }
     const all = slices.reduce((sum, { spp }) => sum + spp, 0);
-    this.#workers.replaceChildren(...[...workers].sort(([, a], [, b]) => b.spp - a.spp).map(([name, sum]) =>
+    const sorted = [...workers].sort(([, a], [, b]) => b.spp - a.spp);
+    const shares = sharesOf(sorted.map(([, { spp }]) => spp));
+    this.#workers.replaceChildren(...sorted.map(([name, sum], at) =>
       h("tr", {}, h("th", { scope: "row" }, name),
         ...[whole(sum.slices), whole(sum.spp), duration(sum.seconds), duration(sum.seconds / sum.slices)].map((text) => h("td", {}, text)),
-        h("td", {}, h("meter", { min: 0, max: 1, value: sum.spp / all, "aria-label": `Share of ${name}` }), ` ${three((100 * sum.spp) / all)} %`))));
+        h("td", {}, h("meter", { min: 0, max: 1, value: sum.spp / all, "aria-label": `Share of ${name}` }), ` ${shares[at]}`))));
     setText(this.#slices.querySelector("summary"), `Who rendered it: ${several(workers.size, "worker")}, ${several(slices.length, "slice")}`);
   }
 

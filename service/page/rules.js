@@ -6,10 +6,10 @@ const spp = { min: 1, max: 1_000_000, step: 1 };
 
 export const RULES = [
   {
-    name: "visible", title: "Nothing left to see",
-    help: "Stops when hardly any pixel would still change visibly if it went on, estimated from two halves of the samples.",
+    name: "visible", title: "No noise left to see",
+    help: "Stops when hardly any noise is left: pixels that would still change visibly if it went on, estimated from two halves of the samples.",
     fields: [
-      { name: "target", label: "Pixels that may still differ", unit: "%", value: 0.0002, scale: 0.01, min: 1e-9, max: 0.99, step: "any",
+      { name: "target", label: "Noise that may be left", unit: "%", value: 0.0002, scale: 0.01, min: 1e-9, max: 0.99, step: "any",
         help: "The share of the image that a person might still see change." },
       { name: "min_spp", label: "Not before", unit: "spp", value: 200, ...spp,
         help: "Guards against an estimate that is low by chance." },
@@ -17,7 +17,7 @@ export const RULES = [
   },
   {
     name: "reverse", title: "The paper's plateau",
-    help: "Stops when the count of pixels that differ from the first image no longer rises.",
+    help: "Stops when the count of pixels that have changed since the first image no longer rises.",
     fields: [
       { name: "window", label: "Points in the line", value: 5, min: 2, max: 1000, step: 1,
         help: "How many points of the curve the slope is taken over." },

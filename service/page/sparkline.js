@@ -1,4 +1,4 @@
-// A job's curve at a glance: visible pixels against the first image, and what is left to see.
+// A job's curve at a glance: what has changed since the first image, and the noise left.
 
 import { setAttribute, svg } from "./dom.js";
 

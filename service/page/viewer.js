@@ -49,14 +49,14 @@ export class Viewer {
   constructor(signal) {
     this.#signal = signal;
     const zones = h("select", { onchange: () => { this.#zones.measure(zones.value); this.#words(); } },
-      h("option", { value: "estimate_fraction" }, "what is still visible"),
-      h("option", { value: "visible_fraction" }, "what differs from the first image"));
+      h("option", { value: "estimate_fraction" }, "noise left"),
+      h("option", { value: "visible_fraction" }, "changed since the first image"));
     const reset = h("button", { class: "quiet", onclick: () => { this.#exposure.input.value = 0; this.#expose(); } }, "As judged");
     this.#light = h("div", { class: "panel" }, this.#exposure.label, reset, this.#doubt);
     this.#panels = {
       compare: this.#compare.element,
       difference: h("div", { class: "panel" }, this.#overlay.label,
-        h("span", { class: "hint" }, "Orange: a person would see that it differs from the first image.")),
+        h("span", { class: "hint" }, "Orange: changed since the first image, as a person sees it.")),
       broken: h("div", { class: "panel" },
         h("span", { class: "hint" }, "Magenta: NaN. Blue: infinite. No sample repairs such a pixel; look for its emitter, texture or material.")),
       zones: h("div", { class: "panel" }, h("label", {}, h("span", {}, "By zones"), zones)),

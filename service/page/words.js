@@ -1,4 +1,4 @@
-// Figures and states in words, as the command line says them.
+// Figures and states in words, as farm/figures.py and the command line say them; a test compares them.
 
 const WHOLE = new Intl.NumberFormat("en-GB", { maximumFractionDigits: 0 });
 const THREE = new Intl.NumberFormat("en-GB", { maximumSignificantDigits: 3 });
@@ -14,9 +14,9 @@ export function whole(number) {
   return WHOLE.format(number);
 }
 
-/** A number with three digits that count. */
+/** A number with three digits that count, or all of its whole ones. */
 export function three(number) {
-  return THREE.format(number);
+  return (Math.abs(number) >= 100 ? WHOLE : THREE).format(number);
 }
 
 /** A number of pixels: whole ones, or two digits where there are fewer than ten. */
@@ -100,7 +100,7 @@ export function title(job) {
   return job.name.replace(/\.(zip|xml)$/i, "") || job.name;
 }
 
-/** The slope at which the reverse rule stops, in visible pixels per spp of this job's image. */
+/** The slope at which the reverse rule stops, in changed pixels per spp of this job's image. */
 export function stopSlope(job, rule) {
   return (rule.epsilon * job.width * job.height) / (512 * 512);
 }
@@ -110,26 +110,39 @@ export function rulesOf(job) {
   return [job.spec.rule, ...(job.spec.watch ?? [])];
 }
 
-/** Seconds that the job was rendering, pauses not counted, until it ended or until now. */
-export function renderingSeconds(job) {
-  if (!job.started_at) return 0;
-  const end = Date.parse(job.ended_at ?? job.paused_at ?? new Date().toISOString());
-  return Math.max(0, (end - Date.parse(job.started_at)) / 1000 - (job.paused_s ?? 0));
+/** Seconds from a job's submission to its end, or until now: waits and pauses count. */
+export function durationSeconds(job) {
+  return Math.max(0, ((job.ended_at ? Date.parse(job.ended_at) : Date.now()) - Date.parse(job.created_at)) / 1000);
 }
 
 /** What is left of a job's time, in words; "" where nobody can know. */
 export function timeLeft(job) {
   if (job.state !== "rendering") return "";
-  if (job.spec.rule.name === "visible" && job.forecast_s != null && job.forecast_spp <= job.spec.max_spp) {
-    return job.forecast_s < 3 ? "any moment" : `about ${roughly(job.forecast_s)} left`;
+  const { forecast_spp: forecast, committed_spp: committed } = job;
+  if (job.spec.rule.name === "visible" && job.forecast_s != null && forecast <= job.spec.max_spp) {
+    // The forecast is of the last point, and slices have come since.
+    const ahead = Math.max(0, forecast - committed) / Math.max(1, forecast - job.spp);
+    const seconds = ahead * job.forecast_s;
+    return seconds < 3 ? "any moment" : `about ${roughly(seconds)} left`;
   }
-  const rate = job.committed_spp / renderingSeconds(job);
-  if (!(rate > 0)) return "";
-  return `at most ${roughly((job.spec.max_spp - job.spp) / rate)} left`;
+  const rendered = committed - job.continued_spp;
+  const rendering = (Date.now() - Date.parse(job.started_at)) / 1000 - job.paused_s;
+  if (!(rendered > 0 && rendering > 0)) return "";
+  return `at most ${roughly((Math.max(0, job.spec.max_spp - committed) * rendering) / rendered)} left`;
 }
 
 /** How long an ended job took, in words. */
 export function took(job) {
-  const seconds = renderingSeconds(job);
-  return seconds > 0 ? `took ${duration(seconds)}` : "";
+  return `took ${duration(durationSeconds(job))}`;
+}
+
+/** The shares of a whole in percent, to a tenth, which add up to 100. */
+export function sharesOf(counts) {
+  const whole = counts.reduce((sum, count) => sum + count, 0);
+  const exact = counts.map((count) => (1000 * count) / whole);
+  const tenths = exact.map(Math.floor);
+  const lost = exact.map((share, at) => [share - tenths[at], at]).sort(([one], [other]) => other - one);
+  const missing = 1000 - tenths.reduce((sum, tenth) => sum + tenth, 0);
+  for (const [, at] of lost.slice(0, missing)) tenths[at] += 1;
+  return tenths.map((tenth) => `${THREE.format(tenth / 10)}${NB}%`);
 }

@@ -1,12 +1,15 @@
 // A judgement by zones of the image, as a map over it.
 
 import { setText, svg } from "./dom.js";
-import { percent } from "./words.js";
+import { percent, rulesOf } from "./words.js";
 
 const BLOCK = 16;
+const STRONGEST = 0.75;
+/** What the rule `visible` allows where a job has none. */
+const USUAL_TARGET = 0.0002;
 const WORDS = {
-  estimate_fraction: "share of each zone's pixels that more samples would still change",
-  visible_fraction: "share of each zone's pixels that differ visibly from the first image",
+  estimate_fraction: "noise left in each zone; the colour says how it compares with the target of the whole image",
+  visible_fraction: "share of each zone's pixels that have changed since the first image",
 };
 
 export class ZoneMap {
@@ -35,6 +38,25 @@ export class ZoneMap {
     return this.#point?.zones?.[this.#measure] ?? null;
   }
 
+  /**
+   * How strong a zone's colour is, by its fraction and its number of pixels.
+   *
+   * Noise is measured by what the target allows the whole image: none is seen below a tenth of that,
+   * and the colour is full at a hundred times it. So a few pixels in an image that may stop are
+   * faint, and the map fades as the image converges, which one that is scaled by its own maximum
+   * never does.
+   */
+  #strength() {
+    if (this.#measure === "visible_fraction") return (fraction) => STRONGEST * Math.sqrt(fraction);
+    const { width, height } = this.#job;
+    const rule = rulesOf(this.#job).find(({ name }) => name === "visible");
+    const allowed = (rule?.target ?? USUAL_TARGET) * width * height;
+    return (fraction, pixels) => {
+      const decades = Math.log10((fraction * pixels) / allowed);
+      return STRONGEST * Math.min(1, Math.max(0, (decades + 1) / 3));
+    };
+  }
+
   #draw() {
     const fractions = this.#fractions();
     const { width, height } = this.#job;
@@ -43,7 +65,7 @@ export class ZoneMap {
     this.element.setAttribute("viewBox", `0 0 ${width} ${height}`);
     this.element.setAttribute("preserveAspectRatio", "none");
     const [rows, columns] = [edges(height, fractions.length), edges(width, fractions[0].length)];
-    const most = Math.max(...fractions.flat());
+    const strength = this.#strength();
     const size = Math.min(height / fractions.length / 4, width / fractions[0].length / 5.5);
     const title = svg("title");
     setText(title, `Zones from the top: ${fractions.map((row) => row.map(percent).join(", ")).join("; ")}`);
@@ -51,9 +73,8 @@ export class ZoneMap {
     fractions.forEach((row, r) => row.forEach((fraction, c) => {
       const [x, y] = [columns[c], rows[r]];
       const [w, hgt] = [columns[c + 1] - x, rows[r + 1] - y];
-      const strength = most > 0 ? 0.75 * Math.sqrt(fraction / most) : 0;
       this.element.append(
-        svg("rect", { x, y, width: w, height: hgt, "fill-opacity": strength.toFixed(3) }),
+        svg("rect", { x, y, width: w, height: hgt, "fill-opacity": strength(fraction, w * hgt).toFixed(3) }),
         svg("text", { x: x + w / 2, y: y + hgt / 2, "font-size": size, "stroke-width": size / 6, "aria-hidden": "true" },
           percent(fraction)));
     }));

@@ -114,7 +114,7 @@ class TestStopping:
 class TestReasons:
     def test_each_verdict_says_where_the_curve_is(self):
         verdicts = told(Reverse(epsilon=EPSILON, window=3), [0, 600, 700, 800, 801, 801])
-        unit = "visible pixels per spp over the last 3 points"
+        unit = "changed pixels per spp over the last 3 points"
         assert [verdict.reason for verdict in verdicts] == [
             "the image at 100 spp is the first, against which others are seen",
             "the curve has 1 of the 3 points of a slope",
@@ -139,7 +139,7 @@ class TestReasons:
         verdict = told(Reverse(), [0] * 6)[-1]
         assert verdict.stop
         assert verdict.reason == (
-            "nothing was visible against the image at 100 spp on any of the last 5 points, "
+            "nothing has changed visibly since the image at 100 spp on any of the last 5 points, "
             "slope 0: the first image already looked like the present one"
         )
 

@@ -160,7 +160,7 @@ def test_an_ended_job_is_gone_on_with(visit: Visit, farm: NoiseFarm) -> None:
     page.get_by_role("button", name="Go on", exact=True).click()
     expect(page.get_by_role("dialog")).to_contain_text("must be a multiple of slice_spp")
     page.get_by_label("At most").fill("100")
-    page.get_by_label("Pixels that may still differ").fill("0.05")
+    page.get_by_label("Noise that may be left").fill("0.05")
     page.get_by_role("button", name="Go on", exact=True).click()
     expect(page.get_by_text("It goes on from an earlier job, at 50 spp.")).to_be_visible()
     new = farm.jobs.get(page.url.rpartition("/")[2])

@@ -20,7 +20,7 @@ def test_a_job_is_judged_again(visit: Visit, farm: NoiseFarm) -> None:
     expect(dialog.get_by_label("The rule that ends it")).to_have_value("fixed")
     expect(dialog.get_by_label("Stop at")).to_have_value("200")
     expect(dialog.get_by_label("Look every")).to_have_value("25")
-    expect(dialog.get_by_label("Nothing left to see")).to_be_checked()
+    expect(dialog.get_by_label("No noise left to see")).to_be_checked()
     # What cannot be is said where it is
     dialog.get_by_label("Look every").fill("30")
     dialog.get_by_role("button", name="Judge it").click()

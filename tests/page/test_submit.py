@@ -51,7 +51,7 @@ def test_a_scene_is_looked_at_and_rendered(form: Page, farm: NoiseFarm, scene: P
     form.get_by_label("height", exact=True).blur()
     expect(form.locator(".found")).to_contain_text("64 × 48 pixels")
     form.get_by_label("At most").fill("2000")
-    form.get_by_label("Pixels that may still differ").fill("0.1")
+    form.get_by_label("Noise that may be left").fill("0.1")
     form.get_by_label("Time limit").fill("2")
     form.get_by_text("More", exact=True).click()
     form.get_by_label("Batch").fill("evening")

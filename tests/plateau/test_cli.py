@@ -313,14 +313,18 @@ class TestTalkingToAService:
         for _ in range(2):
             assert plateau("pause", job.id) == (0, f"{job.id} paused\n", "")
         shown = plateau("show", job.id)[1]
-        for words in ("state:   paused", "paused:  since 20", "UTC  paused: paused by a user"):
+        for words in (
+            "state:      paused",
+            "paused:     since 20",
+            "UTC  paused: paused by a user",
+        ):
             assert words in shown
         assert plateau("list", "--state", "paused")[1].split("\t")[0] == job.id
         for _ in range(2):
             assert plateau("resume", job.id) == (0, f"{job.id} rendering\n", "")
         assert json.loads(plateau("resume", job.id, "--json")[1])["state"] == "rendering"
         shown = plateau("show", job.id)[1]
-        for words in ("paused:  for ", "UTC  rendering: resumed by a user"):
+        for words in ("paused:     for ", "UTC  rendering: resumed by a user"):
             assert words in shown
         job.end()
         code, _, err = plateau("resume", job.id)
@@ -360,7 +364,7 @@ class TestTalkingToAService:
         out_folder = tmp_path / "out"
         exit_code, out, err = plateau("watch", job.id, "-o", str(out_folder))
         assert exit_code == code
-        assert f"state:   {state.value}" in out
+        assert f"state:      {state.value}" in out
         assert "100 spp" in err
         assert (out_folder / "image.png").read_bytes() == b"a picture"
         exit_code, out, _ = plateau("watch", job.id, "--json")

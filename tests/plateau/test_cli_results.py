@@ -1,6 +1,7 @@
 """Commands that fetch what a job has come to, and name jobs by the beginning of their ids."""
 
 import json
+import re
 import resource
 import subprocess
 import sys
@@ -12,6 +13,7 @@ import pytest
 import redis
 from typer.testing import CliRunner
 
+from farm import keys
 from farm.blobs import Blobs
 from farm.job import Worker
 from farm.states import JobState
@@ -51,7 +53,7 @@ class TestCurve:
         code, out, _ = plateau("curve", job.id)
         assert code == 0
         assert [line.split()[0] for line in out.splitlines()] == ["100", "200"]
-        assert "visible 9 px (1.17 %)  slope 0.5 px/spp" in out
+        assert "changed 9 px (1.2 %)  slope 0.5 px/spp" in out
         assert plateau("curve", job.id, "--csv")[1] == plateau_client.curve_csv(job.id)
         points = json.loads(plateau("curve", job.id, "--json")[1])
         assert [point["visible_pixels"] for point in points] == [5, 9]
@@ -66,6 +68,61 @@ class TestCurve:
             "the curve has no point yet: the first comes at 50 spp\n",
         )
         assert plateau("curve", new.id, "--json") == (0, "[]\n", "")
+
+
+class TestShow:
+    """How long a job has taken by now, and for how long it will go on."""
+
+    def test_tells_of_a_job_that_runs(self, client: redis.Redis) -> None:
+        job = StagedJob(client, rule={"name": "visible"})
+        job.commit(8)
+        job.point(200, 9, forecast_spp=1000)
+        # Given that it was submitted 100 s ago, and has rendered for 50 s up to its only point
+        created, point = moments(client, job, created=-100, started=-50)
+        client.hset(keys.job(job.id), "latest", json.dumps({**point, "at": created + 100_000}))
+        assert 100 <= taken_s(job) < 110
+        # Then the 800 spp to come take four times as long as the first 200
+        assert shown(job)["to come"] == "about 3 min left, forecast 1,000 spp"
+        # And 100 spp later, half a step further, less
+        job.commit(4)
+        assert shown(job)["to come"] == "about 3 min left, forecast 1,000 spp"
+        job.commit(20)
+        assert shown(job)["to come"] == "about 50 s left, forecast 1,000 spp"
+
+    def test_tells_at_most_where_nothing_is_forecast(self, client: redis.Redis) -> None:
+        job = StagedJob(client, max_spp=1000, rule={"name": "reverse"})
+        job.commit(20)
+        moments(client, job, created=-100, started=-50)
+        assert shown(job)["to come"] == "at most 50 s left"
+        client.hset(keys.job(job.id), "state", "paused")
+        assert "to come" not in shown(job)
+
+    def test_a_list_says_the_same(self, client: redis.Redis) -> None:
+        job = StagedJob(client)
+        job.commit()
+        moments(client, job, created=-3700, started=-50)
+        assert plateau("list")[1].split("\t")[4] == "1 h 01 min"
+
+
+def shown(job: StagedJob) -> dict[str, str]:
+    """The lines of what is shown of the job, by their names."""
+    return dict(re.findall(r"^([a-z ]+): +(.+)$", plateau("show", job.id)[1], re.MULTILINE))
+
+
+def taken_s(job: StagedJob) -> float:
+    minutes, seconds = re.findall(r"\d+", shown(job)["time"].partition(";")[0])
+    return 60 * int(minutes) + int(seconds)
+
+
+def moments(client: redis.Redis, job: StagedJob, **ago_s: float) -> tuple[float, dict[str, object]]:
+    """Move the job's times in the past; returns its creation in ms, and its newest point."""
+    seconds, micros = client.time()
+    now = seconds * 1000 + micros / 1000
+    client.hset(
+        keys.job(job.id), mapping={f"{what}_at": now + 1000 * s for what, s in ago_s.items()}
+    )
+    latest = client.hget(keys.job(job.id), "latest")
+    return now + 1000 * ago_s["created"], json.loads(latest or "{}")
 
 
 class TestFetch:

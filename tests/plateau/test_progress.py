@@ -50,10 +50,10 @@ def test_a_pipe_gets_a_line_for_each_point(client: redis.Redis) -> None:
     assert [line.split()[0] for line in lines[2:]] == ["100", "200", "300"]
     last = lines[-1]
     # 32×24 pixels: 25 of them, and ε scaled from 512×512
-    assert "visible 25 px (3.26 %)" in last
+    assert "changed 25 px (3.3 %)" in last
     assert "slope 0.125 px/spp (stops at 0.000293)" in last
     assert last.count("stops at") == 1
-    assert "estimate 0.34 px (0.0333 %)" in last
+    assert "noise left 0.34 px (0.033 %)" in last
     # 11 slices of 25 spp in 11 s after the first
     assert f"{32 * 24 * 25 / 1e6:.2f} Msamples/s" in last
     assert "\x1b" not in "".join(lines)
@@ -61,7 +61,7 @@ def test_a_pipe_gets_a_line_for_each_point(client: redis.Redis) -> None:
 
 def test_the_estimate_is_shown_with_the_target_where_that_is_the_rule(client: redis.Redis) -> None:
     last = shown(client, terminal=False).splitlines()[-1]
-    assert "estimate 0.34 px (0.0333 %) (stops at 0.02 %)" in last
+    assert "noise left 0.34 px (0.033 %) (stops at 0.02 %)" in last
     assert last.count("stops at") == 1
 
 
@@ -71,7 +71,7 @@ def test_a_terminal_gets_lines_that_change(client: redis.Redis) -> None:
     assert "scalar_rgb · 32×24" in text
     # with the curve, in dots
     assert re.search("[\u2801-\u28ff]", text)
-    assert " estimate\n" in re.sub(r"\x1b\[[0-9;]*m", "", text)
+    assert " noise left\n" in re.sub(r"\x1b\[[0-9;]*m", "", text)
 
 
 @pytest.mark.parametrize(

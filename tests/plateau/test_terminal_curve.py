@@ -51,8 +51,8 @@ def test_the_axis_is_logarithmic_and_each_line_has_its_name() -> None:
     # Powers of ten are equally far apart
     assert {after - before for before, after in pairwise(rows)} <= {2, 3}
     # What is left to see ends at 0.2 %, below what is seen and above the target
-    assert row_of(lines, "visible") < row_of(lines, "estimate") < row_of(lines, "target")
-    assert rows[1] < row_of(lines, "estimate") <= rows[2]
+    assert row_of(lines, "changed") < row_of(lines, "noise left") < row_of(lines, "target")
+    assert rows[1] < row_of(lines, "noise left") <= rows[2]
     assert lines[-1].endswith(" spp")
     assert "500" in lines[-1]
     assert "1,000" in lines[-1]

@@ -383,7 +383,7 @@ def test_a_black_image_stops_and_says_why(farm: NoiseFarm) -> None:
         until(step)
     done = farm.jobs.get(job.id)
     assert done.state is JobState.CONVERGED
-    assert "nothing was visible" in done.reason
+    assert "nothing has changed visibly" in done.reason
 
 
 def test_work_in_flight_is_bounded(farm: NoiseFarm, client: redis.Redis) -> None:

@@ -1,6 +1,7 @@
 """The API's description of itself: complete, and each of its examples works."""
 
 import asyncio
+import json
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -399,3 +400,10 @@ def test_a_route_that_is_left_out_of_the_description_works(tmp_path: Path) -> No
             return await http.get("/page?theme=dark")
 
     assert asyncio.run(got()).json() == "a page"
+
+
+def test_it_says_what_changed_and_what_is_left_by_two_terms(document: dict[str, Any]) -> None:
+    said = json.dumps(document)
+    assert re.findall(r"visible pixels|still visible", said) == []
+    assert "changed since the first image" in said
+    assert "noise left" in said

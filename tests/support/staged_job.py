@@ -80,8 +80,8 @@ class StagedJob:
         assert lease is not None
         return lease
 
-    def point(self, spp: int, visible: int, slope: float | None = None) -> None:
-        """Append a point to the curve."""
+    def point(self, spp: int, visible: int, slope: float | None = None, **more: object) -> None:
+        """Append a point to the curve, with more of its fields where they are given."""
         point = {
             "spp": spp,
             "visible_pixels": visible,
@@ -91,6 +91,7 @@ class StagedJob:
             "estimate_fraction": 0.1 / spp,
             "non_finite_pixels": 0,
             "rules": {"reverse": {"value": slope, "stop": False}},
+            **more,
         }
         self._owners.append_point(self._owned, spp, point)
 
