@@ -42,7 +42,7 @@ export class ZoneMap {
    * How strong a zone's colour is, by its fraction and its number of pixels.
    *
    * Noise is measured by what the target allows the whole image: none is seen below a tenth of that,
-   * and the colour is full at a hundred times it. So a few pixels in an image that may stop are
+   * and the colour is full at ten times it. So a few pixels in an image that may stop are
    * faint, and the map fades as the image converges, which one that is scaled by its own maximum
    * never does.
    */
@@ -53,7 +53,7 @@ export class ZoneMap {
     const allowed = (rule?.target ?? USUAL_TARGET) * width * height;
     return (fraction, pixels) => {
       const decades = Math.log10((fraction * pixels) / allowed);
-      return STRONGEST * Math.min(1, Math.max(0, (decades + 1) / 3));
+      return STRONGEST * Math.min(1, Math.max(0, (decades + 1) / 2));
     };
   }
 
