@@ -74,7 +74,7 @@ def test_the_log_is_a_line_for_each_try_and_its_words_below_it() -> None:
         entry(3, "rejected", cause="gone"),
     ]
     assert list(log_lines(log)) == [
-        "2026-11-21 08:00:01 UTC  slice 3  committed after 4.2 s by w",
+        "2026-11-21 08:00:01 UTC  slice 3  committed after 4.3 s by w",
         "2026-11-21 08:00:02 UTC  slice 3  died after 1 min 2 s by w: SIGSEGV",
         "    one",
         "    two\\x07",
