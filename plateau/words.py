@@ -34,7 +34,7 @@ def size(count: float) -> str:
 
 
 def point_figures(job: Job, point: CurvePoint) -> list[str]:
-    """What changed since the first image, slope, noise left, forecast, broken pixels: what is known."""
+    """Changed pixels, slope, noise left, forecast and broken pixels of a point, where known."""
     found = [f"changed {of_image(point.visible_pixels, point.visible_fraction)}"]
     if point.slope is not None:
         stop = stop_slope(job)
