@@ -1,6 +1,5 @@
 """The API's side of a process that checks scenes: started, asked, ended."""
 
-import os
 import signal
 import socket
 import subprocess
@@ -8,13 +7,11 @@ import sys
 import threading
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from typing import Any, BinaryIO, Final
+from typing import Any, BinaryIO
 
 from farm.bundle import BundleError, BundleLimits
+from farm.processes import plain_environment
 from service import check_child
-
-#: What it inherits of the environment, beside Python's own variables: no credentials.
-_INHERITED: Final = ("LANG", "LC_ALL", "LD_LIBRARY_PATH", "PATH", "TZ")
 
 #: Values for a scene's `$parameters`, and the index of the sensor.
 Asked = tuple[Mapping[str, str], int]
@@ -141,7 +138,7 @@ class CheckProcess:
                 ],
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,
-                env=_environment(),
+                env=plain_environment(),
                 pass_fds=(its.fileno(),),
                 start_new_session=True,
             )
@@ -167,11 +164,3 @@ class CheckProcess:
         status = self._process.wait()
         self._process = self._link = None
         return status
-
-
-def _environment() -> dict[str, str]:
-    return {
-        name: value
-        for name, value in os.environ.items()
-        if name in _INHERITED or name.startswith("PYTHON")
-    }

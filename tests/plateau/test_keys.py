@@ -263,7 +263,7 @@ class TestAService:
     def test_says_what_is_wrong_with_a_certificate(self, say: Say, tmp_path: Path) -> None:
         certificate, private_key, _ = certified(tmp_path)
         both = ("--tls-certificate", certificate, "--tls-key")
-        assert "go together" in say("up", *both[:2], code=2)[1]
+        assert "--tls-key together" in say("up", *both[:2], code=2)[1]
         farm = {"PLATEAU_REDIS_URL": "redis://127.0.0.1:1", "PLATEAU_BLOBS": str(tmp_path)}
         err = say("api", "--port", "0", *both, f"{private_key}.old", code=1, **farm)[1]
         assert "cannot be used: No such file" in err
