@@ -69,5 +69,5 @@ def test_others_go_on(farm: NoiseFarm, client: redis.Redis) -> None:
 
 @pytest.mark.parametrize("steer", [Workers.drain, Workers.resume])
 def test_only_a_living_worker_can_be_told(client: redis.Redis, steer: object) -> None:
-    with pytest.raises(WorkerNotFound, match="no worker 'nobody' lives"):
+    with pytest.raises(WorkerNotFound, match="there is no worker 'nobody'"):
         steer(Workers(client), "nobody")  # type: ignore[operator]
