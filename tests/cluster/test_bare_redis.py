@@ -72,7 +72,7 @@ def place(tmp_path_factory: pytest.TempPathFactory, tool: Callable[[str], Path])
 @pytest.fixture(scope="module")
 def farm(place: Place, tmp_path_factory: pytest.TempPathFactory, cache: Path) -> Iterator[BareFarm]:
     folder = tmp_path_factory.mktemp("farm")
-    allow = {"PLATEAU_WEBHOOK_ALLOW": "127.0.0.0/8"}
+    allow = {"PLATEAU_WEBHOOK_ALLOW": "127.0.0.0/8", "PLATEAU_PLUGINS": "nosuch"}
     with BareFarm(folder, cache, place.root, place.settings_of, **allow) as farm:
         # The worker comes first, and waits for those who may lay out what it finds
         farm.workers(1)
