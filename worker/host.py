@@ -7,6 +7,7 @@ from typing import Final
 
 import psutil
 
+from farm.errors import StoreUnavailable
 from farm.queue import Lease
 from farm.settings import Settings
 from worker.render_child import ChildLimits, Film, Loaded, RenderChild
@@ -40,12 +41,13 @@ class RenderHost:
         self._llvm_library = llvm_library
         self._scenes = scenes
         self._child: RenderChild | None = None
+        self._child_is_for: tuple[str, tuple[int, int]] | None = None
         self._loaded: tuple[tuple[object, ...], Loaded] | None = None
         self._files: Path | None = None  # where the scene's files are
 
     def warm_up(self, variant: str) -> None:
         """Start a child, and do not wait for it, so that the first lease need not."""
-        with suppress(OSError):  # it shows when there is something to render
+        with suppress(OSError, StoreUnavailable):  # it shows when there is something to render
             self._child_for(variant)
 
     def render(self, lease: Lease, show: Callable[[Glimpse], None]) -> Rendered:
@@ -94,10 +96,14 @@ class RenderHost:
             self._child.kill()
 
     def _child_for(self, variant: str) -> RenderChild:
-        if self._child is not None and self._child.alive and self._child.variant == variant:
+        # A child can open what lies in the folder that was there when it started, and in no other.
+        scenes = self._scenes.make_folder()
+        suits = (variant, scenes) == self._child_is_for
+        if self._child is not None and self._child.alive and suits:
             return self._child
         self.close()
         self._loaded = None
+        self._child_is_for = (variant, scenes)
         limits = ChildLimits(
             threads=self._threads,
             memory_bytes=0 if variant.startswith("cuda") else self._memory_bytes(),

@@ -44,6 +44,19 @@ class SceneCache:
         self.folder = folder
         self._in_use_s = in_use_s
 
+    def make_folder(self) -> tuple[int, int]:
+        """Make the folder where it is missing, and return which one it is: its device and inode.
+
+        Raises
+        ------
+        StoreUnavailable
+            This machine's disk failed: it may be full.
+        """
+        with _disk_errors(self.folder):
+            self.folder.mkdir(parents=True, exist_ok=True)
+            status = self.folder.stat()
+            return status.st_dev, status.st_ino
+
     def scene(self, sha256: str) -> tuple[Path, str]:
         """The scene's folder and the name of its main XML in it.
 
@@ -73,8 +86,8 @@ class SceneCache:
         return False
 
     def _unpack(self, sha256: str, home: Path) -> None:
+        self.make_folder()
         with _disk_errors(self.folder):
-            self.folder.mkdir(parents=True, exist_ok=True)
             # Made apart and moved into place, so that nobody sees half a scene.
             making = Path(tempfile.mkdtemp(prefix=".making-", dir=self.folder))
         try:

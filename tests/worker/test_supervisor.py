@@ -3,6 +3,7 @@
 import contextlib
 import hashlib
 import os
+import shutil
 import signal
 import threading
 import time
@@ -403,3 +404,21 @@ def test_the_render_child_is_there_before_any_work(bench: Bench) -> None:
         job, _ = bench.job(slices=1)
         until(lambda: len(bench.jobs.ledger(job.id)) == 1)
         assert the_child().pid == early
+
+
+def test_scenes_can_be_opened_whose_cache_is_new_or_was_cleared(bench: Bench) -> None:
+    # Given a child that is shut in before any scene is there
+    with bench.worker():
+        until(render_children)
+        early = the_child()
+        until(lambda: early.num_threads() > 1)
+        # Then it can open the first one
+        first, _ = bench.job(slices=1)
+        until(lambda: len(bench.jobs.ledger(first.id)) == 1)
+        assert the_child() == early
+        # If somebody clears the cache
+        shutil.rmtree(bench.settings.cache / "scenes")
+        # Then a new child can open what is unpacked anew
+        second, _ = bench.job(slices=1)
+        until(lambda: len(bench.jobs.ledger(second.id)) == 1)
+        assert the_child() != early
