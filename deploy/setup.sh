@@ -9,14 +9,17 @@ source deploy/lib.sh
 is_python() { "$1" -c "import sys; sys.exit(not ($2))" 2>/dev/null; }
 
 find_python() {
-  # Who names one gets it. Every candidate is run: a version manager's shim may exist without its
-  # Python. For those before 3.13 a Redis server comes with the dependencies.
+  # Who names one gets it, and a .venv that is made again keeps its own. Every candidate is run: a
+  # version manager's shim may exist without its Python. For those before 3.13 a Redis server comes
+  # with the dependencies.
   local candidate new_enough='sys.version_info >= (3, 10)'
   if [ -n "${PYTHON:-}" ]; then
     if is_python "$PYTHON" "$new_enough"; then echo "$PYTHON"; return; fi
     say "PYTHON=$PYTHON is no Python 3.10 or newer"
     return 1
   fi
+  candidate=$(.venv/bin/python -c 'import sys; print(sys._base_executable)' 2>/dev/null || true)
+  if [ -n "$candidate" ] && is_python "$candidate" "$new_enough"; then echo "$candidate"; return; fi
   for candidate in python3.12 python3.11 python3.10 python3; do
     if is_python "$candidate" "$new_enough and sys.version_info < (3, 13)"
     then echo "$candidate"; return; fi

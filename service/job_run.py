@@ -182,14 +182,14 @@ class JobRun:
             return
         if self._jobs.now_ms() / 1000 - begin.timestamp() - job.paused_s <= limit_s:
             return
-        if job.state is JobState.QUEUED:
+        if not self._merge.slices:  # an end with an image is not to be told from one without
             self._end(
                 JobState.FAILED,
-                f"no worker took a slice of it within its time limit of {limit_s:g} s",
+                f"no slice of it was rendered within its time limit of {limit_s:g} s",
             )
             return
         reason = f"reached its time limit of {limit_s:g} s at {self._merge.spp} spp"
-        flaw = flaw_of(self._merge.image()) if self._merge.slices else None
+        flaw = flaw_of(self._merge.image())
         if flaw is None:
             self._end(JobState.EXHAUSTED, reason)
         else:  # there was no point of the curve yet at which it could be judged

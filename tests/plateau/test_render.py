@@ -203,12 +203,12 @@ class TestWhatItsOwnWorkersCannotDo:
     def test_a_time_limit_counts_from_the_submission(self, render: Render, tmp_path: Path) -> None:
         # Given a limit that is over before any worker could have started
         command = render("--time-limit", "0.1")
-        # Then it ends, with or without a first slice
-        command.exit_code()
+        # Then it fails, since there is no image
+        assert command.exit_code() == 1
         left_nothing(command)
         summary = json.loads((tmp_path / "out" / "summary.json").read_text())
-        assert summary["state"] in {"failed", "exhausted"}
-        assert "time limit of 0.1 s" in summary["reason"]
+        said = "no slice of it was rendered within its time limit of 0.1 s"
+        assert (summary["state"], summary["reason"]) == ("failed", said)
         assert summary["spec"]["time_limit_from"] == "submission"
 
 

@@ -192,7 +192,7 @@ def test_a_time_limit_from_the_submission_ends_a_job_that_nobody_renders(farm: N
     # Then the one whose limit counts from its submission ends, and the other waits
     done = farm.jobs.get(job.id)
     assert (done.state, done.spp) == (JobState.FAILED, 0)
-    assert done.reason == "no worker took a slice of it within its time limit of 0.5 s"
+    assert done.reason == "no slice of it was rendered within its time limit of 0.5 s"
     assert farm.jobs.get(patient.id).state is JobState.QUEUED
 
 
