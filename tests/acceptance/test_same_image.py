@@ -85,7 +85,8 @@ from pathlib import Path
 from worker.renderer import Renderer
 variant, size, passes, into = json.loads(sys.stdin.read())
 renderer = Renderer(variant, threads=2)
-renderer.load(Path(sys.argv[1]), "scene.xml", {"width": str(size), "height": str(size)}, 0)
+shape = {"width": str(size), "height": str(size)}
+renderer.load(Path(sys.argv[1]), "scene.xml", shape, 0, threads=1)
 total = np.zeros(())
 for slice_ in passes:
     film = 0.0
