@@ -175,14 +175,15 @@ def test_what_was_asked_for_and_not_done_is_told(render: Render, tmp_path: Path)
 
 def test_a_scene_that_mitsuba_refuses_fails_in_its_words(render: Render, tmp_path: Path) -> None:
     of_an_earlier_job(tmp_path / "out")
-    command = render(text=FLOOR.replace(b"rectangle", b"dodecahedron"))
+    faces = b'"rectangle"><integer name="faces" value="12"/></shape>'
+    command = render(text=FLOOR.replace(b'"rectangle"/>', faces))
     assert command.exit_code(120) == 1
     left_nothing(command)
     assert "the job failed" in command.said
-    assert "dodecahedron" in command.said
+    assert "faces" in command.said
     assert "Traceback" not in command.said
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
-    assert (summary["state"], "dodecahedron" in summary["reason"]) == ("failed", True)
+    assert (summary["state"], "faces" in summary["reason"]) == ("failed", True)
     # And no image of an earlier job is beside it
     assert visible(tmp_path / "out") == {"summary.txt", "summary.json"}
 

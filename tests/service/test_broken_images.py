@@ -12,7 +12,7 @@ import redis
 from PIL import Image
 
 from farm.exr import Pixels, decode_image
-from farm.job import Job
+from farm.job import Job, utc_now
 from farm.states import JobState
 from plateau import words
 from service.views import job_view
@@ -156,7 +156,7 @@ def test_a_few_are_left_out_and_every_figure_says_so(
         assert last.rules["visible"].value == last.estimate_fraction
         assert "2 pixels that are NaN or infinite are left out" in done.reason
     assert curve[0].visible_pixels == 0  # the first image, against itself
-    summary = words.summary(job_view(done))
+    summary = words.summary(job_view(done), utc_now())
     assert "broken:  2 px (0.26 %) are NaN or infinite, and left out" in summary
     with live_api(redis_url, farm.store) as url, httpx.Client(base_url=url) as http:
         path = f"/v1/jobs/{job.id}"
@@ -175,7 +175,7 @@ def test_an_image_without_such_pixels_has_no_such_picture(farm: NoiseFarm, redis
     with farm.monitor():
         done = farm.finish(job)
     assert done.state is JobState.CONVERGED
-    assert "broken" not in words.summary(job_view(done))
+    assert "broken" not in words.summary(job_view(done), utc_now())
     with live_api(redis_url, farm.store) as url, httpx.Client(base_url=url) as http:
         answer = http.get(f"/v1/jobs/{job.id}/non-finite.png")
     assert answer.status_code == 404
