@@ -157,7 +157,7 @@ def test_a_few_are_left_out_and_every_figure_says_so(
         assert "2 pixels that are NaN or infinite are left out" in done.reason
     assert curve[0].visible_pixels == 0  # the first image, against itself
     summary = words.summary(job_view(done), utc_now())
-    assert "broken:  2 px (0.26 %) are NaN or infinite, and left out" in summary
+    assert "2 px (0.26 %) are NaN or infinite, and left out" in summary
     with live_api(redis_url, farm.store) as url, httpx.Client(base_url=url) as http:
         path = f"/v1/jobs/{job.id}"
         assert http.get(path).json()["non_finite_pixels"] == 2
