@@ -129,6 +129,10 @@ def summary(job: Job, now: datetime, waits_for: str | None = None) -> str:
         rows.append(
             ("noise left", f"{left} still differ visibly from the converged image, by half buffers")
         )
+    if job.non_finite_pixels:
+        total = (job.width or 0) * (job.height or 0)
+        broken = of_image(job.non_finite_pixels, job.non_finite_pixels / total)
+        rows.append(("broken", f"{broken} are NaN or infinite, and left out of what is counted"))
     rows.append(
         ("time", f"{duration(job.duration_s(now))}; machine time {duration(job.machine_s)}")
     )
