@@ -9,10 +9,13 @@ head, an upload or a stream of events, takes as long as it takes.
 
 import asyncio
 import resource
+from http import HTTPStatus
 from typing import Any, Final
 
 import h11
 from uvicorn.protocols.http.h11_impl import H11Protocol
+
+from service.problems import BUSY, Problem
 
 #: For so long a request's head, or a TLS handshake, may take to come, in seconds.
 HEAD_S: Final = 10.0
@@ -24,9 +27,10 @@ _OTHERS: Final = 256
 _DESCRIPTORS_EACH: Final = 2
 #: Connections that wait to be accepted; so many are accepted at once.
 _LONGEST_BACKLOG: Final = 2048
-_REFUSAL: Final = (
-    b"HTTP/1.1 503 Service Unavailable\r\nContent-Length: 0\r\nRetry-After: 2\r\n"
-    b"Connection: close\r\n\r\n"
+_TOO_MANY: Final = Problem(
+    BUSY,
+    "this API has as many connections as it may have; try again in 2 s",
+    headers={"Retry-After": "2", "Connection": "close"},
 )
 
 
@@ -67,8 +71,7 @@ class Connection(H11Protocol):
         """Take the connection, unless there are too many."""
         super().connection_made(transport)
         if self.limit_concurrency is not None and len(self.connections) >= self.limit_concurrency:
-            transport.write(_REFUSAL)
-            transport.close()
+            self.refuse(_TOO_MANY)
         else:
             self._watch()
 
@@ -86,6 +89,20 @@ class Connection(H11Protocol):
         """Let the connection go."""
         self._forget_deadline()
         super().connection_lost(exc)
+
+    def refuse(self, problem: Problem) -> None:
+        """Answer with a problem, where no answer has begun; hang up."""
+        if self.conn.our_state in {h11.IDLE, h11.SEND_RESPONSE}:
+            answer = problem.response("")
+            headers = [*self.server_state.default_headers, *answer.raw_headers]
+            reason = HTTPStatus(answer.status_code).phrase.encode()
+            for event in (
+                h11.Response(status_code=answer.status_code, headers=headers, reason=reason),
+                h11.Data(data=bytes(answer.body)),
+                h11.EndOfMessage(),
+            ):
+                self.transport.write(self.conn.send(event) or b"")
+        self.transport.close()
 
     def _watch(self) -> None:
         """Give a head its time from when it may begin, and what follows it all the time."""

@@ -3,6 +3,8 @@
 import hashlib
 from typing import Any, Final
 
+from service.framework_errors import NOT_JSON
+
 JOB_ID: Final = "3b52dbb3a017"
 KEY_ID: Final = "c81e5a0f93d2"
 EVENT_ID: Final = "1795252332826-0"
@@ -241,7 +243,7 @@ METRICS: Final = (
 
 #: What a problem of each type may say.
 PROBLEM_DETAILS: Final = {
-    "malformed-request": "Missing boundary in multipart.",
+    "malformed-request": NOT_JSON,
     "foreign-host": "the request is addressed to 'farm.example'; without API keys, this service "
     "answers its own machine only, as localhost, 127.0.0.1 or [::1]; once `plateau keys create "
     "NAME` has made a key, it answers under any name",

@@ -2,7 +2,6 @@
 
 from typing import Any, Final
 
-import h11
 import uvicorn
 from starlette.types import ASGIApp
 
@@ -20,7 +19,8 @@ ON_EVERY_ANSWER: Final = [
 
 _UNREADABLE: Final = Problem(
     MALFORMED_REQUEST,
-    "the request is not HTTP/1.1 as RFC 9112 has it, or its head has more than 64 KiB",
+    "the request is not HTTP/1.1 as RFC 9112 has it, or its head has more than 64 KiB; check the "
+    "address (http:// or https://), and send fewer or shorter headers",
     headers={"Connection": "close"},
 )
 
@@ -30,19 +30,10 @@ class Protocol(Connection):
 
     def send_400_response(self, msg: str) -> None:  # noqa: ARG002  (the problem says more)
         """Answer what cannot be read with a problem, where no answer has begun; hang up."""
-        if self.conn.our_state in {h11.IDLE, h11.SEND_RESPONSE}:
-            answer = _UNREADABLE.response("")
-            headers = [*self.server_state.default_headers, *answer.raw_headers]
-            for event in (
-                h11.Response(status_code=400, headers=headers, reason=b"Bad Request"),
-                h11.Data(data=bytes(answer.body)),
-                h11.EndOfMessage(),
-            ):
-                self.transport.write(self.conn.send(event) or b"")
         if self.cycle is not None:  # the app may still answer a request whose body is broken
             self.cycle.disconnected = True
             self.cycle.message_event.set()
-        self.transport.close()
+        self.refuse(_UNREADABLE)
 
 
 def server_config(app: ASGIApp, *, grace_s: int, **options: Any) -> uvicorn.Config:

@@ -28,6 +28,7 @@ from farm.errors import (
 )
 from farm.states import JobState
 from service import problems
+from service.framework_errors import NOT_JSON, in_our_words
 from service.problems import Problem, ProblemType, unavailable
 from service.spec_checks import invalid_request
 from service.stored_files import SpoiledBlob
@@ -80,7 +81,7 @@ def add_problem_handlers(app: FastAPI) -> None:
     @app.exception_handler(RequestValidationError)
     def answer_invalid(request: Request, error: RequestValidationError) -> JSONResponse:
         if any(one["type"] == "json_invalid" for one in error.errors()):
-            problem = Problem(problems.MALFORMED_REQUEST, "the body is not JSON")
+            problem = Problem(problems.MALFORMED_REQUEST, NOT_JSON)
             return problem.response(request.url.path)
         return invalid_request(error.errors()).response(request.url.path)
 
@@ -146,7 +147,7 @@ def _from_http(request: Request, error: HTTPException) -> Problem:
         return error
     kind = _BY_STATUS.get(error.status_code)
     if kind is None:
-        kind = ProblemType("http-error", error.status_code, str(error.detail))
+        kind = ProblemType("http-error", error.status_code, "The request failed")
     path, headers = request.url.path, error.headers
     if kind is problems.METHOD_NOT_ALLOWED:
         headers = {**(headers or {}), **_allow(request)}
@@ -156,7 +157,9 @@ def _from_http(request: Request, error: HTTPException) -> Problem:
         problems.METHOD_NOT_ALLOWED: f"{path} does not take {request.method}; /docs says what it "
         "takes",
     }
-    return Problem(kind, details.get(kind, str(error.detail)), headers=headers)
+    unknown = f"the request to {path} cannot be answered as it is; /docs says what to send"
+    words = details.get(kind) or in_our_words(str(error.detail)) or unknown
+    return Problem(kind, words, headers=headers)
 
 
 def _allow(request: Request) -> dict[str, str]:

@@ -28,6 +28,7 @@ from farm.spec import BatchSpec, JobSpec
 from service import problems
 from service.callers import Caller, CallerOf
 from service.check_process import CheckEnded
+from service.framework_errors import MOST_FIELD_BYTES, MOST_FIELDS, MOST_FILES
 from service.idempotency import idempotency_key
 from service.parts import Parts, parts, parts_of
 from service.problems import CLIENT_GONE, Problem
@@ -36,7 +37,6 @@ from service.spec_checks import check_seeds, check_webhook, invalid_field
 from service.submitted_spec import submitted_spec
 
 _FIELDS: Final = frozenset({"scene", "scene_sha256", "spec"})
-_MAX_SPEC_BYTES: Final = 1 << 20
 _MAX_NAME: Final = 90  #: a made-up batch is called by it
 #: CPU time: a scene may take a second to check, and a list has up to a thousand entries.
 _MOST_CHECKING_S: Final = 60.0
@@ -64,7 +64,9 @@ async def submission(request: Request) -> AsyncIterator[Submission]:
             "curl -F scene=@scene.zip -F 'spec={}' does",
         )
     try:
-        async with request.form(max_files=2, max_fields=8, max_part_size=_MAX_SPEC_BYTES) as form:
+        async with request.form(
+            max_files=MOST_FILES, max_fields=MOST_FIELDS, max_part_size=MOST_FIELD_BYTES
+        ) as form:
             asked = await _submission(form, idempotency_key(request))
             check_webhook(asked.spec, parts_of(request).receivers)
             yield asked
@@ -108,7 +110,7 @@ def _scene(upload: UploadFile | str | None, sha256: UploadFile | str | None) -> 
 
 
 async def _spec(part: UploadFile | str | None) -> JobSpec | BatchSpec:
-    text = (await part.read(_MAX_SPEC_BYTES)) if isinstance(part, UploadFile) else part
+    text = (await part.read(MOST_FIELD_BYTES)) if isinstance(part, UploadFile) else part
     return submitted_spec(text or b"{}")
 
 

@@ -164,5 +164,8 @@ def _finished(one: PreparedScene, rendering: Any) -> NDArray[np.float32]:
     with scene_errors():
         film: NDArray[np.float32] = rendering.numpy()
     if film.shape != (one.height, one.width, 4):
-        raise SceneError(f"the film has the shape {film.shape}, not R, G, B and weight")
+        raise SceneError(
+            f"the film came out with the shape {film.shape}, where the farm expects "
+            f"{(one.height, one.width, 4)}: red, green, blue and weight"
+        )
     return film

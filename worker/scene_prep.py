@@ -29,23 +29,26 @@ if TYPE_CHECKING:
 #: The film's parameters that the farm sets, each with why.
 _FILM = {
     "pixel_format": ("rgb", "alpha and other channels are not rendered"),
-    "file_format": ("openexr", "results are OpenEXR and PNG"),
-    "component_format": ("float32", "samples are added up in it"),
+    "file_format": ("openexr", "results are OpenEXR and PNG files"),
+    "component_format": ("float32", "the farm adds samples up in float32"),
 }
 
 #: Integrator parameters that would make a pass depend on time or split it behind our back.
 _IMPURE = {
-    "samples_per_pass": "passes are the farm's business",
-    "timeout": "a pass cut short is not the same pass twice",
+    "samples_per_pass": "the farm divides the samples into passes itself",
+    "timeout": "the farm renders each pass to its end; a job has a time limit of its own",
 }
 
 #: Those of `mitsuba.ad`: they give an image and its derivatives, and no film that is not developed.
 _DIFFERENTIABLE = (
-    "the integrator '{}' is made for differentiable rendering, and its films cannot be added up: "
+    "the integrator '{}' is made for differentiable rendering, and its passes cannot be added up; "
     "use 'path' or 'volpath'"
 )
 
-_NO_WEIGHTS = "the integrator '{}' does not sample pixel by pixel: its films have no weights to add"
+_NO_WEIGHTS = (
+    "the integrator '{}' does not sample pixel by pixel, and its passes cannot be added up; use "
+    "'path' or 'volpath'"
+)
 
 #: `scene_errors` itself and the function that uses it: Mitsuba's C++ has no frames of its own.
 _OUR_FRAMES = 2
@@ -103,7 +106,9 @@ def prepare(
         Mitsuba refuses the scene, or the farm cannot render it.
     """
     for name in _UNPASSABLE & parameters.keys():
-        raise SceneError(f"a parameter named {name!r} cannot be handed to Mitsuba: rename it")
+        raise SceneError(
+            f"a parameter cannot be named {name!r}, a name that Mitsuba keeps for itself; rename it"
+        )
     # Not in the bundle's top folder too: seen from there, `..` would lead out of the bundle.
     _resolve_files_in((folder / entry).parent)
     config = mi.parser.ParserConfig(variant)
@@ -185,7 +190,7 @@ def _adapt(variant: str, nodes: list[Any]) -> tuple[str, ...]:
     for kind, name in ((mi.ObjectType.Sensor, "sensor"), (mi.ObjectType.Integrator, "integrator")):
         # Mitsuba would invent one, and the person would get an image that they never described.
         if kind not in kinds:
-            raise SceneError(f"the scene has no {name}")
+            raise SceneError(f"the scene has no {name}; add a <{name}> to it")
     notes: list[str] = []
     for node in nodes:
         if node.type == mi.ObjectType.Sampler:
@@ -206,36 +211,39 @@ def _adapt_sampler(node: Any) -> Iterable[str]:
     properties.set_id(node.props.id())
     node.props = properties
     if was != "independent":
-        yield f"the scene's '{was}' sampler was replaced by 'independent'"
+        yield (
+            f"the scene's '{was}' sampler was replaced by 'independent': others repeat their "
+            "pattern from pass to pass"
+        )
     if had_seed:
-        yield "the sampler's own seed was dropped: the job's seed counts"
+        yield "the sampler's seed was ignored: the job's seed is used"
     if count is not None:
         yield (
             f"the sampler's sample_count of {count} was ignored: the job's rule decides how many "
-            "samples there are (the rule 'fixed' renders as many as it is told)"
+            "samples are rendered (the rule 'fixed' renders as many as you ask for)"
         )
 
 
 def _adapt_film(properties: Any) -> Iterable[str]:
     if properties.plugin_name() != "hdrfilm":
         raise SceneError(
-            f"the farm renders to an 'hdrfilm', and the scene's film is a "
-            f"'{properties.plugin_name()}'"
+            f"the scene's film is a '{properties.plugin_name()}', and the farm renders 'hdrfilm' "
+            "only; change the film's type to that"
         )
     for name in ("width", "height", "crop_width", "crop_height"):
         # Said here: sensors divide by the film's size, and complain of their field of view.
         if properties.has_property(name) and not properties[name]:
-            raise SceneError(f"the film's {name} is 0")
+            raise SceneError(f"the film's {name} is 0; make it 1 or more")
     for name, (ours, why) in _FILM.items():
         theirs = properties[name] if properties.has_property(name) else ours
         if str(theirs).lower() != ours:
-            yield f"the film's {name} was '{theirs}' and became '{ours}': {why}"
+            yield f"the film's {name} was changed from '{theirs}' to '{ours}': {why}"
         properties[name] = ours
     if properties.has_property("compensate"):
-        yield "the film's compensate was ignored: this Mitsuba has no such setting any more"
+        yield "the film's compensate was ignored: Mitsuba no longer has this setting"
     if properties.has_property("sample_border"):
         if properties["sample_border"]:
-            yield "the film's sample_border was switched off"
+            yield "the film's sample_border was switched off: the farm samples the image alone"
         # It would enlarge the area that is sampled, and with it the seeds that a pass uses.
         properties["sample_border"] = False
 
@@ -246,23 +254,30 @@ def _adapt_integrator(variant: str, properties: Any) -> Iterable[str]:
     for name, why in _IMPURE.items():
         if properties.has_property(name):
             properties.remove_property(name)
-            yield f"the integrator's {name} was dropped: {why}"
+            yield f"the integrator's {name} was ignored: {why}"
     if variant.startswith("scalar"):
         # Left alone, Mitsuba shrinks the blocks of small films as threads are added, and a
         # block's place in the film decides its seed.
         if properties.has_property("block_size") and properties["block_size"] != SCALAR_BLOCK:
-            yield f"the integrator's block_size was set to {SCALAR_BLOCK}"
+            yield (
+                f"the integrator's block_size was changed from {properties['block_size']} to "
+                f"{SCALAR_BLOCK}: the farm's seeds are made for blocks of that size"
+            )
         properties["block_size"] = SCALAR_BLOCK
 
 
 def _check(scene: Any, index: int, notes: tuple[str, ...]) -> PreparedScene:
     """Return the scene's parts, having refused what the farm cannot render."""
     if not isinstance(scene, mi.Scene):
-        raise SceneError("the file describes a part of a scene, not a <scene>")
+        raise SceneError(
+            "the file describes a part of a scene; its outermost element must be <scene>"
+        )
     sensors = scene.sensors()
     if index >= len(sensors):
         count = len(sensors)
-        raise SceneError(f"there is no sensor {index}: the scene has {count}, counted from 0")
+        raise SceneError(
+            f"the scene has no sensor {index}; it has {count}, and the first is sensor 0"
+        )
     integrator = scene.integrator()
     if isinstance(integrator, mi.CppADIntegrator):
         raise SceneError(_DIFFERENTIABLE.format(type(integrator).__name__))
@@ -271,14 +286,15 @@ def _check(scene: Any, index: int, notes: tuple[str, ...]) -> PreparedScene:
     if integrator.aov_names():
         channels = ", ".join(integrator.aov_names())
         raise SceneError(
-            f"the integrator '{_name(integrator)}' writes more than an image ({channels}): "
-            "render with the integrator inside it"
+            f"the integrator '{_name(integrator)}' writes more than an image ({channels}); use the "
+            "integrator inside it instead"
         )
     film = sensors[index].film()
     width, height = (int(size) for size in film.crop_size())
     if width * height > BundleLimits().max_pixels:
         raise SceneError(
-            f"the film is {width}×{height}: the farm's limit is {BundleLimits().max_pixels} pixels"
+            f"the film has {width}×{height} pixels, and the farm renders "
+            f"{BundleLimits().max_pixels:,} at most; make the film smaller"
         )
     return PreparedScene(scene, sensors[index], film, integrator, width, height, notes)
 

@@ -120,7 +120,8 @@ class Cast:
         if not 0 <= sensor < len(self.sensors):
             raise BundleError(
                 "no-sensor",
-                f"there is no sensor {sensor}; the scene's are 0 to {len(self.sensors) - 1}",
+                f"the scene has no sensor {sensor}; it has {len(self.sensors)}, and the first is "
+                "sensor 0",
             )
         chosen = self.sensors[sensor]
         shared = [self._film(reference) for reference in chosen.references]

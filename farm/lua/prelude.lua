@@ -438,7 +438,7 @@ local function forgive_worker(worker)
 end
 
 local function poison(id, index, causes)
-  end_job(id, 'failed', string.format('slice %s was tried %d times, and each try ended its process: %s',
+  end_job(id, 'failed', string.format('slice %s failed %d times; each time the process that rendered it ended: %s',
                                       index, #causes, table.concat(causes, '; ')))
 end
 

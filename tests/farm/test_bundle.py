@@ -583,7 +583,9 @@ BAD = [
         kwargs=given(w="0"),
     ),
     Bad("no-sensor", io.BytesIO(scene(sensor="")), "add a <sensor>"),
-    Bad("no-sensor", xml(), "no sensor 1; the scene's are 0 to 0", kwargs={"sensor": 1}),
+    Bad(
+        "no-sensor", xml(), "no sensor 1; it has 1, and the first is sensor 0", kwargs={"sensor": 1}
+    ),
     Bad("no-sensor", xml(), "no sensor -1", kwargs={"sensor": -1}),
 ]
 

@@ -168,7 +168,9 @@ def test_what_was_asked_for_and_not_done_is_told(render: Render, tmp_path: Path)
     assert command.exit_code(120) == 0
     # Then the command says what became of it, and so do the results
     assert re.search(r"note: +the sampler's sample_count of 16 was ignored", command.said)
-    assert re.search(r"note: +the film's pixel_format was 'rgba' and became 'rgb'", command.said)
+    assert re.search(
+        r"note: +the film's pixel_format was changed from 'rgba' to 'rgb'", command.said
+    )
     notes = json.loads((tmp_path / "out" / "summary.json").read_text())["notes"]
     assert len(notes) == 2
 

@@ -193,8 +193,11 @@ def test_there_are_fewer_connections_than_descriptors(farm: RealFarm, tmp_path: 
     # When somebody opens more connections than that, and asks for nothing
     idle = [connected(url) for _ in range(500)]
     try:
-        # Then those beyond a hundred are refused at once
-        assert rest(idle[-1]).startswith(b"HTTP/1.1 503 ")
+        # Then those beyond a hundred are refused at once, in words
+        head, _, body = rest(idle[-1]).partition(b"\r\n\r\n")
+        assert head.startswith(b"HTTP/1.1 503 ")
+        assert b"application/problem+json" in head
+        assert b"try again in 2 s" in body
         # And one that was there before is served
         assert answered(idle[0])
         assert psutil.Process(api.pid).num_fds() < 300
