@@ -246,20 +246,25 @@ class SchemaMismatch(Incompatible):
     """The data in Redis is of a layout that this Plateau cannot work with."""
 
 
+def needs_other_layout(found: str) -> str:
+    """How a message begins that is about data of another layout."""
+    return (
+        f"the data in Redis has layout {found}, and this Plateau, {versions.plateau()}, works with "
+        f"layout {versions.LAYOUT}"
+    )
+
+
 class WrongLayout(Incompatible):
     """The data in Redis has another layout than this Plateau's; nothing was done."""
 
     def __init__(self, found: str) -> None:
         newer = found.isdigit() and int(found) > versions.LAYOUT
         what_to_do = (
-            "a newer Plateau has brought it forward: install that one here"
+            "a newer Plateau has migrated it; install that version here"
             if newer
-            else "start a process of this Plateau on it first, which brings it forward"
+            else "start a monitor or an API of this Plateau, which migrates it"
         )
-        super().__init__(
-            f"the data in Redis has layout {found}, and this Plateau, {versions.plateau()}, works "
-            f"with layout {versions.LAYOUT}: {what_to_do}; nothing was changed"
-        )
+        super().__init__(f"{needs_other_layout(found)}: {what_to_do}. Nothing was changed")
 
 
 class OldProcesses(Incompatible):
@@ -267,10 +272,9 @@ class OldProcesses(Incompatible):
 
     def __init__(self, found: str, who: tuple[str, ...]) -> None:
         super().__init__(
-            f"the data in Redis has layout {found}, and this Plateau, {versions.plateau()}, works "
-            f"with layout {versions.LAYOUT}. It would bring it forward, but others work with it as "
-            f"it is, and could not any more: {', '.join(who)}. Stop them, then start this one "
-            "again; nothing was changed"
+            f"{needs_other_layout(found)}. This one cannot migrate the data while these processes "
+            f"work with it as it is: {', '.join(who)}. Stop them, then start this one again. "
+            "Nothing was changed"
         )
         self.who = who
 
@@ -294,8 +298,9 @@ class Refused(Incompatible):
         )
         super().__init__(
             f"the farm's monitors and APIs speak {versions.spoken(oldest, newest)} (Plateau "
-            f"{plateau}), and this process {versions.spoken(versions.OLDEST, versions.NEWEST)} "
-            f"(Plateau {versions.plateau()}): it is {what_to_do}"
+            f"{plateau}), and this process speaks "
+            f"{versions.spoken(versions.OLDEST, versions.NEWEST)} (Plateau {versions.plateau()}). "
+            f"It is {what_to_do}"
         )
 
 

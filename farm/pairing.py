@@ -33,8 +33,8 @@ def check_pair(client: redis.Redis, store: Blobs) -> None:
             _check_pair(client, store)
     except NotPermitted:
         raise StoreUnavailable(
-            "Redis and the blob store are not yet known to belong together; this process may not "
-            "write that, and waits for a monitor or an API"
+            "Redis and the blob store are not paired yet, and this process may not pair them; "
+            "start a monitor or an API, which does"
         ) from None
 
 
@@ -71,7 +71,7 @@ def _refusal(store: Blobs, ours: str | None, theirs: str | None) -> str:
         )
     return (
         f"the blobs in {store.where} belong to another Redis than this one, or this one has lost "
-        f"its data: the blob {blobs.MARK} says {theirs or 'nothing'}, the key {keys.STORE} "
-        f"{ours or 'nothing'}. Nothing was changed. Set PLATEAU_BLOBS and PLATEAU_REDIS_URL to two "
-        "that belong together"
+        f"its data: the blob {blobs.MARK} says {theirs or 'nothing'}, and the key {keys.STORE} "
+        f"says {ours or 'nothing'}. Set PLATEAU_BLOBS and PLATEAU_REDIS_URL to two that belong "
+        "together. Nothing was changed"
     )

@@ -18,6 +18,7 @@ from farm.errors import (
     OldProcesses,
     SchemaMismatch,
     StoreUnavailable,
+    needs_other_layout,
 )
 from farm.pairing import check_pair
 from farm.redis_link import unavailable_as_farm_error
@@ -268,28 +269,30 @@ def _script(migrations: dict[int, str]) -> str:
 
 
 def _wait_for_others(found: str | None) -> str:
-    has = "nothing of Plateau's in it yet" if found is None else f"layout {found}"
+    if found is None:
+        return (
+            "Redis has no data of Plateau's yet, and this process may not set it up; start a "
+            "monitor or an API, which does"
+        )
     return (
-        f"Redis has {has}, and this Plateau works with layout {VERSION}; this process may not "
-        "bring it there, and waits for a monitor or an API"
+        f"{needs_other_layout(found)}. This process may not migrate it; start a monitor or an API, "
+        "which does"
     )
 
 
 def _refusal(found: Any) -> str:
-    known = f"this Plateau works with layout {VERSION}"
     if not str(found).isdigit():
         return (
-            f"{keys.SCHEMA} in Redis is {found!r}, which is no version of Plateau's data: "
-            "point PLATEAU_REDIS_URL or PLATEAU_DATA at a Redis or a folder of Plateau's own"
+            f"the key {keys.SCHEMA} in Redis says {found!r}, which is no layout of Plateau's; set "
+            "PLATEAU_REDIS_URL or PLATEAU_DATA to a Redis or a folder that is Plateau's alone"
         )
     if int(found) > VERSION:
         return (
-            f"the data in Redis has layout {found}, and {known}: it was written by a newer "
-            "Plateau; install that version here, or choose another PLATEAU_DATA or "
-            "PLATEAU_REDIS_URL; nothing was changed"
+            f"{needs_other_layout(found)}: a newer Plateau wrote it; install that version here, or "
+            "choose another PLATEAU_DATA or PLATEAU_REDIS_URL. Nothing was changed"
         )
     return (
-        f"the data in Redis has layout {found}, and {known} and cannot bring this one forward: "
-        "start a version between the two on it first, or choose another PLATEAU_DATA or "
-        "PLATEAU_REDIS_URL; nothing was changed"
+        f"{needs_other_layout(found)} and cannot migrate data that old; start a Plateau of a "
+        "version between the two first, or choose another PLATEAU_DATA or PLATEAU_REDIS_URL. "
+        "Nothing was changed"
     )

@@ -60,10 +60,14 @@ class Studies:
             "create_study", study_id, digest, owner, json.dumps(about), MOST_STUDIES
         )
         if outcome == "late":
-            raise CannotStudy("its pictures took too long to make; ask for fewer levels")
+            raise CannotStudy(
+                f"the study was not made: its pictures took more than {_MAKING_S / 60:g} min; ask "
+                "for fewer levels"
+            )
         if outcome == "too many":
             raise CannotStudy(
-                f"there are {MOST_STUDIES} studies, and may be no more; DELETE one that is done"
+                f"the farm has {MOST_STUDIES} studies, as many as it may have; delete one that is "
+                "done"
             )
         return self.get(found[0])
 
@@ -104,7 +108,10 @@ class Studies:
         if outcome == "missing":
             raise StudyNotFound(study.id)
         if outcome == "full":
-            raise CannotStudy(f"it has {MOST_OBSERVERS} observers, and may have no more")
+            raise CannotStudy(
+                f"study {study.id} has {MOST_OBSERVERS} observers, as many as it may have; make "
+                "another study of the same job"
+            )
         return self.observer(study, name)
 
     def observer(self, study: Study, name: str) -> Observer:

@@ -27,6 +27,11 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike, NDArray
 
+#: Why a curve that does not fall is not shown.
+NOT_LESS_OFTEN: Final = (
+    "observers did not see differences less often at more samples per pixel; collect more answers, "
+    "or show levels further apart"
+)
 #: A fit to fewer answers would say nothing.
 FEWEST_ANSWERS: Final = 20
 
@@ -53,7 +58,7 @@ class AnswersFit:
         if self.answers < FEWEST_ANSWERS:
             return f"a fit needs {FEWEST_ANSWERS} answers or more, and there are {self.answers}"
         if self.a >= 0:
-            return "differences were not seen less often at more samples per pixel"
+            return NOT_LESS_OFTEN
         return None
 
     def probability(self, spp: ArrayLike) -> NDArray[np.float64]:

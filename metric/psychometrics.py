@@ -124,7 +124,7 @@ def fit_logit(
 def _logit(probability: float, ceiling: float) -> float:
     if not 0 < probability < ceiling:
         raise ValueError(
-            f"a probability must lie between 0 and c = {ceiling:g}, both excluded, "
-            f"for its logit to exist; {probability:g} does not"
+            f"the probability {probability:g} cannot be fitted; it must be above 0 and below "
+            f"c = {ceiling:g}"
         )
     return math.log(probability / (ceiling - probability))

@@ -17,6 +17,7 @@ from typing import Final
 import numpy as np
 
 from metric import AnswersFit, LogitFit, fit_answers, fit_logit
+from metric.answers import NOT_LESS_OFTEN
 from plateau.errors import PlateauError
 
 #: The paper's thresholds: a difference is perceived by half of the observers, and by a tenth.
@@ -46,7 +47,7 @@ class FittedScene:
         if isinstance(self.fit, AnswersFit):
             return self.fit.refusal
         if self.fit.a >= 0:
-            return "differences were not seen less often at more samples per pixel"
+            return NOT_LESS_OFTEN
         return None
 
     def threshold(self, probability: float) -> float | None:
@@ -75,13 +76,14 @@ class FittedScene:
         spp, least, most = self.threshold(probability), min(self.spp), max(self.spp)
         if spp is None:
             return (
-                f"the answers do not bound the threshold of {probability:.0%}: it takes more of "
-                "them, or levels at which some see a difference and others do not"
+                f"the answers do not bound the threshold of {probability:.0%}; collect more of "
+                "them, or show levels at which some see a difference and others do not"
             )
         if not least <= spp <= most:
             return (
                 f"the threshold of {probability:.0%}, {spp:,.0f} spp, lies beyond what was shown, "
-                f"{least:,.0f} to {most:,.0f} spp: it is no more than the fitted curve's guess"
+                f"{least:,.0f} to {most:,.0f} spp, and is only the curve's guess; show levels near "
+                "it"
             )
         return ""
 
@@ -110,12 +112,12 @@ def fit_table(path: Path) -> list[FittedScene]:
     fitted = []
     for line, (scene, *cells) in enumerate(rows, start=2):
         if len(cells) != len(spp):
-            raise CannotFit(f"{path}, line {line}: {len(cells)} values for {len(spp)} spp")
+            raise CannotFit(f"{path}, line {line}: {_uneven(len(cells) + 1, len(header))}")
         probabilities = tuple(_number(path, line, cell) for cell in cells)
         try:
             fitted.append(FittedScene(scene, spp, probabilities, fit_logit(spp, probabilities)))
         except ValueError as error:
-            hint = "; fit the single answers (trials.csv)" if 0 in probabilities else ""
+            hint = "; fit the single answers instead (trials.csv)" if 0 in probabilities else ""
             raise CannotFit(f"{path}, line {line} ({scene}): {error}{hint}") from error
     return fitted
 
@@ -125,10 +127,12 @@ def _fit_answers(path: Path, header: list[str], rows: list[list[str]]) -> list[F
     scenes: dict[str, list[tuple[float, bool, str]]] = {}
     for line, cells in enumerate(rows, start=2):
         if len(cells) != len(header):
-            raise CannotFit(f"{path}, line {line}: {len(cells)} values for {len(header)} columns")
+            raise CannotFit(f"{path}, line {line}: {_uneven(len(cells), len(header))}")
         row = dict(zip(header, cells, strict=True))
         if row["seen"] not in {"true", "false"}:
-            raise CannotFit(f"{path}, line {line}: seen is {row['seen']!r}, not true or false")
+            raise CannotFit(
+                f"{path}, line {line}: seen is {row['seen']!r}; it must be true or false"
+            )
         answer = (_number(path, line, row["spp"]), row["seen"] == "true", row["observer"])
         scenes.setdefault(row["scene"], []).append(answer)
     fitted = []
@@ -179,6 +183,11 @@ def plot_study(fitted: list[FittedScene], path: Path) -> None:
     figure.supxlabel("samples per pixel (spp)", fontsize=9)
     figure.supylabel("probability to perceive a difference", fontsize=9)
     figure.savefig(path, dpi=150)
+
+
+def _uneven(cells: int, columns: int) -> str:
+    has = "1 value" if cells == 1 else f"{cells} values"
+    return f"the row has {has}, and the header names {columns} columns"
 
 
 def _number(path: Path, line: int, text: str) -> float:

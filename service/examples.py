@@ -141,7 +141,7 @@ REFUSED: Final[dict[str, Any]] = {
     "pid": 771,
     "plateau": "0.1.0",
     "why": "the farm's monitors and APIs speak protocols 3 to 4 (Plateau 0.4.0), and this process "
-    "protocols 1 to 2 (Plateau 0.1.0): it is too old: install Plateau 0.4.0 here",
+    "speaks protocols 1 to 2 (Plateau 0.1.0). It is too old: install Plateau 0.4.0 here",
     "at": _AT,
 }
 
@@ -265,12 +265,13 @@ PROBLEM_DETAILS: Final = {
     "unknown-batch": "there is no batch 'exposures'; GET /v1/batches lists those there are",
     "unknown-study": "there is no study '9c1f47be02d8'; GET /v1/studies lists those there are",
     "unknown-observer": "nobody takes part in study 9c1f47be02d8 as 'o-7f3a'; PUT "
-    "/v1/studies/9c1f47be02d8/observers/o-7f3a joins it",
+    "/v1/studies/9c1f47be02d8/observers/o-7f3a takes part",
     "unknown-trial": "study 9c1f47be02d8 shows each observer 14 pairs, numbered from 0: there is "
     "no pair 14",
     "not-your-study": "study 9c1f47be02d8 belongs to another key; only that key, or one with the "
     "role admin, may change it",
-    "cannot-study": f"job {JOB_ID} did not keep its slices: submit with keep_slices",
+    "cannot-study": f"job {JOB_ID} did not keep its slices; submit the scene again with "
+    "keep_slices",
     "no-image-yet": f"job {JOB_ID} is queued; its first image comes a moment after its first "
     f"slice, which GET {_ROOT}/events announces",
     "unknown-point": f"job {JOB_ID} has no point at 130 spp: they are 100 spp apart, up to 400; "

@@ -115,7 +115,7 @@ def add_problem_handlers(app: FastAPI) -> None:
     @app.exception_handler(ObserverNotFound)
     def answer_unknown_observer(request: Request, error: ObserverNotFound) -> JSONResponse:
         path = f"/v1/studies/{error.study_id}/observers/{error.name}"
-        detail = f"{error}; PUT {path} joins it"
+        detail = f"{error}; PUT {path} takes part"
         return Problem(problems.UNKNOWN_OBSERVER, detail).response(request.url.path)
 
     @app.exception_handler(Incompatible)  # this API is about to end; another one may answer

@@ -207,8 +207,8 @@ def _made(asked: NewStudy, request: dict[str, Any], farm: Parts, owner: str) -> 
     slices, reference = kept_slices(farm.jobs, job), kept_slices(farm.jobs, other)
     if (other.width, other.height) != (job.width, job.height):
         raise CannotStudy(
-            f"job {job.id} has {job.width}×{job.height} pixels, job {other.id} "
-            f"{other.width}×{other.height}"
+            f"job {job.id} has {job.width}×{job.height} pixels, and the reference, job {other.id}, "
+            f"has {other.width}×{other.height}; choose a reference of the same size"
         )
     slice_spp, reference_spp = job.spec.slice_spp, other.spec.slice_spp * len(reference)
     wanted = asked.levels or default_levels(asked.method, slice_spp, len(slices), reference_spp)
@@ -253,7 +253,9 @@ def _picture(farm: Parts, study_id: str, blob: str) -> Response:
         content = farm.files.content(blob, farm.studies.sha256(study_id, blob))
     except FileNotFoundError as error:
         raise Problem(
-            problems.UNKNOWN_STUDY, f"there is no study {study_id!r} with such a picture"
+            problems.UNKNOWN_STUDY,
+            f"there is no study {study_id!r} with this picture; GET /v1/studies lists the studies "
+            "and their levels",
         ) from error
     # It never changes.
     return Response(content, media_type="image/png", headers={"Cache-Control": FINAL})

@@ -25,18 +25,22 @@ def kept_slices(jobs: Jobs, job: Job) -> list[KeptSlice]:
         It has not ended, kept none, or its pictures would be too large to be shown.
     """
     if job.finished_at is None:
-        raise CannotStudy(f"job {job.id} is {job.state.value}: a study is made from one that ended")
+        raise CannotStudy(
+            f"job {job.id} is {job.state.value}; wait until it has ended, then make the study"
+        )
     if not job.spec.keep_slices:
-        raise CannotStudy(f"job {job.id} did not keep its slices: submit with keep_slices")
+        raise CannotStudy(
+            f"job {job.id} did not keep its slices; submit the scene again with keep_slices"
+        )
     ledger = jobs.ledger(job.id)
     records = [ledger[index] for index in range(prefix_length(ledger))]
     kept = [KeptSlice(record["blob"], record["sha256"]) for record in records]
     if not kept or job.width is None or job.height is None:
-        raise CannotStudy(f"job {job.id} has no slices")
+        raise CannotStudy(f"job {job.id} ended without a slice; choose a job that has an image")
     if job.width * job.height > MOST_PIXELS:
         raise CannotStudy(
-            f"job {job.id} has {job.width}×{job.height} pixels: two pictures of more than "
-            f"{MOST_PIXELS:,} pixels do not fit side by side on a screen"
+            f"job {job.id} has {job.width}×{job.height} pixels, and pictures of more than "
+            f"{MOST_PIXELS:,} do not fit side by side on a screen; render a smaller image"
         )
     return kept
 
@@ -53,11 +57,10 @@ def default_levels(method: Method, slice_spp: int, slices: int, reference_spp: i
 
 def check_levels(levels: list[int], slice_spp: int, slices: int) -> tuple[int, ...]:
     """The levels by rising spp, or `CannotStudy` where the slices have not all of them."""
+    possible = f"name multiples of {slice_spp} spp up to {slices * slice_spp:,}"
     if not 2 <= len(levels) <= MOST_LEVELS or len(set(levels)) < len(levels):
-        raise CannotStudy(f"a study has 2 to {MOST_LEVELS} different levels")
+        raise CannotStudy(f"a study needs 2 to {MOST_LEVELS} different levels; {possible}")
     for spp in levels:
         if spp % slice_spp or not slice_spp <= spp <= slices * slice_spp:
-            raise CannotStudy(
-                f"there is no image of {spp} spp: {slices} slices of {slice_spp} spp are kept"
-            )
+            raise CannotStudy(f"there is no image of {spp} spp; {possible}")
     return tuple(sorted(levels))

@@ -73,7 +73,10 @@ def _merges(store: Blobs, slices: list[KeptSlice], slice_spp: int) -> Iterator[M
         try:
             merge.add(checked_film(store, kept.blob, kept.sha256))
         except (FileNotFoundError, CorruptPartial, ValueError) as error:
-            raise CannotStudy(f"slice {merge.slices} cannot be used: {error}") from error
+            raise CannotStudy(
+                f"slice {merge.slices} is lost or damaged ({error}); render the scene again with "
+                "keep_slices"
+            ) from error
         yield merge
 
 

@@ -31,24 +31,24 @@ def create(
         str | None,
         typer.Option(
             metavar="JOB_ID",
-            help="Job of another seed that is the reference.",
+            help="Job whose image is the reference; best one with another seed.",
             show_default="the job itself",
         ),
     ] = None,
     method: Annotated[
         _Method,
-        typer.Option(help="constant stimuli, or limits: a first stage to find the interval."),
+        typer.Option(help="constant: for the thresholds; limits: first, to find levels for them."),
     ] = _Method.CONSTANT,
     level: Annotated[
         list[int] | None,
         typer.Option(
             metavar="SPP",
-            help="Spp of a test image; may be given many times.",
+            help="Spp of a test image; may be repeated.",
             show_default="1 % to 25 % of the reference's",
         ),
     ] = None,
     name: Annotated[
-        str | None, typer.Option(help="Its name in tables.", show_default="the job's name")
+        str | None, typer.Option(help="Name of the study.", show_default="the job's name")
     ] = None,
     url: o.Url = None,
     as_json: o.Json = False,
@@ -94,13 +94,11 @@ def export(
     study_id: _StudyId,
     table: Annotated[
         bool,
-        typer.Option("--table", help="The share for each level, as in the paper's table 1."),
+        typer.Option("--table", help="Export shares, as the paper's table 1 does."),
     ] = False,
     out: Annotated[
         Path | None,
-        typer.Option(
-            "--out", "-o", metavar="FILE", help="File for the table.", show_default="stdout"
-        ),
+        typer.Option("--out", "-o", metavar="FILE", help="File to write.", show_default="stdout"),
     ] = None,
     url: o.Url = None,
     as_json: o.Json = False,

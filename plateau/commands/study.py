@@ -16,8 +16,8 @@ from plateau.tables import print_rows
 from service.study_views import StudyView
 
 _NO_INTERVALS = (
-    "shares do not tell how many answers they are of, so there are no intervals: fit the single "
-    "answers (trials.csv)"
+    "a table of shares does not say how many answers it is made of, so there are no intervals; fit "
+    "the single answers (trials.csv) to have them"
 )
 _COLUMNS = ("id", "name", "method", "levels", "observers", "answers", "50 % at", "95 % interval")
 
@@ -46,8 +46,9 @@ def create(
             print(f"plateau: observers go to {client.url}{study.links['observe']}", file=sys.stderr)
             if not study.independent:
                 print(
-                    "plateau: the test images are parts of the reference; --reference names a job "
-                    "with another seed",
+                    "plateau: the reference contains the samples of the test images, which "
+                    "therefore seem closer to it than they are; name a job with another seed as "
+                    "--reference",
                     file=sys.stderr,
                 )
 

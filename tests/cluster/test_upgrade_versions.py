@@ -61,12 +61,12 @@ def test_a_worker_that_is_too_old_or_too_new_is_not_let_in(
     ends_as_one_that_does_not_fit(farm, farm.start_changed("monitor", set=speaks(3, 4)))
     (monitor,) = farm.client.refused()
     assert monitor.role == "monitor"
-    assert "it is too new: upgrade the farm's monitors and APIs" in monitor.why
+    assert "It is too new: upgrade the farm's monitors and APIs" in monitor.why
     # Nor is a worker, and it says so as it ends
     ends_as_one_that_does_not_fit(farm, farm.start_changed("worker", set=speaks(0, 0)))
     said = capfd.readouterr().err
     assert "the farm's monitors and APIs speak protocol 1" in said
-    assert "it is too old: install Plateau" in said
+    assert "It is too old: install Plateau" in said
     assert "Traceback" not in said
     assert {one.role for one in farm.client.refused()} == {"monitor", "worker"}
     # `plateau workers` tells of them
@@ -99,7 +99,7 @@ def test_a_worker_may_wait_for_the_farm_to_be_upgraded(farm: FaultyFarm) -> None
     until(lambda: (found := worker()) is not None and found.trouble)
     found = worker()
     assert found is not None
-    assert "it is too new" in (found.trouble or "")
+    assert "It is too new" in (found.trouble or "")
     # If the farm's monitor and API are replaced
     for process in farm.processes[:2]:
         process.send_signal(signal.SIGTERM)
@@ -124,7 +124,7 @@ def test_a_new_layout_waits_until_the_old_processes_have_gone(
     # Then it changes nothing, says who is in its way, and gives up after a while
     ends_as_one_that_does_not_fit(farm, new)
     said = capfd.readouterr().err
-    assert "It would bring it forward, but others work with it as it is" in said
+    assert "This one cannot migrate the data while these processes work with it as it is" in said
     for role in ("worker", "monitor", "API"):
         assert f"{role} " in said
     assert farm.redis_client.get(keys.SCHEMA) == str(versions.LAYOUT)
@@ -142,7 +142,7 @@ def test_a_new_layout_waits_until_the_old_processes_have_gone(
     # Then it can do nothing when it wakes up, and ends
     old.send_signal(signal.SIGCONT)
     ends_as_one_that_does_not_fit(farm, old)
-    assert "a newer Plateau has brought it forward" in capfd.readouterr().err
+    assert "a newer Plateau has migrated it" in capfd.readouterr().err
     # And one that is started then is refused at once
     ends_as_one_that_does_not_fit(farm, farm.start("worker"))
 

@@ -107,9 +107,9 @@ def test_migrations_run_in_order_and_all_at_once(
             str(VERSION + 1),
             rf"has layout {VERSION + 1}.*works with layout {VERSION}.*newer Plateau",
         ),
-        ("0", "cannot bring this one forward: start a version between the two"),
-        ("1.5", "no version of Plateau's data"),
-        ("no number", "'no number', which is no version of Plateau's data"),
+        ("0", "cannot migrate data that old; start a Plateau of a version between"),
+        ("1.5", "no layout of Plateau's"),
+        ("no number", "'no number', which is no layout of Plateau's"),
     ],
 )
 def test_what_cannot_be_read_is_refused_and_left_alone(

@@ -85,8 +85,8 @@ class TestProtocol:
         Version(client, 3, 4).monitor.heartbeat(0)
         old = Version(client, 1, 2)
         words = (
-            r"speak protocols 3 to 4 \(Plateau 0\.4\.0\), and this process .* "
-            r"it is too old: install Plateau 0\.4\.0 here"
+            r"speak protocols 3 to 4 \(Plateau 0\.4\.0\), and this process speaks .* "
+            r"It is too old: install Plateau 0\.4\.0 here"
         )
         for _ in range(2):
             with pytest.raises(Refused, match=words):
@@ -96,7 +96,7 @@ class TestProtocol:
     def test_nor_is_one_that_is_too_new(self, client: redis.Redis) -> None:
         plan_slices(client)
         Version(client, 1, 1).monitor.heartbeat(0)
-        with pytest.raises(Refused, match="it is too new: upgrade the farm's monitors and APIs"):
+        with pytest.raises(Refused, match="It is too new: upgrade the farm's monitors and APIs"):
             Version(client, 2, 3).lease()
 
     def test_it_holds_while_no_monitor_lives(self, client: redis.Redis) -> None:
@@ -154,7 +154,7 @@ class TestLayout:
             lambda: MonitorWork(client, "monitor", 60).heartbeat(0),
             Membership(client, 60).heartbeat,
         ):
-            with pytest.raises(WrongLayout, match="a newer Plateau has brought it forward"):
+            with pytest.raises(WrongLayout, match="a newer Plateau has migrated it; install"):
                 act()
         # And nothing is changed
         assert {key: client.dump(key) for key in client.keys("*")} == before
@@ -163,7 +163,7 @@ class TestLayout:
         client.set(keys.SCHEMA, "0")
         runner = Scripts(client)
         for name in scripts.texts():
-            with pytest.raises(WrongLayout, match="start a process of this Plateau on it first"):
+            with pytest.raises(WrongLayout, match="start a monitor or an API of this Plateau"):
                 runner.run(name)
         assert client.keys("*") == [keys.SCHEMA]
 

@@ -30,7 +30,7 @@ def test_a_write_to_a_newer_layout_is_refused(client: redis.Redis, name: str) ->
     # If a newer Plateau brings the layout forward meanwhile
     client.set(keys.SCHEMA, versions.LAYOUT + 1)
     before = state(client)
-    with pytest.raises(WrongLayout, match="a newer Plateau has brought it forward"):
+    with pytest.raises(WrongLayout, match="a newer Plateau has migrated it"):
         write()
     # Then nothing is changed
     assert state(client) == before

@@ -52,7 +52,7 @@ def test_who_was_refused_is_told_of(visit: Visit, farm: NoiseFarm, client: redis
     told = page.get_by_role("list", name="Refused").get_by_role("listitem")
     expect(told).to_have_count(1)
     expect(told).to_contain_text("was refused just now: the farm's monitors and APIs speak")
-    expect(told).to_contain_text("it is too old: install Plateau 0.4.0 here")
+    expect(told).to_contain_text("It is too old: install Plateau 0.4.0 here")
     # Until a worker of that machine is let in
     start = {"host": socket.gethostname(), "started_at": datetime.now(timezone.utc).isoformat()}
     SliceQueue(client, "w-1", 60).heartbeat({**about("w-1"), **start, "plateau": "0.4.0"}, ())

@@ -37,7 +37,7 @@ def test_a_study_from_the_command_line(
         # One that is made of its own reference is warned of
         code, out, said = plateau("create", job.id, "--method", "limits", *levels, "--json")
         assert json.loads(out)["method"] == "limits"
-        assert "parts of the reference" in plateau("create", job.id, *levels)[2]
+        assert "name a job with another seed" in plateau("create", job.id, *levels)[2]
 
         for name in ("o-1", "o-2", "o-3", "o-4", "o-5"):
             observer = service.take_part(study_id, name, Screen.model_validate(SCREEN))
