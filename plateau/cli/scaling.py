@@ -22,29 +22,31 @@ app.add_typer(scale, name="scale")
 
 @scale.command(cls=Command)
 def slurm(
-    most: Annotated[int, typer.Option("--max", help="Most workers at once.", min=0)],
+    most: Annotated[int, typer.Option("--max", help="Most workers that run at once.", min=0)],
     least: Annotated[
-        int, typer.Option("--min", help="Fewest workers, even with nothing to do.", min=0)
+        int, typer.Option("--min", help="Fewest workers that run, even with nothing to do.", min=0)
     ] = 0,
     worth: Annotated[
         float,
         typer.Option(
             metavar="SECONDS",
-            help="A worker is submitted where there is so much work for it, or a longer slice.",
+            help="Work that a worker is submitted for; one slice that takes longer is enough.",
             min=0.001,
         ),
     ] = 60.0,
     calm: Annotated[
         float,
         typer.Option(
-            metavar="SECONDS", help="No worker leaves before fewer were needed for so long.", min=0
+            metavar="SECONDS",
+            help="No worker leaves until fewer have been needed for this long.",
+            min=0,
         ),
     ] = 60.0,
     idle: Annotated[
         float,
         typer.Option(
             metavar="SECONDS",
-            help="No worker leaves before it had nothing to do for so long.",
+            help="No worker leaves until it has had nothing to do for this long.",
             min=0,
         ),
     ] = 30.0,
@@ -52,36 +54,41 @@ def slurm(
         int | None,
         typer.Option(
             metavar="PRIORITY",
-            help="Jobs of a lower priority start no workers; those that run render them.",
+            help="Jobs of a lower priority start no workers; running workers render them.",
         ),
     ] = None,
-    partition: Annotated[str | None, typer.Option(help="Partition, or several: a,b.")] = None,
+    partition: Annotated[
+        str | None, typer.Option(help="Partition of Slurm, or several: a,b.")
+    ] = None,
     cpus: Annotated[
-        int | None, typer.Option(help="Processors of a worker, and so its threads.", min=1)
+        int | None,
+        typer.Option(help="Processors of each worker, which uses as many threads.", min=1),
     ] = None,
     gpus: Annotated[
-        str | None, typer.Option(metavar="N", help="GPUs of a worker: 1, or a100:1.")
+        str | None, typer.Option(metavar="N", help="GPUs of each worker: 1, or a100:1.")
     ] = None,
-    mem: Annotated[str | None, typer.Option(help="Memory of a worker: 16G.")] = None,
+    mem: Annotated[str | None, typer.Option(help="Memory of each worker: 16G.")] = None,
     time: Annotated[
         str | None,
-        typer.Option(metavar="LIMIT", help="Time limit: 8:00:00. A worker leaves before it."),
+        typer.Option(
+            metavar="LIMIT", help="Time limit of each worker: 8:00:00. It leaves before that."
+        ),
     ] = None,
-    account: Annotated[str | None, typer.Option(help="Account that pays.")] = None,
-    qos: Annotated[str | None, typer.Option(help="Quality of service.")] = None,
+    account: Annotated[str | None, typer.Option(help="Account that Slurm charges.")] = None,
+    qos: Annotated[str | None, typer.Option(help="Quality of service in Slurm.")] = None,
     sbatch_option: Annotated[
         list[str] | None,
         typer.Option(
             metavar="OPTION",
-            help="Any other option of sbatch; may be repeated: --sbatch-option=--nice=100.",
+            help="Any other option for sbatch; may be repeated: --sbatch-option=--nice=100.",
         ),
     ] = None,
     logs: Annotated[
         Path | None,
         typer.Option(
             metavar="DIR",
-            help="Folder of the workers' logs, on a disk that all machines see.",
-            show_default="where this is run",
+            help="Folder for the workers' logs, on a disk that all machines share.",
+            show_default="the current folder",
         ),
     ] = None,
     script: Annotated[
@@ -96,16 +103,18 @@ def slurm(
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="NAME=VALUE lines that the workers are given, as a Redis URL of fewer rights.",
-            show_default="they have the environment of this command",
+            help="File of NAME=VALUE lines for the workers, such as a Redis URL with fewer rights.",
+            show_default="the environment of this command",
         ),
     ] = None,
     name: Annotated[
         str,
-        typer.Option(help="Name of the jobs in Slurm; two scalers side by side need two names."),
+        typer.Option(help="Name of the jobs in Slurm; give two scalers two names."),
     ] = "plateau-worker",
-    every: Annotated[float, typer.Option(metavar="SECONDS", help="Look so often.", min=0.1)] = 10.0,
-    once: Annotated[bool, typer.Option("--once", help="Look once, as from cron, and end.")] = False,
+    every: Annotated[
+        float, typer.Option(metavar="SECONDS", help="Time between two looks at the queue.", min=0.1)
+    ] = 10.0,
+    once: Annotated[bool, typer.Option("--once", help="Look once, and end; for cron.")] = False,
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Say what would be done, and do nothing.")
     ] = False,
@@ -113,7 +122,7 @@ def slurm(
         bool,
         typer.Option(
             "--cancel-on-exit",
-            help="At the end, cancel the jobs that wait and have the workers leave.",
+            help="At the end, cancel waiting jobs and ask the workers to leave.",
         ),
     ] = False,
     as_json: o.Json = False,
@@ -126,16 +135,18 @@ def slurm(
       plateau scale slurm --max 16 --once --dry-run
 
     It runs until Ctrl-C, on a machine that submits jobs to Slurm. The workers then stay, and leave
-    by themselves after ten minutes without work, unless --min asks for some; started again, it
-    knows its jobs by their name and comment. Every change is a line on standard error, or with
-    --json an object on standard output. See deploy/slurm/README.md.
+    by themselves after ten minutes without work, unless --min asks for some. Started again, it
+    knows its jobs by their name and comment. It writes each change as a line to standard error, or
+    with --json as an object to standard output. See deploy/slurm/README.md.
     """
     from plateau.commands.scale import Scaling
     from plateau.commands.scale import slurm as run
     from plateau.scale.policy import Limits
 
     if least > most:
-        raise typer.BadParameter(f"--min {least} is more than --max {most}")
+        raise typer.BadParameter(
+            f"--min {least} is more than --max {most}; lower one or raise the other"
+        )
     named = {
         "partition": partition,
         "cpus-per-task": cpus,
@@ -149,7 +160,9 @@ def slurm(
     options = [f"--{option}={value}" for option, value in named.items() if value is not None]
     for option in sbatch_option or ():
         if not option.startswith("-"):
-            raise typer.BadParameter(f"{option!r} is no option of sbatch: those begin with a dash")
+            raise typer.BadParameter(
+                f"{option!r} is not an option of sbatch; write it with its dashes, as --nice=100"
+            )
         options.append(option)
     with plain_errors():
         if logs is not None:

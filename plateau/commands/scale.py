@@ -60,7 +60,9 @@ def slurm(scaling: Scaling) -> None:
     given = {} if scaling.worker_env is None else _variables(scaling.worker_env)
     script = scaling.script or Path(str(files("plateau.scale") / "worker.sbatch"))
     if not script.is_file():
-        raise CommandFailed(f"{script}: there is no such batch script")
+        raise CommandFailed(
+            f"there is no batch script {script}; name one as --script, or leave that out"
+        )
 
     def run(settings: Settings, stop: threading.Event) -> None:
         with connect(settings.redis_url or "") as client:
@@ -105,11 +107,13 @@ def _variables(file: Path) -> dict[str, str]:
     """What a file of NAME=VALUE lines says; empty ones and those that begin with # say nothing."""
     lines = (line.strip() for line in file.read_text().splitlines())
     found: dict[str, str] = {}
-    for line in lines:
+    for number, line in enumerate(lines, start=1):
         if line and not line.startswith("#"):
             name, equals, value = line.partition("=")
             if not equals or not name.isidentifier():
-                raise CommandFailed(f"{file}: not a line of the form NAME=VALUE: {line!r}")
+                raise CommandFailed(
+                    f"{file}, line {number}: {line!r} is not of the form NAME=VALUE"
+                )
             found[name] = value
     return found
 

@@ -70,7 +70,7 @@ class Report:
             (self.waiting, f"waiting ({', '.join(self.waiting_for)})"),
             (self.running, "running"),
             (self.rendering, "rendering"),
-            (self.silent, "not heard of yet"),
+            (self.silent, "not yet heard from"),
         )
         done = (
             (len(self.cancel), f"cancelled: {', '.join(self.cancel)}"),
@@ -78,14 +78,20 @@ class Report:
             (len(self.end), f"asked to leave: {', '.join(self.end)}"),
             (self.submit, f"submitted as {self.array}" if self.array else "to be submitted"),
         )
+        needed = f"{_workers(self.wanted)} needed for {self.work_s:g} s of work"
         parts = [
-            f"{self.wanted} wanted for {self.work_s:g} s of work, {self.have} there",
+            f"{needed}, {self.have} there or coming",
             ", ".join(f"{count} {what}" for count, what in there if count),
-            f"{self.others} of others" if self.others else "",
+            f"{_workers(self.others)} from elsewhere" if self.others else "",
             *(f"{count} {what}" for count, what in done if count),
-            f"the next not before {self.held_s:g} s, since the last came to nothing"
+            f"nothing is submitted for {self.held_s:g} s, since the last try brought no "
+            "worker that works; Slurm's log and the worker's say why"
             if self.held_s
             else "",
             " ".join(self.command) if self.command else "",
         ]
         return "; ".join(part for part in parts if part)
+
+
+def _workers(count: int) -> str:
+    return "1 worker" if count == 1 else f"{count} workers"

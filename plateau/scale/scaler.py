@@ -71,7 +71,7 @@ class Scaler:
             try:
                 self.step()
             except (SlurmFailed, StoreUnavailable) as error:
-                _LOG.error("%s; nothing is changed until the next look", error)
+                _LOG.error("%s; nothing changes until the next look at the queue", error)
             stop.wait(every_s)
 
     def step(self) -> None:
@@ -100,7 +100,9 @@ class Scaler:
             self._slurm.cancel_waiting(waiting)
         if running:
             self._slurm.end(running)
-        _LOG.info("%d cancelled, %d asked to leave", len(waiting), len(running))
+        _LOG.info(
+            "%d waiting jobs cancelled, %d workers asked to leave", len(waiting), len(running)
+        )
 
     def _look(self) -> Look:
         tasks = self._slurm.tasks()
@@ -138,7 +140,7 @@ class Scaler:
             try:
                 self._workers.drain(look.workers[task].id)
             except WorkerNotFound:
-                _LOG.info("the worker of task %s is gone already", task)
+                _LOG.info("the worker of Slurm job %s has already gone", task)
         if not plan.submit:
             return None
         try:

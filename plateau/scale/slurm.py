@@ -42,8 +42,8 @@ def check_commands() -> None:
     missing = [one for one in ("sbatch", "squeue", "scancel") if shutil.which(one) is None]
     if missing:
         raise CommandFailed(
-            f"not found on the PATH: {', '.join(missing)}. Run this where jobs are submitted to "
-            "Slurm (a login node), with the folder of its commands on the PATH"
+            f"these commands of Slurm are not on the PATH: {', '.join(missing)}. Run this where "
+            "jobs are submitted to Slurm (a login node), and put its commands on the PATH"
         )
 
 
@@ -149,8 +149,11 @@ def _run(*command: str, environment: Mapping[str, str] | None = None) -> str:
             check=False,
         )
     except subprocess.TimeoutExpired as error:
-        raise SlurmFailed(f"{command[0]} did not answer within {_PATIENCE_S:g} s") from error
+        raise SlurmFailed(
+            f"Slurm's {command[0]} did not answer within {_PATIENCE_S:g} s; `scontrol ping` says "
+            "whether its controller runs"
+        ) from error
     if done.returncode:
         words = " ".join(done.stderr.split()) or f"exit code {done.returncode}"
-        raise SlurmFailed(f"{command[0]} failed: {words}")
+        raise SlurmFailed(f"Slurm's {command[0]} failed: {words}")
     return done.stdout.strip()

@@ -24,7 +24,7 @@ export class Calibration {
   element = h("div", { class: "calibration" },
     h("fieldset", {},
       h("legend", {}, "Your screen"),
-      h("p", { class: "help", id: "card-help" }, "Hold a bank card flat against the rectangle and make that exactly as wide as the card. The arrow keys move it finely."),
+      h("p", { class: "help", id: "card-help" }, "Hold a bank card flat against the rectangle, and make the rectangle exactly as wide as the card. The arrow keys change it in small steps."),
       this.#card,
       h("div", { class: "field" }, h("label", { for: "card-size" }, "Width of the rectangle"), this.#size),
       h("label", { class: "check" }, this.#matched, "The rectangle is as wide as my card")),
@@ -32,14 +32,14 @@ export class Calibration {
       h("legend", {}, "Your seat"),
       h("div", { class: "field" }, h("label", { for: "distance" }, "From your eyes to the screen"),
         h("span", { class: "with-unit" }, this.#distance, h("span", { class: "unit" }, "cm")),
-        h("p", { class: "help", id: "distance-help" }, "Measure it, and keep it until the end.")),
+        h("p", { class: "help", id: "distance-help" }, "Measure this distance, and keep it until the end.")),
       this.#said),
     h("fieldset", {},
-      h("legend", {}, "Its greys"),
+      h("legend", {}, "Your screen's greys"),
       patch(),
-      h("div", { class: "field" }, h("label", { for: "gamma" }, "From a step further away, or with eyes half closed"), this.#gamma,
-        h("p", { class: "help", id: "gamma-help" }, "Fine lines of black and white give off half the light of white, and so does the grey beside them on a screen that shows sRGB."))),
-    h("p", { class: "note" }, "A browser knows nothing of a screen's brightness, contrast or colours. Switch night modes and automatic brightness off, set the screen to sRGB if it can be, let no lamp or window shine on it, and keep the page's zoom as it is."));
+      h("div", { class: "field" }, h("label", { for: "gamma" }, "Seen from a step further away, or with half-closed eyes"), this.#gamma,
+        h("p", { class: "help", id: "gamma-help" }, "Fine lines of black and white give off half as much light as white. On a screen that shows sRGB, so does the grey beside them."))),
+    h("p", { class: "note" }, "A browser cannot know your screen's brightness, contrast or colours. Switch off night modes and automatic brightness, set the screen to sRGB if you can, keep lamps and windows from shining on it, and leave the page's zoom as it is."));
 
   constructor() {
     this.#size.addEventListener("input", () => this.#show());
@@ -63,7 +63,7 @@ export class Calibration {
     this.#card.style.height = `${(width * CARD_MM.height) / CARD_MM.width}px`;
     const { viewing_distance_cm: distance, pixel_pitch_mm: pitch } = this.screen;
     const perDegree = (2 * distance * 10 * Math.tan(Math.PI / 360)) / pitch;
-    setText(this.#said, distance > 0 ? `${three(perDegree)} pixels in a degree of your sight` : "");
+    setText(this.#said, distance > 0 ? `${three(perDegree)} pixels in a degree of your visual field` : "");
   }
 }
 

@@ -17,7 +17,7 @@ export function studyButton(job, go) {
 async function ask(job, go) {
   const others = new Map();
   const reference = h("select", { id: "study-reference", "aria-describedby": "study-reference-help" },
-    h("option", { value: "" }, "this job, all of it"));
+    h("option", { value: "" }, "this job, all its samples"));
   const method = h("select", { id: "study-method", "aria-describedby": "study-method-help" },
     h("option", { value: "constant" }, "constant stimuli: how many see a difference"),
     h("option", { value: "limits" }, "first stage: find the interval"));
@@ -26,15 +26,15 @@ async function ask(job, go) {
   const wrong = h("p", { class: "bad", role: "alert" });
   const merging = h("p", { class: "hint", role: "status" });
   const progress = h("progress", { hidden: true, "aria-label": "Merging slices" });
-  const make = h("button", { type: "submit", class: "primary" }, "Make it");
+  const make = h("button", { type: "submit", class: "primary" }, "Make the study");
   const dialog = h("dialog", { class: "ask", "aria-labelledby": "make-study", onclose: () => dialog.remove() },
     h("form", { onsubmit: submit },
       h("h2", { id: "make-study" }, "Ask people what they see"),
       h("p", {}, "Images of this job's first samples are shown beside a reference, to as many observers as you like."),
       field(name, "Name", ""),
-      field(reference, "Reference", "Best a job of the same scene with another seed and more samples."),
-      field(method, "Method", "The first stage shows the levels rising and falling; its answers suggest levels for the second."),
-      field(levels, "Levels, in spp", `Whole slices of ${whole(job.spec.slice_spp)} spp up to ${whole(job.spp)}; empty for the paper's: 1 % to 25 % of the reference.`),
+      field(reference, "Reference", "A job of the same scene with another seed and more samples is best."),
+      field(method, "Method", "The first stage shows the levels rising and falling, and suggests levels for the second."),
+      field(levels, "Levels, in spp", `Multiples of ${whole(job.spec.slice_spp)} spp up to ${whole(job.spp)}, with commas between them. Leave this empty for the paper's levels, 1 % to 25 % of the reference.`),
       wrong, progress, merging,
       h("div", { class: "answers" },
         h("button", { type: "button", onclick: () => dialog.close() }, "Leave it"), make)));
@@ -61,9 +61,9 @@ async function ask(job, go) {
     const slices = slicesOf(job) + (others.has(reference.value) ? slicesOf(others.get(reference.value)) : 0);
     make.disabled = isUnderWay;
     progress.hidden = !isUnderWay;
-    setText(make, isUnderWay ? "Merging…" : "Make it");
+    setText(make, isUnderWay ? "Merging…" : "Make the study");
     setText(merging, isUnderWay
-      ? `Merging ${several(slices, "slice")}, about ${roughly(slices * secondsOf(job))}. You may leave this page: the study is made all the same, and is then among the studies.`
+      ? `Merging ${several(slices, "slice")}, about ${roughly(slices * secondsOf(job))}. You may leave this page: the list of studies shows the study once it is made.`
       : "");
   }
   document.body.append(dialog);

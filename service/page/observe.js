@@ -37,7 +37,7 @@ export async function open(main, { id, signal }) {
         h("fieldset", {},
           h("legend", {}, "You"),
           h("div", { class: "field" }, h("label", { for: "pseudonym" }, "Pseudonym"), pseudonym,
-            h("p", { class: "help", id: "pseudonym-help" }, "Anything but your name. With it you can go on later, at this screen and seat. Your answers and what you say of your screen are kept under it, and nothing else."))),
+            h("p", { class: "help", id: "pseudonym-help" }, "Choose anything but your name. With it you can go on later, at the same screen and seat. Only your answers and what you say about your screen are kept under it."))),
         calibration.element, wrong,
         h("div", { class: "send" }, h("button", { type: "submit", class: "primary large" }, "Go on"))));
 
@@ -58,7 +58,7 @@ export async function open(main, { id, signal }) {
     if (!left) {
       screen.replaceChildren(h("div", { class: "nothing" },
         h("h1", {}, "Thank you, that is all"),
-        h("p", {}, "All your answers are kept. You may close this page.")));
+        h("p", {}, "All your answers are saved. You may close this page.")));
       return;
     }
     const room = h("p", { class: "bad", role: "status" });
@@ -85,7 +85,7 @@ export async function open(main, { id, signal }) {
     screen.replaceChildren(
       h("h1", {}, observer.answered.length ? `Welcome back, ${observer.name}` : "Ready?"),
       h("p", { class: "lead" }, `${several(left, "pair")} to look at, from ${distance} cm.`),
-      h("p", {}, "Answer with the buttons, or with the keys ", h("kbd", {}, "D"), " (a difference) and ", h("kbd", {}, "S"), " (the same). Each answer is kept at once: you may stop whenever you like, and go on here."),
+      h("p", {}, "Answer with the buttons, or with the keys ", h("kbd", {}, "D"), " (a difference) and ", h("kbd", {}, "S"), " (the same). Each answer is saved at once. You may stop whenever you like, and go on here."),
       room, h("div", { class: "send" }, start, full));
     start.focus();
   }

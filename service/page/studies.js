@@ -11,8 +11,8 @@ export function open(main, { signal }) {
   const list = h("ul", { class: "studies", "aria-label": "Studies" });
   const nothing = h("div", { class: "nothing", hidden: true },
     h("p", { class: "lead" }, "There are no studies yet."),
-    h("p", {}, "A study asks people from how many samples on they see no difference. It is made from a finished job that kept its slices: open the job and choose ",
-      h("b", {}, "Study…")));
+    h("p", {}, "A study asks people how many samples it takes until they see no difference. It is made from a finished job that kept its slices: open the job and choose ",
+      h("b", {}, "Study…"), "."));
   main.append(h("div", { class: "head" }, h("h1", {}, "Observer studies")), list, nothing);
   repeat(async () => {
     const { studies } = await get("/v1/studies", signal);
@@ -39,5 +39,5 @@ export function methodInWords({ method }) {
 /** Where half of the answers see no difference any more. */
 export function halfInWords({ thresholds }) {
   const half = thresholds.find(({ probability, low_spp: low }) => probability === 0.5 && low != null);
-  return half ? `seen by half at ${whole(half.spp)} spp` : "no threshold yet";
+  return half ? `half see a difference at ${whole(half.spp)} spp` : "no threshold yet";
 }

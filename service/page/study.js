@@ -47,9 +47,9 @@ export function open(main, { id, signal, go }) {
       h("p", {}, "Images of ", h("a", { href: `/jobs/${study.job_id}` }, "a job"), `'s first slices, against ${whole(study.reference_spp)} spp of `,
         study.reference_job_id === study.job_id ? "the same job." : h("a", { href: `/jobs/${study.reference_job_id}` }, "another one.")),
       !study.independent && h("p", { class: "note" },
-        "The reference contains the samples of the images that are compared with it, so they seem closer to it than they are. A reference job with another seed has none of that."),
-      h("p", { class: "note" }, "Observers go to ", h("a", { href: study.links.observe }, `${location.origin}${study.links.observe}`),
-        ". They should not have seen this page: it tells what others saw."),
+        "The reference contains the samples of the images that are compared with it, so they seem closer to it than they are. To avoid that, choose a reference job with another seed."),
+      h("p", { class: "note" }, "Observers take part at ", h("a", { href: study.links.observe }, `${location.origin}${study.links.observe}`),
+        ". They should not see this page first: it tells what others saw."),
       h("h2", {}, `${several(result.finished, "observer")} finished${result.observers > result.finished ? `, ${result.observers - result.finished} under way` : ""} · ${several(result.answers, "answer")}`),
       ...thresholds(result),
       result.answers > 0 && studyPlot(result),
@@ -69,7 +69,7 @@ export function open(main, { id, signal, go }) {
     }
     if (maySteer(study)) found.push(h("button", { class: "danger", onclick: remove }, "Delete"));
     async function remove() {
-      if (await confirmed(`Delete ${study.name}?`, `Its ${several(study.result.answers, "answer")} will be gone for good: save them first.`, "Delete it")) {
+      if (await confirmed(`Delete ${study.name}?`, `Its ${several(study.result.answers, "answer")} will be gone for good. Save them first.`, "Delete it")) {
         await attempt(() => send("DELETE", path), "The study is deleted", async () => go("/studies"));
       }
     }
@@ -89,11 +89,11 @@ export function open(main, { id, signal, go }) {
 function thresholds({ thresholds: found, answers }) {
   const bounded = found.filter(({ low_spp: low }) => low != null);
   if (!bounded.length && answers) {
-    return [h("p", { class: "note" }, "The answers do not bound a threshold yet. It takes more of them, or levels at which some see a difference and others do not.")];
+    return [h("p", { class: "note" }, "The answers do not bound a threshold yet. Collect more of them, or show levels at which some see a difference and others do not.")];
   }
   return bounded.map(({ probability, spp, low_spp: low, high_spp: high }) =>
     h("p", { class: "threshold" }, h("strong", {}, `${whole(spp)} spp`),
-      `a difference is seen in ${100 * probability} % of the answers there (with 95 % confidence between ${whole(Math.max(0, low))} and ${whole(high)} spp).`));
+      `a difference is seen in ${100 * probability} % of the answers here (95 % interval: ${whole(Math.max(0, low))} to ${whole(high)} spp).`));
 }
 
 function table({ levels }) {

@@ -36,7 +36,7 @@ export async function runTrials(study, observer, signal) {
 export function missingRoom({ width, height }) {
   const needs = [(2 * width) / devicePixelRatio + 3 * GAP_PX, height / devicePixelRatio + CONTROLS_PX].map(Math.ceil);
   if (needs[0] <= innerWidth && needs[1] <= innerHeight) return "";
-  return `Both pictures side by side need a window of ${needs[0]} × ${needs[1]}; this one has ${innerWidth} × ${innerHeight}. Make it larger, or take a larger screen: pictures that were made smaller would hide what is looked for.`;
+  return `Both pictures side by side need a window of ${needs[0]} × ${needs[1]}, and this one has ${innerWidth} × ${innerHeight}. Make the window larger, or use a larger screen: smaller pictures would hide the differences.`;
 }
 
 async function fetchAll(trials, signal) {
@@ -63,7 +63,7 @@ async function keep(path, answer, signal) {
     } catch (error) {
       if (signal.aborted) throw error;
       if (error.status && error.status < 500 && error.status !== 429) throw error;
-      complain(`Your answer is not kept yet. ${error.message}`);
+      complain(`Your answer is not saved yet, and is sent again. ${error.message}`);
     }
     await sleep(AGAIN_MS, signal);
   }

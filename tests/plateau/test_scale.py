@@ -21,7 +21,9 @@ def say(*arguments: str, code: int, **environment: str) -> str:
 def test_without_slurms_commands_it_says_which_are_missing(tmp_path: Path) -> None:
     (tmp_path / "squeue").touch(mode=0o755)
     told = say("--max", "1", code=1, PATH=str(tmp_path))
-    assert told.startswith("plateau: not found on the PATH: sbatch, scancel. Run this where")
+    assert told.startswith(
+        "plateau: these commands of Slurm are not on the PATH: sbatch, scancel. Run"
+    )
 
 
 @pytest.mark.parametrize(
@@ -29,7 +31,7 @@ def test_without_slurms_commands_it_says_which_are_missing(tmp_path: Path) -> No
     [
         ((), "Missing option '--max'"),
         (("--max", "1", "--min", "2"), "--min 2 is more than --max 1"),
-        (("--max", "1", "--sbatch-option", "nice=5"), "is no option of sbatch"),
+        (("--max", "1", "--sbatch-option", "nice=5"), "is not an option of sbatch"),
         (("--max", "1", "--worth", "0"), "0"),
     ],
 )
@@ -47,7 +49,7 @@ def with_commands(tmp_path: Path) -> str:
 
 def test_a_script_that_is_not_there_is_named(with_commands: str) -> None:
     told = say("--max", "1", "--script", "/nowhere/w.sbatch", code=1, PATH=with_commands)
-    assert "/nowhere/w.sbatch: there is no such batch script" in told
+    assert "there is no batch script /nowhere/w.sbatch" in told
 
 
 def test_so_is_a_line_that_gives_the_workers_no_variable(
@@ -56,7 +58,7 @@ def test_so_is_a_line_that_gives_the_workers_no_variable(
     file = tmp_path / "worker.env"
     file.write_text("# the workers'\n\nPLATEAU_THREADS=4\nexport A=b\n")
     told = say("--max", "1", "--worker-env", str(file), code=1, PATH=with_commands)
-    assert "not a line of the form NAME=VALUE: 'export A=b'" in told
+    assert "line 4: 'export A=b' is not of the form NAME=VALUE" in told
 
 
 def test_without_a_farm_it_says_what_to_set(
@@ -83,8 +85,9 @@ class TestReport:
     def test_tells_people_what_there_is_and_what_is_done(self) -> None:
         report = Report.of(self.LOOK, Plan(wanted=4, have=2, submit=2, end=("7_1",)))
         assert report.in_words() == (
-            "4 wanted for 170 s of work, 2 there; 1 waiting (Resources), 1 running, "
-            "1 not heard of yet; 1 of others; 1 asked to leave: 7_1; 2 to be submitted"
+            "4 workers needed for 170 s of work, 2 there or coming; 1 waiting (Resources), "
+            "1 running, 1 not yet heard from; 1 worker from elsewhere; 1 asked to leave: 7_1; "
+            "2 to be submitted"
         )
 
     def test_tells_programs_all_of_it(self) -> None:
@@ -92,7 +95,7 @@ class TestReport:
         told = json.loads(report.as_json())
         assert (told["wanted"], told["waiting_for"], told["held_s"]) == (4, ["Resources"], 30)
         assert told["time"].endswith("+00:00")
-        assert "the next not before 30 s" in report.in_words()
+        assert "nothing is submitted for 30 s" in report.in_words()
 
     def test_has_no_news_while_only_the_work_gets_less(self) -> None:
         plan = Plan(wanted=4, have=4)
