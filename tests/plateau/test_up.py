@@ -14,6 +14,7 @@ import pytest
 from plateau.client import Client
 from tests.support.bundles import scene
 from tests.support.commands import Command, until
+from worker.capabilities import drop_capabilities
 
 Up = Callable[..., Command]
 #: Redis, API, monitor, and the process in which the API checks scenes.
@@ -25,10 +26,12 @@ READY = r"listens at (http://127\.0\.0\.1:\d+)"
 def up(tmp_path: Path) -> Iterator[Up]:
     started: list[Command] = []
 
-    def start(*arguments: str, **environment: str) -> Command:
+    def start(
+        *arguments: str, prepare: Callable[[], object] | None = None, **environment: str
+    ) -> Command:
         # No worker: none of this needs one, and it takes the longest to start
         arguments = ("up", "--workers", "0", "--port", "0", *arguments)
-        started.append(Command(*arguments, folder=tmp_path, **environment))
+        started.append(Command(*arguments, folder=tmp_path, prepare=prepare, **environment))
         return started[-1]
 
     yield start
@@ -86,8 +89,9 @@ for pid in sys.argv[1:]:
 
 @pytest.mark.skipif(sys.platform != "linux", reason="there is no /proc elsewhere")
 def test_none_of_its_processes_shows_another_its_credentials(up: Up) -> None:
-    # Given a service with credentials in its environment
-    service = up("--workers", "1", AWS_SECRET_ACCESS_KEY="swordfish")
+    # Given a service with credentials in its environment, and with no more powers than who peeks:
+    # those of root's would keep the others out by themselves
+    service = up("--workers", "1", prepare=drop_capabilities, AWS_SECRET_ACCESS_KEY="swordfish")
     with Client(service.wait_for(READY)) as client:
         until(lambda: bool(client.workers()), 120)
     # Then neither the command nor anything that it has started shows them, once it runs

@@ -20,9 +20,17 @@ class Command:
         The command line after ``plateau``.
     folder
         Where its settings, its temporary files and what it says are kept.
+    prepare
+        What its process does before it becomes the command.
     """
 
-    def __init__(self, *arguments: str, folder: Path, **environment: str) -> None:
+    def __init__(
+        self,
+        *arguments: str,
+        folder: Path,
+        prepare: Callable[[], object] | None = None,
+        **environment: str,
+    ) -> None:
         self.temporary = folder / "t"  # short: a socket's path may have 107 bytes
         self.temporary.mkdir(parents=True, exist_ok=True)
         self._said = folder / f"said-{time.monotonic_ns()}"
@@ -32,6 +40,7 @@ class Command:
                 stdin=subprocess.DEVNULL,
                 stdout=said,
                 stderr=said,
+                preexec_fn=prepare,
                 env={
                     "PATH": os.environ["PATH"],
                     "PLATEAU_DATA": str(folder / "data"),
