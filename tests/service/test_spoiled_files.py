@@ -234,4 +234,4 @@ def test_studies_are_made_of_whole_slices_and_show_whole_pictures(
     spoil(farm, farm.jobs.ledger(job.id)[1]["blob"])
     answer = api.post("/v1/studies", json={**asked, "name": "another"})
     assert answer.status_code == 409
-    assert "slice 1 cannot be used" in answer.json()["detail"]
+    assert "slice 1 is lost or damaged" in answer.json()["detail"]
