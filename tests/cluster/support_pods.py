@@ -1,21 +1,22 @@
 """Runs what the chart's pods run, as processes of this machine, the way Kubernetes would.
 
 Environment, arguments, mounts, secrets and probes are those of the manifests, with folders for
-volumes and local addresses for services. A process has the pod's user, no capability but to read
-(the interpreter may lie in root's home), cannot gain any, and finds a file system that is read-only
-but for its volumes.
+volumes and local addresses for services. A process has the pod's user and no capability, cannot
+gain any, and finds a file system that is read-only but for its volumes.
 """
 
 import hashlib
 import math
 import os
 import re
+import shlex
 import signal
 import socket
+import stat
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from types import TracebackType
 
@@ -28,9 +29,30 @@ from tests.cluster.support_chart import ROOT, Manifest
 _CONFINED = (
     'mount --bind "$0" "$0" && mount -o remount,bind,ro / && cd / && '
     'exec setpriv --pdeathsig KILL --reuid "$1" --regid "$1" --clear-groups --no-new-privs '
-    "--bounding-set=-all,+dac_read_search --inh-caps=-all,+dac_read_search "
-    '--ambient-caps=+dac_read_search "${@:2}"'
+    '--bounding-set=-all --inh-caps=-all "${@:2}"'
 )
+
+
+def _reachable(paths: Iterable[Path], hold: Path) -> Iterator[str]:
+    """Yield shell commands that let every user reach the paths, in this mount namespace alone.
+
+    Python or the repository may lie in root's home, which other users cannot enter.
+    """
+    hidden: dict[Path, list[Path]] = {}
+    for path in paths:
+        for folder in reversed(path.parents):
+            if not folder.stat().st_mode & stat.S_IXOTH:
+                hidden.setdefault(folder, []).append(path)
+                break
+    for index, (folder, inside) in enumerate(hidden.items()):
+        held = hold / str(index)
+        held.mkdir(parents=True, exist_ok=True)
+        yield shlex.join(["mount", "--rbind", str(folder), str(held)])
+        yield shlex.join(["mount", "-t", "tmpfs", "-o", "mode=755", "tmpfs", str(folder)])
+        for path in inside:
+            yield shlex.join(["mkdir", "-p", str(path)])
+            kept = held / path.relative_to(folder)
+            yield shlex.join(["mount", "--rbind", str(kept), str(path)])
 
 
 def free_port() -> int:
@@ -111,8 +133,10 @@ class Pod:
         return text.replace("redis-cli ", f"{self._node.find('redis-cli')} -p {port} ")
 
     def _confined(self, command: list[str]) -> list[str]:
+        needed = dict.fromkeys(map(Path, (sys.base_prefix, sys.prefix, ROOT)))
+        script = " && ".join([*_reachable(needed, self._node.folder / "hidden"), _CONFINED])
         return [
-            *("unshare", "--mount", "bash", "-c", _CONFINED, str(self._node.folder)),
+            *("unshare", "--mount", "bash", "-c", script, str(self._node.folder)),
             *(str(self._user), *command),
         ]
 
