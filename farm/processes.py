@@ -1,6 +1,6 @@
 """Processes that others look after, and may not look into.
 
-A sign of life, children that end with their parent, and memory that is shut.
+A sign of life, children that end with their parent, bounds, and memory that is shut.
 """
 
 import contextlib
@@ -8,10 +8,13 @@ import ctypes
 import errno
 import logging
 import os
+import resource
 import signal
 import sys
 from collections.abc import Callable
 from pathlib import Path
+
+from farm import libc
 
 _LOG = logging.getLogger(__name__)
 
@@ -30,10 +33,10 @@ def die_with_parent(signal_number: int = signal.SIGTERM) -> Callable[[], None]:
     """
     if not sys.platform.startswith("linux"):
         return lambda: None
-    parent, libc = os.getpid(), ctypes.CDLL(None, use_errno=True)
+    parent, c_library = os.getpid(), ctypes.CDLL(None)  # loaded before there is a child
 
     def arrange() -> None:
-        libc.prctl(_PR_SET_PDEATHSIG, signal_number)
+        c_library.prctl(_PR_SET_PDEATHSIG, signal_number)
         if os.getppid() != parent:  # it died before we asked
             os.kill(os.getpid(), signal_number)
 
@@ -43,6 +46,13 @@ def die_with_parent(signal_number: int = signal.SIGTERM) -> Callable[[], None]:
 def plain_environment() -> dict[str, str]:
     """Return this process's environment without credentials: nothing of Redis or the blob store."""
     return {name: os.environ[name] for name in _PLAIN if name in os.environ}
+
+
+def limit(kind: int, most: int) -> None:
+    """Bound what this process may take of a resource (``RLIMIT_…``), from now on and for good."""
+    _, hard = resource.getrlimit(kind)
+    most = most if hard == resource.RLIM_INFINITY else min(most, hard)
+    resource.setrlimit(kind, (most, most))
 
 
 def shut_memory() -> None:
@@ -58,9 +68,7 @@ def shut_memory() -> None:
     """
     if not sys.platform.startswith("linux"):
         raise OSError(errno.ENOSYS, f"there is no way to on {sys.platform}")
-    libc = ctypes.CDLL(None, use_errno=True)
-    if libc.prctl(_PR_SET_DUMPABLE, 0, 0, 0, 0) != 0:
-        raise OSError(ctypes.get_errno(), f"prctl: {os.strerror(ctypes.get_errno())}")
+    libc.call("prctl", _PR_SET_DUMPABLE, 0, 0, 0, 0)
 
 
 def forget_life(file: Path | None) -> None:

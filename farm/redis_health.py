@@ -1,6 +1,5 @@
 """What a Redis should be like to carry a farm, and what this one is: for `plateau doctor`."""
 
-import ipaddress
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, Final
@@ -9,6 +8,7 @@ from urllib.parse import urlsplit
 import redis
 
 from farm.errors import FarmError, NotPermitted
+from farm.loopback import is_loopback
 from farm.redis_link import RedisClient, connect, unavailable_as_farm_error
 from farm.redis_url import BadRedisUrl, sentinels_of, uses_tls, without_password
 
@@ -121,13 +121,6 @@ def _is_here(url: str) -> bool:
     """Whether the connection stays on this machine."""
     sentinels = sentinels_of(url)
     if sentinels is not None:
-        return all(_is_loopback(host) for host, _ in sentinels.addresses)
+        return all(is_loopback(host) for host, _ in sentinels.addresses)
     parts = urlsplit(url)
-    return parts.scheme == "unix" or _is_loopback(parts.hostname or "")
-
-
-def _is_loopback(host: str) -> bool:
-    try:
-        return ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return host == "localhost"
+    return parts.scheme == "unix" or is_loopback(parts.hostname or "")

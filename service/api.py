@@ -17,6 +17,7 @@ from farm.api_keys import ApiKeys
 from farm.blobs import Blobs
 from farm.bundle import BundleLimits, known_plugins
 from farm.errors import StoreUnavailable
+from farm.loopback import is_loopback
 from farm.redis_link import connect
 from farm.settings import Settings
 from service.app import create_app
@@ -24,7 +25,6 @@ from service.connections import backlog, most_connections, raise_descriptor_limi
 from service.event_hub import EventHub
 from service.http_server import server_config
 from service.key_guard import Access
-from service.loopback import is_loopback
 from service.scene_checks import SceneChecks
 from service.spool import spool_in
 

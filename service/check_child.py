@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any, BinaryIO, Final
 
 from farm.bundle import BundleError, BundleLimits, inspect_each
+from farm.processes import limit
 
 #: Ahead of each message: how many bytes it has.
 _LENGTH: Final = struct.Struct("!I")
@@ -34,10 +35,10 @@ def main() -> None:
     """Answer the questions that come over the socket that is named by its descriptor."""
     link = socket.socket(fileno=int(sys.argv[1]))
     memory_bytes = int(sys.argv[2])
-    _limit(resource.RLIMIT_CORE, 0)
-    _limit(resource.RLIMIT_NOFILE, _OPEN_FILES)
-    _limit(resource.RLIMIT_DATA, memory_bytes)
-    _limit(resource.RLIMIT_AS, _ADDRESS_SPACE_BYTES)
+    limit(resource.RLIMIT_CORE, 0)
+    limit(resource.RLIMIT_NOFILE, _OPEN_FILES)
+    limit(resource.RLIMIT_DATA, memory_bytes)
+    limit(resource.RLIMIT_AS, _ADDRESS_SPACE_BYTES)
     while True:
         header, files, _, _ = socket.recv_fds(link, _LENGTH.size, 1)
         if not header:
@@ -103,12 +104,6 @@ def _answer(upload: BinaryIO, question: dict[str, Any]) -> dict[str, Any]:
         answer["out_of_memory"] = True
     answer["cpu_s"] = time.process_time() - used_s
     return answer
-
-
-def _limit(kind: int, most: int) -> None:
-    _, hard = resource.getrlimit(kind)
-    most = most if hard == resource.RLIM_INFINITY else min(most, hard)
-    resource.setrlimit(kind, (most, most))
 
 
 def _resident_bytes() -> int:

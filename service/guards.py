@@ -8,8 +8,8 @@ from typing import Final
 
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from farm.loopback import is_loopback
 from service.callers import ANYBODY, Caller
-from service.loopback import is_loopback
 from service.problems import (
     FOREIGN_HOST,
     FOREIGN_ORIGIN,

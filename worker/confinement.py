@@ -28,7 +28,7 @@ from typing import Final
 
 import farm
 import worker
-from farm.processes import shut_memory
+from farm.processes import limit, shut_memory
 from worker import landlock
 from worker.capabilities import drop_capabilities
 from worker.seccomp import refuse_calls
@@ -59,17 +59,11 @@ def limit_resources(memory_bytes: int, open_files: int, file_bytes: int) -> None
     file_bytes : int
         Size of any file written: more fails with ``EFBIG``, since Python ignores ``SIGXFSZ``.
     """
-    limits = [
-        (resource.RLIMIT_CORE, 0),
-        (resource.RLIMIT_NOFILE, open_files),
-        (resource.RLIMIT_FSIZE, file_bytes),
-    ]
+    limit(resource.RLIMIT_CORE, 0)
+    limit(resource.RLIMIT_NOFILE, open_files)
+    limit(resource.RLIMIT_FSIZE, file_bytes)
     if memory_bytes:
-        limits.append((resource.RLIMIT_AS, memory_bytes))
-    for kind, most in limits:
-        _, hard = resource.getrlimit(kind)
-        most = most if hard == resource.RLIM_INFINITY else min(most, hard)
-        resource.setrlimit(kind, (most, most))
+        limit(resource.RLIMIT_AS, memory_bytes)
 
 
 @dataclass(frozen=True)

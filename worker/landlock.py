@@ -18,13 +18,15 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
+from farm import libc
+from worker.capabilities import refuse_new_privileges
+
 #: The same numbers on every architecture.
 _CREATE_RULESET: Final = 444
 _ADD_RULE: Final = 445
 _RESTRICT_SELF: Final = 446
 _WANTS_VERSION: Final = 1
 _PATH_BENEATH: Final = 1
-_PR_SET_NO_NEW_PRIVS: Final = 38
 
 # LANDLOCK_ACCESS_FS_…
 _WRITE_FILE: Final = 1 << 1
@@ -82,8 +84,7 @@ def restrict(allowed: Iterable[tuple[Path, int]]) -> None:
         for path, rights in allowed:
             with suppress(FileNotFoundError, NotADirectoryError, PermissionError):
                 _allow(ruleset, path, rights & handled)
-        if ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) != 0:
-            raise OSError(ctypes.get_errno(), "prctl failed")
+        refuse_new_privileges()
         _syscall(_RESTRICT_SELF, ruleset, 0)
     finally:
         os.close(ruleset)
@@ -102,10 +103,5 @@ def _allow(ruleset: int, path: Path, rights: int) -> None:
 
 
 def _syscall(number: int, *arguments: int | bytes | None) -> int:
-    libc = ctypes.CDLL(None, use_errno=True)
     given = (ctypes.c_long(one) if isinstance(one, int) else one for one in arguments)
-    answer: int = libc.syscall(ctypes.c_long(number), *given)
-    if answer < 0:
-        code = ctypes.get_errno()
-        raise OSError(code, f"Landlock: {os.strerror(code)}")
-    return answer
+    return libc.call("syscall", ctypes.c_long(number), *given, what="Landlock")

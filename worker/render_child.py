@@ -97,7 +97,6 @@ class RenderChild:
         home: Path,
         scenes: Iterable[Path],
     ) -> None:
-        self.variant = variant
         self._limits = limits
         self._request_id = 0
         self._shape = (0, 0, 4)  # of the loaded scene's films

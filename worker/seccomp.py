@@ -14,8 +14,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
-# <linux/prctl.h>, <linux/seccomp.h>
-_PR_SET_NO_NEW_PRIVS: Final = 38
+from farm import libc
+from worker.capabilities import refuse_new_privileges
+
+# <linux/seccomp.h>
 _SECCOMP_SET_MODE_FILTER: Final = 1
 _SECCOMP_FILTER_FLAG_TSYNC: Final = 1  # all threads of the process, not the caller's alone
 _ALLOW: Final = 0x7FFF0000
@@ -154,13 +156,11 @@ def refuse_calls() -> None:
     code = ctypes.create_string_buffer(program, len(program))
     # struct sock_fprog: unsigned short len; struct sock_filter *filter
     header = struct.pack("@HP", len(program) // 8, ctypes.addressof(code))
-    libc = ctypes.CDLL(None, use_errno=True)
-    # Without this, only root could set a filter; with it, set-user-id programs stay powerless.
-    if libc.prctl(_PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) != 0:
-        raise OSError(ctypes.get_errno(), f"prctl: {os.strerror(ctypes.get_errno())}")
-    arguments = (machine.seccomp, _SECCOMP_SET_MODE_FILTER, _SECCOMP_FILTER_FLAG_TSYNC)
-    if libc.syscall(*map(ctypes.c_long, arguments), ctypes.c_char_p(header)) != 0:
-        raise OSError(ctypes.get_errno(), f"seccomp: {os.strerror(ctypes.get_errno())}")
+    refuse_new_privileges()
+    numbers = (machine.seccomp, _SECCOMP_SET_MODE_FILTER, _SECCOMP_FILTER_FLAG_TSYNC)
+    arguments = (*map(ctypes.c_long, numbers), ctypes.c_char_p(header))
+    if libc.call("syscall", *arguments, what="seccomp") != 0:
+        raise OSError(errno.ESRCH, "seccomp: a thread cannot take the filter")
 
 
 def _program(machine: _Machine) -> Iterator[bytes]:

@@ -90,7 +90,7 @@ def _skim(archive: Archive, document: Parts, budget: XmlBudget, limits: BundleLi
             raise
         except (BundleError, EscapeError):
             return  # Reading the scene will complain of it, if the scene reads this file at all.
-        budget.spend_lookups(found.lookups + len(folders), name, line)
+        budget.spend("lookups", found.lookups + len(folders), name, line)
         if tag == "include" and found.path is not None:
             skim.includes.add(found.path)
         elif tag == "path" and found.path is not None:

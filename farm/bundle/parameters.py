@@ -93,7 +93,7 @@ class Parameters:
                 text = self._replace(text, key, value, file, line)
                 characters = max(characters, len(text))
         looks = len(self._values) * (1 + characters // _CHARACTERS_PER_LOOK)
-        self._budget.spend_substitutions(looks, file, line)
+        self._budget.spend("substitutions", looks, file, line)
         unresolved = _UNRESOLVED.search(text)
         if unresolved:
             raise BundleError(

@@ -49,7 +49,7 @@ class References:
     def name_plugin_file(self, text: str, file: str, line: int) -> None:
         """Remember a plugin's file until the scene's list of folders is complete."""
         if text not in self._named:
-            self._budget.spend_reference(file, line)
+            self._budget.spend("references", 1, file, line)
             self._named[text] = (file, line)
 
     def follow_plugin_files(self, folders: tuple[Parts, ...]) -> None:
@@ -76,13 +76,13 @@ class References:
                 file=file,
                 line=line,
             ) from None
-        self._budget.spend_lookups(found.lookups + len(folders), file, line)
+        self._budget.spend("lookups", found.lookups + len(folders), file, line)
         expected: Kind = "folder" if role == "folder" else "file"
         if found.path is None or found.kind != expected:
             problem = f"is not a {expected}" if found.kind else self._tree.remedy
             raise BundleError("missing-file", f"{shown(text)} {problem}", file=file, line=line)
         reference = Reference(role, text, found.path, found.visited, file=file, line=line)
         if reference not in self._met:
-            self._budget.spend_reference(file, line)
+            self._budget.spend("references", 1, file, line)
             self._met[reference] = None
         return found.path

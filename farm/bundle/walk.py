@@ -132,7 +132,7 @@ class _Walk:
         at: tuple[str, int],
     ) -> _Reading:
         """Read an XML file where one includes it, or count it where it would say nothing new."""
-        self.budget.spend_includes(1, *at)
+        self.budget.spend("includes", 1, *at)
         key = (path, folders, self.scene.parameters.revision, holder.is_stage)
         known = self._known.get(key) if holder.owner is None else None
         if (
@@ -241,7 +241,7 @@ class _File:
             return holder if is_root else _Holder(None, is_stage=False)
         cast = self._walk.scene.cast
         if tag in ("sensor", "film"):
-            self._walk.budget.spend_sensor(self.name, line)
+            self._walk.budget.spend("sensors", 1, self.name, line)
             self._walk.changes_of_cast += 1
         if tag == "sensor":
             sensor = Sensor()

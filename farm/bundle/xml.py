@@ -8,7 +8,7 @@ refused: document types, entities, other encodings than UTF-8, and anything not 
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import IO
+from typing import IO, Final, Literal
 from xml.sax import SAXParseException
 from xml.sax.handler import ContentHandler
 from xml.sax.xmlreader import AttributesImpl, InputSource, Locator
@@ -27,6 +27,33 @@ _BOM = b"\xef\xbb\xbf"
 #: Called with an element's name, its attributes and its line.
 StartElement = Callable[[str, dict[str, str], int], None]
 EndElement = Callable[[], None]
+
+
+#: What is counted, as `BundleLimits` calls it.
+Spending = Literal[
+    "xml_bytes",
+    "xml_elements",
+    "includes",
+    "sensors",  # and films
+    "references",  # that are new
+    "lookups",  # folders looked into
+    "substitutions",  # parameters looked for in attributes
+]
+
+#: What is said where there are too many of them.
+_TOO_MUCH: Final[dict[Spending, str]] = {
+    "xml_bytes": "the scene has more than {} bytes of XML, each include counted every time; put "
+    "geometry into mesh files",
+    "xml_elements": "the scene has more than {} elements, each include counted every time",
+    "includes": "the scene includes more than {} files, each include counted every time; put "
+    "several into one",
+    "sensors": "the scene has more than {} sensors and films, each include counted every time; "
+    "make several scenes of it",
+    "references": "the scene has more than {} different names of files and folders; put several "
+    "meshes into one file",
+    "lookups": "following the scene's references takes too long; use fewer <path> folders",
+    "substitutions": "putting the scene's parameters in takes too long; use fewer of them",
+}
 
 
 class BudgetSpent(BundleError):
@@ -66,99 +93,27 @@ class XmlBudget:
     def __init__(self, limits: BundleLimits) -> None:
         self.max_depth = limits.max_xml_depth
         self.max_tag_bytes = limits.max_tag_bytes
-        self._limits = limits
-        self._bytes = 0
-        self._elements = 0
-        self._includes = 0
-        self._sensors = 0
-        self._references = 0
-        self._lookups = 0
-        self._substitutions = 0
+        self._most = {what: getattr(limits, f"max_{what}") for what in _TOO_MUCH}
+        self._spent = dict.fromkeys(_TOO_MUCH, 0)
 
     @property
     def spent(self) -> XmlCost:
         """What was spent so far of what Mitsuba will spend, too."""
-        return XmlCost(self._bytes, self._elements, self._includes)
+        spent = self._spent
+        return XmlCost(spent["xml_bytes"], spent["xml_elements"], spent["includes"])
 
     def spend_again(self, cost: XmlCost, file: str, line: int) -> None:
         """Count a file that was read before, or raise `BudgetSpent` where that is too much."""
-        self.spend_bytes(cost.bytes, file)
-        self.spend_elements(cost.elements, file, line)
-        self.spend_includes(cost.includes, file, line)
+        self.spend("xml_bytes", cost.bytes, file)
+        self.spend("xml_elements", cost.elements, file, line)
+        self.spend("includes", cost.includes, file, line)
 
-    def spend_bytes(self, count: int, file: str) -> None:
-        """Count bytes read, or raise `BudgetSpent` where there are too many."""
-        self._bytes += count
-        if self._bytes > self._limits.max_xml_bytes:
-            raise BudgetSpent(
-                f"the scene has more than {self._limits.max_xml_bytes} bytes of XML, each include "
-                f"counted every time; put geometry into mesh files",
-                file=file,
-            )
-
-    def spend_elements(self, count: int, file: str, line: int) -> None:
-        """Count elements, or raise `BudgetSpent` where there are too many."""
-        self._elements += count
-        if self._elements > self._limits.max_xml_elements:
-            raise BudgetSpent(
-                f"the scene has more than {self._limits.max_xml_elements} elements, each include "
-                f"counted every time",
-                file=file,
-                line=line,
-            )
-
-    def spend_includes(self, count: int, file: str, line: int) -> None:
-        """Count files that are included, or raise `BudgetSpent` where there are too many."""
-        self._includes += count
-        if self._includes > self._limits.max_includes:
-            raise BudgetSpent(
-                f"the scene includes more than {self._limits.max_includes} files, each include "
-                f"counted every time; put several into one",
-                file=file,
-                line=line,
-            )
-
-    def spend_sensor(self, file: str, line: int) -> None:
-        """Count a sensor or a film, or raise `BudgetSpent` where there are too many."""
-        self._sensors += 1
-        if self._sensors > self._limits.max_sensors:
-            raise BudgetSpent(
-                f"the scene has more than {self._limits.max_sensors} sensors and films, each "
-                f"include counted every time; make several scenes of it",
-                file=file,
-                line=line,
-            )
-
-    def spend_reference(self, file: str, line: int) -> None:
-        """Count a reference that is new, or raise `BudgetSpent` where there are too many."""
-        self._references += 1
-        if self._references > self._limits.max_references:
-            raise BudgetSpent(
-                f"the scene has more than {self._limits.max_references} different names of files "
-                f"and folders; put several meshes into one file",
-                file=file,
-                line=line,
-            )
-
-    def spend_substitutions(self, count: int, file: str, line: int) -> None:
-        """Count parameters looked for in attributes, or raise `BudgetSpent` for too many."""
-        self._substitutions += count
-        if self._substitutions > self._limits.max_substitutions:
-            raise BudgetSpent(
-                "putting the scene's parameters in takes too long; use fewer of them",
-                file=file,
-                line=line,
-            )
-
-    def spend_lookups(self, count: int, file: str, line: int) -> None:
-        """Count folders looked into, or raise `BudgetSpent` where there are too many."""
-        self._lookups += count
-        if self._lookups > self._limits.max_lookups:
-            raise BudgetSpent(
-                "following the scene's references takes too long; use fewer <path> folders",
-                file=file,
-                line=line,
-            )
+    def spend(self, what: Spending, count: int, file: str, line: int | None = None) -> None:
+        """Count so many more, or raise `BudgetSpent` where there are too many."""
+        self._spent[what] += count
+        most = self._most[what]
+        if self._spent[what] > most:
+            raise BudgetSpent(_TOO_MUCH[what].format(most), file=file, line=line)
 
 
 def read_elements(
@@ -223,7 +178,7 @@ class _CheckedBytes:
         if self._is_at_start:
             self._check_encoding(chunk)
             self._is_at_start = False
-        self._budget.spend_bytes(len(chunk), self._name)
+        self._budget.spend("xml_bytes", len(chunk), self._name)
         self._check_tags(chunk)
         return chunk
 
@@ -270,7 +225,7 @@ class _Handler(ContentHandler):
 
     def startElement(self, name: str, attrs: AttributesImpl) -> None:  # noqa: N802 - SAX's name
         line = self._place.getLineNumber() or 0
-        self._budget.spend_elements(1, self._name, line)
+        self._budget.spend("xml_elements", 1, self._name, line)
         self._depth += 1
         if self._depth > self._budget.max_depth:
             raise BundleError(

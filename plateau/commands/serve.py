@@ -8,6 +8,7 @@ from typing import Final
 
 from farm.api_keys import ApiKeys
 from farm.errors import StoreUnavailable
+from farm.loopback import is_loopback
 from farm.redis_link import connect
 from farm.redis_url import without_password
 from farm.settings import Settings
@@ -20,7 +21,6 @@ from plateau.process import run_until_signal, when_checked
 from plateau.read_settings import farm_settings
 from plateau.standing import Standing
 from plateau.tree import Tree
-from service.loopback import is_loopback
 
 _LOG = logging.getLogger("plateau")
 

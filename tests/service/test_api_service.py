@@ -10,11 +10,11 @@ import redis
 
 from farm.blobs import Blobs
 from farm.embedded import EmbeddedRedis
+from farm.loopback import is_loopback
 from farm.queue import SliceQueue
 from farm.redis_link import connect
 from service import problems
 from service.api import CannotListen, listen
-from service.loopback import is_loopback
 from tests.service.test_api_jobs import problem, submit
 from tests.support.live_api import live_api
 from tests.support.real_farm import until

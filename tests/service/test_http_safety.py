@@ -11,7 +11,7 @@ import redis
 from farm import keys
 from farm.api_keys import ApiKeys, KeyLimits, Role
 from farm.blobs import Blobs
-from service.loopback import is_loopback
+from farm.loopback import is_loopback
 from tests.service.test_api_jobs import problem, submit
 from tests.support.staged_job import StagedJob
 
