@@ -1,5 +1,6 @@
 """Takes root's powers away: what is left of root is a user whose id is 0."""
 
+import os
 import struct
 import sys
 from contextlib import suppress
@@ -14,10 +15,20 @@ _PR_SET_NO_NEW_PRIVS: Final = 38
 _PR_CAP_AMBIENT: Final = 47
 _PR_CAP_AMBIENT_CLEAR_ALL: Final = 4
 _CAPABILITY_VERSION_3: Final = 0x20080522
+_READ_ANY_FILE: Final = 1 << 2  # CAP_DAC_READ_SEARCH
 
 
-def drop_capabilities() -> None:
+def drop_capabilities(needed: Path = Path(os.__file__)) -> None:
     """Give up every capability, for this thread and all that it starts, for good.
+
+    One is kept where nothing would run without it: the power to read any file, where this Python
+    lies in a folder that only its owner may enter (``sudo plateau worker`` with a user's Python).
+    Landlock then decides alone what may be read.
+
+    Parameters
+    ----------
+    needed : Path
+        A file that has to stay readable, of Python's own library unless another is given.
 
     Raises
     ------
@@ -34,10 +45,27 @@ def drop_capabilities() -> None:
             libc.call("prctl", _PR_CAPBSET_DROP, capability, 0, 0, 0)
     with suppress(OSError):
         libc.call("prctl", _PR_CAP_AMBIENT, _PR_CAP_AMBIENT_CLEAR_ALL, 0, 0, 0)
+    kept = held() & _READ_ANY_FILE
+    _use(0, of=kept)
+    if _is_readable(needed):
+        _use(0, of=0)
+    else:
+        _use(kept, of=kept)
+
+
+def _use(effective: int, *, of: int) -> None:
     # struct __user_cap_header_struct {u32 version; int pid}; two of {effective, permitted,
     # inheritable}
     header = struct.pack("=Ii", _CAPABILITY_VERSION_3, 0)
-    libc.call("capset", header, struct.pack("=6I", *[0] * 6))
+    libc.call("capset", header, struct.pack("=6I", effective, of, 0, 0, 0, 0))
+
+
+def _is_readable(file: Path) -> bool:
+    try:
+        file.open("rb").close()
+    except PermissionError:
+        return False
+    return True
 
 
 def refuse_new_privileges() -> None:
