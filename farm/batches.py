@@ -12,7 +12,7 @@ from typing import Final
 
 import redis
 
-from farm import flicker, keys, records
+from farm import guarded_batches, keys, records
 from farm.batch import Batch, Member, summarise
 from farm.errors import BatchNotFound, UnevenBatch
 from farm.job import moment
@@ -129,7 +129,7 @@ class Batches:
                 raise BatchNotFound(name)
             asked = stored_spec(spec).model_copy(update={"flicker_guard": True})
             try:
-                compared = flicker.compared(self._redis, name, asked)
+                compared = guarded_batches.compared(self._redis, name, asked)
             except UnevenBatch as error:
                 raise UnevenBatch(name, error.job_id, error.differs, joins=False) from None
             # Who joins it in between is compared too.

@@ -22,7 +22,7 @@ from typing import Any, Final
 
 import redis
 
-from farm import flicker, keys, records
+from farm import guarded_batches, keys, records
 from farm.errors import CannotContinue, JobNotFound, TooManyJobs, TooManyNeeds
 from farm.job import Job
 from farm.jobs import Created, Jobs, request_key
@@ -134,7 +134,7 @@ class Continuations:
         UnevenBatch
             The batch that it is to join is guarded, and it would not stop as the others do.
         """
-        compared = flicker.compared(self._redis, spec.batch, spec) if spec.batch else ""
+        compared = guarded_batches.compared(self._redis, spec.batch, spec) if spec.batch else ""
         digest = hashlib.sha256(f"{job.id} {spec.as_request()}".encode()).hexdigest()
         fields = records.new_job(spec, name=job.name, scene_sha256=job.scene_sha256, owner=owner)
         outcome, *answer = self._scripts.run(

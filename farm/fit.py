@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from farm.job import Job
-from farm.keys import DEFAULT_POOL
+from farm.place_names import DEFAULT_POOL
 from farm.spec import SharedSpec
 
 #: The variant of a job that is not pinned to one yet.

@@ -5,7 +5,7 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from farm.keys import DEFAULT_POOL
+from farm.place_names import DEFAULT_POOL
 from farm.spec import JobSpec
 from farm.states import JobState
 

@@ -6,7 +6,7 @@ from typing import Any, Final
 
 import redis
 
-from farm import blobs, flicker, keys, records
+from farm import blobs, guarded_batches, keys, records
 from farm.errors import (
     IllegalTransition,
     JobEnded,
@@ -103,7 +103,7 @@ class Jobs:
         shared = (request_key(idempotency_key, owner), digest, specs[0].priority, batch, guarded)
         outcome, answer = "changed", []
         while outcome == "changed":  # the batch, since it was looked at: others get on
-            compared = flicker.compared(self._redis, batch, specs[0]) if batch else ""
+            compared = guarded_batches.compared(self._redis, batch, specs[0]) if batch else ""
             outcome, *answer = self._scripts.run("create", *shared, compared, len(specs), *new)
         if outcome == "too many":
             raise TooManyJobs(*map(int, answer))

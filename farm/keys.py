@@ -102,6 +102,8 @@ Writers: everything is written by the scripts in ``farm/lua``, but for the migra
 
 from typing import Final
 
+from farm.place_names import DEFAULT_POOL
+
 PREFIX: Final = "plateau:"
 SCHEMA: Final = PREFIX + "schema"
 STORE: Final = PREFIX + "store"
@@ -140,8 +142,6 @@ WAKE_MONITORS: Final = PREFIX + "wake:monitors"
 FREE: Final = "free "
 WAKE_WEBHOOKS: Final = PREFIX + "wake:webhooks"
 
-#: The pool of workers and jobs that name none.
-DEFAULT_POOL: Final = "default"
 
 #: So many different needs (pool and tags) open jobs may have at once: a lease may look at each.
 MOST_NEEDS: Final = 64

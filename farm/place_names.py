@@ -1,8 +1,11 @@
 """What pools and tags may be called."""
 
-from typing import Annotated
+from typing import Annotated, Final
 
 from pydantic import AfterValidator, Field
+
+#: The pool of workers and jobs that name none.
+DEFAULT_POOL: Final = "default"
 
 PlaceName = Annotated[
     str,

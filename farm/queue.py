@@ -9,6 +9,7 @@ from pydantic import BaseModel, ConfigDict
 
 from farm import keys
 from farm.fit import Kind
+from farm.place_names import DEFAULT_POOL
 from farm.redis_link import unavailable_as_farm_error
 from farm.scripts import Scripts
 from farm.spec import JobSpec, stored_spec
@@ -72,7 +73,7 @@ class SliceQueue:
         worker_id: str,
         lease_s: float,
         *,
-        pool: str = keys.DEFAULT_POOL,
+        pool: str = DEFAULT_POOL,
         tags: tuple[str, ...] = (),
     ) -> None:
         self._redis = client

@@ -9,8 +9,7 @@ import platformdirs
 from pydantic import BeforeValidator, Field, SecretStr, ValidationInfo, field_validator
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
-from farm.keys import DEFAULT_POOL
-from farm.place_names import PlaceName, Tags
+from farm.place_names import DEFAULT_POOL, PlaceName, Tags
 
 LogFormat = Literal["text", "json"]
 

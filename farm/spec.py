@@ -5,8 +5,7 @@ from typing import Annotated, Final, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from farm.keys import DEFAULT_POOL
-from farm.place_names import PlaceName, Tags
+from farm.place_names import DEFAULT_POOL, PlaceName, Tags
 from farm.seeds import SeedSchedule
 from farm.webhook_spec import WebhookSpec
 

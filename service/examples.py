@@ -3,7 +3,7 @@
 import hashlib
 from typing import Any, Final
 
-from service.framework_errors import NOT_JSON
+NOT_JSON: Final = "the body is not JSON; send one JSON value, in UTF-8, as /docs shows it"
 
 JOB_ID: Final = "3b52dbb3a017"
 KEY_ID: Final = "c81e5a0f93d2"

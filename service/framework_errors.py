@@ -5,12 +5,13 @@ They tell one refusal from another by their text alone. A test finds texts that 
 
 from typing import Final
 
+from service.examples import NOT_JSON
+
 #: How many files and other parts a form may have, and how large a part may be that is not a file.
 MOST_FILES: Final = 2
 MOST_FIELDS: Final = 8
 MOST_FIELD_BYTES: Final = 1 << 20
 
-NOT_JSON: Final = "the body is not JSON; send one JSON value, in UTF-8, as /docs shows it"
 
 _TOO_LONG: Final = (
     f"a part that is not a file has more than {MOST_FIELD_BYTES >> 20} MiB; send the scene as a "

@@ -28,7 +28,8 @@ from farm.errors import (
 )
 from farm.states import JobState
 from service import problems
-from service.framework_errors import NOT_JSON, in_our_words
+from service.examples import NOT_JSON
+from service.framework_errors import in_our_words
 from service.problems import Problem, ProblemType, unavailable
 from service.spec_checks import invalid_request
 from service.stored_files import SpoiledBlob

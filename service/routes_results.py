@@ -1,23 +1,20 @@
 """Routes for what a job has come to: its curve and its events."""
 
-import csv
 import hashlib
-import io
 import json
 import time
 from collections.abc import AsyncIterator
-from itertools import chain
 from typing import Annotated, Any, Final
 
 from fastapi import APIRouter, Depends, Header, Query, Request, Response
 from fastapi.responses import StreamingResponse
 from starlette.concurrency import run_in_threadpool
 
-from farm.job import CurvePoint
 from farm.jobs import BEFORE_ALL_EVENTS
 from service import examples, problems
 from service.accept import chosen
 from service.callers import Caller, CallerOf
+from service.curve_csv import curve_csv
 from service.etags import NOT_MODIFIED, REVALIDATE, Known, known, not_modified, strong
 from service.parts import Parts, parts, parts_of
 from service.problems import documented
@@ -29,11 +26,6 @@ router = APIRouter(prefix="/v1/jobs/{job_id}", tags=["results"])
 _CSV: Final = "text/csv"
 _JSON: Final = "application/json"
 _SSE: Final = "text/event-stream"
-_FIGURES: Final = tuple(
-    name
-    for name in CurvePoint.model_fields
-    if name not in {"rules", "zones", "non_finite_pixels", "at"}
-)
 #: Redis refuses numbers of 64 bits and more; those of real events have 13 digits and a few.
 _EVENT_ID: Final = r"^[0-9]{1,19}-[0-9]{1,19}$"
 #: Proxies close a connection that is silent for longer, commonly after 30 or 60 s.
@@ -48,22 +40,6 @@ _CURVE_HEADERS: Final = {"ETag": _STRING, "Cache-Control": _STRING}
 
 class _CsvResponse(Response):
     media_type = _CSV
-
-
-def curve_csv(points: list[CurvePoint]) -> str:
-    """The points as CSV: the figures, the time, then each rule's value and verdict."""
-    rules = sorted({name for point in points for name in point.rules})
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    header = [*_FIGURES, "non_finite_pixels", "at"]
-    writer.writerow([*header, *chain(*((f"{rule}_value", f"{rule}_stop") for rule in rules))])
-    for point in points:
-        row = [*(getattr(point, name) for name in header[:-1]), point.at.isoformat()]
-        for rule in rules:
-            said = point.rules.get(rule)
-            row += [said.value, str(said.stop).lower()] if said else [None, None]
-        writer.writerow(row)
-    return text.getvalue()
 
 
 @router.get(

@@ -8,13 +8,56 @@ from farm.study import MOST_LEVELS, MOST_STUDIES, Answer, Observer, Screen, Stud
 from farm.study_order import Method, Side
 from service import study_examples as examples
 from service.json_numbers import WithWholeNumbers
-from service.study_results import StudyResult
 
 _JobId = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{12}$")]
 
 
 def _shows(example: dict[str, Any]) -> Any:
     return {"examples": [example]}
+
+
+class LevelResult(BaseModel):
+    """What was answered at one level."""
+
+    model_config = ConfigDict(extra="ignore")
+
+    spp: int
+    shown: int = Field(description="answers")
+    seen: int = Field(description="of these, how often a difference was seen")
+
+
+class Threshold(BaseModel):
+    """From where on a difference is seen less often."""
+
+    model_config = ConfigDict(extra="ignore")
+
+    probability: float = Field(description="to see a difference")
+    spp: float
+    low_spp: float | None = Field(description="95 % interval; null where the answers give none")
+    high_spp: float | None
+
+
+class StudyResult(BaseModel):
+    """What a study has found so far."""
+
+    model_config = ConfigDict(extra="ignore")
+
+    observers: int
+    finished: int = Field(description="observers who have answered to all their pairs")
+    answers: int
+    levels: list[LevelResult] = Field(description="by rising spp")
+    a: float | None = Field(
+        description="of p = 1 / (1 + e^-(a·spp + b)), fitted to all answers (Firth); null while "
+        "there are fewer than 20, or more samples do not help"
+    )
+    b: float | None
+    thresholds: list[Threshold] = Field(
+        description="where p is 0.5 and 0.1, as far as the answers bound it; none without a fit"
+    )
+    suggested_levels: list[int] = Field(
+        description="for a study by constant stimuli: seven at equal distances over the interval "
+        "in which the answers change"
+    )
 
 
 class NewStudy(WithWholeNumbers):

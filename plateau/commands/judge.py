@@ -10,7 +10,7 @@ from plateau.job_folder import owner
 from plateau.judge import BrokenSeries, CannotJudge, Judged, find_series, judge_series
 from plateau.out_folder import make
 from plateau.plot import Marks, plot_curve
-from service.routes_results import curve_csv
+from service.curve_csv import curve_csv
 
 
 def judge(

@@ -18,6 +18,7 @@ from farm.jobs import Jobs
 from farm.members import Membership
 from farm.ownership import Ownerships
 from farm.pairing import check_pair
+from farm.place_names import DEFAULT_POOL
 from farm.queue import Committed, Lease, SliceQueue, SliceRecord
 from farm.redis_acl import QUEUE_PARTS, acl_file
 from farm.redis_link import connect, unavailable_as_farm_error
@@ -63,7 +64,7 @@ def commit(worker: SliceQueue, held: Lease, blob: str = "") -> Committed:
 
 
 def about(name: str) -> dict[str, object]:
-    return {"id": name, "variants": VARIANTS, "pool": keys.DEFAULT_POOL, "tags": ()}
+    return {"id": name, "variants": VARIANTS, "pool": DEFAULT_POOL, "tags": ()}
 
 
 def test_a_worker_can_do_all_that_workers_do(client: redis.Redis, login: Login) -> None:
