@@ -4,7 +4,7 @@
 on every core. In each round the farm is first idle (its job is paused), then it renders, then it
 renders while hundreds watch the job's events. In each of these phases the same requests are made:
 a job, pages of a list of thousands, new jobs. Beside each of them, in the same phase, a bare
-Starlette app on the same server (`bench.support.bare_app`) answers such requests with the same
+Starlette app on the same server (`bench.support.bare.app`) answers such requests with the same
 bytes: the ratio is what Plateau itself costs.
 """
 
@@ -17,8 +17,8 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from bench.support import markdown
+from bench.support.load.service_load import PHASES, Found, Plan, measure
 from bench.support.report import Figure, figure, write_report
-from bench.support.service_load import PHASES, Found, Plan, measure
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

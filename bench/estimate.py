@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 
 from bench.support import markdown
+from bench.support.farms.synthetic_noise import SCENES, Render
 from bench.support.report import Figure, write_report
-from bench.support.synthetic_noise import SCENES, Render
-from metric import Evidence, View
-from metric.compiled import CompiledVisibleDifferences
+from plateau.metric import Evidence, View
+from plateau.metric.compiled import CompiledVisibleDifferences
 
 TARGET = 0.002
 #: Where fewer pixels are visible in all runs together, luck decides over a ratio.

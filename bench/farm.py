@@ -19,8 +19,8 @@ from bench.support import markdown
 from bench.support.pairs import SLICE_SPP, Pair, Run, Work, render_pair, warm_up
 from bench.support.report import Figure, figure, last_figures, last_settings, write_report
 from bench.support.turns import TURN_S
-from farm.settings import Settings
-from worker.variants import choose
+from plateau.farm.process.settings import Settings
+from plateau.worker.supervisor.variants import choose
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

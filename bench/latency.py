@@ -29,12 +29,12 @@ import psutil
 from bench.startup import OTHERS, ROOT, machine
 from bench.support import markdown
 from bench.support.cores import family_cpu_s, machine_cpu_s
+from bench.support.farms.service_farm import ServiceFarm
 from bench.support.idle import RenderChildren
 from bench.support.report import Figure, figure, write_report
-from bench.support.service_farm import ServiceFarm
-from farm.spec import JobSpec, Variant
-from farm.states import JobState
 from plateau.client import Client, PointEvent
+from plateau.farm.model.spec import JobSpec, Variant
+from plateau.farm.model.states import JobState
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

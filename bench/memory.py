@@ -22,11 +22,11 @@ from typing import TYPE_CHECKING, Any
 
 from bench.startup import ROOT
 from bench.support import markdown
-from bench.support.memory_farm import MADE_UP, made_up, peaks
+from bench.support.farms.memory_farm import MADE_UP, made_up, peaks
+from bench.support.farms.service_farm import ServiceFarm
 from bench.support.report import Figure, figure, last_figures, write_report
-from bench.support.service_farm import ServiceFarm
-from farm.spec import FixedSpec, JobSpec, Variant
 from plateau.client import Client
+from plateau.farm.model.spec import FixedSpec, JobSpec, Variant
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

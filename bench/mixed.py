@@ -16,18 +16,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 from unittest import mock
 
-from bench.support.noise_workers import working
+from bench.support.farms.noise_workers import working
+from bench.support.farms.scale_farm import ControlPlane
+from bench.support.farms.synthetic_noise import Render
 from bench.support.report import figure, write_report
-from bench.support.scale_farm import ControlPlane
-from bench.support.synthetic_noise import Render
-from farm import scripts
-from farm.blobs import Blobs
-from farm.spec import FixedSpec, JobSpec
+from plateau.farm.blobs.store import Blobs
+from plateau.farm.model.spec import FixedSpec, JobSpec
+from plateau.farm.redis import scripts
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from farm.jobs import Jobs
+    from plateau.farm.ledger.jobs import Jobs
 
 SIZE = 64
 SLOWNESS = 10.0

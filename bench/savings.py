@@ -25,7 +25,7 @@ from bench.experiment.savings_tables import cost_table, scene_tables, summary_ta
 from bench.experiment.spending import FIXED, FIXED_SPP, RULES, Spending, spend
 from bench.support import markdown, report
 from bench.support.report import Figure, write_report
-from farm.spec import JobSpec
+from plateau.farm.model.spec import JobSpec
 
 _NOTES = (
     "Machine time is core seconds: of rendering, times the spp, and of each look, times the looks.",

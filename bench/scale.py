@@ -16,8 +16,8 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from bench.support import markdown
+from bench.support.load.scale_load import Found, Plan, Seen, measure
 from bench.support.report import Figure, figure, write_report
-from bench.support.scale_load import Found, Plan, Seen, measure
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

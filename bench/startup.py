@@ -20,13 +20,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bench.support import markdown
-from bench.support.alone import Alone
+from bench.support.bare.alone import Alone
 from bench.support.cores import Taken, timed
 from bench.support.report import Figure, figure, write_report
-from farm.seeds import SeedSchedule
-from farm.settings import Settings
-from farm.spec import JobSpec
-from worker.variants import VariantChoice, choose
+from plateau.farm.model.seeds import SeedSchedule
+from plateau.farm.model.spec import JobSpec
+from plateau.farm.process.settings import Settings
+from plateau.worker.supervisor.variants import VariantChoice, choose
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

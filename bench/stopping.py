@@ -17,22 +17,22 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from bench.support import markdown, report
-from bench.support.report import Figure, Spread, write_report
-from bench.support.synthetic_noise import (
+from bench.support.farms.synthetic_noise import (
     FIREFLY_BRIGHTNESS,
     FIREFLY_PROBABILITY,
     GAMMA_SHAPE,
     Render,
 )
-from metric import Evidence, View, create_rule
-from metric.compiled import CompiledVisibleDifferences
-from metric.estimate import allowed_pixels
+from bench.support.report import Figure, Spread, write_report
+from plateau.metric import Evidence, View, create_rule
+from plateau.metric.compiled import CompiledVisibleDifferences
+from plateau.metric.estimate import allowed_pixels
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-    from metric import Rule
+    from plateau.metric import Rule
 
 #: The rules in the order of the paper, with their defaults; `fixed` does not look at the image.
 JUDGED = ("successive", "multiple", "reverse", "myszkowski", "visible")

@@ -3,9 +3,9 @@
 In a job the reference is prepared once; an evaluation prepares the new image, compares, maps and
 counts. All ways take turns in one run, so that a busy machine slows every one of them:
 
-- plain: numpy, every formula for every pixel (`bench.support.vdp_ways`), reference prepared once
-- numpy: `metric.VisibleDifferences`, which works masking out only where it decides; likewise
-- compiled: `metric.compiled`, likewise, on one thread
+- plain: numpy, every formula for every pixel (`bench.support.bare.vdp_ways`), reference prepared
+once - numpy: `metric.VisibleDifferences`, which works masking out only where it decides; likewise
+- compiled: `plateau.metric.compiled`, likewise, on one thread
 - FLIP (`pip install flip-evaluator`), on both images, CPU time of all its threads
 - PerceptualDiff, where it is on the PATH, on both images, reading them included
 """
@@ -24,10 +24,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from bench.support import markdown
+from bench.support.bare.vdp_ways import Flip, PerceptualDiff, PlainPredictor, cpu_s, noisy_pair
 from bench.support.report import Figure, figure, write_report
-from bench.support.vdp_ways import Flip, PerceptualDiff, PlainPredictor, cpu_s, noisy_pair
-from metric import View, VisibleDifferences
-from metric.compiled import CompiledVisibleDifferences
+from plateau.metric import View, VisibleDifferences
+from plateau.metric.compiled import CompiledVisibleDifferences
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -173,7 +173,7 @@ def _in_a_fresh_process(size: str) -> list[Figure]:
         files = [Path(folder, name) for name in ("reference.npy", "test.npy")]
         for file, image in zip(files, noisy_pair(SIZES[size], NOISES["weak noise"]), strict=True):
             np.save(file, image)
-        command = [sys.executable, "-m", "bench.support.vdp_child", *map(str, files)]
+        command = [sys.executable, "-m", "bench.support.bare.vdp_child", *map(str, files)]
         environment = {**os.environ, "NUMBA_CACHE_DIR": str(Path(folder, "kernels"))}
         cold, warm = (
             json.loads(subprocess.check_output(command, env=environment)) for _ in range(2)

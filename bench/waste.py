@@ -17,15 +17,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bench.support import markdown
-from bench.support.noise_workers import Spent, working
+from bench.support.farms.noise_workers import Spent, working
+from bench.support.farms.scale_farm import ControlPlane
+from bench.support.farms.synthetic_noise import Render
 from bench.support.report import Figure, figure, write_report
-from bench.support.scale_farm import ControlPlane
-from bench.support.synthetic_noise import Render
-from farm.blobs import Blobs
-from farm.spec import JobSpec
+from plateau.farm.blobs.store import Blobs
+from plateau.farm.model.spec import JobSpec
 
 if TYPE_CHECKING:
-    from farm.jobs import Jobs
+    from plateau.farm.ledger.jobs import Jobs
 
 DOCUMENT = markdown.DOCS / "performance.md"
 #: Samples that may be wasted, of those in the image, by the number of workers.

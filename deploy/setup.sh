@@ -46,7 +46,7 @@ make_venv() {
 
 find_redis() {
   .venv/bin/python -c \
-    'import sys; from farm.embedded import find_redis_server; sys.exit(find_redis_server() is None)' \
+    'import sys; from plateau.farm.redis.embedded import find_redis_server; sys.exit(find_redis_server() is None)' \
     && return 0
   if is_root_on_debian && apt_install redis-server; then return 0; fi
   say "no redis-server, so Plateau can start none of its own: install Redis 6.2 or newer" \
@@ -86,6 +86,6 @@ if [ "$(cat .venv/made-from 2>/dev/null)" != "$wanted" ]; then
   find_llvm
   find_chromium
   say "compiling the metric (some 10 s, once)"
-  .venv/bin/python -c 'from service.judge import warm_up; warm_up()'
+  .venv/bin/python -c 'from plateau.service.judging.judge import warm_up; warm_up()'
   echo "$wanted" > .venv/made-from
 fi

@@ -1,14 +1,14 @@
 """Perception: what a screen shows, which differences an eye sees, and when to stop rendering."""
 
-from metric.answers import AnswersFit, fit_answers
-from metric.display import Image, Mask, Primaries, View, encode_srgb
-from metric.estimate import Estimate, half_buffer_estimate
-from metric.forecasts import Forecast, forecast
-from metric.noise_model import Half
-from metric.non_finite import NonFinite, allowed_non_finite, non_finite_pixels
-from metric.pictures import MAP_PALETTE, difference_map, non_finite_map
-from metric.psychometrics import LogitFit, fit_logit
-from metric.rules import (
+from plateau.metric.answers import AnswersFit, fit_answers
+from plateau.metric.display import Image, Mask, Primaries, View, encode_srgb
+from plateau.metric.estimate import Estimate, half_buffer_estimate
+from plateau.metric.forecasts import Forecast, forecast
+from plateau.metric.noise_model import Half
+from plateau.metric.non_finite import NonFinite, allowed_non_finite, non_finite_pixels
+from plateau.metric.pictures import MAP_PALETTE, difference_map, non_finite_map
+from plateau.metric.psychometrics import LogitFit, fit_logit
+from plateau.metric.rules import (
     RULES,
     Evidence,
     Fixed,
@@ -23,8 +23,8 @@ from metric.rules import (
     Visible,
     create_rule,
 )
-from metric.vdp import Difference, Percept, VisibleDifferences, visible_differences
-from metric.zones import zone_edges, zone_fractions
+from plateau.metric.vdp import Difference, Percept, VisibleDifferences, visible_differences
+from plateau.metric.zones import zone_edges, zone_fractions
 
 __all__ = [
     "MAP_PALETTE",

@@ -1,6 +1,7 @@
 """Parameters between two bounds, both allowed; what lies beyond them, or is no number, is refused.
 
-A parameter's bounds stand beside its default, as those of a job's specification do in `farm.spec`.
+A parameter's bounds stand beside its default, as those of a job's specification do in
+`plateau.farm.model.spec`.
 """
 
 from __future__ import annotations

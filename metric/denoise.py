@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from metric.pyramid import KERNEL
+from plateau.metric.pyramid import KERNEL
 
 if TYPE_CHECKING:
-    from metric.display import Image, Plane
+    from plateau.metric.display import Image, Plane
 
 #: Bands; the coarsest is about this power of two pixels wide. Coarser noise masks nothing.
 BANDS = 3

@@ -1,7 +1,8 @@
 """How many pixels of an image a person would see differ from the converged one, without having it.
 
 The image without its noise, T, stands for the truth, and noise like the image's own, N, for its
-error (see `metric.noise_model`). Then D(T, T + N) and D(T, T - N) stand for D(truth, image).
+error (see `plateau.metric.noise_model`). Then D(T, T + N) and D(T, T - N) stand for D(truth,
+image).
 
 It takes the clean image and not the merged one, since noise masks noise: from the merged image and
 one half of it the same number came out at 0.5 to 0.9 of the truth.
@@ -15,11 +16,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from metric.noise_model import Half, NoiseModel, noise_model
+from plateau.metric.noise_model import Half, NoiseModel, noise_model
 
 if TYPE_CHECKING:
-    from metric.display import Image, Mask, Plane
-    from metric.vdp import Percept, VisibleDifferences
+    from plateau.metric.display import Image, Mask, Plane
+    from plateau.metric.vdp import Percept, VisibleDifferences
 
 #: Standard deviations on either side of a normal distribution that hold nine tenths of it.
 BAND_DEVIATIONS = 1.645

@@ -1,7 +1,7 @@
 """How many samples it takes until hardly a pixel differs visibly from the converged image.
 
 The error of the merged image I at n samples per pixel shrinks as 1/sqrt(n), so at n' it will be
-sqrt(n/n') of what it is. With T for the truth and N for the error (see `metric.estimate`),
+sqrt(n/n') of what it is. With T for the truth and N for the error (see `plateau.metric.estimate`),
 D(T, T + sqrt(n/n') N) is the estimate as it will be at n'.
 """
 
@@ -11,20 +11,20 @@ import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from metric.estimate import (
+from plateau.metric.estimate import (
     BAND_DEVIATIONS,
     allowed_pixels,
     estimate_from,
     mean_clump,
     require_target,
 )
-from metric.noise_model import noise_model
+from plateau.metric.noise_model import noise_model
 
 if TYPE_CHECKING:
-    from metric.display import Image
-    from metric.estimate import Estimate
-    from metric.noise_model import Half, NoiseModel
-    from metric.vdp import Percept, VisibleDifferences
+    from plateau.metric.display import Image
+    from plateau.metric.estimate import Estimate
+    from plateau.metric.noise_model import Half, NoiseModel
+    from plateau.metric.vdp import Percept, VisibleDifferences
 
 #: A forecast looks no further than so many times the present samples.
 FURTHEST = 1000.0

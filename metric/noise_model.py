@@ -15,11 +15,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from metric.display import Image, Mask, as_image, finite_pixels
+from plateau.metric.display import Image, Mask, as_image, finite_pixels
 
 if TYPE_CHECKING:
-    from metric.display import View
-    from metric.vdp import VisibleDifferences
+    from plateau.metric.display import View
+    from plateau.metric.vdp import VisibleDifferences
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from metric.display import as_image, finite_pixels
+from plateau.metric.display import as_image, finite_pixels
 
 if TYPE_CHECKING:
-    from metric.display import Image, Mask
+    from plateau.metric.display import Image, Mask
 
 #: No sample repairs such a pixel. An image may have this share of them, which no count includes,
 MOST_NON_FINITE = 0.001

@@ -9,8 +9,8 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from metric.display import Mask
-    from metric.non_finite import NonFinite
+    from plateau.metric.display import Mask
+    from plateau.metric.non_finite import NonFinite
 
 #: What is marked on an image in dim grey, and how: visible pixels, NaN and infinite ones.
 _VISIBLE, _NAN, _INFINITE = 255, 254, 253

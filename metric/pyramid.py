@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from metric.display import Plane
+    from plateau.metric.display import Plane
 
 #: How many levels there are, the sharp plane included.
 LEVELS = 8

@@ -17,15 +17,15 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
 import numpy as np
 
-from metric.csf import (
+from plateau.metric.csf import (
     PEAK_FREQUENCY_CPD,
     PEAK_LUMINANCE,
     contrast_sensitivity,
     luminance_threshold,
     masking,
 )
-from metric.denoise import denoised
-from metric.display import (
+from plateau.metric.denoise import denoised
+from plateau.metric.display import (
     Image,
     Mask,
     Plane,
@@ -36,7 +36,7 @@ from metric.display import (
     opponent_chroma,
     tristimulus,
 )
-from metric.pyramid import LEVELS, blurred_levels
+from plateau.metric.pyramid import LEVELS, blurred_levels
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -120,8 +120,8 @@ class Difference:
 class VisibleDifferences:
     """The predictor under one view.
 
-    This one is numpy throughout and the measure of correctness; `metric.compiled` has another, for
-    those who compare many images and can wait for a compiler once.
+    This one is numpy throughout and the measure of correctness; `plateau.metric.compiled` has
+    another, for those who compare many images and can wait for a compiler once.
 
     Examples
     --------
@@ -144,7 +144,7 @@ class VisibleDifferences:
 
     @staticmethod
     def denoised(image: Image, noise: Image) -> Image:
-        """Return what `metric.denoise.denoised` does, as fast as the predictor can."""
+        """Return what `plateau.metric.denoise.denoised` does, as fast as the predictor can."""
         return denoised(image, noise)
 
     def percept(self, image: NDArray[Any]) -> Percept:

@@ -8,17 +8,6 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
-    from farm.spec import (
-        FixedSpec,
-        JobSpec,
-        MultipleSpec,
-        MyszkowskiSpec,
-        ReverseSpec,
-        SuccessiveSpec,
-        ViewSpec,
-        VisibleSpec,
-    )
-    from farm.states import JobState
     from plateau.client import (
         ApiError,
         Client,
@@ -32,6 +21,17 @@ if TYPE_CHECKING:
         TroubleEvent,
         Unreachable,
     )
+    from plateau.farm.model.spec import (
+        FixedSpec,
+        JobSpec,
+        MultipleSpec,
+        MyszkowskiSpec,
+        ReverseSpec,
+        SuccessiveSpec,
+        ViewSpec,
+        VisibleSpec,
+    )
+    from plateau.farm.model.states import JobState
 
 __all__ = [
     "ApiError",
@@ -56,13 +56,15 @@ __all__ = [
     "VisibleSpec",
 ]
 
-_HOMES: Final = {"JobState": "farm.states"}
+_HOMES: Final = {"JobState": "plateau.farm.model.states"}
 
 
 def __getattr__(name: str) -> Any:
     if name not in __all__:
         raise AttributeError(f"module 'plateau' has no attribute {name!r}")
-    home = "farm.spec" if name.endswith("Spec") else _HOMES.get(name, "plateau.client")
+    home = (
+        "plateau.farm.model.spec" if name.endswith("Spec") else _HOMES.get(name, "plateau.client")
+    )
     return getattr(import_module(home), name)
 
 

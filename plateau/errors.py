@@ -2,8 +2,8 @@
 
 from typing import Final
 
-from farm.bundle import BundleError
-from farm.errors import FarmError
+from plateau.farm.bundle import BundleError
+from plateau.farm.model.errors import FarmError
 
 
 class PlateauError(Exception):

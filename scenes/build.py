@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
-from scenes.mesh import Mesh
+from plateau.scenes.mesh import Mesh
 
 
 def numbers(vector: Iterable[float]) -> str:

@@ -11,9 +11,9 @@ from pathlib import Path
 import pytest
 import redis
 
-from farm.blobs import Blobs
-from farm.embedded import EmbeddedRedis
-from farm.redis_link import connect
+from plateau.farm.blobs.store import Blobs
+from plateau.farm.redis.embedded import EmbeddedRedis
+from plateau.farm.redis.link import connect
 
 pytest.register_assert_rewrite("tests.support")
 

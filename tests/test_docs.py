@@ -8,19 +8,19 @@ import pytest
 import typer.main
 from typer.testing import CliRunner
 
-from farm.settings import Settings
 from plateau.cli import app
-from service.problems import TYPES, ProblemType
-from service.routes_batches import router as batches_router
-from service.routes_farm import router as farm_router
-from service.routes_images import router as images_router
-from service.routes_jobs import router as jobs_router
-from service.routes_key import router as key_router
-from service.routes_report import router as report_router
-from service.routes_results import router as results_router
-from service.routes_scenes import router as scenes_router
-from service.routes_studies import router as studies_router
-from service.routes_webhooks import router as webhooks_router
+from plateau.farm.process.settings import Settings
+from plateau.service.api.problems.problem import TYPES, ProblemType
+from plateau.service.api.routes.batches import router as batches_router
+from plateau.service.api.routes.farm import router as farm_router
+from plateau.service.api.routes.images import router as images_router
+from plateau.service.api.routes.jobs import router as jobs_router
+from plateau.service.api.routes.key import router as key_router
+from plateau.service.api.routes.report import router as report_router
+from plateau.service.api.routes.results import router as results_router
+from plateau.service.api.routes.scenes import router as scenes_router
+from plateau.service.api.routes.studies import router as studies_router
+from plateau.service.api.routes.webhooks import router as webhooks_router
 
 ROOT = Path(__file__).parents[1]
 

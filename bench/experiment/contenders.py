@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from metric import create_rule
+from plateau.metric import create_rule
 
 if TYPE_CHECKING:
-    from metric import Rule
+    from plateau.metric import Rule
 
 #: Share of the pixels that rules and forecasts are held against.
 TARGET = 0.001

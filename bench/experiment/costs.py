@@ -6,19 +6,19 @@ from functools import partial
 from itertools import islice
 from typing import TYPE_CHECKING, Final
 
-import scenes
 from bench.experiment.other_rules import CyclesAdaptive, CyclesThreshold, LuxCoreHalt
 from bench.experiment.renders import SLICE_SPP
 from bench.experiment.series import evidence
 from bench.experiment.spending import CYCLES, CYCLES_ADAPTIVE, LUXCORE, OURS
+from bench.support.bare.vdp_ways import cpu_s
 from bench.support.render_rate import render_rate
-from bench.support.vdp_ways import cpu_s
-from farm.exr import decode_partial
-from farm.spec import JobSpec
-from metric import View
-from metric.compiled import CompiledVisibleDifferences
-from service.judge import Judge, warm_up
-from service.merge import Merge
+from plateau import scenes
+from plateau.farm.images.exr import decode_partial
+from plateau.farm.model.spec import JobSpec
+from plateau.metric import View
+from plateau.metric.compiled import CompiledVisibleDifferences
+from plateau.service.judging.judge import Judge, warm_up
+from plateau.service.judging.merge import Merge
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from metric import VisibleDifferences
-from metric.display import displayed
+from plateau.metric import VisibleDifferences
+from plateau.metric.display import displayed
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from metric import Image, View
+    from plateau.metric import Image, View
 
 #: Opinions by name, with the module that each needs.
 _MODULES = {"FLIP": "flip_evaluator", "ColorVideoVDP": "pycvvdp"}

@@ -6,9 +6,9 @@ import argparse
 from dataclasses import dataclass
 from pathlib import Path
 
-import scenes
 from bench.experiment.cases import Case, cases
 from bench.experiment.renders import Size
+from plateau import scenes
 
 _ROOT = Path(__file__).parents[2]
 

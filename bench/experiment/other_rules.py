@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from metric.display import displayed
+from plateau.metric.display import displayed
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from metric import Image, Mask, View
-    from metric.display import Plane
+    from plateau.metric import Image, Mask, View
+    from plateau.metric.display import Plane
 
 #: LuxCore's image pipeline ends in this gamma.
 LUXCORE_GAMMA = 2.2

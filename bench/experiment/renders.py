@@ -12,8 +12,8 @@ import time
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import scenes
-from bench.support.plateau_render import render
+from bench.support.farms.plateau_render import render
+from plateau import scenes
 
 if TYPE_CHECKING:
     from pathlib import Path

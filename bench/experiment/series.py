@@ -12,17 +12,17 @@ from typing import TYPE_CHECKING, Any
 from bench.experiment.contenders import TARGET, contenders
 from bench.experiment.opinions import opinions
 from bench.experiment.renders import SLICE_SPP
-from farm.exr import decode_image, decode_partial
-from metric import Evidence, Half, View
-from metric.compiled import CompiledVisibleDifferences
-from service.merge import Merge
+from plateau.farm.images.exr import decode_image, decode_partial
+from plateau.metric import Evidence, Half, View
+from plateau.metric.compiled import CompiledVisibleDifferences
+from plateau.service.judging.merge import Merge
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
     from bench.experiment.renders import Rendered
-    from metric import Rule
+    from plateau.metric import Rule
 
 #: The paper's two steps, in spp.
 STEPS = (50, 100)

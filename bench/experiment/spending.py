@@ -16,19 +16,19 @@ from bench.experiment.other_rules import CyclesAdaptive, CyclesThreshold, LuxCor
 from bench.experiment.renders import SLICE_SPP
 from bench.experiment.series import Measured, evidence
 from bench.experiment.truth import truth_at
-from farm.exr import decode_image, decode_partial
-from farm.spec import JobSpec
-from metric import Evidence, View, create_rule
-from metric.compiled import CompiledVisibleDifferences
-from service.merge import Merge
+from plateau.farm.images.exr import decode_image, decode_partial
+from plateau.farm.model.spec import JobSpec
+from plateau.metric import Evidence, View, create_rule
+from plateau.metric.compiled import CompiledVisibleDifferences
+from plateau.service.judging.merge import Merge
 
 if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
     from bench.experiment.renders import Rendered
-    from farm.exr import Pixels
-    from metric import Image, Rule
+    from plateau.farm.images.exr import Pixels
+    from plateau.metric import Image, Rule
 
 #: What everything is compared with: rendering so many spp, whatever the image looks like.
 FIXED_SPP: Final = 10_000

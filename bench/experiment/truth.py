@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from metric.estimate import allowed_pixels
+from plateau.metric.estimate import allowed_pixels
 
 if TYPE_CHECKING:
     from bench.experiment.series import Measured

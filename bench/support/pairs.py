@@ -12,19 +12,19 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from bench.support import plateau_render
-from bench.support.alone import Alone, read_told
+from bench.support.bare.alone import Alone, read_told
 from bench.support.cores import timed
+from bench.support.farms import plateau_render
 from bench.support.turns import take_turns
-from farm.exr import decode_image
-from farm.seeds import Pass, SeedSchedule
-from farm.settings import Settings
-from farm.spec import JobSpec
+from plateau.farm.images.exr import decode_image
+from plateau.farm.model.seeds import Pass, SeedSchedule
+from plateau.farm.model.spec import JobSpec
+from plateau.farm.process.settings import Settings
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from worker.variants import VariantChoice
+    from plateau.worker.supervisor.variants import VariantChoice
 
 SLICE_SPP = JobSpec().slice_spp
 

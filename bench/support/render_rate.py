@@ -8,11 +8,11 @@ from itertools import accumulate, pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from bench.support.alone import Alone
+from bench.support.bare.alone import Alone
 from bench.support.cores import timed
-from farm.seeds import SeedSchedule
-from farm.settings import Settings
-from worker.variants import choose
+from plateau.farm.model.seeds import SeedSchedule
+from plateau.farm.process.settings import Settings
+from plateau.worker.supervisor.variants import choose
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

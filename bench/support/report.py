@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Any
 
 import psutil
 
-from worker.llvm_libraries import llvm_libraries
-from worker.llvm_libraries import version as llvm_version
+from plateau.worker.supervisor.llvm_libraries import llvm_libraries
+from plateau.worker.supervisor.llvm_libraries import version as llvm_version
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

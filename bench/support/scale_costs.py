@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bench.support.scale_farm import SPEC, ControlPlane
-from farm.blobs import Blobs
-from farm.exr import Partial, decode_partial, encode_partial
-from farm.ownership import Ownership, Ownerships
-from farm.queue import Lease, SliceQueue, SliceRecord
-from service.merge import Merge
+from bench.support.farms.scale_farm import SPEC, ControlPlane
+from plateau.farm.blobs.store import Blobs
+from plateau.farm.images.exr import Partial, decode_partial, encode_partial
+from plateau.farm.ledger.ownership import Ownership, Ownerships
+from plateau.farm.ledger.queue import Lease, SliceQueue, SliceRecord
+from plateau.service.judging.merge import Merge
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

@@ -1,8 +1,8 @@
 """Scenes as they are uploaded: checked without Mitsuba, packed, and unpacked."""
 
-from farm.bundle.check import SceneSummary, inspect_bundle, inspect_each, unpack_bundle
-from farm.bundle.plugins import known_plugins
-from farm.bundle.rules import CODES, BundleError, BundleLimits
+from plateau.farm.bundle.check import SceneSummary, inspect_bundle, inspect_each, unpack_bundle
+from plateau.farm.bundle.limits import CODES, BundleError, BundleLimits
+from plateau.farm.bundle.plugins import known_plugins
 
 __all__ = [
     "CODES",

@@ -14,8 +14,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import IO, BinaryIO, cast
 
-from farm.bundle.rules import MIB, BundleError, BundleLimits
-from farm.bundle.tree import Kind, Parts, is_absolute, leaves_upwards
+from plateau.farm.bundle.limits import MIB, BundleError, BundleLimits
+from plateau.farm.bundle.tree import Kind, Parts, is_absolute, leaves_upwards
 
 #: One component of a name on every common file system, in bytes.
 _MAX_COMPONENT_BYTES = 255

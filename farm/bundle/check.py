@@ -17,11 +17,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, BinaryIO, Literal
 
-from farm.bundle.archive import Archive
-from farm.bundle.entry import SCENE_XML, find_entry
-from farm.bundle.rules import BundleError, BundleLimits
-from farm.bundle.tree import Kind, Parts
-from farm.bundle.walk import read_scene
+from plateau.farm.bundle.archive import Archive
+from plateau.farm.bundle.entry import SCENE_XML, find_entry
+from plateau.farm.bundle.limits import BundleError, BundleLimits
+from plateau.farm.bundle.tree import Kind, Parts
+from plateau.farm.bundle.walk import read_scene
 
 _ZIP_MAGIC = b"PK"
 #: Space, and the bytes of a byte order mark or of half an ASCII character in UTF-16.

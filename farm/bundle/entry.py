@@ -2,11 +2,11 @@
 
 from dataclasses import dataclass, field
 
-from farm.bundle.archive import Archive
-from farm.bundle.parameters import Parameters
-from farm.bundle.rules import BundleError, BundleLimits, brief
-from farm.bundle.tree import EscapeError, Parts, find, put_first
-from farm.bundle.xml import BudgetSpent, XmlBudget, read_elements
+from plateau.farm.bundle.archive import Archive
+from plateau.farm.bundle.limits import BundleError, BundleLimits, brief
+from plateau.farm.bundle.parameters import Parameters
+from plateau.farm.bundle.tree import EscapeError, Parts, find, put_first
+from plateau.farm.bundle.xml import BudgetSpent, XmlBudget, read_elements
 
 #: The name that settles it.
 SCENE_XML = "scene.xml"

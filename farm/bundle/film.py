@@ -3,7 +3,7 @@
 import re
 from dataclasses import dataclass, field
 
-from farm.bundle.rules import BundleError, BundleLimits, shown
+from plateau.farm.bundle.limits import BundleError, BundleLimits, shown
 
 #: Mitsuba's film where a scene gives no size, in pixels.
 _DEFAULT_WIDTH, _DEFAULT_HEIGHT = 768, 576

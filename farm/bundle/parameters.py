@@ -8,8 +8,8 @@ import difflib
 import re
 from collections.abc import Mapping
 
-from farm.bundle.rules import BundleError, BundleLimits, shown, shown_name
-from farm.bundle.xml import BudgetSpent, XmlBudget
+from plateau.farm.bundle.limits import BundleError, BundleLimits, shown, shown_name
+from plateau.farm.bundle.xml import BudgetSpent, XmlBudget
 
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 _UNRESOLVED = re.compile(r"(?<!\\)\$([A-Za-z0-9_]*)")

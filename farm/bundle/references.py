@@ -4,9 +4,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Literal
 
-from farm.bundle.rules import BundleError, shown
-from farm.bundle.tree import EscapeError, Kind, Parts, Tree, find
-from farm.bundle.xml import XmlBudget
+from plateau.farm.bundle.limits import BundleError, shown
+from plateau.farm.bundle.tree import EscapeError, Kind, Parts, Tree, find
+from plateau.farm.bundle.xml import XmlBudget
 
 Role = Literal["include", "file", "folder"]
 

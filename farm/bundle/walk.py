@@ -1,7 +1,8 @@
 """Reads a scene as Mitsuba will: every XML file that it includes, every file that it names.
 
-Where Mitsuba 3.9.1 looks for a file was found by trying it (`tests/farm/test_bundle_mitsuba.py`
-tries it again), for scenes loaded with `mitsuba.load_file`:
+Where Mitsuba 3.9.1 looks for a file was found by trying it
+(`tests/farm/bundle/test_bundle_mitsuba.py` tries it again), for scenes loaded with
+`mitsuba.load_file`:
 
 - Each XML file has a list of folders. The scene's own list starts as its folder. A `<path>` puts
   one more in front.
@@ -26,12 +27,12 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from farm.bundle.film import Cast, Film, Property, Sensor
-from farm.bundle.parameters import Parameters
-from farm.bundle.references import References, Role
-from farm.bundle.rules import BundleError, BundleLimits, brief, shown
-from farm.bundle.tree import Parts, Tree, is_absolute, leaves_upwards, put_first
-from farm.bundle.xml import NOTHING, XmlBudget, XmlCost, read_elements
+from plateau.farm.bundle.film import Cast, Film, Property, Sensor
+from plateau.farm.bundle.limits import BundleError, BundleLimits, brief, shown
+from plateau.farm.bundle.parameters import Parameters
+from plateau.farm.bundle.references import References, Role
+from plateau.farm.bundle.tree import Parts, Tree, is_absolute, leaves_upwards, put_first
+from plateau.farm.bundle.xml import NOTHING, XmlBudget, XmlCost, read_elements
 
 _PLUGIN_NAME = re.compile(r"[A-Za-z0-9_]+")
 #: No plugin's name is longer, and a search for one like it takes its time.

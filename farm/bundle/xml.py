@@ -16,7 +16,7 @@ from xml.sax.xmlreader import AttributesImpl, InputSource, Locator
 from defusedxml.common import DefusedXmlException
 from defusedxml.expatreader import DefusedExpatParser
 
-from farm.bundle.rules import BundleError, BundleLimits
+from plateau.farm.bundle.limits import BundleError, BundleLimits
 
 #: Expat before 2.6 reads an unfinished comment from its start again with every chunk: few, then.
 _CHUNK_BYTES = 2**20

@@ -6,22 +6,22 @@ nothing refers to, and the next one takes them. Why nothing goes that is needed,
 `orphans` and `scenes` say, each for its own.
 
 **Whose blobs?** A Redis that lost its data, or the wrong one, knows none of the jobs, and all
-results would be orphans. So nothing is removed where `farm.pairing` says that the two do not belong
-together.
+results would be orphans. So nothing is removed where `plateau.farm.ledger.pairing` says that the
+two do not belong together.
 """
 
 from dataclasses import dataclass
 
 import redis
 
-from farm.blobs import Blobs
-from farm.pairing import check_pair
-from farm.redis_link import unavailable_as_farm_error
-from farm.scripts import Scripts
-from farm.sweep.finished_jobs import FinishedJobs
-from farm.sweep.orphans import remove_orphans
-from farm.sweep.removal import Removal
-from farm.sweep.scenes import remove_scenes
+from plateau.farm.blobs.store import Blobs
+from plateau.farm.ledger.pairing import check_pair
+from plateau.farm.redis.link import unavailable_as_farm_error
+from plateau.farm.redis.scripts import Scripts
+from plateau.farm.sweep.finished_jobs import FinishedJobs
+from plateau.farm.sweep.orphans import remove_orphans
+from plateau.farm.sweep.removal import Removal
+from plateau.farm.sweep.scenes import remove_scenes
 
 __all__ = ["Swept", "is_due", "sweep"]
 

@@ -14,12 +14,13 @@ from typing import Final
 
 import redis
 
-from farm import blobs, keys
-from farm.blobs import StoredBlob
-from farm.ownership import Checkpoint
-from farm.redis_link import now_ms
-from farm.scripts import Scripts
-from farm.sweep.removal import Removal
+from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs.store import StoredBlob
+from plateau.farm.ledger.ownership import Checkpoint
+from plateau.farm.redis import keys
+from plateau.farm.redis.link import now_ms
+from plateau.farm.redis.scripts import Scripts
+from plateau.farm.sweep.removal import Removal
 
 _PAGE: Final = 500  #: jobs that are read at once
 

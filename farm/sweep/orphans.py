@@ -6,7 +6,8 @@ for good. Of a finished job the set of results and the ledger change no more, so
 has in these places is what a process left that was killed, or came too late. Of an unfinished job
 nothing is touched, and neither is a kind of blob that this module does not know.
 
-Studies have pictures of their own, see `farm.studies`; only those of unfinished ones go.
+Studies have pictures of their own, see `plateau.farm.ledger.studies`; only those of unfinished ones
+go.
 """
 
 from collections.abc import Callable, Collection
@@ -14,11 +15,13 @@ from itertools import groupby
 
 import redis
 
-from farm import blobs, keys, records, studies
-from farm.blobs import StoredBlob
-from farm.ownership import Checkpoint
-from farm.spec import stored_spec
-from farm.sweep.removal import Removal
+from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs.store import StoredBlob
+from plateau.farm.ledger import records, studies
+from plateau.farm.ledger.ownership import Checkpoint
+from plateau.farm.model.spec import stored_spec
+from plateau.farm.redis import keys
+from plateau.farm.sweep.removal import Removal
 
 
 def remove_orphans(client: redis.Redis, removal: Removal, forgotten: Collection[str]) -> int:

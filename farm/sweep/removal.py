@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from contextlib import suppress
 from typing import Final
 
-from farm.blobs import Blobs, StoredBlob
+from plateau.farm.blobs.store import Blobs, StoredBlob
 
 #: No put takes so long.
 _LEFT_S: Final = 86_400.0

@@ -27,11 +27,12 @@ from typing import Final
 
 import redis
 
-from farm import blobs, keys
-from farm.redis_link import now_ms
-from farm.scripts import Scripts
-from farm.sweep.finished_jobs import field_of_all
-from farm.sweep.removal import Removal
+from plateau.farm.blobs import store as blobs
+from plateau.farm.redis import keys
+from plateau.farm.redis.link import now_ms
+from plateau.farm.redis.scripts import Scripts
+from plateau.farm.sweep.finished_jobs import field_of_all
+from plateau.farm.sweep.removal import Removal
 
 #: A scene that was used within this time is kept. No request takes so long.
 _IN_USE_S: Final = 3600.0

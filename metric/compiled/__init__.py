@@ -1,7 +1,7 @@
 """The predictor as compiled kernels, for those who compare many images.
 
 It is a package apart because importing it loads a compiler, for which a single comparison should
-not wait. `metric.vdp`, plain numpy, is what it is held to.
+not wait. `plateau.metric.vdp`, plain numpy, is what it is held to.
 
 What makes it fast, most first: the threshold elevation is worked out only where it decides
 (`elevation`); masking needs no more than three powers for all bands (`elevation`); one pass goes
@@ -14,14 +14,14 @@ are polynomials in short loops that the compiler vectorises (`arithmetic`).
     levels      a row of one image: light, colour, blurs
     light       radiance to luminance, a* and b*
     threshold   a difference's strength
-    denoise     what `metric.denoise` does
+    denoise     what `plateau.metric.denoise` does
     elevation   contrast, sensitivity and masking
     arithmetic  log2 and 2^x
     jit         how kernels are compiled and cached
 """
 
-from metric.compiled.jit import cache_folder
-from metric.compiled.percept import CompiledPercept
-from metric.compiled.predictor import CompiledVisibleDifferences
+from plateau.metric.compiled.jit import cache_folder
+from plateau.metric.compiled.percept import CompiledPercept
+from plateau.metric.compiled.predictor import CompiledVisibleDifferences
 
 __all__ = ["CompiledPercept", "CompiledVisibleDifferences", "cache_folder"]

@@ -14,7 +14,7 @@ import numpy as np
 from numba import types
 from numba.extending import intrinsic
 
-from metric.compiled.jit import inlined
+from plateau.metric.compiled.jit import inlined
 
 _f = np.float32
 

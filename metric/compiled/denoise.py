@@ -1,4 +1,4 @@
-"""What `metric.denoise` does, to the bit, with fewer ways through memory."""
+"""What `plateau.metric.denoise` does, to the bit, with fewer ways through memory."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from metric.compiled.jit import entry_point, kernel
-from metric.denoise import BANDS, CAUTION, LEAST_ENERGY, planar
-from metric.pyramid import KERNEL
+from plateau.metric.compiled.jit import entry_point, kernel
+from plateau.metric.denoise import BANDS, CAUTION, LEAST_ENERGY, planar
+from plateau.metric.pyramid import KERNEL
 
 if TYPE_CHECKING:
-    from metric.display import Image, Plane
+    from plateau.metric.display import Image, Plane
 
 _CENTRE, _NEAR, _FAR = (np.float32(tap) for tap in KERNEL)
 _CAUTION, _LEAST_ENERGY = np.float32(CAUTION), np.float32(LEAST_ENERGY)
@@ -19,7 +19,7 @@ _NOTHING, _ALL = np.float32(0), np.float32(1)
 
 
 def denoised(image: Image, noise: Image) -> Image:
-    """Return what `metric.denoise.denoised` does, to the bit."""
+    """Return what `plateau.metric.denoise.denoised` does, to the bit."""
     rest, noise_rest = planar(image), planar(noise)
     kept = np.zeros_like(rest)
     energy, noise_energy = np.empty_like(rest[0]), np.empty_like(rest[0])
@@ -37,7 +37,7 @@ def denoised(image: Image, noise: Image) -> Image:
 
 
 def smoothed(planes: Plane, gap: int) -> Plane:
-    """Return what `metric.denoise.smoothed` does, to the bit."""
+    """Return what `plateau.metric.denoise.smoothed` does, to the bit."""
     stack = np.ascontiguousarray(planes).reshape(-1, *planes.shape[-2:])
     out = np.empty_like(stack)
     _smooth(stack, gap, np.empty(stack.shape[-1], np.float32), out)

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from metric.compiled.arithmetic import exp2, log2
-from metric.compiled.jit import inlined
-from metric.csf import (
+from plateau.metric.compiled.arithmetic import exp2, log2
+from plateau.metric.compiled.jit import inlined
+from plateau.metric.csf import (
     A_LUMINANCE,
     A_POWER,
     A_SCALE,
@@ -27,12 +27,12 @@ from metric.csf import (
     MASKING_SCALE,
     RISE,
 )
-from metric.vdp import BANDS, ELEVATION_MAX, ELEVATION_MIN, FLOOR, VisibleDifferences
+from plateau.metric.vdp import BANDS, ELEVATION_MAX, ELEVATION_MIN, FLOOR, VisibleDifferences
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from metric.display import Plane
+    from plateau.metric.display import Plane
 
 _f = np.float32
 _ONE = _f(1)

@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from metric.compiled.jit import inlined, kernel
-from metric.compiled.light import Screen, blacken, luminance, opponent, response, show
-from metric.pyramid import KERNEL, LEVELS, REACH
+from plateau.metric.compiled.jit import inlined, kernel
+from plateau.metric.compiled.light import Screen, blacken, luminance, opponent, response, show
+from plateau.metric.pyramid import KERNEL, LEVELS, REACH
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from metric.display import Mask, Plane
+    from plateau.metric.display import Mask, Plane
 
 #: So many rows after its own, a row is done on every level.
 DELAY = REACH * (LEVELS - 1)
@@ -103,7 +103,7 @@ def _light_row(side: Side, n: int, screen: Screen, work: Plane) -> int:
     return non_finite
 
 
-# The order of the sums is that of `metric.pyramid`, for the same bits.
+# The order of the sums is that of `plateau.metric.pyramid`, for the same bits.
 
 
 @inlined
@@ -136,7 +136,7 @@ def _blur_across(row: Plane, out: Plane) -> None:
 
 @inlined
 def _border_index(index: int, size: int) -> int:
-    """Return what `metric.pyramid.border_index` does."""
+    """Return what `plateau.metric.pyramid.border_index` does."""
     while not 0 <= index < size:
         index = -index if index < 0 else 2 * size - index - 1
     return index

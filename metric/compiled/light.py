@@ -1,4 +1,4 @@
-"""Radiance to luminance and colour: `metric.display`, for a few pixels at a time."""
+"""Radiance to luminance and colour: `plateau.metric.display`, for a few pixels at a time."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from metric.compiled.arithmetic import bits_of, exp2, log2
-from metric.compiled.jit import inlined
-from metric.display import (
+from plateau.metric.compiled.arithmetic import bits_of, exp2, log2
+from plateau.metric.compiled.jit import inlined
+from plateau.metric.display import (
     LAB_A,
     LAB_B,
     LAB_EPSILON,
@@ -23,7 +23,7 @@ from metric.display import (
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from metric.display import Plane
+    from plateau.metric.display import Plane
 
 _f = np.float32
 _ZERO, _ONE, _THIRD = _f(0), _f(1), _f(1 / 3)
@@ -98,7 +98,7 @@ def blacken(
 def luminance(
     red: Plane, green: Plane, blue: Plane, y: _Row, white: np.float32, out: Plane, count: int
 ) -> None:
-    """Write the luminance in cd/m², to the same bits as `metric.display` and the metric."""
+    """Write the luminance in cd/m², to the same bits as `plateau.metric.display` and the metric."""
     r, g, b = y
     for i in range(count):
         out[i] = white * ((red[i] * r + green[i] * g) + blue[i] * b)

@@ -7,18 +7,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from metric.compiled.levels import RING_ROWS, Side, across, rings
-from metric.compiled.sweep import prepare
-from metric.display import displayed, finite_pixels
-from metric.pyramid import LEVELS
+from plateau.metric.compiled.levels import RING_ROWS, Side, across, rings
+from plateau.metric.compiled.sweep import prepare
+from plateau.metric.display import displayed, finite_pixels
+from plateau.metric.pyramid import LEVELS
 
 if TYPE_CHECKING:
-    from metric.compiled.light import Screen
-    from metric.display import Image, Mask, Plane, View
+    from plateau.metric.compiled.light import Screen
+    from plateau.metric.display import Image, Mask, Plane, View
 
 
 class CompiledPercept:
-    """A `metric.vdp.Percept` whose image is prepared a few rows at a time as it is compared.
+    """A `Percept` whose image is prepared a few rows at a time as it is compared.
 
     So it takes no memory beyond the image, which must not change while this is in use. `keep` works
     everything out once and for all; so does asking for the levels, the chroma or the map of pixels

@@ -6,18 +6,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from metric.compiled.denoise import denoised
-from metric.compiled.elevation import eye
-from metric.compiled.light import screen
-from metric.compiled.percept import CompiledPercept
-from metric.compiled.sweep import sweep
-from metric.display import as_image
-from metric.vdp import Difference, Percept, VisibleDifferences
+from plateau.metric.compiled.denoise import denoised
+from plateau.metric.compiled.elevation import eye
+from plateau.metric.compiled.light import screen
+from plateau.metric.compiled.percept import CompiledPercept
+from plateau.metric.compiled.sweep import sweep
+from plateau.metric.display import as_image
+from plateau.metric.vdp import Difference, Percept, VisibleDifferences
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from metric.display import Image, Mask, View
+    from plateau.metric.display import Image, Mask, View
 
 #: After so many comparisons a percept is kept: about what keeping it would have cost has been spent
 #: on preparing it again and again. So a reference is soon kept, and an image that is compared once
@@ -54,7 +54,7 @@ class CompiledVisibleDifferences(VisibleDifferences):
 
     @staticmethod
     def denoised(image: Image, noise: Image) -> Image:
-        """Return what `metric.denoise.denoised` does, to the bit."""
+        """Return what `plateau.metric.denoise.denoised` does, to the bit."""
         return denoised(image, noise)
 
     def percept(self, image: NDArray[Any]) -> CompiledPercept:

@@ -6,19 +6,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from metric.compiled import elevation, threshold
-from metric.compiled.jit import entry_point, kernel
-from metric.compiled.levels import A_STAR, B_STAR, DELAY, SLICE, make_row
-from metric.pyramid import LEVELS
-from metric.vdp import BANDS
+from plateau.metric.compiled import elevation, threshold
+from plateau.metric.compiled.jit import entry_point, kernel
+from plateau.metric.compiled.levels import A_STAR, B_STAR, DELAY, SLICE, make_row
+from plateau.metric.pyramid import LEVELS
+from plateau.metric.vdp import BANDS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from metric.compiled.elevation import Eye
-    from metric.compiled.levels import Side
-    from metric.compiled.light import Screen
-    from metric.display import Mask, Plane
+    from plateau.metric.compiled.elevation import Eye
+    from plateau.metric.compiled.levels import Side
+    from plateau.metric.compiled.light import Screen
+    from plateau.metric.display import Mask, Plane
 
 _COLOURS_AND_RESPONSES = 6
 

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from metric.compiled.arithmetic import exp2, fma, log2
-from metric.compiled.jit import inlined
-from metric.csf import (
+from plateau.metric.compiled.arithmetic import exp2, fma, log2
+from plateau.metric.compiled.jit import inlined
+from plateau.metric.csf import (
     CONE_CURVE,
     CONE_CURVE_FROM,
     CONE_LINE,
@@ -20,10 +20,10 @@ from metric.csf import (
     ROD_LINE,
     ROD_LINE_FROM,
 )
-from metric.vdp import COLOUR_LUMINANCE, FLOOR
+from plateau.metric.vdp import COLOUR_LUMINANCE, FLOOR
 
 if TYPE_CHECKING:
-    from metric.display import Plane
+    from plateau.metric.display import Plane
 
 _f = np.float32
 _ZERO, _HALF = _f(0), _f(0.5)

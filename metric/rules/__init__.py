@@ -6,13 +6,13 @@ from dataclasses import fields
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-from metric.rules.base import Evidence, Json, Memory, Rule, Verdict
-from metric.rules.fixed import Fixed
-from metric.rules.multiple import Multiple
-from metric.rules.myszkowski import Myszkowski
-from metric.rules.reverse import Reverse
-from metric.rules.successive import Successive
-from metric.rules.visible import Visible
+from plateau.metric.rules.base import Evidence, Json, Memory, Rule, Verdict
+from plateau.metric.rules.fixed import Fixed
+from plateau.metric.rules.multiple import Multiple
+from plateau.metric.rules.myszkowski import Myszkowski
+from plateau.metric.rules.reverse import Reverse
+from plateau.metric.rules.successive import Successive
+from plateau.metric.rules.visible import Visible
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

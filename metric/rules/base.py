@@ -11,18 +11,18 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar, TypeAlias
 
-from metric.bounds import require_bounds
-from metric.display import as_image, finite_pixels
-from metric.estimate import Estimate, estimate_from
-from metric.forecasts import Forecast, forecast_from
-from metric.noise_model import Half, NoiseModel, noise_model
+from plateau.metric.bounds import require_bounds
+from plateau.metric.display import as_image, finite_pixels
+from plateau.metric.estimate import Estimate, estimate_from
+from plateau.metric.forecasts import Forecast, forecast_from
+from plateau.metric.noise_model import Half, NoiseModel, noise_model
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from metric.display import Image, Mask
-    from metric.vdp import Percept, VisibleDifferences
+    from plateau.metric.display import Image, Mask
+    from plateau.metric.vdp import Percept, VisibleDifferences
 
 #: What json can write and read back without loss.
 Json: TypeAlias = "dict[str, Json] | list[Json] | str | int | float | bool | None"

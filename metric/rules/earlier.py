@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from metric.display import Image, as_image
-from metric.rules.base import PAPER_PIXELS, Memory, Verdict, require_later
-from metric.rules.words import counted, darkness, left_out
+from plateau.metric.display import Image, as_image
+from plateau.metric.rules.base import PAPER_PIXELS, Memory, Verdict, require_later
+from plateau.metric.rules.reasons import counted, darkness, left_out
 
 if TYPE_CHECKING:
-    from metric.rules.base import Evidence, Json
-    from metric.vdp import Difference
+    from plateau.metric.rules.base import Evidence, Json
+    from plateau.metric.vdp import Difference
 
 
 @dataclass(eq=False)

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
-from metric.bounds import bounded
-from metric.rules.base import MOST_SPP, Memory, Rule, Verdict
+from plateau.metric.bounds import bounded
+from plateau.metric.rules.base import MOST_SPP, Memory, Rule, Verdict
 
 if TYPE_CHECKING:
-    from metric.rules.base import Evidence
+    from plateau.metric.rules.base import Evidence
 
 
 @dataclass(kw_only=True)

@@ -5,18 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar
 
-from metric.bounds import bounded
-from metric.rules.base import PAPER_PIXELS, Memory, Rule, Verdict
-from metric.rules.earlier import (
-    EarlierImages,
-    allowed_pixels,
-    first_verdict,
-    verdict_on,
-)
+from plateau.metric.bounds import bounded
+from plateau.metric.rules.base import PAPER_PIXELS, Memory, Rule, Verdict
+from plateau.metric.rules.earlier import EarlierImages, allowed_pixels, first_verdict, verdict_on
 
 if TYPE_CHECKING:
-    from metric.rules.base import Evidence
-    from metric.vdp import Difference
+    from plateau.metric.rules.base import Evidence
+    from plateau.metric.vdp import Difference
 
 
 @dataclass(kw_only=True)

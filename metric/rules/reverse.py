@@ -13,21 +13,15 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar
 
-from metric.bounds import bounded
-from metric.display import Image, as_image
-from metric.rules.base import (
-    PAPER_PIXELS,
-    Memory,
-    Rule,
-    Verdict,
-    require_later,
-)
-from metric.rules.line import least_squares_slope
-from metric.rules.words import darkness
+from plateau.metric.bounds import bounded
+from plateau.metric.display import Image, as_image
+from plateau.metric.rules.base import PAPER_PIXELS, Memory, Rule, Verdict, require_later
+from plateau.metric.rules.line import least_squares_slope
+from plateau.metric.rules.reasons import darkness
 
 if TYPE_CHECKING:
-    from metric.rules.base import Evidence, Json
-    from metric.vdp import Percept
+    from plateau.metric.rules.base import Evidence, Json
+    from plateau.metric.vdp import Percept
 
 #: The image size for which the paper's ε is taken to hold.
 EPSILON_PIXELS = PAPER_PIXELS

@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar
 
-from metric.bounds import bounded
-from metric.rules.base import PAPER_PIXELS, Memory, Rule, Verdict
-from metric.rules.earlier import EarlierImages, first_verdict, verdict_on
+from plateau.metric.bounds import bounded
+from plateau.metric.rules.base import PAPER_PIXELS, Memory, Rule, Verdict
+from plateau.metric.rules.earlier import EarlierImages, first_verdict, verdict_on
 
 if TYPE_CHECKING:
-    from metric.rules.base import Evidence
+    from plateau.metric.rules.base import Evidence
 
 
 @dataclass(kw_only=True)

@@ -5,14 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar
 
-from metric.bounds import bounded
-from metric.estimate import allowed_pixels
-from metric.rules.base import MOST_SPP, Memory, Rule, Verdict, require_later
-from metric.rules.line import power_law_at_the_end
-from metric.rules.words import counted, darkness, left_out
+from plateau.metric.bounds import bounded
+from plateau.metric.estimate import allowed_pixels
+from plateau.metric.rules.base import MOST_SPP, Memory, Rule, Verdict, require_later
+from plateau.metric.rules.line import power_law_at_the_end
+from plateau.metric.rules.reasons import counted, darkness, left_out
 
 if TYPE_CHECKING:
-    from metric.rules.base import Evidence, Json
+    from plateau.metric.rules.base import Evidence, Json
 
 #: A line through fewer would go through all of them.
 LEAST_POINTS = 3

@@ -8,10 +8,19 @@ import gc
 from typing import Final
 
 from plateau.cli import serving, scaling  # isort: skip  # in the order in which help lists them
-from plateau.cli import jobs, continuing, batches, results, webhooks, images, studies, keys  # isort: skip  # in the order in which help lists them
+from plateau.cli import (  # isort: skip  # in the order in which help lists them
+    jobs,
+    continuing,
+    batches,
+    results,
+    webhooks,
+    images,
+    studies,
+    keys,
+)
 from plateau.cli import redis_users  # isort: skip  # in the order in which help lists them
 from plateau.cli.app import app
-from plateau.cli.bash_words import completing_in_bash, with_whole_words
+from plateau.cli.bash_completion import completing_in_bash, with_whole_words
 
 __all__ = [
     "app",

@@ -9,7 +9,7 @@ from typing import Annotated, Any, TypeVar
 import typer
 import typer.core
 
-from plateau.exits import ExitCode
+from plateau.exit_codes import ExitCode
 
 _HELP = """
 Render Mitsuba 3 scenes until the eye can no longer tell that samples were added.
@@ -56,7 +56,7 @@ app = typer.Typer(
 
 def _print_version(wanted: bool) -> None:
     if wanted:
-        from farm.versions import plateau
+        from plateau.farm.model.versions import plateau
 
         print(f"plateau {plateau()}")
         raise typer.Exit
@@ -100,9 +100,9 @@ def plain_errors() -> Iterator[None]:
     except typer.Exit:  # an exit code, not an error
         raise
     except Exception as error:
-        from farm.errors import Incompatible
-        from plateau.cli.error_words import in_words
+        from plateau.cli.error_text import in_words
         from plateau.errors import EXPECTED
+        from plateau.farm.model.errors import Incompatible
 
         if not isinstance(error, EXPECTED):
             raise

@@ -2,7 +2,7 @@
 
 from typing import Any, Final
 
-from plateau import options as o
+from plateau.cli import options as o
 from plateau.cli.app import command, plain_errors
 
 _JUDGING: Final = (

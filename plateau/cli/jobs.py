@@ -5,8 +5,8 @@ from typing import Annotated
 
 import typer
 
-from plateau import complete
-from plateau import options as o
+from plateau.cli import complete
+from plateau.cli import options as o
 from plateau.cli.app import command, plain_errors
 
 

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from plateau import options as o
+from plateau.cli import options as o
 from plateau.cli.app import command, plain_errors
 
 

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from plateau import options as o
+from plateau.cli import options as o
 from plateau.cli.app import Command, app, plain_errors
 
 scale = typer.Typer(
@@ -166,7 +166,7 @@ def slurm(
         options.append(option)
     with plain_errors():
         if logs is not None:
-            from plateau.out_folder import make
+            from plateau.files.out_folder import make
 
             make(logs, "--logs")
         run(

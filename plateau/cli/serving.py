@@ -5,9 +5,9 @@ from typing import Annotated
 
 import typer
 
-from plateau import options as o
+from plateau.cli import options as o
 from plateau.cli.app import command, plain_errors
-from plateau.door import Door
+from plateau.processes.api_address import Door
 
 
 @command()

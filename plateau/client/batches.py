@@ -7,11 +7,17 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from farm.spec import BatchSpec, JobSpec, SharedSpec, parameter_strings
 from plateau.client.calls import Calls
 from plateau.client.errors import TimedOut
-from plateau.packing import pack
-from service.batch_views import BatchLineView, BatchPage, BatchSteered, BatchView, batch_path
+from plateau.farm.model.spec import BatchSpec, JobSpec, SharedSpec, parameter_strings
+from plateau.farm.wire.batch_views import (
+    BatchLineView,
+    BatchPage,
+    BatchSteered,
+    BatchView,
+    batch_path,
+)
+from plateau.files.packing import pack
 
 #: As many as the service puts on one page.
 _LARGEST_PAGE: Final = 100

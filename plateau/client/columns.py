@@ -7,7 +7,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from farm.job import CurvePoint
+from plateau.farm.model.job import CurvePoint
 
 _COUNTS: Final = ("spp", "visible_pixels", "non_finite_pixels")
 _APART: Final = frozenset({*_COUNTS, "at", "rules", "zones"})

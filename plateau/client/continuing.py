@@ -4,7 +4,7 @@ import secrets
 from typing import Any
 
 from plateau.client.calls import Calls
-from service.views import JobView
+from plateau.farm.wire.views import JobView
 
 
 class ContinuingCalls(Calls):

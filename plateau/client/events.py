@@ -10,8 +10,8 @@
 
 from typing import Final
 
-from farm.job import CurvePoint, Event
-from farm.states import JobState
+from plateau.farm.model.job import CurvePoint, Event
+from plateau.farm.model.states import JobState
 
 
 class StateEvent(Event):

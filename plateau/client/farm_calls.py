@@ -1,9 +1,9 @@
 """Calls about the farm itself."""
 
-from farm.job import Worker
-from farm.members import RefusedProcess
 from plateau.client.calls import Calls
-from service.views import Scenes, SceneView, Workers
+from plateau.farm.ledger.members import RefusedProcess
+from plateau.farm.model.job import Worker
+from plateau.farm.wire.views import Scenes, SceneView, Workers
 
 
 class FarmCalls(Calls):

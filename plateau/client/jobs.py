@@ -5,12 +5,12 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
 
-from farm.job import LogEntry
-from farm.spec import JobSpec
-from farm.states import JobState
 from plateau.client.calls import Calls
-from plateau.packing import pack
-from service.views import JobPage, JobView, Log, SliceLog, Slices, SliceView
+from plateau.farm.model.job import LogEntry
+from plateau.farm.model.spec import JobSpec
+from plateau.farm.model.states import JobState
+from plateau.farm.wire.views import JobPage, JobView, Log, SliceLog, Slices, SliceView
+from plateau.files.packing import pack
 
 #: As many as the service puts on one page.
 _LARGEST_PAGE: Final = 200

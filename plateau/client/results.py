@@ -3,13 +3,13 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from farm.job import CurvePoint
 from plateau.client.calls import Calls
 from plateau.client.digests import Digest
 from plateau.client.errors import ClientError
 from plateau.client.transport import Patience
-from plateau.job_folder import whole
-from service.views import Curve
+from plateau.farm.model.job import CurvePoint
+from plateau.farm.wire.views import Curve
+from plateau.files.job_folder import whole
 
 if TYPE_CHECKING:
     import numpy as np
@@ -89,7 +89,7 @@ class ResultCalls(Calls):
         ApiError
             ``unknown-job``; ``no-image-yet`` before anything of it can be seen.
         """
-        from farm.exr import decode_image
+        from plateau.farm.images.exr import decode_image
 
         return decode_image(self.image(job_id, "image.exr"))
 
@@ -111,7 +111,7 @@ class ResultCalls(Calls):
             ``unknown-job``; ``unknown-slice`` where the job's spec does not say `keep_slices`, or
             the slice is not committed yet.
         """
-        from farm.exr import decode_partial
+        from plateau.farm.images.exr import decode_partial
 
         return decode_partial(self.image(job_id, f"slices/{index}.exr")).pixels
 

@@ -3,10 +3,10 @@
 from collections.abc import Sequence
 from typing import Any, Final, Literal
 
-from farm.study import Screen
-from farm.study_order import Method
 from plateau.client.calls import Calls
-from service.study_views import AnswerView, ObserverView, StudyList, StudyView
+from plateau.farm.model.study import Screen
+from plateau.farm.model.study_order import Method
+from plateau.farm.wire.study_views import AnswerView, ObserverView, StudyList, StudyView
 
 #: Hundreds of slices are merged before the answer comes.
 _MAKING_S: Final = 600.0

@@ -7,14 +7,14 @@ from typing import Final
 
 import httpx
 
-from farm.job import Event
-from farm.jobs import BEFORE_ALL_EVENTS
 from plateau.client.calls import Calls
 from plateau.client.errors import ClientError, TimedOut
 from plateau.client.events import FinishedEvent, typed
+from plateau.client.sse import parse_events
 from plateau.client.transport import Patience
-from plateau.sse import parse_events
-from service.views import Happened, JobView
+from plateau.farm.ledger.jobs import BEFORE_ALL_EVENTS
+from plateau.farm.model.job import Event
+from plateau.farm.wire.views import Happened, JobView
 
 #: The service says something every 15 s while a stream of events is open.
 _SILENCE_S: Final = 45.0

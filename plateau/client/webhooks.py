@@ -1,8 +1,8 @@
 """Calls about the messages to a job's webhook."""
 
-from farm.webhooks import Delivery
 from plateau.client.calls import Calls
-from service.webhook_views import Deliveries
+from plateau.farm.ledger.outbox import Delivery
+from plateau.farm.wire.webhook_views import Deliveries
 
 
 class WebhookCalls(Calls):

@@ -9,22 +9,22 @@ from typing import Final
 
 from rich.console import Console
 
-from farm import figures
-from farm.batch import Extent
-from farm.spec import JobSpec
-from farm.states import JobState
-from plateau import words
-from plateau.batch_progress import batch_progress_on, in_states
+from plateau import job_text as words
 from plateau.client import Client
-from plateau.connect import connect
+from plateau.commands.connect import connect
+from plateau.commands.outputs import write_results
 from plateau.errors import CommandFailed
-from plateau.exits import ExitCode
-from plateau.frames import Values, each, from_file
-from plateau.job_folder import frame, require_free_for_batch
-from plateau.out_folder import make_writable
-from plateau.outputs import write_results
-from plateau.tables import print_rows
-from service.batch_views import BatchSteered, BatchView
+from plateau.exit_codes import ExitCode
+from plateau.farm.model.batch import Extent
+from plateau.farm.model.spec import JobSpec
+from plateau.farm.model.states import JobState
+from plateau.farm.wire import figures
+from plateau.farm.wire.batch_views import BatchSteered, BatchView
+from plateau.files.frames import Values, each, from_file
+from plateau.files.job_folder import frame, require_free_for_batch
+from plateau.files.out_folder import make_writable
+from plateau.terminal.batch_progress import batch_progress_on, in_states
+from plateau.terminal.tables import print_rows
 
 _LOOK_EVERY_S: Final = 1.0
 _COLUMNS: Final = ("batch", "jobs", "states", "newest (UTC)")

@@ -2,9 +2,9 @@
 
 from typing import Any
 
-from plateau.connect import connect
-from plateau.job_ids import whole_id
-from service.views import JobView
+from plateau.commands.connect import connect
+from plateau.commands.job_ids import whole_id
+from plateau.farm.wire.views import JobView
 
 
 def continue_job(job_id: str, changes: dict[str, Any], *, url: str | None, as_json: bool) -> None:

@@ -6,10 +6,10 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from metric import View
-from metric.display import SeenFrom
-from plateau.diff import CannotCompare, compare_files
-from plateau.exits import ExitCode
+from plateau.exit_codes import ExitCode
+from plateau.files.image_diff import CannotCompare, compare_files
+from plateau.metric import View
+from plateau.metric.display import SeenFrom
 
 
 def diff(

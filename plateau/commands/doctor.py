@@ -10,16 +10,16 @@ from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from farm.blob_probe import check_create_once
-from farm.blobs import Blobs
-from farm.embedded import find_redis_server
-from farm.redis_health import examine
-from farm.redis_url import without_password
-from farm.settings import Settings
-from plateau.exits import ExitCode
-from plateau.read_settings import farm_settings
-from worker.confinement import try_here
-from worker.variants import Probe, VariantChoice, choose
+from plateau.exit_codes import ExitCode
+from plateau.farm.blobs.probe import check_create_once
+from plateau.farm.blobs.store import Blobs
+from plateau.farm.process.settings import Settings
+from plateau.farm.redis.embedded import find_redis_server
+from plateau.farm.redis.health import examine
+from plateau.farm.redis.url import without_password
+from plateau.processes.read_settings import farm_settings
+from plateau.worker.confinement.confine import try_here
+from plateau.worker.supervisor.variants import Probe, VariantChoice, choose
 
 
 @dataclass(frozen=True)

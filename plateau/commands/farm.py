@@ -4,12 +4,12 @@ import json
 import sys
 from datetime import datetime, timezone
 
-from farm.figures import duration
-from farm.job import Worker
-from plateau.connect import connect
-from plateau.tables import print_rows
-from plateau.words import size
-from service.views import SceneView
+from plateau.commands.connect import connect
+from plateau.farm.model.job import Worker
+from plateau.farm.wire.figures import duration
+from plateau.farm.wire.views import SceneView
+from plateau.job_text import size
+from plateau.terminal.tables import print_rows
 
 WORKER_COLUMNS = (
     "id",

@@ -7,12 +7,12 @@ from pathlib import Path
 
 from rich.console import Console
 
-from plateau import words
-from plateau.connect import connect
-from plateau.job_ids import whole_id
-from plateau.out_folder import make_ready
-from plateau.outputs import write_results
-from plateau.terminal_curve import terminal_curve
+from plateau import job_text as words
+from plateau.commands.connect import connect
+from plateau.commands.job_ids import whole_id
+from plateau.commands.outputs import write_results
+from plateau.files.out_folder import make_ready
+from plateau.terminal.curve import terminal_curve
 
 _CURVE_ROWS = 16
 

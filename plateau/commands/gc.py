@@ -5,15 +5,15 @@ from contextlib import ExitStack
 from dataclasses import asdict
 from typing import Final
 
-from farm.blobs import Blobs
-from farm.pairing import check_pair
-from farm.redis_link import connect
-from farm.schema import check_schema
-from farm.sweep import Swept, sweep
-from plateau.data_folder import DataFolder
 from plateau.errors import CommandFailed
-from plateau.read_settings import farm_settings
-from plateau.redis_at_hand import redis_at_hand
+from plateau.farm.blobs.store import Blobs
+from plateau.farm.ledger.pairing import check_pair
+from plateau.farm.ledger.schema import check_schema
+from plateau.farm.redis.link import connect
+from plateau.farm.sweep import Swept, sweep
+from plateau.processes.data_folder import DataFolder
+from plateau.processes.read_settings import farm_settings
+from plateau.processes.redis_at_hand import redis_at_hand
 
 _DAY_S: Final = 86_400.0
 

@@ -7,23 +7,23 @@ from pathlib import Path
 
 from rich.console import Console
 
-from farm import figures
-from farm.job import Job, utc_now
-from farm.spec import JobSpec
-from farm.states import JobState
-from plateau import words
+from plateau import job_text as words
+from plateau.commands.connect import connect
+from plateau.commands.follow import follow
+from plateau.commands.job_ids import whole_id
+from plateau.commands.outputs import summary_json, write_results
 from plateau.commands.render import EXIT_CODES
 from plateau.commands.webhooks import undelivered
-from plateau.connect import connect
 from plateau.errors import CommandFailed
-from plateau.follow import follow
-from plateau.job_ids import whole_id
-from plateau.out_folder import make_ready
-from plateau.outputs import summary_json, write_results
-from plateau.progress import progress_on
-from plateau.story import log_lines, story
-from plateau.tables import print_rows
-from service.views import JobView
+from plateau.farm.model.job import Job, utc_now
+from plateau.farm.model.spec import JobSpec
+from plateau.farm.model.states import JobState
+from plateau.farm.wire import figures
+from plateau.farm.wire.views import JobView
+from plateau.files.out_folder import make_ready
+from plateau.terminal.progress import progress_on
+from plateau.terminal.story import log_lines, story
+from plateau.terminal.tables import print_rows
 
 _PAGE = 100
 _WAITING = 5  #: so many jobs that wait for a worker that may render them are named

@@ -3,14 +3,14 @@
 import json
 from pathlib import Path
 
-from farm.spec import JobSpec, ReverseSpec, VisibleSpec
-from metric.rules.reverse import EPSILON_PIXELS
 from plateau.errors import CommandFailed
-from plateau.job_folder import owner
-from plateau.judge import BrokenSeries, CannotJudge, Judged, find_series, judge_series
-from plateau.out_folder import make
-from plateau.plot import Marks, plot_curve
-from service.curve_csv import curve_csv
+from plateau.farm.model.spec import JobSpec, ReverseSpec, VisibleSpec
+from plateau.farm.wire.curve_csv import curve_csv
+from plateau.files.image_series import BrokenSeries, CannotJudge, Judged, find_series, judge_series
+from plateau.files.job_folder import owner
+from plateau.files.out_folder import make
+from plateau.files.plot import Marks, plot_curve
+from plateau.metric.rules.reverse import EPSILON_PIXELS
 
 
 def judge(

@@ -10,16 +10,16 @@ from typing import Any, Final
 
 from pydantic import ValidationError
 
-from farm import input_errors
-from farm.api_keys import ApiKey, ApiKeys, KeyLimits, Role
-from farm.redis_link import connect
-from farm.schema import check_schema
-from farm.settings import Settings
-from plateau.data_folder import DataFolder
 from plateau.errors import CommandFailed
-from plateau.read_settings import farm_settings, secret_in
-from plateau.redis_at_hand import redis_at_hand
-from plateau.tables import print_rows
+from plateau.farm.ledger.api_keys import ApiKey, ApiKeys, KeyLimits, Role
+from plateau.farm.ledger.schema import check_schema
+from plateau.farm.model import input_errors
+from plateau.farm.process.settings import Settings
+from plateau.farm.redis.link import connect
+from plateau.processes.data_folder import DataFolder
+from plateau.processes.read_settings import farm_settings, secret_in
+from plateau.processes.redis_at_hand import redis_at_hand
+from plateau.terminal.tables import print_rows
 
 _COLUMNS: Final = ("id", "name", "role", "made", "last used", "requests", "open jobs", "revoked")
 _SPARE: Final = ("requests", "open jobs", "last used", "made")  # on a narrow terminal

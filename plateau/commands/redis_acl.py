@@ -6,9 +6,9 @@ import secrets
 import sys
 from pathlib import Path
 
-from farm.redis_acl import acl_file, rules
 from plateau.errors import CommandFailed
-from plateau.out_folder import make
+from plateau.farm.redis.acl import acl_file, rules
+from plateau.files.out_folder import make
 
 _VERSION = re.compile(r"(\d+)\.(\d+)(\.\d+)*")
 

@@ -9,24 +9,24 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from farm.bundle import inspect_bundle
-from farm.spec import JobSpec
-from farm.states import JobState
-from plateau.data_folder import DataFolder, is_in_use
-from plateau.door import Door
 from plateau.errors import CommandFailed
-from plateau.exits import ExitCode
-from plateau.interrupts import Interrupts
-from plateau.out_folder import make_ready
-from plateau.packing import pack
-from plateau.read_settings import read_settings
-from plateau.tree import Tree
-from worker.variants import choose
+from plateau.exit_codes import ExitCode
+from plateau.farm.bundle import inspect_bundle
+from plateau.farm.model.spec import JobSpec
+from plateau.farm.model.states import JobState
+from plateau.files.out_folder import make_ready
+from plateau.files.packing import pack
+from plateau.processes.api_address import Door
+from plateau.processes.data_folder import DataFolder, is_in_use
+from plateau.processes.interrupts import Interrupts
+from plateau.processes.read_settings import read_settings
+from plateau.processes.tree import Tree
+from plateau.worker.supervisor.variants import choose
 
 if TYPE_CHECKING:
     from plateau.client import Client
-    from plateau.progress import Progress
-    from service.views import JobView
+    from plateau.farm.wire.views import JobView
+    from plateau.terminal.progress import Progress
 
 _PREFIX: Final = "plateau-render-"
 _MOST_DEATHS: Final = 3
@@ -87,11 +87,11 @@ def render(
                 # Imported while the tree's processes start.
                 from rich.console import Console
 
-                from farm.job import utc_now
-                from plateau import words
+                from plateau import job_text as words
                 from plateau.client import Client
-                from plateau.outputs import write_or_keep
-                from plateau.progress import progress_on
+                from plateau.commands.outputs import write_or_keep
+                from plateau.farm.model.job import utc_now
+                from plateau.terminal.progress import progress_on
 
                 shown = progress_on(Console(stderr=True), curve=curve)
                 with Client(tree.await_api(), patience_s=_PATIENCE_S) as client:
@@ -142,8 +142,8 @@ def _run(
 ) -> "JobView":
     """The job, submitted and followed to its end; the first interrupt cancels it."""
     from plateau.client import ApiError
-    from plateau.follow import follow
-    from plateau.plot import import_ahead
+    from plateau.commands.follow import follow
+    from plateau.files.plot import import_ahead
 
     job = client.submit(scene, spec)
     import_ahead()

@@ -9,15 +9,15 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Final
 
-from farm.blobs import Blobs
-from farm.jobs import Jobs
-from farm.pairing import check_pair, farm_id
-from farm.redis_link import connect
-from farm.schema import check_schema
-from farm.settings import Settings
-from farm.workers import Workers
 from plateau.errors import CommandFailed
-from plateau.process import run_until_signal, when_checked
+from plateau.farm.blobs.store import Blobs
+from plateau.farm.ledger.jobs import Jobs
+from plateau.farm.ledger.pairing import check_pair, farm_id
+from plateau.farm.ledger.schema import check_schema
+from plateau.farm.ledger.workers import Workers
+from plateau.farm.process.settings import Settings
+from plateau.farm.redis.link import connect
+from plateau.processes.process import run_until_signal, when_checked
 from plateau.scale.policy import Limits, Policy
 from plateau.scale.report import Report
 from plateau.scale.scaler import Scaler

@@ -6,21 +6,21 @@ import sys
 import threading
 from typing import Final
 
-from farm.api_keys import ApiKeys
-from farm.errors import StoreUnavailable
-from farm.loopback import is_loopback
-from farm.redis_link import connect
-from farm.redis_url import without_password
-from farm.settings import Settings
-from plateau.data_folder import DataFolder
-from plateau.door import Door
 from plateau.errors import CommandFailed
-from plateau.exits import ExitCode
-from plateau.interrupts import Interrupts
-from plateau.process import run_until_signal, when_checked
-from plateau.read_settings import farm_settings
-from plateau.standing import Standing
-from plateau.tree import Tree
+from plateau.exit_codes import ExitCode
+from plateau.farm.ledger.api_keys import ApiKeys
+from plateau.farm.model.errors import StoreUnavailable
+from plateau.farm.process.loopback import is_loopback
+from plateau.farm.process.settings import Settings
+from plateau.farm.redis.link import connect
+from plateau.farm.redis.url import without_password
+from plateau.processes.api_address import Door
+from plateau.processes.data_folder import DataFolder
+from plateau.processes.interrupts import Interrupts
+from plateau.processes.process import run_until_signal, when_checked
+from plateau.processes.read_settings import farm_settings
+from plateau.processes.standing import Standing
+from plateau.processes.tree import Tree
 
 _LOG = logging.getLogger("plateau")
 
@@ -53,7 +53,7 @@ def up(door: Door, *, workers: int) -> int:
 
 def api(door: Door, *, ready_fd: int | None) -> None:
     """Run an API until a signal."""
-    from service import api as process
+    from plateau.service.api import process
 
     tls = None
     if door.certificate is not None and door.private_key is not None:
@@ -91,14 +91,14 @@ def api(door: Door, *, ready_fd: int | None) -> None:
 
 def monitor() -> None:
     """Run a monitor until a signal."""
-    from service.monitor import run
+    from plateau.service.monitor.monitor import run
 
     run_until_signal("monitor", when_checked(run))
 
 
 def worker(*, pool: str | None, tags: list[str] | None) -> None:
     """Run a worker until a signal, in this pool and with these tags where they are given."""
-    from worker.supervisor import run
+    from plateau.worker.supervisor.supervisor import run
 
     # Options are settings that are written elsewhere: they are read, and refused, with the others.
     given = {"PLATEAU_POOL": pool, "PLATEAU_TAGS": ",".join(tags or ())}

@@ -6,14 +6,14 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from farm.study_order import Method
-from metric import AnswersFit
-from plateau.connect import connect
-from plateau.exits import ExitCode
-from plateau.job_ids import whole_id
-from plateau.study import PROBABILITIES, FittedScene, fit_table, plot_study
-from plateau.tables import print_rows
-from service.study_views import StudyView
+from plateau.commands.connect import connect
+from plateau.commands.job_ids import whole_id
+from plateau.exit_codes import ExitCode
+from plateau.farm.model.study_order import Method
+from plateau.farm.wire.study_views import StudyView
+from plateau.files.answers_table import PROBABILITIES, FittedScene, fit_table, plot_study
+from plateau.metric import AnswersFit
+from plateau.terminal.tables import print_rows
 
 _NO_INTERVALS = (
     "a table of shares does not say how many answers it is made of, so there are no intervals; fit "

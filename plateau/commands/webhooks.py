@@ -8,21 +8,21 @@ from contextlib import ExitStack
 
 from pydantic import ValidationError
 
-from farm import input_errors
-from farm.redis_link import connect as connect_to_redis
-from farm.schema import check_schema
-from farm.spec import JobSpec
-from farm.webhook_spec import WebhookSpec
-from farm.webhooks import Delivery, Outbox
 from plateau.client import Client
-from plateau.connect import connect
-from plateau.data_folder import DataFolder
+from plateau.commands.connect import connect
+from plateau.commands.job_ids import whole_id
 from plateau.errors import CommandFailed
-from plateau.job_ids import whole_id
-from plateau.read_settings import farm_settings
-from plateau.redis_at_hand import redis_at_hand
-from plateau.tables import print_rows
-from service.views import JobView
+from plateau.farm.ledger.outbox import Delivery, Outbox
+from plateau.farm.ledger.schema import check_schema
+from plateau.farm.model import input_errors
+from plateau.farm.model.spec import JobSpec
+from plateau.farm.model.webhook_spec import WebhookSpec
+from plateau.farm.redis.link import connect as connect_to_redis
+from plateau.farm.wire.views import JobView
+from plateau.processes.data_folder import DataFolder
+from plateau.processes.read_settings import farm_settings
+from plateau.processes.redis_at_hand import redis_at_hand
+from plateau.terminal.tables import print_rows
 
 _COLUMNS = ("number", "event", "happened (UTC)", "state", "tries", "last answer", "next (UTC)")
 _SECRET = "PLATEAU_WEBHOOK_SECRET"

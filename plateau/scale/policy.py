@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Final
 
-from farm.job import Worker
-from farm.totals import Demand
+from plateau.farm.ledger.totals import Demand
+from plateau.farm.model.job import Worker
 from plateau.scale.starts import Starts
 from plateau.scale.tasks import Look, Plan, Task, TaskState
 

@@ -6,10 +6,10 @@ import time
 from collections.abc import Callable, Collection
 from dataclasses import replace
 
-from farm.errors import StoreUnavailable, WorkerNotFound
-from farm.job import Worker
-from farm.jobs import Jobs
-from farm.workers import Workers
+from plateau.farm.ledger.jobs import Jobs
+from plateau.farm.ledger.workers import Workers
+from plateau.farm.model.errors import StoreUnavailable, WorkerNotFound
+from plateau.farm.model.job import Worker
 from plateau.scale.policy import Policy
 from plateau.scale.report import Report
 from plateau.scale.slurm import Slurm, SlurmFailed, label

@@ -6,8 +6,8 @@ A job of a batch system is a *task* here, since a job is an image.
 from dataclasses import dataclass
 from enum import Enum
 
-from farm.job import Worker
-from farm.totals import Demand
+from plateau.farm.ledger.totals import Demand
+from plateau.farm.model.job import Worker
 
 
 class TaskState(Enum):

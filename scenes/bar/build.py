@@ -1,4 +1,4 @@
-"""Builds the bar: `python -m scenes.bar.build` writes scene.xml, meshes/ and textures/.
+"""Builds the bar: `python -m plateau.scenes.bar.build` writes scene.xml, meshes/ and textures/.
 
 A small bar of our own towards evening, in metres. The bowls over the counter and the coves hide
 their light from all but the ceiling; a wide window in the right wall, which the picture does not
@@ -9,11 +9,11 @@ Takouachet et al. (2007) judged such a room; nothing of theirs is used.
 from collections.abc import Iterable
 from pathlib import Path
 
-from scenes.bar import fittings, room, stock, vessels
-from scenes.bar.pictures import textures
-from scenes.bar.stock import Copy
-from scenes.build import document, numbers, scene_files, write_files
-from scenes.mesh import Mesh, Vector
+from plateau.scenes.bar import fittings, room, stock, vessels
+from plateau.scenes.bar.pictures import textures
+from plateau.scenes.bar.stock import Copy
+from plateau.scenes.build import document, numbers, scene_files, write_files
+from plateau.scenes.mesh import Mesh, Vector
 
 HERE = Path(__file__).parent
 

@@ -2,8 +2,8 @@
 
 from collections.abc import Sequence
 
-from scenes.bar.turning import rounded, turned
-from scenes.mesh import Mesh, Vector, joined
+from plateau.scenes.bar.turning import rounded, turned
+from plateau.scenes.mesh import Mesh, Vector, joined
 
 #: A lamp's bowl: its rim's radius and height above the bowl's foot.
 BOWL_RADIUS, BOWL_HEIGHT = 0.19, 0.11

@@ -6,8 +6,8 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image
 
-from scenes.bar.room import GLAZES
-from scenes.noise import noise
+from plateau.scenes.bar.room import GLAZES
+from plateau.scenes.noise import noise
 
 Picture = npt.NDArray[np.float64]
 

@@ -5,7 +5,7 @@ The back bar stands along the left wall, the counter in front of it; the window 
 
 import random
 
-from scenes.mesh import Mesh, Vector, cuboid, grained, joined, quads
+from plateau.scenes.mesh import Mesh, Vector, cuboid, grained, joined, quads
 
 # The room's walls.
 LEFT, RIGHT, FAR, NEAR, TALL = -1.85, 2.30, -3.40, 3.80, 2.90

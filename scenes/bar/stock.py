@@ -3,9 +3,9 @@
 import random
 from dataclasses import dataclass
 
-from scenes.bar.room import BAYS, COUNTER_TOP, SHELF_X, SHELVES
-from scenes.bar.vessels import BOTTLES
-from scenes.mesh import Vector
+from plateau.scenes.bar.room import BAYS, COUNTER_TOP, SHELF_X, SHELVES
+from plateau.scenes.bar.vessels import BOTTLES
+from plateau.scenes.mesh import Vector
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from itertools import pairwise
 
-from scenes.mesh import Face, Mesh, Vector
+from plateau.scenes.mesh import Face, Mesh, Vector
 
 #: A distance from the axis and a height.
 Point = tuple[float, float]

@@ -5,8 +5,8 @@ Lengths are in metres. A point of a profile that is given twice is an edge.
 
 from dataclasses import dataclass
 
-from scenes.bar.turning import Point, rounded, turned
-from scenes.mesh import Mesh
+from plateau.scenes.bar.turning import Point, rounded, turned
+from plateau.scenes.mesh import Mesh
 
 _BOTTLE, _GLASS = 24, 48
 

@@ -1,4 +1,4 @@
-"""Builds the box: `python -m scenes.box.build` writes scene.xml and meshes/.
+"""Builds the box: `python -m plateau.scenes.box.build` writes scene.xml and meshes/.
 
 A room of our own, 2.4 wide, 2 high and 2.2 deep, open towards the camera: an ochre wall, a teal
 wall, a tall block, a low plinth with a glossy ball on it, and one rectangle of white light in the
@@ -8,8 +8,8 @@ global illumination, with none of the data of Cornell's.
 
 from pathlib import Path
 
-from scenes.build import document, scene_files, write_files
-from scenes.mesh import Mesh, ball, block, quads
+from plateau.scenes.build import document, scene_files, write_files
+from plateau.scenes.mesh import Mesh, ball, block, quads
 
 HERE = Path(__file__).parent
 

@@ -1,4 +1,4 @@
-"""Builds OCULIST: `python -m scenes.oculist.build` writes scene.xml, meshes/ and textures/.
+"""Builds OCULIST: `python -m plateau.scenes.oculist.build` writes scene.xml, meshes/ and textures/.
 
 A museum case about an eye in mosaic, between inscribed tablets, with three oculists' stamps and
 four bronze instruments on a woven cloth. Takouachet et al. (2007) judged such a case, dense with
@@ -10,13 +10,13 @@ from pathlib import Path
 
 import numpy as np
 
-from scenes.build import document, numbers, scene_files, write_files
-from scenes.mesh import Vector
-from scenes.noise import noise
-from scenes.oculist.case import meshes
-from scenes.oculist.lettering import Field, cut
-from scenes.oculist.mosaic import mosaic
-from scenes.oculist.textures import cloth, grain, grey, inscribed, png, tinted, wood
+from plateau.scenes.build import document, numbers, scene_files, write_files
+from plateau.scenes.mesh import Vector
+from plateau.scenes.noise import noise
+from plateau.scenes.oculist.case import meshes
+from plateau.scenes.oculist.lettering import Field, cut
+from plateau.scenes.oculist.mosaic import mosaic
+from plateau.scenes.oculist.textures import cloth, grain, grey, inscribed, png, tinted, wood
 
 HERE = Path(__file__).parent
 

@@ -1,9 +1,9 @@
 """Where everything is in the case: x to the right, y up, z towards the camera, floor at 0."""
 
-from scenes.mesh import Mesh, Vector, cuboid, grained, joined, quads
-from scenes.oculist.instruments import probe, scalpel, spoon, tweezers
-from scenes.oculist.stamps import stamp
-from scenes.oculist.surfaces import placed, plane
+from plateau.scenes.mesh import Mesh, Vector, cuboid, grained, joined, quads
+from plateau.scenes.oculist.instruments import probe, scalpel, spoon, tweezers
+from plateau.scenes.oculist.stamps import stamp
+from plateau.scenes.oculist.surfaces import placed, plane
 
 # The case's inside.
 _X, _BACK, _FRONT, _TALL = 1.22, -0.80, 0.92, 1.36

@@ -2,8 +2,8 @@
 
 from collections.abc import Sequence
 
-from scenes.mesh import Mesh, Vector, joined
-from scenes.oculist.surfaces import tube
+from plateau.scenes.mesh import Mesh, Vector, joined
+from plateau.scenes.oculist.surfaces import tube
 
 #: A section: where along the length (0 to 1), how high in lengths, half its width and half its
 #: height in radii of the handle.

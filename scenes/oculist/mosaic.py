@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from scenes.oculist.lettering import Field
+from plateau.scenes.oculist.lettering import Field
 
 #: Pixels along the side, and tesserae along the side.
 _SIZE = 640

@@ -4,10 +4,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from scenes.mesh import Mesh, Vector, joined
-from scenes.noise import noise
-from scenes.oculist.lettering import Field, cut
-from scenes.oculist.surfaces import plane, relief
+from plateau.scenes.mesh import Mesh, Vector, joined
+from plateau.scenes.noise import noise
+from plateau.scenes.oculist.lettering import Field, cut
+from plateau.scenes.oculist.surfaces import plane, relief
 
 #: Side of the repeat of the stone's texture, in units of the scene.
 _TILE = 0.42

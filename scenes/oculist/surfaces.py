@@ -3,8 +3,8 @@
 import math
 from collections.abc import Sequence
 
-from scenes.mesh import Face, Mesh, Vector
-from scenes.oculist.lettering import Field
+from plateau.scenes.mesh import Face, Mesh, Vector
+from plateau.scenes.oculist.lettering import Field
 
 
 def _circle(count: int) -> list[tuple[float, float]]:

@@ -7,8 +7,8 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image
 
-from scenes.noise import noise
-from scenes.oculist.lettering import Field, cut
+from plateau.scenes.noise import noise
+from plateau.scenes.oculist.lettering import Field, cut
 
 Bytes = npt.NDArray[np.uint8]
 

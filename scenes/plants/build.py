@@ -1,4 +1,4 @@
-"""Builds the plants: `python -m scenes.plants.build` writes scene.xml, meshes/ and textures/.
+"""Builds the plants: `python -m plateau.scenes.plants.build` writes all its files.
 
 A garden corner of our own, in metres: an old wall with ivy, paving with a terracotta pot of
 daisies and a glazed jar, and a bed of ferns, hostas and foxgloves, in dappled sun.
@@ -13,11 +13,11 @@ import math
 from collections.abc import Callable
 from pathlib import Path
 
-from scenes.build import document, scene_files, write_files
-from scenes.mesh import Mesh, Vector
-from scenes.plants import flora, masonry
-from scenes.plants.pictures import textures, to_png
-from scenes.plants.planting import SUN, Placement, placements
+from plateau.scenes.build import document, scene_files, write_files
+from plateau.scenes.mesh import Mesh, Vector
+from plateau.scenes.plants import flora, masonry
+from plateau.scenes.plants.pictures import textures, to_png
+from plateau.scenes.plants.planting import SUN, Placement, placements
 
 HERE = Path(__file__).parent
 

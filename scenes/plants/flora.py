@@ -6,8 +6,8 @@ from random import Random
 
 import numpy as np
 
-from scenes.mesh import Mesh
-from scenes.plants.sheets import Points, Sheets, arching, blade, lathe, turned
+from plateau.scenes.mesh import Mesh
+from plateau.scenes.plants.sheets import Points, Sheets, arching, blade, lathe, turned
 
 GOLDEN_DEG = 137.50776
 

@@ -6,8 +6,8 @@ from random import Random
 
 import numpy as np
 
-from scenes.mesh import Mesh, Vector
-from scenes.plants.sheets import Points, Sheets, lathe
+from plateau.scenes.mesh import Mesh, Vector
+from plateau.scenes.plants.sheets import Points, Sheets, lathe
 
 WALL_Z = -1.0
 #: Where the pots stand.

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from scenes.plants.flora import frond_outline
+from plateau.scenes.plants.flora import frond_outline
 
 Plane = NDArray[np.float64]
 Colour = tuple[float, float, float]

@@ -4,8 +4,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from random import Random
 
-from scenes.mesh import Vector
-from scenes.plants.masonry import JAR_AT, POT_AT, WALL_Z, corners, soil_height
+from plateau.scenes.mesh import Vector
+from plateau.scenes.plants.masonry import JAR_AT, POT_AT, WALL_Z, corners, soil_height
 
 #: Towards the sun.
 SUN: Vector = (-0.62, 0.68, 0.38)

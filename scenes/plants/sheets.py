@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from scenes.mesh import Face, Mesh
+from plateau.scenes.mesh import Face, Mesh
 
 #: Numbers of any shape whose last axis holds x, y, z or u, v.
 Points = NDArray[np.float64]

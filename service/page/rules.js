@@ -1,5 +1,5 @@
 // The stopping rules and the rest of a spec, as a form explains them: a sentence for each.
-// Values, `min` and `max` are the spec's own (farm/spec.py), and a test compares them; a form shows them over `scale`.
+// Values, `min` and `max` are the spec's own (farm/model/spec.py), and a test compares them; a form shows them over `scale`.
 
 const pixelsAt512 = { type: "number", min: 0, max: 512 * 512, step: "any" };
 const spp = { min: 1, max: 1_000_000, step: 1 };

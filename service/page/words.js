@@ -1,4 +1,4 @@
-// Figures and states in words, as farm/figures.py and the command line say them; a test compares them.
+// Figures and states in words, as farm/wire/figures.py and the command line say them; a test compares them.
 
 const WHOLE = new Intl.NumberFormat("en-GB", { maximumFractionDigits: 0 });
 const THREE = new Intl.NumberFormat("en-GB", { maximumSignificantDigits: 3 });

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from farm.exr import decode_image
-from farm.spec import JobSpec
+from plateau.farm.images.exr import decode_image
+from plateau.farm.model.spec import JobSpec
 from tests.support.real_farm import BOX, RealFarm, until
 
 #: Small and quick: each frame converges after a few hundred spp.

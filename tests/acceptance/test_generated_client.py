@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from farm.exr import decode_image
 from plateau.client import DEFAULT_URL
+from plateau.farm.images.exr import decode_image
 from tests.support.real_farm import BOX, RealFarm
 
 DOCUMENT = Path(__file__).parents[2] / "docs" / "client.md"

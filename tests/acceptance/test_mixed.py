@@ -19,7 +19,7 @@ SPEC = {
 
 def render_child(supervisor: int) -> psutil.Process:
     children = psutil.Process(supervisor).children(recursive=True)
-    return next(child for child in children if "worker.child" in child.cmdline())
+    return next(child for child in children if "plateau.worker.child" in child.cmdline())
 
 
 def test_a_job_does_not_wait_for_a_worker_that_is_stuck(farm: RealFarm) -> None:

@@ -2,7 +2,7 @@
 
 import pytest
 
-from farm import blobs
+from plateau.farm.blobs import store as blobs
 from tests.support.faulty_farm import SPEC
 from tests.support.invariants import Outcome, assert_same, outcome
 from tests.support.real_farm import RealFarm, until

@@ -14,11 +14,11 @@ import numpy as np
 import psutil
 import pytest
 
-from farm.exr import Pixels
-from farm.seeds import SeedSchedule
-from service.views import JobView
+from plateau.farm.images.exr import Pixels
+from plateau.farm.model.seeds import SeedSchedule
+from plateau.farm.wire.views import JobView
+from plateau.worker.supervisor.variants import choose
 from tests.support.real_farm import BOX, RealFarm, until
-from worker.variants import choose
 
 SIZE = 48
 SPEC = {
@@ -82,7 +82,7 @@ def test_it_is_what_mitsuba_renders_in_one_process(undisturbed: Outcome, cache: 
     program = """
 import sys, json, numpy as np
 from pathlib import Path
-from worker.renderer import Renderer
+from plateau.worker.renderers.mitsuba.renderer import Renderer
 variant, size, passes, into = json.loads(sys.stdin.read())
 renderer = Renderer(variant, threads=2)
 shape = {"width": str(size), "height": str(size)}

@@ -6,8 +6,8 @@ from dataclasses import asdict
 import pytest
 
 from bench.api import figures, tables
+from bench.support.load.service_load import PHASES, Plan, measure
 from bench.support.report import machine
-from bench.support.service_load import PHASES, Plan, measure
 
 PLAN = Plan(
     jobs=120,

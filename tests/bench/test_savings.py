@@ -11,16 +11,9 @@ from bench.experiment.other_rules import (
     luxcore_displayed,
 )
 from bench.experiment.savings_tables import scene_tables, summary_table, time_ratios
-from bench.experiment.spending import (
-    CYCLES,
-    CYCLES_ADAPTIVE,
-    RULES,
-    Left,
-    Spending,
-    Stop,
-)
+from bench.experiment.spending import CYCLES, CYCLES_ADAPTIVE, RULES, Left, Spending, Stop
 from bench.experiment.truth import converged_spp
-from metric import Image, View
+from plateau.metric import Image, View
 
 
 def grey(value: float, *, size: int = 4) -> Image:

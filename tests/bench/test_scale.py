@@ -7,9 +7,10 @@ from pathlib import Path
 import pytest
 
 from bench.scale import figures, tables
-from bench.support import scale_farm, scale_load
+from bench.support.farms import scale_farm
+from bench.support.load import scale_load
+from bench.support.load.scale_load import Plan, measure
 from bench.support.report import machine
-from bench.support.scale_load import Plan, measure
 
 
 @pytest.mark.timeout(600)

@@ -12,8 +12,14 @@ from bench.experiment.savings_tables import time_ratios
 from bench.experiment.series import Measured
 from bench.experiment.spending import CYCLES_ADAPTIVE, FIXED_SPP, RULES, Spending
 from bench.support import report
-from farm.spec import JobSpec, MultipleSpec, MyszkowskiSpec, ReverseSpec, SuccessiveSpec
-from plateau.judge import find_series, judge_series
+from plateau.farm.model.spec import (
+    JobSpec,
+    MultipleSpec,
+    MyszkowskiSpec,
+    ReverseSpec,
+    SuccessiveSpec,
+)
+from plateau.files.image_series import find_series, judge_series
 from tests.bench.conftest import SIZE
 
 

@@ -10,11 +10,11 @@ import psutil
 import pytest
 
 from bench import farm
-from bench.support.plateau_render import Watch
+from bench.support.farms.plateau_render import Watch
 from bench.support.report import machine
 from bench.support.turns import Ran, take_turns
-from farm.settings import Settings
-from worker.variants import choose
+from plateau.farm.process.settings import Settings
+from plateau.worker.supervisor.variants import choose
 
 _SPIN = "import time\nwhile time.process_time() < 0.6: pass"
 _SPIN_BELOW = f"import subprocess, sys\nsubprocess.run([sys.executable, '-c', {_SPIN!r}])"

@@ -4,8 +4,8 @@ import json
 from dataclasses import asdict
 
 from bench import waste
+from bench.support.farms.synthetic_noise import Render
 from bench.support.report import machine
-from bench.support.synthetic_noise import Render
 
 
 def test_what_workers_render_for_nothing_is_counted() -> None:

@@ -14,10 +14,10 @@ from pathlib import Path
 import redis
 import trustme
 
-from farm.blobs import Blobs
-from farm.jobs import Jobs
-from farm.redis_acl import rules
 from plateau.client import Client
+from plateau.farm.blobs.store import Blobs
+from plateau.farm.ledger.jobs import Jobs
+from plateau.farm.redis.acl import rules
 from tests.support.real_farm import RealFarm
 
 #: Whom the tests look with; the rest is what `plateau redis-acl` prints.

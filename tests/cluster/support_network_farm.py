@@ -7,9 +7,9 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
-from farm import blobs
-from farm.embedded import EmbeddedRedis
-from farm.workers import Workers
+from plateau.farm.blobs import store as blobs
+from plateau.farm.ledger.workers import Workers
+from plateau.farm.redis.embedded import EmbeddedRedis
 from tests.cluster.support_network import Network
 from tests.support.faulty_farm import FaultyFarm
 from tests.support.real_farm import until

@@ -11,13 +11,13 @@ import time
 
 from redis.exceptions import RedisError
 
-from farm.errors import StoreUnavailable
-from farm.redis_link import connect, connect_to_renew, now_ms, unavailable_as_farm_error
-from farm.stop import Stop
-from farm.wake import Wake
-from service.event_hub import EventHub
+from plateau.farm.model.errors import StoreUnavailable
+from plateau.farm.process.stop import Stop
+from plateau.farm.redis.link import connect, connect_to_renew, now_ms, unavailable_as_farm_error
+from plateau.farm.redis.wake import Wake
+from plateau.service.api.events.hub import EventHub
 
-#: That of `farm.settings`.
+#: That of `plateau.farm.process.settings`.
 LEASE_S = 15.0
 
 

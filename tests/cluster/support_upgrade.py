@@ -9,10 +9,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from farm import keys
-from farm.job import Event
-from farm.spec import JobSpec
 from plateau.client import Client, PointEvent
+from plateau.farm.model.job import Event
+from plateau.farm.model.spec import JobSpec
+from plateau.farm.redis import keys
 from tests.support.faulty_farm import SPEC, FaultyFarm
 from tests.support.real_farm import BOX, until
 

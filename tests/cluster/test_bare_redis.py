@@ -8,8 +8,8 @@ import pytest
 import redis
 
 from plateau.client import Client
-from service.study_views import Screen
-from service.views import JobView
+from plateau.farm.wire.study_views import Screen
+from plateau.farm.wire.views import JobView
 from tests.cluster.support_bare import (
     BareFarm,
     Certificates,

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 import redis
 
-from farm.redis_link import connect
+from plateau.farm.redis.link import connect
 from tests.cluster.support_bare import (
     ROOT,
     ROOT_PASSWORD,

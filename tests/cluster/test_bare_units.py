@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from farm.redis_acl import rules
-from farm.settings import Settings
-from plateau.tree import _STOP_S
+from plateau.farm.process.settings import Settings
+from plateau.farm.redis.acl import rules
+from plateau.processes.tree import _STOP_S
 
 DEPLOY = Path(__file__).parents[2] / "deploy" / "systemd"
 UNITS = ("plateau-api.service", "plateau-monitor.service", "plateau-worker@.service")

@@ -12,7 +12,7 @@ import jsonschema_rs
 import pytest
 import yaml
 
-from farm.settings import Settings
+from plateau.farm.process.settings import Settings
 from tests.cluster import support_chart as chart
 from tests.cluster import support_containerfile as containerfile
 from tests.cluster.support_chart import ROOT, Find

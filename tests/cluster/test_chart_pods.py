@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 import typer.main
 
-from farm.settings import Settings
 from plateau.cli import app
+from plateau.farm.process.settings import Settings
 from tests.cluster import support_chart as chart
 from tests.cluster.support_chart import EXAMPLES, Manifest
 

@@ -11,10 +11,10 @@ import httpx
 import pytest
 import yaml
 
-from farm.spec import JobSpec
-from farm.states import JobState
-from metric.compiled.jit import cache_folder
 from plateau.client import Client
+from plateau.farm.model.spec import JobSpec
+from plateau.farm.model.states import JobState
+from plateau.metric.compiled.jit import cache_folder
 from tests.cluster import support_chart as chart
 from tests.cluster.support_chart import ROOT, Find, Manifest
 from tests.cluster.support_pods import Node, needs_root, users_acl

@@ -12,7 +12,7 @@ from typing import Final
 
 import pytest
 
-from farm.sweep import sweep
+from plateau.farm.sweep import sweep
 from tests.cluster.support_network import Network
 from tests.cluster.support_network_farm import MONITOR, REDIS, SPEC, WORKERS, NetworkFarm
 from tests.support.invariants import assert_same, outcome

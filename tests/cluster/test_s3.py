@@ -12,9 +12,9 @@ import pytest
 import redis
 import trustme
 
-from farm.blobs import MARK, Blobs
-from farm.errors import BlobsUnavailable, WrongStore
-from farm.pairing import check_pair
+from plateau.farm.blobs.store import MARK, Blobs
+from plateau.farm.ledger.pairing import check_pair
+from plateau.farm.model.errors import BlobsUnavailable, WrongStore
 from tests.cluster.support_s3 import BUCKET, SECRET, Network, S3Server
 from tests.support.blob_contract import BIG, BlobContract
 from tests.support.commands import until
@@ -60,7 +60,7 @@ def test_a_listing_has_many_pages(store: Blobs, form: str) -> None:
 
 RACER = """
 import sys
-from farm.blobs import Blobs
+from plateau.farm.blobs.store import Blobs
 store = Blobs(sys.argv[1])
 store.names("")
 print("ready", flush=True)
@@ -149,7 +149,7 @@ def test_a_server_that_is_killed_in_the_middle_of_a_put(store: Blobs, server: S3
 
 def test_a_process_that_is_killed_in_the_middle_of_a_put(store: Blobs) -> None:
     program = (
-        "import io, sys, time; from farm.blobs import Blobs\n"
+        "import io, sys, time; from plateau.farm.blobs.store import Blobs\n"
         "class Slow(io.BytesIO):\n"
         "    def read(self, size=-1):\n"
         "        if self.tell() > 12_000_000:\n"
@@ -220,7 +220,7 @@ class TestAnAnswerThatWasLost:
     def test_for_as_long_as_the_network_is_cut(
         self, network: Network, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        monkeypatch.setattr("farm.blob_bucket._SILENCE_S", 1.0)
+        monkeypatch.setattr("plateau.farm.blobs.bucket._SILENCE_S", 1.0)
         store = Blobs(f"s3://{BUCKET}/{tmp_path.name}")
         store.make_mark("ours")
         network.silent = True

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from farm.exr import decode_image
 from plateau.client import Client
+from plateau.farm.images.exr import decode_image
 from tests.cluster.support_s3 import BUCKET, KEY, SECRET, Network, S3Server
 from tests.support.commands import Command
 from tests.support.faulty_farm import SPEC, FaultyFarm

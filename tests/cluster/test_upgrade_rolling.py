@@ -7,8 +7,8 @@ from typing import Literal
 
 import pytest
 
-from farm import keys
-from service.event_feed import position
+from plateau.farm.redis import keys
+from plateau.service.api.events.feed import position
 from tests.cluster.support_upgrade import Member, People, UpgradedFarm
 from tests.support.faulty_farm import SPEC
 from tests.support.invariants import assert_same, outcome

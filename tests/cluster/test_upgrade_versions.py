@@ -14,12 +14,13 @@ from typing import Any, Literal
 import pytest
 from PIL import Image
 
-from farm import keys, versions
-from farm.embedded import EmbeddedRedis
-from farm.job import Worker
-from farm.spec import JobSpec
 from plateau.client import Client
-from plateau.exits import ExitCode
+from plateau.exit_codes import ExitCode
+from plateau.farm.model import versions
+from plateau.farm.model.job import Worker
+from plateau.farm.model.spec import JobSpec
+from plateau.farm.redis import keys
+from plateau.farm.redis.embedded import EmbeddedRedis
 from tests.support.faulty_farm import SPEC, FaultyFarm
 from tests.support.invariants import assert_same, outcome
 from tests.support.real_farm import BOX, until

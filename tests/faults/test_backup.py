@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from farm.spec import JobSpec
-from farm.states import JobState
 from plateau.client import Client
-from service.views import JobView
+from plateau.farm.model.spec import JobSpec
+from plateau.farm.model.states import JobState
+from plateau.farm.wire.views import JobView
 from tests.support.commands import Command, until
 from tests.support.real_farm import BOX
 

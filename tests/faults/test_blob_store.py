@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from farm import blobs
+from plateau.farm.blobs import store as blobs
 from tests.support.every_time import EVERY_TIME
 from tests.support.faulty_farm import SPEC, FaultyFarm
 from tests.support.invariants import Outcome, assert_same, outcome

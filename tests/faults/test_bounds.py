@@ -21,14 +21,15 @@ import psutil
 import pytest
 import redis
 
-from farm import blobs, keys
-from farm.job import Job
-from farm.ownership import Ownerships
-from farm.queue import SliceQueue
-from farm.redis_link import connect
-from farm.spec import JobSpec
-from farm.sweep import sweep
-from service.previews import MOST as MOST_PREVIEWS
+from plateau.farm.blobs import store as blobs
+from plateau.farm.ledger.ownership import Ownerships
+from plateau.farm.ledger.queue import SliceQueue
+from plateau.farm.model.job import Job
+from plateau.farm.model.spec import JobSpec
+from plateau.farm.redis import keys
+from plateau.farm.redis.link import connect
+from plateau.farm.sweep import sweep
+from plateau.service.judging.previews import MOST as MOST_PREVIEWS
 from tests.support import long_tests
 from tests.support.invariants import RESULTS, check_job
 from tests.support.noise_farm import NoiseFarm

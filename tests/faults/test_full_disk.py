@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
-from farm.exr import decode_image
-from farm.spec import JobSpec
 from plateau.client import Client
+from plateau.farm.images.exr import decode_image
+from plateau.farm.model.spec import JobSpec
 from tests.support.commands import Command, until
 from tests.support.faulty_farm import SPEC
 from tests.support.invariants import Outcome

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from farm.spec import JobSpec
-from service.views import JobView
+from plateau.farm.model.spec import JobSpec
+from plateau.farm.wire.views import JobView
 from tests.support.faulty_farm import SPEC, FaultyFarm
 from tests.support.invariants import check_job
 from tests.support.real_farm import until

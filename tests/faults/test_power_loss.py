@@ -21,15 +21,15 @@ import psutil
 import pytest
 import redis
 
-from farm import blobs
-from farm.blobs import Blobs
-from farm.embedded import EmbeddedRedis
-from farm.errors import JobNotFound
-from farm.jobs import Jobs
-from farm.redis_link import connect
-from farm.states import JobState
 from plateau.client import Client, ClientError
-from service.views import JobView
+from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs.store import Blobs
+from plateau.farm.ledger.jobs import Jobs
+from plateau.farm.model.errors import JobNotFound
+from plateau.farm.model.states import JobState
+from plateau.farm.redis.embedded import EmbeddedRedis
+from plateau.farm.redis.link import connect
+from plateau.farm.wire.views import JobView
 from tests.support import long_tests
 from tests.support.bundles import scene
 from tests.support.commands import Command, until
@@ -51,7 +51,7 @@ while True:
     put(name, content)
     print(name, flush=True)
 """
-BY_BLOBS = "from farm.blobs import Blobs; put = Blobs(str(where)).put"
+BY_BLOBS = "from plateau.farm.blobs.store import Blobs; put = Blobs(str(where)).put"
 BY_OBSTORE = """
 import obstore; from obstore.store import LocalStore
 store = LocalStore(where, mkdir=True); put = lambda name, content: obstore.put(store, name, content)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from farm.sweep import sweep
+from plateau.farm.sweep import sweep
 from tests.support.chaos import Chaos
 from tests.support.faulty_farm import SPEC, FaultyFarm
 from tests.support.invariants import Outcome, assert_same, outcome

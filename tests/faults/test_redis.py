@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from farm.errors import StoreUnavailable
-from farm.redis_link import connect
+from plateau.farm.model.errors import StoreUnavailable
+from plateau.farm.redis.link import connect
 from tests.support.faulty_farm import FaultyFarm
 from tests.support.invariants import Outcome, assert_same, outcome
 from tests.support.long_tests import cases

@@ -11,7 +11,7 @@ from typing import Any
 import httpx
 import pytest
 
-from farm import blobs
+from plateau.farm.blobs import store as blobs
 from tests.support.bundles import scene as scene_xml
 from tests.support.every_time import EVERY_TIME
 from tests.support.faulty_farm import SPEC, FaultyFarm

@@ -7,11 +7,11 @@ from pathlib import Path
 import httpx
 import pytest
 
-from farm import keys
-from farm.embedded import EmbeddedRedis
-from farm.redis_link import connect
-from farm.schema import VERSION
-from plateau.exits import ExitCode
+from plateau.exit_codes import ExitCode
+from plateau.farm.ledger.schema import VERSION
+from plateau.farm.redis import keys
+from plateau.farm.redis.embedded import EmbeddedRedis
+from plateau.farm.redis.link import connect
 from tests.support.commands import Command, until
 
 READY = r"listens at (http://127\.0\.0\.1:\d+)"

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from farm import blobs
-from farm.blobs import Blobs
 from plateau.client import ApiError, Client
+from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs.store import Blobs
 from tests.support.bundles import scene
 from tests.support.live_api import live_api
 

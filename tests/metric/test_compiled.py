@@ -6,10 +6,10 @@ import sys
 import numpy as np
 import pytest
 
-from metric import View, VisibleDifferences
-from metric.compiled import CompiledVisibleDifferences
-from metric.compiled.levels import SLICE
-from metric.compiled.predictor import COMPARISONS_BEFORE_KEEPING
+from plateau.metric import View, VisibleDifferences
+from plateau.metric.compiled import CompiledVisibleDifferences
+from plateau.metric.compiled.levels import SLICE
+from plateau.metric.compiled.predictor import COMPARISONS_BEFORE_KEEPING
 
 #: The share of pixels in which the two may differ.
 TOLERANCE = 1e-4

@@ -12,8 +12,8 @@ import numba
 import numpy as np
 import pytest
 
-import metric.compiled
-from metric.compiled import (
+import plateau.metric.compiled
+from plateau.metric.compiled import (
     CompiledVisibleDifferences,
     arithmetic,
     cache_folder,
@@ -24,9 +24,9 @@ from metric.compiled import (
     light,
     threshold,
 )
-from metric.csf import CONE_CURVE_FROM, CONE_LINE_FROM, ROD_LINE_FROM, luminance_threshold
-from metric.denoise import smoothed
-from metric.vdp import VisibleDifferences
+from plateau.metric.csf import CONE_CURVE_FROM, CONE_LINE_FROM, ROD_LINE_FROM, luminance_threshold
+from plateau.metric.denoise import smoothed
+from plateau.metric.vdp import VisibleDifferences
 
 
 @numba.njit
@@ -127,8 +127,8 @@ def test_every_loop_is_vectorised(loop):
 DIGEST = """
 import hashlib
 import numpy as np
-from metric import View
-from metric.compiled import CompiledVisibleDifferences
+from plateau.metric import View
+from plateau.metric.compiled import CompiledVisibleDifferences
 
 generator = np.random.default_rng(3)
 pair = [generator.gamma(2, 0.2, (60, 200, 3)).astype(np.float32) for _ in range(2)]
@@ -167,7 +167,7 @@ class TestTheCache:
 
     def test_else_it_is_beside_the_package(self, monkeypatch):
         monkeypatch.setattr(numba.config, "CACHE_DIR", "")
-        package = Path(metric.compiled.__file__).parent
+        package = Path(plateau.metric.compiled.__file__).parent
         assert cache_folder().parent == package / "__pycache__"
 
     def test_else_with_the_user(self, monkeypatch, tmp_path):
@@ -192,7 +192,7 @@ class TestTheCache:
 
     @pytest.mark.parametrize("source", ["csf.py", "compiled/elevation.py"])
     def test_a_changed_constant_makes_another_one(self, monkeypatch, tmp_path, source):
-        package = Path(metric.compiled.__file__).parents[1]
+        package = Path(plateau.metric.compiled.__file__).parents[1]
         shutil.copytree(package, tmp_path / "metric", ignore=shutil.ignore_patterns("__pycache__"))
         monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
         monkeypatch.setattr(jit, "_PACKAGE", tmp_path / "metric" / "compiled")

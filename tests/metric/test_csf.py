@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from metric.csf import contrast_sensitivity, luminance_threshold, masking
+from plateau.metric.csf import contrast_sensitivity, luminance_threshold, masking
 
 #: Where the pieces of the threshold meet, log10 cd/m².
 JOINTS = [-3.94, -1.44, -0.0184, 1.9]

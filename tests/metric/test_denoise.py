@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from metric import Half, View, VisibleDifferences
-from metric.denoise import denoised
-from metric.noise_model import noise_model
+from plateau.metric import Half, View, VisibleDifferences
+from plateau.metric.denoise import denoised
+from plateau.metric.noise_model import noise_model
 
 GREY = np.full((96, 96, 3), 0.5, np.float32)
 METRIC = VisibleDifferences(View())

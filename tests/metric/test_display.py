@@ -3,8 +3,8 @@ import math
 import numpy as np
 import pytest
 
-from metric import View, encode_srgb
-from metric.display import as_image, displayed, finite_pixels, opponent_chroma, tristimulus
+from plateau.metric import View, encode_srgb
+from plateau.metric.display import as_image, displayed, finite_pixels, opponent_chroma, tristimulus
 
 
 def pixel(*channels):

@@ -6,9 +6,12 @@ import pkgutil
 
 import pytest
 
-import metric
+from plateau import metric
 
-MODULES = ["metric", *(m.name for m in pkgutil.walk_packages(metric.__path__, "metric."))]
+MODULES = [
+    "plateau.metric",
+    *(m.name for m in pkgutil.walk_packages(metric.__path__, "plateau.metric.")),
+]
 
 
 @pytest.mark.parametrize("name", MODULES)
@@ -16,7 +19,15 @@ def test_the_examples_hold(name):
     assert doctest.testmod(importlib.import_module(name)).failed == 0
 
 
-@pytest.mark.parametrize("name", ["metric.csf", "metric.display", "metric.pyramid", "metric.vdp"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "plateau.metric.csf",
+        "plateau.metric.display",
+        "plateau.metric.pyramid",
+        "plateau.metric.vdp",
+    ],
+)
 def test_every_public_function_of_the_numerics_has_an_example(name):
     module = importlib.import_module(name)
     functions = {

@@ -6,7 +6,15 @@ import json
 import numpy as np
 import pytest
 
-from metric import Evidence, Memory, Multiple, Myszkowski, Successive, View, VisibleDifferences
+from plateau.metric import (
+    Evidence,
+    Memory,
+    Multiple,
+    Myszkowski,
+    Successive,
+    View,
+    VisibleDifferences,
+)
 
 METRIC = VisibleDifferences(View())
 SIDE = 32

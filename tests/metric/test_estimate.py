@@ -7,7 +7,7 @@ grey masks nothing, so that noise which masks itself would show.
 import numpy as np
 import pytest
 
-from metric import Half, View, VisibleDifferences, half_buffer_estimate
+from plateau.metric import Half, View, VisibleDifferences, half_buffer_estimate
 
 METRIC = VisibleDifferences(View())
 TRUTH = np.full((128, 128, 3), 0.35, np.float32)

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from metric import View, VisibleDifferences
-from metric.compiled import CompiledVisibleDifferences
+from plateau.metric import View, VisibleDifferences
+from plateau.metric.compiled import CompiledVisibleDifferences
 
 GOLDENS = Path(__file__).parents[1] / "reference" / "goldens"
 ROWS = json.loads((GOLDENS / "counts.json").read_text())

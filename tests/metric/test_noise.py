@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from bench.support.synthetic_noise import NOISES, SCENES
-from metric import View, VisibleDifferences
-from metric.compiled import CompiledVisibleDifferences
+from bench.support.farms.synthetic_noise import NOISES, SCENES
+from plateau.metric import View, VisibleDifferences
+from plateau.metric.compiled import CompiledVisibleDifferences
 
 SIZE, SEEDS = 48, 6
 #: Standard deviation of the noise as a share of the light, from hardly visible to plain.

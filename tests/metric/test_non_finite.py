@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from metric import MAP_PALETTE, allowed_non_finite, non_finite_map, non_finite_pixels
+from plateau.metric import MAP_PALETTE, allowed_non_finite, non_finite_map, non_finite_pixels
 
 
 @pytest.mark.parametrize(

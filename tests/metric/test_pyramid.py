@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from metric.pyramid import blurred_levels, border_index
+from plateau.metric.pyramid import blurred_levels, border_index
 
 WEIGHTS = {-2: 0.05, -1: 0.25, 0: 0.4, 1: 0.25, 2: 0.05}
 

@@ -12,9 +12,9 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from metric import Estimate, Evidence, View, VisibleDifferences, create_rule
-from metric.rules.line import least_squares_slope
-from metric.vdp import Difference
+from plateau.metric import Estimate, Evidence, View, VisibleDifferences, create_rule
+from plateau.metric.rules.line import least_squares_slope
+from plateau.metric.vdp import Difference
 
 CURVES = Path(__file__).parents[1] / "reference" / "curves"
 #: Of every recorded image.

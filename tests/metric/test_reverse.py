@@ -11,8 +11,8 @@ import math
 import numpy as np
 import pytest
 
-from metric import Evidence, Memory, Reverse, View, VisibleDifferences
-from metric.rules.line import least_squares_slope
+from plateau.metric import Evidence, Memory, Reverse, View, VisibleDifferences
+from plateau.metric.rules.line import least_squares_slope
 
 METRIC = VisibleDifferences(View())
 SIDE = 64

@@ -6,8 +6,8 @@ from types import FunctionType, ModuleType
 import numpy as np
 import pytest
 
-from metric import RULES, Evidence, Half, View, VisibleDifferences, create_rule
-from metric.compiled import CompiledVisibleDifferences
+from plateau.metric import RULES, Evidence, Half, View, VisibleDifferences, create_rule
+from plateau.metric.compiled import CompiledVisibleDifferences
 
 SIDE = 96
 PIXELS = SIDE * SIDE

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from metric import (
+from plateau.metric import (
     RULES,
     Evidence,
     Fixed,
@@ -16,7 +16,7 @@ from metric import (
     VisibleDifferences,
     create_rule,
 )
-from metric.compiled import CompiledVisibleDifferences
+from plateau.metric.compiled import CompiledVisibleDifferences
 
 METRIC = VisibleDifferences(View())
 GREY = np.full((8, 8, 3), 0.35, np.float32)

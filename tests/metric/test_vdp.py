@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from metric import View, VisibleDifferences, visible_differences
-from metric.compiled import CompiledVisibleDifferences
+from plateau.metric import View, VisibleDifferences, visible_differences
+from plateau.metric.compiled import CompiledVisibleDifferences
 
 
 @pytest.fixture

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from metric import Evidence, Half, Memory, View, Visible, VisibleDifferences, forecast
+from plateau.metric import Evidence, Half, Memory, View, Visible, VisibleDifferences, forecast
 
 METRIC = VisibleDifferences(View())
 SIDE = 64

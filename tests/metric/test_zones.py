@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from metric import zone_edges, zone_fractions
+from plateau.metric import zone_edges, zone_fractions
 
 
 @pytest.mark.parametrize("size", [1, 15, 16, 17, 100, 333, 512, 1080, 1920])

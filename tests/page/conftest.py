@@ -8,9 +8,9 @@ import pytest
 import redis
 from playwright.sync_api import Browser, Page
 
-from farm import keys
-from farm.blobs import Blobs
-from farm.embedded import EmbeddedRedis
+from plateau.farm.blobs.store import Blobs
+from plateau.farm.redis import keys
+from plateau.farm.redis.embedded import EmbeddedRedis
 from tests.support.browser import SharedChromium, Visitor
 from tests.support.live_api import live_api
 from tests.support.noise_farm import NoiseFarm

@@ -11,7 +11,7 @@ from typing import Final
 from PIL import Image
 from playwright.sync_api import Browser, Page
 
-from farm.study import Screen
+from plateau.farm.model.study import Screen
 from tests.support.browser import Visitor, chromium
 from tests.support.real_farm import BOX, RealFarm
 from tests.support.studies import SCREEN, sees

@@ -7,7 +7,7 @@ from importlib import resources
 import pytest
 from playwright.sync_api import Page, expect
 
-from farm.job import Job
+from plateau.farm.model.job import Job
 from tests.page.conftest import Visit
 from tests.support.commands import until
 from tests.support.noise_farm import NoiseFarm

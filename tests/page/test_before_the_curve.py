@@ -5,8 +5,8 @@ from collections.abc import Iterator
 import pytest
 from playwright.sync_api import Page, expect
 
-from farm.job import Job
-from farm.queue import Lease
+from plateau.farm.ledger.queue import Lease
+from plateau.farm.model.job import Job
 from tests.page.conftest import Visit
 from tests.page.test_job import is_shown, png
 from tests.support.commands import until

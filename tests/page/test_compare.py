@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from playwright.sync_api import Locator, Page, expect
 
-from farm import blobs
-from farm.exr import Pixels, decode_image, decode_partial
-from farm.job import Job
-from metric import encode_srgb
-from service.merge import Merge
-from service.previews import kept
+from plateau.farm.blobs import store as blobs
+from plateau.farm.images.exr import Pixels, decode_image, decode_partial
+from plateau.farm.model.job import Job
+from plateau.metric import encode_srgb
+from plateau.service.judging.merge import Merge
+from plateau.service.judging.previews import kept
 from tests.page.conftest import Visit
 from tests.page.test_access import violations
 from tests.page.test_job import SPEC, is_shown, pixels, png

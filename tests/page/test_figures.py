@@ -8,10 +8,11 @@ import redis
 from playwright.sync_api import Page, expect
 from typer.testing import CliRunner
 
-from farm import figures, keys
-from farm.states import JobState
-from metric.rules.words import counted
 from plateau.cli import app
+from plateau.farm.model.states import JobState
+from plateau.farm.redis import keys
+from plateau.farm.wire import figures
+from plateau.metric.rules.reasons import counted
 from tests.page.conftest import Visit
 from tests.support.noise_farm import NoiseFarm
 from tests.support.staged_job import StagedJob

@@ -4,7 +4,7 @@ import pytest
 import redis
 from playwright.sync_api import Locator, Page, expect
 
-from farm.batches import Batches
+from plateau.farm.ledger.batches import Batches
 from tests.page.conftest import Visit
 from tests.page.test_access import violations
 from tests.support.noise_farm import NoiseFarm

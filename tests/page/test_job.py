@@ -12,14 +12,14 @@ import pytest
 from PIL import Image
 from playwright.sync_api import Browser, Locator, Page, expect
 
-from farm import blobs
-from farm.embedded import EmbeddedRedis
-from farm.exr import decode_image
-from farm.job import Job
-from farm.redis_link import connect
-from metric import encode_srgb
-from metric.zones import zone_edges
-from service.previews import kept
+from plateau.farm.blobs import store as blobs
+from plateau.farm.images.exr import decode_image
+from plateau.farm.model.job import Job
+from plateau.farm.redis.embedded import EmbeddedRedis
+from plateau.farm.redis.link import connect
+from plateau.metric import encode_srgb
+from plateau.metric.zones import zone_edges
+from plateau.service.judging.previews import kept
 from tests.page.conftest import Visit
 from tests.support.browser import Visitor
 from tests.support.commands import until

@@ -6,7 +6,7 @@ import time
 import pytest
 from playwright.sync_api import Locator, Page, Request, expect
 
-from farm.states import JobState
+from plateau.farm.model.states import JobState
 from tests.page.conftest import Visit
 from tests.support.noise_farm import NoiseFarm
 

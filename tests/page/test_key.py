@@ -9,11 +9,11 @@ import pytest
 import redis
 from playwright.sync_api import Page, expect
 
-from farm.api_keys import ApiKeys, Role
-from service.examples import SCENE_XML
-from service.key_guard import Access
+from plateau.farm.ledger.api_keys import ApiKeys, Role
+from plateau.farm.wire.examples import SCENE_XML
+from plateau.service.api.access.key_guard import Access
 from tests.page.conftest import Visit
-from tests.service.test_api_workers import LIMITS
+from tests.service.api.test_workers import LIMITS
 from tests.support.commands import until
 from tests.support.live_api import live_api
 from tests.support.noise_farm import NoiseFarm

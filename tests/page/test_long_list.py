@@ -7,8 +7,8 @@ import pytest
 import redis
 from playwright.sync_api import Locator, Page, Request, expect
 
-from farm.scripts import Scripts
-from farm.states import JobState
+from plateau.farm.model.states import JobState
+from plateau.farm.redis.scripts import Scripts
 from tests.page.conftest import Visit
 from tests.support.commands import until
 from tests.support.noise_farm import NoiseFarm

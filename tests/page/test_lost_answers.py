@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Page, Route, expect
 
-from service.examples import SCENE_XML
+from plateau.farm.wire.examples import SCENE_XML
 from tests.page.conftest import Visit
 from tests.page.test_compare import finished
 from tests.support.browser import Visitor

@@ -11,8 +11,8 @@ import pytest
 import redis
 from playwright.sync_api import Browser, expect
 
-from farm.scene_index import SceneIndex
-from farm.states import JobState
+from plateau.farm.ledger.scene_index import SceneIndex
+from plateau.farm.model.states import JobState
 from tests.page.conftest import Visit
 from tests.support.noise_farm import NoiseFarm
 

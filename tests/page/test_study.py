@@ -10,10 +10,10 @@ import pytest
 from playwright.sync_api import Page, expect
 from typer.testing import CliRunner
 
-from farm.job import Job
-from farm.study import Screen
 from plateau.cli import app
 from plateau.client import Client
+from plateau.farm.model.job import Job
+from plateau.farm.model.study import Screen
 from tests.page.conftest import Visit
 from tests.page.test_access import violations
 from tests.page.test_job import is_shown, png

@@ -10,8 +10,8 @@ import pytest
 from playwright.sync_api import Page, expect
 from pydantic import BaseModel
 
-from farm.spec import JobSpec, RuleSpec, ViewSpec
-from service.examples import SCENE_XML
+from plateau.farm.model.spec import JobSpec, RuleSpec, ViewSpec
+from plateau.farm.wire.examples import SCENE_XML
 from tests.page.conftest import Visit
 from tests.support.noise_farm import NoiseFarm
 

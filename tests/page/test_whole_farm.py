@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import expect
 
-from plateau.packing import pack
+from plateau.files.packing import pack
 from tests.page.conftest import Visit
 from tests.support.real_farm import BOX, RealFarm
 

@@ -6,10 +6,10 @@ from datetime import datetime, timezone
 import redis
 from playwright.sync_api import expect
 
-from farm.errors import Refused
-from farm.members import note_refused
-from farm.queue import SliceQueue
-from tests.farm.test_workers import about
+from plateau.farm.ledger.members import note_refused
+from plateau.farm.ledger.queue import SliceQueue
+from plateau.farm.model.errors import Refused
+from tests.farm.ledger.test_workers import about
 from tests.page.conftest import Visit
 from tests.support.noise_farm import NoiseFarm
 

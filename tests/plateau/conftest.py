@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from farm.blobs import Blobs
-from farm.embedded import EmbeddedRedis
 from plateau.client import Client
+from plateau.farm.blobs.store import Blobs
+from plateau.farm.redis.embedded import EmbeddedRedis
 from tests.support.live_api import live_api
 
 

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scenes.bar import build, fittings, stock
-from scenes.bar.stock import Copy
+from plateau.scenes.bar import build, fittings, stock
+from plateau.scenes.bar.stock import Copy
 from tests.scenes.support import facts
 
 BAR = Path(build.__file__).parent

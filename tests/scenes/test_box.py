@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from scenes.box import build
-from scenes.mesh import Mesh, Vector
+from plateau.scenes.box import build
+from plateau.scenes.mesh import Mesh, Vector
 from tests.scenes.support import facts
 
 BOX = Path(build.__file__).parent

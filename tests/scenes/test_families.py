@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
-import scenes
-from farm.bundle import inspect_bundle
-from plateau.packing import pack
+from plateau import scenes
+from plateau.farm.bundle import inspect_bundle
+from plateau.files.packing import pack
 from tests.scenes.support import assert_checked_in
 
 MOST_BYTES = 2_000_000

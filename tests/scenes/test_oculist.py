@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scenes.mesh import Mesh
-from scenes.oculist import build, instruments
-from scenes.oculist.case import meshes
-from scenes.oculist.lettering import cut
-from scenes.oculist.stamps import stamp
+from plateau.scenes.mesh import Mesh
+from plateau.scenes.oculist import build, instruments
+from plateau.scenes.oculist.case import meshes
+from plateau.scenes.oculist.lettering import cut
+from plateau.scenes.oculist.stamps import stamp
 from tests.scenes.support import facts, pixels
 
 OCULIST = Path(build.__file__).parent

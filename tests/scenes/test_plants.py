@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scenes.mesh import Mesh
-from scenes.plants import build
-from scenes.plants.pictures import textures
-from scenes.plants.planting import SUN, placements
-from scenes.plants.sheets import Sheets, arching, blade, lathe, turned
+from plateau.scenes.mesh import Mesh
+from plateau.scenes.plants import build
+from plateau.scenes.plants.pictures import textures
+from plateau.scenes.plants.planting import SUN, placements
+from plateau.scenes.plants.sheets import Sheets, arching, blade, lathe, turned
 from tests.scenes.support import facts
 
 PLANTS = Path(build.__file__).parent

@@ -5,8 +5,8 @@ from collections.abc import Iterator
 import httpx
 import pytest
 
-from farm.blobs import Blobs
-from farm.embedded import EmbeddedRedis
+from plateau.farm.blobs.store import Blobs
+from plateau.farm.redis.embedded import EmbeddedRedis
 from tests.support.live_api import live_api
 
 

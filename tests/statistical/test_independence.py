@@ -22,7 +22,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from farm.seeds import Pass, SeedSchedule
+from plateau.farm.model.seeds import Pass, SeedSchedule
 from tests.support import long_tests
 from tests.support.independence import Verdict, judge, leave_behind
 from tests.support.mitsuba_process import MitsubaProcess

@@ -7,7 +7,7 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from farm.embedded import EmbeddedRedis
+from plateau.farm.redis.embedded import EmbeddedRedis
 from tests.support.commands import Command
 from tests.support.mitsuba_process import MitsubaProcess
 

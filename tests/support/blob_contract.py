@@ -5,10 +5,10 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from farm import blobs
-from farm.blob_probe import check_create_once
-from farm.blobs import MARK, Blobs
-from farm.errors import BlobsUnavailable
+from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs.probe import check_create_once
+from plateau.farm.blobs.store import MARK, Blobs
+from plateau.farm.model.errors import BlobsUnavailable
 
 #: Goes up in several parts where a store takes parts.
 BIG = bytes(range(256)) * 50_000

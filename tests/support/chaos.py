@@ -12,7 +12,7 @@ from typing import Final
 
 import psutil
 
-from farm import blobs
+from plateau.farm.blobs import store as blobs
 from tests.support.faulty_farm import FaultyFarm
 
 #: How many of each the farm has while all is well.

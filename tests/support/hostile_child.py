@@ -48,7 +48,7 @@ class Renderer:
         pass
 
     def load(self, folder: Path, *_: object, **__: object) -> None:
-        from worker.errors import SceneError
+        from plateau.worker.renderers.errors import SceneError
 
         victims = json.loads(Path(__file__).with_name("victims.json").read_text())
         kernels = Path.home() / ".drjit"
@@ -172,7 +172,7 @@ def _open(path: Path, flags: int = os.O_RDONLY) -> None:
 
 
 def _main(victims: dict[str, str], user: int, *, confined: bool) -> None:
-    from worker.confinement import confine  # while it can be read
+    from plateau.worker.confinement.confine import confine  # while it can be read
 
     if user != os.geteuid():
         os.setgroups([])

@@ -8,14 +8,15 @@ from itertools import pairwise
 
 import redis
 
-from farm import blobs, keys
-from farm.blobs import Blobs
-from farm.exr import Pixels
-from farm.jobs import Jobs
-from farm.ownership import Checkpoint
-from farm.states import JOB_MOVES, JobState
-from service.previews import MOST as MOST_PREVIEWS
-from service.views import JobView
+from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs.store import Blobs
+from plateau.farm.images.exr import Pixels
+from plateau.farm.ledger.jobs import Jobs
+from plateau.farm.ledger.ownership import Checkpoint
+from plateau.farm.model.states import JOB_MOVES, JobState
+from plateau.farm.redis import keys
+from plateau.farm.wire.views import JobView
+from plateau.service.judging.previews import MOST as MOST_PREVIEWS
 from tests.support.real_farm import RealFarm, until
 
 #: The pictures of any job that has an image.

@@ -6,15 +6,15 @@ from contextlib import contextmanager
 
 import uvicorn
 
-from farm.blobs import Blobs
-from farm.bundle import BundleLimits
-from farm.redis_link import connect
-from service.api import listen, url_of
-from service.app import create_app
-from service.event_hub import EventHub
-from service.http_server import server_config
-from service.key_guard import Access
-from service.scene_checks import SceneChecks
+from plateau.farm.blobs.store import Blobs
+from plateau.farm.bundle import BundleLimits
+from plateau.farm.redis.link import connect
+from plateau.service.api.access.key_guard import Access
+from plateau.service.api.app import create_app
+from plateau.service.api.events.hub import EventHub
+from plateau.service.api.http.server import server_config
+from plateau.service.api.process import listen, url_of
+from plateau.service.api.scene_checks.pool import SceneChecks
 
 LARGEST_UPLOAD = 3_000_000
 

@@ -6,25 +6,26 @@ from typing import Any, Final
 
 import redis
 
-from farm import blobs, keys, scripts
-from farm.allowance import Allowance
-from farm.api_keys import ApiKey, ApiKeys, KeyLimits, Role
-from farm.batches import Batches, Steer
-from farm.continuation import Continuations
-from farm.errors import FenceLost
-from farm.jobs import Jobs
-from farm.ownership import Checkpoint, Ownership, Ownerships
-from farm.queue import Committed, Lease, SliceQueue, SliceRecord
-from farm.scene_index import SceneIndex
-from farm.scripts import Scripts
-from farm.spec import JobSpec
-from farm.states import JobState
-from farm.studies import Studies
-from farm.study import Screen
-from farm.sweep import is_due
-from farm.totals import MonitorWork, note_sweep
-from farm.webhooks import Outbox
-from farm.workers import Workers
+from plateau.farm.blobs import store as blobs
+from plateau.farm.ledger.allowance import Allowance
+from plateau.farm.ledger.api_keys import ApiKey, ApiKeys, KeyLimits, Role
+from plateau.farm.ledger.batches import Batches, Steer
+from plateau.farm.ledger.continuation import Continuations
+from plateau.farm.ledger.jobs import Jobs
+from plateau.farm.ledger.outbox import Outbox
+from plateau.farm.ledger.ownership import Checkpoint, Ownership, Ownerships
+from plateau.farm.ledger.queue import Committed, Lease, SliceQueue, SliceRecord
+from plateau.farm.ledger.scene_index import SceneIndex
+from plateau.farm.ledger.studies import Studies
+from plateau.farm.ledger.totals import MonitorWork, note_sweep
+from plateau.farm.ledger.workers import Workers
+from plateau.farm.model.errors import FenceLost
+from plateau.farm.model.spec import JobSpec
+from plateau.farm.model.states import JobState
+from plateau.farm.model.study import Screen
+from plateau.farm.redis import keys, scripts
+from plateau.farm.redis.scripts import Scripts
+from plateau.farm.sweep import is_due
 
 WORKER, OTHER = "worker-1", "worker-2"
 LEASE_S = 60.0

@@ -12,18 +12,18 @@ import numpy as np
 import psutil
 from numpy.typing import NDArray
 
+from plateau.worker.supervisor.scene_cache import loading_threads
 from tests.support.own_processes import end_with_parent
-from worker.scene_cache import loading_threads
 
 # Mitsuba is imported in the process alone: the tests' own must be able to die of nothing.
 if TYPE_CHECKING:
-    from worker.renderer import LoadedScene, Renderer
+    from plateau.worker.renderers.mitsuba.renderer import LoadedScene, Renderer
 
 _renderer: "Renderer"
 
 
 class MitsubaProcess(AbstractContextManager["MitsubaProcess"]):
-    """Hands calls to a `worker.renderer.Renderer` of its own, exceptions included."""
+    """Hands calls to a `Renderer` of its own, in another process, exceptions included."""
 
     def __init__(self, variant: str, llvm_library: str | None = None, threads: int = 2) -> None:
         self.variant = variant
@@ -56,7 +56,7 @@ def _start(variant: str, llvm_library: str | None, threads: int) -> None:
     end_with_parent()
     if llvm_library is not None:
         os.environ["DRJIT_LIBLLVM_PATH"] = llvm_library
-    from worker.renderer import Renderer
+    from plateau.worker.renderers.mitsuba.renderer import Renderer
 
     _renderer = Renderer(variant, threads)
 

@@ -14,17 +14,17 @@ from pathlib import Path
 import numpy as np
 import redis
 
-from farm import blobs
-from farm.blobs import Blobs
-from farm.exr import Partial, Pixels, encode_partial
-from farm.job import Job
-from farm.jobs import Jobs
-from farm.queue import Committed, Lease, SliceQueue, SliceRecord
-from farm.seeds import SeedRange
-from farm.settings import Settings
-from farm.spec import JobSpec
-from farm.stop import Stop
-from service.monitor import Monitor
+from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs.store import Blobs
+from plateau.farm.images.exr import Partial, Pixels, encode_partial
+from plateau.farm.ledger.jobs import Jobs
+from plateau.farm.ledger.queue import Committed, Lease, SliceQueue, SliceRecord
+from plateau.farm.model.job import Job
+from plateau.farm.model.seeds import SeedRange
+from plateau.farm.model.spec import JobSpec
+from plateau.farm.process.settings import Settings
+from plateau.farm.process.stop import Stop
+from plateau.service.monitor.monitor import Monitor
 from tests.support.real_farm import until
 
 SIZE = (24, 32)  # height, width

@@ -20,7 +20,7 @@ from contextlib import contextmanager
 from typing import Any, Final
 from unittest.mock import patch
 
-from farm.processes import die_with_parent
+from plateau.farm.process.lifecycle import die_with_parent
 
 #: What the guard does, once nobody is left who could write to it.
 _GUARD: Final = """

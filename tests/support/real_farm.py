@@ -11,15 +11,15 @@ from types import TracebackType
 
 import psutil
 
-from farm.blobs import Blobs
-from farm.embedded import EmbeddedRedis
-from farm.exr import Pixels, decode_image
-from farm.job import CurvePoint
-from farm.jobs import Jobs
-from farm.redis_link import connect
-from farm.spec import JobSpec
 from plateau.client import Client
-from service.views import JobView
+from plateau.farm.blobs.store import Blobs
+from plateau.farm.images.exr import Pixels, decode_image
+from plateau.farm.ledger.jobs import Jobs
+from plateau.farm.model.job import CurvePoint
+from plateau.farm.model.spec import JobSpec
+from plateau.farm.redis.embedded import EmbeddedRedis
+from plateau.farm.redis.link import connect
+from plateau.farm.wire.views import JobView
 
 BOX = Path(__file__).parents[2] / "scenes" / "box"
 

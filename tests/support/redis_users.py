@@ -5,10 +5,10 @@ from contextlib import contextmanager
 
 import redis
 
-from farm.redis_acl import acl_file, rules
-from farm.redis_link import connect
-from farm.schema import check_schema
-from farm.totals import MonitorWork
+from plateau.farm.ledger.schema import check_schema
+from plateau.farm.ledger.totals import MonitorWork
+from plateau.farm.redis.acl import acl_file, rules
+from plateau.farm.redis.link import connect
 
 PASSWORD = "a password of a test"
 LEASE_S = 1.0

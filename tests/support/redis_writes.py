@@ -1,7 +1,7 @@
 """Watches what Plateau's own code sends to Redis: it writes by scripts alone, so behind the guard.
 
-`farm.scripts` has every script look at the layout first. A write that is no script would pass by
-that, also in a process that a newer Plateau has shut out.
+`plateau.farm.redis.scripts` has every script look at the layout first. A write that is no script
+would pass by that, also in a process that a newer Plateau has shut out.
 """
 
 import sys
@@ -26,7 +26,10 @@ READS: Final = {
     *("ZCARD", "ZMSCORE", "ZRANGE", "ZRANGEBYSCORE", "ZREVRANGE", "ZREVRANGEBYSCORE", "ZSCORE"),
 }
 #: And what one module alone may send: the scripts, and the migrations that make what they guard.
-RUNS_SCRIPTS: Final = {"farm/scripts.py": {"EVALSHA", "SCRIPT"}, "farm/schema.py": {"EVAL"}}
+RUNS_SCRIPTS: Final = {
+    "farm/redis/scripts.py": {"EVALSHA", "SCRIPT"},
+    "farm/ledger/schema.py": {"EVAL"},
+}
 
 #: What was sent beside that, in the whole run.
 found: Final[list[str]] = []

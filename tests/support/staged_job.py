@@ -4,13 +4,13 @@ import hashlib
 
 import redis
 
-from farm import blobs
-from farm.blobs import Blobs
-from farm.jobs import Jobs
-from farm.ownership import Ownerships
-from farm.queue import Committed, Lease, SliceQueue, SliceRecord
-from farm.spec import JobSpec
-from farm.states import JobState
+from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs.store import Blobs
+from plateau.farm.ledger.jobs import Jobs
+from plateau.farm.ledger.ownership import Ownerships
+from plateau.farm.ledger.queue import Committed, Lease, SliceQueue, SliceRecord
+from plateau.farm.model.spec import JobSpec
+from plateau.farm.model.states import JobState
 
 WIDTH, HEIGHT = 32, 24
 #: What a slice is where nobody looks into it.

@@ -4,12 +4,12 @@ import hashlib
 import math
 from typing import Final
 
-from farm.job import Job
-from farm.ownership import Ownerships
-from farm.states import JobState
-from service.judge import Judge
-from service.merge import Merge
-from service.results import Results
+from plateau.farm.ledger.ownership import Ownerships
+from plateau.farm.model.job import Job
+from plateau.farm.model.states import JobState
+from plateau.service.judging.judge import Judge
+from plateau.service.judging.merge import Merge
+from plateau.service.monitor.results import Results
 from tests.support.noise_farm import NoiseFarm, noise_film
 
 SCREEN: Final = {"viewing_distance_cm": 60.0, "pixel_pitch_mm": 0.25}

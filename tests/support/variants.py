@@ -5,8 +5,8 @@ from functools import cache
 
 import pytest
 
-from worker.llvm_libraries import llvm_libraries
-from worker.variants import LLVM, SCALAR, probe
+from plateau.worker.supervisor.llvm_libraries import llvm_libraries
+from plateau.worker.supervisor.variants import LLVM, SCALAR, probe
 
 #: For parametrised tests and fixtures: every variant that tests cover.
 VARIANTS = (SCALAR, pytest.param(LLVM, marks=pytest.mark.llvm))

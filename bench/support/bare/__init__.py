@@ -1,0 +1,1 @@
+"""What the farm is compared with: Mitsuba, uvicorn and the metric alone."""

@@ -1,0 +1,60 @@
+"""Mitsuba alone: renders passes one after the other, and writes nothing. Started by `bench.farm`.
+
+Reads a JSON request from standard input and answers on standard output with the moments, in
+seconds since this process began to import Mitsuba, at which the first pass began and each ended;
+and with that moment itself, in seconds of `time.time`.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+_STARTED = time.monotonic()
+_STARTED_AT = time.time()
+
+
+def main() -> None:
+    request = json.load(sys.stdin)
+
+    import drjit as dr
+    import mitsuba as mi
+
+    mi.set_variant(request["variant"])
+    mi.set_log_level(mi.LogLevel.Error)
+    dr.set_thread_count(request["threads"])
+
+    # The scene as the farm prepares it, so that the samples are the same.
+    from plateau.worker.renderers.mitsuba.scene_prep import prepare
+    from plateau.worker.supervisor.scene_cache import loading_threads
+
+    one = prepare(
+        request["variant"],
+        Path(request["folder"]),
+        request["entry"],
+        request["parameters"],
+        sensor=0,
+        threads=loading_threads(Path(request["folder"])),
+    )
+    total: Any = 0.0
+    began_s, ended_s = time.monotonic() - _STARTED, []
+    for spp, seed in request["passes"]:
+        one.integrator.render(
+            one.scene, one.sensor, seed=seed, spp=spp, develop=False, evaluate=True
+        )
+        dr.sync_thread()
+        ended_s.append(time.monotonic() - _STARTED)
+        if request["image"]:
+            total = total + np.array(one.film.bitmap(raw=True), dtype=np.float64)
+    if request["image"]:
+        np.save(request["image"], (total[..., :3] / total[..., 3:]).astype(np.float32))
+    json.dump({"started_at": _STARTED_AT, "began_s": began_s, "ended_s": ended_s}, sys.stdout)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""Farms for benchmarks, with real workers and simulated ones."""

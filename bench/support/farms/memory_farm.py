@@ -1,0 +1,133 @@
+"""A farm whose memory is looked at: real processes, and slices that are rendered or made up."""
+
+from __future__ import annotations
+
+import hashlib
+import threading
+import time
+from contextlib import contextmanager, suppress
+from datetime import datetime, timezone
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import psutil
+
+from bench.support.farms.service_farm import ServiceFarm
+from bench.support.farms.simulated import about, made_up_record
+from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs.store import Blobs
+from plateau.farm.images.exr import Partial, encode_partial
+from plateau.farm.ledger.queue import Committed, Lease, SliceQueue
+from plateau.farm.redis.link import connect
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Iterator
+
+#: Words of a process's command line, by what it is called here.
+_ROLES = {
+    "API": "api",
+    "monitor": "monitor",
+    "worker": "worker",
+    "render child": "plateau.worker.child.__main__",
+}
+#: No worker here has it: so its slices are left to `made_up`.
+MADE_UP = "cuda_ad_rgb"
+_WORKER = "made-up"
+_LEASE_S = 600.0
+_HEARTBEAT_S = 3.0
+_LOOK_S = 0.01
+
+
+def peaks(farm: ServiceFarm) -> dict[str, float]:
+    """The most memory that each process of a farm ever had resident, in MB, by its role."""
+    found = {}
+    for process in psutil.Process(farm.pid).children(recursive=True):
+        with suppress(psutil.NoSuchProcess):
+            words = process.cmdline()
+            for role, word in _ROLES.items():
+                if word in words:
+                    found[role] = _peak_mb(process.pid)
+    return found
+
+
+def _peak_mb(pid: int) -> float:
+    status = Path(f"/proc/{pid}/status").read_text()
+    line = next(line for line in status.splitlines() if line.startswith("VmHWM:"))
+    return int(line.split()[1]) * 1024 / 1e6
+
+
+@contextmanager
+def made_up(
+    redis_url: str, store: str, jobs: Collection[str], *, slices: int, width: int, height: int
+) -> Iterator[None]:
+    """Commit so many slices of each of these jobs: noise, put and committed as a worker does it.
+
+    Slices are taken as the queue gives them; those that are not wanted stay leased while the
+    context lasts, so that it goes on to the next job.
+    """
+    with connect(redis_url) as client:
+        queue, keeps = SliceQueue(client, _WORKER, _LEASE_S), Blobs(store)
+        left, kept = dict.fromkeys(jobs, slices), list[Lease]()
+        with _alive(redis_url, kept):
+            while any(count > 0 for count in left.values()):
+                lease = queue.lease((MADE_UP,), None, in_turn=False)
+                if lease is None:
+                    time.sleep(_LOOK_S)  # the monitor plans the next ones
+                    continue
+                if left[lease.job_id] <= 0:
+                    kept.append(lease)
+                    continue
+                if _commit(queue, keeps, lease, width, height):
+                    left[lease.job_id] -= 1
+            yield
+
+
+def _commit(queue: SliceQueue, store: Blobs, lease: Lease, width: int, height: int) -> bool:
+    """Put and commit the slice; returns whether it counts."""
+    content = _partial(lease.job_id, lease.index, lease.spec.slice_spp, (height, width))
+    name = blobs.partial(lease.job_id, lease.index, _WORKER)
+    store.put(name, content)
+    sha256 = hashlib.sha256(content).hexdigest()
+    record = made_up_record(lease, blob=name, sha256=sha256, worker=_WORKER, render_s=0.001)
+    answer = queue.commit(lease, record, width=width, height=height, notes=())
+    return answer is Committed.COMMITTED
+
+
+@contextmanager
+def _alive(redis_url: str, leases: list[Lease]) -> Iterator[None]:
+    """Keep the worker and its leases alive."""
+    over = threading.Event()
+
+    def beat() -> None:
+        with connect(redis_url) as client:
+            queue = SliceQueue(client, _WORKER, _LEASE_S)
+            said = about(_WORKER, (MADE_UP,), datetime.now(timezone.utc).isoformat())
+            while not over.wait(_HEARTBEAT_S):
+                queue.heartbeat(said, tuple(leases))
+
+    thread = threading.Thread(target=beat, daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        over.set()
+        thread.join()
+
+
+def _partial(job_id: str, index: int, spp: int, shape: tuple[int, int]) -> bytes:
+    random = np.random.default_rng(index)
+    film = np.full((*shape, 4), spp, np.float32)
+    film[..., :3] *= random.random((*shape, 3), np.float32)
+    return encode_partial(
+        Partial(
+            job_id=job_id,
+            index=index,
+            first_seed=10 * index,
+            last_seed=10 * index + 2,
+            spp=spp,
+            variant=MADE_UP,
+            scene_sha256="0" * 64,
+            pixels=film,
+        )
+    )

@@ -1,0 +1,175 @@
+"""Simulated workers whose slices are synthetic noise, and what they spend."""
+
+from __future__ import annotations
+
+import hashlib
+import threading
+import time
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from datetime import datetime, timezone
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+from bench.support.farms.simulated import about
+from plateau.farm.blobs import store as blobs
+from plateau.farm.images.exr import Partial, encode_partial
+from plateau.farm.ledger.queue import Committed, SliceQueue, SliceRecord
+from plateau.farm.process.stop import Stop
+from plateau.farm.redis import keys
+from plateau.farm.redis.wake import Wake
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    import redis
+
+    from bench.support.farms.synthetic_noise import Render
+    from plateau.farm.blobs.store import Blobs
+    from plateau.farm.ledger.queue import Lease
+
+#: As `plateau.worker.supervisor.supervisor` has it.
+_IDLE_S = 0.5
+_LEASE_S = 15.0
+_VARIANT = "llvm_ad_rgb"
+
+
+@dataclass
+class Spent:
+    """What workers have done since it was cleared."""
+
+    spp: int = 0  #: in passes that were rendered to their end
+    busy_s: float = 0.0  #: of all workers, upload and commit included
+    at_work: int = 0  #: workers that have a slice in hand
+    _lock: threading.Lock = field(default_factory=threading.Lock)
+
+    def clear(self) -> None:
+        """Begin again; who is at work stays so."""
+        with self._lock:
+            self.spp, self.busy_s = 0, 0.0
+
+    def add(self, *, spp: int = 0, busy_s: float = 0.0, at_work: int = 0) -> None:
+        """Count what a worker has done."""
+        with self._lock:
+            self.spp += spp
+            self.busy_s += busy_s
+            self.at_work += at_work
+
+
+class NoiseCrew:
+    """Workers that render one after the other what `render` says.
+
+    Parameters
+    ----------
+    client, store
+        Redis and the blob store of the farm.
+    pass_s
+        Seconds that a pass takes.
+    slowness
+        Of workers that take a multiple of that.
+    """
+
+    render: Render
+
+    def __init__(
+        self,
+        client: redis.Redis,
+        store: Blobs,
+        pass_s: float,
+        slowness: Mapping[str, float] = MappingProxyType({}),
+    ) -> None:
+        self._client, self._store, self._pass_s = client, store, pass_s
+        self._slowness = slowness
+        self.spent = Spent()
+        self._ended: set[str] = set()
+
+    def work(self, worker: str, stop: Stop) -> None:
+        """Be one worker until `stop` is set."""
+        queue = SliceQueue(self._client, worker, _LEASE_S)
+        work_there_is = Wake(self._client, keys.wake_worker(worker))
+        work_there_is.wait(0.0, stop)
+        said = about(worker, (_VARIANT,), datetime.now(timezone.utc).isoformat())
+        queue.heartbeat(said, ())
+        while not stop.is_set():
+            lease = queue.lease((_VARIANT,), None, in_turn=False)
+            if lease is None:
+                work_there_is.wait(min(_IDLE_S, queue.look_again_s), stop)
+                continue
+            started = time.monotonic()
+            self.spent.add(at_work=1)
+            self._serve(queue, lease, worker, stop)
+            self.spent.add(at_work=-1, busy_s=time.monotonic() - started)
+            queue.heartbeat(said, ())
+        work_there_is.close()
+
+    def listen(self, stop: Stop) -> None:
+        """Hear which jobs have ended, for all."""
+        news = Wake(self._client, keys.WAKE_WORKERS)
+        while not stop.is_set():
+            self._ended |= {word.removeprefix("ended ") for word in news.wait(_IDLE_S, stop)}
+        news.close()
+
+    def _serve(self, queue: SliceQueue, lease: Lease, worker: str, stop: Stop) -> None:
+        started, spec, size = time.monotonic(), lease.spec, self.render.size
+        pass_s = self._pass_s * self._slowness.get(worker, 1.0)
+        over = {lease.job_id, f"{lease.job_id} {lease.entry}"}  # as the news of it has it
+        schedule = spec.seed_schedule(lease.variant, size, size)
+        for one in schedule.passes(lease.index):
+            if self._ended & over or stop.wait(pass_s):
+                queue.hand_back(lease, time.monotonic() - started, cause="it was cancelled")
+                return
+            self.spent.add(spp=one.spp)
+        first, last = schedule.seed_range(lease.index)
+        partial = Partial(
+            job_id=lease.job_id,
+            index=lease.index,
+            first_seed=first,
+            last_seed=last,
+            spp=spec.slice_spp,
+            variant=lease.variant,
+            scene_sha256=lease.scene_sha256,
+            pixels=self.render.film(lease.index, spec.slice_spp),
+        )
+        content = encode_partial(partial)
+        name = blobs.partial(lease.job_id, lease.index, f"{worker}-{lease.tries}")
+        self._store.put(name, content)
+        record = SliceRecord(
+            index=lease.index,
+            spp=spec.slice_spp,
+            first_seed=first,
+            last_seed=last,
+            blob=name,
+            sha256=hashlib.sha256(content).hexdigest(),
+            worker=worker,
+            render_s=time.monotonic() - started,
+        )
+        answer = queue.commit(lease, record, width=size, height=size, notes=())
+        if answer is not Committed.COMMITTED:
+            self._store.delete(name)
+
+
+@contextmanager
+def working(
+    client: redis.Redis,
+    store: Blobs,
+    workers: int,
+    pass_s: float,
+    slowness: Mapping[str, float] = MappingProxyType({}),
+) -> Iterator[NoiseCrew]:
+    """So many simulated workers, ``worker-0`` and on, while the context lasts."""
+    crew, stop = NoiseCrew(client, store, pass_s, slowness), Stop()
+    threads = [
+        threading.Thread(target=crew.listen, args=(stop,)),
+        *(
+            threading.Thread(target=crew.work, args=(f"worker-{number}", stop))
+            for number in range(workers)
+        ),
+    ]
+    for thread in threads:
+        thread.start()
+    try:
+        yield crew
+    finally:
+        stop.set()
+        for thread in threads:
+            thread.join()

@@ -1,0 +1,98 @@
+"""Runs `plateau render` as a user does, and looks at what its processes use meanwhile."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+from contextlib import suppress
+from dataclasses import dataclass
+from operator import attrgetter
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import psutil
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+_ROOT = Path(__file__).parents[3]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Look:
+    """CPU seconds that the farm's processes had used at one moment, those that had ended too."""
+
+    at: float  #: in seconds of `time.time`
+    all_: float
+    monitor: float
+
+
+class Watch:
+    """What `plateau render` and all below it use, look by look."""
+
+    def __init__(self, root: psutil.Process) -> None:
+        self._root = root
+        self._used_s: dict[psutil.Process, float] = {}
+        self._monitors: set[psutil.Process] = set()
+        self._looks = [Look(at=time.time(), all_=0.0, monitor=0.0)]
+
+    def look(self) -> None:
+        """Note what each had used by now; one that has ended, what it had by the look before."""
+        for process in (self._root, *self._root.children(recursive=True)):
+            with suppress(psutil.NoSuchProcess):  # it ended a moment ago
+                times = process.cpu_times()
+                self._used_s[process] = times.user + times.system
+                if "monitor" in process.cmdline():
+                    self._monitors.add(process)
+        self._looks.append(
+            Look(
+                at=time.time(),
+                all_=sum(self._used_s.values()),
+                monitor=sum(self._used_s[one] for one in self._monitors),
+            )
+        )
+
+    def monitors_share(self, start: float, end: float) -> float:
+        """Return the monitor's share of the CPU time, from a look before a moment to one after."""
+        first = max((one for one in self._looks if one.at <= start), key=attrgetter("at"))
+        after = (one for one in self._looks if one.at >= end)
+        last = min(after, key=attrgetter("at"), default=self._looks[-1])
+        return (last.monitor - first.monitor) / (last.all_ - first.all_)
+
+
+def render(
+    scene: Path, out: Path, *, parameters: Mapping[str, object], options: Mapping[str, object]
+) -> None:
+    """Render a scene to its end.
+
+    Parameters
+    ----------
+    scene
+        A folder or a file, as on the command line.
+    out
+        Where the results go.
+    parameters
+        Values of the scene's ``$parameters``.
+    options
+        Of the command, ``--step`` say; where the value is True, without one.
+
+    Raises
+    ------
+    subprocess.CalledProcessError
+        The command failed; why is on standard error.
+    """
+    with start(scene, out, parameters=parameters, options=options) as process:
+        if process.wait():
+            raise subprocess.CalledProcessError(process.returncode, process.args)
+
+
+def start(
+    scene: Path, out: Path, *, parameters: Mapping[str, object], options: Mapping[str, object]
+) -> psutil.Popen:
+    """Start to render a scene; see `render`."""
+    command = [sys.executable, "-m", "plateau", "render", str(scene), "--out", str(out)]
+    for name, value in options.items():
+        command += [name] if value is True else [name, str(value)]
+    command += [f"-D{name}={value}" for name, value in parameters.items()]
+    return psutil.Popen(command, cwd=_ROOT, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL)

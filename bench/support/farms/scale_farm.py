@@ -1,0 +1,231 @@
+"""The control plane of a farm, Redis and monitors as `plateau` starts them, and what it spends."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack, contextmanager
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from typing import IO, TYPE_CHECKING, Any
+
+import psutil
+
+from bench.support.farms.scale_workers import Crew, Slice
+from plateau.farm.blobs.store import Blobs
+from plateau.farm.ledger.jobs import Jobs
+from plateau.farm.ledger.pairing import check_pair
+from plateau.farm.ledger.schema import check_schema
+from plateau.farm.model.spec import FixedSpec, JobSpec
+from plateau.farm.redis import keys
+from plateau.farm.redis.embedded import EmbeddedRedis
+from plateau.farm.redis.link import connect
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+_ROOT = Path(__file__).parents[3]
+_START_S = 120.0
+#: A monitor says three times in this time what it has done.
+_MONITOR_LEASE_S = 6.0
+#: Jobs that no rule ends while they are looked at.
+SPEC = JobSpec(max_spp=1_000_000, rule=FixedSpec(spp=1_000_000))
+#: So many at once make the jobs, and share the time that Redis takes to write to its disk.
+_HANDS = 16
+#: Processes of simulated workers, at most.
+_CREWS = 4
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sample:
+    """What was spent until a moment: seconds, calls, bytes, slices."""
+
+    at: float
+    redis_cpu_s: float
+    commands: float  #: those that scripts call included
+    scripts: float  #: that were run
+    scripts_us: float  #: in them
+    log_bytes: float  #: that Redis has written
+    monitors_cpu_s: float
+    merged_at: float  #: when monitors last said what they had done, by Redis's clock
+    merges: float
+    merges_us: float
+    evaluations: float
+    evaluations_us: float
+
+    def since(self, before: Sample) -> Sample:
+        """What was spent between two moments; `at` and `merged_at` are how long that was."""
+        own, other = asdict(self), asdict(before)
+        return Sample(**{one.name: own[one.name] - other[one.name] for one in fields(self)})
+
+
+class ControlPlane:
+    """An embedded Redis and so many monitors, in a folder of their own, while the context lasts.
+
+    Parameters
+    ----------
+    folder
+        Of Redis, where it waits for the disk.
+    blobs
+        The folder of the blob store.
+    monitors
+        How many.
+    fsync
+        Whether every write to Redis is on the disk before it is answered, as Plateau has it.
+    """
+
+    def __init__(self, folder: Path, blobs: Path, *, monitors: int = 1, fsync: bool = True) -> None:
+        self._folder, self._blobs, self._count, self._fsync = folder, str(blobs), monitors, fsync
+        self._monitors: list[psutil.Process] = []
+        self._over = ExitStack()
+
+    def __enter__(self) -> ControlPlane:
+        with ExitStack() as starting:
+            self._server = EmbeddedRedis(self._folder / "redis")
+            starting.callback(self._server.stop)
+            self.client = starting.enter_context(connect(self._server.url))
+            if not self._fsync:
+                self.client.config_set("appendfsync", "no")
+            check_schema(self.client)
+            check_pair(self.client, Blobs(self._blobs))
+            self.jobs = Jobs(self.client)
+            for _ in range(self._count):
+                starting.callback(_kill, self._start_monitor())
+            self.wait(lambda: self.client.zcard(keys.MONITORS) == self._count)
+            self._over = starting.pop_all()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._over.close()
+
+    def _start_monitor(self) -> subprocess.Popen[bytes]:
+        environment = {
+            **os.environ,
+            "PLATEAU_REDIS_URL": self._server.url,
+            "PLATEAU_BLOBS": self._blobs,
+            "PLATEAU_LEASE_S": str(_MONITOR_LEASE_S),
+        }
+        with (self._folder / "monitor.log").open("ab") as log:
+            process = subprocess.Popen(
+                [sys.executable, "-m", "plateau", "monitor"],
+                cwd=_ROOT,
+                env=environment,
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=log,
+            )
+        self._monitors.append(psutil.Process(process.pid))
+        return process
+
+    def add_jobs(self, count: int) -> float:
+        """Make so many jobs; returns how long it took until slices of all of them were planned."""
+        started = time.monotonic()
+        with ThreadPoolExecutor(_HANDS) as hands:
+            made = list(hands.map(lambda _: self._add_job(), range(count)))
+        if self._count:
+            self.wait(lambda: all(self._planned(job_id) for job_id in made))
+        return time.monotonic() - started
+
+    def _add_job(self) -> str:
+        return self.jobs.create(SPEC, name="box.zip", scene_sha256="0" * 64).job.id
+
+    def _planned(self, job_id: str) -> bool:
+        return int(self.client.hget(keys.job(job_id), "planned")) > 0
+
+    @contextmanager
+    def workers(self, count: int, *, render_s: float, size: int) -> Iterator[list[Slice]]:
+        """So many simulated workers; when the context has ended, the list has what they did."""
+        done: list[Slice] = []
+        crews = min(_CREWS, count)
+        with ExitStack() as over:
+            started = []
+            for number in range(crews):
+                workers = count // crews + (number < count % crews)
+                crew = Crew(
+                    self._server.url, self._blobs, f"crew-{number}", workers, render_s, size
+                )
+                started.append(over.enter_context(_crew(crew)))
+            for process in started:  # they import and connect side by side
+                if _pipe(process.stdout).readline() != "ready\n":
+                    raise AssertionError("simulated workers did not start")
+            for process in started:
+                print(file=_pipe(process.stdin), flush=True)
+            yield done
+            for process in started:
+                _pipe(process.stdin).close()
+            for process in started:
+                done += [Slice(**one) for one in json.load(_pipe(process.stdout))]
+
+    def sample(self) -> Sample:
+        """What was spent so far."""
+        pipe = self.client.pipeline(transaction=False)
+        for section in ("cpu", "commandstats", "persistence"):
+            pipe.info(section)
+        cpu, commands, persistence = pipe.execute()
+        scripts = commands.get("cmdstat_evalsha", {"calls": 0, "usec": 0})
+        spent = [process.cpu_times() for process in self._monitors]
+        return Sample(
+            at=time.monotonic(),
+            redis_cpu_s=cpu["used_cpu_user"] + cpu["used_cpu_sys"],
+            commands=sum(one["calls"] for one in commands.values()),
+            scripts=scripts["calls"],
+            scripts_us=scripts["usec"],
+            log_bytes=persistence["aof_current_size"],
+            monitors_cpu_s=sum(one.user + one.system for one in spent),
+            **self._done_by_monitors(),
+        )
+
+    def _done_by_monitors(self) -> dict[str, float]:
+        names = ("merges", "merges_us", "evaluations", "evaluations_us")
+        done = dict.fromkeys(("merged_at", *names), 0.0)
+        for monitor_id in self.client.zrange(keys.MONITORS, 0, -1):
+            told = self.client.hgetall(f"{keys.PREFIX}monitor:{monitor_id}")
+            done["merged_at"] += float(told["seen_at"]) / 1000 / self._count
+            for name, start in (("merges", "did merge "), ("evaluations", "did evaluation ")):
+                runs = (int(n) for one, n in told.items() if one.startswith(f"{start}le "))
+                done[name] += sum(runs)
+                done[f"{name}_us"] += int(told.get(f"{start}us", 0))
+        return done
+
+    @staticmethod
+    def wait(condition: Callable[[], bool]) -> None:
+        """Wait until the condition holds."""
+        deadline = time.monotonic() + _START_S
+        while not condition():
+            if time.monotonic() > deadline:
+                raise AssertionError("the farm did not do what it was asked to")
+            time.sleep(0.05)
+
+
+@contextmanager
+def _crew(crew: Crew) -> Iterator[subprocess.Popen[str]]:
+    process = subprocess.Popen(
+        [sys.executable, "-m", "bench.support.farms.scale_workers", json.dumps(asdict(crew))],
+        cwd=_ROOT,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        yield process
+    finally:
+        _kill(process)
+
+
+def _kill(process: subprocess.Popen[Any]) -> None:
+    """End a process with which there is nothing more to do; nobody needs what it has in hand."""
+    process.kill()
+    for stream in (process.stdin, process.stdout):
+        if stream is not None and not stream.closed:
+            stream.close()
+    process.wait()
+
+
+def _pipe(stream: IO[str] | None) -> IO[str]:
+    if stream is None:
+        raise AssertionError("the process was started without a pipe")
+    return stream

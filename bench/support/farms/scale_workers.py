@@ -1,0 +1,185 @@
+"""Workers that do all that a worker does but render: a process of many, each with its connections.
+
+Each leases a slice, waits for as long as it is said to render, puts a partial that was made ahead
+into the blob store, and commits it, by the code that real workers use; without work it waits for a
+hint. Each renews its leases, and listens for jobs that end.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import random
+import sys
+import threading
+import time
+from dataclasses import asdict, dataclass
+from datetime import datetime, timezone
+from itertools import cycle
+
+import numpy as np
+
+from bench.support.farms.simulated import about, made_up_record
+from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs.store import Blobs
+from plateau.farm.images.exr import Partial, encode_partial
+from plateau.farm.ledger.queue import Committed, Lease, SliceQueue
+from plateau.farm.process.backoff import Backoff
+from plateau.farm.process.stop import Stop
+from plateau.farm.redis import keys
+from plateau.farm.redis.link import connect
+from plateau.farm.redis.wake import Wake
+
+#: As `plateau.worker.supervisor.supervisor` has them.
+_IDLE_S, _TURN_S, _HEARTBEAT_S, _LEASE_S = (0.5, 5.0), 20.0, 5.0, 15.0
+_VARIANTS = ("llvm_ad_rgb", "scalar_rgb")
+_STACK_BYTES = 1 << 19
+
+
+@dataclass(frozen=True)
+class Crew:
+    """What a process of simulated workers is started with."""
+
+    redis_url: str
+    blobs: str
+    name: str
+    workers: int
+    render_s: float  #: that a slice takes, on average
+    size: int  #: of the partials, in pixels, as their width and their height
+
+
+@dataclass(frozen=True)
+class Slice:
+    """A slice that was committed: when, by the monotonic clock, and how long each step took."""
+
+    at: float
+    lease_s: float
+    put_s: float
+    commit_s: float
+
+
+class _Worker:
+    """One simulated worker."""
+
+    def __init__(self, crew: Crew, number: int, content: bytes, stop: Stop) -> None:
+        self.id = f"{crew.name}-{number}"
+        self._crew, self._content, self._stop = crew, content, stop
+        self._random = random.Random(self.id)
+        self._sha256 = hashlib.sha256(content).hexdigest()
+        client = connect(crew.redis_url)
+        self._queue = SliceQueue(client, self.id, _LEASE_S)
+        self._store = Blobs(crew.blobs)
+        self._work = Wake(client, keys.wake_worker(self.id))
+        self._news = Wake(client, keys.WAKE_WORKERS)
+        self._started_at = datetime.now(timezone.utc).isoformat()
+        self._held: Lease | None = None
+        self._turn = ("", 0.0)
+        self.done: list[Slice] = []
+
+    def connect(self) -> None:
+        self.heartbeat()
+        for wake in (self._work, self._news):
+            wake.wait(0.0, self._stop)
+
+    def run(self) -> None:
+        self._stop.wait(
+            self._random.uniform(0, self._crew.render_s)
+        )  # they do not begin all at once
+        idle = Backoff(*_IDLE_S)
+        while not self._stop.is_set():
+            started = time.monotonic()
+            job, since = self._turn
+            lease = self._queue.lease(_VARIANTS, job, in_turn=started < since + _TURN_S)
+            if lease is None:
+                if self._work.wait(idle.delay_s(), self._stop):
+                    idle.reset()
+                continue
+            idle.reset()
+            self._held = lease
+            if lease.job_id != job:
+                self._turn = (lease.job_id, started)
+            self._serve(lease, started)
+            self._held = None
+
+    def _render(self) -> None:
+        self._stop.wait(self._crew.render_s * self._random.uniform(0.8, 1.2))
+
+    def _serve(self, lease: Lease, started: float) -> None:
+        leased = time.monotonic()
+        self._render()
+        rendered = time.monotonic()
+        name = blobs.partial(lease.job_id, lease.index, f"{self.id}-{lease.tries}")
+        self._store.put(name, self._content)
+        stored = time.monotonic()
+        record = made_up_record(
+            lease,
+            blob=name,
+            sha256=self._sha256,
+            worker=self.id,
+            render_s=rendered - leased,
+        )
+        size = self._crew.size
+        answer = self._queue.commit(lease, record, width=size, height=size, notes=())
+        now = time.monotonic()
+        if answer is Committed.COMMITTED:
+            self.done.append(Slice(now, leased - started, stored - rendered, now - stored))
+
+    def heartbeat(self) -> None:
+        held = self._held
+        said = about(self.id, _VARIANTS, self._started_at, held=held, slices_done=len(self.done))
+        self._queue.heartbeat(said, (held,) if held else ())
+
+    def listen(self) -> None:
+        self._news.wait(0.0, self._stop)
+
+
+def _partial(size: int) -> bytes:
+    """A partial of grey noise; the same for every slice, for no rule is to be satisfied."""
+    pixels = np.random.default_rng(0).uniform(0.2, 0.8, (size, size, 4)).astype(np.float32)
+    pixels[..., 3] = 1.0
+    return encode_partial(
+        Partial(
+            job_id="simulated",
+            index=0,
+            first_seed=0,
+            last_seed=2,
+            spp=25,
+            variant=_VARIANTS[0],
+            scene_sha256="0" * 64,
+            pixels=pixels,
+        )
+    )
+
+
+def _keep_alive(workers: list[_Worker], stop: Stop) -> None:
+    """Send every worker's heartbeat in turn, evenly over its interval, and hear its news."""
+    for worker in cycle(workers):
+        if stop.wait(_HEARTBEAT_S / len(workers)):
+            return
+        worker.heartbeat()
+        worker.listen()
+
+
+def main() -> None:
+    """Work until standard input ends, then write what was done to standard output as JSON."""
+    crew, stop = Crew(**json.loads(sys.argv[1])), Stop()
+    content = _partial(crew.size)
+    workers = [_Worker(crew, number, content, stop) for number in range(crew.workers)]
+    for worker in workers:
+        worker.connect()
+    print("ready", flush=True)
+    sys.stdin.readline()  # the word to begin
+    threading.stack_size(_STACK_BYTES)
+    threads = [threading.Thread(target=worker.run) for worker in workers]
+    threads.append(threading.Thread(target=_keep_alive, args=(workers, stop)))
+    for thread in threads:
+        thread.start()
+    sys.stdin.read()
+    stop.set()
+    for thread in threads:
+        thread.join()
+    json.dump([asdict(one) for worker in workers for one in worker.done], sys.stdout)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""Clients that put a load on a farm, and note what they see."""

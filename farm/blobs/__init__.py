@@ -1,0 +1,4 @@
+"""The blob store: scenes, partials, checkpoints and results, in a folder or in S3.
+
+What the blobs contain is not known here.
+"""

@@ -1,0 +1,84 @@
+"""A blob store in a folder: a blob is on the disk before it has its name."""
+
+import secrets
+import time
+from collections.abc import Iterable
+from contextlib import suppress
+from pathlib import Path
+from typing import BinaryIO, Final
+
+import obstore
+from obstore.store import LocalStore
+
+from plateau.farm.process.durable import FolderSync, make_folder, sync
+
+#: What is being put lies below this until it is whole and on the disk.
+INCOMING: Final = ".incoming/"
+
+
+class Folder:
+    """The files below a folder, which is made where it is missing.
+
+    Methods raise what obstore and the operating system raise; `plateau.farm.blobs.store.Blobs` puts
+    it in words.
+    """
+
+    #: What it means that a blob which was there for good is not there.
+    lost = "the blob store is not in {where} any more: is it still mounted?"
+
+    def __init__(self, path: Path) -> None:
+        make_folder(path)
+        self._path = path
+        self._folders = FolderSync(path)
+        self.store = LocalStore(path, automatic_cleanup=True)
+
+    def put(self, name: str, content: bytes | BinaryIO) -> None:
+        """Store a blob whole or not at all; on returning it is safe from a power loss."""
+        # On the disk before it has its name, so that the name never stands for half a blob.
+        incoming = INCOMING + secrets.token_hex(8)
+        try:
+            obstore.put(self.store, incoming, content)
+            sync(self._path / incoming)
+            obstore.rename(self.store, incoming, name)
+        except BaseException:
+            for left in (self._path / INCOMING).glob(f"{Path(incoming).name}*"):  # parts: a suffix
+                left.unlink(missing_ok=True)
+            raise
+        self.settle(name)
+
+    def create(self, name: str, content: bytes) -> None:
+        """As `put`, but raise `AlreadyExistsError` where there is a blob of this name."""
+        obstore.put(self.store, name, content, mode="create")
+        sync(self._path / name)
+        self.settle(name)
+
+    def settle(self, name: str) -> None:
+        """Return once the name of a blob, put by whomever, is safe from a power loss."""
+        self._folders.up_from((self._path / name).parent)
+
+    def open(self, name: str) -> "obstore.GetResult":
+        """The blob, to be read."""
+        return obstore.get(self.store, name)
+
+    def size(self, name: str) -> int:
+        """The blob's number of bytes."""
+        return obstore.head(self.store, name)["size"]
+
+    def has(self, name: str) -> bool:
+        """Whether there is a blob of this name, at the cost of a look."""
+        return (self._path / name).exists()
+
+    def delete(self, names: Iterable[str]) -> None:
+        """Remove blobs; one that is not there is fine."""
+        for name in names:
+            with suppress(FileNotFoundError):
+                obstore.delete(self.store, name)
+
+    def leftovers(self, older_than_s: float) -> list[Path]:
+        """The files that puts left which were killed longer ago than this."""
+        left = []
+        for path in (self._path / INCOMING).glob("*"):
+            with suppress(FileNotFoundError):  # its put has just ended
+                if path.stat().st_mtime < time.time() - older_than_s:
+                    left.append(path)
+        return left

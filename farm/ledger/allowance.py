@@ -1,0 +1,66 @@
+"""How many requests a key may make: a bucket for each key in Redis, shared by all API processes.
+
+A bucket holds `burst` requests and fills at the key's rate (the generic cell rate algorithm: one
+number for each key, the time at which the bucket will be full). Redis syncs each write to the disk,
+which costs milliseconds, so a process takes a handful of requests at a time and grants them from
+memory: at most a tenth of a burst, or of what a minute gives, and for a minute. So a key never gets
+more than its rate and its burst; a process that leaves some of its handful unused wastes them.
+"""
+
+import threading
+import time
+from dataclasses import dataclass
+from typing import Final
+
+import redis
+
+from plateau.farm.ledger.api_keys import ApiKey
+from plateau.farm.redis.scripts import Scripts
+
+#: A handful that was not used by then is taken anew. So a key's last use is known to a minute.
+_HANDFUL_S: Final = 60.0
+
+
+@dataclass
+class _Handful:
+    requests: int
+    until: float  #: of the monotonic clock
+
+
+class Allowance:
+    """Grants the requests of all keys, in one API process; may be used from several threads."""
+
+    def __init__(self, client: redis.Redis) -> None:
+        self._scripts = Scripts(client)
+        self._lock = threading.Lock()
+        self._in_hand: dict[str, _Handful] = {}
+
+    def seconds_to_wait(self, key: ApiKey) -> float:
+        """0 where the key may make a request now, which is then counted; else when it may again.
+
+        Raises
+        ------
+        StoreUnavailable
+            Redis is away.
+        """
+        if self._granted_from_memory(key.id):
+            return 0.0
+        limits = key.limits
+        wanted = max(1, int(min(limits.burst, limits.requests_per_minute) // 10))
+        interval_ms = 60_000 / limits.requests_per_minute
+        granted, wait_ms = self._scripts.run(
+            "take", key.id, wanted, f"{interval_ms:.6f}", limits.burst
+        )
+        if not granted:
+            return float(wait_ms) / 1000
+        with self._lock:
+            self._in_hand[key.id] = _Handful(int(granted) - 1, time.monotonic() + _HANDFUL_S)
+        return 0.0
+
+    def _granted_from_memory(self, key_id: str) -> bool:
+        with self._lock:
+            handful = self._in_hand.get(key_id)
+            if handful is None or not handful.requests or handful.until < time.monotonic():
+                return False
+            handful.requests -= 1
+            return True

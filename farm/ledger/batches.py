@@ -1,0 +1,269 @@
+"""Batches in Redis: listed, summed up, and steered as one.
+
+A batch is there from the first job of its name until the last one is forgotten.
+"""
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from datetime import datetime
+from enum import Enum
+from typing import Final
+
+import redis
+
+from plateau.farm.ledger import guarded_batches, records
+from plateau.farm.model.batch import Batch, Member, summarise
+from plateau.farm.model.errors import BatchNotFound, UnevenBatch
+from plateau.farm.model.job import moment
+from plateau.farm.model.spec import JobSpec, stored_spec
+from plateau.farm.model.states import JobState
+from plateau.farm.redis import keys
+from plateau.farm.redis.link import unavailable_as_farm_error
+from plateau.farm.redis.scripts import Scripts
+
+#: So many jobs are read, or moved, in one round trip.
+_AT_ONCE: Final = 250
+
+#: What of a job's hash a summary needs.
+_FIELDS: Final = (
+    *("state", "spec", "spp", "committed", "slice_spp", "machine_ms", "latest", "width", "height"),
+    *("created_at", "started_at", "ended_at", "finished_at", "held", "samples_saved"),
+)
+
+
+class Steer(Enum):
+    """What can be done with all jobs of a batch at once."""
+
+    CANCEL = "cancel"
+    PAUSE = "pause"
+    RESUME = "resume"
+
+
+@dataclass(frozen=True, kw_only=True)
+class BatchLine:
+    """A batch in a list of them."""
+
+    name: str
+    jobs: int
+    states: dict[JobState, int]
+    newest_at: datetime  #: when its newest job was made
+
+
+@dataclass(frozen=True, kw_only=True)
+class Steered:
+    """What became of one job of a batch."""
+
+    job: str
+    done: bool  #: it is so now, perhaps it was before
+    state: JobState | None  #: in which it is, or which forbids it; None where it was not asked
+    why_not: str | None
+
+
+class Batches:
+    """All batches. Every method raises `StoreUnavailable` when Redis is away."""
+
+    def __init__(self, client: redis.Redis) -> None:
+        self._redis = client
+        self._scripts = Scripts(client)
+
+    def page(
+        self, *, before: int | None = None, limit: int = 20
+    ) -> tuple[list[BatchLine], int | None]:
+        """Batches by their newest jobs, below the number `before`, and the number to go on from."""
+        lines = [
+            (name, int(number), jobs, newest_at, dict(zip(states[::2], states[1::2], strict=True)))
+            for name, number, jobs, newest_at, states in self._scripts.run(
+                "batches", "+inf" if before is None else f"({before}", limit
+            )
+        ]
+        found = [
+            BatchLine(
+                name=name,
+                jobs=jobs,
+                states={JobState(state): count for state, count in states.items()},
+                newest_at=moment(newest_at),
+            )
+            for name, _, jobs, newest_at, states in lines
+            if jobs
+        ]
+        return found, lines[-1][1] if len(lines) == limit else None
+
+    def get(self, name: str) -> Batch:
+        """The batch, summed up over its jobs, or `BatchNotFound`."""
+        with unavailable_as_farm_error():
+            pipe = self._redis.pipeline(transaction=True)
+            pipe.zrange(keys.batch(name), 0, -1)
+            pipe.sismember(keys.GUARDED, name)
+            pipe.time()
+            job_ids, guarded, (seconds, microseconds) = pipe.execute()
+            members = self._members(job_ids)
+        if not members:
+            raise BatchNotFound(name)
+        now = moment(int(seconds) * 1000 + int(microseconds) / 1000)
+        return summarise(name, members, guarded=bool(guarded), now=now)
+
+    def guard(self, name: str, check: Callable[[str, str | None], None] = lambda *_: None) -> Batch:
+        """Let the batch take only jobs that stop as those that it has; repeating it is harmless.
+
+        Parameters
+        ----------
+        name
+            The batch.
+        check
+            Raises where the caller may not steer this job of this owner: a guard concerns them all.
+
+        Raises
+        ------
+        BatchNotFound
+            There is no such batch.
+        UnevenBatch
+            Its jobs do not stop alike.
+        """
+        while True:
+            with unavailable_as_farm_error():
+                job_ids = self._redis.zrange(keys.batch(name), 0, -1)
+                for job_id, owner in zip(job_ids, self._owners(job_ids), strict=True):
+                    check(job_id, owner)
+                spec = self._redis.hget(keys.job(job_ids[-1]), "spec") if job_ids else None
+            if spec is None:
+                raise BatchNotFound(name)
+            asked = stored_spec(spec).model_copy(update={"flicker_guard": True})
+            try:
+                compared = guarded_batches.compared(self._redis, name, asked)
+            except UnevenBatch as error:
+                raise UnevenBatch(name, error.job_id, error.differs, joins=False) from None
+            # Who joins it in between is compared too.
+            if self._scripts.run("guard", name, compared) != "changed":
+                return self.get(name)
+
+    def steer(
+        self,
+        name: str,
+        steer: Steer,
+        *,
+        by: str = "a user",
+        may_touch: Callable[[str], bool] = lambda _: True,
+    ) -> list[Steered]:
+        """Cancel, pause or resume each job of the batch that can be; repeating it is harmless.
+
+        To pause is also to hold back the jobs that have not begun.
+
+        Parameters
+        ----------
+        name, steer
+            The batch, and what is to be done.
+        by
+            Who does it, for the jobs' stories.
+        may_touch
+            Whether the caller may steer a job of this owner (an API key's id, or "").
+
+        Raises
+        ------
+        BatchNotFound
+            There is no such batch.
+        """
+        with unavailable_as_farm_error():
+            job_ids = self._redis.zrange(keys.batch(name), 0, -1)
+            owners = self._owners(job_ids)
+        if not job_ids:
+            raise BatchNotFound(name)
+        mine = [job for job, owner in zip(job_ids, owners, strict=True) if may_touch(owner or "")]
+        script, arguments = _script(steer, by)
+        answers: dict[str, list[str]] = {}
+        for start in range(0, len(mine), _AT_ONCE):
+            some = mine[start : start + _AT_ONCE]
+            runs = [(job_id, *arguments) for job_id in some]
+            answers |= zip(some, self._scripts.run_each(script, runs), strict=True)
+        return [_steered(job_id, steer, answers.get(job_id)) for job_id in job_ids]
+
+    def _owners(self, job_ids: list[str]) -> list[str | None]:
+        pipe = self._redis.pipeline(transaction=False)
+        for job_id in job_ids:
+            pipe.hget(keys.job(job_id, "sealed"), "owner")
+        found: list[str | None] = pipe.execute()
+        return found
+
+    def _members(self, job_ids: list[str]) -> list[Member]:
+        specs: dict[str, JobSpec] = {}
+        members = []
+        for start in range(0, len(job_ids), _AT_ONCE):
+            some = job_ids[start : start + _AT_ONCE]
+            pipe = self._redis.pipeline(transaction=False)
+            for job_id in some:
+                pipe.hmget(keys.job(job_id), _FIELDS)
+            for job_id, values in zip(some, pipe.execute(), strict=True):
+                if values[0] is None:  # it was forgotten a moment ago
+                    continue
+                with records.leaving_out_unreadable(), records.reading(job_id):
+                    members.append(_member(job_id, dict(zip(_FIELDS, values, strict=True)), specs))
+        return members
+
+
+def _script(steer: Steer, by: str) -> tuple[str, tuple[str, ...]]:
+    """The script that does it, and what it takes after the job's id."""
+    if steer is Steer.CANCEL:
+        reason = f"cancelled with its batch by {by}"
+        return "end", ("", JobState.CANCELLED.value, reason, "", "")
+    if steer is Steer.PAUSE:
+        return "pause", (f"paused with its batch by {by}", "1")
+    return "resume", (f"resumed with its batch by {by}",)
+
+
+#: The state in which a job is that a script has moved.
+_THEN: Final = {
+    "ended": JobState.CANCELLED,
+    "paused": JobState.PAUSED,
+    "held": JobState.QUEUED,
+    "rendering": JobState.RENDERING,
+    "queued": JobState.QUEUED,
+}
+
+_ENDED: Final = "it has ended"
+
+
+def _steered(job_id: str, steer: Steer, answer: list[str] | None) -> Steered:
+    if answer is None:
+        return Steered(job=job_id, done=False, state=None, why_not="it belongs to another API key")
+    outcome, *state = answer
+    if outcome in _THEN:
+        return Steered(job=job_id, done=True, state=_THEN[outcome], why_not=None)
+    if state == ["missing"]:
+        return Steered(job=job_id, done=False, state=None, why_not="it was just forgotten")
+    found = JobState(state[0])
+    done = steer is Steer.RESUME and found is JobState.QUEUED  # nothing holds it back
+    return Steered(job=job_id, done=done, state=found, why_not=None if done else _ENDED)
+
+
+def _member(job_id: str, fields: dict[str, str | None], specs: dict[str, JobSpec]) -> Member:
+    latest = json.loads(fields["latest"] or "{}")
+    width, height = fields["width"], fields["height"]
+    times = {
+        name: moment(at) if (at := fields[name]) is not None else None
+        for name in ("started_at", "ended_at")
+    }
+    return Member(
+        id=job_id,
+        spec=_shared_spec(fields["spec"] or "", specs),
+        state=JobState(fields["state"] or ""),
+        held=fields["held"] is not None and fields["state"] == JobState.QUEUED,
+        spp=int(fields["spp"] or 0),
+        committed_spp=int(fields["committed"] or 0) * int(fields["slice_spp"] or 0),
+        estimate_fraction=latest.get("estimate_fraction"),
+        forecast_spp=latest.get("forecast_spp"),
+        film=(int(width), int(height)) if width and height else None,
+        machine_s=int(fields["machine_ms"] or 0) / 1000,
+        samples_saved=int(fields["samples_saved"] or 0),
+        created_at=moment(fields["created_at"] or 0),
+        finished=fields["finished_at"] is not None,
+        **times,
+    )
+
+
+def _shared_spec(text: str, specs: dict[str, JobSpec]) -> JobSpec:
+    """The spec but for its parameters, read once for all jobs that have it in common."""
+    fields = {**json.loads(text), "parameters": {}}
+    shared = json.dumps(fields)
+    if shared not in specs:
+        specs[shared] = stored_spec(shared)
+    return specs[shared]

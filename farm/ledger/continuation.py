@@ -1,0 +1,294 @@
+"""Goes on with a job that has ended: a new job that takes over its samples.
+
+The old job stays as it is, with its image, its curve and its reason. The new one starts where the
+samples end that are left of the old one, so that no sample is rendered twice, and its image is to
+the bit that of a job that was never stopped there. What is left of an ended job is either
+
+- its *slices*, where it kept them: they are merged again, so anything may change but how they were
+  sampled. Where the cap is not beyond them, nothing is rendered at all;
+- or its *sums*, the last checkpoint: they go on, and so does the curve. Then the view, the step and
+  the zones stay, and a rule that must see earlier images can only be one that saw them.
+
+Where more is to be rendered, the cap must be one with which the samples that there are would have
+been drawn just so: on scalar variants it decides their passes and seeds (see
+`plateau.farm.model.seeds`).
+"""
+
+import hashlib
+import secrets
+from bisect import bisect_left
+from collections.abc import Collection
+from dataclasses import dataclass
+from typing import Any, Final
+
+import redis
+
+from plateau.farm.ledger import guarded_batches, records
+from plateau.farm.ledger.jobs import Created, Jobs, request_key
+from plateau.farm.ledger.ownership import Checkpoint
+from plateau.farm.model.errors import CannotContinue, JobNotFound, TooManyJobs, TooManyNeeds
+from plateau.farm.model.job import Job
+from plateau.farm.model.seeds import SeedRange, SeedsExhausted
+from plateau.farm.model.spec import MOST_SPP, JobSpec
+from plateau.farm.model.webhook_spec import WebhookSpec
+from plateau.farm.redis import keys
+from plateau.farm.redis.link import unavailable_as_farm_error
+from plateau.farm.redis.scripts import Scripts
+
+#: What determines the samples.
+_SAMPLING: Final = ("slice_spp", "variant", "seed", "sensor", "parameters")
+#: What concerns the old job alone.
+_OWN: Final = ("batch", "flicker_guard", "webhook")
+#: What the points of a curve have in common.
+_JUDGING: Final = ("view", "step", "zones")
+#: Rules that remember no more than every job's judge does.
+_ALWAYS_READY: Final = frozenset({"fixed", "reverse", "visible"})
+
+
+@dataclass(frozen=True)
+class Remains:
+    """What is left of an ended job: its first slices."""
+
+    slices: int
+    checkpoint: str  #: of their sums, as JSON; "" where the slices themselves are kept
+    seeds: tuple[SeedRange, ...]  #: of each of them
+
+    @property
+    def kept(self) -> bool:
+        """Whether the slices themselves are kept."""
+        return not self.checkpoint
+
+
+class Continuations:
+    """Goes on with jobs that have ended. Methods raise `StoreUnavailable` when Redis is away."""
+
+    def __init__(self, client: redis.Redis) -> None:
+        self._redis = client
+        self._scripts = Scripts(client)
+        self._jobs = Jobs(client)
+
+    def remains(self, job: Job) -> Remains:
+        """What is left of the job to go on from.
+
+        Raises
+        ------
+        CannotContinue
+            It has not ended, its results are still being written, or nothing is left.
+        """
+        if not job.state.ended:
+            raise CannotContinue(
+                job.id,
+                f"it is {job.state.value}: it goes on by itself; change its priority, pause it or "
+                "cancel it instead",
+            )
+        if job.finished_at is None:
+            raise CannotContinue(job.id, "its results are being written: try again in a moment")
+        with unavailable_as_farm_error():
+            checkpoint = self._redis.hget(keys.job(job.id), "checkpoint")
+        ledger = self._jobs.ledger(job.id)
+        slices, committed = 0, records.prefix_length(ledger)
+        if job.spec.keep_slices:
+            slices, checkpoint = committed, None
+        elif checkpoint is not None:
+            slices = Checkpoint.model_validate_json(checkpoint).slices
+        if not 0 < slices <= committed:
+            raise CannotContinue(
+                job.id,
+                "none of its samples are left: PLATEAU_KEEP_SUMS_DAYS says for how long they stay, "
+                "and a job that keeps its slices keeps them for good; submit its scene again",
+            )
+        drawn = (ledger[index] for index in range(slices))
+        seeds = tuple(SeedRange(one["first_seed"], one["last_seed"]) for one in drawn)
+        return Remains(slices, checkpoint or "", seeds)
+
+    def start(
+        self,
+        job: Job,
+        remains: Remains,
+        spec: JobSpec,
+        *,
+        idempotency_key: str = "",
+        owner: str = "",
+    ) -> Created:
+        """The new job that goes on with the ended one; it is rendering at once.
+
+        Parameters
+        ----------
+        job
+            The ended one.
+        remains
+            What is left of it.
+        spec
+            Of the new job, checked by `check`.
+        idempotency_key
+            A request that is repeated with it makes one job.
+        owner
+            Id of the API key that asks for it, if any.
+
+        Raises
+        ------
+        JobNotFound, CannotContinue
+            The job, or what was left of it, went in the meantime.
+        TooManyJobs
+            The owner has as many open jobs as it may.
+        TooManyNeeds
+            As `Jobs.create` raises it.
+        UnevenBatch
+            The batch that it is to join is guarded, and it would not stop as the others do.
+        """
+        compared = guarded_batches.compared(self._redis, spec.batch, spec) if spec.batch else ""
+        digest = hashlib.sha256(f"{job.id} {spec.as_request()}".encode()).hexdigest()
+        fields = records.new_job(spec, name=job.name, scene_sha256=job.scene_sha256, owner=owner)
+        outcome, *answer = self._scripts.run(
+            "continue",
+            secrets.token_hex(6),
+            job.id,
+            request_key(idempotency_key, owner),
+            digest,
+            remains.slices,
+            remains.checkpoint,
+            0 if remains.kept else remains.slices * spec.slice_spp,
+            spec.priority,
+            spec.batch or "",
+            "1" if spec.flicker_guard else "",
+            compared,
+            *fields,
+        )
+        if outcome == "missing":
+            raise JobNotFound(job.id)
+        if outcome == "changed":
+            raise CannotContinue(job.id, "what was left of it has just changed: try again")
+        if outcome == "too many":
+            raise TooManyJobs(*map(int, answer))
+        if outcome == "too varied":
+            raise TooManyNeeds(*map(int, answer))
+        return Created(
+            job=self._jobs.get(answer[0]),
+            repeated=outcome == "repeated",
+            conflict=outcome == "conflict",
+        )
+
+
+def changed_spec(spec: JobSpec, changes: dict[str, Any]) -> dict[str, Any]:
+    """The fields of the spec with these changes: a JSON merge patch (RFC 7396), but for one thing.
+
+    Objects are merged and null means the default; a rule that has a name is another rule, so
+    nothing of the one before stays in it. The batch and the webhook were the old job's own.
+    """
+    own = dict.fromkeys(_OWN)
+    had: dict[str, Any] = _merged(spec.model_dump(mode="json"), own)
+    merged: dict[str, Any] = _merged(had, changes, JobSpec.model_fields)
+    rule = changes.get("rule")
+    if isinstance(rule, dict) and "name" in rule:
+        merged["rule"] = rule
+    return merged
+
+
+def _merged(target: Any, patch: Any, known: Collection[str] = ()) -> Any:
+    """The target with the patch; a null whose name is not there stays, unless that is `known`."""
+    if not isinstance(patch, dict):
+        return patch
+    merged = dict(target) if isinstance(target, dict) else {}
+    for name, value in patch.items():
+        if value is not None:
+            merged[name] = _merged(merged.get(name), value, _known_in(name, value))
+        elif name in merged or name in known:
+            merged.pop(name, None)
+        else:
+            merged[name] = None  # for the check of the whole, which knows no such field
+    return merged
+
+
+def _known_in(name: str, part: Any) -> Collection[str]:
+    """What a part of a spec may have that the old job's has not."""
+    if name == "parameters" and isinstance(part, dict):
+        return part.keys()
+    return WebhookSpec.model_fields if name == "webhook" else ()
+
+
+def check(job: Job, remains: Remains, spec: JobSpec) -> None:
+    """Return where a job of this spec can go on from what remains of the ended one.
+
+    Raises
+    ------
+    CannotContinue
+        It cannot; the message says why, and what would be possible.
+    """
+    for name in _SAMPLING:
+        if getattr(spec, name) != getattr(job.spec, name):
+            raise CannotContinue(
+                job.id,
+                f"{name} makes other samples, so none could be taken over: submit the scene "
+                "as a new job",
+            )
+    if not remains.kept:
+        _check_sums(job, remains, spec)
+    if spec.max_spp > remains.slices * spec.slice_spp:
+        _check_seeds(job, remains, spec)
+
+
+def _check_seeds(job: Job, remains: Remains, spec: JobSpec) -> None:
+    """Refuse a cap whose samples would not be the continuation of those that there are."""
+
+    def goes_on(cap: int) -> bool:
+        return _draws(job, remains, cap)
+
+    if goes_on(spec.max_spp):
+        return
+    slice_spp = spec.slice_spp
+    # Those that go on, if any, are next to each other, and the old cap is one or is below them.
+    caps = range((remains.slices + 1) * slice_spp, MOST_SPP + 1, slice_spp)
+    old = max(0, job.spec.max_spp // slice_spp - remains.slices - 1)
+    if old < len(caps) and goes_on(caps[old]):
+        lowest = bisect_left(caps, True, hi=old, key=goes_on)
+        highest = bisect_left(caps, True, lo=old, key=lambda cap: not goes_on(cap)) - 1
+        which = f"from {caps[lowest]} to" if lowest < highest else "of"
+        remedy = f"a max_spp {which} {caps[highest]} goes on with them"
+    else:
+        remedy = "no higher cap keeps them; submit the scene as a new job"
+        if job.continues is not None:
+            remedy += f", or go on with job {job.continues}, whose samples they are"
+    raise CannotContinue(
+        job.id,
+        f"{job.variant} at {job.width}×{job.height} draws other samples for a cap of "
+        f"{spec.max_spp} spp than the {remains.slices * slice_spp} spp that there are: {remedy}",
+    )
+
+
+def _draws(job: Job, remains: Remains, cap: int) -> bool:
+    """Whether a job with this cap (spp) draws the samples that remain of the ended one."""
+    # It has samples, so these are known.
+    assert job.variant is not None
+    assert job.width is not None
+    assert job.height is not None
+    spec = job.spec.model_copy(update={"max_spp": cap})
+    try:
+        schedule = spec.seed_schedule(job.variant, job.width, job.height)
+    except SeedsExhausted:
+        return False
+    return all(schedule.seed_range(index) == one for index, one in enumerate(remains.seeds))
+
+
+def _check_sums(job: Job, remains: Remains, spec: JobSpec) -> None:
+    spp = remains.slices * spec.slice_spp
+    for name in _JUDGING:
+        if getattr(spec, name) != getattr(job.spec, name):
+            raise CannotContinue(
+                job.id, f"its slices were not kept (keep_slices), so its {name} cannot change"
+            )
+    if spec.keep_slices:
+        raise CannotContinue(
+            job.id, f"its first {spp} spp were not kept, so the slices would have a gap"
+        )
+    seen = {rule for rule in (job.spec.rule, *job.spec.watch) if rule.name not in _ALWAYS_READY}
+    for rule in (spec.rule, *spec.watch):
+        if rule.name not in _ALWAYS_READY and rule not in seen:
+            raise CannotContinue(
+                job.id,
+                f"the rule {rule.name} compares with earlier images, which were not kept: leave "
+                "the rule as it was, or name visible, reverse or fixed",
+            )
+    if spec.max_spp <= spp:
+        raise CannotContinue(
+            job.id, f"it has {spp} spp, so a cap of {spec.max_spp} leaves nothing to render"
+        )

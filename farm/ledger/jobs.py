@@ -1,0 +1,297 @@
+"""Jobs in Redis: creating, reading, listing and steering them."""
+
+import secrets
+from dataclasses import dataclass
+from typing import Any, Final
+
+import redis
+
+from plateau.farm.blobs import store as blobs
+from plateau.farm.ledger import guarded_batches, records
+from plateau.farm.ledger.listing import jobs_before
+from plateau.farm.ledger.ownership import Checkpoint, checkpoint_of
+from plateau.farm.ledger.slice_log import slice_log
+from plateau.farm.ledger.totals import Census, take_census
+from plateau.farm.ledger.workers import ALIVE_S
+from plateau.farm.model.errors import (
+    IllegalTransition,
+    JobEnded,
+    JobNotFound,
+    TooManyJobs,
+    TooManyNeeds,
+)
+from plateau.farm.model.fit import Kind
+from plateau.farm.model.job import CurvePoint, Event, Job, LogEntry, Worker
+from plateau.farm.model.spec import JobSpec
+from plateau.farm.model.states import JobState
+from plateau.farm.redis import keys
+from plateau.farm.redis.link import now_ms, unavailable_as_farm_error
+from plateau.farm.redis.scripts import Scripts
+
+#: The first event of a job has a greater id than this.
+BEFORE_ALL_EVENTS: Final = "0-0"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Created:
+    """What became of a request to create a job."""
+
+    job: Job
+    repeated: bool  #: the idempotency key was known: this is the job that it made then
+    conflict: bool  #: it was known for another request
+
+
+def request_key(idempotency_key: str, owner: str) -> str:
+    """The idempotency key as it is stored: each owner has keys of its own."""
+    return f"{owner}:{idempotency_key}" if owner and idempotency_key else idempotency_key
+
+
+class Jobs:
+    """All jobs. Every method raises `StoreUnavailable` when Redis is away."""
+
+    def __init__(self, client: redis.Redis) -> None:
+        self._redis = client
+        self._scripts = Scripts(client)
+
+    def create(
+        self,
+        spec: JobSpec,
+        *,
+        name: str,
+        scene_sha256: str,
+        idempotency_key: str = "",
+        digest: str = "",
+        owner: str = "",
+    ) -> Created:
+        """Create a job, `queued`; the same idempotency key of the same owner creates it once.
+
+        Raises
+        ------
+        TooManyJobs
+            Its owner, an API key's id, has as many open jobs as it may.
+        TooManyNeeds
+            It needs another pool or other tags than all open jobs, and there are many already.
+        UnevenBatch
+            Its batch is guarded, and it would not stop as the others do.
+        """
+        return self.create_all(
+            [spec],
+            name=name,
+            scene_sha256=scene_sha256,
+            idempotency_key=idempotency_key,
+            digest=digest,
+            owner=owner,
+        )
+
+    def create_all(
+        self,
+        specs: list[JobSpec],
+        *,
+        name: str,
+        scene_sha256: str,
+        idempotency_key: str = "",
+        digest: str = "",
+        owner: str = "",
+    ) -> Created:
+        """Create a job of each spec, all or none of them; as `create`, and returns the first.
+
+        They differ in their parameters only.
+        """
+        batch, guarded = specs[0].batch or "", "1" if specs[0].flicker_guard else ""
+        new: list[str | int] = []
+        for spec in specs:
+            fields = records.new_job(spec, name=name, scene_sha256=scene_sha256, owner=owner)
+            new += [secrets.token_hex(6), *fields]
+        shared = (request_key(idempotency_key, owner), digest, specs[0].priority, batch, guarded)
+        outcome, answer = "changed", []
+        while outcome == "changed":  # the batch, since it was looked at: others get on
+            compared = guarded_batches.compared(self._redis, batch, specs[0]) if batch else ""
+            outcome, *answer = self._scripts.run("create", *shared, compared, len(specs), *new)
+        if outcome == "too many":
+            raise TooManyJobs(*map(int, answer))
+        if outcome == "too varied":
+            raise TooManyNeeds(*map(int, answer))
+        return Created(
+            job=self.get(answer[0]), repeated=outcome == "repeated", conflict=outcome == "conflict"
+        )
+
+    def get(self, job_id: str) -> Job:
+        """The job, or `JobNotFound`; or `UnreadableJob`, as from all that return a job."""
+        with unavailable_as_farm_error():
+            pipe = self._redis.pipeline(transaction=False)
+            records.ask_for(pipe, job_id)
+            fields, sealed = pipe.execute()
+        if not fields:
+            raise JobNotFound(job_id)
+        return records.job(job_id, fields, sealed)
+
+    def search(
+        self,
+        *,
+        state: JobState | None = None,
+        batch: str | None = None,
+        owner: str | None = None,
+        before: int | None = None,
+        limit: int = 50,
+    ) -> tuple[list[Job], int | None]:
+        """Jobs, newest first, below the number `before`, and the number to go on from.
+
+        Of one state, of one batch, of one owner, or all; see `plateau.farm.ledger.listing`.
+        """
+        return jobs_before(
+            self._redis, state=state, batch=batch, owner=owner, before=before, limit=limit
+        )
+
+    def curve(self, job_id: str) -> list[CurvePoint]:
+        """The points of the job's curve, by rising spp."""
+        with unavailable_as_farm_error():
+            entries = self._redis.xrange(keys.job(job_id, "curve"))
+        return [records.curve_point(fields["point"]) for _, fields in entries]
+
+    def events(self, job_id: str, after: str = BEFORE_ALL_EVENTS) -> list[Event]:
+        """What happened to the job since the event `after`."""
+        with unavailable_as_farm_error():
+            entries = self._redis.xrange(keys.job(job_id, "events"), min=f"({after}")
+        return [records.event(event_id, fields) for event_id, fields in entries]
+
+    def story(self, job_id: str) -> tuple[str, ...]:
+        """Each transition of the job in words, with its time and its cause."""
+        return tuple(
+            f"{happening.at:%Y-%m-%d %H:%M:%S} {happening.data['to']}: {happening.data['reason']}"
+            for happening in self.events(job_id)
+            if happening.type == "state"
+        )
+
+    def cancel(self, job_id: str, reason: str = "cancelled by a user") -> Job:
+        """Cancel the job; cancelling it again is harmless.
+
+        Raises
+        ------
+        JobNotFound
+            There is no such job.
+        IllegalTransition
+            It has already ended otherwise.
+        """
+        return self._move(JobState.CANCELLED, "end", job_id, "", JobState.CANCELLED, reason, "", "")
+
+    def pause(self, job_id: str, reason: str = "paused by a user") -> Job:
+        """Pause the job: no slice of it is leased any more; pausing it again is harmless.
+
+        Slices that are being rendered are still committed, merged and judged, so it may yet
+        converge or reach its cap. Its time limit stands still.
+
+        Raises
+        ------
+        JobNotFound, IllegalTransition
+            There is no such job, or it is not rendering.
+        """
+        return self._move(JobState.PAUSED, "pause", job_id, reason)
+
+    def resume(self, job_id: str, reason: str = "resumed by a user") -> Job:
+        """Let a paused job go on; resuming one that is rendering is harmless.
+
+        Raises
+        ------
+        JobNotFound, IllegalTransition
+            There is no such job, or it is not paused.
+        """
+        return self._move(JobState.RENDERING, "resume", job_id, reason)
+
+    def set_priority(self, job_id: str, priority: int) -> Job:
+        """Give the job another priority, by which the next lease goes.
+
+        Raises
+        ------
+        JobNotFound, JobEnded
+            There is no such job, or it has ended.
+        """
+        outcome, *state = self._scripts.run("reprioritise", job_id, priority)
+        if outcome == "illegal":
+            if state == ["missing"]:
+                raise JobNotFound(job_id)
+            raise JobEnded(job_id, state[0], self.story(job_id))
+        return self.get(job_id)
+
+    def results(self, job_id: str) -> str:
+        """Where the job's last results are in the blob store; "" where it has none yet."""
+        with unavailable_as_farm_error():
+            return self._redis.hget(keys.job(job_id), "results") or ""
+
+    def sha256(self, blob: str) -> str | None:
+        """What the bytes of a result or a preview of a job have to be.
+
+        None where that was not noted: by a Plateau before this one, or the blob went.
+        """
+        job_id, name = blobs.in_job(blob)
+        with unavailable_as_farm_error():
+            sha256: str | None = self._redis.hget(keys.job(job_id, "digests"), name)
+        return sha256
+
+    def checkpoint(self, job_id: str) -> Checkpoint | None:
+        """Where the sums of the job's first slices are, if they are kept."""
+        return checkpoint_of(self._redis, job_id)
+
+    def ledger(self, job_id: str) -> dict[int, dict[str, Any]]:
+        """Each committed slice's record, by index, in order."""
+        with unavailable_as_farm_error():
+            return records.ledger(self._redis.hgetall(keys.job(job_id, "ledger")))
+
+    def log(self, job_id: str) -> list[LogEntry]:
+        """How each try of a slice ended, by time: the newest 2000 or so that left any words."""
+        with unavailable_as_farm_error():
+            pipe = self._redis.pipeline(transaction=True)
+            pipe.xrange(keys.job(job_id, "log"))
+            pipe.hgetall(keys.job(job_id, "ledger"))
+            entries, committed = pipe.execute()
+        return slice_log((fields for _, fields in entries), records.ledger(committed))
+
+    def log_of(self, job_id: str, index: int) -> tuple[dict[str, Any] | None, list[LogEntry]]:
+        """One slice's record in the ledger, where it has one, and how each try of it ended."""
+        with unavailable_as_farm_error():
+            pipe = self._redis.pipeline(transaction=True)
+            pipe.xrange(keys.job(job_id, "log"))
+            pipe.hget(keys.job(job_id, "ledger"), str(index))
+            entries, record = pipe.execute()
+        ledger = records.ledger({} if record is None else {str(index): record})
+        written = (fields for _, fields in entries if fields["slice"] == str(index))
+        return ledger.get(index), slice_log(written, ledger)
+
+    def workers(self, within_s: float = ALIVE_S) -> list[Worker]:
+        """The workers whose heartbeat was heard within so many seconds."""
+        with unavailable_as_farm_error():
+            now = self.now_ms()
+            alive = self._redis.zrangebyscore(keys.WORKERS, now - within_s * 1000, "+inf")
+            pipe = self._redis.pipeline(transaction=False)
+            for worker_id in alive:
+                pipe.hgetall(keys.worker(worker_id))
+            return [records.worker(fields) for fields in pipe.execute() if fields]
+
+    def kinds(self, within_s: float = ALIVE_S) -> list[Kind]:
+        """The kinds of workers that take work: one of each was heard within so many seconds."""
+        with unavailable_as_farm_error():
+            since = self.now_ms() - within_s * 1000
+            return [
+                Kind.read(kind) for kind in self._redis.zrangebyscore(keys.KINDS, since, "+inf")
+            ]
+
+    def now_ms(self) -> int:
+        """Redis's clock in milliseconds: the only one that counts."""
+        return now_ms(self._redis)
+
+    def census(self, *, from_priority: int | None = None) -> Census:
+        """What the whole farm has to do, and has done; demand is by jobs from this priority on."""
+        return take_census(self._scripts, from_priority=from_priority)
+
+    def ping(self) -> None:
+        """Return if Redis answers; raise `StoreUnavailable` otherwise."""
+        with unavailable_as_farm_error():
+            self._redis.ping()
+
+    def _move(self, target: JobState, script: str, job_id: str, *arguments: str) -> Job:
+        """The job, moved by a script that a user may run."""
+        outcome, *state = self._scripts.run(script, job_id, *arguments)
+        if outcome == "illegal":
+            if state == ["missing"]:
+                raise JobNotFound(job_id)
+            raise IllegalTransition(job_id, state[0], target.value, self.story(job_id))
+        return self.get(job_id)

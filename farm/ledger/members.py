@@ -1,0 +1,144 @@
+"""Monitors and APIs as members of a farm: they say that they live and what they speak.
+
+What all of them speak is what a worker has to; see `plateau.farm.model.versions`.
+"""
+
+import json
+import logging
+import os
+import random
+import secrets
+import socket
+import threading
+from collections.abc import Callable
+from datetime import datetime, timezone
+from typing import Final, Literal
+
+import redis
+from pydantic import BaseModel, ConfigDict, Field
+
+from plateau.farm.model import versions
+from plateau.farm.model.errors import Refused
+from plateau.farm.model.job import moment
+from plateau.farm.redis import keys
+from plateau.farm.redis.link import now_ms, unavailable_as_farm_error
+from plateau.farm.redis.scripts import Scripts
+
+_LOG = logging.getLogger(__name__)
+
+_UPGRADE_S: Final = 30.0  #: between two looks whether the farm speaks what this process does
+
+Role = Literal["api", "monitor", "worker"]
+
+
+class RefusedProcess(BaseModel):
+    """A process that was not let into the farm: the last one of its machine and role."""
+
+    model_config = ConfigDict(frozen=True, extra="ignore")
+
+    role: Role
+    host: str
+    pid: int
+    plateau: str = Field(description="its version")
+    why: str = Field(description="what does not fit, and what to do")
+    at: datetime
+
+
+class Membership:
+    """One API's: said with each heartbeat, until it signs off."""
+
+    def __init__(self, client: redis.Redis, lease_s: float) -> None:
+        self.id = process_id()
+        self._scripts = Scripts(client)
+        self._life_ms = round(lease_s * 1000)
+        self._started_at = datetime.now(timezone.utc)
+
+    def heartbeat(self) -> None:
+        """Say that the API lives, for the length of a lease.
+
+        Raises
+        ------
+        Refused
+            It does not speak what the other APIs and the monitors do.
+        WrongLayout
+            The data has another layout by now.
+        StoreUnavailable
+            Redis is away.
+        """
+        about = {
+            "id": self.id,
+            "host": socket.gethostname(),
+            "pid": os.getpid(),
+            "started_at": self._started_at.isoformat(),
+        }
+        self._scripts.run("api_heartbeat", self.id, json.dumps(about), self._life_ms)
+        self._scripts.serve_workers()
+
+    def sign_off(self) -> None:
+        """Say that it stops."""
+        self._scripts.run("api_heartbeat", self.id, "", self._life_ms)
+
+
+def process_id() -> str:
+    """An id for this process that no other has: its machine, its process id, and a random part."""
+    return f"{socket.gethostname()}-{os.getpid()}-{secrets.token_hex(2)}"
+
+
+def sign_on(
+    client: redis.Redis,
+    role: Role,
+    heartbeat: Callable[[], None],
+    stop: threading.Event,
+    *,
+    patient: bool,
+) -> None:
+    """Say with this heartbeat that a process lives, once it is let in, or `stop` is set.
+
+    Raises
+    ------
+    Refused
+        It does not speak what the farm does, unless it is `patient`: then it waits until it does.
+    StoreUnavailable
+        Redis is away.
+    """
+    while not stop.is_set():
+        try:
+            heartbeat()
+        except Refused as refused:
+            note_refused(client, role, refused)
+            if not patient:
+                raise
+            _LOG.error("out of service: %s", refused)
+            wait_for_upgrade(stop)
+        else:
+            return
+
+
+def wait_for_upgrade(stop: threading.Event) -> None:
+    """Return when a process that was refused may ask again, or once `stop` is set."""
+    stop.wait(_UPGRADE_S * random.uniform(0.5, 1.5))
+
+
+def note_refused(client: redis.Redis, role: Role, why: Refused) -> None:
+    """Note that this process was refused, for those who look for it; they see it for an hour."""
+    host = socket.gethostname()
+    about = {
+        "role": role,
+        "host": host,
+        "pid": os.getpid(),
+        "plateau": versions.plateau(),
+        "why": str(why),
+    }
+    Scripts(client).run("refused", f"{role} {host}", json.dumps(about))
+
+
+def refused_within(client: redis.Redis, seconds: float) -> list[RefusedProcess]:
+    """Who was refused in the last so many seconds, the newest first."""
+    with unavailable_as_farm_error():
+        texts = client.hvals(keys.REFUSED)
+        now = moment(now_ms(client))
+    found = [
+        RefusedProcess(**{**said, "at": moment(said["at"])}) for said in map(json.loads, texts)
+    ]
+    recent = [one for one in found if (now - one.at).total_seconds() < seconds]
+    return sorted(recent, key=lambda one: one.at, reverse=True)

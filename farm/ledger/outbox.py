@@ -1,0 +1,255 @@
+"""The outbox of webhooks: messages that wait for their receivers, and how their tries ended.
+
+The scripts that change a job put a message into the outbox in the same step (``lua/outbox.lua``),
+with the job as it was then. From there any number of monitors deliver it: one at a time, by a
+lease, at least once, always under the same id. What is due is kept for each receiver apart, so that
+one who does not answer is in nobody's way.
+"""
+
+import base64
+import json
+import random
+import secrets
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from datetime import datetime
+from typing import Any, Final, Literal
+
+import redis
+from pydantic import BaseModel, ConfigDict, Field
+
+from plateau.farm.ledger import records
+from plateau.farm.model.job import Job, moment
+from plateau.farm.model.webhook_spec import SECRET_PREFIX, WebhookEvent
+from plateau.farm.redis import keys
+from plateau.farm.redis.link import unavailable_as_farm_error
+from plateau.farm.redis.scripts import Scripts
+
+#: A message is tried so often, then given up: with the delays below, after a day or so.
+MOST_TRIES: Final = 14
+#: Seconds before the second try; before each further one three times as many, up to the longest.
+_FIRST_DELAY_S: Final = 5.0
+_LONGEST_DELAY_S: Final = 4 * 3600.0
+
+#: For how long messages are signed with the farm's former secret too.
+_OLD_SECRET_MS: Final = 86_400_000
+_OLD_SECRETS: Final = 3
+
+DeliveryState = Literal["waiting", "trying", "delivered", "given-up"]
+TryEnd = Literal["delivered", "failed", "given-up"]
+
+
+def retry_delay_s(tries: int, asked_s: float = 0.0) -> float:
+    """How long to wait after so many failed tries, in seconds, with a quarter of jitter.
+
+    Where the receiver asked to be left alone for longer (``Retry-After``), that long, but never
+    more than four hours.
+    """
+    delay_s = min(_FIRST_DELAY_S * 3.0 ** (tries - 1), _LONGEST_DELAY_S)
+    return max(delay_s * random.uniform(0.75, 1.25), min(asked_s, _LONGEST_DELAY_S))
+
+
+def new_secret() -> str:
+    """A secret to sign webhooks with, as Standard Webhooks has it."""
+    return SECRET_PREFIX + base64.b64encode(secrets.token_bytes(32)).decode()
+
+
+def message_id(job_id: str, number: int) -> str:
+    """The ``webhook-id`` of a job's message: the same at every try, and when it is sent again."""
+    return f"msg_{job_id}_{number}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Taken:
+    """A delivery that is leased to who took it from the outbox."""
+
+    job_id: str
+    number: int  #: of the job's messages, from 1
+    event: WebhookEvent
+    at: datetime  #: when it happened
+    now: datetime  #: by Redis's clock
+    tries: int  #: this one included
+    receiver: str
+    url: str = field(repr=False)  #: its path may be confidential
+    secrets: tuple[str, ...] = field(repr=False)  #: each signs; never empty
+    token: str
+    fields: dict[str, str] = field(repr=False)  #: the job's, as they were when it happened
+    sealed: dict[str, str] = field(repr=False)  #: and what workers cannot change of it
+
+    @property
+    def id(self) -> str:
+        """The message's ``webhook-id``."""
+        return message_id(self.job_id, self.number)
+
+    @property
+    def job(self) -> Job:
+        """The job as it was when it happened."""
+        return records.job(self.job_id, self.fields, self.sealed)
+
+
+class DeliveryTry(BaseModel):
+    """How one try of a delivery ended."""
+
+    model_config = ConfigDict(frozen=True)
+
+    at: datetime = Field(description="when it ended")
+    status: int | None = Field(description="the receiver's HTTP status, where there was one")
+    error: str | None = Field(description="why it is not delivered, where it is not")
+    ms: int | None = Field(description="milliseconds that it took, where that is known")
+
+
+class Delivery(BaseModel):
+    """A message to a webhook's receiver, and what became of it."""
+
+    model_config = ConfigDict(frozen=True)
+
+    number: int = Field(description="of the job's messages, from 1, in the order of what happened")
+    id: str = Field(description="its `webhook-id`")
+    event: WebhookEvent
+    at: datetime = Field(description="when it happened")
+    state: DeliveryState = Field(
+        description="waiting for its next try, being tried, delivered (the receiver answered 2xx), "
+        "or given up (after a day, or since the receiver answered 410)"
+    )
+    next_try_at: datetime | None = Field(description="when it is tried next, where it is waiting")
+    tries: tuple[DeliveryTry, ...] = Field(description="by time, the newest")
+
+
+class Outbox:
+    """All messages to webhooks. Every method raises `StoreUnavailable` when Redis is away."""
+
+    def __init__(self, client: redis.Redis) -> None:
+        self._redis = client
+        self._scripts = Scripts(client)
+
+    def take(self, lease_s: float, busy: Iterable[str] = ()) -> Taken | None:
+        """Lease the delivery that is due first of a receiver that is not busy; None without one.
+
+        It comes back when the lease runs out. Of a job one is tried at a time, in the order of
+        what happened as long as none fails.
+        """
+        token = secrets.token_hex(8)
+        answer = self._scripts.run("take_delivery", token, round(lease_s * 1000), *busy)
+        if answer is None:
+            return None
+        found = json.loads(answer)
+        message = json.loads(found["delivery"])
+        return Taken(
+            job_id=found["job"],
+            number=found["number"],
+            event=message["event"],
+            at=moment(message["at"]),
+            now=moment(found["now"]),
+            tries=found["tries"],
+            receiver=found["receiver"],
+            url=found["url"],
+            secrets=(found["secret"],) if found["secret"] else self.farm_secrets(),
+            token=token,
+            fields={**message["job"], "spec": found["spec"]},
+            sealed=found["sealed"],
+        )
+
+    def settle(
+        self,
+        taken: Taken,
+        end: TryEnd,
+        *,
+        status: int | None,
+        error: str,
+        took_s: float,
+        delay_s: float = 0.0,
+    ) -> bool:
+        """Say how the try ended; False where the lease was lost, and nothing was done.
+
+        Parameters
+        ----------
+        taken
+            The delivery.
+        end
+            ``failed`` is tried again, after `delay_s`.
+        status, error, took_s
+            What the log tells of it.
+        delay_s
+            Seconds until the next try.
+        """
+        answer = self._scripts.run(
+            "settle_delivery",
+            taken.job_id,
+            taken.number,
+            taken.token,
+            end,
+            round(delay_s * 1000),
+            "" if status is None else status,
+            error,
+            round(took_s * 1000),
+        )
+        return bool(answer == "settled")
+
+    def deliveries(self, job_id: str) -> list[Delivery]:
+        """The job's messages, by number: the newest hundred, with their newest tries."""
+        with unavailable_as_farm_error():
+            pipe = self._redis.pipeline(transaction=True)
+            pipe.hgetall(keys.job(job_id, "deliveries"))
+            pipe.xrange(keys.job(job_id, "tries"))
+            pipe.hget(keys.job(job_id), "webhook_receiver")
+            found, tries, receiver = pipe.execute()
+            numbers = sorted(int(field) for field in found if field.isdigit())
+            if not numbers:
+                return []
+            members = [f"{job_id}:{number}" for number in numbers]
+            due = self._redis.zmscore(keys.webhooks_due(receiver), members)
+        return [
+            _delivery(job_id, number, found, at, tries)
+            for number, at in zip(numbers, due, strict=True)
+        ]
+
+    def redeliver(self, job_id: str, number: int) -> Delivery | None:
+        """Have a message tried now, whatever became of it; None where the job has none such."""
+        if self._scripts.run("redeliver", job_id, number) == "unknown":
+            return None
+        return next((one for one in self.deliveries(job_id) if one.number == number), None)
+
+    def farm_secrets(self) -> tuple[str, ...]:
+        """The secret that signs where a job brings none, and for a day those before it."""
+        return tuple(" ".join(self._scripts.run("farm_secrets", new_secret())).split())
+
+    def renew_farm_secret(self) -> str:
+        """Another secret for the farm; for a day messages are signed with the former one too.
+
+        And with the one before that, if it was renewed twice: where the answer was lost, nobody has
+        seen the secret between.
+        """
+        renewed = new_secret()
+        self._scripts.run("renew_farm_secret", renewed, _OLD_SECRET_MS, _OLD_SECRETS)
+        return renewed
+
+
+def _delivery(
+    job_id: str,
+    number: int,
+    found: dict[str, str],
+    due: float | None,
+    tries: list[tuple[str, dict[str, str]]],
+) -> Delivery:
+    message = json.loads(found[str(number)])
+    state: Any = found[f"{number} state"]
+    if state == "waiting" and f"{number} token" in found:
+        state = "trying"
+    return Delivery(
+        number=number,
+        id=message_id(job_id, number),
+        event=message["event"],
+        at=moment(message["at"]),
+        state=state,
+        next_try_at=moment(due) if state == "waiting" and due is not None else None,
+        tries=tuple(_try(fields) for _, fields in tries if fields["delivery"] == str(number)),
+    )
+
+
+def _try(fields: dict[str, str]) -> DeliveryTry:
+    return DeliveryTry(
+        at=moment(fields["at"]),
+        status=int(fields["status"]) if fields["status"] else None,
+        error=fields["error"] or None,
+        ms=int(fields["ms"]) if fields["ms"] else None,
+    )

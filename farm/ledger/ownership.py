@@ -1,0 +1,254 @@
+"""Jobs as the monitor sees them: own one, plan its slices, extend its curve, end it.
+
+A job has one owner at a time: a lease in Redis with a fencing token. Every write below carries
+the token and is refused, with `FenceLost`, once another monitor has taken over.
+"""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import redis
+from pydantic import BaseModel, ConfigDict
+
+from plateau.farm.blobs import store as blobs
+from plateau.farm.ledger.queue import SliceRecord
+from plateau.farm.model.errors import FenceLost, IllegalTransition
+from plateau.farm.model.states import JobState
+from plateau.farm.redis import keys
+from plateau.farm.redis.link import unavailable_as_farm_error
+from plateau.farm.redis.scripts import Scripts
+
+
+class Checkpoint(BaseModel):
+    """Where the sums of a job's first slices are kept."""
+
+    model_config = ConfigDict(frozen=True)
+
+    blob: str  #: its key in the blob store
+    sha256: str  #: of its bytes
+    slices: int  #: how many are in the sums
+
+
+def checkpoint_of(client: redis.Redis, job_id: str) -> Checkpoint | None:
+    """The job's last checkpoint, if it has one."""
+    with unavailable_as_farm_error():
+        text = client.hget(keys.job(job_id), "checkpoint")
+    return None if text is None else Checkpoint.model_validate_json(text)
+
+
+@dataclass(frozen=True)
+class Ownership:
+    """A job and the token under which this monitor owns it."""
+
+    job_id: str
+    token: str
+
+
+class Ownerships:
+    """What a monitor may do with jobs. Methods raise `StoreUnavailable` and `FenceLost`."""
+
+    def __init__(self, client: redis.Redis, lease_s: float) -> None:
+        self._redis = client
+        self._scripts = Scripts(client)
+        self._lease_ms = round(lease_s * 1000)
+
+    def unfinished(self) -> set[str]:
+        """The jobs that a monitor still has work with."""
+        with unavailable_as_farm_error():
+            return set(self._redis.smembers(keys.UNFINISHED))
+
+    def by_age(self, job_ids: set[str]) -> list[str]:
+        """These jobs, the oldest first."""
+        if not job_ids:
+            return []
+        with unavailable_as_farm_error():
+            numbers = self._redis.zmscore(keys.JOBS, sorted(job_ids))
+        known = zip(numbers, sorted(job_ids), strict=True)
+        return [job_id for _, job_id in sorted(one for one in known if one[0] is not None)]
+
+    def acquire(self, job_id: str) -> Ownership | None:
+        """Own the job, unless another monitor does."""
+        token = self._scripts.run("own", job_id, self._lease_ms)
+        return Ownership(job_id, token) if token else None
+
+    def renew(self, owned: tuple[Ownership, ...]) -> set[str]:
+        """Keep owning these jobs; returns those that were lost."""
+        return set(self._scripts.run("renew", self._lease_ms, *_flat(owned)))
+
+    def disown(self, owned: tuple[Ownership, ...]) -> None:
+        """Give the jobs to whichever monitor comes next."""
+        self._scripts.run("disown", *_flat(owned))
+
+    def committed(self, job_id: str, indices: range) -> list[SliceRecord]:
+        """The ledger's records from the first index on, up to the first that is missing."""
+        if not indices:
+            return []
+        with unavailable_as_farm_error():
+            texts = self._redis.hmget(keys.job(job_id, "ledger"), [str(i) for i in indices])
+        records = []
+        for text in texts:
+            if text is None:
+                break
+            records.append(SliceRecord.model_validate_json(text))
+        return records
+
+    def state(self, job_id: str) -> JobState | None:
+        """The job's state, whatever else of it can be read; None where Redis has lost the job."""
+        with unavailable_as_farm_error():
+            state = self._redis.hget(keys.job(job_id), "state")
+        return None if state is None else JobState(state)
+
+    def checkpoint(self, job_id: str) -> Checkpoint | None:
+        """The job's last checkpoint, if it has one."""
+        return checkpoint_of(self._redis, job_id)
+
+    def save_checkpoint(self, owned: Ownership, checkpoint: Checkpoint) -> None:
+        """Note the job's last checkpoint."""
+        self._checked("save", owned, "checkpoint", checkpoint.model_dump_json())
+
+    def glimpse(self, job_id: str) -> str | None:
+        """Where the first pass of the job's first slice is, while there is nothing else to see."""
+        with unavailable_as_farm_error():
+            blob, results = self._redis.hmget(keys.job(job_id), "glimpse", "results")
+        return None if results else blob
+
+    def show_results(
+        self, owned: Ownership, results: str, spp: int, sha256: Mapping[str, str] | None = None
+    ) -> None:
+        """Say where the job's last set of results is in the blob store, and of how many spp.
+
+        `sha256` has the digest of each file of the set by its name.
+        """
+        self._checked("show", owned, results, spp, _digests(results, sha256))
+
+    def note_blob(self, owned: Ownership, blob: str, sha256: str | None) -> None:
+        """Note what a blob of the job has to be, before it is put; None forgets one that went."""
+        self._checked("note_blob", owned, blobs.in_job(blob)[1], sha256 or "")
+
+    def reject(self, owned: Ownership, record: SliceRecord, cause: str) -> int:
+        """Have a slice rendered again whose partial is lost or spoiled.
+
+        Returns how often that has happened to the slice; 0 where it is not in the ledger so, or
+        where the job has ended, and nothing was done.
+        """
+        return int(self._checked("reject", owned, record.index, record.blob, cause))
+
+    def plan(self, owned: Ownership, slices: range, expected_spp: int | None = None) -> None:
+        """Let these slices be leased; those planned before are left alone.
+
+        Planned are always the slices from the first on, so those before these are planned too.
+        Where the job is expected to end tells the census how much work is left.
+        """
+        self._checked("plan", owned, slices.stop, "" if expected_spp is None else expected_spp)
+
+    def append_point(self, owned: Ownership, spp: int, point: dict[str, object]) -> None:
+        """Append a point to the curve, once for each spp."""
+        self._checked("append_point", owned, spp, json.dumps(point))
+
+    def end(
+        self,
+        owned: Ownership,
+        target: JobState,
+        reason: str,
+        verdict: dict[str, float | None] | None = None,
+        results: str = "",
+        sha256: Mapping[str, str] | None = None,
+    ) -> None:
+        """End the job; its remaining slices are withdrawn.
+
+        Parameters
+        ----------
+        owned
+            The job.
+        target, reason
+            The state it comes to, and why.
+        verdict
+            The numbers of the rule that fired.
+        results
+            Where its last results are in the blob store, where they are written already: then the
+            job is concluded with this.
+        sha256
+            The digest of each file of the results by its name.
+
+        Raises
+        ------
+        IllegalTransition
+            The job has ended otherwise in the meantime: it was cancelled, or it failed.
+        """
+        outcome, *state = self._scripts.run(
+            "end",
+            owned.job_id,
+            owned.token,
+            target,
+            reason,
+            "" if verdict is None else json.dumps(verdict),
+            results,
+            _digests(results, sha256),
+        )
+        if outcome == "fenced":
+            raise FenceLost(owned.job_id)
+        if outcome == "illegal":
+            raise IllegalTransition(owned.job_id, state[0], target)
+
+    def conclude(
+        self,
+        owned: Ownership,
+        *,
+        spp: int,
+        results: str,
+        sha256: Mapping[str, str] | None = None,
+        notes: tuple[str, ...],
+    ) -> None:
+        """Say that the results of an ended job are written: nothing else of it is needed.
+
+        Parameters
+        ----------
+        owned
+            The job.
+        spp
+            Samples per pixel in its final image.
+        results
+            Where its results are in the blob store; "" where it has none.
+        sha256
+            The digest of each file of the results by its name; None where they were shown before.
+        notes
+            All that is to be known of how it was rendered.
+        """
+        digests = _digests(results, sha256)
+        self._checked("conclude", owned, spp, results, digests, json.dumps(notes))
+
+    def concluded(self, job_id: str) -> bool:
+        """Whether the job's last results are written."""
+        with unavailable_as_farm_error():
+            return bool(self._redis.hexists(keys.job(job_id), "concluded"))
+
+    def finish(self, owned: Ownership, *, keeps_sums: bool) -> None:
+        """Say that everything else was cleared; no monitor has work with the job any more.
+
+        `keeps_sums` leaves its last checkpoint for another job to go on from.
+        """
+        self._checked("finish", owned, "1" if keeps_sums else "")
+
+    def abandon(self, owned: Ownership) -> None:
+        """Say that Redis has lost the job: no monitor has work with it any more."""
+        self._checked("abandon", owned)
+
+    def _checked(self, script: str, owned: Ownership, *arguments: str | int) -> Any:
+        answer = self._scripts.run(script, owned.job_id, owned.token, *arguments)
+        if answer == "fenced":
+            raise FenceLost(owned.job_id)
+        return answer
+
+
+def _digests(results: str, sha256: Mapping[str, str] | None) -> str:
+    """The digests of a set of results by blob, as the scripts take them."""
+    if not sha256:
+        return ""
+    _, folder = blobs.in_job(results)
+    return json.dumps({f"{folder}/{name}": digest for name, digest in sha256.items()})
+
+
+def _flat(owned: tuple[Ownership, ...]) -> list[str]:
+    return [item for one in owned for item in (one.job_id, one.token)]

@@ -1,0 +1,78 @@
+"""Which blob store belongs to which Redis: each has an id that the other has too.
+
+A worker on another store would fail every job; an empty folder where a disk should be mounted holds
+no blob; a Redis that lost its data knows no job, and all results would look like nobody's.
+"""
+
+import secrets
+
+import redis
+
+from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs.probe import check_create_once
+from plateau.farm.blobs.store import Blobs
+from plateau.farm.model.errors import NotPermitted, StoreUnavailable, WrongStore
+from plateau.farm.redis import keys
+from plateau.farm.redis.link import unavailable_as_farm_error
+from plateau.farm.redis.scripts import Scripts
+
+
+def check_pair(client: redis.Redis, store: Blobs) -> None:
+    """Return where Redis and the blob store belong together; the first time, pair them.
+
+    From then on `store` also knows its folder from an empty one.
+
+    Raises
+    ------
+    WrongStore
+        They do not belong together, or the store cannot be one; nothing was changed.
+    StoreUnavailable
+        One of the two is away.
+    """
+    try:
+        with unavailable_as_farm_error():
+            _check_pair(client, store)
+    except NotPermitted:
+        raise StoreUnavailable(
+            "Redis and the blob store are not paired yet, and this process may not pair them; "
+            "start a monitor or an API, which does"
+        ) from None
+
+
+def _check_pair(client: redis.Redis, store: Blobs) -> None:
+    # In this order: while another process pairs them, the id is there before the mark is.
+    theirs = store.mark()
+    ours, paired = client.hmget(keys.STORE, "id", "paired")
+    if theirs is None and paired is not None:  # between the two
+        theirs = store.mark()
+    if theirs is None and paired is None:
+        if not client.exists(keys.JOBS) and any(store.listing(blobs.JOBS)):
+            raise WrongStore(_refusal(store, None, None))
+        if not store.in_folder:
+            check_create_once(store)
+        ours = Scripts(client).run("pair", secrets.token_hex(8), "")
+        theirs = store.make_mark(ours)
+    if theirs is None or theirs != ours:
+        raise WrongStore(_refusal(store, ours, theirs))
+    if paired is None:
+        Scripts(client).run("pair", ours, "1")
+
+
+def farm_id(client: redis.Redis) -> str:
+    """The id that Redis and the blob store share, once `check_pair` has returned."""
+    found: str = client.hget(keys.STORE, "id")
+    return found
+
+
+def _refusal(store: Blobs, ours: str | None, theirs: str | None) -> str:
+    if theirs is None and ours is not None:
+        return (
+            f"{store.where} is not the blob store of this Redis: set PLATEAU_BLOBS to the one that "
+            "its other processes use, or mount what should be there"
+        )
+    return (
+        f"the blobs in {store.where} belong to another Redis than this one, or this one has lost "
+        f"its data: the blob {blobs.MARK} says {theirs or 'nothing'}, and the key {keys.STORE} "
+        f"says {ours or 'nothing'}. Set PLATEAU_BLOBS and PLATEAU_REDIS_URL to two that belong "
+        "together. Nothing was changed"
+    )

@@ -1,0 +1,239 @@
+"""The queue as a worker sees it: lease a slice, keep the lease, commit it or give it back."""
+
+import json
+from dataclasses import dataclass
+from enum import Enum
+
+import redis
+from pydantic import BaseModel, ConfigDict
+
+from plateau.farm.model.fit import Kind
+from plateau.farm.model.place_names import DEFAULT_POOL
+from plateau.farm.model.spec import JobSpec, stored_spec
+from plateau.farm.model.states import MAX_TRIES
+from plateau.farm.redis import keys
+from plateau.farm.redis.link import unavailable_as_farm_error
+from plateau.farm.redis.scripts import Scripts
+
+
+@dataclass(frozen=True, kw_only=True)
+class Lease:
+    """One slice, this worker's until it commits, gives it back, or stops renewing it."""
+
+    job_id: str
+    entry: str  #: the entry of the job's stream
+    index: int
+    tries: int  #: how often the slice was leased, this time included
+    variant: str
+    spec: JobSpec
+    scene_sha256: str
+
+
+class SliceRecord(BaseModel):
+    """A slice's line in the ledger."""
+
+    model_config = ConfigDict(frozen=True)
+
+    index: int
+    spp: int
+    first_seed: int
+    last_seed: int
+    blob: str  #: the partial's key in the blob store
+    sha256: str  #: of the partial's bytes
+    worker: str
+    render_s: float
+
+
+class Committed(str, Enum):
+    """The queue's answer to a commit."""
+
+    COMMITTED = "committed"
+    DUPLICATE = "duplicate"  #: the ledger has this slice of another try: the partial can go
+    ENDED = "ended"  #: the job has ended
+    STALE = "stale"  #: nothing was committed for long, and others render with another variant now
+    OVERLAP = "overlap"  #: its seeds are in the ledger under another slice: a bug, refused
+
+
+class SliceQueue:
+    """The slices of all jobs, for one worker. Methods raise `StoreUnavailable`.
+
+    Parameters
+    ----------
+    client, worker_id
+        Redis, and who asks.
+    lease_s
+        A lease that is not renewed for so long may be taken from its worker.
+    pool, tags
+        It takes jobs of this pool alone, and of those only what requires no other tags.
+    """
+
+    def __init__(
+        self,
+        client: redis.Redis,
+        worker_id: str,
+        lease_s: float,
+        *,
+        pool: str = DEFAULT_POOL,
+        tags: tuple[str, ...] = (),
+    ) -> None:
+        self._redis = client
+        self._scripts = Scripts(client)
+        self._worker = worker_id
+        self._lease_ms = round(lease_s * 1000)
+        self._pool, self._tags = pool, tags
+        self._look_again_s = float("inf")
+
+    @property
+    def look_again_s(self) -> float:
+        """When there was nothing to do: in so many seconds there may be, though nobody says so.
+
+        A slice may be late by then that another worker has.
+        """
+        return self._look_again_s
+
+    def lease(
+        self, variants: tuple[str, ...], loaded_job: str | None, *, in_turn: bool
+    ) -> Lease | None:
+        """The next slice for this worker, or None where there is nothing to do.
+
+        `variants` are what it can render with, best first. While `in_turn`, it keeps to the job
+        whose scene it has loaded.
+        """
+        answer = "again"
+        while answer == "again":
+            answer = self._scripts.run(
+                "lease",
+                self._worker,
+                Kind(variants, self._pool, self._tags).text,
+                loaded_job or "",
+                int(in_turn),
+                self._lease_ms,
+                MAX_TRIES,
+            )
+        if answer.startswith("none"):
+            wait_ms = answer.removeprefix("none")
+            self._look_again_s = float(wait_ms) / 1000 if wait_ms else float("inf")
+            return None
+        found = json.loads(answer)
+        return Lease(
+            job_id=found["job"],
+            entry=found["entry"],
+            index=found["index"],
+            tries=found["tries"],
+            variant=found["variant"],
+            spec=stored_spec(found["spec"]),
+            scene_sha256=found["scene"],
+        )
+
+    def glimpse(self, lease: Lease, blob: str) -> bool:
+        """Say where the first pass of a job's first slice can be seen, as a partial of its own.
+
+        Returns whether anyone will look: the lease may be lost, or there is an image already.
+        """
+        answer = self._scripts.run("glimpse", lease.job_id, lease.entry, self._worker, blob)
+        return bool(answer == "noted")
+
+    def commit(
+        self,
+        lease: Lease,
+        record: SliceRecord,
+        *,
+        width: int,
+        height: int,
+        notes: tuple[str, ...],
+        said: str = "",
+    ) -> Committed:
+        """Enter the slice into the ledger, once; safe to repeat.
+
+        The first commit of a slice counts, also where its lease ran out meanwhile. As in the other
+        reports, `said` is what the render child printed, for the job's log.
+        """
+        return Committed(
+            self._scripts.run(
+                "commit",
+                lease.job_id,
+                lease.entry,
+                self._worker,
+                lease.index,
+                record.model_dump_json(),
+                record.first_seed,
+                record.last_seed,
+                round(record.render_s * 1000),
+                width,
+                height,
+                json.dumps(notes),
+                lease.variant,
+                said,
+            )
+        )
+
+    def died(self, lease: Lease, cause: str, machine_s: float, said: str = "") -> str:
+        """Say that the render child died on the slice; the third death fails the job."""
+        answer: str = self._scripts.run(
+            "died",
+            lease.job_id,
+            lease.entry,
+            self._worker,
+            lease.index,
+            cause,
+            MAX_TRIES,
+            round(machine_s * 1000),
+            said,
+        )
+        return answer
+
+    def hand_back(
+        self,
+        lease: Lease,
+        machine_s: float = 0.0,
+        *,
+        cause: str = "",
+        unfit: bool = False,
+        said: str = "",
+    ) -> None:
+        """Give the slice back untouched, for the next worker to take at once.
+
+        `unfit`: because this worker can render nothing.
+        """
+        self._scripts.run(
+            "hand_back",
+            lease.job_id,
+            lease.entry,
+            self._worker,
+            round(machine_s * 1000),
+            lease.index,
+            "unfit" if unfit else "handed-back",
+            cause,
+            said,
+        )
+
+    def fail(self, lease: Lease, reason: str, machine_s: float = 0.0, said: str = "") -> None:
+        """Fail the job: its scene cannot be rendered by anyone."""
+        self._scripts.run(
+            "fail",
+            lease.job_id,
+            lease.entry,
+            self._worker,
+            reason,
+            lease.index,
+            round(machine_s * 1000),
+            said,
+        )
+
+    def heartbeat(self, about: dict[str, object], leases: tuple[Lease, ...]) -> tuple[Lease, ...]:
+        """Say that the worker lives and renew its leases; returns those that it has no more."""
+        pairs = [item for lease in leases for item in (lease.job_id, lease.entry)]
+        gone = iter(
+            self._scripts.run("heartbeat", self._worker, json.dumps(about), self._lease_ms, *pairs)
+        )
+        lost = set(zip(gone, gone, strict=True))
+        return tuple(lease for lease in leases if (lease.job_id, lease.entry) in lost)
+
+    def leave(self) -> None:
+        """Sign off."""
+        self._scripts.run("leave", self._worker)
+
+    def ended(self, job_id: str) -> bool:
+        """Whether the job has ended, or is not known at all."""
+        with unavailable_as_farm_error():
+            return self._redis.zscore(keys.OPEN, job_id) is None

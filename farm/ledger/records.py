@@ -1,0 +1,192 @@
+"""Jobs and what belongs to them as Redis has them, read as `plateau.farm.model.job`."""
+
+import json
+import logging
+from collections.abc import Container, Iterator
+from contextlib import contextmanager
+from itertools import count
+from typing import Any
+
+from redis.client import Pipeline
+
+from plateau.farm.blobs import store as blobs
+from plateau.farm.model import fit
+from plateau.farm.model.errors import UnreadableJob
+from plateau.farm.model.job import CurvePoint, Event, Job, Worker, moment
+from plateau.farm.model.spec import JobSpec, stored_spec
+from plateau.farm.model.states import JobState
+from plateau.farm.redis import keys
+
+_LOG = logging.getLogger(__name__)
+
+
+def curve_point(text: str) -> CurvePoint:
+    """A point as `append_point` stored it; what a newer Plateau has added is left out."""
+    point = json.loads(text)
+    return CurvePoint.model_validate({**point, "at": moment(point["at"])}, extra="ignore")
+
+
+def event(event_id: str, fields: dict[str, str]) -> Event:
+    """An event as the scripts' `announce` stored it."""
+    data = json.loads(fields["data"])
+    if fields["type"] == "point":
+        data = curve_point(fields["data"]).model_dump(mode="json")
+    return Event(id=event_id, type=fields["type"], data=data, at=moment(fields["at"]))
+
+
+def ledger(records: dict[str, str]) -> dict[int, dict[str, Any]]:
+    """Each slice's record by index, in order, as `commit` stored them."""
+    return {int(index): json.loads(records[index]) for index in sorted(records, key=int)}
+
+
+def worker(fields: dict[str, str]) -> Worker:
+    """A worker as its last heartbeat described it, and whether it was drained.
+
+    What a newer Plateau's worker says beyond that is left out.
+    """
+    about = json.loads(fields["about"])
+    known = {**about, "drained": "drained" in fields, "seen_at": moment(fields["seen_at"])}
+    return Worker.model_validate(known, extra="ignore")
+
+
+def prefix_length(indices: Container[int]) -> int:
+    """How many first slices are among these indices, without a gap."""
+    return next(index for index in count() if index not in indices)
+
+
+@contextmanager
+def reading(job_id: str) -> Iterator[None]:
+    """Raise `UnreadableJob` where what is read of the job in this context makes no sense."""
+    try:
+        yield
+    except (KeyError, TypeError, ValueError) as error:
+        raise UnreadableJob(job_id, error) from error
+
+
+@contextmanager
+def leaving_out_unreadable() -> Iterator[None]:
+    """Log `UnreadableJob`: for lists, from which one job must not keep all others."""
+    try:
+        yield
+    except UnreadableJob as error:
+        _LOG.warning("left out of a list: %s", error)
+
+
+def ask_for(pipe: Pipeline, job_id: str) -> None:
+    """Ask for what makes a `Job`: two hashes, as `job` takes them."""
+    pipe.hgetall(keys.job(job_id))
+    pipe.hgetall(keys.job(job_id, "sealed"))
+
+
+def job(job_id: str, fields: dict[str, str], sealed: dict[str, str]) -> Job:
+    """A job as its hash has it, and what workers cannot change of it; or `UnreadableJob`."""
+    with reading(job_id):
+        return _job(fields, sealed)
+
+
+def _job(fields: dict[str, str], sealed: dict[str, str]) -> Job:
+    spec = _spec(fields)
+    latest = json.loads(fields.get("latest", "{}"))
+    spp, width, height = int(fields["spp"]), fields.get("width"), fields.get("height")
+    times = {
+        name: moment(fields[name])
+        for name in ("created_at", "started_at", "paused_at", "ended_at", "finished_at")
+        if name in fields
+    }
+    judged = (
+        "visible_pixels",
+        "visible_fraction",
+        "slope",
+        "estimate_pixels",
+        "estimate_fraction",
+        "non_finite_pixels",
+        "forecast_spp",
+    )
+    return Job(
+        id=fields["id"],
+        name=fields["name"],
+        owner=sealed.get("owner"),
+        owner_name=sealed.get("owner_name"),
+        state=JobState(fields["state"]),
+        reason=fields["reason"],
+        spec=spec,
+        scene_sha256=fields["scene_sha256"],
+        variant=fields.get("variant"),
+        width=int(width) if width else None,
+        height=int(height) if height else None,
+        spp=spp,
+        held="held" in fields and fields["state"] == JobState.QUEUED,
+        image_spp=_image_spp(fields),
+        committed_spp=int(fields["committed"]) * spec.slice_spp,
+        points=int(fields["points"]),
+        **{name: latest.get(name) for name in judged},
+        forecast_s=_seconds_to_forecast(latest, fields),
+        verdict=json.loads(fields["verdict"]) if "verdict" in fields else None,
+        samples_saved=int(fields.get("samples_saved", 0)),
+        machine_s=int(fields["machine_ms"]) / 1000,
+        wasted_s=int(fields.get("wasted_ms", 0)) / 1000,
+        second_tries=int(fields.get("second_tries", 0)),
+        notes=tuple(json.loads(fields.get("notes", "[]"))),
+        continues=fields.get("continues"),
+        continued_spp=int(fields.get("continued_spp", 0)),
+        paused_s=int(fields.get("paused_ms", 0)) / 1000,
+        **times,
+    )
+
+
+def new_job(spec: JobSpec, *, name: str, scene_sha256: str, owner: str = "") -> list[str | int]:
+    """The fields and values of a new job's hash, one after the other."""
+    fields: dict[str, str | int] = {
+        "name": name,
+        "spec": spec.model_dump_json(),
+        "scene_sha256": scene_sha256,
+        "owner": owner,
+        "asked_variant": spec.variant,
+        "need": fit.need(spec),
+        "slice_spp": spec.slice_spp,
+        "batch": spec.batch or "",
+        "guards": 1 if spec.flicker_guard else "",
+        "planned": 0,
+        "issued": 0,
+        "ready": 0,
+        "leased": 0,
+        "committed": 0,
+        "spp": 0,
+        "points": 0,
+        "machine_ms": 0,
+    }
+    if spec.webhook is not None:
+        secret = spec.webhook.secret
+        fields["webhook_receiver"] = spec.webhook.receiver
+        fields["webhook_events"] = f" {' '.join(spec.webhook.events)} "
+        fields["webhook_url"] = spec.webhook.url
+        fields["webhook_secret"] = "" if secret is None else secret.get_secret_value()
+    return [item for pair in fields.items() for item in pair]
+
+
+def _spec(fields: dict[str, str]) -> JobSpec:
+    """What the job's user asked for, with what was changed since."""
+    spec = stored_spec(fields["spec"])
+    if "priority" in fields:
+        spec = spec.model_copy(update={"priority": int(fields["priority"])})
+    return spec
+
+
+def _image_spp(fields: dict[str, str]) -> int | None:
+    results = fields.get("results")
+    if not results:
+        return None
+    return blobs.spp_of_set(results) or int(fields["spp"]) or None
+
+
+def _seconds_to_forecast(latest: dict[str, Any], fields: dict[str, str]) -> float | None:
+    if latest.get("forecast_spp") is None or "started_at" not in fields:
+        return None
+    paused_ms = int(fields.get("latest_paused_ms", 0))  # before the last point
+    rendering_ms = latest["at"] - float(fields["started_at"]) - paused_ms
+    rendered = latest["spp"] - int(fields.get("continued_spp", 0))
+    if rendered <= 0:  # the points are those of the job that this one goes on with
+        return None
+    spp_per_ms = rendered / max(1.0, rendering_ms)
+    seconds: float = max(0, latest["forecast_spp"] - latest["spp"]) / spp_per_ms / 1000
+    return seconds

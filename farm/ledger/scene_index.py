@@ -1,0 +1,68 @@
+"""Which scenes the blob store holds, and when each was last wanted."""
+
+import json
+import time
+from collections.abc import Iterator
+from typing import Any, Final
+
+import redis
+
+from plateau.farm.model.errors import StoreUnavailable
+from plateau.farm.redis import keys
+from plateau.farm.redis.link import unavailable_as_farm_error
+from plateau.farm.redis.scripts import Scripts
+
+#: Removing a scene's blob takes milliseconds, as a rule.
+_SCENE_GOES_S: Final = 5.0
+
+
+class SceneIndex:
+    """The stored scenes, by SHA-256. Every method raises `StoreUnavailable` when Redis is away."""
+
+    def __init__(self, client: redis.Redis) -> None:
+        self._redis = client
+        self._scripts = Scripts(client)
+
+    def use(self, sha256: str) -> None:
+        """Note that the scene is wanted, before anyone looks whether the blob store has it.
+
+        From now on no sweep removes it for an hour at least; see `plateau.farm.sweep.scenes`. Where
+        one is just removing it, this waits until that is done.
+
+        Raises
+        ------
+        StoreUnavailable
+            That takes long: call again later.
+        """
+        patience = time.monotonic() + _SCENE_GOES_S
+        is_going = self._scripts.run("use_scene", sha256)
+        while is_going:
+            if time.monotonic() > patience:
+                raise StoreUnavailable(f"scene {sha256} is being removed; send it again soon")
+            time.sleep(0.05)
+            with unavailable_as_farm_error():
+                is_going = self._redis.exists(keys.scene_going(sha256))
+
+    def disuse(self, sha256: str) -> None:
+        """Take the note of `use` back: the blob store has no such scene."""
+        self._scripts.run("disuse_scene", sha256)
+
+    def remember(self, sha256: str, summary: dict[str, Any]) -> None:
+        """Note that the blob store holds this scene."""
+        self._scripts.run("remember_scene", sha256, json.dumps(summary))
+
+    def bytes_of(self, owner: str) -> int:
+        """How many bytes the stored scenes have that this key, by its id, was the first to send."""
+        return sum(scene["bytes"] for scene in self.all() if scene.get("owner") == owner)
+
+    def has(self, sha256: str) -> bool:
+        """Whether the blob store holds this scene."""
+        with unavailable_as_farm_error():
+            return bool(self._redis.hexists(keys.SCENES, sha256))
+
+    def all(self) -> Iterator[dict[str, Any]]:
+        """The scenes that the blob store holds, with their summaries."""
+        with unavailable_as_farm_error():
+            scenes = self._redis.hgetall(keys.SCENES)
+        for sha256, summary in scenes.items():
+            yield {"sha256": sha256, **json.loads(summary)}

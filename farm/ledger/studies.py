@@ -1,0 +1,230 @@
+"""Observer studies in Redis: made, taken part in, answered, forgotten.
+
+A study's pictures are blobs of its own, so it stays whole when its job is forgotten. They are put
+while ``…:making`` says that the study is being made, and the study appears when all are there; a
+sweep removes the pictures of whatever is neither made nor being made. An id is never given again.
+
+Every answer is in Redis, and so on the disk, before it is acknowledged; the first one to a pair
+counts.
+"""
+
+import hashlib
+import json
+import secrets
+from typing import Any, Final
+
+import redis
+
+from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs.store import Blobs, StoredBlob
+from plateau.farm.model.errors import CannotStudy, ObserverNotFound, StudyNotFound, TrialNotFound
+from plateau.farm.model.job import moment
+from plateau.farm.model.study import MOST_OBSERVERS, MOST_STUDIES, Answer, Observer, Screen, Study
+from plateau.farm.model.study_order import Pair
+from plateau.farm.redis import keys
+from plateau.farm.redis.link import unavailable_as_farm_error
+from plateau.farm.redis.scripts import Scripts
+
+#: No study takes so long to make.
+_MAKING_S: Final = 1800.0
+
+
+class Studies:
+    """All studies. Every method raises `StoreUnavailable` when Redis is away."""
+
+    def __init__(self, client: redis.Redis) -> None:
+        self._redis = client
+        self._scripts = Scripts(client)
+
+    def begin(self) -> str:
+        """The id of a study that is to be made: from now on its pictures may be put."""
+        study_id = secrets.token_hex(6)
+        self._scripts.run("begin_study", study_id, round(_MAKING_S * 1000))
+        return study_id
+
+    def made(self, request: dict[str, Any], owner: str) -> Study | None:
+        """The study that the same request of the same owner has made; None where none has."""
+        with unavailable_as_farm_error():
+            study_id = self._redis.hget(keys.STUDIES_ASKED, _digest(request, owner))
+        return None if study_id is None else self.get(study_id)
+
+    def create(self, study_id: str, request: dict[str, Any], owner: str, about: Any) -> Study:
+        """Show a study whose pictures are all there; the same request makes one only.
+
+        Raises
+        ------
+        CannotStudy
+            There are too many, or it took too long to make.
+        """
+        digest = _digest(request, owner)
+        outcome, *found = self._scripts.run(
+            "create_study", study_id, digest, owner, json.dumps(about), MOST_STUDIES
+        )
+        if outcome == "late":
+            raise CannotStudy(
+                f"the study was not made: its pictures took more than {_MAKING_S / 60:g} min; ask "
+                "for fewer levels"
+            )
+        if outcome == "too many":
+            raise CannotStudy(
+                f"the farm has {MOST_STUDIES} studies, as many as it may have; delete one that is "
+                "done"
+            )
+        return self.get(found[0])
+
+    def get(self, study_id: str) -> Study:
+        """The study, or `StudyNotFound`."""
+        with unavailable_as_farm_error():
+            fields = self._redis.hgetall(keys.study(study_id))
+        if not fields:
+            raise StudyNotFound(study_id)
+        return _study(fields)
+
+    def sha256(self, study_id: str, blob: str) -> str | None:
+        """What the bytes of a picture of the study have to be; None where that was not noted."""
+        with unavailable_as_farm_error():
+            about = self._redis.hget(keys.study(study_id), "about")
+        noted: dict[str, str] = json.loads(about or "{}").get("sha256", {})
+        return noted.get(blob)
+
+    def all(self) -> list[Study]:
+        """All studies, newest first."""
+        with unavailable_as_farm_error():
+            pipe = self._redis.pipeline(transaction=False)
+            for study_id in self._redis.zrevrange(keys.STUDIES, 0, -1):
+                pipe.hgetall(keys.study(study_id))
+            return [_study(fields) for fields in pipe.execute() if fields]
+
+    def join(self, study: Study, name: str, screen: Screen) -> Observer:
+        """Take part under a pseudonym; who does already is found as they were, with their screen.
+
+        Raises
+        ------
+        StudyNotFound, CannotStudy
+            It is forgotten; it has as many observers as it may.
+        """
+        outcome = self._scripts.run(
+            "join_study", study.id, name, screen.model_dump_json(), MOST_OBSERVERS
+        )
+        if outcome == "missing":
+            raise StudyNotFound(study.id)
+        if outcome == "full":
+            raise CannotStudy(
+                f"study {study.id} has {MOST_OBSERVERS} observers, as many as it may have; make "
+                "another study of the same job"
+            )
+        return self.observer(study, name)
+
+    def observer(self, study: Study, name: str) -> Observer:
+        """Who takes part under a pseudonym, or `ObserverNotFound`."""
+        with unavailable_as_farm_error():
+            record = self._redis.hget(keys.study(study.id, "observers"), name)
+        if record is None:
+            raise ObserverNotFound(study.id, name)
+        return _observer(name, record)
+
+    def observers(self, study: Study) -> list[Observer]:
+        """All who take part, in the order of coming."""
+        with unavailable_as_farm_error():
+            records = self._redis.hgetall(keys.study(study.id, "observers"))
+        found = [_observer(name, record) for name, record in records.items()]
+        return sorted(found, key=lambda observer: observer.number)
+
+    def counts(self, study: Study) -> tuple[int, int]:
+        """How many observers and how many answers it has; neither ever changes but by growing."""
+        with unavailable_as_farm_error():
+            pipe = self._redis.pipeline(transaction=False)
+            pipe.hlen(keys.study(study.id, "observers"))
+            pipe.hlen(keys.study(study.id, "answers"))
+            observers, answers = pipe.execute()
+        return observers, answers
+
+    def answer(
+        self, study: Study, observer: Observer, trial: int, *, seen: bool, seconds: float
+    ) -> Answer:
+        """Note an answer, durably, before this returns; one that is there already stays.
+
+        Returns the answer that counts.
+
+        Raises
+        ------
+        TrialNotFound
+            The observer has no pair of this number.
+        StudyNotFound
+            The study was forgotten.
+        """
+        shown = study.pairs(observer.number)
+        if trial >= len(shown):
+            raise TrialNotFound(study.id, trial, len(shown))
+        given = json.dumps({"seen": seen, "seconds": seconds})
+        stored = self._scripts.run("answer_study", study.id, observer.name, trial, given)
+        if stored == "missing":
+            raise StudyNotFound(study.id)
+        return _answer(observer, trial, shown[trial], stored)
+
+    def answers(self, study: Study) -> list[Answer]:
+        """All answers, by observer in the order of coming, then in the order of the pairs."""
+        observers = {observer.name: observer for observer in self.observers(study)}
+        with unavailable_as_farm_error():
+            records = self._redis.hgetall(keys.study(study.id, "answers"))
+        shown = {name: study.pairs(observer.number) for name, observer in observers.items()}
+        found = []
+        for place, record in records.items():
+            name, number = place.split(":")
+            if name in shown:  # and has not come since we looked
+                trial = int(number)
+                found.append(_answer(observers[name], trial, shown[name][trial], record))
+        return sorted(found, key=lambda one: (observers[one.observer].number, one.trial))
+
+    def forget(self, study_id: str, store: Blobs) -> None:
+        """Remove the study with all its answers and pictures; one that is not there is fine."""
+        self._scripts.run("forget_study", study_id)
+        store.delete(*store.names(blobs.of_study(study_id)))
+
+
+def orphans(client: redis.Redis, store: Blobs) -> list[StoredBlob]:
+    """The pictures of what is neither a study nor being made into one."""
+    found: dict[str, list[StoredBlob]] = {}
+    for blob in store.listing(blobs.STUDIES):
+        found.setdefault(blob.name.split("/")[1], []).append(blob)
+    return [
+        blob
+        for study_id, stored in found.items()
+        if not client.exists(keys.study(study_id), keys.study(study_id, "making"))
+        for blob in stored
+    ]
+
+
+def _digest(request: dict[str, Any], owner: str) -> str:
+    text = json.dumps([request, owner], sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _study(fields: dict[str, str]) -> Study:
+    return Study(
+        **json.loads(fields["about"]),
+        id=fields["id"],
+        owner=fields["owner"] or None,
+        created_at=moment(fields["created_at"]),
+    )
+
+
+def _observer(name: str, record: str) -> Observer:
+    known = json.loads(record)
+    screen = Screen.model_validate_json(known["screen"])
+    joined_at = moment(known["joined_at"])
+    return Observer(name=name, number=known["number"], screen=screen, joined_at=joined_at)
+
+
+def _answer(observer: Observer, trial: int, pair: Pair, record: str) -> Answer:
+    known = json.loads(record)
+    given = json.loads(known["given"])
+    return Answer(
+        observer=observer.name,
+        trial=trial,
+        spp=pair.spp,
+        reference=pair.reference,
+        seen=given["seen"],
+        seconds=given["seconds"],
+        at=moment(known["at"]),
+    )

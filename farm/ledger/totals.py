@@ -1,0 +1,245 @@
+"""What the whole farm has done and has to do: counted in Redis, read in one round trip.
+
+Totals only grow. The scripts that end a job or commit a slice count it in the same atomic step, and
+monitors report what they did, so a restart of any process loses nothing, and any process can answer
+for all. What there is to do now is counted afresh over the jobs that have not ended.
+"""
+
+import json
+import math
+import os
+import socket
+from collections.abc import Collection, Iterable
+from dataclasses import dataclass, field
+from datetime import datetime, timezone
+from typing import Final
+
+import redis
+
+from plateau.farm.model.durations import Durations, Histogram, histogram
+from plateau.farm.model.fit import ANY
+from plateau.farm.model.states import JobState
+from plateau.farm.redis.scripts import Scripts
+
+#: How tries of slices end, as the totals have them: as in a job's log
+#: (`plateau.farm.model.job.TryEnd`), and ``late`` (rendered when the job had ended) and ``lost``
+#: (its worker fell silent).
+TRY_ENDS: Final = (
+    "committed",
+    "duplicate",
+    "stale",
+    "late",
+    "handed-back",
+    "unfit",
+    "died",
+    "lost",
+    "failed",
+    "rejected",
+)
+#: The states at which jobs end.
+ENDS: Final = tuple(state.value for state in JobState if state.ended)
+
+#: How tries of deliveries of webhooks end: after ``failed``, another follows.
+DELIVERY_TRY_ENDS: Final = ("delivered", "failed", "given-up")
+
+#: What a slice takes, as long as none of this farm's was ever rendered.
+_SLICE_MS: Final = 1000.0
+
+MERGE_BOUNDS_S: Final = (0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 10.0)
+EVALUATION_BOUNDS_S: Final = (0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 5.0, 10.0, 25.0, 60.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Demand:
+    """Slices that want a worker: what a farm that grows and shrinks has workers for."""
+
+    waiting: int = 0  #: planned, and nobody's yet; those of paused jobs wait for nobody
+    leased: int = 0  #: a worker's
+    # What follows is estimated, and no part of what makes two of these equal.
+    left: int = field(default=0, compare=False)  #: until the jobs end, planned or not
+    #: What one worker would take for those, in seconds, by what the jobs' slices took until now.
+    work_s: float = field(default=0.0, compare=False)
+
+    @property
+    def slices(self) -> int:
+        """All of them: a worker that has one is needed as much as one for which one waits."""
+        return self.waiting + self.leased
+
+
+@dataclass(frozen=True, kw_only=True)
+class Census:
+    """The farm at one moment."""
+
+    jobs: dict[str, int]  #: that have not ended, by state
+    jobs_stored: int  #: whatever their state
+    jobs_unserved: int  #: for which no worker lives that takes work and fits
+    queue_age_s: float  #: since the oldest was created of which nothing is rendered; 0 without one
+    #: Of open jobs, by their class: variant ("auto" for any), pool, and tags with commas between.
+    demand: dict[str, Demand]
+    workers: dict[str, int]  #: alive: idle, rendering or out_of_service
+    monitors: int  #: alive
+    jobs_owned: int  #: by monitors that are alive
+    jobs_created: int
+    jobs_ended: dict[str, int]  #: by the state at which they ended
+    tries: dict[str, int]  #: of slices, by how they ended
+    samples: int  #: in slices that were committed
+    samples_saved: int  #: as `plateau.farm.model.job.Job` has it, of all jobs that ever were
+    second_tries: int  #: of slices that were late
+    machine_s: float  #: that render children spent
+    wasted_s: float  #: of those on slices of which another try was committed first
+    merges: Histogram  #: of one slice, its fetch included
+    evaluations: Histogram  #: of a merged image by all rules of its job
+    webhooks_waiting: int  #: messages that wait for a try, or are being tried
+    webhook_tries: dict[str, int]  #: by how they ended
+    webhooks_dropped: int  #: messages that were forgotten before they could be delivered
+    swept_at: float | None  #: when a sweep was last done, in s since 1970
+
+    @property
+    def slices(self) -> dict[str, int]:
+        """Slices of open jobs that wait for a worker, and that are leased to one."""
+        demand = self.demand_for()
+        return {"waiting": demand.waiting, "leased": demand.leased}
+
+    def demand_by_variant(self) -> dict[str, Demand]:
+        """The demand in all pools, by the variant that the jobs need, "auto" for any."""
+        by_variant: dict[str, list[Demand]] = {}
+        for needed, demand in self.demand.items():
+            by_variant.setdefault(needed.partition(" ")[0], []).append(demand)
+        return {variant: _sum(demands) for variant, demands in by_variant.items()}
+
+    def demand_for(
+        self,
+        variants: Collection[str] = (),
+        *,
+        pool: str | None = None,
+        tags: Collection[str] | None = None,
+    ) -> Demand:
+        """What wants workers that render with one of these variants, in this pool, with these tags.
+
+        With no variants, no pool or no tags given, workers that have any. A job that any variant
+        suits counts for all: the first lease pins it to one.
+        """
+
+        def suits(needed: str) -> bool:
+            variant, in_pool, *required = needed.split(" ")
+            return (
+                (not variants or variant == ANY or variant in variants)
+                and pool in (None, in_pool)
+                and (tags is None or set("".join(required).split(",")) <= {*tags, ""})
+            )
+
+        return _sum(demand for needed, demand in self.demand.items() if suits(needed))
+
+
+def take_census(
+    scripts: Scripts, within_s: float = 15.0, *, from_priority: int | None = None
+) -> Census:
+    """Count the farm; workers that were not heard of for `within_s` are left out.
+
+    Jobs of a priority below `from_priority` are counted, but are no demand.
+    """
+    least = "" if from_priority is None else from_priority
+    found = json.loads(scripts.run("census", round(within_s * 1000), least))
+    pairs = iter(found["totals"])
+    totals = {name: int(number) for name, number in zip(pairs, pairs, strict=True)}
+    oldest = found.get("oldest")
+    return Census(
+        jobs=found["jobs"],
+        jobs_stored=found["stored"],
+        jobs_unserved=found["unserved"],
+        queue_age_s=0.0 if oldest is None else (float(found["now"]) - float(oldest)) / 1000,
+        demand={
+            needed: _demand(slices, _mean_slice_ms(totals))
+            for needed, slices in found["demand"].items()
+        },
+        workers=found["workers"],
+        monitors=found["monitors"],
+        jobs_owned=found["owned"],
+        jobs_created=int(found["created"]),
+        jobs_ended={state: totals.get(f"ended {state}", 0) for state in ENDS},
+        tries={end: totals.get(f"tries {end}", 0) for end in TRY_ENDS},
+        samples=totals.get("samples", 0),
+        samples_saved=totals.get("samples saved", 0),
+        second_tries=totals.get("second tries", 0),
+        machine_s=totals.get("machine ms", 0) / 1000,
+        wasted_s=totals.get("wasted ms", 0) / 1000,
+        merges=histogram(totals, "merge", MERGE_BOUNDS_S),
+        evaluations=histogram(totals, "evaluation", EVALUATION_BOUNDS_S),
+        webhooks_waiting=found["webhooks"],
+        webhook_tries={end: totals.get(f"webhook tries {end}", 0) for end in DELIVERY_TRY_ENDS},
+        webhooks_dropped=totals.get("webhooks dropped", 0),
+        swept_at=totals["swept at"] / 1000 if "swept at" in totals else None,
+    )
+
+
+def _demand(slices: dict[str, float], unmeasured_ms: float) -> Demand:
+    return Demand(
+        waiting=int(slices["waiting"]),
+        leased=int(slices["leased"]),
+        left=math.ceil(slices["left"]),
+        work_s=(slices["work_ms"] + slices["unmeasured"] * unmeasured_ms) / 1000,
+    )
+
+
+def _sum(demands: Iterable[Demand]) -> Demand:
+    asked = tuple(demands)
+    return Demand(
+        waiting=sum(one.waiting for one in asked),
+        leased=sum(one.leased for one in asked),
+        left=sum(one.left for one in asked),
+        work_s=sum(one.work_s for one in asked),
+    )
+
+
+def _mean_slice_ms(totals: dict[str, int]) -> float:
+    """What a slice of a job took of which none is rendered yet: as long as others did."""
+    committed = totals.get("tries committed", 0)
+    return totals.get("machine ms", 0) / committed if committed else _SLICE_MS
+
+
+class MonitorWork:
+    """What one monitor has done since it started, and its heartbeat that reports it.
+
+    A monitor counts as alive for the length of a lease after its last heartbeat. One that is killed
+    takes with it what it has done since then.
+    """
+
+    def __init__(self, client: redis.Redis, monitor_id: str, lease_s: float) -> None:
+        self.merges = Durations(MERGE_BOUNDS_S)
+        self.evaluations = Durations(EVALUATION_BOUNDS_S)
+        self._scripts = Scripts(client)
+        self._id = monitor_id
+        self._lease_ms = round(lease_s * 1000)
+        self._started_at = datetime.now(timezone.utc)
+
+    def heartbeat(self, jobs: int) -> None:
+        """Say that the monitor is alive, owns so many jobs, and has done this much.
+
+        Raises
+        ------
+        Refused
+            It does not speak what the other monitors and the APIs do.
+        """
+        about = {
+            "id": self._id,
+            "host": socket.gethostname(),
+            "pid": os.getpid(),
+            "jobs": jobs,
+            "started_at": self._started_at.isoformat(),
+        }
+        self._report(json.dumps(about))
+        self._scripts.serve_workers()
+
+    def sign_off(self) -> None:
+        """Report for the last time."""
+        self._report("")
+
+    def _report(self, about: str) -> None:
+        done = self.merges.numbers("merge") | self.evaluations.numbers("evaluation")
+        flat = [item for pair in done.items() for item in pair]
+        self._scripts.run("monitor_heartbeat", self._id, about, self._lease_ms, *flat)
+
+
+def note_sweep(client: redis.Redis) -> None:
+    """Note that a sweep was done just now."""
+    Scripts(client).run("note_sweep")

@@ -1,0 +1,59 @@
+"""Steering workers: a drained one takes no more work, and says so, until it is let work again."""
+
+from collections.abc import Iterable
+from datetime import datetime
+from typing import Final
+
+import redis
+
+from plateau.farm.ledger.members import RefusedProcess, refused_within
+from plateau.farm.model.errors import WorkerNotFound
+from plateau.farm.model.job import Worker
+from plateau.farm.redis.scripts import Scripts
+
+#: A worker lives whose heartbeat was heard within so many seconds.
+ALIVE_S: Final = 15.0
+_REMEMBERED_S: Final = 3600.0
+
+
+class Workers:
+    """The workers that live. Every method raises `StoreUnavailable` when Redis is away."""
+
+    def __init__(self, client: redis.Redis) -> None:
+        self._redis = client
+        self._scripts = Scripts(client)
+
+    def drain(self, worker_id: str) -> None:
+        """Give the worker no more slices; what it has in hand it finishes. Harmless to repeat.
+
+        It holds for the worker's life: one that is started again has another id.
+
+        Raises
+        ------
+        WorkerNotFound
+            No such worker lives.
+        """
+        self._tell(worker_id, "1")
+
+    def resume(self, worker_id: str) -> None:
+        """Let a drained worker take work again; raises `WorkerNotFound` as `drain` does."""
+        self._tell(worker_id, "0")
+
+    def refused(self, alive: Iterable[Worker]) -> list[RefusedProcess]:
+        """Who was not let into the farm in the last hour, the newest first.
+
+        `alive` are the workers that live: of a machine on which one was let in since, nothing is
+        told.
+        """
+        let_in: dict[str, datetime] = {}
+        for worker in alive:
+            let_in[worker.host] = max(worker.started_at, let_in.get(worker.host, worker.started_at))
+        return [
+            one
+            for one in refused_within(self._redis, _REMEMBERED_S)
+            if one.role != "worker" or one.host not in let_in or let_in[one.host] < one.at
+        ]
+
+    def _tell(self, worker_id: str, drains: str) -> None:
+        if self._scripts.run("drain", worker_id, drains, round(ALIVE_S * 1000)) == "missing":
+            raise WorkerNotFound(worker_id)

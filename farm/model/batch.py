@@ -1,0 +1,275 @@
+"""A batch as its users see it: how far its jobs are, and whether they are even."""
+
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+from itertools import pairwise
+from typing import Final
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from plateau.farm.model.flicker import Value, differences, stops_by
+from plateau.farm.model.spec import FixedSpec, JobSpec, VisibleSpec
+from plateau.farm.model.states import JobState
+
+#: So many differences, or jobs that missed their target, are named.
+_NAMED: Final = 100
+
+
+class _Record(BaseModel):
+    # A client may be older than the service that it talks to.
+    model_config = ConfigDict(frozen=True, extra="ignore")
+
+
+class Extent(_Record):
+    """How far the values of several jobs lie apart."""
+
+    least: float
+    most: float
+    mean: float
+
+
+class Differs(_Record):
+    """A job that stops otherwise than most jobs of its batch, or has another film."""
+
+    job: str
+    field: str = Field(description="such as rule.target, min_spp, view.exposure_ev or film")
+    value: Value = Field(None, description="what it has there")
+    others: Value = Field(None, description="what most jobs of the batch have there")
+
+
+class Jump(_Record):
+    """The largest change of the noise left from one converged job to the next."""
+
+    jobs: tuple[str, str] = Field(description="the two, in the batch's order")
+    estimate_fraction: tuple[float, float] = Field(description="of each")
+
+
+class Guard(_Record):
+    """What an animator needs to know to trust that a sequence does not flicker."""
+
+    guarded: bool = Field(
+        description="whether the batch refuses jobs that would stop otherwise (flicker_guard)"
+    )
+    even: bool = Field(
+        description="whether all of its jobs stop alike: the same rule with the same parameters, "
+        "min_spp, step and view, on a film of the same size as far as that is known"
+    )
+    rule: str = Field(description="the rule that most of its jobs have")
+    target: float | None = Field(
+        None,
+        description="of the rule visible: the noise that may be left, as a fraction of the pixels",
+    )
+    min_spp: int = Field(description="no job converges before so many spp; 0 without a minimum")
+    differs: list[Differs] = Field(description="where jobs differ from most others: at most 100")
+    missed_jobs: int = Field(
+        description="how many have ended otherwise than by their rule: exhausted, cancelled, failed"
+    )
+    missed: list[str] = Field(description="their ids, in the batch's order: at most 100")
+    spp: Extent | None = Field(None, description="of the jobs that converged")
+    estimate_fraction: Extent | None = Field(
+        None,
+        description="noise left, of the jobs that converged",
+    )
+    jump: Jump | None = None
+
+
+class Batch(_Record):
+    """Many jobs under one name."""
+
+    name: str
+    jobs: int = Field(description="how many it has")
+    job_ids: list[str] = Field(description="in the order in which they were made")
+    states: dict[JobState, int] = Field(description="how many are in each state that any is in")
+    held: int = Field(description="how many of the queued ones are held back till it is resumed")
+    finished: int = Field(description="how many have ended and have their results written")
+    spp: Extent | None = Field(None, description="spp merged, of all jobs")
+    estimate_fraction: Extent | None = Field(
+        None,
+        description="noise left, of the jobs that have an estimate",
+    )
+    machine_s: float = Field(description="seconds that render children spent on it")
+    samples_saved: int = Field(description="the sum of `samples_saved` of its jobs")
+    created_at: datetime = Field(description="when its first job was made")
+    started_at: datetime | None = Field(None, description="when the first slice was leased")
+    ended_at: datetime | None = Field(None, description="when its last job ended, once all have")
+    forecast_end_at: datetime | None = Field(
+        None,
+        description="when its last job will end, at the batch's mean rate so far; null while that "
+        "cannot be said",
+    )
+    guard: Guard
+
+
+@dataclass(frozen=True, kw_only=True)
+class Member:
+    """What a summary needs of a job."""
+
+    id: str
+    spec: JobSpec  #: of a job that is alike but for its parameters
+    state: JobState
+    held: bool
+    spp: int
+    committed_spp: int
+    estimate_fraction: float | None
+    forecast_spp: int | None
+    film: tuple[int, int] | None
+    machine_s: float
+    samples_saved: int
+    created_at: datetime
+    started_at: datetime | None
+    ended_at: datetime | None
+    finished: bool
+
+
+def summarise(name: str, members: list[Member], *, guarded: bool, now: datetime) -> Batch:
+    """The batch of these jobs, at least one, in the order in which they were made."""
+    ended = [member.ended_at for member in members if member.ended_at is not None]
+    started = [member.started_at for member in members if member.started_at is not None]
+    return Batch(
+        name=name,
+        jobs=len(members),
+        job_ids=[member.id for member in members],
+        states=Counter(member.state for member in members),
+        held=sum(member.held for member in members),
+        finished=sum(member.finished for member in members),
+        spp=_extent(member.spp for member in members),
+        estimate_fraction=_extent(_left(members)),
+        machine_s=round(sum(member.machine_s for member in members), 3),
+        samples_saved=sum(member.samples_saved for member in members),
+        created_at=members[0].created_at,
+        started_at=min(started, default=None),
+        ended_at=max(ended) if len(ended) == len(members) else None,
+        forecast_end_at=_forecast(members, now),
+        guard=_guard(members, guarded=guarded),
+    )
+
+
+def _guard(members: list[Member], *, guarded: bool) -> Guard:
+    stops = [_stops(member) for member in members]
+    usual = dict(Counter(tuple(values.items()) for values in stops).most_common(1)[0][0])
+    differs = [
+        Differs(job=member.id, field=found.field, value=found.value, others=found.others)
+        for member, values in zip(members, stops, strict=True)
+        if values != usual
+        for found in differences(values, usual)
+    ]
+    film = Counter(member.film for member in members if member.film is not None).most_common(1)
+    differs += [
+        Differs(job=member.id, field="film", value=_size(member.film), others=_size(film[0][0]))
+        for member in members
+        if member.film is not None and member.film != film[0][0]
+    ]
+    converged = [member for member in members if member.state is JobState.CONVERGED]
+    missed = [
+        member.id
+        for member in members
+        if member.state.ended and member.state is not JobState.CONVERGED
+    ]
+    target, own_min = usual.get("rule.target"), usual.get("rule.min_spp")
+    return Guard(
+        guarded=guarded,
+        even=not differs,
+        rule=str(usual["rule.name"]),
+        target=target if isinstance(target, float) else None,
+        min_spp=max(_whole(usual["min_spp"]), _whole(own_min)),
+        differs=differs[:_NAMED],
+        missed_jobs=len(missed),
+        missed=missed[:_NAMED],
+        spp=_extent(member.spp for member in converged),
+        estimate_fraction=_extent(_left(converged)),
+        jump=_jump(members),
+    )
+
+
+def _stops(member: Member) -> dict[str, Value]:
+    return stops_by(member.spec)
+
+
+def _whole(value: Value) -> int:
+    return value if isinstance(value, int) else 0
+
+
+def _size(film: tuple[int, int]) -> str:
+    return f"{film[0]}×{film[1]}"
+
+
+def _left(members: list[Member]) -> list[float]:
+    return [one.estimate_fraction for one in members if one.estimate_fraction is not None]
+
+
+def _extent(values: Iterable[float]) -> Extent | None:
+    found = list(values)
+    if not found:
+        return None
+    return Extent(least=min(found), most=max(found), mean=sum(found) / len(found))
+
+
+def _jump(members: list[Member]) -> Jump | None:
+    pairs = [
+        Jump(jobs=(one.id, other.id), estimate_fraction=(one_left, other_left))
+        for one, other in pairwise(members)
+        if one.state is JobState.CONVERGED is other.state
+        and (one_left := one.estimate_fraction) is not None
+        and (other_left := other.estimate_fraction) is not None
+    ]
+    return max(
+        pairs,
+        key=lambda jump: abs(jump.estimate_fraction[1] - jump.estimate_fraction[0]),
+        default=None,
+    )
+
+
+def _forecast(members: list[Member], now: datetime) -> datetime | None:
+    """When the last job will end, if the farm goes on at its mean rate while it had work with it.
+
+    A job's own forecast is taken, or the cap where that comes first; one that has none yet is
+    taken to need what those needed that have ended by their rule. Where nobody can say, or a job
+    waits for a person, there is no forecast.
+    """
+    to_come = [member for member in members if not member.state.ended]
+    if not to_come or any(one.held or one.state is JobState.PAUSED for one in to_come):
+        return None
+    machine_s = sum(member.machine_s for member in members)
+    rendered = sum(member.committed_spp for member in members)
+    busy_s = _busy_s(members, now)
+    if not rendered or machine_s <= 0 or busy_s <= 0:
+        return None
+    needed = [one.spp for one in members if one.state is JobState.CONVERGED]
+    usual = sum(needed) / len(needed) if needed else None
+    remaining_s = 0.0
+    for member in to_come:
+        last = _last_spp(member, usual)
+        if last is None:
+            return None
+        s_per_spp = machine_s / rendered
+        if member.committed_spp:
+            s_per_spp = member.machine_s / member.committed_spp
+        remaining_s += max(0.0, last - member.committed_spp) * s_per_spp
+    return now + timedelta(seconds=round(remaining_s * busy_s / machine_s, 3))
+
+
+def _last_spp(member: Member, usual: float | None) -> float | None:
+    spec = member.spec
+    if isinstance(spec.rule, FixedSpec):
+        last: float | None = spec.rule.spp
+    elif isinstance(spec.rule, VisibleSpec) and member.forecast_spp is not None:
+        last = max(member.forecast_spp, spec.rule.min_spp)
+    else:
+        last = usual if usual is None or usual > member.spp else None
+    return None if last is None else min(max(last, spec.min_spp or 0), spec.max_spp)
+
+
+def _busy_s(members: list[Member], now: datetime) -> float:
+    """For how long any job of the batch was being rendered."""
+    times = sorted(
+        (one.started_at, one.ended_at or now) for one in members if one.started_at is not None
+    )
+    busy, until = timedelta(), None
+    for start, end in times:
+        if until is None or start > until:
+            busy, until = busy + (end - start), end
+        elif end > until:
+            busy, until = busy + (end - until), end
+    return busy.total_seconds()

@@ -1,0 +1,236 @@
+"""A job, its curve and its events, as every process and every user sees them."""
+
+from datetime import datetime, timezone
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from plateau.farm.model.place_names import DEFAULT_POOL
+from plateau.farm.model.spec import JobSpec
+from plateau.farm.model.states import JobState
+
+
+def moment(milliseconds: str | int | float) -> datetime:
+    """A time of Redis's clock as an aware datetime in UTC."""
+    return datetime.fromtimestamp(float(milliseconds) / 1000, timezone.utc)
+
+
+def utc_now() -> datetime:
+    """Now, by the clock of this machine."""
+    return datetime.now(timezone.utc)
+
+
+class _Record(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class WatchedValue(_Record):
+    """What a rule said at a point of the curve."""
+
+    value: float | None = Field(description="the number that the rule watches")
+    stop: bool = Field(description="whether the rule would have stopped here")
+
+
+class ZoneFractions(_Record):
+    """A judgement by zones: rows from the top, in each the zones from the left."""
+
+    visible_fraction: tuple[tuple[float, ...], ...] = Field(
+        description="changed since the first image: of each zone's pixels, how many differ visibly"
+    )
+    estimate_fraction: tuple[tuple[float, ...], ...] | None = Field(
+        description="noise left: how many are estimated to differ visibly from the converged image"
+    )
+
+
+class CurvePoint(_Record):
+    """One evaluation: the merged image at `spp`, judged."""
+
+    spp: int = Field(description="samples per pixel in the merged image")
+    visible_pixels: int = Field(
+        description="changed since the first image: pixels that differ visibly from that of the "
+        "curve's first point"
+    )
+    visible_fraction: float = Field(description="the same over all pixels, in [0, 1]")
+    slope: float | None = Field(
+        description="least-squares slope of visible_pixels over spp; null before the window is full"
+    )
+    estimate_pixels: float | None = Field(
+        description="noise left: pixels that differ visibly from the converged image, by the "
+        "half-buffer estimate"
+    )
+    estimate_fraction: float | None = Field(description="the same over all pixels, in [0, 1]")
+    estimate_low_pixels: float | None = Field(
+        None, description="the band that holds the true count in about nine cases of ten"
+    )
+    estimate_high_pixels: float | None = None
+    forecast_spp: int | None = Field(
+        None,
+        description="spp at which the noise left falls to the target of the rule `visible`; null "
+        "where that is out of reach",
+    )
+    forecast_low_spp: int | None = Field(None, description="the band around it")
+    forecast_high_spp: int | None = None
+    non_finite_pixels: int = Field(
+        0, description="pixels with a NaN or an infinity, left out of every other count"
+    )
+    zones: ZoneFractions | None = None
+    at: datetime = Field(description="when it was evaluated, by Redis's clock")
+    rules: dict[str, WatchedValue] = Field(
+        default_factory=dict, description="the stopping rule and each watched one"
+    )
+
+
+class Job(_Record):
+    """A job: one image on its way to where more samples change nothing that a person sees."""
+
+    id: str
+    name: str = Field(description="the name of the scene's file")
+    owner: str | None = Field(
+        None, description="id of the API key that made it; null where it was made without one"
+    )
+    owner_name: str | None = Field(None, description="name of that key")
+    state: JobState
+    reason: str = Field(description="why the job is in this state, in words")
+    spec: JobSpec
+    scene_sha256: str
+    variant: str | None = Field(description="Mitsuba variant, pinned by the first lease")
+    width: int | None = Field(description="film width in pixels")
+    height: int | None = Field(description="film height in pixels")
+    spp: int = Field(description="samples per pixel in the merged image")
+    held: bool = Field(
+        False, description="whether it is queued and held back, until it or its batch is resumed"
+    )
+    image_spp: int | None = Field(
+        None, description="samples per pixel of the newest image that can be fetched, if any can"
+    )
+    committed_spp: int = Field(description="samples per pixel in the ledger, merged or not")
+    points: int = Field(description="points of the curve")
+    visible_pixels: int | None = Field(
+        None, description="changed since the first image, in pixels, at the newest point"
+    )
+    visible_fraction: float | None = Field(None, description="the same over all pixels")
+    slope: float | None = Field(None, description="of visible_pixels over spp, there")
+    estimate_pixels: float | None = Field(
+        None, description="noise left, in pixels, at the newest point"
+    )
+    estimate_fraction: float | None = Field(None, description="the same over all pixels")
+    non_finite_pixels: int | None = Field(
+        None,
+        description="pixels of the last judged image with a NaN or an infinity; they are left out "
+        "of every other count, and more than 0.1 % of them fail the job",
+    )
+    forecast_spp: int | None = None
+    forecast_s: float | None = Field(
+        None, description="seconds from the last point to `forecast_spp`, at the job's mean rate"
+    )
+    verdict: dict[str, float | None] | None = Field(
+        None, description="the numbers of the rule that fired"
+    )
+    samples_saved: int = Field(
+        0,
+        description="samples (not spp) that a converged job would have cost otherwise: those of "
+        "its cap, without those that it has or took over; none by the rule fixed",
+    )
+    machine_s: float = Field(description="seconds that render children spent on the job")
+    wasted_s: float = Field(
+        0.0,
+        description="seconds of those on tries of slices of which another was committed first",
+    )
+    second_tries: int = Field(
+        0, description="slices that were late, and that a second worker was given too"
+    )
+    notes: tuple[str, ...] = Field((), description="what the farm changed in the scene")
+    continues: str | None = Field(
+        None, description="id of the ended job whose samples this one went on with"
+    )
+    continued_spp: int = Field(
+        0, description="up to this spp, samples and points of the curve are that job's"
+    )
+    created_at: datetime
+    started_at: datetime | None = None
+    paused_at: datetime | None = Field(None, description="since when it is paused, where it is")
+    paused_s: float = Field(
+        0.0,
+        description="seconds that it was paused since its start, not counting a pause that lasts",
+    )
+    ended_at: datetime | None = None
+    finished_at: datetime | None = Field(
+        None, description="when the final images were written and everything else was cleared"
+    )
+
+    def duration_s(self, now: datetime) -> float:
+        """Seconds from its submission to its end, or until `now`: waits and pauses count."""
+        return max(0.0, ((self.ended_at or now) - self.created_at).total_seconds())
+
+    @property
+    def saved_fraction(self) -> float:
+        """`samples_saved` over the samples of the cap, in [0, 1)."""
+        if not self.samples_saved or self.width is None or self.height is None:
+            return 0.0
+        return self.samples_saved / (self.spec.max_spp * self.width * self.height)
+
+
+class Event(_Record):
+    """Something that happened to a job; `id` orders events and resumes a stream of them."""
+
+    id: str
+    type: str = Field(description="state, image, point, slice, trouble or finished")
+    data: dict[str, object]
+    at: datetime
+
+
+#: How a try of a slice ended. ``unfit``: handed back by a worker that found that it can render
+#: nothing; ``rejected``: its partial was lost or spoiled after it had been committed.
+TryEnd = Literal[
+    "committed", "duplicate", "stale", "handed-back", "unfit", "died", "failed", "rejected"
+]
+
+
+class LogEntry(_Record):
+    """How one try of a slice ended."""
+
+    at: datetime
+    slice: int
+    worker: str
+    what: TryEnd = Field(
+        description="how it ended: in the ledger (committed), after another try that was committed "
+        "(duplicate), too late for its variant (stale), back in the queue (handed-back, or unfit: "
+        "the worker can render nothing), with a dead render child or worker (died), with the scene "
+        "at fault (failed), or committed once but its partial was lost or spoiled (rejected)"
+    )
+    cause: str | None = Field(None, description="why, where it was not simply committed")
+    seconds: float | None = Field(None, description="how long it took, where that is known")
+    text: str = Field(
+        "", description="what Mitsuba printed while it loaded and rendered: its last 4 KB"
+    )
+
+
+class Worker(_Record):
+    """A worker as its last heartbeat described it."""
+
+    id: str
+    host: str
+    pid: int
+    plateau: str | None = Field(None, description="its version")
+    variants: tuple[str, ...] = Field(description="what it can render with, best first")
+    threads: int
+    pool: str = Field(DEFAULT_POOL, description="it renders the jobs of this pool alone")
+    tags: tuple[str, ...] = Field((), description="what jobs may require of it")
+    job: str | None = Field(description="the job it renders, if any")
+    slice: int | None
+    slices_done: int
+    samples_per_s: float | None = Field(description="rate over its last slice")
+    last_error: str | None = Field(
+        description="what went wrong last; null once it has rendered a slice since"
+    )
+    trouble: str | None = Field(
+        None, description="why it takes no work: it found that it can render nothing"
+    )
+    label: str | None = Field(
+        None, description="what it was started as elsewhere, where it was told: slurm:1234_5"
+    )
+    drained: bool = Field(
+        False, description="it was told to take no more work; what it has in hand it finishes"
+    )
+    started_at: datetime
+    seen_at: datetime

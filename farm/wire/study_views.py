@@ -1,0 +1,197 @@
+"""What the API takes and shows of observer studies."""
+
+from typing import Annotated, Any
+
+from pydantic import BaseModel, ConfigDict, Field, StringConstraints
+
+from plateau.farm.model.study import MOST_LEVELS, MOST_STUDIES, Answer, Observer, Screen, Study
+from plateau.farm.model.study_order import Method, Side
+from plateau.farm.wire import study_examples as examples
+from plateau.farm.wire.json_numbers import WithWholeNumbers
+
+_JobId = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{12}$")]
+
+
+def _shows(example: dict[str, Any]) -> Any:
+    return {"examples": [example]}
+
+
+class LevelResult(BaseModel):
+    """What was answered at one level."""
+
+    model_config = ConfigDict(extra="ignore")
+
+    spp: int
+    shown: int = Field(description="answers")
+    seen: int = Field(description="of these, how often a difference was seen")
+
+
+class Threshold(BaseModel):
+    """From where on a difference is seen less often."""
+
+    model_config = ConfigDict(extra="ignore")
+
+    probability: float = Field(description="to see a difference")
+    spp: float
+    low_spp: float | None = Field(description="95 % interval; null where the answers give none")
+    high_spp: float | None
+
+
+class StudyResult(BaseModel):
+    """What a study has found so far."""
+
+    model_config = ConfigDict(extra="ignore")
+
+    observers: int
+    finished: int = Field(description="observers who have answered to all their pairs")
+    answers: int
+    levels: list[LevelResult] = Field(description="by rising spp")
+    a: float | None = Field(
+        description="of p = 1 / (1 + e^-(a·spp + b)), fitted to all answers (Firth); null while "
+        "there are fewer than 20, or more samples do not help"
+    )
+    b: float | None
+    thresholds: list[Threshold] = Field(
+        description="where p is 0.5 and 0.1, as far as the answers bound it; none without a fit"
+    )
+    suggested_levels: list[int] = Field(
+        description="for a study by constant stimuli: seven at equal distances over the interval "
+        "in which the answers change"
+    )
+
+
+class NewStudy(WithWholeNumbers):
+    """What a study is to be made of."""
+
+    model_config = ConfigDict(
+        extra="forbid", strict=True, json_schema_extra=_shows(examples.NEW_STUDY)
+    )
+
+    job_id: _JobId = Field(description="an ended job that kept its slices (`keep_slices`)")
+    reference_job_id: _JobId | None = Field(
+        default=None,
+        description="another such job of the same size, best one of the same scene with another "
+        "`seed`; null takes all slices of the job itself",
+    )
+    method: Method = Field(default="constant", description="see the study's")
+    levels: list[Annotated[int, Field(ge=1, le=1_000_000)]] | None = Field(
+        default=None,
+        max_length=MOST_LEVELS,
+        description="spp of the test images, whole slices; null takes the paper's 1 % to 25 % of "
+        "the reference's spp",
+    )
+    name: (
+        Annotated[
+            str, StringConstraints(min_length=1, max_length=200, pattern=r"^[^\x00-\x1f\x7f]+$")
+        ]
+        | None
+    ) = Field(default=None, description="what tables call it; null takes the job's name")
+
+
+class StudyView(Study):
+    """A study, with what it has found and where its files are."""
+
+    model_config = ConfigDict(frozen=True, extra="ignore", json_schema_extra=_shows(examples.STUDY))
+
+    trials: int = Field(description="pairs that each observer is shown")
+    result: StudyResult
+    links: dict[str, str] = Field(description="paths of its pictures and tables, and of the page")
+
+
+class StudyList(BaseModel):
+    """All studies."""
+
+    model_config = ConfigDict(extra="ignore", json_schema_extra=_shows(examples.STUDIES))
+
+    studies: list[StudyView] = Field(
+        description=f"newest first; a farm keeps {MOST_STUDIES} at most"
+    )
+
+
+class TakingPart(BaseModel):
+    """How somebody takes part."""
+
+    model_config = ConfigDict(
+        extra="forbid", strict=True, json_schema_extra=_shows(examples.TAKING_PART)
+    )
+
+    screen: Screen
+
+
+class Trial(BaseModel):
+    """A pair as it is shown."""
+
+    model_config = ConfigDict(extra="ignore")
+
+    trial: int = Field(description="its place in the order, from 0")
+    left: str = Field(description="path of the picture at the left")
+    right: str
+    reference: Side
+
+
+class ObserverView(Observer):
+    """Who takes part, what is shown to them, and what they have answered."""
+
+    model_config = ConfigDict(
+        frozen=True, extra="ignore", json_schema_extra=_shows(examples.OBSERVER)
+    )
+
+    pixels_per_degree: float
+    trials: list[Trial] = Field(description="the same ones in the same order, whenever asked for")
+    answered: list[int] = Field(description="the numbers of those that have an answer")
+
+
+class NewAnswer(BaseModel):
+    """What an observer answers to a pair."""
+
+    model_config = ConfigDict(
+        extra="forbid", strict=True, json_schema_extra=_shows(examples.NEW_ANSWER)
+    )
+
+    seen: bool = Field(description="whether a difference is seen")
+    seconds: float = Field(
+        ge=0, le=86_400, strict=False, description="from the pair's appearance to the answer"
+    )
+
+
+class AnswerView(Answer):
+    """The answer that counts."""
+
+    model_config = ConfigDict(
+        frozen=True, extra="ignore", json_schema_extra=_shows(examples.ANSWER)
+    )
+
+
+def study_view(study: Study, result: StudyResult) -> StudyView:
+    """The study as the API shows it."""
+    root = f"/v1/studies/{study.id}"
+    return StudyView(
+        **study.model_dump(),
+        trials=len(study.pairs(0)),
+        result=result,
+        links={
+            "self": root,
+            "reference": f"{root}/reference.png",
+            "answers_csv": f"{root}/answers.csv",
+            "trials_csv": f"{root}/trials.csv",
+            "page": f"/studies/{study.id}",
+            "observe": f"/studies/{study.id}/observe",
+        },
+    )
+
+
+def observer_view(study: Study, observer: Observer, answers: list[Answer]) -> ObserverView:
+    """The observer as the API shows them; `answers` are the study's."""
+    root = f"/v1/studies/{study.id}"
+    reference = f"{root}/reference.png"
+    trials = []
+    for number, pair in enumerate(study.pairs(observer.number)):
+        test = f"{root}/levels/{pair.spp}.png"
+        left, right = (reference, test) if pair.reference == "left" else (test, reference)
+        trials.append(Trial(trial=number, left=left, right=right, reference=pair.reference))
+    return ObserverView(
+        **observer.model_dump(),
+        pixels_per_degree=observer.screen.pixels_per_degree,
+        trials=trials,
+        answered=[one.trial for one in answers if one.observer == observer.name],
+    )

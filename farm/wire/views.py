@@ -1,0 +1,254 @@
+"""What the API shows, as pydantic models that the client shares."""
+
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+from pydantic.config import JsonDict
+
+from plateau.farm.ledger.members import RefusedProcess
+from plateau.farm.model.job import CurvePoint, Event, Job, LogEntry, Worker
+from plateau.farm.model.spec import Priority
+from plateau.farm.wire import examples
+from plateau.farm.wire.json_numbers import WithWholeNumbers
+
+
+def _shows(example: dict[str, Any]) -> JsonDict:
+    """The schema's part that shows this example."""
+    return {"examples": [example]}
+
+
+class JobView(Job):
+    """A job with the paths of what belongs to it."""
+
+    # A client may be older than the service that it talks to.
+    model_config = ConfigDict(frozen=True, extra="ignore", json_schema_extra=_shows(examples.JOB))
+
+    waits_for: str | None = Field(
+        None, description="what kind of worker it waits for, in words, where none lives that fits"
+    )
+    links: dict[str, str] = Field(description="paths of the job's curve, events and images")
+
+
+class JobChange(WithWholeNumbers):
+    """What of a job can be changed while it has not ended."""
+
+    model_config = ConfigDict(
+        extra="forbid", strict=True, json_schema_extra=_shows({"priority": 10})
+    )
+
+    priority: Priority = Field(
+        strict=True,
+        description="higher is served first; the next lease of a slice goes by it",
+        examples=[5],
+    )
+
+
+class JobPage(BaseModel):
+    """A page of jobs, newest first."""
+
+    model_config = ConfigDict(
+        json_schema_extra=_shows({"jobs": [examples.JOB], "next_cursor": "42"})
+    )
+
+    jobs: list[JobView]
+    next_cursor: str | None = Field(
+        description="`cursor` of the next page; null when this is the last"
+    )
+
+
+class Curve(BaseModel):
+    """The curve of a job."""
+
+    model_config = ConfigDict(json_schema_extra=_shows({"points": [examples.POINT]}))
+
+    points: list[CurvePoint] = Field(description="by rising spp")
+
+
+class Happened(BaseModel):
+    """What has happened to a job so far."""
+
+    model_config = ConfigDict(json_schema_extra=_shows({"events": [examples.EVENT]}))
+
+    events: list[Event] = Field(description="in their order")
+
+
+class SliceView(BaseModel):
+    """A slice's line in the ledger."""
+
+    model_config = ConfigDict(extra="ignore", json_schema_extra=_shows(examples.SLICE))
+
+    index: int
+    spp: int
+    first_seed: int
+    last_seed: int
+    sha256: str = Field(description="of the partial's bytes")
+    worker: str
+    render_s: float
+
+
+class Slices(BaseModel):
+    """The ledger of a job."""
+
+    model_config = ConfigDict(json_schema_extra=_shows({"slices": [examples.SLICE]}))
+
+    slices: list[SliceView] = Field(description="the committed slices, by index")
+
+
+class Log(BaseModel):
+    """The log of a job."""
+
+    model_config = ConfigDict(json_schema_extra=_shows({"entries": [examples.LOG_ENTRY]}))
+
+    entries: list[LogEntry] = Field(description="how each try of a slice ended, by time")
+
+
+class SliceLog(BaseModel):
+    """The log of a slice."""
+
+    model_config = ConfigDict(
+        json_schema_extra=_shows({"slice": examples.SLICE, "entries": [examples.LOG_ENTRY]})
+    )
+
+    slice: SliceView | None = Field(description="its line in the ledger; null till it has one")
+    entries: list[LogEntry] = Field(description="how each try of it ended, by time")
+
+
+class Workers(BaseModel):
+    """The workers that live."""
+
+    model_config = ConfigDict(
+        json_schema_extra=_shows({"workers": [examples.WORKER], "refused": [examples.REFUSED]})
+    )
+
+    workers: list[Worker]
+    refused: list[RefusedProcess] = Field(
+        [],
+        description="processes whose version does not fit the farm's: of each machine and role the "
+        "last one, for an hour, unless one was let in there since",
+    )
+
+
+class DemandView(BaseModel):
+    """Slices that want a worker."""
+
+    model_config = ConfigDict(
+        json_schema_extra=_shows({"slices": 7, "waiting": 4, "leased": 3}),
+    )
+
+    slices: int = Field(description="both: as many workers have something to do")
+    waiting: int = Field(description="of jobs that are not paused, planned and nobody's yet")
+    leased: int = Field(description="a worker's")
+
+
+class SceneView(BaseModel):
+    """A stored scene."""
+
+    model_config = ConfigDict(extra="ignore", json_schema_extra=_shows(examples.SCENE))
+
+    sha256: str = Field(description="of the uploaded file; `scene_sha256` of a new job")
+    name: str
+    bytes: int = Field(description="size of the uploaded file")
+    width: int | None = Field(None, description="film width in pixels, as first submitted")
+    height: int | None = Field(None, description="film height in pixels, as first submitted")
+
+
+class Scenes(BaseModel):
+    """The stored scenes."""
+
+    model_config = ConfigDict(json_schema_extra=_shows({"scenes": [examples.SCENE]}))
+
+    scenes: list[SceneView]
+
+
+class SceneFound(SceneView):
+    """What the check of a scene found in it."""
+
+    model_config = ConfigDict(json_schema_extra=_shows(examples.SCENE_FOUND))
+
+    kind: Literal["xml", "zip"] = Field(description="a single XML file, or a zip")
+    entry: str = Field(description="the scene's XML, by its name in the bundle")
+    files: int = Field(description="how many files there are")
+    bytes_unpacked: int = Field(description="and their size when unpacked")
+    sensors: int = Field(description="how many sensors the scene has")
+    parameters: dict[str, str] = Field(description="the scene's parameters with their defaults")
+
+
+class Preview(BaseModel):
+    """A picture of a job's way."""
+
+    model_config = ConfigDict(json_schema_extra=_shows(examples.PREVIEW))
+
+    spp: int = Field(description="samples per pixel of the merged image that it shows")
+    link: str = Field(description="path of the picture")
+    linear: str | None = Field(
+        description="path of the same as a linear EXR; null where the job did not keep its slices"
+    )
+
+
+class PreviewList(BaseModel):
+    """The pictures that can be had of a job's way."""
+
+    model_config = ConfigDict(json_schema_extra=_shows({"previews": [examples.PREVIEW]}))
+
+    previews: list[Preview] = Field(description="by rising spp; the newest image is not among them")
+
+
+class ProblemTypeView(BaseModel):
+    """What a problem's type means."""
+
+    model_config = ConfigDict(
+        json_schema_extra=_shows(
+            {"type": "/problems/no-scene", "status": 422, "title": "The request has no scene"}
+        )
+    )
+
+    type: str
+    status: int
+    title: str
+
+
+class Health(BaseModel):
+    """The service's health."""
+
+    model_config = ConfigDict(json_schema_extra=_shows({"status": "ok"}))
+
+    status: str = "ok"
+
+
+def job_view(job: Job, waits_for: str | None = None, *, to_owner: bool = False) -> JobView:
+    """The job as the API shows it.
+
+    Parameters
+    ----------
+    job
+        The job.
+    waits_for
+        Says that no worker may render it.
+    to_owner
+        Whether who made it is shown it, and so the path of its webhook, which is often a secret.
+    """
+    if job.spec.webhook is not None and not to_owner:
+        spec = job.spec.model_copy(update={"webhook": job.spec.webhook.hidden()})
+        job = job.model_copy(update={"spec": spec})
+    root = f"/v1/jobs/{job.id}"
+    links = {
+        "self": root,
+        "curve": f"{root}/curve",
+        "events": f"{root}/events",
+        "slices": f"{root}/slices",
+        "log": f"{root}/log",
+        "image_png": f"{root}/image.png",
+        "image_exr": f"{root}/image.exr",
+        "difference_png": f"{root}/difference.png",
+        "non_finite_png": f"{root}/non-finite.png",
+        "thumbnail_png": f"{root}/thumbnail.png",
+        "previews": f"{root}/previews",
+        "report": f"{root}/report.html",
+        "cancel": f"{root}/cancel",
+        "pause": f"{root}/pause",
+        "resume": f"{root}/resume",
+        "continue": f"{root}/continue",
+        "rejudge": f"{root}/rejudge",
+        "webhooks": f"{root}/webhooks",
+    }
+    return JobView(**job.model_dump(), waits_for=waits_for, links=links)

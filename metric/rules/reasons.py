@@ -1,0 +1,51 @@
+"""Words that the reasons of several rules share."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from plateau.metric.vdp import COLOUR_LUMINANCE
+
+if TYPE_CHECKING:
+    from plateau.metric.rules.base import Evidence
+
+
+def darkness(evidence: Evidence) -> str | None:
+    """Return, in words, that the image is too dark for its noise to show; None where it is not."""
+    brightest = float(evidence.percept.levels[evidence.metric.adaptation_level].max())
+    if brightest >= COLOUR_LUMINANCE:
+        return None
+    return f"the image is so dark (at most {brightest:.3g} cd/m²) that its noise cannot be seen"
+
+
+def counted(pixels: float) -> str:
+    """Return a number of pixels in words: whole ones, or their halves below ten.
+
+    It rounds as `plateau.farm.wire.figures.pixels`, which this package does not know; a test
+    compares the two.
+
+    Examples
+    --------
+    >>> counted(0), counted(1), counted(2.5), counted(232.5), counted(1234)
+    ('no pixel', '1 pixel', '2.5 pixels', '233 pixels', '1,234 pixels')
+    """
+    if pixels == 0:
+        return "no pixel"
+    if pixels == 1:
+        return "1 pixel"
+    return f"{math.floor(pixels + 0.5):,} pixels" if pixels >= 10 else f"{pixels:.2g} pixels"
+
+
+def left_out(non_finite: float) -> str:
+    """Return the words, if any are due, about pixels that no sample will repair.
+
+    Examples
+    --------
+    >>> left_out(0), left_out(1)
+    ('', '; 1 pixel that is NaN or infinite is left out')
+    """
+    if not non_finite:
+        return ""
+    verb = "is" if non_finite == 1 else "are"
+    return f"; {counted(non_finite)} that {verb} NaN or infinite {verb} left out"

@@ -1,0 +1,257 @@
+"""Options that several commands share."""
+
+import inspect
+from collections.abc import Callable, Collection
+from copy import copy
+from functools import wraps
+from pathlib import Path
+from typing import Annotated, Any, Final, TypeAlias, get_args
+
+import typer
+
+from plateau import scenes
+from plateau.cli import complete
+from plateau.cli.spec_fields import checked, spec_fields
+
+
+def _scene(given: Path) -> Path:
+    """Return the path of a scene, which may be one of ours by its name, as `scenes:box`."""
+    scheme, separator, name = str(given).partition(":")
+    if scheme != "scenes" or not separator:
+        return given
+    if name not in scenes.NAMES:
+        known = ", ".join(f"scenes:{one}" for one in scenes.NAMES)
+        raise typer.BadParameter(f"there is no scenes:{name}; there are {known}")
+    return scenes.FOLDER / name
+
+
+Scene = Annotated[
+    Path,
+    typer.Argument(
+        callback=_scene,
+        autocompletion=complete.scene_files,
+        help=f"A Mitsuba XML, a zip of one, a folder with scene.xml, or one of Plateau's own: "
+        f"scenes:NAME, where NAME is {', '.join(scenes.NAMES)}.",
+    ),
+]
+JobId = Annotated[
+    str,
+    typer.Argument(
+        help="The job's id, or as much of its beginning as no other job has.",
+        metavar="ID",
+        autocompletion=complete.job_ids,
+    ),
+]
+#: Of the two, a command takes one: `one_of` sees to it.
+OrJobId = Annotated[
+    str | None,
+    typer.Argument(
+        help="The job's id, or as much of its beginning as no other job has.",
+        metavar="[ID]",
+        autocompletion=complete.job_ids,
+    ),
+]
+OrBatch = Annotated[
+    str | None,
+    typer.Option("--batch", metavar="NAME", help="Instead of a job, all of this batch."),
+]
+Url = Annotated[
+    str | None,
+    typer.Option(
+        "--url",
+        envvar="PLATEAU_URL",
+        help="Where the service is.",
+        show_default="http://127.0.0.1:8713",
+    ),
+]
+Json = Annotated[bool, typer.Option("--json", help="Print JSON, for scripts.")]
+NoCurve = Annotated[
+    bool, typer.Option("--no-curve", help="On a terminal, show progress without the curve.")
+]
+
+#: Options that choose among many workers and jobs, which mean nothing where there is but one.
+AMONG_MANY: Final = ("pool", "require", "priority", "batch", "flicker_guard")
+
+#: A `plateau.farm.model.spec.JobSpec`, by `takes_spec`; its module is imported only where a command
+#: runs.
+Spec: TypeAlias = Any
+
+
+def one_of(job_id: str | None, batch: str | None) -> str:
+    """The job's id, "" where a batch is named; refuses a command line with neither, or both."""
+    if (job_id is None) == (batch is None):
+        raise typer.BadParameter("give the id of a job, or --batch NAME")
+    return job_id or ""
+
+
+def spec_from_options(
+    *,
+    define: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--define", "-D", metavar="NAME=VALUE", help="Value of the scene's $NAME; repeatable."
+        ),
+    ] = None,
+    step: Annotated[
+        int | None, typer.Option(help="Spp between two evaluations.", show_default="100")
+    ] = None,
+    slice_spp: Annotated[
+        int | None, typer.Option(help="Spp of one slice of work.", show_default="25")
+    ] = None,
+    max_spp: Annotated[
+        int | None,
+        typer.Option(help="Cap in spp, at which a job is exhausted.", show_default="10000"),
+    ] = None,
+    time_limit: Annotated[
+        float | None,
+        typer.Option(
+            help="Seconds after which it is exhausted: from its first slice on, and for `render` "
+            "from its submission.",
+            show_default="none",
+        ),
+    ] = None,
+    rule: Annotated[
+        str | None,
+        typer.Option(
+            help="Rule that ends the job: visible, reverse, fixed, successive, multiple or "
+            "myszkowski, with "
+            "its parameters as in visible:target=0.001,min_spp=300. --window and --epsilon alone "
+            "mean reverse, --spp alone means fixed.",
+            show_default="visible",
+            autocompletion=complete.rules,
+        ),
+    ] = None,
+    watch: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Another rule, which is reported and ends nothing; written the same way; "
+            "repeatable.",
+            autocompletion=complete.rules,
+        ),
+    ] = None,
+    window: Annotated[
+        int | None, typer.Option(help="reverse: points in the regression.", show_default="5")
+    ] = None,
+    epsilon: Annotated[
+        float | None,
+        typer.Option(
+            help="reverse: slope at which to stop, in changed pixels per spp at 512×512.",
+            show_default="0.1",
+        ),
+    ] = None,
+    spp: Annotated[
+        int | None, typer.Option(help="fixed: spp at which to stop.", show_default="10000")
+    ] = None,
+    seed: Annotated[
+        int | None,
+        typer.Option(help="Another seed draws independent samples.", show_default="0"),
+    ] = None,
+    variant: Annotated[
+        str | None,
+        typer.Option(
+            help="auto, scalar_rgb, llvm_ad_rgb or cuda_ad_rgb.",
+            show_default="auto",
+            autocompletion=complete.variants,
+        ),
+    ] = None,
+    sensor: Annotated[
+        int | None, typer.Option(help="Index of the scene's sensor.", show_default="0")
+    ] = None,
+    exposure: Annotated[
+        float | None, typer.Option(help="Exposure in EV.", show_default="0")
+    ] = None,
+    white_luminance: Annotated[
+        float | None, typer.Option(help="The display's white in cd/m².", show_default="100")
+    ] = None,
+    field_of_view: Annotated[
+        float | None,
+        typer.Option(help="Angle that the image's width fills, in degrees.", show_default="45"),
+    ] = None,
+    primaries: Annotated[
+        str | None,
+        typer.Option(help="The display's: rec709 or adobe1998.", show_default="rec709"),
+    ] = None,
+    priority: Annotated[
+        int | None, typer.Option(help="Higher is served first.", show_default="0")
+    ] = None,
+    pool: Annotated[
+        str | None,
+        typer.Option(help="Only workers of this pool render it.", show_default="default"),
+    ] = None,
+    require: Annotated[
+        list[str] | None,
+        typer.Option(help="Only workers with this tag render it. May be repeated."),
+    ] = None,
+    min_spp: Annotated[
+        int | None,
+        typer.Option(
+            help="The job does not converge before so many spp, whatever the rule says.",
+            show_default="none",
+        ),
+    ] = None,
+    batch: Annotated[str | None, typer.Option(help="A name that groups jobs.")] = None,
+    flicker_guard: Annotated[
+        bool,
+        typer.Option("--flicker-guard", help="Let the batch take only jobs that stop alike."),
+    ] = False,
+    keep_slices: Annotated[
+        bool, typer.Option("--keep-slices", help="Keep every slice, for `plateau judge`.")
+    ] = False,
+) -> Spec:
+    """The spec that the options ask for; what was left out has the spec's own default.
+
+    Raises
+    ------
+    typer.BadParameter
+        A value is not allowed; the message names the option.
+    """
+    return checked(spec_fields(**locals()))
+
+
+def takes_spec(
+    *, but: Collection[str] = ()
+) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Give a command the options of a spec, but for these, in place of its parameter `spec`."""
+    options = inspect.signature(spec_from_options).parameters
+    taken = [option for name, option in options.items() if name not in but]
+    return _taking("spec", spec_from_options, taken)
+
+
+def takes_changes(*names: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Give a command these options of a spec in place of its parameter `changes`.
+
+    That is a dict of the spec's fields which were given.
+    """
+    options = inspect.signature(spec_from_options).parameters
+    return _taking("changes", spec_fields, [_as_it_was(options[name]) for name in names])
+
+
+def _as_it_was(option: inspect.Parameter) -> inspect.Parameter:
+    """The option, of which the help says that the job's own value is the default."""
+    kind, told = get_args(option.annotation)
+    told = copy(told)
+    if told.show_default is not True:  # it names the spec's own default
+        told.show_default = "as it was"
+    return option.replace(annotation=Annotated[kind, told])
+
+
+def _taking(
+    parameter: str, made_by: Callable[..., Any], options: list[inspect.Parameter]
+) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Give a command these options of a spec in place of a parameter that is made of them."""
+
+    def decorated(command: Callable[..., None]) -> Callable[..., None]:
+        own = inspect.signature(command).parameters
+
+        @wraps(command)
+        def with_options(**given: Any) -> None:
+            made = made_by(**{option.name: given.pop(option.name) for option in options})
+            command(**{parameter: made}, **given)
+
+        taken = [one.replace(kind=one.KEYWORD_ONLY) for one in own.values()]
+        taken = [one for one in taken if one.name != parameter] + options
+        with_options.__signature__ = inspect.Signature(taken)  # type: ignore[attr-defined]
+        with_options.__annotations__ = {one.name: one.annotation for one in taken}
+        return with_options
+
+    return decorated

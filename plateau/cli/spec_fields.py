@@ -1,0 +1,137 @@
+"""What the options of the command line say of a spec."""
+
+from contextlib import suppress
+from typing import Any, Final
+
+import typer
+
+
+def spec_fields(
+    *,
+    define: list[str] | None = None,
+    rule: str | None = None,
+    watch: list[str] | None = None,
+    window: int | None = None,
+    epsilon: float | None = None,
+    spp: int | None = None,
+    exposure: float | None = None,
+    white_luminance: float | None = None,
+    field_of_view: float | None = None,
+    primaries: str | None = None,
+    time_limit: float | None = None,
+    require: list[str] | None = None,
+    **named_alike: object,
+) -> dict[str, Any]:
+    """The fields of a spec that were given; the options are in `plateau.cli.options`.
+
+    Raises
+    ------
+    typer.BadParameter
+        A value cannot be read.
+    """
+    of_the_rule = _given(window=window, epsilon=epsilon, spp=spp)
+    view = _given(
+        exposure_ev=exposure,
+        white_luminance=white_luminance,
+        field_of_view_deg=field_of_view,
+        primaries=primaries,
+    )
+    return _given(
+        **named_alike,
+        time_limit_s=time_limit,
+        requires=require or None,
+        parameters=dict(map(_definition, define)) if define else None,
+        rule={**_rule(rule or _rule_with(of_the_rule)), **of_the_rule}
+        if rule or of_the_rule
+        else None,
+        watch=list(map(_rule, watch)) if watch else None,
+        view=view or None,
+    )
+
+
+def checked(fields: dict[str, Any]) -> Any:
+    """The `plateau.farm.model.spec.JobSpec` of these fields, imported only here: it takes a while.
+
+    Raises
+    ------
+    typer.BadParameter
+        A value is not allowed; the message names the option.
+    """
+    from pydantic import ValidationError
+
+    from plateau.farm.model import input_errors
+    from plateau.farm.model.spec import JobSpec
+
+    try:
+        return JobSpec.model_validate(fields)
+    except ValidationError as error:
+        messages = [
+            _message(one["loc"], one["type"], input_errors.message(one)) for one in error.errors()
+        ]
+        raise typer.BadParameter("; ".join(messages)) from error
+
+
+def _rule_with(options: dict[str, object]) -> str:
+    """The rule that options mean which only it has."""
+    return "reverse" if options.keys() & {"window", "epsilon"} else "fixed"
+
+
+def _given(**options: object) -> dict[str, object]:
+    return {name: value for name, value in options.items() if value is not None}
+
+
+def _definition(text: str) -> tuple[str, str]:
+    name, separator, value = text.partition("=")
+    if not (separator and name):
+        raise typer.BadParameter(f"-D takes NAME=VALUE, not {text!r}")
+    return name, value
+
+
+def _rule(text: str) -> dict[str, str | int | float]:
+    """A rule as it is written on the command line: ``name`` or ``name:parameter=value,…``."""
+    name, _, parameters = text.partition(":")
+    given: dict[str, str | int | float] = {"name": name}
+    for definition in filter(None, parameters.split(",")):
+        parameter, separator, value = definition.partition("=")
+        if not (separator and parameter):
+            raise typer.BadParameter(f"a rule is NAME or NAME:PARAMETER=VALUE,…, not {text!r}")
+        given[parameter] = _number(value)
+    return given
+
+
+def _number(text: str) -> str | int | float:
+    """The number that is written so, as services take it; what is none is left as it is."""
+    for kind in (int, float):
+        with suppress(ValueError):
+            return kind(text)
+    return text
+
+
+#: Where an option is not called as the spec's field.
+_OPTIONS: Final = {
+    "exposure_ev": "exposure",
+    "field_of_view_deg": "field-of-view",
+    "time_limit_s": "time-limit",
+    "name": "rule",
+    "requires": "require",
+}
+
+#: Parameters of a rule that have an option of their own.
+_OF_ONE_RULE: Final = frozenset({"window", "epsilon", "spp"})
+
+
+def _message(location: tuple[int | str, ...], kind: str, message: str) -> str:
+    """What is wrong with the option that the field was made of."""
+    if not location:
+        return message
+    if kind == "union_tag_invalid":
+        return f"--{location[0]}: {message.replace('none called', 'no rule', 1)}"
+    name = str(location[-1])
+    option = f"--{_OPTIONS.get(name, name).replace('_', '-')}"
+    rule = next((str(one) for one in location[1:-1] if isinstance(one, str)), "")
+    if location[0] in {"rule", "watch"} and name not in _OF_ONE_RULE:
+        what = "the rule has no such parameter" if kind == "extra_forbidden" else message
+        return f"--{location[0]} {rule}:{name}: {what}"
+    if kind == "extra_forbidden":
+        return f"{option} is not an option of the rule {location[1]}"
+    return f"{option}: {message}"

@@ -1,0 +1,130 @@
+"""Lists of parameters as people write them: a range, some values, a CSV or a JSON file.
+
+>>> each(["frame=1..3", "light=dim,bright"])[:3]
+[{'frame': '1', 'light': 'dim'}, {'frame': '1', 'light': 'bright'}, {'frame': '2', 'light': 'dim'}]
+"""
+
+import csv
+import json
+import math
+import re
+from collections.abc import Sequence
+from itertools import product
+from pathlib import Path
+from typing import Any, Final
+
+from plateau.errors import CommandFailed
+from plateau.farm.model.spec import MAX_ENTRIES
+
+Values = dict[str, str | int | float | bool]
+
+_RANGE: Final = re.compile(r"(-?[0-9]{1,9})\.\.(-?[0-9]{1,9})(?:\.\.([1-9][0-9]{0,8}))?")
+
+
+def each(definitions: Sequence[str]) -> list[Values]:
+    """Every combination of what is defined, the last one varying fastest.
+
+    Parameters
+    ----------
+    definitions
+        ``NAME=FIRST..LAST`` or ``NAME=FIRST..LAST..STEP`` for whole numbers, the last included;
+        ``NAME=VALUE,VALUE,…`` for anything else.
+
+    Raises
+    ------
+    CommandFailed
+        One is none of these, a name is there twice, or there are too many combinations.
+    """
+    names, values = [], []
+    for definition in definitions:
+        name, separator, text = definition.partition("=")
+        if not (separator and name and text):
+            raise CommandFailed(f"--each takes NAME=FIRST..LAST or NAME=A,B,…, not {definition!r}")
+        names.append(name)
+        values.append(_values(text))
+    if len(set(names)) < len(names):
+        raise CommandFailed("--each names one parameter twice")
+    _check_count(math.prod(map(len, values)))
+    return [dict(zip(names, one, strict=True)) for one in product(*values)]
+
+
+def _values(text: str) -> Sequence[str]:
+    match = _RANGE.fullmatch(text)
+    if match is None:
+        return text.split(",")
+    first, last, step = int(match[1]), int(match[2]), int(match[3] or 1)
+    numbers = range(first, last + 1, step) if first <= last else range(first, last - 1, -step)
+    _check_count(len(numbers))
+    return [str(number) for number in numbers]
+
+
+def from_file(path: Path) -> list[Values]:
+    """The entries of a file: a CSV with the names in its first row, or a JSON list of objects.
+
+    Raises
+    ------
+    CommandFailed
+        It is neither, has no entries or too many, or a value that no parameter can have.
+    OSError
+        It cannot be read.
+    """
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError:
+        raise CommandFailed(f"{path} is not UTF-8 text: save it as UTF-8") from None
+    entries = _of_json(path, text) if text.lstrip()[:1] in {"[", "{"} else _of_csv(path, text)
+    if not entries:
+        raise CommandFailed(f"{path} has no entries: each makes a job")
+    _check_count(len(entries))
+    return entries
+
+
+def _of_json(path: Path, text: str) -> list[Values]:
+    try:
+        found: Any = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise CommandFailed(f"{path} is not JSON: {error}") from None
+    if not (isinstance(found, list) and all(isinstance(one, dict) for one in found)):
+        raise CommandFailed(f'{path} must be a list of objects, as [{{"frame": 1}}]')
+    for number, entry in enumerate(found, start=1):
+        for name, value in entry.items():
+            if not (_is_text(name) and _is_value(value)):
+                raise CommandFailed(
+                    f"entry {number} of {path}: {name!r} must be text, a number, true or false"
+                )
+    return found
+
+
+def _is_value(value: object) -> bool:
+    if isinstance(value, str):
+        return _is_text(value)
+    return isinstance(value, int) or (isinstance(value, float) and math.isfinite(value))
+
+
+def _is_text(value: str) -> bool:
+    """Whether all of it are characters: JSON can escape halves of some."""
+    return not any("\ud800" <= character <= "\udfff" for character in value)
+
+
+def _of_csv(path: Path, text: str) -> list[Values]:
+    try:
+        rows = [row for row in csv.reader(text.splitlines()) if row]
+    except csv.Error as error:
+        raise CommandFailed(f"{path} is not CSV: {error}") from None
+    names = rows[0] if rows else []
+    if not all(names) or len(set(names)) < len(names):
+        raise CommandFailed(f"the first row of {path} must name each column once")
+    for number, row in enumerate(rows[1:], start=1):
+        if len(row) != len(names):
+            raise CommandFailed(
+                f"entry {number} of {path} has {len(row)} values for {len(names)} columns"
+            )
+    return [dict(zip(names, row, strict=True)) for row in rows[1:]]
+
+
+def _check_count(count: int) -> None:
+    if count > MAX_ENTRIES:
+        raise CommandFailed(
+            f"that makes {count:,} jobs, and {MAX_ENTRIES:,} can be made at once: submit them in "
+            "parts, each with the same --batch"
+        )

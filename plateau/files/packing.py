@@ -1,0 +1,240 @@
+"""Makes one file of a scene, to be sent to the farm: the XML with all that it refers to.
+
+The files are found by the walk that the farm checks a bundle with, so what is packed is what will
+be looked for. They keep their places relative to one another: the bundle starts at the folder that
+holds them all, so that `../textures/wood.png` still leads from the scene to its texture.
+
+A scene packed twice has the same bytes, and so the same SHA-256, and is stored once.
+"""
+
+import os
+import shutil
+import tempfile
+import zipfile
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from itertools import takewhile
+from pathlib import Path
+from types import TracebackType
+from typing import IO, BinaryIO, cast
+
+from plateau.farm.bundle import BundleError, BundleLimits
+from plateau.farm.bundle.archive import Archive
+from plateau.farm.bundle.check import kind_of
+from plateau.farm.bundle.entry import SCENE_XML, find_entry
+from plateau.farm.bundle.references import Reference
+from plateau.farm.bundle.tree import Kind, Parts
+from plateau.farm.bundle.walk import read_scene
+
+_XML = "application/xml"
+_ZIP = "application/zip"
+#: The first moment that a zip can express; any fixed one does.
+_TIMESTAMP = (1980, 1, 1, 0, 0, 0)
+_FILE_ATTRIBUTES = 0o100644 << 16
+_FOLDER_ATTRIBUTES = 0o040755 << 16 | 0x10  # 0x10 is a folder to DOS
+_UNIX = 3
+#: Compressed already; deflating these again costs time and gains nothing.
+_COMPRESSED = frozenset((".exr", ".jpg", ".jpeg", ".png", ".serialized"))
+#: From here on an entry is written in the 64-bit format, in bytes.
+_ZIP64_BYTES = 2**30
+_COPY_BYTES = 2**20
+_LIMITS = BundleLimits()
+
+
+@dataclass(frozen=True)
+class Packed:
+    """A scene as one file, open for reading from its start; a context manager that closes it."""
+
+    file: BinaryIO
+    media_type: str
+    #: a name for the upload
+    name: str
+    #: the files that went in, as the disk knows them
+    files: tuple[Path, ...]
+
+    def __enter__(self) -> "Packed":
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.file.close()
+
+
+def pack(path: Path, *parameters: Mapping[str, str]) -> Packed:
+    """Return a scene as one file, open for reading.
+
+    Parameters
+    ----------
+    path : Path
+        A Mitsuba XML; a folder with a `scene.xml`; or a zip, which is taken as it is.
+    parameters : mappings of str to str
+        Values of the scene's `$parameters`, since these can choose files. Of several, as the jobs
+        of a batch have them, all files go in that any of them chooses.
+
+    Raises
+    ------
+    BundleError
+        Where a file is missing or cannot keep its place: says which, and the XML and line that
+        refers to it.
+
+    Notes
+    -----
+    The same files give the same bytes with one version of zlib; another may deflate them otherwise.
+    """
+    if path.is_dir():
+        path = path / SCENE_XML
+        missing = "there is no such file: a folder is a scene where it has one"
+    else:
+        missing = "there is no such file; `scenes:box` is a scene to try"
+    if not path.is_file():
+        raise BundleError("missing-file", missing, file=str(path))
+    with path.open("rb") as file:
+        kind = kind_of(file, str(path))
+    if kind == "zip":
+        return Packed(path.open("rb"), _ZIP, path.name, (path,))
+    disk = _Disk()
+    entry = disk.parts(path)
+    references: dict[Reference, None] = {}
+    for values in _distinct(parameters):
+        references |= dict.fromkeys(read_scene(disk, entry, values, _LIMITS).references)
+    if not references:
+        return Packed(path.open("rb"), _XML, path.name, (path,))
+    for reference in references:
+        _check_keeps_its_place(disk, reference)
+    layout = _Layout.of(entry, references)
+    with ExitStack() as until_it_is_good:
+        bundle = cast("BinaryIO", until_it_is_good.enter_context(tempfile.TemporaryFile()))
+        _write(bundle, disk, layout)
+        _check_entry(bundle, layout)
+        until_it_is_good.pop_all()
+    files = tuple(disk.path(parts) for parts in layout.files)
+    return Packed(bundle, _ZIP, f"{path.stem}.zip", files)
+
+
+def _distinct(parameters: tuple[Mapping[str, str], ...]) -> list[dict[str, str]]:
+    """Each set of values once; the scene's own defaults where there is none."""
+    return [dict(values) for values in dict.fromkeys(tuple(one.items()) for one in parameters)] or [
+        {}
+    ]
+
+
+class _Disk:
+    """The whole disk as a tree, from its root."""
+
+    remedy = "does not exist"
+
+    def parts(self, path: Path) -> Parts:
+        # The folder without links, as the kernel sees `..` from it; the file by its own name.
+        return (path.parent.resolve() / path.name).parts[1:]
+
+    def path(self, parts: Parts) -> Path:
+        return Path("/", *parts)
+
+    def kind(self, path: Parts) -> Kind | None:
+        here = self.path(path)
+        return "file" if here.is_file() else "folder" if here.is_dir() else None
+
+    def label(self, path: Parts) -> str:
+        return str(self.path(path))
+
+    def absolute(self, reference: str) -> Parts | None:
+        return Path(reference).parts[1:] if reference.startswith("/") else None
+
+    @contextmanager
+    def open(self, path: Parts) -> Iterator[IO[bytes]]:
+        with self.path(path).open("rb") as stream:
+            yield stream
+
+
+def _check_keeps_its_place(disk: _Disk, reference: Reference) -> None:
+    """Refuse a reference that would lead elsewhere when it is followed inside the bundle."""
+    if reference.text.startswith("/"):
+        problem = "is an absolute path; name it relative to the scene"
+    elif ".." in reference.text.split("/") and any(
+        disk.path(folder).is_symlink() for folder in reference.visited
+    ):
+        problem = "goes up from a folder that is a link; name the file without going through it"
+    else:
+        return
+    raise BundleError(
+        "unpackable-path",
+        f"{reference.text!r} {problem}",
+        file=reference.file,
+        line=reference.line,
+    )
+
+
+@dataclass(frozen=True)
+class _Layout:
+    """What goes into the bundle, from which folder on."""
+
+    top: Parts
+    entry: Parts
+    files: tuple[Parts, ...]
+    #: folders without files that a reference passes through or looks in
+    folders: tuple[Parts, ...]
+
+    @classmethod
+    def of(cls, entry: Parts, references: Collection[Reference]) -> "_Layout":
+        files = {entry} | {each.path for each in references if each.role != "folder"}
+        folders = {each.path for each in references if each.role == "folder"}
+        folders.update(*(each.visited for each in references))
+        parents = {path[:-1] for path in files}
+        top = _common(folders | parents)
+        implied = {path[:depth] for path in files for depth in range(len(path))}
+        bare = {folder for folder in folders - implied if len(folder) > len(top)}
+        return cls(top, entry, tuple(sorted(files)), tuple(sorted(bare)))
+
+    def inside(self, path: Parts) -> Parts:
+        return path[len(self.top) :]
+
+
+def _common(folders: set[Parts]) -> Parts:
+    """Return the folder that holds all of these."""
+    first, last = min(folders), max(folders)
+    pairs = zip(first, last, strict=False)
+    return tuple(ours for ours, _ in takewhile(lambda pair: pair[0] == pair[1], pairs))
+
+
+def _write(file: BinaryIO, disk: _Disk, layout: _Layout) -> None:
+    """Write the archive: names in order, no times, no owners."""
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
+        for folder in layout.folders:
+            info = _info("/".join(layout.inside(folder)) + "/", _FOLDER_ATTRIBUTES)
+            archive.writestr(info, b"")
+        for parts in layout.files:
+            path = disk.path(parts)
+            info = _info("/".join(layout.inside(parts)), _FILE_ATTRIBUTES)
+            if path.suffix.lower() not in _COMPRESSED:
+                info.compress_type = zipfile.ZIP_DEFLATED
+            big = path.stat().st_size >= _ZIP64_BYTES
+            with path.open("rb") as source, archive.open(info, "w", force_zip64=big) as target:
+                shutil.copyfileobj(source, target, _COPY_BYTES)
+
+
+def _info(name: str, attributes: int) -> zipfile.ZipInfo:
+    info = zipfile.ZipInfo(name, date_time=_TIMESTAMP)
+    info.create_system = _UNIX
+    info.external_attr = attributes
+    return info
+
+
+def _check_entry(file: BinaryIO, layout: _Layout) -> None:
+    """Refuse a bundle in which the farm would take another XML for the scene."""
+    size = file.seek(0, os.SEEK_END)
+    archive = Archive(file, size, _LIMITS)
+    expected = layout.inside(layout.entry)
+    found = find_entry(archive, _LIMITS)
+    file.seek(0)
+    if found != expected:
+        raise BundleError(
+            "ambiguous-scene",
+            f"the farm would take {archive.label(found)} for the scene; rename the scene "
+            f"{SCENE_XML}",
+            file=archive.label(expected),
+        )

@@ -1,0 +1,146 @@
+"""A job and its curve in words, as progress and summaries show them."""
+
+from datetime import datetime
+from typing import Final
+
+from plateau.farm.model.job import CurvePoint, Job
+from plateau.farm.model.spec import ReverseSpec, VisibleSpec
+from plateau.farm.model.states import JobState
+from plateau.farm.wire.figures import duration, percent, pixels, roughly, share, significant
+
+#: What stands before each line of a summary has so much room.
+_NAME_COLUMNS: Final = 12
+
+
+def row(name: str, text: str) -> str:
+    """A line of a summary."""
+    return f"{name + ':':<{_NAME_COLUMNS}}{text}"
+
+
+def of_image(count: float | None, fraction: float | None) -> str:
+    """A number of pixels and its share of the image."""
+    if count is None or fraction is None:
+        return "–"
+    return f"{pixels(count)} px ({percent(fraction)})"
+
+
+def size(count: float) -> str:
+    """A number of bytes as people say it: ``512 bytes``, ``1.4 MB``."""
+    for unit in ("bytes", "kB", "MB"):
+        if count < 1000:
+            return f"{count:.0f} {unit}" if unit == "bytes" else f"{count:.1f} {unit}"
+        count /= 1000
+    return f"{count:,.1f} GB"
+
+
+def point_figures(job: Job, point: CurvePoint) -> list[str]:
+    """Changed pixels, slope, noise left, forecast and broken pixels of a point, where known."""
+    found = [f"changed {of_image(point.visible_pixels, point.visible_fraction)}"]
+    if point.slope is not None:
+        stop = stop_slope(job)
+        aim = "" if stop is None else f" (stops at {significant(stop)})"
+        found.append(f"slope {significant(point.slope)} px/spp{aim}")
+    if point.estimate_pixels is not None:
+        left = of_image(point.estimate_pixels, point.estimate_fraction)
+        target = stop_fraction(job)
+        aim = "" if target is None else f" (stops at {100 * target:g} %)"
+        found.append(f"noise left {left}{aim}")
+    if point.forecast_spp is not None and not job.state.ended:
+        found.append(f"forecast {point.forecast_spp:,} spp")
+    if point.non_finite_pixels:
+        found.append(f"broken {point.non_finite_pixels:,} px")
+    return found
+
+
+def point_line(job: Job, point: CurvePoint, *more: str) -> str:
+    """A point of the curve in a line, with more at its end."""
+    return f"{point.spp:>6} spp  {'  '.join(filter(None, (*point_figures(job, point), *more)))}"
+
+
+def rule_window(job: Job) -> int:
+    """How many points of the curve the slope is taken over."""
+    reverse = [rule for rule in (job.spec.rule, *job.spec.watch) if isinstance(rule, ReverseSpec)]
+    return (reverse[0] if reverse else ReverseSpec()).window
+
+
+def stop_slope(job: Job) -> float | None:
+    """The slope at which the job's rule stops, in changed pixels per spp of its own image."""
+    if not isinstance(job.spec.rule, ReverseSpec) or job.width is None or job.height is None:
+        return None
+    from plateau.metric.rules.reverse import EPSILON_PIXELS  # with numpy: for those alone who ask
+
+    return job.spec.rule.epsilon * job.width * job.height / EPSILON_PIXELS
+
+
+def stop_fraction(job: Job) -> float | None:
+    """The noise left at which the job's rule stops, as a share of the pixels."""
+    return job.spec.rule.target if isinstance(job.spec.rule, VisibleSpec) else None
+
+
+def time_left(job: Job, now: datetime) -> str:
+    """What is left of a job's time, as the page says it; "" where nobody can know."""
+    if job.state is not JobState.RENDERING or job.started_at is None:
+        return ""
+    rendered = job.committed_spp - job.continued_spp
+    forecast = job.forecast_spp
+    if (
+        isinstance(job.spec.rule, VisibleSpec)
+        and job.forecast_s is not None
+        and forecast is not None
+        and forecast <= job.spec.max_spp
+    ):
+        # The forecast is of the last point, and slices have come since.
+        ahead = max(0, forecast - job.committed_spp) / max(1, forecast - job.spp)
+        seconds = ahead * job.forecast_s
+        return "any moment" if seconds < 3 else f"about {roughly(seconds)} left"
+    rendering_s = (now - job.started_at).total_seconds() - job.paused_s
+    if rendered <= 0 or rendering_s <= 0:
+        return ""
+    to_cap = max(0, job.spec.max_spp - job.committed_spp)
+    return f"at most {roughly(to_cap * rendering_s / rendered)} left"
+
+
+def pauses(job: Job) -> str:
+    """For how long the job was paused, and since when it is."""
+    before = f"for {duration(job.paused_s)}" if job.paused_s else ""
+    now = f"since {job.paused_at:%Y-%m-%d %H:%M:%S} UTC" if job.paused_at else ""
+    return ", and ".join(filter(None, (before, now)))
+
+
+def summary(job: Job, now: datetime, waits_for: str | None = None) -> str:
+    """What became of a job by now, in a few lines; `waits_for` says what it lacks, if anything."""
+    rows = [("state", job.state.value), ("reason", job.reason)]
+    if waits_for:
+        rows.append(("workers", f"it {waits_for}"))
+    if job.width is not None:
+        rows.append(("image", f"{job.width}×{job.height}, {job.variant}, scene {job.name}"))
+    samples = f"{job.spp:,} of at most {job.spec.max_spp:,} spp"
+    if job.samples_saved:  # one share of the cap is enough
+        rows.append(("samples", samples))
+        saved = f"{share(job.saved_fraction)} of the cap, {job.samples_saved:,} samples"
+        rows.append(("saved", saved))
+    else:
+        rows.append(("samples", f"{samples} ({share(job.spp / job.spec.max_spp)})"))
+    if job.visible_pixels is not None:
+        changed = of_image(job.visible_pixels, job.visible_fraction)
+        rows.append(("changed", f"{changed} differ visibly from the first image of the curve"))
+    if job.estimate_pixels is not None:
+        left = of_image(job.estimate_pixels, job.estimate_fraction)
+        rows.append(
+            ("noise left", f"{left} still differ visibly from the converged image, by half buffers")
+        )
+    if job.non_finite_pixels:
+        total = (job.width or 0) * (job.height or 0)
+        broken = of_image(job.non_finite_pixels, job.non_finite_pixels / total)
+        rows.append(("broken", f"{broken} are NaN or infinite, and left out of what is counted"))
+    rows.append(
+        ("time", f"{duration(job.duration_s(now))}; machine time {duration(job.machine_s)}")
+    )
+    if to_come := time_left(job, now):
+        aims = isinstance(job.spec.rule, VisibleSpec) and job.forecast_spp is not None
+        forecast = f", forecast {job.forecast_spp:,} spp" if aims else ""
+        rows.append(("to come", f"{to_come}{forecast}"))
+    if job.paused_at is not None or job.paused_s:
+        rows.append(("paused", pauses(job)))
+    rows += [("note", note) for note in job.notes]
+    return "\n".join(row(name, text) for name, text in rows)

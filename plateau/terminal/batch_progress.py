@@ -1,0 +1,70 @@
+"""Progress of a batch: live on a terminal, a line for each change elsewhere."""
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from datetime import datetime, timezone
+
+from rich.console import Console, Group
+from rich.live import Live
+from rich.progress_bar import ProgressBar
+from rich.table import Table
+from rich.text import Text
+
+from plateau.farm.model.states import JobState
+from plateau.farm.wire import figures
+from plateau.farm.wire.batch_views import BatchView
+
+#: Shows a batch as it stands.
+Show = Callable[[BatchView], None]
+
+
+@contextmanager
+def batch_progress_on(console: Console) -> Iterator[Show]:
+    """What shows the batch on this console: lines that change in place, or a line for each change.
+
+    The last lines stay.
+    """
+    if console.is_terminal and not console.is_dumb_terminal:
+        with Live(console=console, auto_refresh=False) as live:
+            yield lambda batch: live.update(_lines(batch), refresh=True)
+    else:
+        yield _on_lines(console)
+
+
+def _on_lines(console: Console) -> Show:
+    said: dict[JobState, int] = {}
+
+    def show(batch: BatchView) -> None:
+        nonlocal said
+        if batch.states != said:
+            said = batch.states
+            line = "  ".join(filter(None, (in_states(batch.states), _left(batch))))
+            console.print(line, markup=False, highlight=False, soft_wrap=True)
+
+    return show
+
+
+def in_states(states: Mapping[JobState, int]) -> str:
+    """How many jobs are in each state, in the order in which a job goes through them."""
+    return ", ".join(f"{states[state]:,} {state.value}" for state in JobState if state in states)
+
+
+def _lines(batch: BatchView) -> Group:
+    ended = sum(count for state, count in batch.states.items() if state.ended)
+    bar = Table.grid(padding=(0, 2), expand=True)
+    bar.add_column(ratio=1)
+    bar.add_column(justify="right", no_wrap=True)
+    done = filter(None, (f"{ended:,} of {batch.jobs:,} jobs", _left(batch)))
+    bar.add_row(ProgressBar(total=batch.jobs, completed=ended), "   ".join(done))
+    state = in_states(batch.states)
+    if not batch.guard.even:
+        state += f"   not even: `plateau batch {batch.name}` says why"
+    return Group(Text.assemble((batch.name, "bold"), f"  {state}"), bar)
+
+
+def _left(batch: BatchView) -> str:
+    """For how long it will go on, where that is known."""
+    if batch.forecast_end_at is None:
+        return ""
+    seconds = (batch.forecast_end_at - datetime.now(timezone.utc)).total_seconds()
+    return f"about {figures.roughly(max(0.0, seconds))} left"

@@ -1,0 +1,215 @@
+"""Progress of a job: live on a terminal, a line for each point of the curve elsewhere."""
+
+from abc import ABC, abstractmethod
+from collections import deque
+from datetime import datetime
+from pathlib import Path
+from types import TracebackType
+from typing import Final
+
+from rich.console import Console, Group
+from rich.live import Live
+from rich.progress_bar import ProgressBar
+from rich.table import Table
+from rich.text import Text
+
+from plateau import job_text as words
+from plateau.farm.model.job import CurvePoint, Event, Job, utc_now
+from plateau.farm.model.states import JobState
+from plateau.farm.wire import figures
+from plateau.terminal.curve import LEAST_COLUMNS, LEAST_ROWS, terminal_curve
+
+#: The rate is that of the slices of the last so many seconds.
+_RATE_S: Final = 20.0
+_SPARKS: Final = "▁▂▃▄▅▆▇█"
+_SPARK_COLUMNS: Final = 48
+#: The curve has so many lines where the terminal has room for them beside the others.
+_CURVE_ROWS: Final = 10
+_OTHER_ROWS: Final = 8
+
+
+class Progress(ABC):
+    """What is shown of a job while it runs; a context, left when it has ended."""
+
+    def __init__(self) -> None:
+        self._job: Job | None = None
+        self._points: list[CurvePoint] = []
+        self._slices: deque[datetime] = deque()
+
+    def __enter__(self) -> "Progress":
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """Leave what was shown."""
+        self.refresh()
+
+    def job(self, job: Job) -> None:
+        """Take up the job as it stands."""
+        self._job = job
+        self.refresh()
+
+    def event(self, event: Event) -> None:
+        """Take up something that happened."""
+        if event.type == "slice":
+            self._slices.append(event.at)
+            while (event.at - self._slices[0]).total_seconds() > _RATE_S:
+                self._slices.popleft()
+        elif event.type == "point":
+            self._points.append(CurvePoint.model_validate(event.data))
+
+    @abstractmethod
+    def note(self, text: str) -> None:
+        """Show a line that stays."""
+
+    @abstractmethod
+    def refresh(self) -> None:
+        """Show time passing."""
+
+    def _rate(self, job: Job) -> str:
+        """The render rate over the last slices, as far as it is known."""
+        if job.width is None or job.height is None or len(self._slices) < 2:
+            return ""
+        if job.state is JobState.PAUSED:
+            return ""
+        seconds = (self._slices[-1] - self._slices[0]).total_seconds()
+        samples = (len(self._slices) - 1) * job.width * job.height * job.spec.slice_spp
+        return f"{samples / seconds / 1e6:.2f} Msamples/s" if seconds > 0 else ""
+
+
+class PlainProgress(Progress):
+    """A line for each change of state and each point of the curve."""
+
+    def __init__(self, console: Console) -> None:
+        super().__init__()
+        self._console = console
+        self._said_state = ""
+
+    def note(self, text: str) -> None:
+        """Print a line."""
+        self._console.print(text, markup=False, highlight=False, soft_wrap=True)
+
+    def job(self, job: Job) -> None:
+        """Print a new state."""
+        super().job(job)
+        if job.state.value != self._said_state and not job.state.ended:
+            self.note(f"{job.state.value}: {job.reason}")
+            self._said_state = job.state.value
+
+    def event(self, event: Event) -> None:
+        """Print a new point of the curve."""
+        super().event(event)
+        if event.type == "point" and self._job is not None:
+            point = self._points[-1]
+            after = figures.duration((point.at - self._job.created_at).total_seconds())
+            self.note(words.point_line(self._job, point, self._rate(self._job), after))
+
+    def refresh(self) -> None:
+        """Print nothing: time alone is no news."""
+
+
+class LiveProgress(Progress):
+    """A few lines, and the curve, that change in place.
+
+    Parameters
+    ----------
+    console
+        A terminal.
+    curve
+        Whether the curve is drawn where there is room for it; a row of bars stands for it else.
+    """
+
+    def __init__(self, console: Console, *, curve: bool = True) -> None:
+        super().__init__()
+        self._curve = curve
+        self._columns = console.width
+        # No thread of its own: the process tree's processes are started from this one.
+        self._live = Live(console=console, auto_refresh=False)
+
+    def __enter__(self) -> "LiveProgress":
+        self._live.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """Leave the last lines where they are."""
+        self._live.stop()
+
+    def note(self, text: str) -> None:
+        """Print a line above the others."""
+        self._live.console.print(text, markup=False, highlight=False)
+
+    def refresh(self) -> None:
+        """Draw the lines again."""
+        console = self._live.console
+        if console.width < self._columns:  # the terminal has broken the lines that were too long
+            console.clear()
+        self._columns = console.width
+        if self._job is not None:
+            self._live.update(self._lines(self._job), refresh=True)
+
+    def _lines(self, job: Job) -> Group:
+        size = "" if job.width is None else f" · {job.width}×{job.height}"
+        variant = "" if job.variant is None else f" · {job.variant}"
+        head = Table.grid(expand=True)
+        head.add_column(ratio=1)
+        head.add_column(justify="right")
+        now = utc_now()
+        times = filter(None, (words.time_left(job, now), figures.duration(job.duration_s(now))))
+        head.add_row(
+            Text.assemble((Path(job.name).stem, "bold"), f"  {job.state.value}{variant}{size}"),
+            " · ".join(times),
+        )
+        spp = max(job.spp, job.committed_spp) if not job.state.ended else job.spp
+        bar = Table.grid(padding=(0, 2), expand=True)
+        bar.add_column(ratio=1)
+        bar.add_column(justify="right", no_wrap=True)
+        done = filter(None, (f"{spp:,} of at most {job.spec.max_spp:,} spp", self._rate(job)))
+        bar.add_row(ProgressBar(total=job.spec.max_spp, completed=spp), "   ".join(done))
+        lines: list[Table | Text] = [head, bar]
+        if self._points:
+            lines.append(Text("   ".join(words.point_figures(job, self._points[-1]))))
+        elif job.state is not JobState.PAUSED:
+            lines.append(Text(job.reason, style="dim"))
+        if job.state is JobState.PAUSED:
+            lines.append(Text(f"{job.reason}; `plateau resume {job.id}` lets it go on", "yellow"))
+        if len(self._points) > 1:
+            lines.append(self._drawn_curve(job))
+        return Group(*lines)
+
+    def _drawn_curve(self, job: Job) -> Text:
+        console = self._live.console
+        rows = min(_CURVE_ROWS, console.height - _OTHER_ROWS)
+        room = console.width >= LEAST_COLUMNS and rows >= LEAST_ROWS
+        if not (self._curve and room and console.encoding.startswith("utf")):
+            return Text(sparkline([one.visible_pixels for one in self._points]), "cyan")
+        return terminal_curve(
+            self._points,
+            target=words.stop_fraction(job),
+            forecast_spp=None if job.state.ended else self._points[-1].forecast_spp,
+            max_spp=job.spec.max_spp,
+            columns=console.width,
+            rows=rows,
+        )
+
+
+def progress_on(console: Console, *, curve: bool = True) -> Progress:
+    """The progress that suits the console, with the curve where it is wanted."""
+    if console.is_terminal and not console.is_dumb_terminal:
+        return LiveProgress(console, curve=curve)
+    return PlainProgress(console)
+
+
+def sparkline(values: list[int]) -> str:
+    """The values as a row of bars, from 0 to the highest; the newest where they are too many."""
+    values = values[-_SPARK_COLUMNS:]
+    top = max(*values, 1)
+    return "".join(_SPARKS[value * (len(_SPARKS) - 1) // top] for value in values)

@@ -1,0 +1,1 @@
+"""Who may make a request: where it comes from, its key, and how often the key may be used."""

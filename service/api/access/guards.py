@@ -1,0 +1,197 @@
+"""What is checked of a request before any route sees it: where it comes from, and its size."""
+
+import asyncio
+import contextlib
+import re
+from collections.abc import Iterable
+from typing import Final
+
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from plateau.farm.process.loopback import is_loopback
+from plateau.service.api.access.callers import ANYBODY, Caller
+from plateau.service.api.problems.problem import (
+    FOREIGN_HOST,
+    FOREIGN_ORIGIN,
+    MALFORMED_REQUEST,
+    UPLOAD_TOO_LARGE,
+    Problem,
+)
+
+#: ``Host`` as RFC 9110 has it: a name or an address, and perhaps a port.
+_HOST: Final = re.compile(r"(\[[0-9A-Fa-f:.]+\]|[0-9A-Za-z.-]+)(?::[0-9]{1,5})?")
+#: What a browser says of a request for its own user (an address that was typed, a bookmark), and of
+#: one by a page of this very service. Another port of this machine is another's page: "same-site".
+_OWN: Final = frozenset({"none", "same-origin"})
+
+
+def refuse_foreign(scope: Scope) -> None:
+    """Return where a request names this machine and comes from no other web site; raise otherwise.
+
+    For an API that is open, which listens on loopback only. A web page elsewhere can still make a
+    browser on this machine call it: under a name that it controls and points at 127.0.0.1 (DNS
+    rebinding; seen in ``Host``), by a form that posts across sites (seen in ``Origin``), or by a
+    picture, a frame or a link (seen in ``Sec-Fetch-Site`` alone). And a proxy on this machine can
+    let others in without knowing what it does. Where keys are wanted none of this matters: a
+    browser adds no key by itself to what another page asks for, and the service may have any name.
+    """
+    host = header(scope["headers"], b"host") or ""
+    named = _HOST.fullmatch(host)
+    if named is None or not is_loopback(named[1]):
+        raise _foreign_host(f"the request is addressed to {host!r}")
+    if any(name in _FROM_A_PROXY for name, _ in scope["headers"]):
+        raise _foreign_host("the request came through a proxy")
+    origin = header(scope["headers"], b"origin")
+    if origin is not None and origin.lower() != f"{scope['scheme']}://{host}".lower():
+        raise Problem(
+            FOREIGN_ORIGIN, f"a page of {origin!r} made this request; only the API's own pages may"
+        )
+    site = header(scope["headers"], b"sec-fetch-site")
+    if site is not None and site.lower() not in _OWN:
+        raise Problem(
+            FOREIGN_ORIGIN,
+            f"a page of another web site made this request (Sec-Fetch-Site: {site}); only the "
+            "API's own pages may; where you followed a link, enter its address yourself",
+        )
+
+
+#: Headers that a proxy adds to say for whom it asks.
+_FROM_A_PROXY: Final = frozenset(
+    {b"forwarded", b"x-forwarded-for", b"x-forwarded-host", b"x-real-ip"}
+)
+
+
+def _foreign_host(what: str) -> Problem:
+    return Problem(
+        FOREIGN_HOST,
+        f"{what}; without API keys, this service answers its own machine only, as localhost, "
+        "127.0.0.1 or [::1]; once `plateau keys create NAME` has made a key, it answers under any "
+        "name",
+    )
+
+
+def header(headers: Iterable[tuple[bytes, bytes]], name: bytes) -> str | None:
+    """The first header of this name, which is in lower case."""
+    return next((value.decode("latin-1") for key, value in headers if key == name), None)
+
+
+#: So much of a refused body is still read, and for so long, before the connection is closed: closed
+#: on bytes that nobody has read, it would take the answer with it.
+_LINGER_BYTES = 64 * 2**20
+_LINGER_S = 2.0
+
+
+#: What a form may have beyond its scene: the spec and the boundaries.
+ENVELOPE_BYTES: Final = 2 << 20
+
+#: A body that is no upload is read into memory, so it may have so many bytes at most.
+_MOST_OF_A_CHANGE = 2**16
+
+
+class OneLength:
+    """Refuses a request that says twice how long its body is, and one of HTTP/1.0 in chunks.
+
+    A proxy in front may believe the other of the two, and take for the next request what is part of
+    this one, or the reverse: request smuggling. RFC 9112, section 6, has both answered so, and the
+    connection closed.
+    """
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Pass the request on where its length is plain."""
+        names = {name for name, _ in scope.get("headers", ())}
+        in_chunks = b"transfer-encoding" in names
+        if in_chunks and (b"content-length" in names or scope["http_version"] == "1.0"):
+            await discard(receive)
+            await _AMBIGUOUS.response(scope["path"])(scope, receive, send)
+        else:
+            await self._app(scope, receive, send)
+
+
+_AMBIGUOUS: Final = Problem(
+    MALFORMED_REQUEST,
+    "where the request's body ends cannot be told: send Content-Length, or with HTTP/1.1 "
+    "Transfer-Encoding: chunked, and never both",
+    headers={"Connection": "close"},
+)
+
+
+class BodyLimit:
+    """Refuses a body of more than `most` bytes, by its announced length or while it streams.
+
+    Only a POST of a form may bring so many: any other body is some JSON. A key may have a lower
+    limit than the service; which key a request brings was looked up before.
+    """
+
+    def __init__(self, app: ASGIApp, most: int) -> None:
+        self._app = app
+        self._most = most
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Pass the request on, counting the bytes of its body."""
+        if scope["type"] != "http":
+            await self._app(scope, receive, send)
+            return
+        most, setting = self._limit(scope)
+        announced = header(scope["headers"], b"content-length")
+        if announced is not None and announced.isdigit() and int(announced) > most:
+            await discard(receive)
+            await _too_large(most, setting).response(scope["path"])(scope, receive, send)
+            return
+        received = 0
+
+        async def counted() -> Message:
+            nonlocal received
+            message = await receive()
+            received += len(message.get("body", b""))
+            if received > most:
+                if message.get("more_body"):
+                    await discard(receive)
+                raise _too_large(most, setting)
+            return message
+
+        await self._app(scope, counted, send)
+
+    def _limit(self, scope: Scope) -> tuple[int, str]:
+        """How many bytes the body may have, and what sets that."""
+        kind = (header(scope["headers"], b"content-type") or "").lower()
+        if scope["method"] != "POST" or not kind.startswith("multipart/form-data"):
+            return _MOST_OF_A_CHANGE, ""
+        caller: Caller = scope.get("state", {}).get("caller", ANYBODY)
+        most = (caller.upload_bytes or self._most) + ENVELOPE_BYTES
+        if most < self._most:
+            return most, f", the limit of the key {caller.name!r}"
+        return self._most, "; PLATEAU_MAX_UPLOAD_GB sets the limit"
+
+
+def _too_large(most: int, setting: str) -> Problem:
+    return Problem(
+        UPLOAD_TOO_LARGE,
+        f"the request has more than {most:,} bytes{setting}",
+        headers={"Connection": "close"},
+        limit_bytes=most,
+    )
+
+
+async def discard_body(scope: Scope, receive: Receive) -> None:
+    """Read the body of a refused request, where one comes, as far and as long as is worth it."""
+    names = {name for name, _ in scope["headers"]}
+    # Who expects to be told to go on sends no body once it is refused.
+    if b"expect" not in names and names & {b"content-length", b"transfer-encoding"}:
+        await discard(receive)
+
+
+async def discard(receive: Receive) -> None:
+    """Read the rest of a body, as far and as long as is worth it."""
+
+    async def read() -> None:
+        left, more = _LINGER_BYTES, True
+        while more and left > 0:
+            message = await receive()
+            left -= len(message.get("body", b""))
+            more = message.get("more_body", False)
+
+    with contextlib.suppress(asyncio.TimeoutError):
+        await asyncio.wait_for(read(), _LINGER_S)

@@ -1,0 +1,183 @@
+"""The API as an ASGI application, made from its parts."""
+
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from typing import Final
+
+from fastapi import Depends, FastAPI
+
+from plateau.farm.blobs.store import Blobs
+from plateau.farm.ledger.allowance import Allowance
+from plateau.farm.ledger.api_keys import ApiKeys
+from plateau.farm.ledger.batches import Batches
+from plateau.farm.ledger.continuation import Continuations
+from plateau.farm.ledger.jobs import Jobs
+from plateau.farm.ledger.outbox import Outbox
+from plateau.farm.ledger.scene_index import SceneIndex
+from plateau.farm.ledger.studies import Studies
+from plateau.farm.ledger.workers import Workers
+from plateau.farm.process.webhook_addresses import Receivers
+from plateau.farm.redis.link import RedisClient
+from plateau.service.api.access.guards import ENVELOPE_BYTES, BodyLimit, OneLength
+from plateau.service.api.access.key_guard import Access, KeyGuard
+from plateau.service.api.events.hub import EventHub
+from plateau.service.api.http.cut_off import AnswerWhenCutOff
+from plateau.service.api.http.head import HeadAsGet
+from plateau.service.api.http.log_fields import LogFields
+from plateau.service.api.http.slashes import KeepSlashes
+from plateau.service.api.http.version_header import SayVersion
+from plateau.service.api.metrics.farm import Metrics
+from plateau.service.api.metrics.requests import CountRequests
+from plateau.service.api.openapi import DescribedAPI, refuse_unknown_parameters
+from plateau.service.api.parts import Parts
+from plateau.service.api.points.images import PointImages
+from plateau.service.api.points.stored_files import StoredFiles
+from plateau.service.api.problems.handlers import add_problem_handlers
+from plateau.service.api.routes import (
+    batches as routes_batches,
+)
+from plateau.service.api.routes import (
+    continuing as routes_continue,
+)
+from plateau.service.api.routes import (
+    docs as routes_docs,
+)
+from plateau.service.api.routes import (
+    farm as routes_farm,
+)
+from plateau.service.api.routes import (
+    images as routes_images,
+)
+from plateau.service.api.routes import (
+    jobs as routes_jobs,
+)
+from plateau.service.api.routes import (
+    key as routes_key,
+)
+from plateau.service.api.routes import (
+    page as routes_page,
+)
+from plateau.service.api.routes import (
+    previews as routes_previews,
+)
+from plateau.service.api.routes import (
+    report as routes_report,
+)
+from plateau.service.api.routes import (
+    results as routes_results,
+)
+from plateau.service.api.routes import (
+    scenes as routes_scenes,
+)
+from plateau.service.api.routes import (
+    studies as routes_studies,
+)
+from plateau.service.api.routes import (
+    webhooks as routes_webhooks,
+)
+from plateau.service.api.scene_checks.pool import SceneChecks
+from plateau.service.api.study.results import StudyResults
+
+_DESCRIPTION: Final = """
+Renders Mitsuba 3 scenes until the eye can no longer tell that more samples were added.
+
+Send a scene to `POST /v1/jobs`, follow `/v1/jobs/{id}/events`, fetch `/v1/jobs/{id}/image.png`.
+Every error is a problem as RFC 9457 describes it, with a stable `type`.
+"""
+
+
+def create_app(
+    *,
+    client: RedisClient,
+    blobs: Blobs,
+    hub: EventHub,
+    checks: SceneChecks,
+    access: Access = Access.UNTIL_KEYS,
+    webhook_allow: tuple[str, ...] = (),
+) -> FastAPI:
+    """The API over this queue and this blob store.
+
+    Parameters
+    ----------
+    client, blobs
+        Redis and the blob store.
+    hub, checks
+        The fan-out of events and the checks of scenes, whose limits are the API's; they are closed
+        with the app.
+    access
+        Whether requests need keys.
+    webhook_allow
+        Networks and host names that are private and may be sent webhooks all the same.
+    """
+
+    @asynccontextmanager
+    async def lifespan(_: FastAPI) -> AsyncIterator[None]:
+        yield
+        await hub.close()
+        points.close()
+        checks.close()
+
+    app = DescribedAPI(
+        title="Plateau",
+        description=_DESCRIPTION,
+        version="1",
+        lifespan=lifespan,
+        dependencies=[Depends(refuse_unknown_parameters)],
+        # What a route is called is the operation's id, and so a method of a generated client.
+        generate_unique_id_function=lambda route: route.name,
+        # A path has one form: a redirect would end an upload by curl in silence.
+        redirect_slashes=False,
+        # The framework's pages are fetched from elsewhere: see `plateau.service.api.routes.docs`.
+        docs_url=None,
+        redoc_url=None,
+        # A job shows the spec that it was given, so one description serves both ways.
+        separate_input_output_schemas=False,
+    )
+    jobs, studies, points = Jobs(client), Studies(client), PointImages(blobs)
+    parts = Parts(
+        jobs=jobs,
+        scenes=SceneIndex(client),
+        batches=Batches(client),
+        continuations=Continuations(client),
+        studies=studies,
+        study_results=StudyResults(studies),
+        blobs=blobs,
+        files=StoredFiles(blobs, jobs),
+        points=points,
+        checks=checks,
+        hub=hub,
+        outbox=Outbox(client),
+        workers=Workers(client),
+        receivers=Receivers(webhook_allow),
+    )
+    app.state.parts = parts
+    app.state.metrics = Metrics(parts.jobs, blobs)
+    add_problem_handlers(app)
+    for routes in (
+        routes_jobs,
+        routes_batches,
+        routes_continue,
+        routes_results,
+        routes_images,
+        routes_previews,
+        routes_report,
+        routes_scenes,
+        routes_studies,
+        routes_webhooks,
+        routes_farm,
+        routes_key,
+        routes_page,
+        routes_docs,
+    ):
+        app.include_router(routes.router)
+    app.webhooks.include_router(routes_webhooks.sent)
+    app.add_middleware(KeepSlashes)
+    app.add_middleware(HeadAsGet)
+    app.add_middleware(BodyLimit, most=checks.limits.max_bytes + ENVELOPE_BYTES)
+    app.add_middleware(SayVersion)
+    app.add_middleware(KeyGuard, keys=ApiKeys(client), allowance=Allowance(client), access=access)
+    app.add_middleware(LogFields)
+    app.add_middleware(AnswerWhenCutOff)
+    app.add_middleware(OneLength)
+    app.add_middleware(CountRequests, requests=app.state.metrics.requests)
+    return app

@@ -1,0 +1,1 @@
+"""Jobs' events: read from Redis once, and sent to everyone who watches."""

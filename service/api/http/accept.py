@@ -1,0 +1,50 @@
+"""Content negotiation: which of a resource's representations a request's ``Accept`` prefers."""
+
+import re
+from typing import Final
+
+from plateau.service.api.problems.problem import NOT_ACCEPTABLE, Problem
+
+_QUALITY: Final = re.compile(r";[ \t]*q=([01](?:\.[0-9]{0,3})?)[ \t]*(?:;|$)", re.IGNORECASE)
+
+
+def chosen(accept: str, offers: tuple[str, ...]) -> str:
+    """The media type that is preferred of those on offer.
+
+    Parameters
+    ----------
+    accept
+        The header's value; empty where there is none, which accepts all.
+    offers
+        Media types in lower case; of those that are preferred alike the first is taken.
+
+    Raises
+    ------
+    Problem
+        None of them is acceptable.
+
+    References
+    ----------
+    RFC 9110, section 12.5.1: the most specific range that matches gives a type its quality.
+    """
+    ranges = dict(_range(part) for part in accept.split(",") if part.strip()) or {"*/*": 1.0}
+    best = max(offers, key=lambda offer: _quality(offer, ranges))  # the first of equals
+    if _quality(best, ranges) == 0:
+        raise Problem(
+            NOT_ACCEPTABLE,
+            f"the answer comes as {' or '.join(offers)}, and Accept is {accept!r}",
+            offers=offers,
+        )
+    return best
+
+
+def _range(part: str) -> tuple[str, float]:
+    quality = _QUALITY.search(part)
+    return part.partition(";")[0].strip().lower(), float(quality[1]) if quality else 1.0
+
+
+def _quality(offer: str, ranges: dict[str, float]) -> float:
+    for pattern in (offer, f"{offer.partition('/')[0]}/*", "*/*"):
+        if pattern in ranges:
+            return ranges[pattern]
+    return 0.0

@@ -1,0 +1,96 @@
+"""Blobs as answers: streamed, with what a client needs to keep them and to know them again."""
+
+import base64
+from collections.abc import Iterator
+from typing import Any, Final
+
+from fastapi import Request, Response
+from fastapi.responses import StreamingResponse
+
+from plateau.farm.model.job import Job
+from plateau.service.api.http.etags import NOT_MODIFIED, Known, cache_control, not_modified
+from plateau.service.api.http.head import HEADERS_ONLY
+from plateau.service.api.parts import Parts
+from plateau.service.api.problems import problem as problems
+from plateau.service.api.problems.problem import documented
+
+PNG: Final = "image/png"
+EXR: Final = "image/x-exr"
+#: The header with the SHA-256 of the file, by which a client sees that it has come whole.
+#: RFC 9530, section 3.
+REPR_DIGEST: Final = "Repr-Digest"
+#: The header that says how many samples per pixel an image has: a running job's grow on.
+SPP: Final = "Plateau-Spp"
+
+
+def described(media_type: str, *kinds: problems.ProblemType) -> dict[int | str, dict[str, Any]]:
+    """The ``responses`` of a route that serves a blob of a job, for OpenAPI."""
+    names = ("ETag", "Cache-Control", "Content-Disposition", REPR_DIGEST, SPP)
+    binary = {"schema": {"type": "string", "format": "binary"}}
+    return {
+        200: {
+            "description": "the file's bytes",
+            "content": {media_type: binary},
+            "headers": {name: {"schema": {"type": "string"}} for name in names},
+        },
+        **NOT_MODIFIED,
+        **documented(problems.UNKNOWN_JOB, problems.SPOILED_FILE, *kinds),
+    }
+
+
+def headers_of(job: Job, tag: str, file_name: str) -> dict[str, str]:
+    """The headers of a file of the job."""
+    return {
+        "ETag": tag,
+        "Cache-Control": cache_control(job),
+        "Content-Disposition": f'inline; filename="{file_name}"',
+        # A file has some MB and its reader is on this machine: parts of it help nobody.
+        "Accept-Ranges": "none",
+    }
+
+
+def blob_response(
+    blob: str,
+    sha256: str | None,
+    media_type: str,
+    headers: dict[str, str],
+    farm: Parts,
+    has: Known,
+    request: Request,
+) -> Response:
+    """The blob, or 304.
+
+    It is served where it has this SHA-256; unchecked where that was not noted when it was written.
+
+    Raises
+    ------
+    SpoiledBlob
+        Its bytes are others, and cannot be made again.
+    FileNotFoundError
+        There is none.
+    """
+    if has.has(headers["ETag"]):
+        return not_modified(headers)
+    if sha256 is not None:
+        farm.files.require(blob, sha256)
+        headers = {**headers, REPR_DIGEST: _repr_digest(sha256)}
+    size = farm.blobs.size(blob)
+    if size is None:
+        raise FileNotFoundError(blob)
+    if has.anything:
+        return not_modified(headers)
+    headers = {**headers, "Content-Length": str(size)}
+    if HEADERS_ONLY in request.scope:
+        return Response(media_type=media_type, headers=headers)
+    chunks = farm.blobs.chunks(blob)
+    first = next(chunks, b"")
+    return StreamingResponse(_joined(first, chunks), media_type=media_type, headers=headers)
+
+
+def _repr_digest(sha256: str) -> str:
+    return f"sha-256=:{base64.b64encode(bytes.fromhex(sha256)).decode()}:"
+
+
+def _joined(first: bytes, rest: Iterator[bytes]) -> Iterator[bytes]:
+    yield first
+    yield from rest

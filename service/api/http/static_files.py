@@ -1,0 +1,79 @@
+"""Files that are served as they lie in a folder, with what a browser may do with them."""
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from fastapi import Response
+
+from plateau.service.api.http.etags import REVALIDATE, Known, not_modified, strong
+from plateau.service.api.problems import problem as problems
+from plateau.service.api.problems.problem import Problem
+
+_MEDIA_TYPES: Final = {
+    ".html": "text/html; charset=utf-8",
+    ".css": "text/css; charset=utf-8",
+    ".js": "text/javascript; charset=utf-8",
+    ".svg": "image/svg+xml",
+    ".LICENSE": "text/plain; charset=utf-8",
+}
+
+_HEADERS: Final = {
+    "Referrer-Policy": "no-referrer",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Permissions-Policy": "camera=(), geolocation=(), microphone=()",
+    "Cache-Control": REVALIDATE,
+}
+
+
+@dataclass(frozen=True)
+class StaticFile:
+    """A file in memory."""
+
+    content: bytes
+    media_type: str
+    tag: str  #: its ETag
+
+
+def read_folder(folder: Path) -> dict[str, StaticFile]:
+    """The folder's files by their paths in it, as far as their kind is one that is served."""
+    found = {}
+    for path in folder.rglob("*"):
+        media_type = _MEDIA_TYPES.get(path.suffix)
+        if media_type is not None:
+            content = path.read_bytes()
+            tag = strong(hashlib.sha256(content).hexdigest()[:16])
+            found[path.relative_to(folder).as_posix()] = StaticFile(content, media_type, tag)
+    return found
+
+
+#: A page runs its own scripts and talks to this API: what its policy says beside, it adds.
+OWN_ONLY: Final = {
+    "default-src": "'none'",
+    "script-src": "'self'",
+    "connect-src": "'self'",
+    "base-uri": "'none'",
+    "form-action": "'none'",
+    "frame-ancestors": "'none'",
+}
+
+
+def serve(
+    files: Mapping[str, StaticFile], name: str, has: Known, policy: Mapping[str, str]
+) -> Response:
+    """The answer to a request for the file of this name."""
+    found = files.get(name)
+    if found is None:
+        raise Problem(problems.UNKNOWN_PATH, f"the page has no file {name!r}")
+    return _answer(found, has, policy)
+
+
+def _answer(found: StaticFile, has: Known, policy: Mapping[str, str]) -> Response:
+    """The file under this content-security policy, or 304 where the client has it."""
+    header = "; ".join(" ".join(directive) for directive in policy.items())
+    headers = {**_HEADERS, "Content-Security-Policy": header, "ETag": found.tag}
+    if has.anything or has.has(found.tag):
+        return not_modified(headers)
+    return Response(found.content, headers={**headers, "Content-Type": found.media_type})

@@ -1,0 +1,255 @@
+"""``GET /metrics``: the whole farm in Prometheus's format, from any API process."""
+
+import platform
+import threading
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future
+from concurrent.futures import TimeoutError as TooLate
+from importlib.metadata import version
+from typing import Final, Generic, TypeVar
+
+from prometheus_client import CollectorRegistry, generate_latest
+from prometheus_client.core import HistogramMetricFamily, Metric
+from prometheus_client.exposition import CONTENT_TYPE_PLAIN_0_0_4
+from prometheus_client.registry import Collector
+
+from plateau.farm.blobs.store import Blobs
+from plateau.farm.ledger.jobs import Jobs
+from plateau.farm.ledger.totals import Census
+from plateau.farm.model.errors import StoreUnavailable
+from plateau.service.api.metrics.prometheus import add_histogram, counter, gauge
+from plateau.service.api.metrics.requests import Requests
+
+CONTENT_TYPE: Final = CONTENT_TYPE_PLAIN_0_0_4
+
+#: What has not answered by then counts as away; a scrape is given up after 10 s by default.
+_PATIENCE_S: Final = 2.0
+
+_Answer = TypeVar("_Answer")
+
+
+class Metrics:
+    """All metrics of one API process, in a registry of its own."""
+
+    def __init__(self, jobs: Jobs, blobs: Blobs) -> None:
+        self.requests = Requests()
+        self._registry = CollectorRegistry(auto_describe=False)
+        self._registry.register(_Farm(jobs, blobs))
+        self._registry.register(self.requests)
+
+    def exposition(self) -> bytes:
+        """What Prometheus reads; of content type `CONTENT_TYPE`."""
+        return generate_latest(self._registry)
+
+
+class _Farm(Collector):
+    """Counts the farm when it is asked to."""
+
+    def __init__(self, jobs: Jobs, blobs: Blobs) -> None:
+        self._census = _Question(jobs.census)
+        self._blobs = _Question(lambda: blobs.exists("scenes/none") or True)
+
+    def collect(self) -> Iterator[Metric]:
+        """The metrics of the farm; where Redis is away, only that it is."""
+        blobs_answer, census_answer = self._blobs.asked(), self._census.asked()
+        census = _within_reason(census_answer)
+        up = {"redis": census is not None, "blobs": _within_reason(blobs_answer) is not None}
+        yield gauge(
+            "plateau_up",
+            "1 where this API process reaches Redis, or the blob store; 0 where it is away.",
+            {part: float(there) for part, there in up.items()},
+            "part",
+        )
+        build = gauge("plateau_build_info", "1; its labels say what this API process runs.", {})
+        build.add_sample(
+            "plateau_build_info",
+            {"version": version("plateau"), "python": platform.python_version()},
+            1.0,
+        )
+        yield build
+        if census is not None:
+            yield from _work_there_is(census)
+            yield from _messages_there_are(census)
+            yield from _who_works(census)
+            yield from _work_done(census)
+
+
+def _work_there_is(census: Census) -> Iterator[Metric]:
+    yield gauge("plateau_jobs", "Jobs that have not ended, by state.", census.jobs, "state")
+    yield gauge(
+        "plateau_jobs_stored",
+        "Jobs that the farm knows, ended or not; old ones go where retention is set.",
+        census.jobs_stored,
+    )
+    yield gauge(
+        "plateau_jobs_unserved",
+        "Jobs that wait, or render, though no worker lives that takes work and has their variant, "
+        "pool and tags; GET /v1/jobs says what they wait for.",
+        census.jobs_unserved,
+    )
+    yield gauge(
+        "plateau_queue_age_seconds",
+        "Age of the oldest job of which nothing is rendered yet, paused ones left out; 0 where "
+        "there is none. Where it grows, the farm has too few workers.",
+        census.queue_age_s,
+    )
+    yield gauge(
+        "plateau_slices",
+        "Slices (full frames of some samples per pixel, each one worker's for a while) that wait "
+        "for a worker, or are leased to one.",
+        census.slices,
+        "state",
+    )
+    demand = census.demand_by_variant()
+    yield gauge(
+        "plateau_slices_wanted",
+        "Slices that wait for a worker or are leased to one, by the variant that they need (auto: "
+        "any). As many workers have something to do; autoscalers follow it.",
+        {variant: one.slices for variant, one in demand.items()},
+        "variant",
+    )
+    yield gauge(
+        "plateau_work_left_seconds",
+        "Seconds that one worker would still take for the open jobs, by the variant that they "
+        "need: by what their slices took, and where they are expected to end.",
+        {variant: one.work_s for variant, one in demand.items()},
+        "variant",
+    )
+
+
+def _messages_there_are(census: Census) -> Iterator[Metric]:
+    yield gauge(
+        "plateau_webhooks_waiting",
+        "Messages to webhooks that wait for their first or next try.",
+        census.webhooks_waiting,
+    )
+
+
+def _who_works(census: Census) -> Iterator[Metric]:
+    yield gauge(
+        "plateau_workers",
+        "Workers that are alive, by what they do; out_of_service: it found that it can render "
+        "nothing (GET /v1/workers says why).",
+        census.workers,
+        "state",
+    )
+    yield gauge(
+        "plateau_monitors",
+        "Monitors that are alive: they merge slices and decide when a job has converged.",
+        census.monitors,
+    )
+    yield gauge(
+        "plateau_jobs_owned",
+        "Jobs that a living monitor takes care of; where it stays below the jobs that have not "
+        "ended, monitors are missing.",
+        census.jobs_owned,
+    )
+    if census.swept_at is not None:
+        yield gauge(
+            "plateau_last_sweep_timestamp_seconds",
+            "When a monitor last removed what nobody needs any more; once an hour, as a rule. "
+            "Absent before the first time.",
+            census.swept_at,
+        )
+
+
+def _work_done(census: Census) -> Iterator[Metric]:
+    yield counter("plateau_jobs_created_total", "Jobs created.", census.jobs_created)
+    yield counter(
+        "plateau_jobs_ended_total",
+        "Jobs ended, by how: converged (a rule fired), exhausted (cap or time limit), cancelled "
+        "or failed.",
+        census.jobs_ended,
+        "state",
+    )
+    yield counter(
+        "plateau_slice_tries_total",
+        "Tries of slices, by how they ended; only committed ones count for an image. rejected: "
+        "committed, but the partial was lost or spoiled afterwards; late: the job had ended; "
+        "lost: the worker fell silent.",
+        census.tries,
+        "outcome",
+    )
+    yield counter(
+        "plateau_samples_rendered_total",
+        "Samples (not samples per pixel) in committed slices; its rate is the farm's speed.",
+        census.samples,
+    )
+    yield counter(
+        "plateau_samples_saved_total",
+        "Samples that converged jobs would have cost otherwise: what the farm exists for.",
+        census.samples_saved,
+    )
+    yield counter(
+        "plateau_machine_seconds_total",
+        "Seconds that render children spent on slices, whatever came of them.",
+        census.machine_s,
+    )
+    yield counter(
+        "plateau_second_tries_total",
+        "Slices that were late and held up their job's image, so that a second worker was given "
+        "them too; the first commit wins.",
+        census.second_tries,
+    )
+    yield counter(
+        "plateau_wasted_seconds_total",
+        "Seconds, of those that render children spent, on slices of which another try was "
+        "committed first.",
+        census.wasted_s,
+    )
+    yield counter(
+        "plateau_webhook_tries_total",
+        "Tries to deliver a message to a job's webhook, by how they ended: delivered, failed "
+        "(another follows) or given up.",
+        census.webhook_tries,
+        "outcome",
+    )
+    yield counter(
+        "plateau_webhooks_dropped_total",
+        "Messages to webhooks that were forgotten, with their job or since a job remembers a "
+        "hundred, before they could be delivered.",
+        census.webhooks_dropped,
+    )
+    merges = HistogramMetricFamily(
+        "plateau_merge_seconds",
+        "Seconds in which a monitor fetches a slice's partial image and adds it to the job's.",
+    )
+    yield add_histogram(merges, (), census.merges)
+    evaluations = HistogramMetricFamily(
+        "plateau_evaluation_seconds",
+        "Seconds in which a monitor judges a merged image by all rules of its job.",
+    )
+    yield add_histogram(evaluations, (), census.evaluations)
+
+
+class _Question(Generic[_Answer]):
+    """Asks what may be away, in a thread of its own, one at a time."""
+
+    def __init__(self, ask: Callable[[], _Answer]) -> None:
+        self._ask = ask
+        self._lock = threading.Lock()
+        self._asked: Future[_Answer] | None = None
+
+    def asked(self) -> "Future[_Answer]":
+        """The answer to come; where one is still awaited, that one."""
+        with self._lock:
+            if self._asked is None or self._asked.done():
+                self._asked = Future()
+                threading.Thread(
+                    target=self._answer, args=(self._asked,), name="scrape", daemon=True
+                ).start()
+            return self._asked
+
+    def _answer(self, asked: "Future[_Answer]") -> None:
+        try:
+            asked.set_result(self._ask())
+        except BaseException as error:  # noqa: BLE001  (it is raised where the answer is awaited)
+            asked.set_exception(error)
+
+
+def _within_reason(answer: "Future[_Answer]") -> _Answer | None:
+    """The answer; None where it does not come, or is that the store is away."""
+    try:
+        return answer.result(_PATIENCE_S)
+    except (StoreUnavailable, TooLate):
+        return None

@@ -1,0 +1,84 @@
+"""Makes files of finished jobs again that were spoiled or lost: from sums, or from kept slices."""
+
+import hashlib
+import logging
+from typing import Any, Final
+
+from numpy.typing import NDArray
+
+from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs.store import Blobs
+from plateau.farm.ledger.jobs import Jobs
+from plateau.farm.model.errors import CorruptPartial, JobNotFound
+from plateau.farm.model.job import Job
+from plateau.metric import Mask
+from plateau.service.judging.checkpoints import read_sums
+from plateau.service.judging.films import checked_film
+from plateau.service.judging.merge import Merge
+from plateau.service.judging.result_files import result_files
+
+_LOG = logging.getLogger(__name__)
+
+#: The largest film of which it is tried: that takes 0.6 GB.
+MOST_PIXELS: Final = 2560 * 1440
+
+_Memory = tuple[dict[str, Any], dict[str, NDArray[Any]]]
+
+
+def remade(blob: str, sha256: str, jobs: Jobs, store: Blobs) -> bytes | None:
+    """The bytes that a result of a finished job had, made again; None where that cannot be.
+
+    Nothing but these very bytes is given, so whoever puts them changes nothing.
+    """
+    job_id, name = blobs.in_job(blob)
+    if not blob.startswith(blobs.results(job_id)):
+        return None
+    folder, _, picture = blob.rpartition("/")
+    spp = blobs.spp_of_set(folder)
+    try:
+        job = jobs.get(job_id)
+        pixels = (job.width or 0) * (job.height or 0)
+        if job.finished_at is None or not spp or not 0 < pixels <= MOST_PIXELS:
+            return None
+        merge, memory = _merged(job, spp, jobs, store)
+    except (JobNotFound, FileNotFoundError, CorruptPartial, LookupError, ValueError) as error:
+        _LOG.warning("%s cannot be made again: %s", name, error)
+        return None
+    files = result_files(
+        merge.image(),
+        _visible(job, merge, memory) if picture == "difference.png" else None,
+        job_id=job.id,
+        spp=spp,
+        exposure_ev=job.spec.view.exposure_ev,
+        compressed=folder.endswith(blobs.FINAL),
+    )
+    content = files.get(picture, b"")
+    return content if hashlib.sha256(content).hexdigest() == sha256 else None
+
+
+def _merged(job: Job, spp: int, jobs: Jobs, store: Blobs) -> tuple[Merge, _Memory]:
+    """The sum of the job's first slices up to `spp`, and what its rules remember of the first."""
+    slice_spp = job.spec.slice_spp
+    if not job.spec.keep_slices:
+        checkpoint = jobs.checkpoint(job.id)
+        if checkpoint is None or checkpoint.slices * slice_spp != spp:
+            raise LookupError(f"no sums of {spp} spp are kept")
+        return read_sums(store, checkpoint, slice_spp)
+    ledger, merge = jobs.ledger(job.id), Merge(slice_spp=slice_spp)
+    memory: _Memory = ({}, {})
+    for index in range(spp // slice_spp):
+        merge.add(checked_film(store, ledger[index]["blob"], ledger[index]["sha256"]))
+        if job.spec.evaluates_at(merge.spp) and not memory[0]:
+            numbers = {"first_spp": merge.spp, "points": []}
+            memory = ({"reverse": numbers}, {"reverse:first": merge.image()})
+    return merge, memory
+
+
+def _visible(job: Job, merge: Merge, memory: _Memory) -> Mask | None:
+    """Where the image differs visibly from the first one."""
+    # Imported here: it loads the compiled metric, which the API needs for nothing else.
+    from plateau.service.judging.judge import Judge
+
+    judge = Judge(job.spec)
+    judge.recall(*memory)
+    return judge.visible_map(merge)

@@ -1,0 +1,132 @@
+"""Stored files as they may be served: no byte goes out before all of them are known to be whole.
+
+Each process reads a blob once to see that its bytes have the SHA-256 that was noted when it was
+written. One that was spoiled since is made again where it can be, else nobody is given it.
+"""
+
+import hashlib
+import logging
+import threading
+from collections import OrderedDict
+from typing import Final
+
+from plateau.farm.blobs.store import Blobs
+from plateau.farm.ledger.jobs import Jobs
+
+_LOG = logging.getLogger(__name__)
+
+#: A process remembers of so many blobs that they are whole, or lost for good: 3 MB.
+_REMEMBERED: Final = 10_000
+
+
+class SpoiledBlob(Exception):
+    """What is stored under a name is not what was written, and cannot be made again."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__(
+            f"what was stored as {name} is damaged or lost, and what is kept of its job does not "
+            "suffice to make it again; restore that blob from a backup, or render the scene again"
+        )
+
+
+class StoredFiles:
+    """The files of jobs and studies, checked.
+
+    Parameters
+    ----------
+    store
+        Where they are.
+    jobs
+        Whose they are.
+    """
+
+    def __init__(self, store: Blobs, jobs: Jobs) -> None:
+        self._blobs = store
+        self._jobs = jobs
+        self._lock = threading.Lock()
+        self._whole = _Remembered()
+        self._lost = _Remembered()
+
+    def require(self, name: str, sha256: str) -> None:
+        """Return where the blob has this SHA-256, perhaps since now.
+
+        Raises
+        ------
+        SpoiledBlob
+            It has another one, and cannot be made again.
+        FileNotFoundError
+            There is no such blob, nor can it be made again.
+        """
+        if (name, sha256) in self._whole:
+            return
+        found = self._sha256(name)
+        if found != sha256 and not self._remade(name, sha256, spoiled=found is not None):
+            raise FileNotFoundError(name) if found is None else SpoiledBlob(name)
+        self._whole.add((name, sha256))
+
+    def content(self, name: str, sha256: str | None) -> bytes:
+        """The blob's bytes; unchecked where it was written before digests were noted.
+
+        Raises
+        ------
+        SpoiledBlob, FileNotFoundError
+            As `require`.
+        """
+        content = self._blobs.get(name)
+        if sha256 is None or hashlib.sha256(content).hexdigest() == sha256:
+            return content
+        self._whole.discard((name, sha256))
+        self.require(name, sha256)
+        return self._blobs.get(name)
+
+    def _sha256(self, name: str) -> str | None:
+        """What the bytes are that are stored; None where there is no such blob."""
+        found = hashlib.sha256()
+        try:
+            for chunk in self._blobs.chunks(name):
+                found.update(chunk)
+        except FileNotFoundError:
+            return None
+        return found.hexdigest()
+
+    def _remade(self, name: str, sha256: str, *, spoiled: bool) -> bool:
+        """Whether the blob could be made again, to the byte; one at a time, and tried once."""
+        # Imported where one is spoiled: numpy and the metric take a fifth of an API's start.
+        from plateau.service.api.points.remaking import remade
+
+        with self._lock:
+            if (name, sha256) in self._lost:
+                return False
+            if self._sha256(name) == sha256:  # another request was first
+                return True
+            content = remade(name, sha256, self._jobs, self._blobs)
+            if content is None:
+                if spoiled:  # not merely a set of which a newer one took the place
+                    _LOG.error("%s", SpoiledBlob(name))
+                self._lost.add((name, sha256))
+                return False
+            self._blobs.put(name, content)
+        _LOG.warning("%s was damaged, and was made again from what is kept of its job", name)
+        return True
+
+
+class _Remembered:
+    """The last blobs, by name and SHA-256, of which something was found; for any thread."""
+
+    def __init__(self) -> None:
+        self._blobs: OrderedDict[tuple[str, str], None] = OrderedDict()
+        self._lock = threading.Lock()
+
+    def __contains__(self, blob: tuple[str, str]) -> bool:
+        with self._lock:
+            return blob in self._blobs
+
+    def add(self, blob: tuple[str, str]) -> None:
+        with self._lock:
+            self._blobs[blob] = None
+            while len(self._blobs) > _REMEMBERED:
+                self._blobs.popitem(last=False)
+
+    def discard(self, blob: tuple[str, str]) -> None:
+        with self._lock:
+            self._blobs.pop(blob, None)

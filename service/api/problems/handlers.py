@@ -1,0 +1,175 @@
+"""What becomes of an error: every one that a route lets out is answered with a problem."""
+
+from typing import Final
+
+from fastapi import FastAPI, Request
+from fastapi.exceptions import RequestValidationError
+from fastapi.responses import JSONResponse
+from starlette.exceptions import HTTPException
+from starlette.routing import compile_path
+
+from plateau.farm.model.errors import (
+    BatchNotFound,
+    CannotContinue,
+    CannotStudy,
+    IllegalTransition,
+    Incompatible,
+    JobEnded,
+    JobNotFound,
+    ObserverNotFound,
+    StoreUnavailable,
+    StudyNotFound,
+    TooManyJobs,
+    TooManyNeeds,
+    TrialNotFound,
+    UnevenBatch,
+    UnreadableJob,
+    WorkerNotFound,
+)
+from plateau.farm.model.states import JobState
+from plateau.farm.wire.examples import NOT_JSON
+from plateau.service.api.points.stored_files import SpoiledBlob
+from plateau.service.api.problems import problem as problems
+from plateau.service.api.problems.framework_errors import in_our_words
+from plateau.service.api.problems.problem import Problem, ProblemType, unavailable
+from plateau.service.api.problems.spec_checks import invalid_request
+
+#: What a move is called that a job's state does not allow, and what would be possible.
+_REFUSALS: Final = {
+    JobState.CANCELLED: (problems.CANNOT_CANCEL, "only a job that has not ended can be cancelled"),
+    JobState.PAUSED: (
+        problems.CANNOT_PAUSE,
+        "only a job that is rendering can be paused; a queued one can have a lower priority",
+    ),
+    JobState.RENDERING: (problems.CANNOT_RESUME, "only a paused job can be resumed"),
+}
+
+#: Errors that say it all, the problems that they are, and what to do about each.
+_AS_THEY_ARE: Final[dict[type[Exception], tuple[ProblemType, str]]] = {
+    JobNotFound: (problems.UNKNOWN_JOB, "; GET /v1/jobs lists those there are"),
+    UnreadableJob: (problems.UNREADABLE_JOB, ""),
+    BatchNotFound: (problems.UNKNOWN_BATCH, "; GET /v1/batches lists those there are"),
+    WorkerNotFound: (problems.UNKNOWN_WORKER, "; GET /v1/workers lists those there are"),
+    StudyNotFound: (problems.UNKNOWN_STUDY, "; GET /v1/studies lists those there are"),
+    TrialNotFound: (problems.UNKNOWN_TRIAL, ""),
+    CannotContinue: (problems.CANNOT_CONTINUE, ""),
+    CannotStudy: (problems.CANNOT_STUDY, ""),
+    SpoiledBlob: (problems.SPOILED_FILE, ""),
+}
+
+#: What a bare status that the framework raises is called here.
+_BY_STATUS: Final = {
+    400: problems.MALFORMED_REQUEST,
+    404: problems.UNKNOWN_PATH,
+    405: problems.METHOD_NOT_ALLOWED,
+}
+
+
+def add_problem_handlers(app: FastAPI) -> None:
+    """Answer every error with a problem: our own, the framework's and the unexpected."""
+
+    def answer_as_it_is(request: Request, error: Exception) -> JSONResponse:
+        kind, what_to_do = _AS_THEY_ARE[type(error)]
+        return Problem(kind, f"{error}{what_to_do}").response(request.url.path)
+
+    for expected in _AS_THEY_ARE:
+        app.add_exception_handler(expected, answer_as_it_is)
+
+    @app.exception_handler(HTTPException)
+    def answer_http(request: Request, error: HTTPException) -> JSONResponse:
+        return _from_http(request, error).response(request.url.path)
+
+    @app.exception_handler(RequestValidationError)
+    def answer_invalid(request: Request, error: RequestValidationError) -> JSONResponse:
+        if any(one["type"] == "json_invalid" for one in error.errors()):
+            problem = Problem(problems.MALFORMED_REQUEST, NOT_JSON)
+            return problem.response(request.url.path)
+        return invalid_request(error.errors()).response(request.url.path)
+
+    @app.exception_handler(UnevenBatch)
+    def answer_uneven(request: Request, error: UnevenBatch) -> JSONResponse:
+        fields = [
+            {"field": f"spec.{name}", "value": asked, "others": had}
+            for name, asked, had in error.differs
+        ]
+        detail = f"{error}; ask for the same, or name another batch" if error.joins else str(error)
+        problem = Problem(
+            problems.UNEVEN_BATCH, detail, batch=error.batch, job_id=error.job_id, differs=fields
+        )
+        return problem.response(request.url.path)
+
+    @app.exception_handler(IllegalTransition)
+    def answer_illegal(request: Request, error: IllegalTransition) -> JSONResponse:
+        kind, possible = _REFUSALS[JobState(error.target)]
+        detail = f"job {error.job_id} is {error.state}; {possible}"
+        problem = Problem(kind, detail, state=error.state, story=error.story)
+        return problem.response(request.url.path)
+
+    @app.exception_handler(JobEnded)
+    def answer_ended(request: Request, error: JobEnded) -> JSONResponse:
+        detail = (
+            f"job {error.job_id} is {error.state}; only a job that has not ended can be changed"
+        )
+        problem = Problem(problems.JOB_ENDED, detail, state=error.state, story=error.story)
+        return problem.response(request.url.path)
+
+    @app.exception_handler(ObserverNotFound)
+    def answer_unknown_observer(request: Request, error: ObserverNotFound) -> JSONResponse:
+        path = f"/v1/studies/{error.study_id}/observers/{error.name}"
+        detail = f"{error}; PUT {path} takes part"
+        return Problem(problems.UNKNOWN_OBSERVER, detail).response(request.url.path)
+
+    @app.exception_handler(Incompatible)  # this API is about to end; another one may answer
+    @app.exception_handler(StoreUnavailable)
+    def answer_unavailable(request: Request, error: StoreUnavailable) -> JSONResponse:
+        return unavailable(request.method, request.url.path, error).response(request.url.path)
+
+    @app.exception_handler(TooManyJobs)
+    def answer_too_many_jobs(request: Request, error: TooManyJobs) -> JSONResponse:
+        detail = f"{error}; wait for one to end, or cancel one"
+        problem = Problem(
+            problems.TOO_MANY_JOBS, detail, open_jobs=error.open_jobs, limit=error.most
+        )
+        return problem.response(request.url.path)
+
+    @app.exception_handler(TooManyNeeds)
+    def answer_too_many_needs(request: Request, error: TooManyNeeds) -> JSONResponse:
+        detail = f"{error}; wait for some to end, or ask for a combination that others have"
+        return Problem(problems.TOO_MANY_NEEDS, detail).response(request.url.path)
+
+    @app.exception_handler(Exception)
+    def answer_unexpected(request: Request, _: Exception) -> JSONResponse:
+        detail = "Plateau met an error that it did not expect; the API's log has the details"
+        return Problem(problems.INTERNAL_ERROR, detail).response(request.url.path)
+
+
+def _from_http(request: Request, error: HTTPException) -> Problem:
+    if isinstance(error, Problem):
+        return error
+    kind = _BY_STATUS.get(error.status_code)
+    if kind is None:
+        kind = ProblemType("http-error", error.status_code, "The request failed")
+    path, headers = request.url.path, error.headers
+    if kind is problems.METHOD_NOT_ALLOWED:
+        headers = {**(headers or {}), **_allow(request)}
+    details = {
+        problems.UNKNOWN_PATH: f"nothing is served at {path}; /docs lists what is"
+        + (", without a slash at its end" if path.endswith("/") else ""),
+        problems.METHOD_NOT_ALLOWED: f"{path} does not take {request.method}; /docs says what it "
+        "takes",
+    }
+    unknown = f"the request to {path} cannot be answered as it is; /docs says what to send"
+    words = details.get(kind) or in_our_words(str(error.detail)) or unknown
+    return Problem(kind, words, headers=headers)
+
+
+def _allow(request: Request) -> dict[str, str]:
+    """The ``Allow`` of a path; the framework's knows one of its routes only."""
+    app: FastAPI = request.app
+    methods: set[str] = set()
+    for path, operations in app.openapi()["paths"].items():
+        if compile_path(path)[0].match(request.url.path):
+            methods |= {method.upper() for method in operations}
+    if "GET" in methods:
+        methods.add("HEAD")
+    return {"Allow": ", ".join(sorted(methods))} if methods else {}

@@ -1,0 +1,94 @@
+"""What is wrong with a spec or a request, as problems that name its fields."""
+
+from collections.abc import Sequence
+from typing import Any, Final
+
+from pydantic import ValidationError
+
+from plateau.farm.model import input_errors
+from plateau.farm.model.seeds import SeedsExhausted
+from plateau.farm.model.spec import JobSpec, SharedSpec
+from plateau.farm.process.webhook_addresses import ReceiverRefused, Receivers
+from plateau.service.api.problems import problem as problems
+from plateau.service.api.problems.problem import FieldError, Problem, ProblemType
+
+#: What a check of a submitted spec calls its two branches: no field is called so.
+BRANCHES: Final = ("one job", "many jobs")
+
+#: So many wrong fields are named: a list of parameters may have thousands.
+_MOST_ERRORS: Final = 50
+
+
+def invalid_spec(error: ValidationError) -> Problem:
+    """The problem with a spec that did not pass its validation."""
+    return _invalid(problems.INVALID_SPEC, error.errors(include_url=False), ("spec",))
+
+
+def invalid_request(errors: Sequence[Any]) -> Problem:
+    """The problem with what else a request brings: its path, its query or its body.
+
+    Parameters
+    ----------
+    errors
+        Pydantic's details, whose locations begin with where it was.
+    """
+    return _invalid(problems.INVALID_REQUEST, errors, ())
+
+
+def _invalid(kind: ProblemType, details: Sequence[Any], within: tuple[str, ...]) -> Problem:
+    found: dict[str, list[str]] = {}  # more than one where a field may be of several kinds
+    for one in details:
+        location = one["loc"] if within else one["loc"][1:] or one["loc"]
+        field = ".".join((*within, *_names(location)))
+        message = input_errors.message(one)
+        found.setdefault(field, []).append(message)
+    errors = [
+        FieldError(field=field, message=input_errors.either(messages))
+        for field, messages in list(found.items())[:_MOST_ERRORS]
+    ]
+    return Problem(
+        kind,
+        "; ".join(f"{one.field}: {one.message}" for one in errors),
+        errors=[one.model_dump() for one in errors],
+    )
+
+
+def _names(location: tuple[int | str, ...]) -> list[str]:
+    """The field as the user wrote it: without the branches that the check tried."""
+    names = [str(part) for part in location if part not in BRANCHES]
+    if names[:1] == ["parameters"]:
+        # One job's by name; of a list the entry, and in it the name.
+        names = names[: 3 if any(isinstance(part, int) for part in location) else 2]
+    if names[:1] == ["rule"]:
+        names = names[:1] + names[2:]
+    if names[:1] == ["watch"]:
+        names = names[:2] + names[3:]
+    return names
+
+
+def invalid_field(kind: problems.ProblemType, field: str, message: str) -> Problem:
+    """The problem with one field of a request."""
+    return Problem(kind, f"{field}: {message}", errors=[{"field": field, "message": message}])
+
+
+def check_seeds(spec: JobSpec, width: int, height: int, field: str = "spec") -> None:
+    """Refuse a job that would run out of distinct sampler seeds on any worker that may take it."""
+    try:
+        # Of the variants that a worker may choose, JIT ones have the most seeds.
+        variant = "llvm_ad_rgb" if spec.variant == "auto" else spec.variant
+        spec.seed_schedule(variant, width, height)
+    except SeedsExhausted as error:
+        raise invalid_field(problems.INVALID_SPEC, field, str(error)) from error
+
+
+def check_webhook(spec: SharedSpec, receivers: Receivers) -> None:
+    """Refuse a webhook to where the farm would send nothing."""
+    if spec.webhook is None:
+        return
+    if spec.webhook.is_hidden:
+        message = "is what others are shown of a webhook: name the whole URL"
+        raise invalid_field(problems.INVALID_SPEC, "spec.webhook.url", message)
+    try:
+        receivers.check(spec.webhook.url)
+    except ReceiverRefused as refused:
+        raise invalid_field(problems.INVALID_SPEC, "spec.webhook.url", str(refused)) from refused

@@ -1,0 +1,220 @@
+"""The API as a process: checks where it may listen, and serves until it is told to stop."""
+
+import asyncio
+import logging
+import socket
+import ssl
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from types import FrameType
+from typing import Final
+
+import uvicorn
+
+from plateau.farm.blobs.store import Blobs
+from plateau.farm.bundle import BundleLimits, known_plugins
+from plateau.farm.ledger.api_keys import ApiKeys
+from plateau.farm.model.errors import StoreUnavailable
+from plateau.farm.process.loopback import is_loopback
+from plateau.farm.process.settings import Settings
+from plateau.farm.redis.link import connect
+from plateau.service.api.access.key_guard import Access
+from plateau.service.api.app import create_app
+from plateau.service.api.events.hub import EventHub
+from plateau.service.api.http.connections import backlog, most_connections, raise_descriptor_limit
+from plateau.service.api.http.server import server_config
+from plateau.service.api.scene_checks.pool import SceneChecks
+from plateau.service.api.submission.spool import spool_in
+
+#: How long a request may take to end when the API stops; streams of events end at once.
+_GRACE_S: Final = 5
+_TICK_S: Final = 1.0  #: between two looks at the clock, for the date of answers
+
+#: How to keep keys from being read on their way.
+_TLS: Final = (
+    "give the API a certificate (--tls-certificate, --tls-key), or put a proxy with TLS in front"
+)
+
+_LOG = logging.getLogger(__name__)
+
+
+class CannotListen(Exception):
+    """The API may not, or cannot, listen on this address."""
+
+
+@dataclass(frozen=True)
+class Tls:
+    """A certificate, with those that it rests on, and its private key: PEM files."""
+
+    certificate: Path
+    private_key: Path
+
+    def check(self) -> None:
+        """Return where the two can be used together, or raise `CannotListen`."""
+        try:
+            ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER).load_cert_chain(
+                self.certificate, self.private_key
+            )
+        except OSError as error:
+            raise CannotListen(
+                f"the certificate {self.certificate} with the key {self.private_key} cannot be "
+                f"used: {error.strerror or error}"
+            ) from error
+
+
+def run(
+    settings: Settings,
+    *,
+    host: str,
+    port: int,
+    open_to_all: bool,
+    tls: Tls | None,
+    ready: Callable[[str], None],
+) -> None:
+    """Serve the API until SIGTERM or SIGINT.
+
+    Parameters
+    ----------
+    settings
+        With `redis_url` and `blobs` set.
+    host, port
+        Where to listen; port 0 takes a free one.
+    open_to_all
+        Want no keys, though there are some; for a loopback address alone.
+    tls
+        The certificate to show, for https.
+    ready
+        Called with the API's URL once it answers.
+
+    Raises
+    ------
+    CannotListen
+        The host is not this machine's loopback and there is no key, the port is taken, or the
+        certificate cannot be used.
+    """
+    if settings.redis_url is None or settings.blobs is None:
+        raise ValueError("the API needs redis_url and blobs")
+    spool_in(settings.cache / "uploads")
+    limits = BundleLimits(
+        max_bytes=round(settings.max_upload_gb * 2**30), plugins=known_plugins(settings.plugins)
+    )
+    checks = SceneChecks(limits)
+    client = connect(settings.redis_url)
+    access = access_at(host, ApiKeys(client), open_to_all=open_to_all)
+    if tls is not None:
+        tls.check()
+    elif access is Access.KEYS:
+        _LOG.warning("keys come over plain HTTP, which others on the network can read: %s", _TLS)
+    listener = listen(host, port)
+    checks.warm_up()  # before the app is made, which takes as long
+    hub = EventHub(settings.redis_url)
+    app = create_app(
+        client=client,
+        blobs=Blobs(settings.blobs),
+        hub=hub,
+        checks=checks,
+        access=access,
+        webhook_allow=settings.webhook_allow,
+    )
+    descriptors = raise_descriptor_limit()
+    config = server_config(
+        app,
+        grace_s=_GRACE_S,
+        limit_concurrency=most_connections(descriptors),
+        backlog=backlog(descriptors),
+        log_level=logging.WARNING,
+        ssl_certfile=None if tls is None else tls.certificate,
+        ssl_keyfile=None if tls is None else str(tls.private_key),
+    )
+    url = url_of(listener, "http" if tls is None else "https")
+    _Server(config, hub, lambda: ready(url)).run(sockets=[listener])
+
+
+def access_at(host: str, keys: ApiKeys, *, open_to_all: bool) -> Access:
+    """Where an API that listens on this host wants keys.
+
+    Raises
+    ------
+    CannotListen
+        Other machines could reach it, and it would be open, or nobody has a key to it.
+    """
+    if is_loopback(host):
+        return Access.OPEN if open_to_all else Access.UNTIL_KEYS
+    if open_to_all:
+        raise CannotListen(
+            f"refusing to listen on {host!r} with --open: other machines reach that address; an "
+            "open API listens on this machine only, as 127.0.0.1, ::1 or localhost"
+        )
+    try:
+        usable = any(key.usable for key in keys.all())
+    except StoreUnavailable as error:
+        _LOG.warning("%s; whether there are keys is not known, and each request needs one", error)
+        return Access.KEYS
+    if not usable:
+        raise CannotListen(
+            f"refusing to listen on {host!r} without a key: other machines reach that address; "
+            "make one with `plateau keys create NAME --role admin` and start again, or listen on "
+            "127.0.0.1"
+        )
+    return Access.KEYS
+
+
+def listen(host: str, port: int) -> socket.socket:
+    """A socket bound to the address, or `CannotListen`."""
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    # By its name: asyncio looks for it before it sends small answers at once (TCP_NODELAY).
+    listener = socket.socket(family, socket.SOCK_STREAM, socket.IPPROTO_TCP)
+    try:
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listener.bind((host.strip("[]"), port))
+    except OSError as error:
+        listener.close()
+        raise CannotListen(
+            f"cannot listen on {host}, port {port}: {error.strerror}; "
+            "stop what does, or give another --port"
+        ) from error
+    return listener
+
+
+def url_of(listener: socket.socket, scheme: str = "http") -> str:
+    """The URL under which a listening socket is reached."""
+    host, port = listener.getsockname()[:2]
+    return f"{scheme}://[{host}]:{port}" if ":" in host else f"{scheme}://{host}:{port}"
+
+
+class _Server(uvicorn.Server):
+    """Says when it answers, and ends the streams of events before it waits for its clients."""
+
+    def __init__(self, config: uvicorn.Config, hub: EventHub, ready: Callable[[], None]) -> None:
+        super().__init__(config)
+        self._hub = hub
+        self._ready = ready
+        self._asked_to_stop = asyncio.Event()
+        self._loop: asyncio.AbstractEventLoop | None = None
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        # The first request may be there before the first tick, which adds the date.
+        self.server_state.default_headers = self.config.encoded_headers
+        await super().startup(sockets)
+        self._loop = asyncio.get_running_loop()
+        self._ready()
+
+    async def main_loop(self) -> None:
+        """Wait for the order to stop; uvicorn's own loop looks for it ten times a second."""
+        while not await self.on_tick(0):  # which tells the time in answers, to the second
+            with suppress(asyncio.TimeoutError):
+                await asyncio.wait_for(self._asked_to_stop.wait(), _TICK_S)
+
+    def handle_exit(self, sig: int, frame: FrameType | None) -> None:
+        """Ask the server to stop; any second signal has it wait for nobody."""
+        if self.should_exit:
+            self.force_exit = True
+        super().handle_exit(sig, frame)
+        if self._loop is not None:
+            self._loop.call_soon_threadsafe(self._asked_to_stop.set)
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        self._hub.stop_watching()
+        await super().shutdown(sockets)

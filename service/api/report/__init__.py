@@ -1,0 +1,1 @@
+"""A job's report: one page that stands alone."""

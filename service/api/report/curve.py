@@ -1,0 +1,146 @@
+"""The curve of a job as a drawing (SVG) for a page that stands alone."""
+
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from html import escape
+from typing import Final
+
+from plateau.farm.model.job import CurvePoint, Job
+from plateau.farm.model.spec import VisibleSpec
+from plateau.farm.wire.figures import significant
+
+_WIDTH: Final = 760
+_LEFT: Final = 70
+_RIGHT: Final = 16
+_ABOVE: Final = (24, 244)  #: top and bottom of the upper plot
+_BELOW: Final = (300, 470)
+_HEIGHT: Final = 500
+
+
+@dataclass(frozen=True)
+class _Axis:
+    """Numbers along a line of the drawing."""
+
+    low: float
+    high: float
+    start: float
+    end: float
+    logarithmic: bool = False
+
+    def at(self, value: float) -> float:
+        """Where a number lies."""
+        low, high, value = (
+            (math.log10(self.low), math.log10(self.high), math.log10(max(value, self.low)))
+            if self.logarithmic
+            else (self.low, self.high, value)
+        )
+        return round(self.start + (self.end - self.start) * (value - low) / (high - low), 1)
+
+    def ticks(self) -> list[float]:
+        """Round numbers along it: decades, or some five."""
+        if self.logarithmic:
+            decades = range(round(math.log10(self.low)), round(math.log10(self.high)) + 1)
+            return [10.0**decade for decade in decades]
+        step = 10.0 ** math.floor(math.log10((self.high - self.low) / 2))
+        step = next(size for size in (step, 2 * step, 5 * step) if self.high / size <= 6)
+        return [number * step for number in range(int(self.high / step) + 1)]
+
+
+def curve_svg(job: Job, points: list[CurvePoint]) -> str:
+    """The curve: changed pixels above, and below, on a logarithmic axis, the noise left.
+
+    Each rule is marked where it stopped, or first would have. There has to be a point.
+    """
+    spp = _Axis(0, points[-1].spp * 1.03, _LEFT, _WIDTH - _RIGHT)
+    parts = [*_above(points, spp), *_below(job, points, spp), *_stops(job, points, spp)]
+    return (
+        f'<svg viewBox="0 0 {_WIDTH} {_HEIGHT}" role="img" '
+        f'aria-label="The curve of the job; the table below has its points">{"".join(parts)}</svg>'
+    )
+
+
+def _above(points: list[CurvePoint], spp: _Axis) -> Iterable[str]:
+    most = max(1.0, *(point.visible_pixels for point in points))
+    pixels = _Axis(0, 1.1 * most, _ABOVE[1], _ABOVE[0])
+    yield from _frame(spp, pixels, "changed since the first image, in pixels")
+    yield _line("curve", points, spp, pixels, lambda point: point.visible_pixels)
+
+
+def _below(job: Job, points: list[CurvePoint], spp: _Axis) -> Iterable[str]:
+    known = [point for point in points if point.estimate_pixels]
+    rules = (job.spec.rule, *job.spec.watch)
+    target = next(
+        (
+            rule.target * job.width * job.height
+            for rule in rules
+            if isinstance(rule, VisibleSpec) and job.width and job.height
+        ),
+        None,
+    )
+    counts = [point.estimate_pixels or 1.0 for point in known] + ([target] if target else [])
+    if not counts:
+        return
+    low = 10.0 ** math.floor(math.log10(min(counts)) - 0.1)
+    high = 10.0 ** math.ceil(math.log10(max(counts)) + 0.05)
+    pixels = _Axis(low, high, _BELOW[1], _BELOW[0], logarithmic=True)
+    yield from _frame(
+        spp,
+        pixels,
+        "noise left, in pixels, by half buffers",
+    )
+    banded = [point for point in known if point.estimate_low_pixels and point.estimate_high_pixels]
+    if banded:
+        edge = [
+            *((point.spp, point.estimate_high_pixels or 0.0) for point in banded),
+            *((point.spp, point.estimate_low_pixels or 0.0) for point in reversed(banded)),
+        ]
+        corners = " ".join(f"{spp.at(x)},{pixels.at(y)}" for x, y in edge)
+        yield f'<polygon class="band" points="{corners}"/>'
+    yield _line("estimate", known, spp, pixels, lambda point: point.estimate_pixels or 0.0)
+    if target:
+        y = pixels.at(target)
+        yield f'<line class="target" x1="{_LEFT}" x2="{_WIDTH - _RIGHT}" y1="{y}" y2="{y}"/>'
+        yield _text(_WIDTH - _RIGHT, y - 5, f"target {significant(target)}", "end", "target")
+
+
+def _stops(job: Job, points: list[CurvePoint], spp: _Axis) -> Iterable[str]:
+    for number, rule in enumerate((job.spec.rule, *job.spec.watch)):
+        said = ((point.spp, point.rules.get(rule.name)) for point in points)
+        first = next((at for at, value in said if value is not None and value.stop), None)
+        if first is None:
+            continue
+        x, own = spp.at(first), number == 0
+        kind = "own stop" if own else "stop"
+        yield f'<line class="{kind}" x1="{x}" x2="{x}" y1="{_ABOVE[0]}" y2="{_BELOW[1]}"/>'
+        text = f"{rule.name} {'stops' if own else 'would stop'}"
+        yield _text(x - 5, _ABOVE[0] + 14 + 15 * number, text, "end")
+
+
+def _frame(spp: _Axis, pixels: _Axis, title: str) -> Iterable[str]:
+    for tick in pixels.ticks():
+        y = pixels.at(tick)
+        yield f'<line class="grid" x1="{_LEFT}" x2="{_WIDTH - _RIGHT}" y1="{y}" y2="{y}"/>'
+        yield _text(_LEFT - 8, y + 4, f"{tick:,.6g}", "end")
+    for tick in spp.ticks():
+        x = spp.at(tick)
+        yield f'<line class="grid" x1="{x}" x2="{x}" y1="{pixels.end}" y2="{pixels.start}"/>'
+        yield _text(x, pixels.start + 18, f"{tick:,.6g}", "middle")
+    yield _text(_LEFT, pixels.end - 8, title, "start", "title")
+
+
+def _line(
+    kind: str,
+    points: list[CurvePoint],
+    spp: _Axis,
+    pixels: _Axis,
+    value: Callable[[CurvePoint], float],
+) -> str:
+    places = [(spp.at(point.spp), pixels.at(value(point))) for point in points]
+    line = " ".join(f"{x},{y}" for x, y in places)
+    dots = "".join(f'<circle cx="{x}" cy="{y}" r="3"/>' for x, y in places)
+    return f'<g class="{kind}"><polyline points="{line}"/>{dots}</g>'
+
+
+def _text(x: float, y: float, text: str, anchor: str, kind: str = "") -> str:
+    return f'<text x="{x:g}" y="{y:g}" text-anchor="{anchor}" class="{kind}">{escape(text)}</text>'

@@ -1,0 +1,160 @@
+"""Routes for the images of a job: the merged one, what is visible in it, and kept slices."""
+
+from typing import Annotated
+
+from fastapi import APIRouter, Depends, Path, Request, Response
+from fastapi.responses import StreamingResponse
+
+from plateau.farm.blobs import store as blobs
+from plateau.farm.model.job import Job
+from plateau.service.api.http.etags import Known, known, strong
+from plateau.service.api.http.served_blobs import (
+    EXR,
+    PNG,
+    SPP,
+    blob_response,
+    described,
+    headers_of,
+)
+from plateau.service.api.parts import Parts, parts
+from plateau.service.api.points.stored_files import SpoiledBlob
+from plateau.service.api.problems import problem as problems
+from plateau.service.api.problems.problem import Problem
+from plateau.service.api.routes.jobs import JobId
+
+router = APIRouter(prefix="/v1/jobs/{job_id}", tags=["results"])
+
+_Farm = Annotated[Parts, Depends(parts)]
+_Known = Annotated[Known, Depends(known)]
+
+
+@router.get(
+    "/image.png", response_class=StreamingResponse, responses=described(PNG, problems.NO_IMAGE_YET)
+)
+def get_image_png(request: Request, job_id: JobId, farm: _Farm, has: _Known) -> Response:
+    """Show the merged image as the job's display shows it: the newest, in the end the final one."""
+    return _image("image.png", PNG, job_id, farm, has, request)
+
+
+@router.get(
+    "/image.exr", response_class=StreamingResponse, responses=described(EXR, problems.NO_IMAGE_YET)
+)
+def get_image_exr(request: Request, job_id: JobId, farm: _Farm, has: _Known) -> Response:
+    """Show the merged image as linear radiance, float32."""
+    return _image("image.exr", EXR, job_id, farm, has, request)
+
+
+@router.get(
+    "/difference.png",
+    response_class=StreamingResponse,
+    responses=described(PNG, problems.NO_IMAGE_YET),
+)
+def get_difference_png(request: Request, job_id: JobId, farm: _Farm, has: _Known) -> Response:
+    """Show what has changed since the first image: where a person sees the merged one differ."""
+    return _image("difference.png", PNG, job_id, farm, has, request)
+
+
+@router.get(
+    "/non-finite.png",
+    response_class=StreamingResponse,
+    responses=described(PNG, problems.NO_IMAGE_YET),
+)
+def get_non_finite_png(request: Request, job_id: JobId, farm: _Farm, has: _Known) -> Response:
+    """Show where the merged image is NaN (magenta) or infinite (blue), if it is anywhere.
+
+    Such pixels are left out of every count. More than 0.1 % of them fail the job.
+    """
+    return _image("non-finite.png", PNG, job_id, farm, has, request)
+
+
+@router.get(
+    "/thumbnail.png",
+    response_class=StreamingResponse,
+    responses=described(PNG, problems.NO_IMAGE_YET),
+)
+def get_thumbnail_png(request: Request, job_id: JobId, farm: _Farm, has: _Known) -> Response:
+    """Show the merged image in small, for lists: its longer side has 192 pixels at most."""
+    return _image("thumbnail.png", PNG, job_id, farm, has, request)
+
+
+@router.get(
+    "/slices/{index}.exr",
+    response_class=StreamingResponse,
+    responses=described(EXR, problems.UNKNOWN_SLICE, problems.INVALID_REQUEST),
+)
+def get_slice_exr(
+    request: Request,
+    job_id: JobId,
+    index: Annotated[int, Path(ge=0, description="the slice's index", examples=[0])],
+    farm: _Farm,
+    has: _Known,
+) -> Response:
+    """Fetch a slice of a job that keeps its slices: R, G, B and W before normalisation."""
+    job = farm.job(job_id)
+    try:
+        record = farm.jobs.ledger(job.id)[index]
+        blob, sha256 = record["blob"], record["sha256"]
+        if not blobs.is_partial(blob):  # a worker may say what it likes
+            raise FileNotFoundError(blob)
+        headers = headers_of(job, strong(sha256), f"{job.id}-{index:06d}.exr")
+        return blob_response(blob, sha256, EXR, headers, farm, has, request)
+    except (KeyError, FileNotFoundError) as error:
+        raise Problem(
+            problems.UNKNOWN_SLICE,
+            f"slice {index} of job {job.id} is not stored; slices stay where the job's spec says "
+            "keep_slices",
+        ) from error
+
+
+def _image(
+    name: str, media_type: str, job_id: str, farm: Parts, has: Known, request: Request
+) -> Response:
+    job = farm.job(job_id)
+    results, sha256 = "", None
+    # A set of pictures goes when the next one is shown, perhaps between our two looks.
+    while (shown := farm.jobs.results(job.id)) != results:
+        results = shown
+        # A set that was shown never changes: its name stands for its bytes.
+        tag = strong(results.rpartition("/")[2], name)
+        blob = f"{results}/{name}"
+        sha256 = farm.jobs.sha256(blob)
+        if sha256 is None and farm.jobs.results(job.id) != results:
+            continue  # what was noted of it went with it
+        try:
+            headers = headers_of(job, tag, f"{job.id}-{name}")
+            if spp := blobs.spp_of_set(results):
+                headers[SPP] = str(spp)
+            return blob_response(blob, sha256, media_type, headers, farm, has, request)
+        except FileNotFoundError:
+            continue
+    if sha256 is not None:
+        raise SpoiledBlob(blob)
+    raise _no_image(job, name)
+
+
+def _no_image(job: Job, name: str) -> Problem:
+    lost = job.state.ended and job.points  # else a difference map comes with the first point
+    if name == "difference.png" and job.image_spp and not lost:
+        detail = _no_difference(job)
+    elif name == "non-finite.png" and job.image_spp:
+        detail = (
+            f"job {job.id} is {job.state.value} and has an image of {job.image_spp} spp, of which "
+            "no pixel is NaN or infinite"
+        )
+    elif job.state.ended:
+        detail = f"job {job.id} is {job.state.value} and left no image: {job.reason}"
+    else:
+        detail = (
+            f"job {job.id} is {job.state.value}; its first image comes a moment after its first "
+            f"samples, and GET /v1/jobs/{job.id}/events announces it"
+        )
+    return Problem(problems.NO_IMAGE_YET, detail, state=job.state.value)
+
+
+def _no_difference(job: Job) -> str:
+    there = f"job {job.id} is {job.state.value} and has an image of {job.image_spp} spp, but no"
+    first = f"the first point of its curve, at {min(job.spec.step, job.spec.max_spp)} spp"
+    if job.state.ended:
+        return f"{there} difference map: it ended before {first}: {job.reason}"
+    events = f"GET /v1/jobs/{job.id}/events announces it"
+    return f"{there} difference map yet: that comes with {first}, and {events}"

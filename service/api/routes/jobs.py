@@ -1,0 +1,309 @@
+"""Routes that create, show, list and steer jobs."""
+
+from typing import Annotated, Any, Final
+
+from fastapi import APIRouter, Depends, Path, Query, Response
+
+from plateau.farm.model.fit import waits_for
+from plateau.farm.model.job import Job
+from plateau.farm.model.spec import JobSpec
+from plateau.farm.model.states import JobState
+from plateau.farm.wire import examples
+from plateau.farm.wire.batch_views import BATCH, BatchView, batch_path, batch_view
+from plateau.farm.wire.views import (
+    JobChange,
+    JobPage,
+    JobView,
+    Log,
+    SliceLog,
+    Slices,
+    SliceView,
+    job_view,
+)
+from plateau.service.api.access.callers import Caller, CallerOf
+from plateau.service.api.http import paging
+from plateau.service.api.parts import Parts, parts
+from plateau.service.api.problems import problem as problems
+from plateau.service.api.problems.problem import Problem, documented
+from plateau.service.api.submission import idempotency
+from plateau.service.api.submission.uploads import (
+    StoredScene,
+    Submission,
+    create_job,
+    stored_scene,
+    submission,
+)
+
+router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
+
+
+def shown(jobs: list[Job], farm: Parts, who: Caller) -> list[JobView]:
+    """The jobs as the caller sees them, with what they wait for where no worker may render them."""
+    kinds = [] if all(job.state.ended for job in jobs) else farm.jobs.kinds()
+    return [job_view(job, waits_for(job, kinds), to_owner=who.made(job.owner)) for job in jobs]
+
+
+JobId = Annotated[str, Path(description="the job's `id`", examples=[examples.JOB_ID])]
+
+#: The body of a request that brings or names a scene.
+SUBMISSION_BODY: Final[dict[str, Any]] = {
+    "requestBody": {
+        "required": True,
+        "content": {
+            "multipart/form-data": {
+                "schema": {
+                    "type": "object",
+                    "properties": {
+                        "scene": {
+                            "type": "string",
+                            "format": "binary",
+                            "description": "a Mitsuba 3 XML, or a zip of one with its meshes and "
+                            "textures",
+                        },
+                        "scene_sha256": {
+                            "type": "string",
+                            "pattern": "^([0-9a-f]{64})?$",
+                            "description": "instead of `scene`: one that is already stored; "
+                            "empty, as a web form sends it, it counts as left out",
+                        },
+                        "spec": {
+                            "oneOf": [
+                                {"$ref": "#/components/schemas/JobSpec"},
+                                {"$ref": "#/components/schemas/BatchSpec"},
+                            ],
+                            "description": "of one job, or of many where `parameters` is a list",
+                        },
+                    },
+                    # One of the two. As anyOf that says the same, and generators of clients would
+                    # know of no parts.
+                    "if": {"not": {"required": ["scene"]}},
+                    "then": {"required": ["scene_sha256"]},
+                    "additionalProperties": False,
+                },
+                "examples": {
+                    "an upload": {"value": {"scene": examples.SCENE_XML, "spec": examples.SPEC}},
+                    "a stored scene": {
+                        "value": {"scene_sha256": examples.SCENE_SHA256, "spec": {}}
+                    },
+                    "a batch": {
+                        "value": {"scene": examples.SCENE_XML, "spec": examples.BATCH_SPEC}
+                    },
+                },
+                "encoding": {"spec": {"contentType": "application/json"}},
+            }
+        },
+    },
+}
+_SUBMISSION: Final[dict[str, Any]] = {
+    **SUBMISSION_BODY,
+    "parameters": idempotency.PARAMETERS,
+}
+
+
+@router.post(
+    "",
+    status_code=201,
+    response_model=None,  # it would be described as any of the two
+    openapi_extra=_SUBMISSION,
+    responses={
+        201: {
+            "content": {
+                "application/json": {
+                    "schema": {
+                        "oneOf": [
+                            {"$ref": "#/components/schemas/JobView"},
+                            {"$ref": "#/components/schemas/BatchView"},
+                        ]
+                    },
+                    "examples": {
+                        "a job": {"value": examples.JOB},
+                        "a batch": {"value": BATCH},
+                    },
+                }
+            },
+            "headers": {
+                "Location": {
+                    "schema": {"type": "string"},
+                    "description": "path of the job, or of the batch",
+                },
+                **idempotency.REPLAYED,
+            },
+        },
+        **documented(
+            problems.MALFORMED_REQUEST,
+            problems.UPLOAD_TOO_LARGE,
+            problems.NOT_MULTIPART,
+            problems.INVALID_REQUEST,
+            problems.INVALID_SPEC,
+            problems.NO_SCENE,
+            problems.UNKNOWN_SCENE,
+            problems.BROKEN_SCENE,
+            problems.BUSY,
+            problems.TOO_MANY_SCENES,
+            problems.KEY_REUSED,
+            problems.UNEVEN_BATCH,
+            problems.TOO_MANY_JOBS,
+        ),
+    },
+)
+def submit_job(
+    response: Response,
+    asked: Annotated[Submission, Depends(submission)],
+    scene: Annotated[StoredScene, Depends(stored_scene)],
+    farm: Annotated[Parts, Depends(parts)],
+    who: CallerOf,
+) -> JobView | BatchView:
+    """Submit a scene: it is checked, stored once, and queued as a new job, or as many.
+
+    `spec` may be left out, as may any of its fields. Where `parameters` is a list, each of its
+    entries makes a job, all of them or none, and the answer is their batch; without a `batch` in
+    the spec its name is made up. Answers 201; the header `Idempotency-Replayed: true` says that
+    the key's first request had made it already.
+    """
+    created = create_job(asked, scene, farm, owner=who.id)
+    idempotency.settle(created, asked.idempotency_key, response)
+    batch = created.job.spec.batch
+    if isinstance(asked.spec, JobSpec) or batch is None:
+        response.headers["Location"] = f"/v1/jobs/{created.job.id}"
+        return shown([created.job], farm, who)[0]
+    response.headers["Location"] = batch_path(batch)
+    return batch_view(farm.batches.get(batch))
+
+
+@router.get("", responses=documented(problems.INVALID_REQUEST))
+def list_jobs(
+    farm: Annotated[Parts, Depends(parts)],
+    who: CallerOf,
+    state: Annotated[
+        JobState | None, Query(description="only jobs in this state", examples=["rendering"])
+    ] = None,
+    batch: Annotated[
+        str | None, Query(description="only jobs of this batch", examples=["exposures"])
+    ] = None,
+    owner: Annotated[
+        str | None,
+        Query(
+            pattern="^[0-9a-f]{12}$",
+            description="only jobs that this API key made, by its id",
+            examples=[examples.KEY_ID],
+        ),
+    ] = None,
+    cursor: paging.Cursor = None,
+    limit: Annotated[
+        int, Query(ge=1, le=200, description="most jobs on the page", examples=[20])
+    ] = 50,
+) -> JobPage:
+    """List jobs, newest first."""
+    before = paging.number_of(cursor)
+    found, after = farm.jobs.search(
+        state=state, batch=batch, owner=owner, before=before, limit=limit
+    )
+    return JobPage(jobs=shown(found, farm, who), next_cursor=paging.cursor_of(after))
+
+
+@router.get("/{job_id}", responses=documented(problems.UNKNOWN_JOB))
+def get_job(job_id: JobId, farm: Annotated[Parts, Depends(parts)], who: CallerOf) -> JobView:
+    """Show a job: its state and why, what is merged, and what the eye would see of the rest."""
+    return shown([farm.job(job_id)], farm, who)[0]
+
+
+@router.patch(
+    "/{job_id}",
+    responses=documented(
+        problems.MALFORMED_REQUEST,
+        problems.UNKNOWN_JOB,
+        problems.JOB_ENDED,
+        problems.UPLOAD_TOO_LARGE,
+        problems.INVALID_REQUEST,
+    ),
+)
+def change_job(
+    job_id: JobId, asked: JobChange, farm: Annotated[Parts, Depends(parts)], who: CallerOf
+) -> JobView:
+    """Change a job's priority, which is part of its `spec` then.
+
+    It counts from the next slice that a worker takes; nobody stops in the middle of one. A job that
+    has ended answers 409 with its state.
+    """
+    return shown([farm.jobs.set_priority(farm.job(job_id).id, asked.priority)], farm, who)[0]
+
+
+@router.post(
+    "/{job_id}/cancel",
+    status_code=202,
+    responses=documented(problems.UNKNOWN_JOB, problems.CANNOT_CANCEL),
+)
+def cancel_job(job_id: JobId, farm: Annotated[Parts, Depends(parts)], who: CallerOf) -> JobView:
+    """Cancel a job. Its state changes at once; workers stop within a pass, about a second.
+
+    What is merged by then is kept and written as its image. Cancelling it again is harmless; a
+    job that ended otherwise answers 409 with its state.
+    """
+    job = farm.jobs.cancel(farm.job(job_id).id, f"cancelled by {who.name}")
+    return job_view(job, to_owner=who.made(job.owner))
+
+
+@router.post(
+    "/{job_id}/pause",
+    status_code=202,
+    responses=documented(problems.UNKNOWN_JOB, problems.CANNOT_PAUSE),
+)
+def pause_job(job_id: JobId, farm: Annotated[Parts, Depends(parts)], who: CallerOf) -> JobView:
+    """Pause a rendering job: workers take no more slices of it, and its time limit stands still.
+
+    The slices that they are rendering are finished, merged and judged, so the job may yet converge
+    or reach its cap. Pausing it again is harmless; a job that waits for its first slice, or has
+    ended, answers 409 with its state.
+    """
+    job = farm.jobs.pause(farm.job(job_id).id, f"paused by {who.name}")
+    return job_view(job, to_owner=who.made(job.owner))
+
+
+@router.post(
+    "/{job_id}/resume",
+    status_code=202,
+    responses=documented(problems.UNKNOWN_JOB, problems.CANNOT_RESUME),
+)
+def resume_job(job_id: JobId, farm: Annotated[Parts, Depends(parts)], who: CallerOf) -> JobView:
+    """Let a paused job go on where it stood: its image and curve are those of one never paused.
+
+    Resuming a job that is rendering is harmless; one that waits for its first slice, or has ended,
+    answers 409 with its state.
+    """
+    return shown([farm.jobs.resume(farm.job(job_id).id, f"resumed by {who.name}")], farm, who)[0]
+
+
+@router.get("/{job_id}/slices", responses=documented(problems.UNKNOWN_JOB))
+def list_slices(job_id: JobId, farm: Annotated[Parts, Depends(parts)]) -> Slices:
+    """Show the ledger: each committed slice with its seeds, its worker and its time."""
+    ledger = farm.jobs.ledger(farm.job(job_id).id)
+    return Slices(slices=[SliceView(**record) for record in ledger.values()])
+
+
+@router.get("/{job_id}/log", responses=documented(problems.UNKNOWN_JOB))
+def get_job_log(job_id: JobId, farm: Annotated[Parts, Depends(parts)]) -> Log:
+    """Show how each try of a slice ended, and what Mitsuba printed meanwhile.
+
+    By time. Of tries that left more to say than their line in the ledger, the newest 2000 or so.
+    """
+    return Log(entries=farm.jobs.log(farm.job(job_id).id))
+
+
+@router.get(
+    "/{job_id}/slices/{index}/log",
+    responses=documented(problems.UNKNOWN_JOB, problems.UNKNOWN_SLICE, problems.INVALID_REQUEST),
+)
+def get_slice_log(
+    job_id: JobId,
+    index: Annotated[int, Path(ge=0, description="the slice's index", examples=[15])],
+    farm: Annotated[Parts, Depends(parts)],
+) -> SliceLog:
+    """Show the log of one slice, with its line in the ledger."""
+    job = farm.job(job_id)
+    if index >= job.spec.max_slices:
+        raise Problem(
+            problems.UNKNOWN_SLICE,
+            f"job {job.id} has no slice {index}: at its cap it has {job.spec.max_slices}",
+        )
+    record, entries = farm.jobs.log_of(job.id, index)
+    return SliceLog(slice=None if record is None else SliceView(**record), entries=entries)

@@ -1,0 +1,209 @@
+"""Routes for what a job looked like at points of its curve: by kept pictures, or kept slices."""
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Annotated, Final
+
+from fastapi import APIRouter, Depends, Path, Request, Response
+from fastapi.responses import StreamingResponse
+from starlette.concurrency import run_in_threadpool
+
+from plateau.farm.blobs import store as blobs
+from plateau.farm.model.job import Job
+from plateau.farm.wire.views import Preview, PreviewList
+from plateau.service.api.http.etags import FINAL, Known, known, not_modified, strong
+from plateau.service.api.http.head import HEADERS_ONLY
+from plateau.service.api.http.served_blobs import (
+    EXR,
+    PNG,
+    SPP,
+    blob_response,
+    described,
+    headers_of,
+)
+from plateau.service.api.parts import Parts, parts
+from plateau.service.api.points.images import MOST_PIXELS, MOST_WAITING, TooManyWait
+from plateau.service.api.points.stored_files import SpoiledBlob
+from plateau.service.api.problems import problem as problems
+from plateau.service.api.problems.problem import Problem, documented
+from plateau.service.api.routes.jobs import JobId
+from plateau.service.judging import previews
+from plateau.service.judging.kept_slices import KeptSlice, SliceLost
+
+if TYPE_CHECKING:
+    from plateau.farm.images.exr import Pixels
+
+router = APIRouter(prefix="/v1/jobs/{job_id}/previews", tags=["results"])
+
+_Farm = Annotated[Parts, Depends(parts)]
+_Known = Annotated[Known, Depends(known)]
+_Spp = Annotated[
+    int, Path(ge=1, le=1_000_000, description="as `previews` lists it", examples=[100])
+]
+
+_PROBLEMS: Final = (
+    problems.UNKNOWN_POINT,
+    problems.CANNOT_MERGE,
+    problems.BUSY,
+    problems.INVALID_REQUEST,
+)
+#: When to ask again while too many wait, in seconds.
+_BUSY_S: Final = 5
+
+
+@router.get("", responses=documented(problems.UNKNOWN_JOB))
+def list_previews(job_id: JobId, farm: _Farm) -> PreviewList:
+    """List the pictures that can be had of the job's way, by points of its curve.
+
+    A job that keeps its slices has one of every point. Others keep up to 256 in 64 MB, or 24 where
+    those are larger, and one for every 2 s at most; the first point's is among them, and where
+    there are too many, those stay that are spread best in ratios of spp.
+    """
+    job = farm.job(job_id)
+    root = f"/v1/jobs/{job.id}/previews"
+    spps, linear = previews.kept(farm.blobs, job.id), _can_be_merged(job)
+    if linear:
+        spps = sorted({*spps, *_points(job)})
+    return PreviewList(
+        previews=[
+            Preview(
+                spp=spp,
+                link=f"{root}/{spp}.png",
+                linear=f"{root}/{spp}.exr" if linear else None,
+            )
+            for spp in spps
+        ]
+    )
+
+
+@router.get("/{spp}.png", response_class=StreamingResponse, responses=described(PNG, *_PROBLEMS))
+async def get_preview_png(
+    request: Request, job_id: JobId, spp: _Spp, farm: _Farm, has: _Known
+) -> Response:
+    """Show what the merged image looked like at a point of the curve.
+
+    Where the job kept its slices and not this picture, they are merged again, which takes about
+    15 ms for each at 512 × 512; for all clients together, one is made at a time.
+    """
+    job = await run_in_threadpool(farm.job, job_id)
+    headers = _headers(job, spp, "png")
+    try:
+        blob = blobs.preview(job.id, spp)
+        sha256 = await run_in_threadpool(farm.jobs.sha256, blob)
+        return await run_in_threadpool(
+            blob_response, blob, sha256, PNG, headers, farm, has, request
+        )
+    except (FileNotFoundError, SpoiledBlob) as error:
+        if isinstance(error, SpoiledBlob) and not _can_be_merged(job):
+            raise
+        return await _merged(request, job, spp, farm, (PNG, headers, _png(job)))
+
+
+@router.get("/{spp}.exr", response_class=Response, responses=described(EXR, *_PROBLEMS))
+async def get_preview_exr(
+    request: Request, job_id: JobId, spp: _Spp, farm: _Farm, has: _Known
+) -> Response:
+    """Show the same as linear radiance, float32: for jobs that kept their slices."""
+    job = await run_in_threadpool(farm.job, job_id)
+    headers = _headers(job, spp, "exr")
+    if has.has(headers["ETag"]):
+        return not_modified(headers)
+    return await _merged(request, job, spp, farm, (EXR, headers, _exr(job, spp)), has=has)
+
+
+_File = tuple[str, dict[str, str], "Callable[[Pixels], bytes]"]
+
+
+async def _merged(
+    request: Request, job: Job, spp: int, farm: Parts, file: _File, has: Known | None = None
+) -> Response:
+    media_type, headers, encode = file
+    slices = await run_in_threadpool(_slices, farm, job, spp)
+    if has is not None and has.anything:
+        return not_modified(headers)
+    if HEADERS_ONLY in request.scope:
+        return Response(media_type=media_type, headers=headers)
+    try:
+        content = await farm.points.encoded(job.id, slices, encode, request.is_disconnected)
+    except TooManyWait as error:
+        raise Problem(
+            problems.BUSY,
+            f"{MOST_WAITING} requests wait for images of points already; try again in {_BUSY_S} s",
+            headers={"Retry-After": str(_BUSY_S)},
+        ) from error
+    except SliceLost as error:
+        raise _cannot(job, spp, str(error)) from error
+    if content is None:
+        return Response(status_code=problems.CLIENT_GONE)
+    return Response(content, media_type=media_type, headers=headers)
+
+
+def _slices(farm: Parts, job: Job, spp: int) -> list[KeptSlice]:
+    """The slices of which the point's image is the sum, or the problem with them."""
+    if not job.spec.evaluates_at(spp) or spp > job.spp:
+        raise Problem(
+            problems.UNKNOWN_POINT,
+            f"job {job.id} has no point at {spp} spp: they are {job.spec.step} spp apart, up to "
+            f"{job.spp}; {_where(job)}",
+        )
+    if not job.spec.keep_slices:
+        raise _cannot(job, spp, "did not keep its slices")
+    if not _can_be_merged(job):
+        raise _cannot(job, spp, f"has more than {MOST_PIXELS:,} pixels, too many to merge again")
+    ledger = farm.jobs.ledger(job.id)
+    try:
+        records = [ledger[index] for index in range(spp // job.spec.slice_spp)]
+    except KeyError as error:
+        raise _cannot(job, spp, f"has no slice {error}") from error
+    return [KeptSlice(record["blob"], record["sha256"]) for record in records]
+
+
+def _can_be_merged(job: Job) -> bool:
+    pixels = (job.width or 0) * (job.height or 0)
+    return job.spec.keep_slices and 0 < pixels <= MOST_PIXELS
+
+
+def _points(job: Job) -> list[int]:
+    """The spp of the points that are merged so far."""
+    spec = job.spec
+    return [
+        *range(spec.step, job.spp + 1, spec.step),
+        *([spec.max_spp] if job.spp == spec.max_spp else []),
+    ]
+
+
+# What makes files of pixels is imported when it is first asked for, as in
+# `plateau.service.api.points.images`.
+
+
+def _png(job: Job) -> "Callable[[Pixels], bytes]":
+    def encoded(image: "Pixels") -> bytes:
+        from plateau.farm.images.png import encode_png
+        from plateau.metric import encode_srgb
+
+        return encode_png(encode_srgb(image, job.spec.view.exposure_ev))
+
+    return encoded
+
+
+def _exr(job: Job, spp: int) -> "Callable[[Pixels], bytes]":
+    def encoded(image: "Pixels") -> bytes:
+        from plateau.farm.images.exr import encode_image
+
+        return encode_image(image, {"plateau:job": job.id, "plateau:spp": spp})
+
+    return encoded
+
+
+def _headers(job: Job, spp: int, kind: str) -> dict[str, str]:
+    # What the image was at some spp never changes.
+    headers = headers_of(job, strong(job.id, spp, f"preview.{kind}"), f"{job.id}-{spp}-spp.{kind}")
+    return headers | {"Cache-Control": FINAL, SPP: str(spp)}
+
+
+def _cannot(job: Job, spp: int, why: str) -> Problem:
+    detail = f"job {job.id} keeps no picture of {spp} spp, and {why}; {_where(job)}"
+    return Problem(problems.CANNOT_MERGE, detail, state=job.state.value)
+
+
+def _where(job: Job) -> str:
+    return f"GET /v1/jobs/{job.id}/previews lists the pictures there are"

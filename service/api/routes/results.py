@@ -1,0 +1,184 @@
+"""Routes for what a job has come to: its curve and its events."""
+
+import hashlib
+import json
+import time
+from collections.abc import AsyncIterator
+from typing import Annotated, Any, Final
+
+from fastapi import APIRouter, Depends, Header, Query, Request, Response
+from fastapi.responses import StreamingResponse
+from starlette.concurrency import run_in_threadpool
+
+from plateau.farm.ledger.jobs import BEFORE_ALL_EVENTS
+from plateau.farm.wire import examples
+from plateau.farm.wire.curve_csv import curve_csv
+from plateau.farm.wire.views import Curve, Happened
+from plateau.service.api.access.callers import Caller, CallerOf
+from plateau.service.api.http.accept import chosen
+from plateau.service.api.http.etags import (
+    NOT_MODIFIED,
+    REVALIDATE,
+    Known,
+    known,
+    not_modified,
+    strong,
+)
+from plateau.service.api.parts import Parts, parts, parts_of
+from plateau.service.api.problems import problem as problems
+from plateau.service.api.problems.problem import documented
+from plateau.service.api.routes.jobs import JobId
+
+router = APIRouter(prefix="/v1/jobs/{job_id}", tags=["results"])
+
+_CSV: Final = "text/csv"
+_JSON: Final = "application/json"
+_SSE: Final = "text/event-stream"
+#: Redis refuses numbers of 64 bits and more; those of real events have 13 digits and a few.
+_EVENT_ID: Final = r"^[0-9]{1,19}-[0-9]{1,19}$"
+#: Proxies close a connection that is silent for longer, commonly after 30 or 60 s.
+_HEARTBEAT_S: Final = 15.0
+_RECONNECT_MS: Final = 1000
+
+#: What the curve looks like in this Plateau: another one may show more of the same points.
+_SHAPE: Final = hashlib.sha256(json.dumps(Curve.model_json_schema()).encode()).hexdigest()[:8]
+_STRING: Final[dict[str, Any]] = {"schema": {"type": "string"}}
+_CURVE_HEADERS: Final = {"ETag": _STRING, "Cache-Control": _STRING}
+
+
+class _CsvResponse(Response):
+    media_type = _CSV
+
+
+@router.get(
+    "/curve",
+    response_model=Curve,
+    responses={
+        200: {
+            "content": {_CSV: {"schema": {"type": "string"}, "example": examples.CURVE_CSV}},
+            "headers": {**_CURVE_HEADERS, "Vary": _STRING},
+        },
+        **NOT_MODIFIED,
+        **documented(problems.UNKNOWN_JOB, problems.NOT_ACCEPTABLE),
+    },
+)
+def get_curve(
+    job_id: JobId,
+    farm: Annotated[Parts, Depends(parts)],
+    has: Annotated[Known, Depends(known)],
+    accept: Annotated[str, Header(include_in_schema=False)] = "",
+) -> Response:
+    """Show the curve: each evaluation of the merged image, as JSON, or as CSV by `Accept`."""
+    return _curve(farm, job_id, has, chosen(accept, (_JSON, _CSV)), {"Vary": "Accept"})
+
+
+@router.get(
+    "/curve.csv",
+    response_class=_CsvResponse,
+    responses={
+        200: {
+            "description": "the points as CSV",
+            "content": {_CSV: {"schema": {"type": "string"}, "example": examples.CURVE_CSV}},
+            "headers": _CURVE_HEADERS,
+        },
+        **NOT_MODIFIED,
+        **documented(problems.UNKNOWN_JOB),
+    },
+)
+def get_curve_csv(
+    job_id: JobId,
+    farm: Annotated[Parts, Depends(parts)],
+    has: Annotated[Known, Depends(known)],
+) -> Response:
+    """Show the curve as CSV."""
+    return _curve(farm, job_id, has, _CSV, {})
+
+
+def _curve(
+    farm: Parts, job_id: str, has: Known, media_type: str, headers: dict[str, str]
+) -> Response:
+    # Asked for again even when the job is finished: a newer Plateau may show more of its points.
+    headers = {**headers, "Cache-Control": REVALIDATE}
+    job = farm.job(job_id)
+    # Points are only ever appended, so their number stands for all of them.
+    tag = _curve_tag(job.points, media_type)
+    if has.anything or has.has(tag):
+        return not_modified({**headers, "ETag": tag})
+    points = farm.jobs.curve(job.id)
+    headers["ETag"] = _curve_tag(len(points), media_type)
+    if media_type == _CSV:
+        return _CsvResponse(curve_csv(points), headers=headers)
+    content = Curve(points=points).model_dump_json()
+    return Response(content, media_type=_JSON, headers=headers)
+
+
+def _curve_tag(points: int, media_type: str) -> str:
+    return strong(points, media_type.rpartition("/")[2], _SHAPE)
+
+
+@router.get(
+    "/events",
+    response_class=StreamingResponse,
+    responses={
+        200: {
+            "description": "the events",
+            "model": Happened,
+            "content": {_SSE: {"schema": {"type": "string"}, "example": examples.EVENT_STREAM}},
+        },
+        204: {"description": "the job is finished and everything of it was already received"},
+        **documented(problems.UNKNOWN_JOB, problems.NOT_ACCEPTABLE, problems.INVALID_REQUEST),
+    },
+)
+async def get_events(
+    request: Request,
+    job_id: JobId,
+    who: CallerOf,
+    last_event_id: Annotated[
+        str | None,
+        Header(
+            pattern=_EVENT_ID, description="go on after this event", examples=[examples.EVENT_ID]
+        ),
+    ] = None,
+    after: Annotated[
+        str,
+        Query(
+            pattern=_EVENT_ID,
+            description="the same, where a header cannot be set",
+            examples=[examples.EVENT_ID],
+        ),
+    ] = BEFORE_ALL_EVENTS,
+    accept: Annotated[str, Header(include_in_schema=False)] = "",
+) -> Response:
+    """Stream what happens to a job as Server-Sent Events, from its beginning on.
+
+    `state` (from, to, reason), `image` (spp: there is a first image to be fetched, which may be the
+    final one; once for each job that has any), `point` (a point of the curve), `slice` (index,
+    worker), `trouble` (index, worker, cause: a worker died on a slice, or a partial was lost) and,
+    once all results are written, `finished`, after which the stream ends. An event's `id` resumes
+    the stream. With `Accept: application/json`, what has happened so far.
+    """
+    farm = parts_of(request)
+    media_type = chosen(accept, (_SSE, _JSON))
+    start = last_event_id or after
+    job = await run_in_threadpool(farm.job, job_id)
+    if media_type == _JSON:
+        happened = Happened(events=await run_in_threadpool(farm.jobs.events, job.id, start))
+        return Response(happened.model_dump_json(), media_type=_JSON, headers={"Vary": "Accept"})
+    if job.finished_at is not None and not await run_in_threadpool(farm.jobs.events, job.id, start):
+        return Response(status_code=204)
+    return StreamingResponse(
+        _frames(farm, job.id, start, who),
+        media_type=_SSE,
+        headers={"Cache-Control": "no-store", "Vary": "Accept", "X-Accel-Buffering": "no"},
+    )
+
+
+async def _frames(farm: Parts, job_id: str, after: str, who: Caller) -> AsyncIterator[bytes]:
+    yield f"retry: {_RECONNECT_MS}\n\n".encode()
+    asked_at = time.monotonic()
+    async for batch in farm.hub.events(job_id, after, idle_s=_HEARTBEAT_S):
+        if time.monotonic() >= asked_at + _HEARTBEAT_S:
+            if not await run_in_threadpool(who.is_welcome):
+                return
+            asked_at = time.monotonic()
+        yield b"".join(told.frame for told in batch) or b": still here\n\n"

@@ -1,0 +1,52 @@
+"""Routes for scenes: what is stored, and what a check finds in one."""
+
+from typing import Annotated
+
+from fastapi import APIRouter, Depends
+
+from plateau.farm.wire.views import SceneFound
+from plateau.service.api.problems import problem as problems
+from plateau.service.api.problems.problem import documented
+from plateau.service.api.routes.jobs import SUBMISSION_BODY
+from plateau.service.api.submission.uploads import StoredScene, stored_scene
+
+router = APIRouter(prefix="/v1/scenes", tags=["scenes"])
+
+
+@router.post(
+    "",
+    openapi_extra=SUBMISSION_BODY,
+    responses=documented(
+        problems.MALFORMED_REQUEST,
+        problems.UPLOAD_TOO_LARGE,
+        problems.NOT_MULTIPART,
+        problems.INVALID_REQUEST,
+        problems.INVALID_SPEC,
+        problems.NO_SCENE,
+        problems.UNKNOWN_SCENE,
+        problems.BROKEN_SCENE,
+        problems.BUSY,
+        problems.TOO_MANY_SCENES,
+    ),
+)
+def check_scene(
+    found: Annotated[StoredScene, Depends(stored_scene)],
+) -> SceneFound:
+    """Check a scene and store it, without a job: what `POST /v1/jobs` would find in it.
+
+    Takes the same parts. Of `spec`, `parameters`, `sensor` and what decides on seeds count. A scene
+    that no job uses stays for an hour at least, and is submitted by its `sha256`.
+    """
+    return SceneFound(
+        sha256=found.sha256,
+        name=found.name,
+        bytes=found.bytes,
+        width=found.summary.width,
+        height=found.summary.height,
+        kind=found.summary.kind,
+        entry=found.summary.entry,
+        files=found.summary.files,
+        bytes_unpacked=found.summary.bytes_unpacked,
+        sensors=found.summary.sensors,
+        parameters=found.summary.parameters,
+    )

@@ -1,0 +1,269 @@
+"""Routes of observer studies: made from kept slices, taken part in, exported."""
+
+from typing import Annotated, Any, Final
+
+from fastapi import APIRouter, Depends, Path, Response
+
+from plateau.farm.blobs import store as blobs
+from plateau.farm.model.errors import CannotStudy
+from plateau.farm.model.study import PSEUDONYM, Observer, Study
+from plateau.farm.wire import study_examples as examples
+from plateau.farm.wire.study_views import (
+    AnswerView,
+    NewAnswer,
+    NewStudy,
+    ObserverView,
+    StudyList,
+    StudyView,
+    TakingPart,
+    observer_view,
+    study_view,
+)
+from plateau.service.api.access.callers import CallerOf, not_yours
+from plateau.service.api.http.etags import FINAL
+from plateau.service.api.parts import Parts, parts
+from plateau.service.api.problems import problem as problems
+from plateau.service.api.problems.problem import Problem, documented
+from plateau.service.api.study.levels import check_levels, default_levels, kept_slices
+from plateau.service.api.study.results import table_csv, trials_csv
+
+router = APIRouter(prefix="/v1/studies", tags=["studies"])
+
+_Farm = Annotated[Parts, Depends(parts)]
+_StudyId = Annotated[
+    str,
+    Path(pattern=r"^[0-9a-f]{12}$", description="the study's id", examples=[examples.STUDY_ID]),
+]
+_Name = Annotated[
+    str,
+    Path(
+        pattern=PSEUDONYM,
+        description="the observer's pseudonym: no name or address, please",
+        examples=[examples.OBSERVER["name"]],
+    ),
+]
+
+_INVALID: Final = (problems.UNKNOWN_STUDY, problems.INVALID_REQUEST)
+_PNG: Final[dict[int | str, dict[str, Any]]] = {
+    200: {
+        "description": "the picture",
+        "content": {"image/png": {"schema": {"type": "string", "format": "binary"}}},
+    },
+    **documented(problems.SPOILED_FILE, *_INVALID),
+}
+
+
+def _csv(example: str) -> dict[int | str, dict[str, Any]]:
+    text = {"schema": {"type": "string"}, "example": example}
+    return {
+        200: {"description": "the table", "content": {"text/csv": text}},
+        **documented(*_INVALID),
+    }
+
+
+@router.post(
+    "",
+    status_code=201,
+    responses={
+        201: {
+            "headers": {"Location": {"schema": {"type": "string"}, "description": "of the study"}}
+        },
+        **documented(problems.UNKNOWN_JOB, problems.CANNOT_STUDY, problems.INVALID_REQUEST),
+    },
+)
+def create_study(asked: NewStudy, farm: _Farm, who: CallerOf, response: Response) -> StudyView:
+    """Make a study from the kept slices of an ended job: its pictures are merged now.
+
+    That takes a moment for each slice. The pictures are the study's own, so the jobs may be
+    forgotten after it. The same request of the same key makes one study, however often it is sent.
+    """
+    request = asked.model_dump(mode="json")
+    study = farm.studies.made(request, who.id)
+    if study is None:
+        study = _made(asked, request, farm, who.id)
+    response.headers["Location"] = f"/v1/studies/{study.id}"
+    return _shown(farm, study)
+
+
+@router.get("", responses=documented())
+def list_studies(farm: _Farm) -> StudyList:
+    """List all studies, newest first."""
+    return StudyList(studies=[_shown(farm, study) for study in farm.studies.all()])
+
+
+@router.get("/{study_id}", responses=documented(*_INVALID))
+def get_study(study_id: _StudyId, farm: _Farm) -> StudyView:
+    """Show a study and what it has found so far. Not for observers before they have answered."""
+    return _shown(farm, farm.studies.get(study_id))
+
+
+@router.delete(
+    "/{study_id}",
+    status_code=204,
+    responses=documented(problems.NOT_YOUR_STUDY, *_INVALID),
+)
+def delete_study(study_id: _StudyId, farm: _Farm, who: CallerOf) -> None:
+    """Remove a study with all its answers and pictures. It takes the key that made it."""
+    study = farm.studies.get(study_id)
+    if not who.may_steer(study.owner):
+        raise Problem(problems.NOT_YOUR_STUDY, f"study {study.id} {not_yours(study.owner)}")
+    farm.studies.forget(study.id, farm.blobs)
+
+
+@router.get("/{study_id}/reference.png", response_class=Response, responses=_PNG)
+def get_study_reference(study_id: _StudyId, farm: _Farm) -> Response:
+    """Show the reference."""
+    return _picture(farm, study_id, blobs.study_reference(study_id))
+
+
+@router.get("/{study_id}/levels/{spp}.png", response_class=Response, responses=_PNG)
+def get_study_level(
+    study_id: _StudyId,
+    spp: Annotated[int, Path(ge=1, le=1_000_000, description="of the level", examples=[900])],
+    farm: _Farm,
+) -> Response:
+    """Show a test image."""
+    return _picture(farm, study_id, blobs.study_level(study_id, spp))
+
+
+@router.get(
+    "/{study_id}/answers.csv", response_class=Response, responses=_csv(examples.ANSWERS_CSV)
+)
+def get_study_answers(study_id: _StudyId, farm: _Farm) -> Response:
+    """Export the study in the form of the paper's table 1: the share that saw a difference.
+
+    A column for each level that has answers. `plateau study fit` reads it.
+    """
+    study = farm.studies.get(study_id)
+    return _as_csv(f"{study.id}-answers.csv", table_csv(study, farm.studies.answers(study)))
+
+
+@router.get(
+    "/{study_id}/trials.csv",
+    response_class=Response,
+    responses=_csv(examples.TRIALS_CSV),
+)
+def get_study_trials(study_id: _StudyId, farm: _Farm) -> Response:
+    """Export every answer, a line each: who, to what, what, and at which screen.
+
+    `plateau study fit` reads it too, and says how sure the thresholds are.
+    """
+    study = farm.studies.get(study_id)
+    answers = farm.studies.answers(study)
+    text = trials_csv(study, farm.studies.observers(study), answers)
+    return _as_csv(f"{study.id}-trials.csv", text)
+
+
+@router.put(
+    "/{study_id}/observers/{observer}", responses=documented(problems.CANNOT_STUDY, *_INVALID)
+)
+def join_study(study_id: _StudyId, observer: _Name, asked: TakingPart, farm: _Farm) -> ObserverView:
+    """Take part in a study under a pseudonym; whoever does already goes on as before.
+
+    Then the screen stays that of the first time.
+    """
+    study = farm.studies.get(study_id)
+    return _observer(farm, study, farm.studies.join(study, observer, asked.screen))
+
+
+@router.get(
+    "/{study_id}/observers/{observer}",
+    responses=documented(problems.UNKNOWN_OBSERVER, *_INVALID),
+)
+def get_observer(study_id: _StudyId, observer: _Name, farm: _Farm) -> ObserverView:
+    """Show what an observer is shown, in order, and what of it has an answer."""
+    study = farm.studies.get(study_id)
+    return _observer(farm, study, farm.studies.observer(study, observer))
+
+
+@router.put(
+    "/{study_id}/observers/{observer}/answers/{trial}",
+    responses=documented(problems.UNKNOWN_OBSERVER, problems.UNKNOWN_TRIAL, *_INVALID),
+)
+def answer_trial(
+    study_id: _StudyId,
+    observer: _Name,
+    trial: Annotated[int, Path(ge=0, le=999, description="the pair's number", examples=[0])],
+    asked: NewAnswer,
+    farm: _Farm,
+) -> AnswerView:
+    """Answer to a pair. On the disk when this returns; only the first answer to a pair counts.
+
+    The answer that counts is shown, so a repeat is harmless.
+    """
+    study = farm.studies.get(study_id)
+    who = farm.studies.observer(study, observer)
+    counts = farm.studies.answer(study, who, trial, seen=asked.seen, seconds=asked.seconds)
+    return AnswerView(**counts.model_dump())
+
+
+def _made(asked: NewStudy, request: dict[str, Any], farm: Parts, owner: str) -> Study:
+    """A study of this request, its pictures merged and put."""
+    # Imported when the first is made: numpy and the metric take a fifth of an API's start.
+    from plateau.service.api.study.pictures import put_pictures
+
+    job = farm.job(asked.job_id)
+    other = farm.job(asked.reference_job_id or asked.job_id)
+    slices, reference = kept_slices(farm.jobs, job), kept_slices(farm.jobs, other)
+    if (other.width, other.height) != (job.width, job.height):
+        raise CannotStudy(
+            f"job {job.id} has {job.width}×{job.height} pixels, and the reference, job {other.id}, "
+            f"has {other.width}×{other.height}; choose a reference of the same size"
+        )
+    slice_spp, reference_spp = job.spec.slice_spp, other.spec.slice_spp * len(reference)
+    wanted = asked.levels or default_levels(asked.method, slice_spp, len(slices), reference_spp)
+    levels = check_levels(wanted, slice_spp, len(slices))
+    about = {
+        "name": asked.name or job.name,
+        "method": asked.method,
+        "job_id": job.id,
+        "reference_job_id": other.id,
+        "independent": other.spec.seed != job.spec.seed,
+        "levels": levels,
+        "reference_spp": reference_spp,
+        "slice_spp": slice_spp,
+        "exposure_ev": job.spec.view.exposure_ev,
+        "width": job.width,
+        "height": job.height,
+    }
+    study_id = farm.studies.begin()
+    try:
+        digests = put_pictures(
+            farm.blobs, study_id, job=job, slices=slices, levels=levels, reference=reference
+        )
+        study = farm.studies.create(study_id, request, owner, {**about, "sha256": digests})
+    except CannotStudy:
+        farm.studies.forget(study_id, farm.blobs)
+        raise
+    if study.id != study_id:  # the same request was faster elsewhere
+        farm.studies.forget(study_id, farm.blobs)
+    return study
+
+
+def _shown(farm: Parts, study: Study) -> StudyView:
+    return study_view(study, farm.study_results.of(study))
+
+
+def _observer(farm: Parts, study: Study, who: Observer) -> ObserverView:
+    return observer_view(study, who, farm.studies.answers(study))
+
+
+def _picture(farm: Parts, study_id: str, blob: str) -> Response:
+    try:
+        content = farm.files.content(blob, farm.studies.sha256(study_id, blob))
+    except FileNotFoundError as error:
+        raise Problem(
+            problems.UNKNOWN_STUDY,
+            f"there is no study {study_id!r} with this picture; GET /v1/studies lists the studies "
+            "and their levels",
+        ) from error
+    # It never changes.
+    return Response(content, media_type="image/png", headers={"Cache-Control": FINAL})
+
+
+def _as_csv(name: str, text: str) -> Response:
+    headers = {
+        "Content-Disposition": f'attachment; filename="{name}"',
+        "Cache-Control": "no-cache",
+    }
+    return Response(text, media_type="text/csv; charset=utf-8", headers=headers)

@@ -1,0 +1,1 @@
+"""Checks of uploaded scenes, each in a process with limits."""

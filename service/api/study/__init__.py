@@ -1,0 +1,1 @@
+"""What the API finds out for observer studies: levels, pictures and results."""

@@ -1,0 +1,86 @@
+"""The pictures of an observer study: a job's first slices merged, and the reference of all slices.
+
+All are made alike, by the job's own exposure, so that nothing tells two of them apart but the
+number of their samples.
+"""
+
+import hashlib
+import threading
+from collections.abc import Iterator
+from typing import Final
+
+from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs.store import Blobs
+from plateau.farm.images.png import encode_png
+from plateau.farm.model.errors import CannotStudy, CorruptPartial
+from plateau.farm.model.job import Job
+from plateau.metric import encode_srgb
+from plateau.service.judging.films import checked_film
+from plateau.service.judging.kept_slices import KeptSlice
+from plateau.service.judging.merge import Merge
+
+#: Merging takes a few hundred MB, so one process makes one study at a time.
+_ONE_AT_A_TIME: Final = threading.Lock()
+
+
+def put_pictures(
+    store: Blobs,
+    study_id: str,
+    *,
+    job: Job,
+    slices: list[KeptSlice],
+    levels: tuple[int, ...],
+    reference: list[KeptSlice],
+) -> dict[str, str]:
+    """Merge the slices and put the pictures of a study; returns the SHA-256 of each by its blob.
+
+    Parameters
+    ----------
+    store, study_id
+        Where they go.
+    job
+        Whose exposure they all have, and whose slices the levels are made of.
+    slices, reference
+        The slices of the job and of the reference, from the first on; the same where the job is
+        its own reference.
+    levels
+        Spp of the test images, rising.
+
+    Raises
+    ------
+    CannotStudy
+        A slice is gone, spoiled or of another size.
+    """
+    places = {spp: blobs.study_level(study_id, spp) for spp in levels}
+    same = slices == reference
+    wanted = slices if same else slices[: levels[-1] // job.spec.slice_spp]
+    digests = {}
+    with _ONE_AT_A_TIME:
+        for merge in _merges(store, wanted, job.spec.slice_spp):
+            if merge.spp in places:
+                digests[places[merge.spp]] = _put(store, places[merge.spp], merge, job)
+        if not same:
+            *_, merge = _merges(store, reference, slice_spp=1)  # one object that grows
+        place = blobs.study_reference(study_id)
+        digests[place] = _put(store, place, merge, job)
+    return digests
+
+
+def _merges(store: Blobs, slices: list[KeptSlice], slice_spp: int) -> Iterator[Merge]:
+    """The sum of the slices so far, after each of them."""
+    merge = Merge(slice_spp=slice_spp)
+    for kept in slices:
+        try:
+            merge.add(checked_film(store, kept.blob, kept.sha256))
+        except (FileNotFoundError, CorruptPartial, ValueError) as error:
+            raise CannotStudy(
+                f"slice {merge.slices} is lost or damaged ({error}); render the scene again with "
+                "keep_slices"
+            ) from error
+        yield merge
+
+
+def _put(store: Blobs, name: str, merge: Merge, job: Job) -> str:
+    content = encode_png(encode_srgb(merge.image(), job.spec.view.exposure_ev))
+    store.put(name, content)
+    return hashlib.sha256(content).hexdigest()

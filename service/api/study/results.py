@@ -1,0 +1,159 @@
+"""What a study has found: how often a difference was seen at each level, the fit, and CSV files."""
+
+import csv
+import io
+from collections import Counter
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Final
+
+from plateau.farm.ledger.studies import Studies
+from plateau.farm.model.study import MOST_STUDIES, Answer, Observer, Study
+from plateau.farm.wire.study_views import LevelResult, StudyResult, Threshold
+
+if TYPE_CHECKING:
+    from plateau.metric import AnswersFit
+
+_THRESHOLDS: Final = (0.5, 0.1)
+_FORMULA: Final = ("=", "+", "-", "@", "\t", "\r")
+
+TRIALS_HEADER: Final = (
+    "scene",
+    "observer",
+    "trial",
+    "spp",
+    "reference",
+    "seen",
+    "seconds",
+    "at",
+    "pixels_per_degree",
+    "viewing_distance_cm",
+    "gamma_matches",
+)
+
+
+class StudyResults:
+    """What studies have found so far, computed anew only where there are new answers."""
+
+    def __init__(self, studies: Studies) -> None:
+        self._studies = studies
+        self._known: dict[str, tuple[tuple[int, int], StudyResult]] = {}
+
+    def of(self, study: Study) -> StudyResult:
+        """What the study has found so far."""
+        # Counted before the answers are read: what comes in between is found by the next look.
+        counts = self._studies.counts(study)
+        known = self._known.get(study.id)
+        if known is not None and known[0] == counts:
+            return known[1]
+        observers, answers = self._studies.observers(study), self._studies.answers(study)
+        found = study_result(study, observers, answers)
+        if len(self._known) >= 2 * MOST_STUDIES:  # most of them are forgotten by now
+            self._known.clear()
+        self._known[study.id] = (counts, found)
+        return found
+
+
+def study_result(study: Study, observers: list[Observer], answers: list[Answer]) -> StudyResult:
+    """What the study has found so far."""
+    levels = _levels(study, answers)
+    fit = _fit(answers)
+    pairs = len(study.pairs(0))
+    given = Counter(one.observer for one in answers)
+    return StudyResult(
+        observers=len(observers),
+        finished=list(given.values()).count(pairs),
+        answers=len(answers),
+        levels=levels,
+        a=None if fit is None else fit.a,
+        b=None if fit is None else fit.b,
+        thresholds=[] if fit is None else list(_thresholds(fit)),
+        suggested_levels=_suggested(levels, study.slice_spp),
+    )
+
+
+def table_csv(study: Study, answers: list[Answer]) -> str:
+    """The form of the paper's table 1: at each level, the share of answers that saw a difference.
+
+    Levels without an answer are left out.
+    """
+    levels = [level for level in _levels(study, answers) if level.shown]
+    shares = [f"{level.seen / level.shown:.6g}" for level in levels]
+    return _csv([["scene", *(level.spp for level in levels)], [study.name, *shares]])
+
+
+def trials_csv(study: Study, observers: list[Observer], answers: list[Answer]) -> str:
+    """Every answer with all that is known of it, a line each."""
+    screens = {observer.name: observer.screen for observer in observers}
+    rows: list[list[object]] = [list(TRIALS_HEADER)]
+    for one in answers:
+        screen = screens[one.observer]
+        gamma = "" if screen.gamma_matches is None else str(screen.gamma_matches).lower()
+        rows.append(
+            [
+                study.name,
+                one.observer,
+                one.trial,
+                one.spp,
+                one.reference,
+                str(one.seen).lower(),
+                f"{one.seconds:.3f}",
+                one.at.isoformat(),
+                f"{screen.pixels_per_degree:.2f}",
+                f"{screen.viewing_distance_cm:g}",
+                gamma,
+            ]
+        )
+    return _csv(rows)
+
+
+def _levels(study: Study, answers: list[Answer]) -> list[LevelResult]:
+    found = {spp: LevelResult(spp=spp, shown=0, seen=0) for spp in study.levels}
+    for one in answers:
+        found[one.spp].shown += 1
+        found[one.spp].seen += one.seen
+    return [found[spp] for spp in study.levels]
+
+
+def _fit(answers: list[Answer]) -> "AnswersFit | None":
+    if len({one.spp for one in answers}) < 2:
+        return None
+    from plateau.metric import fit_answers  # here, since clients import this module for its models
+
+    fit = fit_answers(
+        [one.spp for one in answers],
+        [one.seen for one in answers],
+        [one.observer for one in answers],
+    )
+    return None if fit.refusal else fit
+
+
+def _thresholds(fit: "AnswersFit") -> Iterator[Threshold]:
+    """Those that the answers bound: any other would be a guess."""
+    for probability in _THRESHOLDS:
+        interval = fit.interval(probability)
+        if interval is not None:
+            low, high = interval
+            spp = fit.threshold(probability)
+            yield Threshold(probability=probability, spp=spp, low_spp=low, high_spp=high)
+
+
+def _suggested(levels: list[LevelResult], slice_spp: int) -> list[int]:
+    """From the last level that nearly all see to the first that hardly anybody does."""
+    shares = [(one.spp, one.seen / one.shown) for one in levels if one.shown]
+    if not shares:
+        return []
+    low = max((spp for spp, share in shares if share >= 0.95), default=shares[0][0])
+    high = min((spp for spp, share in shares if share <= 0.05 and spp > low), default=shares[-1][0])
+    steps = ((low + (high - low) * place / 6) / slice_spp for place in range(7))
+    return sorted({slice_spp * max(1, round(one)) for one in steps})
+
+
+def _csv(rows: list[list[object]]) -> str:
+    stream = io.StringIO()
+    csv.writer(stream, lineterminator="\n").writerows(map(_plain, rows))
+    return stream.getvalue()
+
+
+def _plain(row: list[object]) -> list[object]:
+    """No cell that a spreadsheet would take for a formula: a study may have any name."""
+    return [f"'{one}" if str(one).startswith(_FORMULA) else one for one in row]

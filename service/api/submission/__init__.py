@@ -1,0 +1,1 @@
+"""What a request to create a job brings: read, checked and stored."""

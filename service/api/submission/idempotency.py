@@ -1,0 +1,62 @@
+"""The header Idempotency-Key: a request that is repeated with it is carried out once."""
+
+import re
+from typing import Annotated, Any, Final
+
+from fastapi import Depends, Request, Response
+
+from plateau.farm.ledger.jobs import Created
+from plateau.farm.wire import examples
+from plateau.service.api.problems import problem as problems
+from plateau.service.api.problems.problem import Problem
+from plateau.service.api.problems.spec_checks import invalid_field
+
+_KEY: Final = re.compile(r"[\x21-\x7e]{1,255}")
+
+#: The header, for the description of a route that takes it.
+PARAMETERS: Final[list[dict[str, Any]]] = [
+    {
+        "name": "Idempotency-Key",
+        "in": "header",
+        "required": False,
+        "schema": {"type": "string", "pattern": f"^{_KEY.pattern}$"},
+        "example": examples.IDEMPOTENCY_KEY,
+        "description": "a request repeated with the same key within a day makes one job, or the "
+        "jobs of one list",
+    }
+]
+#: And what its answer says of it.
+REPLAYED: Final[dict[str, Any]] = {
+    "Idempotency-Replayed": {
+        "schema": {"const": "true"},
+        "description": "only where the key's first request had made the job",
+    }
+}
+
+
+def idempotency_key(request: Request) -> str:
+    """The request's key; "" where it has none."""
+    given = request.headers.get("idempotency-key")
+    if given is None:
+        return ""
+    if not _KEY.fullmatch(given):
+        message = "must be 1 to 255 printable ASCII characters without spaces"
+        raise invalid_field(problems.INVALID_REQUEST, "Idempotency-Key", message)
+    return given
+
+
+#: The request's key, as a route takes it.
+IdempotencyKey = Annotated[str, Depends(idempotency_key)]
+
+
+def settle(created: Created, key: str, response: Response) -> None:
+    """Say that this is what an earlier request made, or refuse where that was another request."""
+    if created.conflict:
+        raise Problem(
+            problems.KEY_REUSED,
+            f"the Idempotency-Key {key!r} made job {created.job.id} from another scene or spec; "
+            "use a new key for a new request",
+            job_id=created.job.id,
+        )
+    if created.repeated:
+        response.headers["Idempotency-Replayed"] = "true"

@@ -1,0 +1,56 @@
+"""The spec that a request brings: of one job, or of many where its parameters are a list."""
+
+import json
+import unicodedata
+from typing import Annotated, Any, Final
+
+from pydantic import Discriminator, Tag, TypeAdapter, ValidationError
+
+from plateau.farm.model.spec import BatchSpec, JobSpec, SharedSpec
+from plateau.farm.wire.json_numbers import whole_numbers
+from plateau.service.api.problems import problem as problems
+from plateau.service.api.problems.spec_checks import BRANCHES, invalid_field, invalid_spec
+
+#: Controls, halves of characters, and what ends a line: nobody sees them in a name, and no path has
+#: a place for them.
+_NOT_IN_NAMES: Final = frozenset({"Cc", "Cs", "Zl", "Zp"})
+
+_JOB, _BATCH = BRANCHES
+
+
+def _kind(spec: Any) -> str:
+    many = isinstance(spec, dict) and isinstance(spec.get("parameters"), list)
+    return _BATCH if many else _JOB
+
+
+_SUBMITTED: Final[TypeAdapter[JobSpec | BatchSpec]] = TypeAdapter(
+    Annotated[
+        Annotated[JobSpec, Tag(_JOB)] | Annotated[BatchSpec, Tag(_BATCH)], Discriminator(_kind)
+    ]
+)
+
+
+def submitted_spec(text: str | bytes) -> JobSpec | BatchSpec:
+    """What the request asks for; raises the problem with it."""
+    try:
+        spec = _SUBMITTED.validate_json(_plain(text), strict=True)
+    except ValidationError as error:
+        raise invalid_spec(error) from error
+    check_batch_name(spec)
+    return spec
+
+
+def _plain(text: str | bytes) -> str | bytes:
+    """The same JSON with whole numbers as such; what is no JSON is left as it is."""
+    try:
+        return json.dumps(whole_numbers(json.loads(text)))
+    except (ValueError, RecursionError):
+        return text
+
+
+def check_batch_name(spec: SharedSpec) -> None:
+    """Refuse a batch whose name no path can have; a job of an older Plateau may have one."""
+    name = spec.batch or ""
+    if name in {".", ".."} or any(unicodedata.category(one) in _NOT_IN_NAMES for one in name):
+        message = "must be a name without control characters and line ends, and not . or .."
+        raise invalid_field(problems.INVALID_SPEC, "spec.batch", message)

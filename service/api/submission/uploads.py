@@ -1,0 +1,318 @@
+"""What `POST /v1/jobs` brings: read from the request, checked, stored, made a job.
+
+An upload never sits in memory: the framework spools it to disk as it arrives, it is hashed and
+checked there, and goes to the blob store from there.
+"""
+
+import hashlib
+import os
+import re
+import secrets
+import tempfile
+from collections.abc import AsyncIterator
+from contextlib import ExitStack
+from dataclasses import dataclass
+from functools import partial
+from typing import Annotated, BinaryIO, Final, cast
+
+from fastapi import Depends, Request
+from fastapi.concurrency import run_in_threadpool
+from starlette.datastructures import FormData, UploadFile
+from starlette.exceptions import HTTPException
+
+from plateau.farm.blobs import store as blob_names
+from plateau.farm.bundle import BundleError, SceneSummary
+from plateau.farm.ledger.jobs import Created
+from plateau.farm.ledger.scene_index import SceneIndex
+from plateau.farm.model.spec import BatchSpec, JobSpec
+from plateau.service.api.access.callers import Caller, CallerOf
+from plateau.service.api.parts import Parts, parts, parts_of
+from plateau.service.api.problems import problem as problems
+from plateau.service.api.problems.framework_errors import MOST_FIELD_BYTES, MOST_FIELDS, MOST_FILES
+from plateau.service.api.problems.problem import CLIENT_GONE, Problem
+from plateau.service.api.problems.spec_checks import check_seeds, check_webhook, invalid_field
+from plateau.service.api.scene_checks.pool import Gone, TooManyChecks, Turn
+from plateau.service.api.scene_checks.process import CheckEnded
+from plateau.service.api.submission.idempotency import idempotency_key
+from plateau.service.api.submission.submitted_spec import submitted_spec
+
+_FIELDS: Final = frozenset({"scene", "scene_sha256", "spec"})
+_MAX_NAME: Final = 90  #: a made-up batch is called by it
+#: CPU time: a scene may take a second to check, and a list has up to a thousand entries.
+_MOST_CHECKING_S: Final = 60.0
+_BUSY_S: Final = 2
+_CHUNK_BYTES: Final = 1 << 20
+_SHA256: Final = re.compile(r"[0-9a-f]{64}")
+
+
+@dataclass(frozen=True)
+class Submission:
+    """The parts of a request to create a job."""
+
+    spec: JobSpec | BatchSpec
+    idempotency_key: str
+    scene: UploadFile | str  #: the upload, or the SHA-256 of a stored scene
+
+
+async def submission(request: Request) -> AsyncIterator[Submission]:
+    """The request's parts, spooled to disk while the route works on them."""
+    media_type = request.headers.get("content-type", "").partition(";")[0].strip().lower()
+    if media_type and media_type != "multipart/form-data":
+        raise Problem(
+            problems.NOT_MULTIPART,
+            f"the body is {media_type}; send multipart/form-data with the parts scene and spec, as "
+            "curl -F scene=@scene.zip -F 'spec={}' does",
+        )
+    try:
+        async with request.form(
+            max_files=MOST_FILES, max_fields=MOST_FIELDS, max_part_size=MOST_FIELD_BYTES
+        ) as form:
+            asked = await _submission(form, idempotency_key(request))
+            check_webhook(asked.spec, parts_of(request).receivers)
+            yield asked
+    except OSError as error:
+        raise Problem(
+            problems.STORE_UNAVAILABLE, f"the upload could not be kept: {error.strerror}"
+        ) from error
+
+
+async def _submission(form: FormData, key: str) -> Submission:
+    unknown = sorted(set(form) - _FIELDS)
+    if unknown:
+        message = f"there is no part {unknown[0]!r}; the parts are scene, scene_sha256 and spec"
+        raise invalid_field(problems.INVALID_REQUEST, unknown[0], message)
+    return Submission(
+        spec=await _spec(form.get("spec")),
+        idempotency_key=key,
+        scene=_scene(form.get("scene"), form.get("scene_sha256")),
+    )
+
+
+def _scene(upload: UploadFile | str | None, sha256: UploadFile | str | None) -> UploadFile | str:
+    if not upload and not sha256:
+        raise Problem(
+            problems.NO_SCENE,
+            "send a Mitsuba XML or a zip of one as the part scene, or the SHA-256 of a stored "
+            "scene as the part scene_sha256",
+        )
+    if upload and sha256:
+        message = "send either scene or scene_sha256, not both"
+        raise invalid_field(problems.INVALID_REQUEST, "scene_sha256", message)
+    if upload:
+        if isinstance(upload, str):
+            message = "must be a file: curl takes it as -F scene=@FILE, with the @"
+            raise invalid_field(problems.INVALID_REQUEST, "scene", message)
+        return upload
+    if not (isinstance(sha256, str) and _SHA256.fullmatch(sha256)):
+        message = "must be 64 lower-case hexadecimal digits"
+        raise invalid_field(problems.INVALID_REQUEST, "scene_sha256", message)
+    return sha256
+
+
+async def _spec(part: UploadFile | str | None) -> JobSpec | BatchSpec:
+    text = (await part.read(MOST_FIELD_BYTES)) if isinstance(part, UploadFile) else part
+    return submitted_spec(text or b"{}")
+
+
+@dataclass(frozen=True)
+class StoredScene:
+    """A scene that passed the check and is stored."""
+
+    sha256: str  #: of the uploaded file
+    name: str
+    bytes: int  #: size of the uploaded file
+    summary: SceneSummary
+
+
+async def stored_scene(
+    request: Request,
+    asked: Annotated[Submission, Depends(submission)],
+    farm: Annotated[Parts, Depends(parts)],
+    who: CallerOf,
+) -> StoredScene:
+    """The scene that a request brings or names, checked with the spec's values, and stored.
+
+    A sweep leaves it for an hour at least. Few scenes are fetched, hashed and checked at a time.
+    """
+    try:
+        async with farm.checks.turn(request.is_disconnected) as turn:
+            with await run_in_threadpool(_opened, asked.scene, farm) as file:
+                sha256 = await run_in_threadpool(_sha256, file)
+                if isinstance(asked.scene, str) and sha256 != asked.scene:
+                    raise _damaged(asked.scene)
+                summary = await _checked(turn, file, asked.spec)
+                store = partial(_stored, asked.scene, sha256, file, summary, farm, who)
+                return await run_in_threadpool(store)
+    except (TooManyChecks, CheckEnded) as error:
+        raise Problem(
+            problems.BUSY,
+            f"many scenes are being checked already; try again in {_BUSY_S} s",
+            headers={"Retry-After": str(_BUSY_S)},
+        ) from error
+    except Gone:
+        raise HTTPException(CLIENT_GONE) from None
+
+
+def _stored(
+    scene: UploadFile | str,
+    sha256: str,
+    file: BinaryIO,
+    summary: SceneSummary,
+    farm: Parts,
+    who: Caller,
+) -> StoredScene:
+    """The scene, of which the blob store has the file from now on."""
+    size = _size(file)
+    if isinstance(scene, str):
+        return StoredScene(sha256, _name_of_stored(sha256, farm.scenes), size, summary)
+    _check_quota(sha256, size, farm.scenes, who)
+    farm.scenes.use(sha256)
+    farm.blobs.put_once(blob_names.scene(sha256), file, size)
+    name = _clean_name(scene.filename)
+    known = {"name": name, "bytes": size, "width": summary.width, "height": summary.height}
+    farm.scenes.remember(sha256, {**known, "owner": who.id})
+    return StoredScene(sha256, name, size, summary)
+
+
+def _check_quota(sha256: str, size: int, scenes: SceneIndex, who: Caller) -> None:
+    """Refuse a scene that would be more than its key may have stored.
+
+    Who sends a scene that is stored already is not charged for it. Uploads at the same time may
+    each be the one that just fits, and few are stored at a time.
+    """
+    most = None if who.key is None else who.key.limits.scenes_bytes
+    if most is None or scenes.has(sha256):
+        return
+    stored = scenes.bytes_of(who.id)
+    if stored + size > most:
+        raise Problem(
+            problems.TOO_MANY_SCENES,
+            f"the key {who.name!r} has stored {stored:,} bytes of scenes and may store {most:,}; "
+            f"this one has {size:,}; ask who runs the service to remove unused ones (`plateau gc "
+            "--scenes-unused-for DAYS`)",
+            stored_bytes=stored,
+            limit_bytes=most,
+        )
+
+
+def create_job(asked: Submission, scene: StoredScene, farm: Parts, *, owner: str) -> Created:
+    """The job that was asked for, its owner's, or the first of many: all of them or none.
+
+    The scene is stored before a job exists, so that no worker finds a job without one.
+    """
+    sha256, name = scene.sha256, scene.name
+    digest = hashlib.sha256(f"{sha256} {asked.spec.as_request()}".encode()).hexdigest()
+    return farm.jobs.create_all(
+        _job_specs(asked.spec, name),
+        name=name,
+        scene_sha256=sha256,
+        idempotency_key=asked.idempotency_key,
+        digest=digest,
+        owner=owner,
+    )
+
+
+def _job_specs(spec: JobSpec | BatchSpec, scene: str) -> list[JobSpec]:
+    """The spec of each job that is asked for, in a batch of the given name or one made up."""
+    if isinstance(spec, JobSpec):
+        return [spec]
+    stem = scene.rpartition(".")[0] or scene
+    return spec.job_specs(spec.batch or f"{stem}-{secrets.token_hex(3)}")
+
+
+def _opened(scene: UploadFile | str, farm: Parts) -> BinaryIO:
+    """The scene as an ordinary file: an upload where it was spooled, a stored one fetched."""
+    if not isinstance(scene, str):
+        return os.fdopen(os.dup(scene.file.fileno()), "rb")  # fileno() moves it to disk
+    farm.scenes.use(scene)
+    with ExitStack() as until_it_is_there:
+        file = cast("BinaryIO", until_it_is_there.enter_context(tempfile.TemporaryFile()))
+        try:
+            for chunk in farm.blobs.chunks(blob_names.scene(scene)):
+                file.write(chunk)
+        except FileNotFoundError as error:
+            farm.scenes.disuse(scene)
+            raise Problem(
+                problems.UNKNOWN_SCENE,
+                f"no scene {scene} is stored here; send the file itself as the part scene",
+            ) from error
+        file.flush()  # another process reads it
+        until_it_is_there.pop_all()
+    return file
+
+
+def _damaged(sha256: str) -> Problem:
+    return Problem(
+        problems.UNKNOWN_SCENE,
+        f"the copy of scene {sha256} that is stored here is damaged; remove the blob "
+        f"{blob_names.scene(sha256)} and send the file itself as the part scene",
+    )
+
+
+def _size(file: BinaryIO) -> int:
+    size = file.seek(0, os.SEEK_END)
+    file.seek(0)
+    return size
+
+
+def _sha256(file: BinaryIO) -> str:
+    digest = hashlib.sha256()
+    file.seek(0)
+    while chunk := file.read(_CHUNK_BYTES):
+        digest.update(chunk)
+    file.seek(0)
+    return digest.hexdigest()
+
+
+async def _checked(turn: Turn, file: BinaryIO, spec: JobSpec | BatchSpec) -> SceneSummary:
+    """What is found with the spec's values; with the first entry's, where each passes the check."""
+    entries = _different(spec)
+    asked = [(one.parameter_strings(), one.sensor) for one in entries.values()]
+    try:
+        found = await turn.check(file, asked, total_s=_MOST_CHECKING_S)
+    except BundleError as error:
+        raise _broken(error) from error
+    fields = iter(entries)
+    for (width, height), one in zip(found.sizes, entries.values(), strict=False):
+        check_seeds(one, width, height, next(fields) or "spec")
+    if found.error is not None:
+        raise _broken(found.error, next(fields)) from found.error
+    if len(found.sizes) < len(asked):
+        message = f"with {next(fields).rpartition('.')[2]} entries the scene took "
+        message += f"{_MOST_CHECKING_S:g} s to check; "
+        message += "send fewer at once, each time with the same batch"
+        raise invalid_field(problems.INVALID_SPEC, "spec.parameters", message)
+    assert found.summary is not None  # a spec has an entry at least
+    return found.summary
+
+
+def _different(spec: JobSpec | BatchSpec) -> dict[str, JobSpec]:
+    """The spec of each job, by the field that has its values; of jobs with the same, the first."""
+    if isinstance(spec, JobSpec):
+        return {"": spec}
+    different: dict[frozenset[tuple[str, str]], tuple[str, JobSpec]] = {}
+    for index, one in enumerate(spec.job_specs("checked")):
+        values = frozenset(one.parameter_strings().items())
+        different.setdefault(values, (f"spec.parameters.{index}", one))
+    return dict(different.values())
+
+
+def _broken(error: BundleError, field: str = "") -> Problem:
+    """The problem with a scene, given the values of this field of a list."""
+    kind = problems.UPLOAD_TOO_LARGE if error.code == "too-large" else problems.BROKEN_SCENE
+    problem = Problem(kind, str(error), code=error.code, file=error.file, line=error.line)
+    if field:
+        problem.detail = f"with {field}: {error}"
+        problem.members["errors"] = [{"field": field, "message": str(error)}]
+    return problem
+
+
+def _name_of_stored(sha256: str, scenes: SceneIndex) -> str:
+    names = (scene["name"] for scene in scenes.all() if scene["sha256"] == sha256)
+    return next(names, sha256[:12])
+
+
+def _clean_name(filename: str | None) -> str:
+    """The upload's file name without its folders and what a terminal would not show."""
+    last = re.split(r"[/\\]", filename or "")[-1]
+    return "".join(letter for letter in last if letter.isprintable())[:_MAX_NAME] or "scene"

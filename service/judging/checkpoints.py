@@ -1,0 +1,156 @@
+"""Checkpoints of a job: its sums and what its rules remember, in one blob."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import logging
+import time
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs.store import Blobs
+from plateau.farm.ledger.ownership import Checkpoint, Ownership, Ownerships
+from plateau.farm.model.errors import CorruptPartial
+from plateau.service.judging.merge import Merge
+
+if TYPE_CHECKING:
+    from plateau.service.judging.judge import Judge
+
+_LOG = logging.getLogger(__name__)
+
+_INTERVAL_S: Final = 5.0  #: at least so long between two,
+#: and so many slices, whose partials then weigh as much as the checkpoint that takes their place.
+_SLICES: Final = 5
+
+
+class Checkpoints:
+    """The last checkpoint of a job, and the partials that are not in it yet.
+
+    A partial goes once a checkpoint contains it, unless the job keeps its slices. A checkpoint that
+    is lost or spoiled costs the work in it and nothing else: its slices are rendered again.
+    """
+
+    def __init__(
+        self, owned: Ownership, owners: Ownerships, store: Blobs, *, keep_slices: bool
+    ) -> None:
+        self._owned = owned
+        self._owners = owners
+        self._blobs = store
+        self._keep_slices = keep_slices
+        self._contained: list[str] = []  # partials in the sums, not yet in a checkpoint
+        self._last = owners.checkpoint(owned.job_id)
+        self._saved_slices = 0  # in the last checkpoint that can be read
+        self._saved_at = time.monotonic()
+
+    def note(self, partial: str) -> None:
+        """Say that the sums contain this partial now."""
+        self._contained.append(partial)
+
+    def save(self, merge: Merge, judge: Judge) -> None:
+        """Save the sums and the rules' memory, where enough is new and the last not of just now."""
+        if merge.slices >= self._saved_slices + _SLICES:
+            self.save_all(merge, judge)
+
+    def save_all(self, merge: Merge, judge: Judge) -> None:
+        """Save them, however little is new, unless others were saved just now."""
+        if time.monotonic() >= self._saved_at + _INTERVAL_S:
+            self.save_now(merge, judge)
+
+    def save_now(self, merge: Merge, judge: Judge) -> None:
+        """Save the sums and the rules' memory, unless they are saved."""
+        if merge.slices == self._saved_slices:
+            return
+        numbers, images = judge.memory()
+        content = _pack(
+            {"rules": numbers},
+            {**merge.arrays(), **{f"rule:{name}": image for name, image in images.items()}},
+        )
+        saved = Checkpoint(
+            blob=f"{blobs.checkpoints(self._owned.job_id)}{merge.spp:07d}-{self._owned.token}.npz",
+            sha256=hashlib.sha256(content).hexdigest(),
+            slices=merge.slices,
+        )
+        self._blobs.put(saved.blob, content)
+        self._owners.save_checkpoint(self._owned, saved)
+        before, self._last = self._last, saved
+        if before is not None and before.blob != saved.blob:
+            self._delete_own(before.blob)
+        if not self._keep_slices:
+            self._delete_own(*self._contained)
+        self._contained = []
+        self._saved_slices, self._saved_at = merge.slices, time.monotonic()
+
+    def recover(self, slice_spp: int, judge: Judge) -> Merge:
+        """The sums of the last checkpoint, with which the judge's rules remember what they had.
+
+        Without a checkpoint that can be read, the sums of nothing.
+        """
+        if self._last is None:
+            return Merge(slice_spp=slice_spp)
+        try:
+            merge, memory = read_sums(self._blobs, self._last, slice_spp)
+        except (FileNotFoundError, CorruptPartial) as error:
+            _LOG.warning("the merge starts again: %s", error)
+            self._render_again(self._last)
+            return Merge(slice_spp=slice_spp)
+        judge.recall(*memory)
+        self._saved_slices = self._last.slices
+        return merge
+
+    def _delete_own(self, *names: str) -> None:
+        """Delete these blobs, but for those of a job that this one goes on with."""
+        own = blobs.of_job(self._owned.job_id)
+        self._blobs.delete(*(name for name in names if name.startswith(own)))
+
+    def _render_again(self, lost: Checkpoint) -> None:
+        """Have every slice rendered again whose partial went when this checkpoint had it."""
+        records = self._owners.committed(self._owned.job_id, range(lost.slices))
+        folders = {f"{record.blob.rpartition('/')[0]}/" for record in records}
+        stored = {name for folder in folders for name in self._blobs.names(folder)}
+        for record in records:
+            if record.blob not in stored:
+                self._owners.reject(self._owned, record, "the checkpoint that had it was lost")
+
+
+def read_sums(
+    store: Blobs, checkpoint: Checkpoint, slice_spp: int
+) -> tuple[Merge, tuple[dict[str, Any], dict[str, NDArray[Any]]]]:
+    """The sums of a checkpoint, and what rules remembered then, as `Judge.recall` takes it.
+
+    Raises
+    ------
+    FileNotFoundError
+        The blob store does not have it.
+    CorruptPartial
+        It is not what was saved.
+    """
+    content = store.get(checkpoint.blob)
+    if hashlib.sha256(content).hexdigest() != checkpoint.sha256:
+        raise CorruptPartial(f"the checkpoint {checkpoint.blob} is not what was saved")
+    about, arrays = _unpack(content)
+    images = {
+        name.removeprefix("rule:"): image
+        for name, image in arrays.items()
+        if name.startswith("rule:")
+    }
+    return Merge.from_arrays(slice_spp, checkpoint.slices, arrays), (about["rules"], images)
+
+
+def _pack(about: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> bytes:
+    """Numbers and arrays as the bytes of one ``.npz`` file."""
+    stream = io.BytesIO()
+    np.savez(stream, allow_pickle=False, about=np.array(json.dumps(about)), **arrays)
+    return stream.getvalue()
+
+
+def _unpack(content: bytes) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+    """What `_pack` was given."""
+    with np.load(io.BytesIO(content), allow_pickle=False) as file:
+        arrays = {name: file[name] for name in file.files}
+    about: dict[str, Any] = json.loads(str(arrays.pop("about")))
+    return about, arrays

@@ -1,0 +1,69 @@
+"""Fetches the films of committed slices, each checked against its line in the ledger."""
+
+import hashlib
+import logging
+
+from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs.store import Blobs
+from plateau.farm.images.exr import Pixels, decode_partial
+from plateau.farm.ledger.ownership import Ownership, Ownerships
+from plateau.farm.ledger.queue import SliceRecord
+from plateau.farm.model.errors import CorruptPartial
+from plateau.farm.model.states import MAX_TRIES
+from plateau.farm.process.log import concerning
+
+_LOG = logging.getLogger(__name__)
+
+
+def checked_film(store: Blobs, blob: str, sha256: str) -> Pixels:
+    """Return the film in a partial, (height, width, 4) float32 before normalisation.
+
+    Raises
+    ------
+    FileNotFoundError
+        The blob store does not have it.
+    CorruptPartial
+        It is not what its worker uploaded.
+    """
+    if not blobs.is_partial(blob):
+        raise CorruptPartial(f"{blob!r} is no partial's name")
+    content = store.get(blob)
+    if hashlib.sha256(content).hexdigest() != sha256:
+        raise CorruptPartial(f"{blob} is not what its worker uploaded")
+    return decode_partial(content).pixels
+
+
+class Films:
+    """The films of one job's slices, for the monitor that owns it."""
+
+    def __init__(self, owned: Ownership, owners: Ownerships, store: Blobs) -> None:
+        self._owned = owned
+        self._owners = owners
+        self._blobs = store
+
+    def film(self, record: SliceRecord) -> Pixels | None:
+        """Return the slice's film; None where its partial is lost or spoiled.
+
+        It is rendered again then, if the job still goes on.
+
+        Raises
+        ------
+        CorruptPartial
+            That has happened to it too often.
+        """
+        with concerning(self._owned.job_id, record.index):
+            try:
+                return checked_film(self._blobs, record.blob, record.sha256)
+            except FileNotFoundError as error:
+                self._render_again(record, f"the blob store has no {record.blob}", error)
+            except CorruptPartial as error:
+                self._render_again(record, str(error), error)
+            return None
+
+    def _render_again(self, record: SliceRecord, cause: str, error: Exception) -> None:
+        _LOG.warning("%s", cause)
+        if self._owners.reject(self._owned, record, cause) > MAX_TRIES:
+            raise CorruptPartial(
+                f"slice {record.index} was rendered {MAX_TRIES + 1} times and its partial never "
+                f"came back whole: {cause}"
+            ) from error

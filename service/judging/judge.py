@@ -1,0 +1,225 @@
+"""Judges a job's merged image: the rule that ends it, the rules it watches, and the curve."""
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plateau.farm.model.spec import FixedSpec, JobSpec, VisibleSpec
+from plateau.metric import (
+    Estimate,
+    Evidence,
+    Forecast,
+    Half,
+    Memory,
+    Rule,
+    Verdict,
+    View,
+    create_rule,
+    zone_fractions,
+)
+from plateau.metric.compiled import CompiledVisibleDifferences
+from plateau.metric.compiled.predictor import COMPARISONS_BEFORE_KEEPING
+from plateau.service.judging.broken_image import flaw_of
+from plateau.service.judging.merge import Merge
+
+
+def warm_up() -> None:
+    """Compile the metric's kernels, or load them from their cache, before a job waits for them.
+
+    Some 10 s where they have never been compiled on this machine, less than 1 s later.
+    """
+    metric, image = CompiledVisibleDifferences(View()), np.zeros((16, 16, 3), np.float32)
+    reference = metric.percept(image)
+    for _ in range(COMPARISONS_BEFORE_KEEPING + 2):  # streamed, and then kept
+        metric.compare(reference, metric.percept(image))
+    metric.denoised(image, image)
+
+
+#: Rules of which every job's judge has the memory, whichever rules the job names.
+REMEMBERED_ANYWAY: Final = ("reverse", "visible")
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """One evaluation: the point of the curve, and what the job's own rule said."""
+
+    point: dict[str, object]
+    verdict: Verdict
+    #: At which spp the job's own rule is likely to be satisfied; None where nothing tells.
+    expected_spp: int | None
+    #: Why the image is no result, whatever the rules say, in words; None where it may be one.
+    flaw: str | None
+
+
+class Judge:
+    """The rules of one job, with what they remember.
+
+    The curve is always that of the reverse comparison, whatever rule ends the job: where neither
+    the rule nor a watched one is `reverse`, one with the paper's parameters is kept beside them.
+    So is one of `visible`: a job that goes on with this one may want what it remembers.
+    """
+
+    def __init__(self, spec: JobSpec) -> None:
+        self._metric = CompiledVisibleDifferences(View(**spec.view.model_dump()))
+        self._own = spec.rule.name
+        self._fixed_spp = spec.rule.spp if isinstance(spec.rule, FixedSpec) else None
+        self._before: tuple[int, float] | None = None  # where its value was one evaluation ago
+        self._min_spp, self._step = spec.min_spp or 0, spec.step
+        self._rules: dict[str, Rule] = {
+            rule.name: create_rule(**rule.model_dump()) for rule in (spec.rule, *spec.watch)
+        }
+        self._shown = tuple(self._rules)
+        self._zones = spec.zones
+        self._curve_map: tuple[int, NDArray[np.bool_]] | None = None  # of the last evaluation
+        self._target = next(
+            (rule.target for rule in (spec.rule, *spec.watch) if isinstance(rule, VisibleSpec)),
+            VisibleSpec().target,
+        )
+        for name in REMEMBERED_ANYWAY:
+            if name not in self._rules:
+                self._rules[name] = create_rule(name)
+
+    def judge(self, merge: Merge) -> Judgement:
+        """Evaluate every rule on the merged image; once for each evaluation, in order of spp."""
+        halves = merge.halves()
+        evidence = Evidence(
+            spp=merge.spp,
+            image=merge.image(),
+            halves=None if halves is None else (Half(*halves[0]), Half(*halves[1])),
+            metric=self._metric,
+        )
+        verdicts = {name: rule.judge(evidence) for name, rule in self._rules.items()}
+        visible = verdicts["reverse"].visible
+        assert visible is not None  # it always judges a map
+        self._curve_map = (merge.spp, visible)
+        curve = _curve(verdicts["reverse"])
+        flaw = flaw_of(evidence.image) if curve["non_finite_pixels"] else None
+        # Of an image that is no result, nothing is said that was judged of the rest of its pixels.
+        estimate = None if flaw else evidence.estimate
+        forecast = None if flaw else evidence.forecast(self._target)
+        point = {
+            "spp": merge.spp,
+            **curve,
+            **_estimate(estimate),
+            **_forecast(forecast),
+            "zones": self._zone_fractions(visible, estimate),
+            "rules": {
+                name: {"value": verdicts[name].value, "stop": verdicts[name].stop and not flaw}
+                for name in self._shown
+            },
+        }
+        own = verdicts[self._own]
+        expected = self._expected_spp(own, forecast, merge.spp)
+        return Judgement(point, self._not_too_early(own, merge.spp), expected, flaw)
+
+    def _expected_spp(self, own: Verdict, forecast: Forecast | None, spp: int) -> int | None:
+        """Where the rule is likely to be satisfied: by the forecast, or by where its value goes."""
+        before, self._before = self._before, None if own.value is None else (spp, own.value)
+        if self._fixed_spp is not None:
+            return self._fixed_spp
+        if self._own == "visible":
+            return None if forecast is None else forecast.spp
+        if before is None or own.value is None or own.limit is None:
+            return None
+        return _crossing(before, (spp, own.value), own.limit)
+
+    def _not_too_early(self, verdict: Verdict, spp: int) -> Verdict:
+        """The rule's verdict, which ends no job before its `min_spp`."""
+        if not verdict.stop or not self._min_spp or spp - self._step >= self._min_spp:
+            return verdict
+        stop = spp >= self._min_spp
+        may = "could not end earlier" if stop else "cannot end yet"
+        return replace(
+            verdict, stop=stop, reason=f"{verdict.reason}; min_spp is {self._min_spp}, so it {may}"
+        )
+
+    def visible_map(self, merge: Merge) -> NDArray[np.bool_] | None:
+        """Where the merged image differs visibly from the first one of the curve."""
+        if self._curve_map is not None and self._curve_map[0] == merge.spp:
+            return self._curve_map[1]
+        first = self._rules["reverse"].memory().images.get("first")
+        if first is None:
+            return None
+        evidence = Evidence(spp=merge.spp, image=merge.image(), halves=None, metric=self._metric)
+        difference = self._metric.compare(self._metric.percept(first), evidence.percept)
+        return difference.visible & evidence.finite if difference.non_finite else difference.visible
+
+    def _zone_fractions(
+        self, visible: NDArray[np.bool_], estimate: Estimate | None
+    ) -> dict[str, object]:
+        return {
+            "visible_fraction": zone_fractions(visible, self._zones).tolist(),
+            "estimate_fraction": None
+            if estimate is None
+            else zone_fractions(estimate.visible, self._zones).tolist(),
+        }
+
+    def memory(self) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+        """What the rules must remember across a restart: numbers, and images by name."""
+        memories = {name: rule.memory() for name, rule in self._rules.items()}
+        numbers = {name: memory.numbers for name, memory in memories.items()}
+        images = {
+            f"{name}:{image}": pixels
+            for name, memory in memories.items()
+            for image, pixels in memory.images.items()
+        }
+        return numbers, images
+
+    def recall(self, numbers: dict[str, Any], images: dict[str, NDArray[Any]]) -> None:
+        """Take up what `memory` gave; a rule that it does not name begins here."""
+        for name, rule in self._rules.items():
+            if name not in numbers:
+                continue
+            own = {
+                image.removeprefix(f"{name}:"): pixels
+                for image, pixels in images.items()
+                if image.startswith(f"{name}:")
+            }
+            rule.recall(Memory(numbers[name], own))
+
+
+def _crossing(before: tuple[int, float], now: tuple[int, float], limit: float) -> int | None:
+    """At which spp the line through two values comes down to the limit; None where it rises."""
+    (earlier, higher), (spp, value) = before, now
+    if value <= limit:
+        return spp
+    if value >= higher:
+        return None
+    return math.ceil(spp + (spp - earlier) * (value - limit) / (higher - value))
+
+
+# The fields of a point, as `plateau.farm.model.job.CurvePoint` has them.
+
+
+def _curve(reverse: Verdict) -> dict[str, object]:
+    numbers = reverse.numbers
+    return {
+        "visible_pixels": int(numbers["visible_pixels"] or 0),
+        "visible_fraction": numbers["visible_fraction"],
+        "slope": numbers["slope"],
+        "non_finite_pixels": int(numbers["non_finite_pixels"] or 0),
+    }
+
+
+def _estimate(estimate: Estimate | None) -> dict[str, object]:
+    if estimate is None:
+        return {"estimate_pixels": None, "estimate_fraction": None}
+    return {
+        "estimate_pixels": estimate.pixels,
+        "estimate_fraction": estimate.fraction,
+        "estimate_low_pixels": estimate.low_pixels,
+        "estimate_high_pixels": estimate.high_pixels,
+    }
+
+
+def _forecast(forecast: Forecast | None) -> dict[str, object]:
+    if forecast is None:
+        return {}
+    return {
+        "forecast_spp": forecast.spp,
+        "forecast_low_spp": forecast.low_spp,
+        "forecast_high_spp": forecast.high_spp,
+    }

@@ -1,0 +1,106 @@
+"""The pictures of a job: what the merged image looks like, and where it differs from the first."""
+
+import hashlib
+import logging
+import time
+from typing import Final
+
+from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs.store import Blobs
+from plateau.farm.images.exr import decode_partial
+from plateau.farm.ledger.ownership import Ownership, Ownerships
+from plateau.farm.model.errors import CorruptPartial
+from plateau.farm.model.spec import JobSpec
+from plateau.service.judging.judge import Judge
+from plateau.service.judging.merge import Merge
+from plateau.service.judging.previews import Previews
+from plateau.service.judging.result_files import result_files
+
+_LOG = logging.getLogger(__name__)
+
+_INTERVAL_S: Final = 2.0  #: at least so long between two previews
+
+
+class Results:
+    """The job's last set of pictures.
+
+    A set is written under a name of its own and shown by one fenced write to Redis: who fetches
+    images sees whole sets only, and a monitor that has lost the job cannot replace a newer one.
+    """
+
+    def __init__(self, owned: Ownership, owners: Ownerships, store: Blobs, spec: JobSpec) -> None:
+        self._owned = owned
+        self._owners = owners
+        self._blobs = store
+        self._spec = spec
+        self._previews = Previews(
+            store, owned.job_id, note=lambda blob, sha256: owners.note_blob(owned, blob, sha256)
+        )
+        self._glimpsed = False
+        self._shown: str | None = None
+        self._shown_spp = 0
+        self._shown_at = float("-inf")
+
+    def show_glimpse(self, judge: Judge) -> None:
+        """Show the first pass of the first slice, once it is there: a slice may take minutes."""
+        blob = None if self._glimpsed else self._owners.glimpse(self._owned.job_id)
+        if blob is None:
+            return
+        self._glimpsed = True
+        try:
+            if not blobs.is_partial(blob):
+                raise CorruptPartial(f"{blob!r} is no partial's name")
+            partial = decode_partial(self._blobs.get(blob))
+            if not 0 < partial.spp < self._spec.slice_spp:
+                raise CorruptPartial(f"a first pass of {partial.spp} spp")
+        except (FileNotFoundError, CorruptPartial) as error:
+            _LOG.warning("the first pass cannot be shown: %s", error)
+            return
+        glimpse = Merge(slice_spp=partial.spp)
+        glimpse.add(partial.pixels)
+        self.show(glimpse, judge)
+        self._blobs.delete(blob)
+
+    def preview(self, merge: Merge, judge: Judge) -> None:
+        """Show the merged image, unless it is shown, or another was a moment ago."""
+        if merge.spp == self._shown_spp or time.monotonic() < self._shown_at + _INTERVAL_S:
+            return
+        self.show(merge, judge)
+        self._shown_at = time.monotonic()
+
+    def show(self, merge: Merge, judge: Judge) -> None:
+        """Show the merged image."""
+        pictures = self._pictures(merge, judge, compressed=False)  # another comes in a moment
+        (written, sha256), before = self._put(merge.spp, pictures, self._owned.token), self._shown
+        self._owners.show_results(self._owned, written, merge.spp, sha256)
+        if self._spec.evaluates_at(merge.spp):
+            self._previews.keep(merge.spp, pictures["image.png"])
+        self._shown, self._shown_spp = written, merge.spp
+        if before not in {None, written}:
+            self._blobs.delete(*self._blobs.names(f"{before}/"))
+
+    def write(self, merge: Merge, judge: Judge) -> tuple[str, dict[str, str]]:
+        """Write the pictures of the merged image, which nobody sees yet.
+
+        Returns the set's name, and the SHA-256 of each of its files by name.
+        """
+        pictures = self._pictures(merge, judge, compressed=True)
+        return self._put(merge.spp, pictures, f"{self._owned.token}{blobs.FINAL}")
+
+    def _pictures(self, merge: Merge, judge: Judge, *, compressed: bool) -> dict[str, bytes]:
+        return result_files(
+            merge.image(),
+            judge.visible_map(merge),
+            job_id=self._owned.job_id,
+            spp=merge.spp,
+            exposure_ev=self._spec.view.exposure_ev,
+            compressed=compressed,
+        )
+
+    def _put(self, spp: int, pictures: dict[str, bytes], token: str) -> tuple[str, dict[str, str]]:
+        name = blobs.result_set(self._owned.job_id, spp, token)
+        for picture, content in pictures.items():
+            self._blobs.put(f"{name}/{picture}", content)
+        return name, {
+            picture: hashlib.sha256(content).hexdigest() for picture, content in pictures.items()
+        }

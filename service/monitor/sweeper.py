@@ -1,0 +1,73 @@
+"""The monitors' sweep: once an hour, one of them removes what nobody needs any more."""
+
+import logging
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Final
+
+from plateau.farm.blobs.store import Blobs
+from plateau.farm.ledger.totals import note_sweep
+from plateau.farm.model.errors import FarmError
+from plateau.farm.process.settings import Settings
+from plateau.farm.redis.link import connect
+from plateau.farm.sweep import Swept, is_due, sweep
+
+_LOG = logging.getLogger(__name__)
+
+_EVERY_S: Final = 3600.0  #: between two sweeps of the whole farm
+_LOOK_S: Final = 60.0  #: between two looks whether one is due
+_DAY_S: Final = 86_400.0
+
+
+@contextmanager
+def sweeping(settings: Settings, store: Blobs) -> Iterator[None]:
+    """Have a thread sweep while the context lasts; no error of its own ends it.
+
+    Whichever monitor finds a sweep due does it. The lock that it takes is for economy: two sweeps
+    at once are harmless. A monitor that stops does not wait for its sweep: that may break off.
+    """
+    over = threading.Event()
+    threading.Thread(
+        target=_sweep_when_due, args=(settings, store, over), name="sweeper", daemon=True
+    ).start()
+    try:
+        yield
+    finally:
+        over.set()
+
+
+def _sweep_when_due(settings: Settings, store: Blobs, over: threading.Event) -> None:
+    client = connect(settings.redis_url or "")
+    while not over.wait(_LOOK_S):
+        try:
+            if is_due(client, _EVERY_S):
+                swept = sweep(
+                    client,
+                    store,
+                    results_older_than_s=_seconds(settings.keep_results_days),
+                    sums_older_than_s=_seconds(settings.keep_sums_days),
+                    scenes_unused_for_s=_seconds(settings.keep_scenes_days),
+                )
+                note_sweep(client)
+                _report(swept)
+        except FarmError as error:
+            _LOG.warning("not all was swept; again in an hour: %s", error)
+        except Exception:  # noqa: BLE001  (whatever it is, the monitor's jobs go on)
+            _LOG.exception("not all was swept; again in an hour")
+
+
+def _report(swept: Swept) -> None:
+    if swept.blobs or swept.jobs:
+        _LOG.info(
+            "swept %d old jobs, %d unused scenes and %d orphaned blobs: %d blobs, %d bytes in all",
+            swept.jobs,
+            swept.scenes,
+            swept.orphans,
+            swept.blobs,
+            swept.freed_bytes,
+        )
+
+
+def _seconds(days: float | None) -> float | None:
+    return None if days is None else days * _DAY_S

@@ -1,0 +1,262 @@
+"""The deliverers of webhooks: threads of a monitor that bring messages to their receivers.
+
+They share the outbox with those of all other monitors, and nothing with the monitor's own work: a
+receiver that does not answer holds up no merge, and no delivery to another receiver. A monitor that
+is killed loses nothing: what it was delivering comes back when its lease runs out.
+"""
+
+import logging
+import threading
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Final
+
+from plateau.farm.ledger.outbox import MOST_TRIES, Outbox, Taken, TryEnd, retry_delay_s
+from plateau.farm.model.errors import StoreUnavailable
+from plateau.farm.process import log
+from plateau.farm.process.backoff import Backoff
+from plateau.farm.process.settings import Settings
+from plateau.farm.process.stop import Stop
+from plateau.farm.process.webhook_addresses import Receivers
+from plateau.farm.redis import keys
+from plateau.farm.redis.link import connect
+from plateau.farm.redis.wake import Wake
+from plateau.farm.wire.webhook_views import message
+from plateau.service.monitor.webhooks.requests import (
+    TOTAL_S,
+    Answer,
+    NoAnswer,
+    Requests,
+    signed_headers,
+)
+
+_LOG = logging.getLogger(__name__)
+
+#: So many deliveries are under way at once: of those, so many to one receiver, and so many to
+#: receivers that did not answer the last time, which may take all of the time that they have.
+_MOST: Final = 16
+_MOST_TO_ONE: Final = 2
+_MOST_TO_SILENT: Final = 8
+#: Silent receivers are remembered, so many of them.
+_MOST_REMEMBERED: Final = 10_000
+
+_LEASE_S: Final = 2 * TOTAL_S
+_LOOK_S: Final = 1.0
+_RETRY_S: Final = (0.5, 5.0)  #: the first and the longest wait where Redis is away
+_GOODBYE_S: Final = 3.0  #: for which a monitor that stops waits for what is under way
+
+_GONE: Final = 410
+
+
+@contextmanager
+def delivering(settings: Settings) -> Iterator[None]:
+    """Have threads deliver webhooks while the context lasts."""
+    receivers = Receivers(settings.webhook_allow)
+    client = connect(settings.redis_url or "")
+    deliverer = Deliverer(
+        Outbox(client),
+        Wake(client, keys.WAKE_WEBHOOKS),
+        Requests(receivers),
+        lease_s=_LEASE_S,
+    )
+    threading.Thread(target=deliverer.run, name="webhooks", daemon=True).start()
+    try:
+        yield
+    finally:
+        deliverer.stop()
+
+
+class Deliverer:
+    """Takes what is due from the outbox, tries it, and says how that ended.
+
+    Parameters
+    ----------
+    outbox, wake
+        Where messages wait, and the hints that one came.
+    requests
+        How they are sent.
+    lease_s
+        After so many seconds a try that said nothing counts as lost.
+    delay_s
+        Seconds to wait after so many tries, where the receiver asked for so many.
+    look_s
+        Seconds between two looks at the outbox, where no hint came.
+    """
+
+    def __init__(
+        self,
+        outbox: Outbox,
+        wake: Wake,
+        requests: Requests,
+        *,
+        lease_s: float,
+        delay_s: Callable[[int, float], float] = retry_delay_s,
+        look_s: float = _LOOK_S,
+    ) -> None:
+        self._outbox = outbox
+        self._wake = wake
+        self._requests = requests
+        self._lease_s = lease_s
+        self._delay_s = delay_s
+        self._look_s = look_s
+        self._over = Stop()
+        self._lock = threading.Lock()
+        self._under_way: Counter[str] = Counter()  # by receiver
+        self._silent: dict[str, None] = {}  # receivers, the one heard of last at the end
+        self._threads: set[threading.Thread] = set()
+
+    def run(self) -> None:
+        """Deliver until `stop` is called."""
+        backoff = Backoff(*_RETRY_S)
+        while not self._over.is_set():
+            try:
+                while (taken := self._take()) is not None:
+                    self._start(taken)
+                self._wake.wait(self._look_s, self._over)
+                backoff.reset()
+            except StoreUnavailable as error:
+                _LOG.warning("webhooks wait: %s", error)
+                self._over.wait(backoff.delay_s())
+
+    def stop(self) -> None:
+        """Take nothing more, and wait a moment for what is under way; the rest comes back."""
+        self._over.set()
+        ends = time.monotonic() + _GOODBYE_S
+        with self._lock:
+            threads = tuple(self._threads)
+        for thread in threads:
+            thread.join(max(0.0, ends - time.monotonic()))
+
+    def _take(self) -> Taken | None:
+        """The next delivery, which counts as under way now; None without one, or a free place."""
+        with self._lock:
+            if self._over.is_set() or self._under_way.total() >= _MOST:
+                return None
+            taken = self._outbox.take(self._lease_s, self._busy())
+            if taken is not None:
+                self._under_way[taken.receiver] += 1
+            return taken
+
+    def _busy(self) -> set[str]:
+        """The receivers to which nothing more is sent for now."""
+        busy = {one for one, count in self._under_way.items() if count >= _MOST_TO_ONE}
+        to_silent = [one for one in self._under_way if one in self._silent]
+        if len(to_silent) >= _MOST_TO_SILENT:
+            return busy | self._silent.keys()
+        return busy | set(to_silent)
+
+    def _start(self, taken: Taken) -> None:
+        thread = threading.Thread(target=self._go_on, args=(taken,), name="webhook", daemon=True)
+        with self._lock:
+            self._threads.add(thread)
+        thread.start()
+
+    def _go_on(self, taken: Taken | None) -> None:
+        """Deliver this one, and then what is due next, without waiting for a look."""
+        try:
+            while taken is not None:
+                try:
+                    with log.concerning(taken.job_id):
+                        self._deliver(taken)
+                finally:
+                    self._done_with(taken.receiver)
+                taken = self._take()
+        except StoreUnavailable as error:
+            _LOG.warning("webhooks wait: %s", error)
+        finally:
+            with self._lock:
+                self._threads.discard(threading.current_thread())
+
+    def _done_with(self, receiver: str) -> None:
+        with self._lock:
+            self._under_way[receiver] -= 1
+            if not self._under_way[receiver]:
+                del self._under_way[receiver]
+
+    def _deliver(self, taken: Taken) -> None:
+        started = time.monotonic()
+        answer, error = self._tried(taken)
+        self._remember(taken.receiver, silent=answer is None)
+        took_s = time.monotonic() - started
+        status = None if answer is None else answer.status
+        end = _end_of(taken, answer)
+        asked_s = 0.0 if answer is None else answer.retry_after_s
+        delay_s = self._delay_s(taken.tries, asked_s) if end == "failed" else 0.0
+        settled = self._settle(taken, end, status, error, took_s, delay_s)
+        _report(taken, end, error, took_s, delay_s, settled=settled)
+
+    def _tried(self, taken: Taken) -> tuple[Answer | None, str]:
+        """The answer, if there was one, and why it is no delivery, where it is none."""
+        try:
+            job = taken.job
+            body = message(job, taken.event, taken.number, taken.at).model_dump_json().encode()
+            headers = signed_headers(taken.id, taken.now, body, taken.secrets)
+            answer = self._requests.post(taken.url, headers, body)
+        except NoAnswer as error:
+            return None, str(error)
+        except Exception as error:  # noqa: BLE001  (one job's message must not hurt the others)
+            _LOG.exception("webhook %s could not be sent", taken.id)
+            return None, f"it could not be sent: {type(error).__name__}; the monitor's log has more"
+        if _is_delivered(answer):
+            return answer, ""
+        if 300 <= answer.status < 400:
+            return answer, f"the receiver answered {answer.status}; redirects are not followed"
+        return answer, f"the receiver answered {answer.status}"
+
+    def _remember(self, receiver: str, *, silent: bool) -> None:
+        with self._lock:
+            self._silent.pop(receiver, None)
+            if silent:
+                self._silent[receiver] = None
+                if len(self._silent) > _MOST_REMEMBERED:
+                    del self._silent[next(iter(self._silent))]
+
+    def _settle(
+        self,
+        taken: Taken,
+        end: TryEnd,
+        status: int | None,
+        error: str,
+        took_s: float,
+        delay_s: float,
+    ) -> bool:
+        """Write the end down, for as long as the lease lasts; False where it ran out."""
+        ends = time.monotonic() + self._lease_s
+        backoff = Backoff(*_RETRY_S)
+        while True:
+            try:
+                return self._outbox.settle(
+                    taken, end, status=status, error=error, took_s=took_s, delay_s=delay_s
+                )
+            except StoreUnavailable:
+                if time.monotonic() > ends or self._over.wait(backoff.delay_s()):
+                    raise
+
+
+def _is_delivered(answer: Answer) -> bool:
+    return 200 <= answer.status < 300
+
+
+def _end_of(taken: Taken, answer: Answer | None) -> TryEnd:
+    if answer is not None and _is_delivered(answer):
+        return "delivered"
+    if taken.tries >= MOST_TRIES or (answer is not None and answer.status == _GONE):
+        return "given-up"
+    return "failed"
+
+
+def _report(
+    taken: Taken, end: TryEnd, error: str, took_s: float, delay_s: float, *, settled: bool
+) -> None:
+    """Log how a try ended; of the URL only whom it names, since its path may be confidential."""
+    what = f"webhook {taken.id} ({taken.event}) to {taken.receiver}"
+    if not settled:
+        _LOG.warning("%s: its lease ran out after %.1f s", what, took_s)
+    elif end == "delivered":
+        _LOG.info("%s: delivered by try %d in %.1f s", what, taken.tries, took_s)
+    elif end == "failed":
+        _LOG.warning("%s: %s; try %d follows in %.0f s", what, error, taken.tries + 1, delay_s)
+    else:
+        _LOG.warning("%s: %s; given up after %d tries", what, error, taken.tries)

@@ -1,0 +1,237 @@
+"""The request that brings a webhook to its receiver: guarded, bounded, and signed.
+
+httpcore rather than httpx, whose transports do not let us choose the address that is connected to;
+it follows no redirects and knows no proxies. Signing is five lines, so it has no library; the tests
+verify with the one of Standard Webhooks.
+"""
+
+import base64
+import hmac
+import ssl
+import time
+from collections.abc import Callable, Iterable
+from datetime import datetime
+from functools import cached_property
+from importlib.metadata import version
+from typing import Any, Final
+from urllib.parse import urlsplit
+
+import httpcore
+
+from plateau.farm.model.webhook_spec import SECRET_PREFIX
+from plateau.farm.process.webhook_addresses import ReceiverRefused, Receivers
+
+CONNECT_S: Final = 5.0
+TOTAL_S: Final = 15.0
+#: What is read of an answer, so that the receiver can say all of a short one.
+_MOST_BYTES: Final = 16_384
+#: The longest `Retry-After` that is believed has so many digits.
+_DIGITS: Final = 6
+
+
+class NoAnswer(Exception):
+    """The receiver did not answer; says why."""
+
+
+class Answer:
+    """What the receiver answered: its status, and for how long it wants to be left alone."""
+
+    def __init__(self, status: int, headers: Iterable[tuple[bytes, bytes]]) -> None:
+        self.status = status
+        self.retry_after_s = 0.0
+        for name, value in headers:
+            if name.lower() == b"retry-after" and value.isdigit() and len(value) <= _DIGITS:
+                self.retry_after_s = float(value)
+
+
+def tls_context() -> ssl.SSLContext:
+    """What certificates are verified by: certifi's authorities, or those of ``SSL_CERT_FILE``."""
+    import httpx  # a monitor starts sooner without it
+
+    return httpx.create_ssl_context()
+
+
+def signed_headers(
+    message_id: str, at: datetime, body: bytes, secrets: Iterable[str]
+) -> dict[str, str]:
+    """The headers of Standard Webhooks, with a signature by each secret.
+
+    Parameters
+    ----------
+    message_id
+        The same for every try.
+    at
+        The moment of this try.
+    body
+        What is sent.
+    secrets
+        ``whsec_`` and the base64 of a key.
+    """
+    timestamp = int(at.timestamp())
+    signed = f"{message_id}.{timestamp}.".encode() + body
+    keys = (base64.b64decode(secret.removeprefix(SECRET_PREFIX)) for secret in secrets)
+    signatures = (base64.b64encode(hmac.digest(key, signed, "sha256")).decode() for key in keys)
+    return {
+        "content-type": "application/json",
+        "user-agent": f"Plateau/{version('plateau')}",
+        "webhook-id": message_id,
+        "webhook-timestamp": str(timestamp),
+        "webhook-signature": " ".join(f"v1,{one}" for one in signatures),
+    }
+
+
+class Requests:
+    """Sends requests to receivers that may be sent some.
+
+    Parameters
+    ----------
+    receivers
+        Who may.
+    tls
+        Makes what certificates are verified by, when it is wanted first: that takes a tenth of a
+        second, and most farms have no webhooks.
+    connect_s, total_s
+        The longest that a connection, and that everything together, may take, in seconds.
+    """
+
+    def __init__(
+        self,
+        receivers: Receivers,
+        tls: Callable[[], ssl.SSLContext] = tls_context,
+        *,
+        connect_s: float = CONNECT_S,
+        total_s: float = TOTAL_S,
+    ) -> None:
+        self._receivers = receivers
+        self._make_tls = tls
+        self._connect_s = connect_s
+        self._total_s = total_s
+
+    @cached_property
+    def _tls(self) -> ssl.SSLContext:
+        return self._make_tls()
+
+    def post(self, url: str, headers: dict[str, str], body: bytes) -> Answer:
+        """What the receiver answered.
+
+        Raises
+        ------
+        NoAnswer
+            It did not, in time; or it may not be sent anything.
+        """
+        parts = urlsplit(url)
+        plain = parts.scheme == "http"
+        target = (parts.path or "/") + (f"?{parts.query}" if parts.query else "")
+        asked = httpcore.URL(
+            scheme=parts.scheme, host=parts.hostname or "", port=parts.port, target=target
+        )
+        backend = _Guarded(self._receivers, plain, time.monotonic() + self._total_s)
+        timeouts = {
+            "connect": self._connect_s,
+            "read": self._total_s,
+            "write": self._total_s,
+            "pool": self._total_s,
+        }
+        sent = [("host", parts.netloc), *headers.items()]
+        try:
+            with (
+                httpcore.ConnectionPool(
+                    ssl_context=None if plain else self._tls, network_backend=backend
+                ) as pool,
+                pool.stream(
+                    "POST", asked, headers=sent, content=body, extensions={"timeout": timeouts}
+                ) as response,
+            ):
+                _read_some(response)
+                return Answer(response.status, response.headers)
+        except ReceiverRefused as refused:
+            raise NoAnswer(str(refused)) from refused
+        except httpcore.ConnectTimeout as error:
+            raise NoAnswer(f"no connection within {self._connect_s:g} s") from error
+        except httpcore.TimeoutException as error:
+            raise NoAnswer(f"no answer within {self._total_s:g} s") from error
+        except (httpcore.NetworkError, httpcore.ProtocolError, ssl.SSLError) as error:
+            raise NoAnswer(str(error) or type(error).__name__) from error
+
+
+def _read_some(response: httpcore.Response) -> None:
+    """Read the body to a limit; its status counts, whatever comes of the rest."""
+    read = 0
+    try:
+        for chunk in response.iter_stream():
+            read += len(chunk)
+            if read > _MOST_BYTES:
+                return
+    except (httpcore.TimeoutException, httpcore.NetworkError, httpcore.ProtocolError):
+        return
+
+
+class _Guarded(httpcore.NetworkBackend):
+    """Connects to addresses that were checked, and to nobody for longer than until `ends`."""
+
+    def __init__(self, receivers: Receivers, plain: bool, ends: float) -> None:
+        self._receivers = receivers
+        self._plain = plain
+        self._ends = ends
+        self._sockets = httpcore.SyncBackend()
+
+    def connect_tcp(
+        self,
+        host: str,
+        port: int,
+        timeout: float | None = None,
+        local_address: str | None = None,
+        socket_options: Iterable[Any] | None = None,
+    ) -> httpcore.NetworkStream:
+        # The name is looked up once; what is connected to is an address, and no name any more.
+        addresses = self._receivers.addresses(host, port, plain=self._plain)
+        ends = self._ends if timeout is None else min(self._ends, time.monotonic() + timeout)
+        failed: Exception = httpcore.ConnectError(f"{host} has no address")
+        for address in addresses:
+            left_s = _left(ends, httpcore.ConnectTimeout)
+            try:
+                stream = self._sockets.connect_tcp(
+                    address, port, left_s, local_address, socket_options
+                )
+            except (httpcore.ConnectError, httpcore.ConnectTimeout) as error:
+                failed = error
+            else:
+                return _Bounded(stream, self._ends)
+        raise failed
+
+
+class _Bounded(httpcore.NetworkStream):
+    """A stream on which nothing waits for longer than until `ends`: not even drop by drop."""
+
+    def __init__(self, stream: httpcore.NetworkStream, ends: float) -> None:
+        self._stream = stream
+        self._ends = ends
+
+    def read(self, max_bytes: int, timeout: float | None = None) -> bytes:
+        return self._stream.read(max_bytes, _left(self._ends, httpcore.ReadTimeout, timeout))
+
+    def write(self, buffer: bytes, timeout: float | None = None) -> None:
+        self._stream.write(buffer, _left(self._ends, httpcore.WriteTimeout, timeout))
+
+    def close(self) -> None:
+        self._stream.close()
+
+    def start_tls(
+        self,
+        ssl_context: ssl.SSLContext,
+        server_hostname: str | None = None,
+        timeout: float | None = None,
+    ) -> httpcore.NetworkStream:
+        left_s = _left(self._ends, httpcore.ConnectTimeout, timeout)
+        return _Bounded(self._stream.start_tls(ssl_context, server_hostname, left_s), self._ends)
+
+    def get_extra_info(self, info: str) -> Any:
+        return self._stream.get_extra_info(info)
+
+
+def _left(ends: float, late: type[Exception], most_s: float | None = None) -> float:
+    """The seconds that are left until `ends`, or `most_s`; raises `late` where there are none."""
+    left_s = ends - time.monotonic()
+    if left_s <= 0:
+        raise late
+    return left_s if most_s is None else min(left_s, most_s)

@@ -1,0 +1,220 @@
+"""S3 stores that are misconfigured, odd or away: one clear error each, and never a secret in it.
+
+That a store which works does what it must is held against real servers, in tests/cluster.
+"""
+
+import io
+import time
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+
+import pytest
+import redis
+
+from plateau.farm.blobs.probe import check_create_once
+from plateau.farm.blobs.store import MARK, Blobs
+from plateau.farm.ledger.pairing import check_pair
+from plateau.farm.model.errors import BlobsUnavailable, WrongStore
+from plateau.farm.redis import keys
+from tests.support.odd_s3 import OddS3, error
+
+SECRET = "the-secret-of-this-test"
+
+
+@pytest.fixture
+def server(monkeypatch: pytest.MonkeyPatch) -> Iterator[OddS3]:
+    for name in ("AWS_ENDPOINT_URL_S3", "AWS_ENDPOINT", "AWS_SESSION_TOKEN", "AWS_CA_BUNDLE"):
+        monkeypatch.delenv(name, raising=False)
+    with OddS3() as server:
+        monkeypatch.setenv("AWS_ENDPOINT_URL", server.endpoint)
+        monkeypatch.setenv("AWS_ACCESS_KEY_ID", "anna")
+        monkeypatch.setenv("AWS_SECRET_ACCESS_KEY", SECRET)
+        yield server
+
+
+@pytest.fixture
+def bucket(server: OddS3) -> Blobs:
+    return Blobs("s3://bucket/plateau")
+
+
+class TestAUrl:
+    @pytest.mark.parametrize(
+        "url", ["s3://", "s3:///prefix", "s3://bucket/a?region=x", "s3://b#a", "gs://b"]
+    )
+    def test_names_a_bucket_and_a_prefix(self, url: str) -> None:
+        with pytest.raises(ValueError, match=r"s3://BUCKET/PREFIX"):
+            Blobs(url)
+
+    def test_has_no_credentials(self) -> None:
+        with pytest.raises(ValueError, match="set AWS_ACCESS_KEY_ID and") as refused:
+            Blobs(f"s3://anna:{SECRET}@bucket/plateau")
+        assert SECRET not in str(refused.value)
+
+    def test_needs_no_slash_at_its_end_and_no_prefix(self, server: OddS3) -> None:
+        for url, name in (("s3://b", "/b/a"), ("s3://b/p/", "/b/p/a"), ("s3://b/p/q", "/b/p/q/a")):
+            Blobs(url).put("a", b"x")
+            assert server.objects.pop(name) == b"x"
+
+
+@pytest.mark.parametrize(
+    ("says", "words"),
+    [
+        (error(404, "NoSuchBucket"), "there is no such bucket: make it"),
+        (error(403, "InvalidAccessKeyId"), "the store does not know this AWS_ACCESS_KEY_ID"),
+        (error(404, "XAdminUserNotFound"), "the store does not know this AWS_ACCESS_KEY_ID"),
+        (error(403, "SignatureDoesNotMatch"), "AWS_SECRET_ACCESS_KEY is not that of"),
+        (error(400, "ExpiredToken"), "AWS_SESSION_TOKEN has expired"),
+        (error(403, "RequestTimeTooSkewed"), "this machine's clock differs"),
+        (error(403, "AccessDenied"), "the store does not allow that"),
+        (error(503, "SlowDown"), "503 Service Unavailable, SlowDown"),
+        ((404, b"default backend - 404"), "404 Not Found"),
+        ((502, b"<html>Bad gateway</html>"), "502 Bad Gateway"),
+        ((301, b""), "the bucket is in another region: set AWS_REGION"),
+    ],
+    ids=lambda value: value if isinstance(value, str) else "",
+)
+def test_what_is_wrong_is_said_in_a_line(
+    server: OddS3, monkeypatch: pytest.MonkeyPatch, says: tuple[int, bytes], words: str
+) -> None:
+    monkeypatch.setattr("plateau.farm.blobs.bucket._TRIES_AGAIN", 0)
+    bucket = Blobs("s3://bucket/plateau")
+    server.says = says
+    for ask in (
+        lambda: bucket.get("scenes/a"),
+        lambda: bucket.size("scenes/a"),
+        lambda: next(bucket.chunks("scenes/a")),
+        lambda: bucket.put("scenes/a", b"x"),
+        lambda: bucket.names(""),
+        bucket.mark,
+        lambda: bucket.create("scenes/a", b"x"),
+    ):
+        with pytest.raises(BlobsUnavailable) as failed:
+            ask()
+        said = str(failed.value)
+        assert words in said
+        assert "\n" not in said
+        assert SECRET not in said
+
+
+def test_a_gateway_that_knows_nothing_is_not_a_store_without_blobs(
+    server: OddS3, bucket: Blobs
+) -> None:
+    bucket.make_mark("ours")
+    bucket.put("scenes/a", b"x")
+    other = Blobs(bucket.where)
+    assert other.exists("scenes/a")
+    for says in ((404, b""), (404, b"no such page"), error(404, "NoSuchBucket")):
+        server.says = says
+        for one in (bucket, other):
+            with pytest.raises(BlobsUnavailable):
+                one.get("scenes/a")
+            with pytest.raises(BlobsUnavailable):
+                one.exists("scenes/a")
+    server.says = None
+    assert bucket.get("scenes/a") == b"x"
+
+
+def test_a_store_that_cannot_create_once_is_refused_before_it_is_used(
+    server: OddS3, bucket: Blobs, client: redis.Redis
+) -> None:
+    server.careless = True
+    with pytest.raises(WrongStore, match="replaces what is there all the same") as refused:
+        check_pair(client, bucket)
+    assert "If-None-Match" in str(refused.value)
+    server.careless, server.refuses_conditions = False, True
+    with pytest.raises(WrongStore, match="does not know If-None-Match"):
+        check_create_once(bucket)
+    # Nothing was left there, nor noted here
+    assert server.objects == {}
+    assert not client.exists(keys.STORE)
+    # And one that is away is not refused
+    server.says = error(503, "SlowDown")
+    with pytest.raises(BlobsUnavailable):
+        check_create_once(bucket)
+
+
+class TestAnAnswerThatDoesNotSay:
+    """Whether it was done is looked for in the store."""
+
+    def test_whether_a_blob_was_created(self, server: OddS3, bucket: Blobs) -> None:
+        # It was: the try whose answer was lost, and so the next one was told that there is one
+        server.objects[f"/bucket/plateau/{MARK}"] = b"ours"
+        assert bucket.create(MARK, b"ours")
+        # It was by another
+        assert not bucket.create(MARK, b"theirs")
+
+    def test_whether_a_scene_was_put(
+        self, server: OddS3, bucket: Blobs, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        # Given a store that does what it is asked and then says that it could not
+        answer = server.answer
+
+        def afterwards(method: str, path: str, body: bytes, *, creates: bool) -> tuple[int, bytes]:
+            done = answer(method, path, body, creates=creates)
+            return error(500, "InternalError") if method == "PUT" else done
+
+        monkeypatch.setattr(server, "answer", afterwards)
+        bucket.put_once("scenes/a", io.BytesIO(b"scene"), 5)
+        assert bucket.create("scenes/b", b"scene")
+        assert bucket.get("scenes/a") == b"scene"
+        with pytest.raises(BlobsUnavailable, match="InternalError"):
+            bucket.put("scenes/c", b"x")
+
+
+def test_a_store_that_is_silent_is_given_up(server: OddS3, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("plateau.farm.blobs.bucket._SILENCE_S", 0.5)
+    bucket = Blobs("s3://bucket/plateau")
+    bucket.make_mark("ours")
+    server.silent.set()
+    started = time.monotonic()
+    with pytest.raises(BlobsUnavailable, match="it does not answer"):
+        bucket.get("scenes/a")
+    with pytest.raises(BlobsUnavailable, match="it does not answer"):
+        bucket.put("scenes/a", b"x")
+    assert time.monotonic() - started < 10
+    server.silent.clear()
+    bucket.put("scenes/a", b"x")
+    assert bucket.get("scenes/a") == b"x"
+
+
+def test_while_a_store_is_silent_only_one_waits_for_it(
+    server: OddS3, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("plateau.farm.blobs.bucket._SILENCE_S", 2.0)
+    bucket = Blobs("s3://bucket/plateau")
+    bucket.make_mark("ours")
+    server.silent.set()
+
+    def time_of_an_answer() -> float:
+        started = time.monotonic()
+        with pytest.raises(BlobsUnavailable):
+            bucket.size("scenes/a")
+        return time.monotonic() - started
+
+    # Given many who asked before anybody knew
+    with ThreadPoolExecutor(8) as pool:
+        assert all(one > 1 for one in pool.map(lambda _: time_of_an_answer(), range(8)))
+        # When they ask again, then one waits, and finds out for all
+        times = sorted(pool.map(lambda _: time_of_an_answer(), range(8)))
+        assert times[-1] > 1
+        assert times[-2] < 1
+    server.silent.clear()
+    assert bucket.size("scenes/a") is None
+    assert bucket.size(MARK) == 4
+
+
+def test_a_server_that_is_gone(server: OddS3, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("AWS_ENDPOINT_URL", "http://127.0.0.1:9")
+    with pytest.raises(BlobsUnavailable, match=r"http://127\.0\.0\.1:9/bucket.*refused"):
+        Blobs("s3://bucket").names("")
+
+
+def test_http_is_spoken_to_an_http_endpoint_alone(
+    server: OddS3, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("AWS_ENDPOINT_URL", server.endpoint.replace("http:", "https:"))
+    with pytest.raises(BlobsUnavailable, match="it does not speak TLS"):
+        Blobs("s3://bucket").names("")
+    # The endpoint for S3 comes before the one for everything
+    monkeypatch.setenv("AWS_ENDPOINT_URL_S3", server.endpoint)
+    assert not Blobs("s3://bucket").exists("a")

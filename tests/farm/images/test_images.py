@@ -1,0 +1,74 @@
+"""Partials and images survive their EXR files; broken files are refused in words."""
+
+import io
+
+import numpy as np
+import OpenEXR
+import pytest
+
+from plateau.farm.images.exr import (
+    Partial,
+    decode_image,
+    decode_partial,
+    encode_image,
+    encode_partial,
+)
+from plateau.farm.model.errors import CorruptPartial
+
+RNG = np.random.default_rng(7)
+
+
+def a_partial() -> Partial:
+    pixels = RNG.normal(size=(5, 7, 4)).astype(np.float32)
+    pixels[0, 0] = [np.nan, np.inf, -0.0, 1e-42]
+    return Partial(
+        job_id="j",
+        index=3,
+        first_seed=2**32 - 2,
+        last_seed=2**32 - 1,
+        spp=25,
+        variant="scalar_rgb",
+        scene_sha256="ab" * 32,
+        pixels=pixels,
+    )
+
+
+def test_a_partial_comes_back_to_the_bit() -> None:
+    partial = a_partial()
+    back = decode_partial(encode_partial(partial))
+    assert back.pixels.tobytes() == partial.pixels.tobytes()
+    for name in ("job_id", "index", "first_seed", "last_seed", "spp", "variant", "scene_sha256"):
+        assert getattr(back, name) == getattr(partial, name)
+
+
+@pytest.mark.parametrize("keep", [0, 3, 200, 0.5, 0.99])
+def test_a_partial_cut_short_is_refused(keep: float) -> None:
+    content = encode_partial(a_partial())
+    short = content[: int(keep * len(content)) if keep < 1 else int(keep)]
+    with pytest.raises(CorruptPartial):
+        decode_partial(short)
+
+
+def test_an_image_is_no_partial() -> None:
+    with pytest.raises(CorruptPartial, match="'W'"):
+        decode_partial(encode_image(np.zeros((2, 2, 3), np.float32)))
+
+
+def test_an_image_comes_back_to_the_bit() -> None:
+    image = RNG.random((9, 4, 3)).astype(np.float32)
+    np.testing.assert_array_equal(decode_image(encode_image(image, {"plateau:spp": 3})), image)
+
+
+@pytest.mark.parametrize("dtype", [np.float16, np.float32])
+def test_half_alpha_and_grey_exrs_are_read(dtype: type) -> None:
+    plane = RNG.random((3, 2)).astype(dtype)
+
+    def exr(*names: str) -> bytes:
+        stream = io.BytesIO()
+        with OpenEXR.File({}, {name: plane.copy() for name in names}) as file:
+            file.write(stream)
+        return stream.getvalue()
+
+    expected = np.stack([plane.astype(np.float32)] * 3, axis=-1)
+    np.testing.assert_array_equal(decode_image(exr("R", "G", "B", "A")), expected)
+    np.testing.assert_array_equal(decode_image(exr("Y")), expected)

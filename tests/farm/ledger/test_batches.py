@@ -1,0 +1,529 @@
+"""Batches: made at once, summed up, guarded against flicker, steered, and forgotten."""
+
+import json
+from concurrent.futures import ThreadPoolExecutor
+from datetime import datetime, timedelta, timezone
+from typing import Any
+
+import pytest
+import redis
+
+from plateau.farm.ledger.batches import Batches, Steer
+from plateau.farm.ledger.jobs import Created, Jobs
+from plateau.farm.ledger.queue import SliceQueue
+from plateau.farm.ledger.schema import check_schema
+from plateau.farm.model.batch import Member, summarise
+from plateau.farm.model.errors import BatchNotFound, UnevenBatch
+from plateau.farm.model.spec import BatchSpec, JobSpec
+from plateau.farm.model.states import JobState
+from plateau.farm.redis import keys
+from plateau.farm.redis.link import connect
+from plateau.farm.redis.scripts import Scripts
+from tests.support.staged_job import StagedJob
+
+#: Whatever a user may think of.
+NAMES = ["shot/010", "a:b", "plateau:jobs", "10 % grün", "夜景", "x" * 100, "{}", "in:queued"]
+
+
+@pytest.fixture
+def jobs(client: redis.Redis) -> Jobs:
+    return Jobs(client)
+
+
+@pytest.fixture
+def batches(client: redis.Redis) -> Batches:
+    return Batches(client)
+
+
+def create(jobs: Jobs, count: int = 3, batch: str = "b", **spec: Any) -> list[str]:
+    """The ids of the jobs of a list, in its order."""
+    asked = BatchSpec(parameters=[{"frame": frame} for frame in range(count)], **spec)
+    made = jobs.create_all(asked.job_specs(batch), name="box", scene_sha256="00")
+    assert not made.repeated
+    found, _ = jobs.search(batch=batch, limit=1000)
+    ids = [job.id for job in found][::-1]
+    assert made.job.id in ids
+    return ids
+
+
+def finish(client: redis.Redis, job_id: str, state: JobState, *, spp: int = 100) -> StagedJob:
+    staged = StagedJob(client, job_id)
+    staged.commit(spp // staged.spec.slice_spp)
+    staged.point(spp, 5)
+    staged.end(state)
+    staged.finish(spp)
+    return staged
+
+
+class TestAList:
+    def test_makes_a_job_for_each_entry_in_its_order(self, jobs: Jobs) -> None:
+        ids = create(jobs, 5, priority=3)
+        made = [jobs.get(job_id) for job_id in ids]
+        assert [job.spec.parameters for job in made] == [{"frame": frame} for frame in range(5)]
+        assert {(job.spec.batch, job.spec.priority, job.state) for job in made} == {
+            ("b", 3, JobState.QUEUED)
+        }
+
+    def test_is_made_once_for_a_key(self, jobs: Jobs, batches: Batches) -> None:
+        def make(digest: str) -> Created:
+            specs = BatchSpec(parameters=[{"a": 1}, {"a": 2}]).job_specs("b")
+            given = {"name": "box", "scene_sha256": "00", "idempotency_key": "k"}
+            return jobs.create_all(specs, **given, digest=digest)
+
+        first = make("1")
+        again, other = make("1"), make("2")
+        assert (again.job.id, again.repeated) == (first.job.id, True)
+        assert (other.job.id, other.conflict) == (first.job.id, True)
+        assert batches.get("b").jobs == 2
+
+    def test_of_a_thousand_is_made_at_once(self, jobs: Jobs, batches: Batches) -> None:
+        assert len(create(jobs, 1000)) == 1000
+        assert batches.get("b").states == {JobState.QUEUED: 1000}
+
+
+class TestTheIndex:
+    @pytest.mark.parametrize("name", NAMES)
+    def test_takes_any_name(self, jobs: Jobs, batches: Batches, name: str) -> None:
+        ids = create(jobs, 2, name)
+        create(jobs, 1, "other")
+        assert batches.get(name).job_ids == ids
+        assert [job.id for job in jobs.search(batch=name)[0]] == ids[::-1]
+        assert [line.name for line in batches.page()[0]] == ["other", name]
+        assert len(jobs.search()[0]) == len(jobs.search(state=JobState.QUEUED)[0]) == 3
+
+    def test_lists_by_the_newest_job_in_pages(self, jobs: Jobs, batches: Batches) -> None:
+        for name in "abcab":
+            create(jobs, 2, name)
+        jobs.cancel(jobs.search(batch="a")[0][0].id)
+        seen, before = [], None
+        while True:
+            page, before = batches.page(before=before, limit=2)
+            seen += [(line.name, line.jobs, line.states) for line in page]
+            if before is None:
+                break
+        assert seen == [
+            ("b", 4, {JobState.QUEUED: 4}),
+            ("a", 4, {JobState.QUEUED: 3, JobState.CANCELLED: 1}),
+            ("c", 2, {JobState.QUEUED: 2}),
+        ]
+
+    def test_finds_a_batch_s_jobs_of_a_state_by_pages(self, jobs: Jobs) -> None:
+        ids = create(jobs, 9)
+        create(jobs, 2, "other")
+        for job_id in ids[::2]:
+            jobs.cancel(job_id)
+        seen, before = [], None
+        while True:
+            page, before = jobs.search(batch="b", state=JobState.CANCELLED, before=before, limit=2)
+            seen += [job.id for job in page]
+            if before is None:
+                break
+        assert seen == ids[::2][::-1]
+
+    def test_of_a_state_follows_every_move(self, client: redis.Redis, jobs: Jobs) -> None:
+        def listed() -> dict[str, list[str]]:
+            found = {state: jobs.search(state=state)[0] for state in JobState}
+            return {state.value: [job.id for job in of] for state, of in found.items() if of}
+
+        staged = StagedJob(client)
+        assert listed() == {"queued": [staged.id]}
+        staged.commit()
+        assert listed() == {"rendering": [staged.id]}
+        jobs.pause(staged.id)
+        assert listed() == {"paused": [staged.id]}
+        jobs.resume(staged.id)
+        staged.end(JobState.EXHAUSTED)
+        assert listed() == {"exhausted": [staged.id]}
+
+    def test_goes_with_the_last_job(
+        self, client: redis.Redis, jobs: Jobs, batches: Batches
+    ) -> None:
+        before = set(client.keys("*"))
+        ids = create(jobs, 3, flicker_guard=True)
+        create(jobs, 1, "newer")
+        for job_id in ids:
+            finish(client, job_id, JobState.CONVERGED)
+        # When its newest job is forgotten, it is as new as the one before
+        scripts = Scripts(client)
+        assert scripts.run("forget", ids[2], 0) == "forgotten"
+        assert client.zscore(keys.BATCHES, "b") == jobs_number(client, ids[1])
+        assert batches.get("b").job_ids == ids[:2]
+        for job_id in ids[:2]:
+            assert scripts.run("forget", job_id, 0) == "forgotten"
+        with pytest.raises(BatchNotFound, match="'b'"):
+            batches.get("b")
+        assert [line.name for line in batches.page()[0]] == ["newer"]
+        [other] = jobs.search()[0]
+        finish(client, other.id, JobState.FAILED)
+        scripts.run("forget", other.id, 0)
+        left = set(client.keys("*")) - before
+        assert left <= {"plateau:created", "plateau:totals", "plateau:heard"}
+
+    def test_is_built_for_jobs_of_an_older_layout(
+        self, client: redis.Redis, jobs: Jobs, batches: Batches
+    ) -> None:
+        # Given jobs as layout 2 had them
+        ids = [create(jobs, 1, name)[-1] for name in ("a", "b", "a")]
+        alone = jobs.create(JobSpec(), name="box", scene_sha256="00").job.id
+        jobs.cancel(ids[0])
+        for key in client.scan_iter("plateau:batch*"):
+            client.delete(key)
+        for key in client.scan_iter("plateau:jobs:in:*"):
+            client.delete(key)
+        client.set(keys.SCHEMA, "2")
+        assert jobs.search(batch="a") == ([], None)
+        # When they are brought forward
+        check_schema(client)
+        # Then all is as if it had always been so
+        assert [line.name for line in batches.page()[0]] == ["a", "b"]
+        assert batches.get("a").job_ids == [ids[0], ids[2]]
+        assert [job.id for job in jobs.search(state=JobState.CANCELLED)[0]] == [ids[0]]
+        assert {job.id for job in jobs.search(state=JobState.QUEUED)[0]} == {*ids[1:], alone}
+        assert create(jobs, 1, "b")[-1] == batches.get("b").job_ids[-1]
+
+
+def jobs_number(client: redis.Redis, job_id: str) -> float | None:
+    score: float | None = client.zscore(keys.JOBS, job_id)
+    return score
+
+
+class TestASummary:
+    def test_adds_its_jobs_up(self, client: redis.Redis, jobs: Jobs, batches: Batches) -> None:
+        ids = create(jobs, 4, max_spp=1000)
+        finish(client, ids[0], JobState.CONVERGED, spp=200)
+        rendering = StagedJob(client, ids[1])
+        rendering.commit(4)
+        rendering.point(100, 9)
+        jobs.cancel(ids[3])
+        found = batches.get("b")
+        assert (found.jobs, found.job_ids, found.finished) == (4, ids, 1)
+        assert found.states == {
+            JobState.CONVERGED: 1,
+            JobState.RENDERING: 1,
+            JobState.QUEUED: 1,
+            JobState.CANCELLED: 1,
+        }
+        each = [jobs.get(job_id) for job_id in ids]
+        assert found.spp is not None
+        assert (found.spp.least, found.spp.most, found.spp.mean) == (0, 200, 75)
+        assert found.machine_s == pytest.approx(sum(job.machine_s for job in each))
+        assert found.samples_saved == each[0].samples_saved == 800 * 32 * 24
+        assert (found.created_at, found.started_at) == (each[0].created_at, each[0].started_at)
+        assert found.ended_at is None
+        # It has ended with its last job
+        for job_id in ids[1:3]:
+            jobs.cancel(job_id)
+        assert batches.get("b").ended_at == max(jobs.get(job_id).ended_at for job_id in ids)
+
+    def test_is_of_a_batch_that_is_there(self, batches: Batches) -> None:
+        with pytest.raises(BatchNotFound):
+            batches.get("none")
+        with pytest.raises(BatchNotFound):
+            batches.steer("none", Steer.CANCEL)
+
+
+NOW = datetime(2026, 11, 21, 12, tzinfo=timezone.utc)
+
+
+def member(number: int, state: JobState, **other: Any) -> Member:
+    """A job that was begun a minute ago, if it was, and rendered 10 spp a second."""
+    spp = other.get("spp", 0)
+    began = NOW - timedelta(seconds=60) if spp else None
+    values: dict[str, Any] = {
+        "id": f"job-{number}",
+        "spec": JobSpec(),
+        "state": state,
+        "held": False,
+        "spp": spp,
+        "committed_spp": spp,
+        "estimate_fraction": None,
+        "forecast_spp": None,
+        "film": (32, 24) if spp else None,
+        "machine_s": spp / 10,
+        "samples_saved": 0,
+        "created_at": NOW - timedelta(seconds=90),
+        "started_at": began,
+        "ended_at": NOW if state.ended else None,
+        "finished": state.ended,
+    }
+    return Member(**{**values, **other})
+
+
+class TestAForecast:
+    """Two jobs rendered 600 spp in a minute: 60 s of machines, so one worker's worth."""
+
+    DONE = member(0, JobState.CONVERGED, spp=400)
+
+    def test_adds_what_each_job_still_needs_at_the_rate_so_far(self) -> None:
+        members = [
+            self.DONE,
+            member(1, JobState.RENDERING, spp=200, forecast_spp=500),
+            member(2, JobState.QUEUED),  # as the one that converged
+        ]
+        found = summarise("b", members, guarded=False, now=NOW).forecast_end_at
+        assert found == NOW + timedelta(seconds=(300 + 400) / 10)
+
+    def test_ends_at_the_cap_and_not_before_the_least_spp(self) -> None:
+        for spec, spp in (
+            (JobSpec(max_spp=300), 300),
+            (JobSpec(min_spp=800), 800),
+            (JobSpec(rule={"name": "fixed", "spp": 600}), 600),
+        ):
+            members = [
+                self.DONE,
+                member(1, JobState.RENDERING, spp=200, forecast_spp=500, spec=spec),
+            ]
+            found = summarise("b", members, guarded=False, now=NOW).forecast_end_at
+            assert found == NOW + timedelta(seconds=(spp - 200) / 10)
+
+    def test_counts_only_the_time_in_which_anything_was_rendered(self) -> None:
+        # Given a job of yesterday, which took a minute too
+        early = NOW - timedelta(days=1)
+        old = member(
+            0,
+            JobState.CONVERGED,
+            spp=600,
+            started_at=early,
+            ended_at=early + timedelta(seconds=60),
+        )
+        members = [old, member(1, JobState.RENDERING, spp=600, forecast_spp=900)]
+        found = summarise("b", members, guarded=False, now=NOW).forecast_end_at
+        assert found == NOW + timedelta(seconds=30)
+
+    @pytest.mark.parametrize(
+        "members",
+        [
+            [DONE],
+            [member(0, JobState.QUEUED)],
+            [member(0, JobState.RENDERING, spp=200)],
+            [DONE, member(1, JobState.PAUSED, spp=200, forecast_spp=500)],
+            [DONE, member(1, JobState.QUEUED, held=True)],
+        ],
+        ids=["all ended", "nothing known", "no forecast yet", "one paused", "one held back"],
+    )
+    def test_is_not_given_where_nobody_can_say(self, members: list[Member]) -> None:
+        assert summarise("b", members, guarded=False, now=NOW).forecast_end_at is None
+
+
+class TestTheGuard:
+    def test_finds_a_list_s_jobs_even(self) -> None:
+        members = [member(number, JobState.QUEUED) for number in range(3)]
+        guard = summarise("b", members, guarded=True, now=NOW).guard
+        assert (guard.guarded, guard.even, guard.differs, guard.missed) == (True, True, [], [])
+        assert (guard.rule, guard.target, guard.min_spp) == ("visible", 0.0002, 200)
+
+    @pytest.mark.parametrize(
+        ("other", "field", "value", "others"),
+        [
+            ({"rule": {"name": "visible", "target": 0.001}}, "rule.target", 0.001, 0.0002),
+            ({"rule": {"name": "reverse"}}, "rule.name", "reverse", "visible"),
+            ({"min_spp": 500}, "min_spp", 500, None),
+            ({"step": 50}, "step", 50, 100),
+            ({"view": {"exposure_ev": 1}}, "view.exposure_ev", 1.0, 0.0),
+        ],
+    )
+    def test_names_the_job_that_stops_otherwise_and_how(
+        self, other: dict[str, Any], field: str, value: object, others: object
+    ) -> None:
+        # The odd one is the first: what most others have counts
+        odd = member(0, JobState.QUEUED, spec=JobSpec.model_validate(other))
+        members = [odd, *(member(number, JobState.QUEUED) for number in (1, 2))]
+        guard = summarise("b", members, guarded=False, now=NOW).guard
+        assert not guard.even
+        assert [one.model_dump() for one in guard.differs] == [
+            {"job": "job-0", "field": field, "value": value, "others": others}
+        ]
+
+    def test_sees_another_film(self) -> None:
+        members = [member(number, JobState.RENDERING, spp=100) for number in range(3)]
+        members[1] = member(1, JobState.RENDERING, spp=100, film=(64, 24))
+        [found] = summarise("b", members, guarded=False, now=NOW).guard.differs
+        assert (found.job, found.field, found.value, found.others) == (
+            "job-1",
+            "film",
+            "64×24",
+            "32×24",
+        )
+
+    def test_does_not_mind_what_leaves_the_noise_alone(self) -> None:
+        other = JobSpec(seed=3, max_spp=2000, priority=5, keep_slices=True, sensor=1)
+        members = [member(0, JobState.QUEUED), member(1, JobState.QUEUED, spec=other)]
+        assert summarise("b", members, guarded=False, now=NOW).guard.even
+
+    def test_tells_who_missed_and_how_far_the_others_are_apart(self) -> None:
+        ends = [
+            (JobState.CONVERGED, 400, 0.0001),
+            (JobState.CONVERGED, 500, 0.0002),
+            (JobState.EXHAUSTED, 900, 0.01),
+            (JobState.CONVERGED, 300, 0.0002),
+            (JobState.CANCELLED, 100, 0.02),
+        ]
+        members = [
+            member(number, state, spp=spp, estimate_fraction=left)
+            for number, (state, spp, left) in enumerate(ends)
+        ]
+        guard = summarise("b", members, guarded=False, now=NOW).guard
+        assert guard.even
+        assert (guard.missed_jobs, guard.missed) == (2, ["job-2", "job-4"])
+        assert guard.spp is not None
+        assert (guard.spp.least, guard.spp.most, guard.spp.mean) == (300, 500, 400)
+        assert guard.jump is not None
+        assert guard.jump.jobs == ("job-0", "job-1")
+        assert guard.jump.estimate_fraction == (0.0001, 0.0002)
+
+
+class TestAGuardedBatch:
+    def test_takes_even_jobs_alone_whoever_asks(self, jobs: Jobs, batches: Batches) -> None:
+        create(jobs, 2, flicker_guard=True, min_spp=300)
+        for guards in (False, True):
+            with pytest.raises(
+                UnevenBatch, match=r"min_spp is not set here, and 300 there"
+            ) as caught:
+                create(jobs, 1, flicker_guard=guards)
+            assert caught.value.differs == [("min_spp", None, 300)]
+            assert caught.value.job_id in batches.get("b").job_ids
+            assert len(create(jobs, 1, min_spp=300, seed=1, flicker_guard=guards)) > 2
+        assert batches.get("b").guard.guarded
+
+    def test_is_made_of_even_jobs_only(self, jobs: Jobs, batches: Batches) -> None:
+        create(jobs, 1, step=50)
+        create(jobs, 1)
+        for step in (50, 100):
+            with pytest.raises(UnevenBatch, match="step is "):
+                create(jobs, 1, step=step, flicker_guard=True)
+        found = batches.get("b")
+        assert (found.jobs, found.guard.guarded, found.guard.even) == (2, False, False)
+
+    def test_is_even_however_many_come_at_once(
+        self, client: redis.Redis, jobs: Jobs, batches: Batches
+    ) -> None:
+        url = f"unix://{client.connection_pool.connection_kwargs['path']}"
+
+        def come(number: int) -> bool:
+            try:
+                with connect(url) as mine:
+                    spec = JobSpec(batch="b", flicker_guard=True, min_spp=number % 4 + 1)
+                    Jobs(mine).create(spec, name="box", scene_sha256="00")
+            except UnevenBatch:
+                return False
+            return True
+
+        with ThreadPoolExecutor(8) as pool:
+            came = list(pool.map(come, range(40)))
+        found = batches.get("b")
+        assert found.guard.even
+        assert found.jobs == sum(came) == 10
+
+    def test_is_free_again_when_its_jobs_are_forgotten(
+        self, client: redis.Redis, jobs: Jobs
+    ) -> None:
+        [only] = create(jobs, 1, flicker_guard=True)
+        finish(client, only, JobState.CONVERGED)
+        Scripts(client).run("forget", only, 0)
+        assert create(jobs, 1, step=50)
+
+    def test_has_to_be_named(self) -> None:
+        with pytest.raises(ValueError, match="flicker_guard guards a batch"):
+            JobSpec(flicker_guard=True)
+
+
+class TestSteering:
+    def test_cancels_what_has_not_ended(
+        self, client: redis.Redis, jobs: Jobs, batches: Batches
+    ) -> None:
+        ids = create(jobs, 3)
+        finish(client, ids[0], JobState.CONVERGED)
+        StagedJob(client, ids[1]).commit()
+        for _ in range(2):
+            steered = batches.steer("b", Steer.CANCEL)
+            assert [(one.job, one.done, one.state) for one in steered] == [
+                (ids[0], False, JobState.CONVERGED),
+                (ids[1], True, JobState.CANCELLED),
+                (ids[2], True, JobState.CANCELLED),
+            ]
+        assert jobs.get(ids[2]).reason == "cancelled with its batch by a user"
+
+    def test_leaves_other_people_s_jobs_alone(self, jobs: Jobs, batches: Batches) -> None:
+        mine = jobs.create(JobSpec(batch="b"), name="x", scene_sha256="00", owner="me").job.id
+        other = jobs.create(JobSpec(batch="b"), name="x", scene_sha256="00").job.id
+        steered = batches.steer("b", Steer.CANCEL, may_touch=lambda owner: owner == "me")
+        assert [(one.job, one.done, one.why_not) for one in steered] == [
+            (mine, True, None),
+            (other, False, "it belongs to another API key"),
+        ]
+        assert jobs.get(other).state is JobState.QUEUED
+
+    def test_pauses_what_renders_and_holds_the_rest_back(
+        self, client: redis.Redis, jobs: Jobs, batches: Batches
+    ) -> None:
+        first, second = create(jobs, 2)
+        begun, waiting = StagedJob(client, first), StagedJob(client, second)
+        begun.commit()
+        for staged in (begun, waiting):
+            staged.plan()
+        queue = SliceQueue(client, "another", lease_s=60)
+
+        def lease() -> str | None:
+            found = queue.lease(("scalar_rgb",), None, in_turn=False)
+            return None if found is None else found.job_id
+
+        for _ in range(2):
+            steered = batches.steer("b", Steer.PAUSE)
+            assert [(one.done, one.state) for one in steered] == [
+                (True, JobState.PAUSED),
+                (True, JobState.QUEUED),
+            ]
+        # No worker gets any of it, and both say why
+        assert lease() is None
+        held = jobs.get(second)
+        assert (held.held, held.reason) == (True, "paused with its batch by a user")
+        assert batches.get("b").held == 1
+        assert jobs.census().slices["waiting"] == 0
+        # Until it is resumed
+        for _ in range(2):
+            steered = batches.steer("b", Steer.RESUME)
+            assert [(one.done, one.state) for one in steered] == [
+                (True, JobState.RENDERING),
+                (True, JobState.QUEUED),
+            ]
+        assert [lease(), lease()] == [first, second]
+        assert not jobs.get(second).held
+        told = [line.split(" ", 2)[2] for line in jobs.story(second)]
+        assert told[1:3] == [
+            "queued: paused with its batch by a user",
+            "queued: resumed with its batch by a user",
+        ]
+
+    def test_a_job_that_is_held_back_is_resumed_alone_too(
+        self, jobs: Jobs, batches: Batches
+    ) -> None:
+        first, second = create(jobs, 2)
+        batches.steer("b", Steer.PAUSE)
+        assert jobs.resume(first).state is JobState.QUEUED
+        assert [jobs.get(job).held for job in (first, second)] == [False, True]
+
+
+class TestWorkers:
+    def test_render_a_batch_in_its_order_and_share_themselves_between_batches(
+        self, client: redis.Redis, jobs: Jobs
+    ) -> None:
+        # Given a batch of many and one of one, with work in each job for two workers
+        many = [StagedJob(client, job_id) for job_id in create(jobs, 5, "many")]
+        one = [StagedJob(client, job_id) for job_id in create(jobs, 1, "one")]
+        for staged in (*many, *one):
+            staged.plan()
+            staged.plan()
+        queue = SliceQueue(client, "another", lease_s=60)
+        leased = [queue.lease(("scalar_rgb",), None, in_turn=False) for _ in range(4)]
+        # Then each has two of four slices, the many from the first job on
+        ids = [lease.job_id for lease in leased if lease is not None]
+        assert ids == [many[0].id, one[0].id, many[0].id, one[0].id]
+        following = queue.lease(("scalar_rgb",), None, in_turn=False)
+        assert following is not None
+        assert following.job_id == many[1].id
+
+
+def test_a_page_of_batches_is_json_safe(jobs: Jobs, batches: Batches) -> None:
+    create(jobs, 2, 'a "quoted" name')
+    [line] = batches.page()[0]
+    assert json.loads(json.dumps(line.name)) == 'a "quoted" name'

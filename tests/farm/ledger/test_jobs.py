@@ -1,0 +1,103 @@
+"""Creating, reading and listing jobs."""
+
+import pytest
+import redis
+
+from plateau.farm.ledger.jobs import Created, Jobs
+from plateau.farm.model.errors import JobNotFound, StoreUnavailable
+from plateau.farm.model.spec import JobSpec
+from plateau.farm.model.states import JobState
+from plateau.farm.redis.link import connect
+from plateau.farm.redis.scripts import Scripts
+from tests.support.staged_job import StagedJob
+
+
+@pytest.fixture
+def jobs(client: redis.Redis) -> Jobs:
+    return Jobs(client)
+
+
+def create(jobs: Jobs, **spec: object) -> str:
+    return jobs.create(JobSpec(**spec), name="box", scene_sha256="00").job.id
+
+
+def test_a_new_job_waits(jobs: Jobs) -> None:
+    job = jobs.get(create(jobs))
+    assert (job.state, job.reason, job.spp, job.points) == (
+        JobState.QUEUED,
+        "waiting for a worker",
+        0,
+        0,
+    )
+    assert (job.variant, job.started_at, job.verdict) == (None, None, None)
+
+
+def test_an_idempotency_key_creates_one_job(jobs: Jobs) -> None:
+    def create_with(key: str, digest: str) -> tuple[str, bool, bool]:
+        made = jobs.create(
+            JobSpec(), name="box", scene_sha256="00", idempotency_key=key, digest=digest
+        )
+        return made.job.id, made.repeated, made.conflict
+
+    first, *new = create_with("k", "a")
+    assert new == [False, False]
+    assert create_with("k", "a") == (first, True, False)
+    assert create_with("k", "b") == (first, False, True)
+    assert create_with("other", "a")[0] != first
+
+
+def test_the_idempotency_key_of_a_job_that_was_forgotten_makes_another(
+    jobs: Jobs, client: redis.Redis
+) -> None:
+    def create_once() -> Created:
+        return jobs.create(JobSpec(), name="box", scene_sha256="00", idempotency_key="k")
+
+    # Given a job that was made with a key, ended and was forgotten
+    job = StagedJob(client, create_once().job.id)
+    job.commit()
+    job.end()
+    job.finish()
+    assert Scripts(client).run("forget", job.id, 0) == "forgotten"
+    # When the request is repeated, then it makes a new job, once
+    new = create_once()
+    assert (new.repeated, new.conflict, new.job.state) == (False, False, JobState.QUEUED)
+    assert create_once().job.id == new.job.id != job.id
+
+
+def test_an_unknown_job_is_said_to_be_unknown(jobs: Jobs) -> None:
+    with pytest.raises(JobNotFound, match="'nope'"):
+        jobs.get("nope")
+    with pytest.raises(JobNotFound):
+        jobs.cancel("nope")
+
+
+def test_pages_list_every_job_once_newest_first(jobs: Jobs) -> None:
+    made = [create(jobs) for _ in range(7)]
+    seen, before = [], None
+    while True:
+        page, before = jobs.search(before=before, limit=3)
+        seen += [job.id for job in page]
+        if before is None:
+            break
+    assert seen == made[::-1]
+
+
+def test_a_search_goes_on_where_it_stopped(jobs: Jobs) -> None:
+    made = [create(jobs, batch="even" if i % 2 == 0 else "odd") for i in range(9)]
+    seen, before = [], None
+    while True:
+        page, before = jobs.search(batch="even", before=before, limit=2)
+        seen += [job.id for job in page]
+        if before is None:
+            break
+    assert seen == made[::-2]
+    jobs.cancel(made[3])
+    assert [job.id for job in jobs.search(state=JobState.CANCELLED)[0]] == [made[3]]
+
+
+def test_a_redis_that_is_away_is_one_clear_error() -> None:
+    jobs = Jobs(connect("unix:///nonexistent/redis.sock"))
+    with pytest.raises(StoreUnavailable, match="Redis cannot be reached"):
+        jobs.get("any")
+    with pytest.raises(StoreUnavailable):
+        create(jobs)

@@ -1,0 +1,68 @@
+"""A Redis and a blob store that do not belong together are told apart before harm is done."""
+
+from pathlib import Path
+
+import pytest
+import redis
+
+from plateau.farm.blobs.store import MARK, Blobs
+from plateau.farm.ledger.pairing import check_pair
+from plateau.farm.model.errors import BlobsUnavailable, WrongStore
+from plateau.farm.redis import keys
+
+
+def test_the_first_time_pairs_them_for_good(client: redis.Redis, store: Blobs) -> None:
+    for _ in range(2):
+        check_pair(client, store)
+    assert store.mark() == client.hget(keys.STORE, "id")
+    assert store.names("") == []  # the mark is nobody's blob
+
+
+def test_a_process_that_died_while_it_paired_them_does_no_harm(
+    client: redis.Redis, store: Blobs
+) -> None:
+    client.hset(keys.STORE, "id", "ours")
+    check_pair(client, store)
+    assert store.mark() == "ours"
+
+
+def test_another_store_is_refused(client: redis.Redis, store: Blobs, tmp_path: Path) -> None:
+    check_pair(client, store)
+    empty = Blobs(str(tmp_path / "empty"))
+    with pytest.raises(WrongStore, match="is not the blob store of this Redis"):
+        check_pair(client, empty)
+    assert empty.mark() is None
+
+
+def test_a_redis_that_lost_its_data_is_refused(client: redis.Redis, store: Blobs) -> None:
+    check_pair(client, store)
+    client.flushall()
+    with pytest.raises(WrongStore, match="has lost its data"):
+        check_pair(client, store)
+
+
+def test_a_store_that_is_not_mounted_any_more_is_away_and_not_empty(
+    client: redis.Redis, store: Blobs
+) -> None:
+    check_pair(client, store)
+    store.put("scenes/a", b"x")
+    folder = Path(store.where)
+    aside = folder.with_name("aside")
+    folder.rename(aside)
+    folder.mkdir()
+    for look in (
+        lambda: store.get("scenes/a"),
+        lambda: store.size("scenes/a"),
+        lambda: store.names("scenes/"),
+        lambda: list(store.chunks("scenes/a")),
+        lambda: store.put("scenes/b", b"x"),
+    ):
+        with pytest.raises(BlobsUnavailable, match="still mounted"):
+            look()
+    assert list(folder.iterdir()) == []
+    folder.rmdir()
+    aside.rename(folder)
+    assert store.get("scenes/a") == b"x"
+    # A blob that is missing from the store itself is merely missing
+    with pytest.raises(FileNotFoundError):
+        store.get(f"scenes/{MARK}")

@@ -1,0 +1,273 @@
+"""A paused job is leased to nobody and loses nothing; a priority counts from the next lease."""
+
+import itertools
+import time
+
+import pytest
+import redis
+
+from plateau.farm.ledger.jobs import Jobs
+from plateau.farm.ledger.ownership import Ownership, Ownerships
+from plateau.farm.ledger.queue import Committed, Lease, SliceQueue, SliceRecord
+from plateau.farm.model.errors import IllegalTransition, JobEnded, JobNotFound
+from plateau.farm.model.job import Job
+from plateau.farm.model.spec import JobSpec
+from plateau.farm.model.states import JOB_MOVES, JobState
+from plateau.farm.redis import keys
+
+LEASE_S = 0.5
+POINT = {"visible_pixels": 3, "visible_fraction": 0.1, "slope": None}
+ESTIMATE = {"estimate_pixels": 9.0, "estimate_fraction": 0.1}
+
+
+class Farm:
+    """One Redis, one monitor's ownerships and any number of workers."""
+
+    def __init__(self, client: redis.Redis) -> None:
+        self.client = client
+        self.jobs = Jobs(client)
+        self.owners = Ownerships(client, lease_s=60)
+
+    def worker(self, name: str = "w") -> SliceQueue:
+        return SliceQueue(self.client, name, LEASE_S)
+
+    def job(self, slices: int = 3, **spec: object) -> tuple[Job, Ownership]:
+        job = self.jobs.create(JobSpec(**spec), name="box", scene_sha256="00").job
+        owned = self.owners.acquire(job.id)
+        assert owned is not None
+        self.owners.plan(owned, range(slices))
+        return job, owned
+
+    def lease(self, worker: SliceQueue | None = None) -> Lease | None:
+        return (worker or self.worker()).lease(("scalar_rgb",), None, in_turn=False)
+
+    def commit(self, held: Lease) -> Committed:
+        record = SliceRecord(
+            index=held.index,
+            spp=25,
+            first_seed=held.index,
+            last_seed=held.index,
+            blob=f"partial-{held.index}",
+            sha256="00",
+            worker="w",
+            render_s=0.1,
+        )
+        return self.worker().commit(held, record, width=8, height=4, notes=())
+
+
+@pytest.fixture
+def farm(client: redis.Redis) -> Farm:
+    return Farm(client)
+
+
+def test_no_slice_of_a_paused_job_is_leased(farm: Farm) -> None:
+    job, _ = farm.job()
+    held = farm.lease()
+    assert held is not None
+    assert farm.jobs.pause(job.id).state is JobState.PAUSED
+    assert farm.lease() is None
+    # What is being rendered is kept alive, and committed
+    assert farm.worker().heartbeat({}, (held,)) == ()
+    assert farm.commit(held) is Committed.COMMITTED
+    assert farm.jobs.get(job.id).state is JobState.PAUSED
+    # When it is resumed, it goes on with the next
+    assert farm.jobs.resume(job.id).state is JobState.RENDERING
+    following = farm.lease()
+    assert following is not None
+    assert following.index == 1
+
+
+def test_workers_of_a_paused_job_are_free_for_a_lower_priority(farm: Farm) -> None:
+    urgent, _ = farm.job(priority=5)
+    farm.lease()
+    other, _ = farm.job()
+    farm.jobs.pause(urgent.id)
+    held = farm.lease()
+    assert held is not None
+    assert held.job_id == other.id
+
+
+@pytest.mark.parametrize(
+    ("start", "call"), list(itertools.product(JobState, ("pause", "resume"))), ids=str
+)
+def test_every_state_is_paused_and_resumed_along_the_table(
+    farm: Farm, start: JobState, call: str
+) -> None:
+    target = {"pause": JobState.PAUSED, "resume": JobState.RENDERING}[call]
+    job, _ = farm.job()
+    farm.client.hset(keys.job(job.id), "state", start.value)
+    before = farm.jobs.events(job.id)
+    if start is target:  # said again: nothing happens
+        assert getattr(farm.jobs, call)(job.id).state is target
+        assert farm.jobs.events(job.id) == before
+    elif {start, target} == {JobState.RENDERING, JobState.PAUSED}:
+        assert target in JOB_MOVES[start]
+        assert getattr(farm.jobs, call)(job.id).state is target
+    else:  # and it is a lease that starts a queued job, not a user
+        with pytest.raises(IllegalTransition, match=r"(?s)cannot become .*queued: created"):
+            getattr(farm.jobs, call)(job.id)
+        assert farm.jobs.get(job.id).state is start
+
+
+def test_jobs_that_are_not_there(farm: Farm) -> None:
+    for call in (farm.jobs.pause, farm.jobs.resume, lambda job: farm.jobs.set_priority(job, 1)):
+        with pytest.raises(JobNotFound):
+            call("nope")
+    assert farm.client.zcard(keys.OPEN) == 0
+
+
+def test_the_story_tells_of_the_pause(farm: Farm) -> None:
+    job, _ = farm.job()
+    farm.lease()
+    farm.jobs.pause(job.id, "the machines are needed")
+    farm.jobs.resume(job.id)
+    assert [line.split(maxsplit=2)[2] for line in farm.jobs.story(job.id)] == [
+        "queued: created",
+        "rendering: rendering with scalar_rgb",
+        "paused: the machines are needed",
+        "rendering: resumed by a user",
+    ]
+
+
+def test_the_slice_of_a_worker_that_died_meanwhile_goes_to_another_after_it(farm: Farm) -> None:
+    job, _ = farm.job(slices=1)
+    held = farm.lease(farm.worker("dies"))
+    assert held is not None
+    farm.jobs.pause(job.id)
+    time.sleep(LEASE_S)
+    assert farm.lease() is None
+    farm.jobs.resume(job.id)
+    again = farm.lease()
+    assert again is not None
+    assert (again.index, again.tries) == (held.index, 2)
+
+
+@pytest.mark.parametrize("how", ["handed back", "died"])
+def test_a_slice_that_came_back_meanwhile_is_there_after_it(farm: Farm, how: str) -> None:
+    job, _ = farm.job(slices=1)
+    held = farm.lease()
+    assert held is not None
+    farm.jobs.pause(job.id)
+    if how == "died":
+        assert farm.worker().died(held, "SIGSEGV", 0.1) == "put back"
+    else:
+        farm.worker().hand_back(held)
+    assert farm.lease() is None
+    farm.jobs.resume(job.id)
+    again = farm.lease()
+    assert again is not None
+    assert again.index == held.index
+
+
+def test_a_job_that_starts_anew_starts_its_clock_anew(farm: Farm) -> None:
+    job, _ = farm.job()
+    held = farm.lease()
+    assert held is not None
+    # Given that its first worker found, while the job was paused, that it can render nothing
+    farm.jobs.pause(job.id)
+    farm.worker().hand_back(held, unfit=True, cause="no LLVM")
+    time.sleep(0.05)
+    resumed = farm.jobs.resume(job.id)
+    assert resumed.variant is None
+    # Then the time limit counts from the lease by which it starts again
+    farm.lease()
+    started = farm.jobs.get(job.id)
+    assert started.started_at is not None
+    assert resumed.started_at is not None
+    assert started.started_at > resumed.started_at
+    assert started.paused_s == 0
+
+
+def test_a_paused_job_can_be_cancelled_and_can_fail(farm: Farm) -> None:
+    cancelled, _ = farm.job()
+    farm.lease()
+    farm.jobs.pause(cancelled.id)
+    assert farm.jobs.cancel(cancelled.id).paused_at is None
+    failed, _ = farm.job()
+    held = farm.lease()
+    assert held is not None
+    farm.jobs.pause(failed.id)
+    farm.worker().fail(held, "no such plugin")
+    assert farm.jobs.get(failed.id).state is JobState.FAILED
+
+
+def test_pauses_add_up_and_the_one_that_lasts_is_dated(farm: Farm) -> None:
+    job, _ = farm.job()
+    farm.lease()
+    for _ in range(2):
+        paused = farm.jobs.pause(job.id)
+        assert paused.paused_at is not None
+        time.sleep(0.05)
+        assert farm.jobs.pause(job.id).paused_at == paused.paused_at  # said again
+        resumed = farm.jobs.resume(job.id)
+    assert resumed.paused_at is None
+    assert 0.1 <= resumed.paused_s < 60
+    # An end ends the pause too
+    farm.jobs.pause(job.id)
+    time.sleep(0.06)
+    assert farm.jobs.cancel(job.id).paused_s >= resumed.paused_s + 0.05
+
+
+def test_a_pause_does_not_slow_the_forecast(farm: Farm) -> None:
+    job, owned = farm.job()
+    started = time.monotonic()
+    farm.lease()
+    time.sleep(0.05)
+    farm.jobs.pause(job.id)
+    time.sleep(1.0)
+    # A point that comes while the job is paused, of slices that were in hand
+    farm.owners.append_point(owned, 100, {"spp": 100, **POINT, **ESTIMATE, "forecast_spp": 200})
+    took = time.monotonic() - started
+    forecast_s = farm.jobs.get(job.id).forecast_s
+    assert forecast_s is not None
+    assert 0.04 <= forecast_s <= took - 0.95
+    # and it stays so, however long the pause
+    farm.jobs.resume(job.id)
+    assert farm.jobs.get(job.id).forecast_s == forecast_s
+
+
+def test_a_priority_counts_from_the_next_lease(farm: Farm) -> None:
+    first, _ = farm.job()
+    second, _ = farm.job()
+    held = farm.lease()
+    assert held is not None
+    assert held.job_id == first.id
+    # A queued job is put before one that renders, and the other way round
+    assert farm.jobs.set_priority(second.id, 10).spec.priority == 10
+    leased = farm.lease()
+    assert leased is not None
+    assert leased.job_id == second.id
+    farm.jobs.set_priority(first.id, 11)
+    leased = farm.lease()
+    assert leased is not None
+    assert leased.job_id == first.id
+    farm.jobs.set_priority(first.id, -1)
+    leased = farm.lease()
+    assert leased is not None
+    assert leased.job_id == second.id
+    # The rest of the spec is as it was
+    assert farm.jobs.get(first.id).spec == first.spec.model_copy(update={"priority": -1})
+
+
+def test_a_paused_job_keeps_the_priority_that_it_gets(farm: Farm) -> None:
+    job, _ = farm.job()
+    farm.lease()
+    other, _ = farm.job(priority=1)
+    farm.jobs.pause(job.id)
+    farm.jobs.set_priority(job.id, 2)
+    leased = farm.lease()
+    assert leased is not None
+    assert leased.job_id == other.id
+    farm.jobs.resume(job.id)
+    leased = farm.lease()
+    assert leased is not None
+    assert leased.job_id == job.id
+
+
+def test_the_priority_of_an_ended_job_stays(farm: Farm) -> None:
+    job, owned = farm.job()
+    farm.owners.end(owned, JobState.FAILED, "no such plugin")
+    with pytest.raises(JobEnded, match=r"(?s)is failed.*no such plugin"):
+        farm.jobs.set_priority(job.id, 5)
+    assert farm.client.zscore(keys.OPEN, job.id) is None
+    assert farm.jobs.get(job.id).spec.priority == 0

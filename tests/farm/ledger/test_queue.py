@@ -1,0 +1,390 @@
+"""Slices are leased, kept, committed, given back and lost; each counts once."""
+
+import time
+from dataclasses import dataclass
+
+import pytest
+import redis
+
+from plateau.farm.blobs import store as blobs
+from plateau.farm.ledger.jobs import Jobs
+from plateau.farm.ledger.ownership import Ownership, Ownerships
+from plateau.farm.ledger.queue import Committed, Lease, SliceQueue, SliceRecord
+from plateau.farm.model.errors import FenceLost
+from plateau.farm.model.job import Job
+from plateau.farm.model.spec import JobSpec
+from plateau.farm.model.states import JobState
+from plateau.farm.process.stop import Stop
+from plateau.farm.redis import keys
+from plateau.farm.redis.wake import Wake
+
+LEASE_S = 1.0  # a busy machine may hold a test up for half a second
+VARIANTS = ("llvm_ad_rgb", "scalar_rgb")
+
+
+@dataclass
+class Farm:
+    """One Redis, one monitor's ownerships and any number of workers."""
+
+    client: redis.Redis
+
+    def __post_init__(self) -> None:
+        self.jobs = Jobs(self.client)
+        self.owners = Ownerships(self.client, lease_s=15)
+
+    def worker(self, name: str) -> SliceQueue:
+        return SliceQueue(self.client, name, LEASE_S)
+
+    def job(self, slices: int = 4, **spec: object) -> tuple[Job, Ownership]:
+        job = self.jobs.create(JobSpec(**spec), name="box", scene_sha256="00").job
+        owned = self.owners.acquire(job.id)
+        assert owned is not None
+        self.owners.plan(owned, range(slices))
+        return job, owned
+
+
+@pytest.fixture
+def farm(client: redis.Redis) -> Farm:
+    return Farm(client)
+
+
+def lease(worker: SliceQueue, loaded: str | None = None, *, in_turn: bool = False) -> Lease:
+    found = worker.lease(VARIANTS, loaded, in_turn=in_turn)
+    assert found is not None
+    return found
+
+
+def commit(
+    worker: SliceQueue, held: Lease, *, first_seed: int | None = None, blob: str = ""
+) -> Committed:
+    first = 10 * held.index if first_seed is None else first_seed
+    record = SliceRecord(
+        index=held.index,
+        spp=25,
+        first_seed=first,
+        last_seed=first + 2,
+        blob=blob or f"partial-{held.index}",
+        sha256="00",
+        worker="w",
+        render_s=1.5,
+    )
+    return worker.commit(held, record, width=8, height=4, notes=("a note",))
+
+
+def test_there_is_something_to_see_before_the_first_slice_is_there(farm: Farm) -> None:
+    job, owned = farm.job()
+    worker, other = farm.worker("w"), farm.worker("x")
+    held = lease(worker)
+    # Who has the slice may show its first pass, and the monitor hears of it
+    hints = Wake(farm.client, keys.WAKE_MONITORS)
+    hints.wait(0, Stop())
+    assert not other.glimpse(held, "another's")
+    assert farm.owners.glimpse(job.id) is None
+    assert worker.glimpse(held, "a glimpse")
+    assert farm.owners.glimpse(job.id) == "a glimpse"
+    assert hints.wait(5, Stop()) == {job.id}
+    assert farm.jobs.get(job.id).image_spp is None
+    # Once there is an image it comes too late; the first image is announced, and only that
+    for spp in (4, 25, 50):
+        farm.owners.show_results(owned, blobs.result_set(job.id, spp, owned.token), spp)
+        assert farm.jobs.get(job.id).image_spp == spp
+    assert farm.owners.glimpse(job.id) is None
+    assert not worker.glimpse(held, "again")
+    announced = [one.data for one in farm.jobs.events(job.id) if one.type == "image"]
+    assert announced == [{"spp": 4}]
+
+
+def test_slices_come_in_order_and_the_first_lease_starts_the_job(farm: Farm) -> None:
+    job, _ = farm.job(slices=3)
+    worker = farm.worker("w")
+    assert [lease(worker).index for _ in range(3)] == [0, 1, 2]
+    assert worker.lease(VARIANTS, None, in_turn=False) is None
+    started = farm.jobs.get(job.id)
+    assert (started.state, started.variant) == (JobState.RENDERING, "llvm_ad_rgb")
+    assert started.started_at is not None
+
+
+def test_planning_the_same_slices_again_plans_none(farm: Farm) -> None:
+    job, owned = farm.job(slices=3)
+    farm.owners.plan(owned, range(3))
+    farm.owners.plan(owned, range(1, 4))
+    assert farm.client.hmget(keys.job(job.id), "planned", "ready") == ["4", "4"]
+
+
+def test_a_commit_enters_the_ledger_once(farm: Farm) -> None:
+    job, _ = farm.job()
+    worker = farm.worker("w")
+    held = lease(worker)
+    # When the answer to a commit was lost and it is sent again
+    assert [commit(worker, held), commit(worker, held)] == [
+        Committed.COMMITTED,
+        Committed.COMMITTED,
+    ]
+    # Then the ledger has the slice once, and its machine time once
+    after = farm.jobs.get(job.id)
+    assert (after.committed_spp, after.machine_s) == (25, 1.5)
+    assert (after.width, after.height, after.notes) == (8, 4, ("a note",))
+    assert list(farm.jobs.ledger(job.id)) == [0]
+
+
+def test_a_lease_that_is_not_renewed_goes_to_another_worker(farm: Farm) -> None:
+    farm.job(slices=1)
+    slow, quick = farm.worker("slow"), farm.worker("quick")
+    first = lease(slow)
+    assert quick.lease(VARIANTS, None, in_turn=False) is None
+    time.sleep(LEASE_S)
+    second = lease(quick)
+    assert (second.index, second.tries) == (first.index, 2)
+    # The zombie comes back: its heartbeat says that the slice is not its own any more
+    assert slow.heartbeat({}, (first,)) == (first,)
+    # A slice is the same from both, so whoever commits it first has done it
+    assert commit(slow, first) is Committed.COMMITTED
+    assert commit(quick, second, blob="another") is Committed.DUPLICATE
+    assert quick.heartbeat({}, (second,)) == (second,)
+
+
+def test_nobody_is_robbed_or_blamed_when_the_whole_farm_was_cut_off(farm: Farm) -> None:
+    job, _ = farm.job(slices=1)
+    cut_off, other = farm.worker("cut off"), farm.worker("other")
+    held = lease(cut_off)
+    cut_off.heartbeat({}, (held,))
+    # Given that Redis heard of no worker at all for longer than a lease
+    time.sleep(2 * LEASE_S)
+    # Then the first that reaches it again does not get the slice of the one that could not renew
+    assert other.lease(VARIANTS, None, in_turn=False) is None
+    assert cut_off.heartbeat({}, (held,)) == ()
+    # But one that stays away loses it a lease later
+    for _ in range(5):
+        time.sleep(LEASE_S / 3)
+        other.heartbeat({}, ())
+    assert lease(other).tries == 2
+    assert troubles(farm, job) == ["worker cut off was lost"]
+
+
+def test_a_slice_that_was_committed_late_is_not_rendered_again(farm: Farm) -> None:
+    job, owned = farm.job(slices=1)
+    slow, quick = farm.worker("slow"), farm.worker("quick")
+    late = lease(slow)
+    commit(slow, late)
+    # Given a slice that was rejected and planned again, and whose zombie commits it once more
+    (record,) = farm.owners.committed(job.id, range(1))
+    assert farm.owners.reject(owned, record, "spoiled") == 1
+    assert farm.owners.reject(owned, record, "spoiled") == 0  # the answer was lost: no harm
+    assert farm.jobs.get(job.id).committed_spp == 0
+    assert commit(slow, late, blob="again") is Committed.COMMITTED
+    # Then nobody gets it any more
+    assert quick.lease(VARIANTS, None, in_turn=False) is None
+    assert farm.client.xlen(keys.job(job.id, "slices")) == 0
+    assert list(farm.jobs.ledger(job.id)) == [0]
+
+
+def troubles(farm: Farm, job: Job) -> list[object]:
+    return [event.data["cause"] for event in farm.jobs.events(job.id) if event.type == "trouble"]
+
+
+def test_heartbeats_keep_a_lease(farm: Farm) -> None:
+    farm.job(slices=1)
+    worker, other = farm.worker("w"), farm.worker("other")
+    held = lease(worker)
+    for _ in range(4):
+        time.sleep(LEASE_S / 2)
+        assert worker.heartbeat({}, (held,)) == ()
+        assert other.lease(VARIANTS, None, in_turn=False) is None
+    assert commit(worker, held) is Committed.COMMITTED
+
+
+def test_a_slice_handed_back_is_taken_at_once_and_counts_no_try(farm: Farm) -> None:
+    farm.job(slices=1)
+    worker, other = farm.worker("w"), farm.worker("other")
+    for _ in range(5):
+        worker.hand_back(lease(worker))
+    assert lease(other).tries == 1
+
+
+def test_the_third_death_on_a_slice_poisons_the_job(farm: Farm) -> None:
+    job, _ = farm.job(slices=2)
+    assert farm.worker("a").died(lease(farm.worker("a")), "SIGSEGV", 1.0) == "put back"
+    lease(farm.worker("b"))  # dies without a word
+    time.sleep(LEASE_S)
+    held = lease(farm.worker("c"))
+    assert held.tries == 3
+    assert farm.worker("c").died(held, "SIGABRT", 1.0) == "poisoned"
+    failed = farm.jobs.get(job.id)
+    assert failed.state is JobState.FAILED
+    assert failed.reason == (
+        "slice 0 failed 3 times; each time the process that rendered it ended: SIGSEGV; "
+        "worker b was lost; SIGABRT"
+    )
+    assert failed.machine_s == 2.0
+
+
+def test_three_silent_deaths_poison_the_job_too(farm: Farm) -> None:
+    job, _ = farm.job(slices=1)
+    for name in "abc":
+        lease(farm.worker(name))
+        time.sleep(LEASE_S)
+    assert farm.worker("d").lease(VARIANTS, None, in_turn=False) is None
+    assert "worker c was lost" in farm.jobs.get(job.id).reason
+
+
+def lost_one_after_the_other(farm: Farm, job: Job, most: int) -> int:
+    """Cut off a worker, till another has its slice, then the next; each is heard of again then.
+
+    Returns how many the job survived of so many.
+    """
+    lease_s, watching = 0.2, farm.worker("watching")
+    previous = None
+    for number in range(most):
+        worker = SliceQueue(farm.client, f"cut off {number}", lease_s)
+        worker.heartbeat({"variants": VARIANTS}, ())
+        while worker.lease(VARIANTS, None, in_turn=False) is None:
+            watching.heartbeat({}, ())  # so that the farm as a whole is not silent
+            if farm.jobs.get(job.id).state.ended:
+                return number
+        if previous is not None:
+            previous.heartbeat({"variants": VARIANTS}, ())
+        previous = worker
+    return most
+
+
+def test_a_worker_that_is_heard_of_again_has_not_died(farm: Farm) -> None:
+    job, _ = farm.job(slices=1)
+    assert lost_one_after_the_other(farm, job, 6) == 6
+    assert farm.jobs.get(job.id).state is JobState.RENDERING
+
+
+def test_a_slice_is_not_forgiven_for_ever(farm: Farm) -> None:
+    job, _ = farm.job(slices=1)
+    assert lost_one_after_the_other(farm, job, 20) == 13
+    assert "worker cut off 12 was lost" in farm.jobs.get(job.id).reason
+
+
+def test_overlapping_seeds_are_refused(farm: Farm) -> None:
+    farm.job()
+    worker = farm.worker("w")
+    first, second = lease(worker), lease(worker)
+    assert commit(worker, first, first_seed=10) is Committed.COMMITTED
+    assert commit(worker, second, first_seed=8) is Committed.OVERLAP
+    assert commit(worker, second, first_seed=12) is Committed.OVERLAP
+    assert commit(worker, second, first_seed=13) is Committed.COMMITTED
+
+
+def test_cancelling_withdraws_everything_at_once(farm: Farm) -> None:
+    job, owned = farm.job()
+    worker = farm.worker("w")
+    held = lease(worker)
+    assert farm.jobs.cancel(job.id).state is JobState.CANCELLED
+    assert farm.jobs.cancel(job.id).state is JobState.CANCELLED  # again is harmless
+    assert not farm.client.exists(keys.job(job.id, "slices"))
+    assert worker.lease(VARIANTS, None, in_turn=False) is None
+    assert worker.heartbeat({}, (held,)) == (held,)
+    assert commit(worker, held) is Committed.ENDED
+    farm.owners.plan(owned, range(8))
+    assert not farm.client.exists(keys.job(job.id, "slices"))
+
+
+def test_the_higher_priority_goes_first(farm: Farm) -> None:
+    farm.job(priority=0)
+    urgent, _ = farm.job(priority=5)
+    worker = farm.worker("w")
+    assert [lease(worker).job_id for _ in range(4)] == [urgent.id] * 4
+    assert lease(worker).job_id != urgent.id
+
+
+def test_equal_jobs_share_the_workers(farm: Farm) -> None:
+    one, _ = farm.job()
+    two, _ = farm.job()
+    given = [lease(farm.worker(name)).job_id for name in "abcd"]
+    assert given == [one.id, two.id, one.id, two.id]
+
+
+def test_a_worker_keeps_to_its_scene_while_its_turn_lasts(farm: Farm) -> None:
+    one, _ = farm.job()
+    two, _ = farm.job()
+    worker = farm.worker("w")
+    assert lease(worker).job_id == one.id
+    assert lease(worker, one.id, in_turn=True).job_id == one.id
+    assert lease(worker, one.id, in_turn=False).job_id == two.id
+
+
+def test_a_job_stays_with_its_variant(farm: Farm) -> None:
+    farm.job(variant="scalar_rgb")
+    fast, slow = farm.worker("fast"), farm.worker("slow")
+    assert fast.lease(("llvm_ad_rgb",), None, in_turn=False) is None
+    found = slow.lease(("scalar_rgb",), None, in_turn=False)
+    assert found is not None
+    assert found.variant == "scalar_rgb"
+    pinned, _ = farm.job()
+    assert lease(fast).job_id == pinned.id or lease(fast).job_id == pinned.id
+    assert farm.jobs.get(pinned.id).variant == "llvm_ad_rgb"
+
+
+def test_a_monitor_that_lost_its_job_can_write_nothing(farm: Farm) -> None:
+    # Given a monitor whose ownership has run out, and another that took over
+    job, old = farm.job()
+    farm.client.delete(keys.job(job.id, "owner"))
+    new = farm.owners.acquire(job.id)
+    assert new is not None
+    assert new.token != old.token
+    # Then the old one's writes are all refused
+    for write in (
+        lambda: farm.owners.plan(old, range(9)),
+        lambda: farm.owners.append_point(old, 100, {"spp": 100}),
+        lambda: farm.owners.show_results(old, "x", 25),
+        lambda: farm.owners.conclude(old, spp=9, results="x", notes=()),
+        lambda: farm.owners.end(old, JobState.CONVERGED, "x"),
+        lambda: farm.owners.finish(old, keeps_sums=False),
+        lambda: farm.owners.abandon(old),
+    ):
+        with pytest.raises(FenceLost):
+            write()
+    assert farm.owners.renew((old, new)) == {job.id}
+    assert farm.jobs.get(job.id).points == 0
+
+
+def test_a_job_that_redis_has_lost_is_given_to_nobody(farm: Farm) -> None:
+    lost, owned = farm.job(priority=1)
+    other, _ = farm.job()
+    assert lease(farm.worker("w")).job_id == lost.id
+    # Given that its hash is gone, and its owner has noticed
+    farm.client.delete(keys.job(lost.id))
+    farm.owners.abandon(owned)
+    assert farm.owners.unfinished() == {other.id}
+    # Then workers get other jobs, whatever was waiting, leased or late of this one
+    given = [lease(farm.worker(name)).job_id for name in "wxyz"]
+    assert given == [other.id] * 4
+    assert farm.worker("w").lease(VARIANTS, None, in_turn=False) is None
+
+
+def test_a_job_whose_state_is_there_is_not_lost(farm: Farm) -> None:
+    job, owned = farm.job()
+    farm.owners.abandon(owned)
+    assert farm.owners.unfinished() == {job.id}
+    assert lease(farm.worker("w")).job_id == job.id
+
+
+def test_a_point_of_the_curve_is_there_once(farm: Farm) -> None:
+    job, owned = farm.job()
+    point = {
+        "visible_pixels": 3,
+        "visible_fraction": 0.1,
+        "slope": None,
+        "estimate_pixels": 1 / 3,
+        "estimate_fraction": 0.1,
+    }
+    for spp in (100, 200, 200, 100):
+        farm.owners.append_point(owned, spp, {"spp": spp, **point})
+    assert [point.spp for point in farm.jobs.curve(job.id)] == [100, 200]
+    assert farm.jobs.curve(job.id)[0].estimate_pixels == 1 / 3  # to the last bit
+    assert [event.type for event in farm.jobs.events(job.id)].count("point") == 2
+    assert farm.jobs.get(job.id).spp == 200
+
+
+def test_the_ledger_is_read_as_a_prefix(farm: Farm) -> None:
+    job, _ = farm.job(slices=4)
+    worker = farm.worker("w")
+    held = [lease(worker) for _ in range(4)]
+    for index in (0, 1, 3):
+        commit(worker, held[index])
+    assert [record.index for record in farm.owners.committed(job.id, range(4))] == [0, 1]
+    assert [record.index for record in farm.owners.committed(job.id, range(3, 8))] == [3]

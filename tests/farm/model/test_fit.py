@@ -1,0 +1,184 @@
+"""Pools, tags and variants: who may render a job, who is woken for it, and what a job waits for."""
+
+import pytest
+import redis
+from pydantic import ValidationError
+
+from plateau.farm.ledger.jobs import Jobs
+from plateau.farm.ledger.ownership import Ownerships
+from plateau.farm.ledger.queue import SliceQueue
+from plateau.farm.ledger.workers import Workers
+from plateau.farm.model.errors import TooManyNeeds
+from plateau.farm.model.fit import Kind, waits_for
+from plateau.farm.model.job import Job
+from plateau.farm.model.spec import BatchSpec, JobSpec
+from plateau.farm.process.settings import Settings
+from plateau.farm.process.stop import Stop
+from plateau.farm.redis import keys
+from plateau.farm.redis.wake import Wake
+
+LLVM = ("llvm_ad_rgb", "scalar_rgb")
+
+
+class Farm:
+    """One Redis, and workers of any pool and tags."""
+
+    def __init__(self, client: redis.Redis) -> None:
+        self.client = client
+        self.jobs = Jobs(client)
+
+    def job(self, **spec: object) -> Job:
+        job = self.jobs.create(JobSpec(**spec), name="box", scene_sha256="00").job
+        owners = Ownerships(self.client, lease_s=60)
+        owned = owners.acquire(job.id)
+        assert owned is not None
+        owners.plan(owned, range(4))
+        return job
+
+    def queue(self, name: str, *tags: str, pool: str = "default") -> SliceQueue:
+        return SliceQueue(self.client, name, 60, pool=pool, tags=tags)
+
+    def given(self, *tags: str, pool: str = "default", variants: tuple[str, ...] = LLVM) -> str:
+        """The job of which such a worker is given a slice."""
+        found = self.queue("w", *tags, pool=pool).lease(variants, None, in_turn=False)
+        return "" if found is None else found.job_id
+
+    def lives(self, name: str, *tags: str, pool: str = "default", **about: object) -> None:
+        about = {"variants": LLVM, "pool": pool, "tags": tags, **about}
+        self.queue(name).heartbeat(about, ())
+
+    def words(self, job: Job) -> str | None:
+        return waits_for(self.jobs.get(job.id), self.jobs.kinds())
+
+
+@pytest.fixture
+def farm(client: redis.Redis) -> Farm:
+    return Farm(client)
+
+
+class TestALease:
+    """A worker is given the jobs of its pool that require no tag which it has not."""
+
+    def test_of_its_pool(self, farm: Farm) -> None:
+        ours, theirs = farm.job(), farm.job(pool="night")
+        assert farm.given(pool="night") == theirs.id
+        assert farm.given() == ours.id
+        assert farm.given(pool="day") == ""
+
+    def test_with_its_tags(self, farm: Farm) -> None:
+        job = farm.job(requires=("highmem", "gpu"))
+        assert farm.given() == farm.given("gpu") == farm.given("gpus", "highmem") == ""
+        assert farm.given("highmem", "fast", "gpu") == job.id
+        # One with tags renders what needs none, too
+        farm.jobs.cancel(job.id)
+        job = farm.job()
+        assert farm.given("gpu") == job.id
+
+    def test_in_the_order_of_priority_among_those_that_fit(self, farm: Farm) -> None:
+        farm.job(pool="night", priority=9)
+        fits = farm.job(requires=("gpu",), priority=5)
+        farm.job()
+        assert farm.given("gpu") == fits.id
+
+    def test_and_its_loaded_scene_only_while_it_fits(self, farm: Farm) -> None:
+        job = farm.job(pool="night")
+        assert farm.queue("w").lease(LLVM, job.id, in_turn=True) is None
+
+    def test_only_a_worker_that_fits_is_woken(self, farm: Farm) -> None:
+        stop = Stop()
+        wakes = {}
+        for name, tags in (("plain", ()), ("gpu", ("gpu",)), ("other", ("gpus",))):
+            wakes[name] = Wake(farm.client, keys.wake_worker(name))
+            wakes[name].wait(0.0, stop)
+            assert farm.queue(name, *tags).lease(LLVM, None, in_turn=False) is None
+        farm.job(requires=("gpu",))
+        assert {name for name, wake in wakes.items() if wake.wait(0.05, stop)} == {"gpu"}
+
+
+class TestWords:
+    """A job for which no worker lives says what it waits for."""
+
+    def test_a_tag(self, farm: Farm) -> None:
+        job = farm.job(requires=("gpu", "highmem"))
+        farm.lives("plain", "gpu")
+        assert farm.words(job) == (
+            "waits for a worker with tags gpu, highmem: there is none that takes work"
+        )
+        assert farm.jobs.census().jobs_unserved == 1
+        farm.lives("large", "highmem", "gpu", "fast")
+        assert farm.words(job) is None
+        assert farm.jobs.census().jobs_unserved == 0
+
+    def test_a_variant_and_a_pool(self, farm: Farm) -> None:
+        job = farm.job(variant="cuda_ad_rgb", pool="night")
+        farm.lives("plain")
+        assert farm.words(job) == (
+            "waits for a worker that renders cuda_ad_rgb in pool night: there is none that takes "
+            "work"
+        )
+
+    def test_any_at_all(self, farm: Farm) -> None:
+        assert farm.words(farm.job()) == "waits for a worker: there is none that takes work"
+
+    def test_not_where_it_is_not_to_be_rendered(self, farm: Farm) -> None:
+        job = farm.job()
+        farm.jobs.cancel(job.id)
+        assert farm.words(job) is None
+        assert farm.jobs.census().jobs_unserved == 0
+
+    @pytest.mark.parametrize("trouble", ["the disk is full", None])
+    def test_who_takes_no_work_does_not_count(self, farm: Farm, trouble: str | None) -> None:
+        job = farm.job()
+        farm.lives("w", trouble=trouble)
+        if trouble is None:
+            Workers(farm.client).drain("w")
+            farm.client.delete(keys.KINDS)  # as if the last heartbeat were long ago
+            farm.lives("w")
+        assert farm.words(job) is not None
+
+
+class TestNames:
+    """Names of pools and tags are short and plain, since scripts compare them as text."""
+
+    @pytest.mark.parametrize("name", ["", "a b", "a,b", "a:b", "-a", "ä", "x" * 41])
+    def test_others_are_refused(self, name: str) -> None:
+        with pytest.raises(ValidationError):
+            JobSpec(pool=name)
+        with pytest.raises(ValidationError):
+            JobSpec(requires=(name,))
+        with pytest.raises(ValidationError):
+            Settings(pool=name)
+
+    def test_tags_are_a_set(self) -> None:
+        assert JobSpec(requires=("b", "a", "b")).requires == ("a", "b")
+
+    def test_settings_have_commas(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setenv("PLATEAU_TAGS", "highmem, gpu")
+        monkeypatch.setenv("PLATEAU_POOL", "night")
+        settings = Settings()
+        assert (settings.pool, settings.tags) == ("night", ("gpu", "highmem"))
+
+    def test_a_batch_passes_them_on(self) -> None:
+        batch = BatchSpec(pool="night", requires=("gpu",), parameters=({"a": 1}, {"a": 2}))
+        jobs = batch.job_specs("b")
+        assert [(job.pool, job.requires) for job in jobs] == [("night", ("gpu",))] * 2
+
+    def test_a_kind_reads_what_it_writes(self) -> None:
+        for kind in (Kind(LLVM, "night", ("a", "b")), Kind((), "default", ())):
+            assert Kind.read(kind.text) == kind
+
+
+def test_open_jobs_need_a_limited_number_of_different_things(farm: Farm) -> None:
+    first = farm.job(pool="p0")
+    for number in range(1, keys.MOST_NEEDS):
+        farm.job(pool=f"p{number}")
+    with pytest.raises(TooManyNeeds, match="64 different"):
+        farm.job(requires=("gpu",))
+    # Another of a need that there is, is taken; and a new one when one has gone with its jobs
+    again = farm.job(pool="p0")
+    farm.jobs.cancel(first.id)
+    with pytest.raises(TooManyNeeds):
+        farm.job(requires=("gpu",))
+    farm.jobs.cancel(again.id)
+    job = farm.job(requires=("gpu",))
+    assert farm.given("gpu") == job.id

@@ -1,0 +1,75 @@
+"""What is wrong with a value is told in words that who wrote it knows."""
+
+import re
+from typing import Any
+
+import pytest
+from pydantic import ValidationError
+
+from plateau.farm.model import input_errors
+from plateau.farm.model.spec import JobSpec
+from plateau.farm.process.settings import Settings
+
+#: Words of pydantic's and of Python's, which nobody has asked about.
+JARGON = re.compile(r"[Ii]nput|literal|tuple|Tuple|valid |pattern|tag |None|\^|should")
+
+
+def _told(spec: dict[str, Any]) -> dict[str, str]:
+    with pytest.raises(ValidationError) as refusal:
+        JobSpec.model_validate(spec, strict=True)
+    found: dict[str, list[str]] = {}
+    for one in refusal.value.errors():
+        found.setdefault(str(one["loc"][0]), []).append(input_errors.message(one))
+    return {field: input_errors.either(messages) for field, messages in found.items()}
+
+
+PLACE = "^[A-Za-z0-9][A-Za-z0-9_.-]*$"
+RULES = "fixed, successive, multiple, reverse, myszkowski, visible"
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "words"),
+    [
+        ("step", 0, "must be at least 1"),
+        ("step", "100", "must be a whole number"),
+        ("step", 1.5, "must be a whole number"),
+        ("max_spp", 10**400, "must be at most 1,000,000"),
+        ("seed", -1, "must be at least 0"),
+        ("time_limit_s", float("nan"), "must be a finite number"),
+        ("time_limit_s", [], "must be a number"),
+        ("keep_slices", "perhaps", "must be true or false"),
+        ("batch", "", "must not be empty"),
+        ("batch", "x" * 101, "must have at most 100 characters"),
+        ("batch", 1, "must be text"),
+        ("variant", "cuda", "must be auto, scalar_rgb, llvm_ad_rgb or cuda_ad_rgb"),
+        ("pool", "a b", input_errors.PATTERNS[PLACE]),
+        ("requires", ("a",) * 17, "must have at most 16 entries"),
+        ("zones", (1,), "is missing"),
+        ("zones", "4x4", "must be a list, as […] in JSON"),
+        ("view", 1, "must be an object, as {…} in JSON"),
+        ("view", {"gamma": 2.2}, "there is no such field"),
+        ("rule", {}, "must say its name"),
+        ("rule", {"name": "guess"}, f"there is none called 'guess'; there are {RULES}"),
+        ("parameters", {"width": []}, "must be text, a whole number, a number, or true or false"),
+    ],
+)
+def test_what_is_wrong_is_told_plainly(field: str, value: object, words: str) -> None:
+    told = _told({field: value})
+    assert told == {field: words}
+    assert not JARGON.search(words)
+
+
+def test_a_check_of_our_own_speaks_for_itself() -> None:
+    with pytest.raises(ValidationError) as refusal:
+        JobSpec.model_validate({"step": 30})
+    [one] = refusal.value.errors()
+    assert input_errors.message(one).startswith("step must be a multiple of slice_spp")
+
+
+def test_a_setting_that_is_wrong_is_told_without_its_value(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PLATEAU_LEASE_S", "s3cret")
+    with pytest.raises(ValidationError) as refusal:
+        Settings()
+    told = [input_errors.message(one) for one in refusal.value.errors()]
+    assert told[0] == "must be a number"
+    assert "s3cret" not in "".join(told)

@@ -1,0 +1,101 @@
+"""A job's specification: sane defaults, and everything wrong is refused by name."""
+
+import json
+from typing import Any
+
+import pytest
+from pydantic import ValidationError
+
+from plateau.farm.model.spec import BatchSpec, JobSpec
+
+
+def test_the_default_is_the_papers_rule() -> None:
+    spec = JobSpec()
+    assert (spec.rule.name, spec.rule.target, spec.rule.min_spp) == ("visible", 0.0002, 200)
+    assert (spec.step, spec.max_spp, spec.max_slices) == (100, 10_000, 400)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        ({"stepp": 100}, "stepp"),
+        ({"step": 90}, "multiple of slice_spp"),
+        ({"max_spp": 110}, "multiple of slice_spp"),
+        ({"max_spp": 0}, "max_spp"),
+        ({"seed": 4096}, "seed"),
+        ({"time_limit_s": float("nan")}, "time_limit_s"),
+        ({"variant": "gpu_rgb"}, "variant"),
+        ({"rule": {"name": "hunch"}}, "rule"),
+        ({"rule": {"name": "reverse", "window": 1}}, "window"),
+        ({"rule": {"name": "fixed", "epsilon": 1}}, "epsilon"),
+        ({"watch": [{"name": "visible"}]}, "may be named once"),
+        ({"view": {"white_luminance": 0}}, "white_luminance"),
+        ({"view": {"field_of_view_deg": 180}}, "field_of_view_deg"),
+    ],
+)
+def test_what_is_wrong_is_named(wrong: dict[str, Any], words: str) -> None:
+    with pytest.raises(ValidationError, match=words):
+        JobSpec.model_validate(wrong)
+
+
+@pytest.mark.parametrize(
+    ("absurd", "words"),
+    [
+        ({"step": 10**400}, "step"),
+        ({"min_spp": 10**400}, r"(?m)^min_spp$"),  # by its own bound: not beside that of the cap
+        ({"time_limit_s": 1e308}, "time_limit_s"),
+        ({"time_limit_s": 5e-324}, "time_limit_s"),
+        ({"rule": {"name": "fixed", "spp": 10**300}}, "spp"),
+        ({"rule": {"name": "visible", "min_spp": 10**400}}, "min_spp"),
+        ({"rule": {"name": "reverse", "epsilon": 1e308}}, "epsilon"),
+        ({"watch": [{"name": "multiple", "threshold": 1e308}]}, "threshold"),
+        ({"view": {"field_of_view_deg": 5e-324}}, "field_of_view_deg"),
+        ({"view": {"white_luminance": 5e-324}}, "white_luminance"),
+        ({"parameters": {"width": 10**400}}, "width"),
+    ],
+)
+def test_what_would_fail_late_is_refused_in_a_job_and_in_a_batch(
+    absurd: dict[str, Any], words: str
+) -> None:
+    with pytest.raises(ValidationError, match=words):
+        JobSpec.model_validate(absurd)
+    entry = absurd.get("parameters", {"frame": 1})
+    with pytest.raises(ValidationError, match=words):
+        BatchSpec.model_validate({**absurd, "parameters": [entry]})
+
+
+def test_evaluations_fall_on_each_step_and_on_the_cap() -> None:
+    spec = JobSpec(step=50, slice_spp=25, max_spp=125)
+    assert [spp for spp in range(0, 126, 25) if spec.evaluates_at(spp)] == [50, 100, 125]
+
+
+def test_parameters_are_written_as_mitsuba_reads_them() -> None:
+    spec = JobSpec(parameters={"width": 64, "hide": True, "scale": 0.5, "name": "a b"})
+    assert spec.parameter_strings() == {
+        "width": "64",
+        "hide": "true",
+        "scale": "0.5",
+        "name": "a b",
+    }
+
+
+def test_a_spec_survives_its_json() -> None:
+    spec = JobSpec(parameters={"width": 64, "light": 1.5}, watch=[{"name": "fixed", "spp": 50}])
+    assert JobSpec.model_validate_json(spec.model_dump_json()) == spec
+
+
+@pytest.mark.parametrize(
+    "spec",
+    [
+        JobSpec(),
+        JobSpec(step=50, max_spp=200, parameters={"width": 64}),
+        JobSpec.model_validate(
+            {"rule": {"name": "fixed", "spp": 100}, "watch": [{"name": "visible"}]}
+        ),
+    ],
+)
+def test_a_request_says_only_what_is_no_default(spec: JobSpec) -> None:
+    said = json.loads(spec.as_request())
+    default = JobSpec()
+    assert all(getattr(spec, name) != getattr(default, name) for name in said)
+    assert JobSpec.model_validate_json(spec.as_request()) == spec

@@ -1,0 +1,289 @@
+"""Each kind of process has a user in Redis that can do its work, and nothing beside it."""
+
+import re
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+import redis
+
+import plateau.farm.ledger.queue
+from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs.store import Blobs
+from plateau.farm.ledger.api_keys import ApiKeys, KeyLimits, Role
+from plateau.farm.ledger.jobs import Jobs
+from plateau.farm.ledger.members import Membership
+from plateau.farm.ledger.outbox import Outbox
+from plateau.farm.ledger.ownership import Ownerships
+from plateau.farm.ledger.pairing import check_pair
+from plateau.farm.ledger.queue import Committed, Lease, SliceQueue, SliceRecord
+from plateau.farm.ledger.schema import check_schema
+from plateau.farm.model.errors import NotPermitted, StoreUnavailable
+from plateau.farm.model.place_names import DEFAULT_POOL
+from plateau.farm.model.spec import JobSpec
+from plateau.farm.model.states import MAX_TRIES, JobState
+from plateau.farm.process.stop import Stop
+from plateau.farm.redis import keys
+from plateau.farm.redis.acl import QUEUE_PARTS, acl_file
+from plateau.farm.redis.embedded import EmbeddedRedis
+from plateau.farm.redis.link import connect, unavailable_as_farm_error
+from plateau.farm.redis.scripts import WORKER_SCRIPTS, Scripts, texts
+from plateau.farm.redis.wake import Wake
+from tests.support.redis_users import LEASE_S, Login, monitor_comes, users
+
+VARIANTS = ("scalar_rgb",)
+LIMITS = KeyLimits(requests_per_minute=60, burst=10, upload_bytes=1, open_jobs=10)
+HOOK = {"url": "https://studio.example/hook", "events": ("rendering", "failed")}
+
+
+@pytest.fixture
+def login(client: redis.Redis, redis_url: str) -> Iterator[Login]:
+    """Opens a connection as one of the users; none of them may have been refused anything."""
+    with users(client, redis_url) as login:
+        yield login
+
+
+def lease(worker: SliceQueue, loaded: str | None = None, *, in_turn: bool = False) -> Lease:
+    found = worker.lease(VARIANTS, loaded, in_turn=in_turn)
+    assert found is not None
+    return found
+
+
+def commit(worker: SliceQueue, held: Lease, blob: str = "") -> Committed:
+    record = SliceRecord(
+        index=held.index,
+        spp=25,
+        first_seed=10 * held.index,
+        last_seed=10 * held.index + 2,
+        blob=blob or f"partial-{held.index}",
+        sha256="00",
+        worker="w",
+        render_s=1.5,
+    )
+    return worker.commit(held, record, width=8, height=4, notes=("a note",), said="words")
+
+
+def about(name: str) -> dict[str, object]:
+    return {"id": name, "variants": VARIANTS, "pool": DEFAULT_POOL, "tags": ()}
+
+
+def test_a_worker_can_do_all_that_workers_do(client: redis.Redis, login: Login) -> None:
+    # Given a farm whose processes are each a user of its own
+    monitor_comes(login)
+    jobs, owners = Jobs(login("api")), Ownerships(login("monitor"), lease_s=15)
+    key, _ = ApiKeys(login("admin")).create("anna", Role.SUBMITTER, LIMITS)
+
+    def job(**spec: object) -> str:
+        whole = JobSpec.model_validate({"webhook": HOOK, **spec})
+        made = jobs.create(whole, name="box", scene_sha256="00", owner=key.id).job
+        owned = owners.acquire(made.id)
+        assert owned is not None
+        owners.plan(owned, range(4))
+        return made.id
+
+    worker = SliceQueue(login("worker"), "w", LEASE_S)
+    other = SliceQueue(login("worker"), "v", LEASE_S)
+    hints = Wake(login("worker"), keys.wake_worker("w"))
+    # When it waits for work, is woken for it, and renders what is planned
+    worker.heartbeat(about("w"), ())
+    other.heartbeat(about("v"), ())
+    assert worker.lease(VARIANTS, None, in_turn=False) is None
+    assert not hints.wait(0.1, never())
+    first = job(batch="walk")
+    assert hints.wait(5, never()) == {"planned"}
+    held = lease(worker)
+    assert worker.heartbeat(about("w"), (held,)) == ()
+    assert worker.glimpse(held, blobs.glimpse(first, "w"))
+    assert commit(worker, held) is Committed.COMMITTED
+    assert commit(worker, held) is Committed.COMMITTED
+    assert commit(worker, held, "another") is Committed.DUPLICATE
+    # And gives some back, lets one run out, and finds one that it has tried already
+    worker.hand_back(lease(worker, first, in_turn=True), 0.1, cause="it stops", said="words")
+    lost = lease(worker)
+    time.sleep(LEASE_S + 0.2)
+    other.heartbeat(about("v"), ())
+    taken = _later(lambda: other.lease(VARIANTS, None, in_turn=False))
+    assert taken.index == lost.index
+    assert commit(worker, lost) is Committed.COMMITTED
+    assert worker.ended(first) is False
+    # And one kills every worker, so that its job fails
+    second = job(priority=5)
+    for _ in range(MAX_TRIES):
+        worker.died(lease(worker), "it was killed", 0.1, "words")
+    assert jobs.get(second).state is JobState.FAILED
+    third = job(priority=9)
+    worker.fail(lease(worker), "no such plugin", 0.1, "words")
+    assert jobs.get(third).state is JobState.FAILED
+    worker.leave()
+    # Then nothing was refused, and webhooks have been told
+    assert client.acl_log() == []
+    assert [one.event for one in Outbox(login("api")).deliveries(third)] == ["rendering", "failed"]
+    assert client.scard(f"plateau:key:{key.id}:open") == 1
+
+
+def _later(look: Callable[[], Lease | None]) -> Lease:
+    """What is found once a lease that ran out is noticed: a silent farm gets some grace."""
+    deadline = time.monotonic() + 30
+    while (found := look()) is None:
+        assert time.monotonic() < deadline
+        time.sleep(0.1)
+    return found
+
+
+def never() -> Stop:
+    return Stop()
+
+
+JOB = "0123456789ab"
+WITHHELD = [
+    *(("hget", keys.job(JOB, "webhook"), "secret"), ("hset", keys.job(JOB, "webhook"), "url", "x")),
+    *(("hgetall", keys.job(JOB, "sealed")), ("hset", keys.job(JOB, "sealed"), "owner", JOB)),
+    *(("get", keys.WEBHOOK_SECRET), ("get", keys.OLD_WEBHOOK_SECRET)),
+    *(("hgetall", keys.API_KEYS), ("hset", keys.API_KEYS, JOB, "{}"), ("hgetall", "plateau:keys")),
+    *(("set", f"plateau:key:{JOB}:rate", "0"), ("zrange", keys.jobs_of_key(JOB), 0, -1)),
+    *(("set", keys.job(JOB, "owner"), "9"), ("incr", keys.job(JOB, "fence"))),
+    *(("xadd", keys.job(JOB, "curve"), "*", "point", "{}"), ("del", keys.job(JOB, "tries"))),
+    *(("zrange", keys.STUDIES, 0, -1), ("hgetall", keys.study(JOB))),
+    ("hset", keys.study(JOB, "answers"), "a", "b"),
+    *(("zrange", keys.BATCHES, 0, -1), ("zadd", keys.batch("walk"), 1, JOB)),
+    *(("hgetall", keys.SCENES), ("get", "plateau:idempotency:x"), ("zrange", keys.JOBS, 0, -1)),
+    *(("zrange", keys.MONITORS, 0, -1), ("hgetall", keys.monitor("m"))),
+    *(("get", "another application's"), ("set", "another application's", "x")),
+    # Nor may it look about, or run the server
+    *(("keys", "*"), ("randomkey",), ("dbsize",), ("info",), ("monitor",)),
+    *(("flushall",), ("flushdb",), ("config", "get", "*"), ("config", "set", "dir", "/tmp")),
+    *(("acl", "list"), ("acl", "setuser", "plateau-worker", "allkeys"), ("save",), ("shutdown",)),
+    *(("script", "flush"), ("script", "kill"), ("client", "list")),
+    *(("script", "load", "while true do end"), ("client", "kill", "type", "normal")),
+    *(("replicaof", "no", "one"), ("eval", "return 1", 0), ("migrate", "h", 1, "k", 0, 1)),
+    *(("rename", keys.HEARD, keys.API_KEYS), ("copy", keys.API_KEYS, keys.HEARD), ("swapdb", 0, 1)),
+]
+
+
+@pytest.mark.parametrize("act", WITHHELD, ids=lambda act: " ".join(map(str, act)))
+def test_a_worker_is_refused_all_else(login: Login, act: tuple[str, ...]) -> None:
+    with pytest.raises(NotPermitted, match="plateau redis-acl"), unavailable_as_farm_error():
+        login("worker").execute_command(*act)
+
+
+@pytest.mark.parametrize("act", ["SUBSCRIBE", "PUBLISH"])
+def test_a_worker_hears_and_says_nothing_on_other_channels(login: Login, act: str) -> None:
+    with pytest.raises(redis.exceptions.NoPermissionError):
+        login("worker").execute_command(act, "news", *(["x"] if act == "PUBLISH" else []))
+
+
+def test_a_workers_scripts_reach_no_further_than_it_does(login: Login) -> None:
+    worker, admin = login("worker"), login("admin")
+    script = admin.script_load(f"return redis.call('HGETALL', '{keys.API_KEYS}')")
+    with pytest.raises(NotPermitted), unavailable_as_farm_error():
+        worker.evalsha(script, 0)
+    # Nor those of others, which it may run: the rights are those of who asks
+    admin.script_load(texts()["create"])
+    jobs = Jobs(login("api"))
+    with pytest.raises(NotPermitted):
+        Scripts(worker).run("create", "", "", 0, "", "", "", 1, JOB, "name", "x")
+    assert jobs.search() == ([], None)
+
+
+@pytest.mark.parametrize("act", [("hset", keys.API_KEYS, JOB, "{}"), ("get", "idempotency:x")])
+def test_a_monitor_has_nothing_to_do_with_who_may_use_the_api(
+    login: Login, act: tuple[str, ...]
+) -> None:
+    with pytest.raises(redis.exceptions.NoPermissionError):
+        login("monitor").execute_command(*act)
+
+
+@pytest.mark.parametrize("role", ["monitor", "api", "admin"])
+@pytest.mark.parametrize(
+    "act",
+    [
+        *(("flushall",), ("keys", "*"), ("config", "set", "dir", "/"), ("acl", "list")),
+        *(("replicaof", "h", 1), ("set", "theirs", "x")),
+    ],
+)
+def test_nobody_runs_the_server(login: Login, role: str, act: tuple[str, ...]) -> None:
+    with pytest.raises(redis.exceptions.NoPermissionError):
+        login(role).execute_command(*act)
+
+
+@pytest.mark.parametrize("role", ["monitor", "api"])
+@pytest.mark.parametrize("act", [("shutdown",), ("client", "list"), ("acl", "log")])
+def test_only_the_administrator_ends_what_hangs(
+    login: Login, role: str, act: tuple[str, ...]
+) -> None:
+    with pytest.raises(redis.exceptions.NoPermissionError):
+        login(role).execute_command(*act)
+
+
+@pytest.mark.parametrize("role", ["worker", "monitor", "api", "admin"])
+def test_nobody_debugs_the_server(login: Login, role: str) -> None:
+    # Since Redis 7 it is refused to everybody, before anyone's rights are looked at
+    with pytest.raises(redis.exceptions.ResponseError, match=r"has no permissions|not allowed"):
+        login(role).execute_command("debug", "sleep", 0)
+
+
+def test_a_worker_waits_for_who_may_lay_out_redis(login: Login, store: Blobs) -> None:
+    worker, monitor = login("worker"), login("monitor")
+    with pytest.raises(StoreUnavailable, match="start a monitor or an API"):
+        check_schema(worker)
+    check_schema(monitor)
+    check_schema(worker)
+    with pytest.raises(StoreUnavailable, match="start a monitor or an API"):
+        check_pair(worker, store)
+    check_pair(monitor, store)
+    check_pair(worker, store)
+
+
+def test_a_worker_waits_for_who_may_load_its_scripts(client: redis.Redis, login: Login) -> None:
+    # Given a farm without a monitor or an API
+    check_schema(login("monitor"))
+    worker = SliceQueue(login("worker"), "w", LEASE_S)
+
+    def waits() -> None:
+        with pytest.raises(StoreUnavailable, match="waits for a monitor or an API of this version"):
+            worker.heartbeat(about("w"), ())
+
+    waits()
+    # When a monitor comes, it goes on
+    monitor = monitor_comes(login)
+    assert worker.heartbeat(about("w"), ()) == ()
+    # And so it does after Redis has forgotten all scripts, as where it starts again
+    for comes_by in (lambda: monitor.heartbeat(0), Membership(login("api"), LEASE_S).heartbeat):
+        client.script_flush()
+        waits()
+        comes_by()
+        assert worker.heartbeat(about("w"), ()) == ()
+
+
+def test_a_wrong_password_is_not_repeated(login: Login, embedded_redis: EmbeddedRedis) -> None:
+    path = embedded_redis.url.removeprefix("unix://")
+    with pytest.raises(StoreUnavailable) as refusal, unavailable_as_farm_error():
+        connect(f"unix://plateau-worker:guessed@{path}").ping()
+    assert "guessed" not in str(refusal.value)
+
+
+def test_the_queue_asks_for_the_scripts_of_workers_alone() -> None:
+    source = Path(plateau.farm.ledger.queue.__file__).read_text()
+    ran = set(re.findall(r'_scripts\.run\(\s*"(\w+)"', source))
+    assert ran <= set(WORKER_SCRIPTS)
+    assert set(QUEUE_PARTS) <= set(keys.JOB_PARTS)
+
+
+def test_the_file_in_the_repository_is_what_the_command_prints() -> None:
+    deployed = Path(__file__).parents[3] / "deploy" / "redis" / "users.acl"
+    assert deployed.read_text() == acl_file({}), "plateau redis-acl > deploy/redis/users.acl"
+
+
+def test_who_met_an_old_file_waits_until_it_is_mended(client: redis.Redis, login: Login) -> None:
+    # Given a worker whose user lacks what its scripts need by now
+    monitor_comes(login)
+    worker = SliceQueue(login("worker"), "w", LEASE_S)
+    client.execute_command("ACL", "SETUSER", "plateau-worker", "-publish", "-zadd")
+    # Then that is said, as what it waits for
+    with pytest.raises(StoreUnavailable, match="ACL file that `plateau redis-acl`"):
+        worker.heartbeat(about("w"), ())
+    # And when it is mended it goes on
+    client.execute_command("ACL", "SETUSER", "plateau-worker", "+publish", "+zadd")
+    assert worker.heartbeat(about("w"), ()) == ()
+    client.acl_log_reset()

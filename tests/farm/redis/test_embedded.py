@@ -1,0 +1,63 @@
+"""The embedded Redis: private, durable, gone with its parent."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import psutil
+import pytest
+
+from plateau.farm.model.errors import StoreUnavailable
+from plateau.farm.redis.embedded import EmbeddedRedis, find_redis_server
+from plateau.farm.redis.link import connect
+
+
+def test_it_keeps_its_data_over_a_restart_and_a_kill(tmp_path: Path) -> None:
+    first = EmbeddedRedis(tmp_path)
+    connect(first.url).set("a", "1")
+    first.process.kill()
+    first.stop()
+    second = EmbeddedRedis(tmp_path)
+    client = connect(second.url)
+    assert client.get("a") == "1"
+    assert client.config_get("append*")["appendfsync"] == "always"
+    assert client.config_get("port") == {"port": "0"}  # nobody else can connect
+    client.close()
+    second.stop()
+    assert not psutil.pid_exists(second.process.pid)
+
+
+def test_a_data_folder_with_a_long_path_will_do(tmp_path: Path) -> None:
+    server = EmbeddedRedis(tmp_path / ("long" * 30))
+    assert connect(server.url).ping()
+    server.stop()
+
+
+def test_one_that_does_not_start_says_why(tmp_path: Path) -> None:
+    (tmp_path / "appendonly.aof").write_text("this is no append-only file")
+    (tmp_path / "appendonlydir").write_text("nor a folder of them")
+    with pytest.raises(StoreUnavailable, match="did not start"):
+        EmbeddedRedis(tmp_path)
+
+
+def test_it_dies_with_a_parent_that_is_killed(tmp_path: Path) -> None:
+    program = (
+        "import sys, time; from pathlib import Path\n"
+        "from plateau.farm.redis.embedded import EmbeddedRedis\n"
+        "print(EmbeddedRedis(Path(sys.argv[1])).process.pid, flush=True); time.sleep(60)"
+    )
+    parent = subprocess.Popen(
+        [sys.executable, "-c", program, str(tmp_path)], stdout=subprocess.PIPE, text=True
+    )
+    assert parent.stdout is not None
+    server = psutil.Process(int(parent.stdout.readline()))
+    assert server.is_running()
+    parent.kill()
+    parent.communicate()
+    server.wait(60)
+
+
+def test_a_server_binary_is_found() -> None:
+    binary = find_redis_server()
+    assert binary is not None
+    assert "Redis server" in subprocess.check_output([binary, "--version"], text=True)

@@ -1,0 +1,191 @@
+"""What a worker in wrong hands leaves in Redis keeps no script busy for good, and opens nothing."""
+
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+import redis
+
+from plateau.farm.ledger.api_keys import ApiKeys, KeyLimits, Role
+from plateau.farm.ledger.batches import Batches, Steer
+from plateau.farm.ledger.jobs import Jobs
+from plateau.farm.ledger.outbox import Outbox
+from plateau.farm.ledger.ownership import Ownership, Ownerships
+from plateau.farm.ledger.queue import Committed, Lease, SliceQueue
+from plateau.farm.model.errors import NotPermitted
+from plateau.farm.model.spec import JobSpec
+from plateau.farm.model.states import JobState
+from plateau.farm.redis import keys
+from plateau.farm.redis.embedded import EmbeddedRedis
+from plateau.farm.redis.link import connect
+from plateau.farm.redis.scripts import Scripts
+from tests.support.lost_answers import ABOUT, HOOK, WORKER, commit
+from tests.support.redis_users import LEASE_S, Login, monitor_comes, users
+
+#: Adding one to these changes nothing.
+NO_MORE = ["9007199254740992", "-9007199254740992", "1e300", "-1e300", "inf", "-inf", "nan", "x"]
+#: Such a text takes hours where a pattern is tried at each of its characters up to its end.
+LONG = "a" * 2_000_000
+
+
+@pytest.fixture
+def embedded_redis(tmp_path: Path) -> Iterator[EmbeddedRedis]:
+    """A server of its own: it may hang."""
+    server = EmbeddedRedis(tmp_path / "redis")
+    yield server
+    server.process.kill()
+    server.stop()
+
+
+@pytest.fixture
+def login(client: redis.Redis, redis_url: str) -> Iterator[Login]:
+    with users(client, redis_url) as login:
+        monitor_comes(login)
+        yield login
+
+
+@pytest.fixture
+def job(login: Login) -> Ownership:
+    """A job with slices to be rendered, and a webhook."""
+    spec = JobSpec(step=100, slice_spp=50, webhook=HOOK)
+    made = Jobs(login("api")).create(spec, name="box", scene_sha256="00").job
+    owners = Ownerships(login("monitor"), 60)
+    owned = owners.acquire(made.id)
+    assert owned is not None
+    owners.plan(owned, range(8))
+    return owned
+
+
+def leased(worker: SliceQueue) -> Lease:
+    found = worker.lease(("scalar_rgb",), None, in_turn=False)
+    assert found is not None
+    return found
+
+
+@pytest.mark.parametrize("number", NO_MORE)
+def test_a_prefix_that_cannot_grow_ends_nevertheless(
+    login: Login, job: Ownership, number: str
+) -> None:
+    worker = login("worker")
+    queue = SliceQueue(worker, WORKER, LEASE_S)
+    first = leased(queue)
+    # Given a prefix of the image that no script writes, with its slice in the ledger
+    worker.hset(keys.job(job.job_id), "prefix", number)
+    for spelt in (number, "9.007199254741e+15", "-9.007199254741e+15", "1e+300", "-1e+300"):
+        worker.hset(keys.job(job.job_id, "ledger"), spelt, "{}")
+    # Then a commit is answered, and the first slice that is missing holds the image up
+    assert commit(queue, first) is Committed.COMMITTED
+    assert worker.hget(keys.job(job.job_id), "prefix") == "1"
+
+
+@pytest.mark.parametrize("number", NO_MORE)
+def test_a_job_with_a_wrong_count_of_messages_can_be_forgotten(
+    login: Login, job: Ownership, number: str
+) -> None:
+    jobs, owners = Jobs(login("api")), Ownerships(login("monitor"), 60)
+    jobs.cancel(job.job_id)
+    owners.finish(job, keeps_sums=False)
+    login("worker").hset(keys.job(job.job_id), "webhook_count", number)
+    assert Scripts(login("monitor")).run("forget", job.job_id, 0) == "forgotten"
+    assert jobs.search() == ([], None)
+    assert login("monitor").zcard(keys.RECEIVERS) == 0
+
+
+@pytest.mark.parametrize("number", [*NO_MORE, "1e12"])
+def test_a_job_with_a_wrong_count_of_slices_can_be_gone_on_with(
+    login: Login, job: Ownership, number: str
+) -> None:
+    worker, owners = login("worker"), Ownerships(login("monitor"), 60)
+    queue = SliceQueue(worker, WORKER, LEASE_S)
+    for blob in ("one", "two"):
+        lease = leased(queue)
+        assert commit(queue, lease, blob) is Committed.COMMITTED
+    owners.end(job, JobState.CONVERGED, "levelled off", None, "")
+    owners.finish(job, keeps_sums=False)
+    worker.hset(keys.job(job.job_id), "planned", number)
+    fields = ["name", "box", "spec", "{}", "scene_sha256", "00", "slice_spp", 50, "committed", 0]
+    fields += ["asked_variant", "auto", "planned", 0, "issued", 0, "ready", 0, "leased", 0]
+    arguments = ("b" * 12, job.job_id, "", "", 1, "", 50, 0, "", "", "", *fields)
+    assert Scripts(login("api")).run("continue", *arguments)[0] == "created"
+    assert login("api").hkeys(keys.job("b" * 12, "ledger")) == ["0"]
+
+
+Spoil = Callable[[redis.Redis, str], object]
+
+
+@pytest.mark.parametrize(
+    "spoil",
+    [
+        lambda worker, job: worker.hset(keys.worker(WORKER), "blamed", LONG),
+        lambda worker, job: worker.hset(keys.job(job, "leases"), 0, f"1 2 {LONG} 4 5"),
+        lambda worker, job: worker.zadd(f"{keys.WAITING}:0 auto default", {f"0 {LONG} ": -1}),
+        lambda worker, job: worker.hset(keys.job(job), "took", LONG),
+    ],
+    ids=["blamed", "leases", "waiting", "took"],
+)
+def test_no_pattern_is_tried_on_a_text_without_end(
+    client: redis.Redis, login: Login, job: Ownership, spoil: Spoil
+) -> None:
+    # Given a text in Redis that no script writes
+    spoil(login("worker"), job.job_id)
+    # Then each of a worker's steps is answered, if with an error
+    queue = SliceQueue(login("worker"), WORKER, LEASE_S)
+    for step in (
+        lambda: queue.heartbeat(ABOUT, ()),
+        lambda: commit(queue, leased(queue)),
+        lambda: leased(queue),
+    ):
+        with suppress(redis.exceptions.ResponseError, NotPermitted, AssertionError):
+            step()
+    assert client.ping()
+
+
+def test_the_administrator_ends_a_script_that_does_not_end(
+    embedded_redis: EmbeddedRedis, client: redis.Redis, login: Login, job: Ownership
+) -> None:
+    # Given a script that never ends, which has written, so that Redis lets nobody kill it
+    client.config_set("lua-time-limit", 100)
+    admin, stuck = login("admin"), connect(embedded_redis.url, answer_s=0.5)
+    script = "redis.call('SET', 'plateau:x', 1) while true do end"
+    with pytest.raises(redis.exceptions.TimeoutError):
+        stuck.eval(script, 0)
+    with pytest.raises(redis.exceptions.ResponseError, match="BUSY"):
+        login("monitor").get(keys.SCHEMA)
+    with pytest.raises(redis.exceptions.ResponseError, match="UNKILLABLE"):
+        admin.script_kill()
+    # When the administrator shuts the server down
+    admin.shutdown(nosave=True)
+    embedded_redis.process.wait(30)
+    # Then it can be started again, with all that was answered
+    embedded_redis.start()
+    assert Jobs(client).get(job.job_id).name == "box"
+    assert not client.exists("plateau:x")
+    stuck.close()
+
+
+def test_whose_a_job_is_stays_as_it_is(login: Login) -> None:
+    # Given a job of Anna's, one of nobody's, and a worker that is Bert's
+    limits = KeyLimits(requests_per_minute=60, burst=10, upload_bytes=None, open_jobs=None)
+    api_keys = ApiKeys(login("admin"))
+    anna, bert = (api_keys.create(name, Role.SUBMITTER, limits)[0].id for name in ("anna", "bert"))
+    jobs = Jobs(login("api"))
+    spec = JobSpec(step=100, slice_spp=50, batch="walk", webhook=HOOK)
+    annas, nobodys = (
+        jobs.create(spec, name="box", scene_sha256="00", owner=owner).job.id for owner in (anna, "")
+    )
+    # When the worker writes all that it may write of them
+    for job_id in (annas, nobodys):
+        theirs = {"owner": bert, "owner_name": "bert", "party": bert}
+        login("worker").hset(keys.job(job_id), mapping=theirs)
+        with pytest.raises(redis.exceptions.NoPermissionError):
+            login("worker").hset(keys.job(job_id, "sealed"), mapping=theirs)
+    # Then nothing is Bert's that was not, by whatever way one asks
+    assert [jobs.get(job_id).owner_name for job_id in (annas, nobodys)] == ["anna", None]
+    assert [job.owner for job in jobs.search()[0]] == [None, anna]
+    assert [ApiKeys(login("api")).owner_of(job_id) for job_id in (annas, nobodys)] == [anna, ""]
+    assert jobs.search(owner=bert, batch="walk") == jobs.search(owner=bert) == ([], None)
+    steered = Batches(login("api")).steer("walk", Steer.CANCEL, may_touch=lambda who: who == bert)
+    assert {one.why_not for one in steered} == {"it belongs to another API key"}
+    messages = [Outbox(login("monitor")).take(60) for _ in range(2)]
+    assert {message and message.job.owner_name for message in messages} == {"anna", None}

@@ -1,0 +1,288 @@
+"""A slice that is late and holds up its job's image is given to a second worker: one try counts."""
+
+from dataclasses import dataclass, field
+
+import pytest
+import redis
+
+from plateau.farm.ledger.jobs import Jobs
+from plateau.farm.ledger.ownership import Ownership, Ownerships
+from plateau.farm.ledger.queue import Committed, Lease, SliceQueue, SliceRecord
+from plateau.farm.model.job import Job
+from plateau.farm.model.spec import JobSpec
+from plateau.farm.process.stop import Stop
+from plateau.farm.redis import keys
+from plateau.farm.redis.wake import Wake
+
+LEASE_S = 60.0
+VARIANTS = ("llvm_ad_rgb", "scalar_rgb")
+USUAL_MS = 2000  # a slice that takes so long is no slower than the others
+
+
+@dataclass
+class Farm:
+    """Workers, and a clock that is turned back rather than waited for."""
+
+    client: redis.Redis
+    held: dict[str, Lease] = field(default_factory=dict)  #: by worker: what it was last given
+
+    def __post_init__(self) -> None:
+        self.jobs = Jobs(self.client)
+        self.owners = Ownerships(self.client, lease_s=60)
+
+    def job(self, slices: int = 8, **spec: object) -> tuple[Job, Ownership]:
+        job = self.jobs.create(JobSpec(**spec), name="box", scene_sha256="00").job
+        owned = self.owners.acquire(job.id)
+        assert owned is not None
+        self.owners.plan(owned, range(slices))
+        return job, owned
+
+    def queue(self, worker: str) -> SliceQueue:
+        return SliceQueue(self.client, worker, LEASE_S)
+
+    def lease(self, worker: str) -> Lease | None:
+        queue = self.queue(worker)
+        found = queue.lease(VARIANTS, None, in_turn=False)
+        if found is not None:
+            self.held[worker] = found
+        return found
+
+    def index(self, worker: str) -> int | None:
+        """The slice that the worker is given."""
+        found = self.lease(worker)
+        return None if found is None else found.index
+
+    def commit(self, worker: str, held: Lease | None = None) -> Committed:
+        held = held or self.held[worker]
+        record = SliceRecord(
+            index=held.index,
+            spp=25,
+            first_seed=10 * held.index,
+            last_seed=10 * held.index + 2,
+            blob=f"{held.index}-{worker}-{held.tries}",
+            sha256="00",
+            worker=worker,
+            render_s=1.5,
+        )
+        return self.queue(worker).commit(held, record, width=8, height=4, notes=())
+
+    def passes(self, ms: float) -> None:
+        """All that is leased has been so for longer by this."""
+        for job_id in self.client.zrange(keys.OPEN, 0, -1):
+            leases = keys.job(job_id, "leases")
+            for index, noted in self.client.hgetall(leases).items():
+                since, _, entries = noted.partition(" ")
+                self.client.hset(leases, index, f"{float(since) - ms} {entries}")
+        for member, at in self.client.zrange(keys.LATE, 0, -1, withscores=True):
+            job_id, _, class_ = member.partition(" ")
+            self.client.zadd(keys.LATE, {member: at - ms})
+            self.client.hset(keys.job(job_id), "late", f"{at - ms} {class_}")
+
+    def slow_and_quick(self, slices: int = 8, **spec: object) -> tuple[Job, Ownership]:
+        """A job whose slice 0 the slow worker has, while the quick one has rendered slice 1."""
+        job, owned = self.job(slices, **spec)
+        assert self.index("slow") == 0
+        assert self.index("quick") == 1
+        self.passes(USUAL_MS)
+        self.commit("quick")
+        return job, owned
+
+
+@pytest.fixture
+def farm(client: redis.Redis) -> Farm:
+    return Farm(client)
+
+
+def test_a_slice_is_late_that_takes_twice_as_long_as_others(farm: Farm) -> None:
+    farm.slow_and_quick()
+    # After as long as slices take, nothing is late, and the quick worker goes on
+    assert farm.index("quick") == 2
+    farm.commit("quick")
+    farm.passes(USUAL_MS + 1000)
+    # After twice that it is given the one that holds up the image, before any other
+    assert farm.index("quick") == 0
+    # And nobody is given it a third time
+    farm.passes(60_000)
+    assert farm.index("another") == 3
+
+
+def test_the_first_commit_wins_and_the_other_is_told(farm: Farm) -> None:
+    job, _ = farm.slow_and_quick()
+    farm.passes(10_000)
+    news = Wake(farm.client, keys.WAKE_WORKERS)
+    news.wait(0.0, Stop())
+    slow = farm.held["slow"]
+    assert farm.index("quick") == 0
+    assert farm.commit("quick") is Committed.COMMITTED
+    # The slow worker hears of its own slice at once, and by its next heartbeat at the latest
+    assert news.wait(5.0, Stop()) == {f"ended {job.id} {slow.entry}"}
+    assert farm.queue("slow").heartbeat({}, (slow,)) == (slow,)
+    # What it spent is counted once, as waste, however often it says so
+    for _ in range(2):
+        farm.queue("slow").hand_back(slow, 4.0, cause="it was cancelled")
+    after = farm.jobs.get(job.id)
+    assert (after.second_tries, after.wasted_s, after.machine_s) == (1, 4.0, 1.5 + 1.5 + 4.0)
+    assert [(one.what, one.worker) for one in farm.jobs.log(job.id)] == [
+        ("committed", "quick"),
+        ("committed", "quick"),
+        ("duplicate", "slow"),
+    ]
+    census = farm.jobs.census()
+    assert (census.second_tries, census.wasted_s) == (1, 4.0)
+    assert census.tries["duplicate"] == 1
+    # Nothing of it is leased any more, and fair shares know it
+    assert farm.client.hget(keys.job(job.id), "leased") == "0"
+
+
+def test_one_that_died_of_being_stopped_did_not_die_of_the_slice(farm: Farm) -> None:
+    job, _ = farm.slow_and_quick()
+    farm.passes(10_000)
+    assert farm.index("quick") == 0
+    farm.commit("quick")
+    assert farm.queue("slow").died(farm.held["slow"], "it did not answer", 4.0) == "lost"
+    assert farm.jobs.get(job.id).wasted_s == 4.0
+    assert [one.what for one in farm.jobs.log(job.id)] == ["committed", "committed", "duplicate"]
+
+
+def test_where_the_late_one_is_first_after_all_the_second_try_is_waste(farm: Farm) -> None:
+    job, _ = farm.slow_and_quick()
+    farm.passes(10_000)
+    slow = farm.held["slow"]
+    second = farm.lease("quick")
+    assert second is not None
+    assert second.tries == 2  # so that its partial has a name of its own
+    assert farm.commit("slow", slow) is Committed.COMMITTED
+    assert farm.commit("quick", second) is Committed.DUPLICATE
+    assert farm.jobs.ledger(job.id)[0]["worker"] == "slow"
+    assert farm.jobs.get(job.id).wasted_s == 1.5
+
+
+def test_who_has_nothing_else_to_do_is_given_it_too(farm: Farm) -> None:
+    farm.slow_and_quick(slices=2)
+    queue = farm.queue("quick")
+    assert queue.lease(VARIANTS, None, in_turn=False) is None
+    # It knows when to ask again, though nobody will wake it
+    assert 1.0 < queue.look_again_s <= 2 * USUAL_MS / 1000
+    farm.passes(10_000)
+    assert farm.index("quick") == 0
+
+
+def test_only_who_would_have_rendered_it_since(farm: Farm) -> None:
+    farm.job(slices=12)
+    assert [farm.index(name) for name in ("slow", "quick", "third")] == [0, 1, 2]
+    farm.passes(USUAL_MS)
+    farm.commit("quick")
+    farm.passes(3 * USUAL_MS)
+    farm.commit("slow")
+    # Slice 2 holds up the image, and is late; but not yet as late as the slow one is by itself
+    farm.passes(-1.5 * USUAL_MS)
+    assert farm.index("slow") == 3
+    # One that has never rendered the job would have to load it
+    assert farm.index("new") == 4
+    assert farm.index("quick") == 2
+
+
+def test_who_is_known_to_be_slow_is_helped_at_once(farm: Farm) -> None:
+    farm.job(slices=12)
+    assert [farm.index(name) for name in ("slow", "quick", "third")] == [0, 1, 2]
+    farm.passes(USUAL_MS)
+    farm.commit("quick")
+    farm.commit("third")
+    farm.passes(5 * USUAL_MS)
+    # The slow worker has one more; as soon as it holds up the image, a quick one is given it too
+    farm.commit("slow")
+    assert [farm.index("slow"), farm.index("quick")] == [3, 3]
+    farm.commit("quick")
+    # It is slow still, though it has not come to an end since
+    assert [farm.index("slow"), farm.index("quick")] == [4, 4]
+    # But not where it will be done sooner than another could be
+    farm.commit("quick")
+    assert farm.index("slow") == 5
+    farm.passes(5.5 * USUAL_MS)
+    assert farm.index("third") == 6
+    # Nor for long after that
+    farm.passes(3 * USUAL_MS)
+    assert farm.index("third") == 5
+
+
+def test_never_twice_to_the_same_worker(farm: Farm) -> None:
+    farm.slow_and_quick(slices=2)
+    farm.passes(60_000)
+    assert farm.index("slow") is None
+
+
+def test_only_the_slice_that_the_image_waits_for(farm: Farm) -> None:
+    farm.job(slices=3)
+    assert [farm.index(name) for name in ("one", "two", "three")] == [0, 1, 2]
+    farm.passes(USUAL_MS)
+    farm.commit("one")
+    farm.passes(60_000)
+    # Both others are late, and the image waits for slice 1
+    assert farm.index("one") == 1
+    assert farm.index("one") is None
+    farm.commit("one")
+    # Then for slice 2
+    assert farm.index("one") == 2
+
+
+def test_not_while_it_is_paused_or_after_its_end(farm: Farm) -> None:
+    job, _ = farm.slow_and_quick(slices=2)
+    farm.passes(60_000)
+    farm.jobs.pause(job.id)
+    assert farm.index("quick") is None
+    farm.jobs.resume(job.id)
+    farm.jobs.cancel(job.id)
+    assert farm.index("quick") is None
+    assert farm.client.exists(keys.LATE) == 0
+    for part in ("leases", "paces", "outrun"):
+        assert farm.client.exists(keys.job(job.id, part)) == 0
+
+
+def test_a_lost_slice_is_given_first(farm: Farm) -> None:
+    job, _ = farm.slow_and_quick(slices=4)
+    farm.passes(60_000)
+    farm.queue("slow").hand_back(farm.held["slow"])
+    assert farm.index("quick") == 0
+    assert farm.jobs.get(job.id).second_tries == 0
+
+
+def test_a_second_try_that_is_given_back_goes_to_the_next(farm: Farm) -> None:
+    farm.slow_and_quick(slices=2)
+    farm.passes(60_000)
+    assert farm.index("quick") == 0
+    farm.queue("quick").hand_back(farm.held["quick"])
+    assert farm.index("another") == 0
+    assert farm.index("third") is None
+    assert farm.commit("another") is Committed.COMMITTED
+    assert farm.commit("slow") is Committed.DUPLICATE
+
+
+def test_other_variants_cannot_help(farm: Farm) -> None:
+    farm.slow_and_quick(slices=2)
+    farm.passes(60_000)
+    assert farm.queue("gpu").lease(("cuda_ad_rgb",), None, in_turn=False) is None
+
+
+def test_a_rejected_slice_holds_up_the_image_again(farm: Farm) -> None:
+    job, owned = farm.slow_and_quick(slices=3)
+    farm.commit("slow")
+    assert farm.index("slow") == 2
+    (record, _) = farm.owners.committed(job.id, range(2))
+    assert farm.owners.reject(owned, record, "spoiled") == 1
+    # It waits for a worker by itself, so nothing is tried twice before it
+    farm.passes(60_000)
+    assert farm.index("quick") == 0
+    farm.passes(60_000)
+    assert farm.index("another") == 0
+    assert farm.commit("another") is Committed.COMMITTED
+
+
+def test_an_index_that_says_what_is_not_so_is_made_afresh(farm: Farm) -> None:
+    ended, _ = farm.job(slices=2)
+    job, _ = farm.job(slices=2)
+    # Given a job that ended without any script: the index still has it
+    farm.client.hset(keys.job(ended.id), "state", "cancelled")
+    assert farm.lease("one").job_id == job.id
+    # And one that has gone altogether
+    farm.client.delete(keys.job(job.id))
+    assert farm.index("two") is None

@@ -1,0 +1,163 @@
+"""The Python client against a live API."""
+
+import threading
+import time
+from pathlib import Path
+
+import pytest
+import redis
+
+from plateau.client import ApiError, Client, Unreachable
+from plateau.farm.blobs.store import Blobs
+from plateau.farm.bundle import BundleError
+from plateau.farm.model.spec import JobSpec
+from plateau.farm.model.states import JobState
+from plateau.service.api.process import listen
+from tests.support.bundles import PLY, mesh, scene
+from tests.support.live_api import live_api
+from tests.support.staged_job import StagedJob
+
+
+@pytest.fixture
+def box(tmp_path: Path) -> Path:
+    folder = tmp_path / "box"
+    folder.mkdir()
+    (folder / "scene.xml").write_bytes(scene(mesh("a.ply")))
+    (folder / "a.ply").write_bytes(PLY)
+    return folder
+
+
+def test_a_scene_goes_in_and_its_job_comes_out(
+    plateau: Client, box: Path, client: redis.Redis, store: Blobs, tmp_path: Path
+) -> None:
+    # A folder is packed with its meshes, and named after itself
+    job = plateau.submit(box, JobSpec(max_spp=200, batch="b"))
+    assert (job.state, job.name, job.spec.max_spp) == (JobState.QUEUED, "box.zip", 200)
+    assert plateau.job(job.id) == job
+    assert plateau.scenes()[0].sha256 == job.scene_sha256
+    # It can be submitted again by its hash
+    again = plateau.submit(job.scene_sha256)
+    assert [one.id for one in plateau.jobs().jobs] == [again.id, job.id]
+    assert [one.id for one in plateau.jobs(batch="b").jobs] == [job.id]
+    assert plateau.jobs(state=JobState.FAILED).jobs == []
+    page = plateau.jobs(limit=1)
+    assert [one.id for one in plateau.jobs(limit=1, cursor=page.next_cursor).jobs] == [job.id]
+    # When it is worked on (the other one is out of the way)
+    plateau.cancel(again.id)
+    staged = StagedJob(client, job.id)
+    staged.commit(4)
+    staged.point(100, 7, slope=0.1)
+    staged.picture(store, "image.png", b"a picture")
+    # Then all of that can be read
+    assert [point.visible_pixels for point in plateau.curve(job.id)] == [7]
+    assert plateau.curve_csv(job.id).startswith("spp,")
+    assert [one.index for one in plateau.slices(job.id)] == [0, 1, 2, 3]
+    assert plateau.workers() == []
+    assert plateau.image(job.id) == b"a picture"
+    plateau.download(job.id, "image.png", tmp_path / "image.png")
+    assert (tmp_path / "image.png").read_bytes() == b"a picture"
+    assert [event.type for event in plateau.happened(job.id)][-2:] == ["point", "image"]
+
+
+def test_waiting_ends_when_the_results_are_written(plateau: Client, client: redis.Redis) -> None:
+    staged = StagedJob(client)
+    staged.commit()
+    staged.end()
+    started = time.monotonic()
+    threading.Timer(0.3, staged.finish).start()
+    job = plateau.wait(staged.id)
+    assert time.monotonic() - started >= 0.25
+    assert (job.state, job.finished_at is not None) == (JobState.CONVERGED, True)
+    # and at once where it is over
+    last = plateau.happened(staged.id)[-1]
+    assert list(plateau.events(staged.id, after=last.id)) == []
+
+
+def test_a_problem_is_an_error_with_all_that_it_says(
+    plateau: Client, client: redis.Redis, tmp_path: Path
+) -> None:
+    with pytest.raises(ApiError, match="there is no job 'nope'") as caught:
+        plateau.job("nope")
+    assert (caught.value.status, caught.value.slug) == (404, "unknown-job")
+    job = StagedJob(client)
+    with pytest.raises(ApiError) as caught:
+        plateau.download(job.id, "image.exr", tmp_path / "image.exr")
+    assert caught.value.slug == "no-image-yet"
+    assert list(tmp_path.glob("*image.exr*")) == []
+    job.commit()
+    job.end()
+    with pytest.raises(ApiError) as caught:
+        plateau.cancel(job.id)
+    assert caught.value.problem["state"] == "converged"
+    with pytest.raises(ApiError):
+        list(plateau.events("nope"))
+
+
+def test_a_job_is_paused_resumed_and_put_before_others(
+    plateau: Client, client: redis.Redis
+) -> None:
+    job = StagedJob(client)
+    with pytest.raises(ApiError, match="is queued; only a job that is rendering") as caught:
+        plateau.pause(job.id)
+    assert (caught.value.status, caught.value.slug) == (409, "cannot-pause")
+    job.commit()
+    for _ in range(2):
+        assert plateau.pause(job.id).state is JobState.PAUSED
+    assert plateau.set_priority(job.id, 7).spec.priority == 7
+    with pytest.raises(ApiError, match="must be at most 1,000"):
+        plateau.set_priority(job.id, 1001)
+    for _ in range(2):
+        assert plateau.resume(job.id).state is JobState.RENDERING
+    job.end()
+    with pytest.raises(ApiError) as caught:
+        plateau.set_priority(job.id, 8)
+    assert (caught.value.slug, caught.value.problem["state"]) == ("job-ended", "converged")
+
+
+def test_a_scene_that_cannot_be_packed_is_refused_here(plateau: Client, tmp_path: Path) -> None:
+    (tmp_path / "scene.xml").write_bytes(scene(mesh("gone.ply")))
+    with pytest.raises(BundleError, match=r"gone\.ply"):
+        plateau.submit(tmp_path)
+
+
+def test_a_service_that_is_not_there_is_said_to_be_so() -> None:
+    with (
+        listen("127.0.0.1", 0) as silent,  # it is nobody else's port, and nobody listens
+        Client(f"http://127.0.0.1:{silent.getsockname()[1]}", patience_s=0) as client,
+        pytest.raises(Unreachable, match="plateau up"),
+    ):
+        client.jobs()
+
+
+def test_events_go_on_after_the_api_was_restarted(
+    redis_url: str, client: redis.Redis, store: Blobs
+) -> None:
+    # Given somebody who watches a job
+    job = StagedJob(client)
+    heard: list[str] = []
+    with listen("127.0.0.1", 0) as free:
+        port = free.getsockname()[1]
+    plateau = Client(f"http://127.0.0.1:{port}")
+    watcher = threading.Thread(
+        target=lambda: heard.extend(event.type for event in plateau.events(job.id))
+    )
+    with live_api(redis_url, store, port=port):
+        watcher.start()
+        job.commit()
+        while not heard:
+            time.sleep(0.01)
+    # If the API goes and comes back while more happens
+    job.point(25, 3)
+    with live_api(redis_url, store, port=port):
+        job.end()
+        job.finish()
+        watcher.join(60)
+    # Then everything was heard once
+    assert heard == ["state", "state", "slice", "point", "state", "image", "finished"]
+    plateau.close()
+
+
+def test_a_submission_that_is_repeated_makes_one_job(plateau: Client, box: Path) -> None:
+    first = plateau.submit(box, idempotency_key="k")
+    assert plateau.submit(box, idempotency_key="k").id == first.id
+    assert plateau.submit(box).id != first.id

@@ -1,0 +1,191 @@
+"""The client against wrong addresses, what is no service, and one that wants to be left alone."""
+
+import contextlib
+import json
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from datetime import datetime, timezone
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+
+import pytest
+
+from plateau import ApiError, Client, ClientError, Unreachable
+from plateau.client import BadUrl, NotPlateau, PointEvent
+from plateau.commands.connect import connect
+from plateau.farm.model import versions
+from plateau.farm.model.job import Worker
+from plateau.farm.wire import examples
+from plateau.farm.wire.views import JobPage
+
+#: Status, body and headers of an answer, by the number of requests before.
+Answers = Callable[[int], tuple[int, bytes, dict[str, str]]]
+_AT = datetime(2026, 11, 21, tzinfo=timezone.utc)
+_NO_JOBS = JobPage(jobs=[], next_cursor=None).model_dump_json().encode()
+
+
+@pytest.fixture
+def server() -> Iterator[Callable[[Answers], str]]:
+    """Start a server that is none of ours; returns its URL."""
+    running: list[ThreadingHTTPServer] = []
+
+    def start(answers: Answers) -> str:
+        asked = iter(range(1000))
+
+        class Handler(BaseHTTPRequestHandler):
+            def do_GET(self) -> None:
+                status, body, headers = answers(next(asked))
+                self.send_response(status)
+                for name, value in {**headers, "Content-Length": str(len(body))}.items():
+                    self.send_header(name, value)
+                self.end_headers()
+                with contextlib.suppress(BrokenPipeError):  # who asked may have left
+                    self.wfile.write(body)
+
+            def log_message(self, *_: object) -> None:
+                pass
+
+        running.append(ThreadingHTTPServer(("127.0.0.1", 0), Handler))
+        threading.Thread(target=running[-1].serve_forever, daemon=True).start()
+        return f"http://127.0.0.1:{running[-1].server_address[1]}"
+
+    yield start
+    for one in running:
+        one.shutdown()
+        one.server_close()
+
+
+@pytest.mark.parametrize(
+    "url", ["", "localhost:8713", "127.0.0.1", "ftp://farm", "http://", "http://a b"]
+)
+def test_a_url_that_cannot_be_one_is_refused_at_once(url: str) -> None:
+    with pytest.raises(BadUrl, match=r"write it as http://127\.0\.0\.1:8713"):
+        Client(url)
+
+
+@pytest.mark.parametrize(
+    ("status", "body"),
+    [
+        (404, b"<html>nothing here</html>"),
+        (200, b"<html>hello</html>"),
+        (200, b'{"a": 1}'),
+        (301, b""),
+    ],
+)
+def test_what_is_no_service_is_said_to_be_none(
+    server: Callable[[Answers], str], status: int, body: bytes
+) -> None:
+    url = server(lambda _: (status, body, {"Location": "/elsewhere"}))
+    with Client(url) as client, pytest.raises(NotPlateau, match=f"{url} is no Plateau service"):
+        client.jobs()
+
+
+def test_a_service_that_wants_to_be_left_alone_for_a_second_is(
+    server: Callable[[Answers], str],
+) -> None:
+    def answers(before: int) -> tuple[int, bytes, dict[str, str]]:
+        if before == 0:
+            problem = b'{"type": "/problems/too-many-requests", "detail": "slower"}'
+            return 429, problem, {"Retry-After": "1"}
+        return 200, _NO_JOBS, {}
+
+    started = time.monotonic()
+    with Client(server(answers)) as client:
+        assert client.jobs().jobs == []
+    assert time.monotonic() - started >= 1
+
+
+def test_one_that_wants_to_be_left_alone_for_longer_than_the_client_is_patient_is_an_error(
+    server: Callable[[Answers], str],
+) -> None:
+    problem = b'{"type": "/problems/too-many-requests", "detail": "slower"}'
+    with (
+        Client(server(lambda _: (429, problem, {"Retry-After": "600"}))) as client,
+        pytest.raises(ApiError, match="slower") as caught,
+    ):
+        client.jobs()
+    assert (caught.value.status, caught.value.retry_after_s) == (429, 600)
+
+
+def test_an_answer_that_does_not_come_is_not_waited_for_for_ever(
+    server: Callable[[Answers], str],
+) -> None:
+    left = threading.Event()
+
+    def answers(_: int) -> tuple[int, bytes, dict[str, str]]:
+        left.wait(600)
+        return 200, _NO_JOBS, {}
+
+    with (
+        Client(server(answers), patience_s=0, timeout_s=0.3) as client,
+        pytest.raises(Unreachable, match=r"timed out|silent"),
+    ):
+        client.jobs()
+    left.set()
+
+
+def test_every_error_is_a_client_error() -> None:
+    for error in (ApiError, BadUrl, NotPlateau, Unreachable):
+        assert issubclass(error, ClientError)
+
+
+def test_the_package_offers_the_client_without_loading_it() -> None:
+    program = (
+        "import plateau, sys; before = set(sys.modules);"
+        "assert 'Client' in dir(plateau) and 'httpx' not in before;"
+        "from plateau import *; assert Client.__module__.startswith('plateau.client');"
+        "assert JobSpec().rule == VisibleSpec() and JobState('queued')"
+    )
+    subprocess.run([sys.executable, "-c", program], check=True)
+    with pytest.raises(ImportError):
+        from plateau import Klient  # noqa: F401
+
+
+class TestVersions:
+    def test_what_a_newer_service_has_added_is_left_out(
+        self, server: Callable[[Answers], str]
+    ) -> None:
+        added = {"workers": [{**examples.WORKER, "aura": "violet"}], "weather": "fair"}
+        with Client(server(lambda _: (200, json.dumps(added).encode(), {}))) as client:
+            assert client.workers() == [Worker.model_validate(examples.WORKER)]
+        point = PointEvent(id="1-0", type="point", data={**examples.POINT, "mood": 1}, at=_AT)
+        assert point.point.spp == examples.POINT["spp"]
+
+    def test_a_command_says_once_that_the_service_is_another(
+        self, server: Callable[[Answers], str], capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        url = server(lambda _: (200, _NO_JOBS, {"Plateau-Version": "7.3.1"}))
+        with connect(url) as client:
+            for _ in range(3):
+                client.jobs()
+            assert client.service_version == "7.3.1"
+        said = capsys.readouterr().err
+        assert said.count("\n") == 1
+        assert f"and the service at {url} is 7.3.1: what only one of them knows will fail" in said
+
+    @pytest.mark.parametrize("headers", [{}, {"Plateau-Version": f"{versions.plateau()}.1"}])
+    def test_and_nothing_of_one_that_knows_the_same(
+        self,
+        server: Callable[[Answers], str],
+        capsys: pytest.CaptureFixture[str],
+        headers: dict[str, str],
+    ) -> None:
+        with connect(server(lambda _: (200, _NO_JOBS, headers))) as client:
+            client.jobs()
+        assert capsys.readouterr().err == ""
+
+
+def test_a_command_waits_for_a_service_that_it_has_heard(
+    server: Callable[[Answers], str],
+) -> None:
+    # Given a service that answers, and is away for two requests then
+    away = (503, b"", {"Retry-After": "0"})
+    url = server(lambda asked: away if asked in {1, 2} else (200, _NO_JOBS, {}))
+    with connect(url) as client:
+        client.jobs()
+        assert client.jobs().jobs == []
+    # But not for one that was away from the first
+    with connect(server(lambda _: away)) as client, pytest.raises(ApiError):
+        client.jobs()

@@ -1,0 +1,338 @@
+"""Batches from Python and on the command line."""
+
+import json
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+import pydantic
+import pytest
+import redis
+from rich.console import Console
+
+from plateau.client import ApiError, Client, TimedOut
+from plateau.errors import CommandFailed
+from plateau.farm.blobs.store import Blobs
+from plateau.farm.ledger.jobs import Jobs
+from plateau.farm.model.spec import JobSpec
+from plateau.farm.model.states import JobState
+from plateau.files.frames import each, from_file
+from plateau.files.packing import pack
+from plateau.terminal.batch_progress import batch_progress_on
+from tests.plateau.cli.test_cli import plateau as command
+from tests.support.bundles import PLY, mesh, scene
+from tests.support.staged_job import StagedJob
+
+
+@pytest.fixture
+def walk(tmp_path: Path) -> Path:
+    """A scene with a mesh for each frame."""
+    folder = tmp_path / "walk"
+    folder.mkdir()
+    default = b'<default name="frame" value="0"/>'
+    parts = scene(mesh("$frame.ply")).partition(b">")
+    (folder / "scene.xml").write_bytes(b"".join((*parts[:2], default, parts[2])))
+    for frame in range(3):
+        (folder / f"{frame}.ply").write_bytes(PLY)
+    return folder
+
+
+@pytest.fixture
+def _service(api: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PLATEAU_URL", api)
+
+
+def end(client: redis.Redis, store: Blobs, job_id: str, state: JobState) -> None:
+    staged = StagedJob(client, job_id)
+    staged.commit(4)
+    staged.point(100, 5)
+    staged.picture(store, "image.png", b"a picture")
+    staged.end(state)
+    staged.finish()
+
+
+class TestTheClient:
+    def test_submits_a_scene_once_for_many_jobs(self, plateau: Client, walk: Path) -> None:
+        spec = JobSpec(batch="walk", max_spp=200, parameters={"light": 1})
+        with pytest.raises(ApiError) as caught:  # the scene has no light
+            plateau.submit_batch(walk, [{"frame": 0}], spec)
+        assert caught.value.slug == "broken-scene"
+        spec = JobSpec(batch="walk/1", max_spp=200, parameters={"frame": 2})
+        batch = plateau.submit_batch(walk, [{"frame": 0}, {}, {"frame": 1}], spec)
+        assert (batch.name, batch.jobs) == ("walk/1", 3)
+        made = list(plateau.all_jobs(batch="walk/1"))[::-1]
+        assert [job.id for job in made] == batch.job_ids
+        assert [job.spec.parameters for job in made] == [{"frame": 0}, {"frame": 2}, {"frame": 1}]
+        assert {job.name for job in made} == {"walk.zip"}
+        # It can be submitted again by its hash, and repeated
+        again = plateau.submit_batch(
+            made[0].scene_sha256, [{"frame": 1}], JobSpec(batch="b"), idempotency_key="k"
+        )
+        same = plateau.submit_batch(
+            made[0].scene_sha256, [{"frame": 1}], JobSpec(batch="b"), idempotency_key="k"
+        )
+        assert same.job_ids == again.job_ids
+        assert [line.name for line in plateau.all_batches()] == ["b", "walk/1"]
+        assert plateau.batches(limit=1).next_cursor is not None
+        with pytest.raises(pydantic.ValidationError):
+            plateau.submit_batch(walk, [])
+
+    def test_steers_all_of_a_batch(self, plateau: Client, walk: Path) -> None:
+        name = plateau.submit_batch(walk, [{"frame": 0}, {"frame": 1}]).name
+        assert plateau.pause_batch(name).done == 2
+        assert plateau.batch(name).held == 2
+        assert plateau.resume_batch(name).done == 2
+        assert {one.state for one in plateau.cancel_batch(name).jobs} == {JobState.CANCELLED}
+        with pytest.raises(ApiError, match="there is no batch 'none'") as caught:
+            plateau.cancel_batch("none")
+        assert caught.value.slug == "unknown-batch"
+
+    def test_waits_until_all_results_are_written(
+        self, plateau: Client, client: redis.Redis, store: Blobs, walk: Path
+    ) -> None:
+        batch = plateau.submit_batch(walk, [{"frame": 0}])
+        with pytest.raises(TimedOut, match=r"is not finished after 0\.1 s; it goes on"):
+            plateau.wait_for_batch(batch.name, timeout_s=0.1)
+        later = threading.Timer(0.3, end, (client, store, batch.job_ids[0], JobState.CONVERGED))
+        later.start()
+        assert plateau.wait_for_batch(batch.name, timeout_s=60).states == {JobState.CONVERGED: 1}
+        later.join()
+
+
+def test_a_bundle_has_what_any_of_its_jobs_needs(walk: Path) -> None:
+    def packed(*frames: str) -> set[str]:
+        with pack(walk, *({"frame": frame} for frame in frames)) as bundle:
+            return {path.name for path in bundle.files}
+
+    assert packed("0") == packed("0", "0") == {"scene.xml", "0.ply"}
+    assert packed("0", "2") == {"scene.xml", "0.ply", "2.ply"}
+
+
+class TestLists:
+    @pytest.mark.parametrize(
+        ("text", "values"),
+        [
+            ("n=0..3", ["0", "1", "2", "3"]),
+            ("n=2..-2..2", ["2", "0", "-2"]),
+            ("n=5..5", ["5"]),
+            ("n=1..8..3", ["1", "4", "7"]),
+            ("n=red,blue", ["red", "blue"]),
+            ("n=0.5,1..2", ["0.5", "1..2"]),
+        ],
+    )
+    def test_of_one_parameter(self, text: str, values: list[str]) -> None:
+        assert each([text]) == [{"n": value} for value in values]
+
+    def test_of_several_are_every_combination(self) -> None:
+        assert each(["a=1..2", "b=x,y"]) == [
+            {"a": "1", "b": "x"},
+            {"a": "1", "b": "y"},
+            {"a": "2", "b": "x"},
+            {"a": "2", "b": "y"},
+        ]
+
+    @pytest.mark.parametrize(
+        ("definitions", "words"),
+        [
+            (["n"], "NAME=FIRST..LAST"),
+            (["n="], "NAME=FIRST..LAST"),
+            (["=1..2"], "NAME=FIRST..LAST"),
+            (["n=1..2", "n=3..4"], "one parameter twice"),
+            (["n=0..1000"], "makes 1,001 jobs"),
+            (["n=0..999999999"], "makes 1,000,000,000 jobs"),
+            (["n=1..100", "m=1..11"], "makes 1,100 jobs"),
+        ],
+    )
+    def test_that_cannot_be_made(self, definitions: list[str], words: str) -> None:
+        with pytest.raises(CommandFailed, match=words):
+            each(definitions)
+
+    @pytest.mark.parametrize(
+        ("content", "entries"),
+        [
+            ('[{"a": 1, "b": true}, {}]', [{"a": 1, "b": True}, {}]),
+            ("a,b\n1,x\n\n2,\n", [{"a": "1", "b": "x"}, {"a": "2", "b": ""}]),
+            ("\ufeffa\n1\n", [{"a": "1"}]),
+        ],
+    )
+    def test_of_a_file(self, tmp_path: Path, content: str, entries: list[dict[str, Any]]) -> None:
+        (tmp_path / "frames").write_text(content)
+        assert from_file(tmp_path / "frames") == entries
+
+    @pytest.mark.parametrize(
+        ("content", "words"),
+        [
+            ("", "has no entries"),
+            ("a,b\n", "has no entries"),
+            ("[]", "has no entries"),
+            ("a,a\n1,2\n", "name each column once"),
+            ("a,\n1,2\n", "name each column"),
+            ("a,b\n1,2\n3\n", "entry 2 of .* has 1 values for 2 columns"),
+            ("[1]", "list of objects"),
+            ('{"a": 1}', "list of objects"),
+            ("[{", "is not JSON"),
+            ("a\n" + "1\n" * 1001, "makes 1,001 jobs"),
+            ("a\n" + "1" * 200_000, "is not CSV: field larger"),
+        ],
+    )
+    def test_of_a_file_that_is_wrong(self, tmp_path: Path, content: str, words: str) -> None:
+        (tmp_path / "frames").write_text(content)
+        with pytest.raises(CommandFailed, match=words):
+            from_file(tmp_path / "frames")
+
+    @pytest.mark.parametrize(
+        "value", ["null", "[1]", '{"x": 1}', "NaN", "-Infinity", "1e400", r'"\ud800"']
+    )
+    def test_of_a_file_with_a_value_that_no_parameter_can_have(
+        self, tmp_path: Path, value: str
+    ) -> None:
+        (tmp_path / "frames").write_text(f'[{{"größe": 1}}, {{}}, {{"a": true, "größe": {value}}}]')
+        words = "entry 3 of .*frames: 'größe' must be text, a number, true or false"
+        with pytest.raises(CommandFailed, match=words):
+            from_file(tmp_path / "frames")
+
+    @pytest.mark.parametrize("encoding", ["latin-1", "utf-16"])
+    def test_of_a_file_in_another_encoding(self, tmp_path: Path, encoding: str) -> None:
+        (tmp_path / "frames").write_bytes("material\nWeißblech\n".encode(encoding))
+        with pytest.raises(CommandFailed, match="frames is not UTF-8 text: save it as UTF-8"):
+            from_file(tmp_path / "frames")
+
+
+@pytest.mark.usefixtures("_service")
+class TestTheCommandLine:
+    def test_submits_a_range_of_frames(self, walk: Path, plateau: Client) -> None:
+        code, out, error = command(
+            "submit", str(walk), "--each", "frame=0..2", "--batch", "w", "--flicker-guard"
+        )
+        assert (code, out) == (0, "w\n"), error
+        made = list(plateau.all_jobs(batch="w"))[::-1]
+        assert [job.spec.parameters["frame"] for job in made] == ["0", "1", "2"]
+        code, out, _ = command("batches")
+        assert (code, out.split("\t")[:3]) == (0, ["w", "3", "3 queued"])
+        code, out, _ = command("batch", "w")
+        assert code == 0
+        assert "even: all jobs stop alike; the batch takes no other" in out
+        assert json.loads(command("batch", "w", "--json")[1])["job_ids"] == [job.id for job in made]
+        # One that stops otherwise may not join
+        code, _, error = command("submit", str(walk), "--batch", "w", "--min-spp", "500")
+        assert (code, "min_spp is 500 here, and not set there" in error) == (1, True)
+
+    def test_submits_the_entries_of_a_file(self, walk: Path, tmp_path: Path) -> None:
+        (tmp_path / "frames.csv").write_text("frame\n2\n1\n")
+        file = str(tmp_path / "frames.csv")
+        code, out, error = command("submit", str(walk), "--parameters", file, "--json")
+        assert code == 0, error
+        assert json.loads(out)["jobs"] == 2
+        code, _, error = command("submit", str(walk), "--parameters", file, "--each", "frame=1..2")
+        assert (code, "give one" in error) == (1, True)
+        (tmp_path / "frames.csv").write_text('[{"frame": null}]')
+        code, _, error = command("submit", str(walk), "--parameters", file)
+        said = f"entry 1 of {file}: 'frame' must be text, a number, true or false"
+        assert (code, error) == (1, f"plateau: {said}\n")
+
+    def test_cancels_pauses_and_resumes_all_of_it(self, plateau: Client, walk: Path) -> None:
+        batch = plateau.submit_batch(walk, [{"frame": 0}, {"frame": 1}], JobSpec(batch="w"))
+        for what, state in (("pause", "queued"), ("resume", "queued"), ("cancel", "cancelled")):
+            code, out, _ = command(what, "--batch", "w")
+            assert (code, out) == (0, "".join(f"{job} {state}\n" for job in batch.job_ids))
+        for arguments in (["cancel"], ["cancel", batch.job_ids[0], "--batch", "w"], ["watch"]):
+            code, _, error = command(*arguments)
+            assert (code, "the id of a job, or --batch NAME" in " ".join(error.split())) == (
+                2,
+                True,
+            )
+        code, _, error = command("pause", "--batch", "none")
+        assert (code, "there is no batch 'none'" in error) == (1, True)
+
+    def test_watches_till_the_end_and_fetches_what_is_finished(
+        self, plateau: Client, client: redis.Redis, store: Blobs, walk: Path, tmp_path: Path
+    ) -> None:
+        batch = plateau.submit_batch(
+            walk, [{"frame": 0}, {"frame": 1}], JobSpec(batch="w", max_spp=100)
+        )
+        end(client, store, batch.job_ids[0], JobState.CONVERGED)
+        out = tmp_path / "frames"
+        first = out / f"0000-{batch.job_ids[0]}"
+
+        def end_the_other() -> None:
+            while not (first / "summary.json").exists():  # the first is fetched while others run
+                time.sleep(0.05)
+            end(client, store, batch.job_ids[1], JobState.EXHAUSTED)
+
+        ending = threading.Thread(target=end_the_other)
+        ending.start()
+        code, printed, progress = command("watch", "--batch", "w", "-o", str(out))
+        ending.join()
+        assert code == 3
+        assert progress.splitlines()[0].startswith("1 queued, 1 converged")
+        assert "1 ended short of the target: " + batch.job_ids[1] in printed
+        assert sorted(folder.name for folder in out.iterdir()) == [
+            f"000{place}-{job_id}" for place, job_id in enumerate(batch.job_ids)
+        ]
+        assert (first / "image.png").read_bytes() == b"a picture"
+        # What is there is not fetched again
+        (first / "image.png").write_bytes(b"mine")
+        assert command("watch", "--batch", "w", "-o", str(out), "--json")[0] == 3
+        assert (first / "image.png").read_bytes() == b"mine"
+
+    def test_puts_no_two_batches_and_no_other_job_into_one_folder(
+        self, client: redis.Redis, store: Blobs, tmp_path: Path
+    ) -> None:
+        # Given a batch, whose frames were fetched, and another
+        jobs = Jobs(client)
+        for name in ("walk", "run"):
+            made = jobs.create_all([JobSpec(batch=name)] * 2, name=name, scene_sha256="00")
+            for job in jobs.search(batch=name)[0]:
+                end(client, store, job.id, JobState.CONVERGED)
+        frames, single = tmp_path / "frames", tmp_path / "single"
+        assert command("watch", "--batch", "walk", "-o", str(frames))[0] == 0
+        assert command("fetch", made.job.id, "-o", str(single))[0] == 0
+        before = sorted(tmp_path.rglob("*"))
+        # When anything else is to be written there, then it is refused, and all is as it was
+        for words, says in [
+            (["watch", "--batch", "run", "-o", str(frames)], "results that are not of this batch"),
+            (["watch", "--batch", "run", "-o", str(single)], f"the results of job {made.job.id}"),
+            (["watch", made.job.id, "-o", str(frames)], "the results of a batch (0000-"),
+            (["fetch", made.job.id, "-o", str(frames)], "the results of a batch (0000-"),
+        ]:
+            code, _, error = command(*words)
+            assert (code, says in error, "another folder with -o" in error) == (1, True, True)
+        assert sorted(tmp_path.rglob("*")) == before
+        # But the batch itself may be watched again, and the job be fetched again
+        assert command("watch", "--batch", "walk", "-o", str(frames))[0] == 0
+        assert command("fetch", made.job.id, "-o", str(single))[0] == 0
+
+    @pytest.mark.parametrize(
+        ("ends", "code"),
+        [
+            ([JobState.CONVERGED, JobState.CONVERGED], 0),
+            ([JobState.CONVERGED, JobState.EXHAUSTED], 3),
+            ([JobState.EXHAUSTED, JobState.CANCELLED], 4),
+            ([JobState.CANCELLED, JobState.FAILED], 1),
+        ],
+    )
+    def test_says_by_its_exit_code_how_it_ended(
+        self, client: redis.Redis, store: Blobs, ends: list[JobState], code: int
+    ) -> None:
+        made = Jobs(client).create_all(
+            [JobSpec(batch="w")] * len(ends), name="w", scene_sha256="00"
+        )
+        assert made.job.spec.batch == "w"
+        for job, state in zip(Jobs(client).search(batch="w")[0][::-1], ends, strict=True):
+            end(client, store, job.id, state)
+        assert command("watch", "--batch", "w")[0] == code
+
+
+def test_live_progress_shows_how_far_all_are(
+    plateau: Client, client: redis.Redis, store: Blobs, walk: Path
+) -> None:
+    batch = plateau.submit_batch(walk, [{"frame": 0}, {"frame": 1}], JobSpec(batch="w"))
+    end(client, store, batch.job_ids[0], JobState.CONVERGED)
+    plateau.submit(walk, JobSpec(batch="w", step=50))
+    console = Console(force_terminal=True, width=100, record=True, _environ={"TERM": "xterm"})
+    with batch_progress_on(console) as show:
+        show(plateau.batch("w"))
+    text = console.export_text()
+    assert "w  2 queued, 1 converged   not even: `plateau batch w` says why" in text
+    assert "1 of 3 jobs" in text

@@ -1,0 +1,70 @@
+"""`plateau continue` and `plateau rejudge`: ended jobs, gone on with from the command line."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+import redis
+from typer.testing import CliRunner
+
+from plateau.cli import app
+from plateau.farm.model.job import Job
+from tests.support.live_api import live_api
+from tests.support.noise_farm import NoiseFarm
+
+SHORT = {"step": 20, "slice_spp": 10, "max_spp": 400, "rule": {"name": "fixed", "spp": 40}}
+
+
+@pytest.fixture
+def farm(
+    client: redis.Redis, redis_url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> Iterator[NoiseFarm]:
+    farm = NoiseFarm(client, redis_url, tmp_path)
+    with live_api(redis_url, farm.store) as url:
+        monkeypatch.setenv("PLATEAU_URL", url)
+        yield farm
+
+
+def ended(farm: NoiseFarm, **spec: object) -> Job:
+    job = farm.submit(**{**SHORT, **spec})
+    with farm.monitor():
+        return farm.finish(job)
+
+
+def plateau(*arguments: str) -> tuple[int, str, str]:
+    done = CliRunner().invoke(app, arguments)
+    return done.exit_code, done.stdout, done.stderr
+
+
+def test_an_ended_job_goes_on_under_the_id_that_is_printed(farm: NoiseFarm) -> None:
+    job = ended(farm, view={"exposure_ev": 1.0})
+    code, out, _ = plateau("continue", job.id[:8], "--rule", "visible:target=0.01", "--json")
+    assert code == 0
+    new = json.loads(out)
+    assert (new["continues"], new["continued_spp"]) == (job.id, 40)
+    # What was given is another, and the rest is as it was
+    assert new["spec"]["rule"] == {"name": "visible", "target": 0.01, "min_spp": 200}
+    assert new["spec"]["view"] == job.spec.view.model_dump()
+    code, out, _ = plateau("continue", job.id, "--max-spp", "600", "--spp", "500")
+    assert farm.jobs.get(out.strip()).spec.max_spp == 600
+    assert farm.jobs.get(out.strip()).spec.rule.model_dump() == {"name": "fixed", "spp": 500}
+
+
+def test_kept_slices_are_judged_again(farm: NoiseFarm) -> None:
+    job = ended(farm, keep_slices=True)
+    code, out, _ = plateau("rejudge", job.id, "--field-of-view", "20", "--watch", "reverse")
+    assert code == 0
+    spec = farm.jobs.get(out.strip()).spec
+    assert spec.max_spp == 10 * len(farm.jobs.ledger(job.id))
+    assert spec.view.field_of_view_deg == 20
+    assert [rule.name for rule in spec.watch] == ["reverse"]
+
+
+def test_what_cannot_be_says_what_could(farm: NoiseFarm) -> None:
+    job = ended(farm)
+    code, _, error = plateau("rejudge", job.id)
+    assert (code, error.count("\n")) == (1, 1)
+    assert "submit with keep_slices" in error
+    assert "its step cannot change" in plateau("continue", job.id, "--step", "40")[2]
+    assert "it is queued: it goes on by itself" in plateau("continue", farm.submit(**SHORT).id)[2]

@@ -1,0 +1,154 @@
+"""`plateau gc`, as a real command, on every place where it may find its data."""
+
+import json
+import signal
+from pathlib import Path
+
+import pytest
+import redis
+
+from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs.store import Blobs
+from plateau.farm.ledger.jobs import Jobs
+from plateau.farm.ledger.schema import check_schema
+from plateau.farm.redis import keys
+from plateau.farm.redis.embedded import EmbeddedRedis
+from plateau.farm.redis.link import connect
+from tests.support.commands import Command
+from tests.support.staged_job import StagedJob
+
+READY = r"listens at (http://127\.0\.0\.1:\d+)"
+
+
+def fill(client: redis.Redis, store: Blobs) -> StagedJob:
+    """A finished job with three pictures, a queued one, and an orphan."""
+    check_schema(client)  # as whoever came first did
+    job = StagedJob(client)
+    job.commit(4)
+    job.end()
+    for name in ("image.exr", "image.png", "difference.png"):
+        job.picture(store, name, bytes(1000))
+    job.finish()
+    queued = StagedJob(client)
+    store.put(blobs.partial(queued.id, 0, "w-1"), b"needed")
+    store.put(blobs.partial(job.id, 9, "killed-1"), bytes(500))
+    return job
+
+
+class Gc:
+    """Runs ``plateau gc`` and takes what it says."""
+
+    def __init__(self, folder: Path, **environment: str) -> None:
+        self._folder = folder
+        self._environment = environment
+
+    def __call__(self, *arguments: str, code: int = 0) -> str:
+        command = Command("gc", *arguments, folder=self._folder, **self._environment)
+        try:
+            assert command.exit_code() == code, command.said
+            command.is_gone()
+        finally:
+            command.end()
+        return command.said
+
+
+@pytest.fixture
+def data(tmp_path: Path) -> Path:
+    """A data folder as `plateau up` leaves it, with jobs in it."""
+    folder = tmp_path / "data"
+    server = EmbeddedRedis(folder / "redis")
+    with connect(server.url) as client:
+        fill(client, Blobs(str(folder / "blobs")))
+    server.stop()
+    return folder
+
+
+def kept(data: Path) -> tuple[int, int]:
+    """How many jobs the folder has, and how many blobs of jobs."""
+    server = EmbeddedRedis(data / "redis")
+    try:
+        with connect(server.url) as client:
+            return client.zcard(keys.JOBS), len(Blobs(str(data / "blobs")).names(blobs.JOBS))
+    finally:
+        server.stop()
+
+
+@pytest.mark.usefixtures("data")
+def test_without_a_limit_orphans_go_and_it_says_how_to_set_one(tmp_path: Path, data: Path) -> None:
+    said = Gc(tmp_path)()
+    assert said.splitlines() == [
+        f"Removed 1 blob, 500 bytes, from {data / 'blobs'}:",
+        "  jobs           –  kept for ever: --results-older-than DAYS sets a limit",
+        "  sums           0  of jobs finished more than 3 days ago",
+        "  scenes         –  kept for ever: --scenes-unused-for DAYS sets a limit",
+        "  orphans        1  blobs that no job needs",
+    ]
+    assert kept(data) == (2, 4)
+
+
+def test_a_dry_run_is_true_and_removes_nothing(tmp_path: Path, data: Path) -> None:
+    gc = Gc(tmp_path)
+    would = gc("--results-older-than", "0", "--dry-run")
+    assert would.startswith("Would remove 4 blobs, 3.5 kB, from ")
+    assert "jobs           1  finished more than 0 days ago" in would
+    assert kept(data) == (2, 5)
+    did = json.loads(gc("--results-older-than", "0", "--json"))
+    expected = {"jobs": 1, "sums": 0, "scenes": 0, "orphans": 0, "blobs": 4, "freed_bytes": 3500}
+    assert did == {"dry_run": False, **expected}
+    # What is not finished is as it was
+    assert kept(data) == (1, 1)
+
+
+def test_the_settings_set_the_limits_too(tmp_path: Path, data: Path) -> None:
+    limits = {"PLATEAU_KEEP_RESULTS_DAYS": "0", "PLATEAU_KEEP_SCENES_DAYS": "7"}
+    said = Gc(tmp_path, **limits)()
+    assert "jobs           1  finished more than 0 days ago" in said
+    assert "scenes         0  of no job, last used more than 7 days ago" in said
+    assert kept(data) == (1, 1)
+
+
+def test_it_works_beside_a_service(tmp_path: Path, data: Path) -> None:
+    up = Command("up", "--workers", "0", "--port", "0", folder=tmp_path)
+    try:
+        up.wait_for(READY)
+        assert "Removed 4 blobs" in Gc(tmp_path)("--results-older-than", "0")
+        with connect(up.wait_for(r"PLATEAU_REDIS_URL=(\S+)")) as client:
+            jobs = Jobs(client).search()[0]
+            assert len(jobs) == 1
+        up.process.send_signal(signal.SIGTERM)
+        assert up.exit_code() == 0, up.said
+    finally:
+        up.end()
+
+
+def test_it_works_on_a_farm_of_many_machines(
+    tmp_path: Path, client: redis.Redis, redis_url: str, store: Blobs
+) -> None:
+    fill(client, store)
+    farm = {"PLATEAU_REDIS_URL": redis_url, "PLATEAU_BLOBS": store.where}
+    assert "Removed 4 blobs" in Gc(tmp_path, **farm)("--results-older-than", "0")
+    assert client.zcard(keys.JOBS) == 1
+
+
+class TestWhatItRefuses:
+    def test_a_folder_with_nothing_in_it(self, tmp_path: Path) -> None:
+        said = Gc(tmp_path)(code=1)
+        assert said.startswith("plateau: there is no data of Plateau in ")
+        assert not (tmp_path / "data").exists()
+
+    def test_a_redis_without_its_blobs(self, tmp_path: Path, data: Path, redis_url: str) -> None:
+        said = Gc(tmp_path, PLATEAU_REDIS_URL=redis_url)(code=1)
+        assert said.startswith("plateau: set PLATEAU_BLOBS too")
+        assert kept(data) == (2, 5)
+
+    def test_the_blobs_of_another_redis(self, tmp_path: Path, data: Path, redis_url: str) -> None:
+        Gc(tmp_path)()
+        farm = {"PLATEAU_REDIS_URL": redis_url, "PLATEAU_BLOBS": str(data / "blobs")}
+        said = Gc(tmp_path, **farm)("--results-older-than", "0", code=1)
+        assert "belong to another Redis" in said
+        assert len(said.splitlines()) == 1
+        assert kept(data) == (2, 4)
+
+    @pytest.mark.parametrize("days", ["-1", "soon"])
+    def test_days_that_are_none(self, tmp_path: Path, days: str) -> None:
+        assert "--results-older-than" in Gc(tmp_path)("--results-older-than", days, code=2)

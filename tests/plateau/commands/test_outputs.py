@@ -1,0 +1,251 @@
+"""The files that a job leaves with its user."""
+
+import csv
+import json
+import re
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import pytest
+import redis
+from PIL import Image
+from typer.testing import CliRunner
+
+from plateau.cli import app
+from plateau.client import Client
+from plateau.commands.outputs import write_results
+from plateau.errors import CommandFailed
+from plateau.farm.blobs.store import Blobs
+from plateau.farm.ledger.continuation import Continuations
+from plateau.farm.model.job import Job
+from plateau.farm.model.spec import FixedSpec
+from plateau.farm.model.states import JobState
+from plateau.files.job_folder import begin, in_turn, owner
+from tests.support.live_api import live_api
+from tests.support.noise_farm import NoiseFarm
+from tests.support.real_farm import until
+from tests.support.staged_job import StagedJob
+
+
+def finished(client: redis.Redis, store: Blobs, state: JobState = JobState.CONVERGED) -> StagedJob:
+    job = StagedJob(client, max_spp=1000)
+    job.commit(16)
+    for spp, visible, slope in ((100, 0, None), (200, 20, 0.2), (300, 25, 0.1), (400, 25, 0.01)):
+        job.point(spp, visible, slope)
+    for name in ("image.exr", "image.png", "difference.png"):
+        job.picture(store, name, name.encode())
+    job.end(state, "because")
+    job.finish(400)
+    return job
+
+
+def failed(client: redis.Redis) -> StagedJob:
+    job = StagedJob(client)
+    job.end(JobState.FAILED, "no plugin of that name")
+    job.finish(0)
+    return job
+
+
+def visible(folder: Path) -> set[str]:
+    """The names of what a person sees in the folder."""
+    return {path.name for path in folder.iterdir() if not path.name.startswith(".")}
+
+
+def test_all_that_a_converged_job_has(
+    plateau: Client, client: redis.Redis, store: Blobs, tmp_path: Path
+) -> None:
+    job = finished(client, store)
+    folder = tmp_path / "new" / "out"
+    about = write_results(plateau, plateau.job(job.id), folder)
+    assert visible(folder) == {
+        "image.exr",
+        "image.png",
+        "difference.png",
+        "curve.csv",
+        "curve.png",
+        "summary.txt",
+        "summary.json",
+    }
+    assert {Path(name).name for name in about["files"]} == visible(folder)
+    assert (folder / "image.exr").read_bytes() == b"image.exr"
+    rows = list(csv.DictReader((folder / "curve.csv").read_text().splitlines()))
+    assert [row["spp"] for row in rows] == ["100", "200", "300", "400"]
+    with Image.open(folder / "curve.png") as picture:
+        assert picture.size == (1200, 900)
+    text = (folder / "summary.txt").read_text()
+    assert "converged" in text
+    assert re.search(r"^samples: +400 of at most 1,000 spp$", text, re.MULTILINE)
+    assert f"60 % of the cap, {600 * 32 * 24:,} samples" in text
+    summary = json.loads((folder / "summary.json").read_text())
+    assert (summary["state"], summary["saved_fraction"]) == ("converged", 0.6)
+    assert len(summary["curve"]) == 4
+
+
+def test_a_file_that_is_damaged_costs_the_others_nothing(
+    plateau: Client, client: redis.Redis, store: Blobs, tmp_path: Path
+) -> None:
+    # Given a job of which one file was damaged since it was written
+    job = StagedJob(client, max_spp=1000)
+    job.commit(16)
+    job.point(100, 0)
+    job.picture(store, "image.png", b"image.png")
+    job.picture(store, "image.exr", b"image.exr", was=b"another")
+    job.end()
+    job.finish(400)
+    # Then all others are written, and the command says which is missing and why
+    with pytest.raises(CommandFailed, match=r"/image.exr is damaged or lost"):
+        write_results(plateau, plateau.job(job.id), tmp_path / "out")
+    written = {path.name for path in (tmp_path / "out").glob("[!.]*")}
+    assert written == {"image.png", "curve.csv", "curve.png", "summary.txt", "summary.json"}
+
+
+@pytest.mark.parametrize("state", [JobState.EXHAUSTED, JobState.CANCELLED])
+def test_a_job_that_did_not_converge_saved_nothing(
+    plateau: Client, client: redis.Redis, store: Blobs, tmp_path: Path, state: JobState
+) -> None:
+    job = finished(client, store, state)
+    about = write_results(plateau, plateau.job(job.id), tmp_path)
+    assert about["saved_fraction"] == 0
+    assert "of the cap" not in (tmp_path / "summary.txt").read_text()
+
+
+def test_a_job_without_an_image_leaves_its_summary(
+    plateau: Client, client: redis.Redis, tmp_path: Path
+) -> None:
+    write_results(plateau, plateau.job(failed(client).id), tmp_path / "out")
+    assert visible(tmp_path / "out") == {"summary.txt", "summary.json"}
+    assert "no plugin of that name" in (tmp_path / "out" / "summary.txt").read_text()
+
+
+class TestAFolderThatAnotherJobHadBefore:
+    def test_has_nothing_of_it_any_more(
+        self, plateau: Client, client: redis.Redis, store: Blobs, tmp_path: Path
+    ) -> None:
+        # Given a folder with the results of a job, and files of somebody else
+        write_results(plateau, plateau.job(finished(client, store).id), tmp_path)
+        (tmp_path / "slices").mkdir()
+        (tmp_path / "slices" / "000000.exr").write_bytes(b"a slice")
+        others = {"notes.txt", "image-1.png", "slices/mine.exr"}
+        for name in others:
+            (tmp_path / name).write_text("mine")
+        # When another that has no image leaves its results there
+        write_results(plateau, plateau.job(failed(client).id), tmp_path)
+        # Then nothing of the first is left, and all else is
+        files = {str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*") if path.is_file()}
+        assert files == {"summary.txt", "summary.json", ".plateau-job"} | others
+        assert all((tmp_path / name).read_text() == "mine" for name in others)
+
+    def test_has_nothing_of_it_either_where_a_plateau_before_this_one_wrote_it(
+        self, plateau: Client, client: redis.Redis, store: Blobs, tmp_path: Path
+    ) -> None:
+        write_results(plateau, plateau.job(finished(client, store).id), tmp_path)
+        (tmp_path / ".plateau-job").unlink()
+        write_results(plateau, plateau.job(failed(client).id), tmp_path)
+        assert visible(tmp_path) == {"summary.txt", "summary.json"}
+
+    def test_has_the_files_of_one_job_whenever_its_writer_is_killed(
+        self, api: str, plateau: Client, client: redis.Redis, store: Blobs, tmp_path: Path
+    ) -> None:
+        # Given the results of a job, and another with other images and without a curve
+        write_results(plateau, plateau.job(finished(client, store).id), tmp_path / "before")
+        after = StagedJob(client)
+        after.commit(4)
+        for name in ("image.exr", "image.png", "difference.png"):
+            after.picture(store, name, f"another {name}".encode())
+        after.end(JobState.CANCELLED, "enough")
+        after.finish()
+        write_results(plateau, plateau.job(after.id), tmp_path / "there")
+        before, whole = content(tmp_path / "before"), content(tmp_path / "there")
+        # When its writer is killed in the first one's folder, before each of its changes there
+        kills = [
+            json.loads(line)
+            for line in subprocess.run(
+                [sys.executable, "-m", "tests.support.killed_writer", api, after.id, str(tmp_path)],
+                check=True,
+                stdout=subprocess.PIPE,
+                text=True,
+            ).stdout.splitlines()
+        ]
+        # Then what is to be seen there is of the one or of the other, and nothing is torn
+        assert len(kills) > 2 * len(before)
+        for kill in kills:
+            found = {name: text for name, text in kill["killed"].items() if name[0] != "."}
+            assert found.items() <= before.items() or found.items() <= whole.items(), found.keys()
+            # And who writes it once more leaves nothing else there
+            assert kill["again"].keys() == {*whole, ".plateau-job"}
+
+    def test_is_written_by_one_at_a_time(
+        self, plateau: Client, client: redis.Redis, store: Blobs, tmp_path: Path
+    ) -> None:
+        # Given two jobs, one of which is written into the folder
+        first, second = (plateau.job(finished(client, store).id) for _ in range(2))
+        with in_turn(tmp_path):
+            other = threading.Thread(target=write_results, args=(plateau, second, tmp_path))
+            other.start()
+            begin(tmp_path, first.id, lambda _: False)
+            (tmp_path / "image.png").write_text("first")
+            other.join(0.3)
+            # When the other comes, then it waits
+            assert (owner(tmp_path), other.is_alive()) == (first.id, True)
+        other.join()
+        # And then all is of the other
+        assert owner(tmp_path) == second.id
+        assert json.loads((tmp_path / "summary.json").read_text())["id"] == second.id
+
+    @pytest.mark.parametrize("command", [["fetch"], ["watch"]])
+    def test_has_files_of_somebody_else_and_is_refused(
+        self, api: str, client: redis.Redis, tmp_path: Path, command: list[str]
+    ) -> None:
+        (tmp_path / "image.png").write_text("a texture")
+        done = CliRunner().invoke(
+            app, [*command, failed(client).id, "-o", str(tmp_path), "--url", api]
+        )
+        assert done.exit_code == 1
+        assert f"{tmp_path / 'image.png'} is there, and Plateau did not write it" in done.stderr
+        assert [path.name for path in tmp_path.iterdir()] == ["image.png"]
+
+    def test_keeps_the_slices_that_are_the_new_job_s_too(
+        self, client: redis.Redis, redis_url: str, tmp_path: Path
+    ) -> None:
+        # Given a job that goes on with another, whose slices it has, and a third that has others
+        farm = NoiseFarm(client, redis_url, tmp_path)
+        first = kept(farm, 2)
+        spec = first.spec.model_copy(update={"max_spp": 40, "rule": FixedSpec(spp=40)})
+        continuations = Continuations(client)
+        longer = continuations.start(first, continuations.remains(first), spec).job
+        with farm.monitor():
+            farm.render(2)
+            until(lambda: farm.is_finished(longer))
+        out = tmp_path / "out"
+        with live_api(redis_url, farm.store) as url, Client(url) as plateau:
+            write_results(plateau, plateau.job(first.id), out)
+            before = stamps(out / "slices")
+            write_results(plateau, plateau.job(longer.id), out)
+            both = stamps(out / "slices")
+            write_results(plateau, plateau.job(first.id), out)
+        # Then none is fetched twice, and none too many is left
+        assert (len(before), len(both)) == (2, 4)
+        assert before.items() <= both.items()
+        assert stamps(out / "slices") == before
+
+
+def kept(farm: NoiseFarm, slices: int) -> Job:
+    spp = 10 * slices
+    rule = {"name": "fixed", "spp": spp}
+    job = farm.submit(keep_slices=True, step=10, slice_spp=10, max_spp=spp, rule=rule)
+    with farm.monitor():
+        farm.render(slices)
+        until(lambda: farm.is_finished(job))
+    return farm.jobs.get(job.id)
+
+
+def stamps(folder: Path) -> dict[str, tuple[int, int]]:
+    """What no other file has."""
+    return {path.name: (path.stat().st_ino, path.stat().st_mtime_ns) for path in folder.iterdir()}
+
+
+def content(folder: Path) -> dict[str, str]:
+    """What a person sees in the folder, as `tests.support.killed_writer` says it."""
+    return {name: (folder / name).read_bytes().hex() for name in visible(folder)}

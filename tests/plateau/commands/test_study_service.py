@@ -1,0 +1,69 @@
+"""`plateau study create | list | export | delete`: studies from the command line."""
+
+import json
+from pathlib import Path
+
+import pytest
+import redis
+from typer.testing import CliRunner
+
+from plateau.cli import app
+from plateau.client import ApiError, Client
+from plateau.farm.model.study import Screen
+from tests.support.live_api import live_api
+from tests.support.noise_farm import NoiseFarm
+from tests.support.studies import SCREEN, ended_job, sees
+
+
+def plateau(*arguments: str) -> tuple[int, str, str]:
+    done = CliRunner().invoke(app, ["study", *arguments])
+    return done.exit_code, done.stdout, done.stderr
+
+
+def test_a_study_from_the_command_line(
+    client: redis.Redis, redis_url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    farm = NoiseFarm(client, redis_url, tmp_path)
+    job = ended_job(farm, slices=8, slice_spp=10)
+    truth = ended_job(farm, slices=10, slice_spp=20, seed=1)
+    with live_api(redis_url, farm.store) as url, Client(url) as service:
+        monkeypatch.setenv("PLATEAU_URL", url)
+        assert "there are no studies" in plateau("list")[2]
+        levels = ("--level", "10", "--level", "40", "--level", "80")
+        code, out, said = plateau("create", job.id[:8], "--reference", truth.id[:8], *levels)
+        assert code == 0
+        study_id = out.strip()
+        assert said == f"plateau: observers go to {url}/studies/{study_id}/observe\n"
+        # One that is made of its own reference is warned of
+        code, out, said = plateau("create", job.id, "--method", "limits", *levels, "--json")
+        assert json.loads(out)["method"] == "limits"
+        assert "name a job with another seed" in plateau("create", job.id, *levels)[2]
+
+        for name in ("o-1", "o-2", "o-3", "o-4", "o-5"):
+            observer = service.take_part(study_id, name, Screen.model_validate(SCREEN))
+            for trial in observer.trials:
+                test = trial.left if trial.reference == "right" else trial.right
+                spp = int(test.rpartition("/")[2].removesuffix(".png"))
+                seen = sees(name, spp, trial.reference, threshold=40, spread=12)
+                service.answer_trial(study_id, name, trial.trial, seen=seen, seconds=1)
+        listed = plateau("list")[1].splitlines()
+        assert len(listed) == 3
+        row = [study_id, "noise", "constant", "10–80 spp", "5 of 5", "30"]
+        assert listed[-1].split("\t")[:6] == row
+
+        table, trials = tmp_path / "table.csv", tmp_path / "trials.csv"
+        assert plateau("export", study_id, "--table", "-o", str(table))[0] == 0
+        assert table.read_text().startswith("scene,10,40,80\nnoise,")
+        code, out, _ = plateau("export", study_id)
+        trials.write_text(out)
+        assert out.count("\n") == 31
+        assert json.loads(plateau("export", study_id, "--json")[1])["result"]["answers"] == 30
+        fitted = plateau("fit", str(trials))[1].splitlines()
+        assert fitted[0].split()[:3] == ["scene", "answers", "observers"]
+        assert fitted[1].split()[:3] == ["noise", "30", "5"]
+
+        assert plateau("delete", study_id) == (0, "", "")
+        code, _, said = plateau("export", study_id)
+        assert (code, said.count("\n")) == (1, 1)
+        with pytest.raises(ApiError, match="there is no study"):
+            service.study(study_id)

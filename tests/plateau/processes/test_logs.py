@@ -1,0 +1,198 @@
+"""What processes log: in both formats, each line with who wrote it and what it is about."""
+
+import json
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from datetime import datetime, timezone
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+import redis
+
+from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs.store import Blobs
+from plateau.farm.model.states import JobState
+from tests.support.commands import Command, until
+from tests.worker.supervisor.test_supervisor import SCENE, Bench
+
+Run = Callable[..., Command]
+
+
+@pytest.fixture
+def bench(client: redis.Redis, redis_url: str, store: Blobs, tmp_path: Path) -> Bench:
+    return Bench(client, redis_url, store, tmp_path)
+
+
+@pytest.fixture
+def run(redis_url: str, store: Blobs, tmp_path: Path, cache: Path) -> Iterator[Run]:
+    started: list[Command] = []
+
+    def start(*arguments: str, log_format: str = "json", **environment: str) -> Command:
+        settings = {
+            "PLATEAU_REDIS_URL": redis_url,
+            "PLATEAU_BLOBS": store.where,
+            "PLATEAU_CACHE": str(cache),
+            "PLATEAU_LOG_FORMAT": log_format,
+            **environment,
+        }
+        started.append(Command(*arguments, folder=tmp_path, **settings))
+        return started[-1]
+
+    yield start
+    for command in started:
+        command.end()
+
+
+def lines(command: Command) -> list[dict[str, Any]]:
+    """Every line that the process wrote, each an object that says when, how bad, what and who."""
+    parsed = [json.loads(line) for line in command.said.splitlines()]
+    for line in parsed:
+        at = datetime.fromisoformat(line["time"].replace("Z", "+00:00"))
+        assert abs(datetime.now(timezone.utc) - at).total_seconds() < 300
+        assert line["level"] in {"info", "warning", "error", "critical"}
+        assert line["message"]
+        assert line["role"]
+    return parsed
+
+
+def about(found: list[dict[str, Any]], words: str) -> set[tuple[str | None, int | None]]:
+    """The jobs and slices of the lines whose message has these words."""
+    return {(one.get("job"), one.get("slice")) for one in found if words in one["message"]}
+
+
+def test_every_line_of_a_worker_says_which_job_and_slice_it_is_about(
+    bench: Bench, run: Run
+) -> None:
+    wrong = SCENE.format(integrator="path").replace('"diffuse"', '"nosuchplugin"')
+    broken, _ = bench.job(slices=1, scene=wrong)
+    worker = run("worker")
+    until(lambda: bench.jobs.get(broken.id).state is JobState.FAILED, 120)
+    # Given a blob store that takes nothing for a while
+    folder = Path(bench.store.where) / "jobs"
+    folder.touch()
+    good, _ = bench.job(slices=1)
+    worker.wait_for("the slice waits")
+    folder.unlink()
+    until(lambda: len(bench.jobs.ledger(good.id)) == 1, 60)
+    worker.process.send_signal(signal.SIGTERM)
+    assert worker.exit_code() == 0
+    # Then whatever it wrote meanwhile, from whichever thread, has its fields
+    found = lines(worker)
+    (entry,) = bench.jobs.log(good.id)
+    assert {one["role"] for one in found} == {"worker"}
+    assert {one["worker"] for one in found} == {entry.worker}
+    assert about(found, "nosuchplugin") == {(broken.id, 0)}
+    assert about(found, "the slice waits") == {(good.id, 0)}
+    # And nothing else that it wrote is about them
+    assert about(found, "renders here") == {(None, None)}
+
+
+def test_every_line_of_a_monitor_says_which_job_and_slice_it_is_about(
+    bench: Bench, run: Run
+) -> None:
+    # Given a job whose first partial was lost
+    job, owned = bench.job(slices=1)
+    with bench.worker():
+        until(lambda: len(bench.jobs.ledger(job.id)) == 1, 60)
+    bench.store.delete(*bench.store.names(blobs.partials(job.id)))
+    bench.owners.disown((owned,))
+    monitor = run("monitor")
+    monitor.wait_for("the blob store has no")
+    monitor.process.send_signal(signal.SIGTERM)
+    assert monitor.exit_code() == 0
+    found = lines(monitor)
+    assert about(found, "the blob store has no") == {(job.id, 0)}
+    assert {one["role"] for one in found} == {"monitor"}
+    (name,) = {one["monitor"] for one in found}
+    assert str(monitor.process.pid) in name
+
+
+def test_every_line_of_an_api_says_which_job_it_is_about(run: Run, tmp_path: Path) -> None:
+    api = run("api", "--port", "0", PLATEAU_REDIS_URL=f"unix://{tmp_path}/nowhere.sock")
+    url = api.wait_for(r"listens at (http://127\.0\.0\.1:\d+)")
+    with httpx.Client(base_url=url, trust_env=False, timeout=60) as http:  # one connection for all
+        for path in ("/v1/jobs/0123456789ab", "/v1/jobs/0123456789ab/slices/7/log", "/v1/jobs"):
+            assert http.get(path).status_code == 503
+    found = lines(api)
+    assert {one["role"] for one in found} == {"api"}
+    assert about(found, "GET /v1/jobs/0123456789ab:") == {("0123456789ab", None)}
+    assert about(found, "/slices/7/log:") == {("0123456789ab", 7)}
+    assert about(found, "GET /v1/jobs:") == {(None, None)}
+
+
+def test_as_text_a_line_has_its_fields_at_its_end(bench: Bench, run: Run) -> None:
+    wrong = SCENE.format(integrator="path").replace('"diffuse"', '"no\x85such"')
+    job, _ = bench.job(slices=1, scene=wrong)
+    worker = run("worker", log_format="text")
+    until(lambda: bench.jobs.get(job.id).state is JobState.FAILED, 120)
+    worker.process.send_signal(signal.SIGTERM)
+    assert worker.exit_code() == 0
+    (line,) = (one for one in worker.said.split("\n") if "[warning]" in one)
+    assert "the scene cannot be rendered: " in line
+    assert line.endswith(f"job={job.id} slice=0")
+    assert " role=worker worker=" in line
+    assert line.isprintable()
+
+
+def test_an_unknown_format_is_refused(run: Run) -> None:
+    worker = run("worker", log_format="yaml")
+    assert worker.exit_code() == 1
+    assert worker.said == "plateau: PLATEAU_LOG_FORMAT: must be text or json\n"
+
+
+#: A `plateau` command in which calls of a function end in an error that nobody expects.
+BROKEN = """
+import importlib, sys
+module, _, path = sys.argv.pop(1).partition(":")
+*parents, name = path.split(".")
+owner = importlib.import_module(module)
+for parent in parents:
+    owner = getattr(owner, parent)
+def broken(*_, **__):
+    raise RuntimeError("planted by a test")
+setattr(owner, name, broken)
+from plateau.cli import main
+main()
+"""
+
+
+@pytest.mark.parametrize(
+    ("role", "where", "words"),
+    [
+        ("worker", "farm.queue:SliceQueue.heartbeat", "the thread heartbeat died"),
+        ("worker", "worker.uploader:_encoded", "the thread uploader died"),
+        ("worker", "farm.queue:SliceQueue.lease", "an error that Plateau did not expect"),
+        ("monitor", "farm.ownership:Ownerships.renew", "the thread renewer died"),
+        ("monitor", "farm.ownership:Ownerships.unfinished", "an error that Plateau did not expect"),
+    ],
+)
+def test_a_process_does_not_outlive_one_of_its_threads(
+    bench: Bench, cache: Path, role: str, where: str, words: str
+) -> None:
+    job, _ = bench.job(slices=1)
+    done = subprocess.run(
+        [sys.executable, "-c", BROKEN, where, role],
+        env={
+            "PATH": "/usr/bin:/bin",
+            "PLATEAU_REDIS_URL": str(bench.settings.redis_url),
+            "PLATEAU_BLOBS": bench.store.where,
+            "PLATEAU_CACHE": str(cache),
+            "PLATEAU_LEASE_S": "1",
+            "PLATEAU_LOG_FORMAT": "json",
+        },
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert done.returncode == 70, done.stderr
+    last = json.loads(done.stderr.splitlines()[-1])
+    assert (last["level"], last["role"]) == ("critical", role)
+    assert words in last["message"], done.stderr
+    assert "RuntimeError: planted by a test" in last["exception"]
+    if "uploader" in where:
+        assert (last["job"], last["slice"]) == (job.id, 0)

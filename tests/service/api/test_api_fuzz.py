@@ -1,0 +1,206 @@
+"""The API, attacked by what its own OpenAPI document says of it.
+
+Schemathesis derives requests from the document: its examples, the boundaries of each parameter,
+methods that are not there, and random requests, valid and invalid. Each goes to a live API over a
+real Redis that has jobs in several states, once while it is open and once with keys. No answer may
+be a 5xx, and each has to be as the document says: its status, content type, headers and schema.
+What is invalid has to be refused.
+
+Left out are
+
+- streams of events, which have no end: `/events` is asked for what has happened so far;
+- that what the document allows is accepted (`positive_data_acceptance`): whether a scene can be
+  rendered, a step is a number of slices or a job exists is more than a schema can say.
+
+FUZZ_SEED sets the seed, LONG_TESTS=1 asks for many more requests.
+"""
+
+import copy
+import inspect
+import os
+import tempfile
+import zlib
+from collections.abc import Callable
+from typing import Any, Final
+
+import pytest
+import redis
+import schemathesis
+from hypothesis import HealthCheck, settings
+from schemathesis.checks import load_all_checks
+from schemathesis.config import (
+    ChecksConfig,
+    GenerationConfig,
+    PositiveDataAcceptanceConfig,
+    ProjectConfig,
+    ProjectsConfig,
+    SchemathesisConfig,
+)
+from schemathesis.core.parameters import ParameterLocation
+from schemathesis.pytest.lazy import get_all_tests
+
+from plateau.farm.blobs.store import Blobs
+from plateau.farm.bundle import BundleLimits
+from plateau.farm.ledger.api_keys import ApiKeys, KeyLimits, Role
+from plateau.farm.ledger.jobs import Jobs
+from plateau.farm.model.states import JobState
+from plateau.farm.redis.link import connect
+from plateau.service.api.app import create_app
+from plateau.service.api.events.hub import EventHub
+from plateau.service.api.scene_checks.pool import SceneChecks
+from tests.support import long_tests
+from tests.support.live_api import LARGEST_UPLOAD
+from tests.support.staged_job import PARTIAL, StagedJob
+
+SEED = int(os.environ.get("FUZZ_SEED", "20261121"))
+REQUESTS = 1000 if long_tests.WANTED else 25  #: random ones for each operation, at most
+REQUESTS_WITH_KEY = 200 if long_tests.WANTED else 5  #: the doors are other ones, the rooms the same
+
+
+@pytest.fixture
+def job_ids(client: redis.Redis, api_store: Blobs) -> list[str]:
+    """Jobs that wait, render, are paused, have failed, and have converged with all results."""
+    print(f"FUZZ_SEED={SEED}")
+    queued, rendering, paused, failed, finished = (
+        StagedJob(client, keep_slices=True, batch="exposures") for _ in range(5)
+    )
+    for job in (rendering, paused, finished):
+        job.commit(8, said="WARN: unused parameter")
+        api_store.put(job.slice_blob(0), PARTIAL)
+        job.point(100, 0)
+        job.point(200, 30, slope=0.25)
+        for name in ("image.png", "image.exr", "difference.png"):
+            job.picture(api_store, name, b"picture")
+    Jobs(client).pause(paused.id)
+    failed.end(JobState.FAILED, "no plugin of that name")
+    finished.end()
+    finished.finish()
+    return [job.id for job in (queued, rendering, paused, failed, finished)]
+
+
+@pytest.fixture
+def key(client: redis.Redis) -> str:
+    """An admin's, beside which no request without one is taken."""
+    limits = KeyLimits(requests_per_minute=1e6, burst=1_000_000, upload_bytes=None, open_jobs=None)
+    return ApiKeys(client).create("fuzz", Role.ADMIN, limits)[1]
+
+
+def the_document() -> dict[str, Any]:
+    """What the API says of itself; for that it needs no Redis."""
+    nowhere = "redis://127.0.0.1:1"
+    with tempfile.TemporaryDirectory() as folder:
+        app = create_app(
+            client=connect(nowhere),
+            blobs=Blobs(folder),
+            hub=EventHub(nowhere),
+            checks=SceneChecks(BundleLimits(max_bytes=LARGEST_UPLOAD)),
+        )
+    return app.openapi()
+
+
+DOCUMENT = the_document()
+OPERATIONS = [
+    f"{method.upper()} {path}" for path, item in DOCUMENT["paths"].items() for method in item
+]
+
+
+def described(requests: int, *, keys: bool) -> schemathesis.BaseSchema:
+    """The API's description, with how much is asked of it.
+
+    Where `keys` are wanted, each request is repeated without one, and with another: a 401 is due.
+    Else nothing is said of them.
+    """
+    project = ProjectConfig(
+        generation=GenerationConfig(max_examples=requests, database="none"),
+        checks=ChecksConfig(positive_data_acceptance=PositiveDataAcceptanceConfig(enabled=False)),
+    )
+    config = SchemathesisConfig(seed=SEED, projects=ProjectsConfig(default=project))
+    document = copy.deepcopy(DOCUMENT)
+    if not keys:
+        for operations in document["paths"].values():
+            for operation in operations.values():
+                operation.pop("security", None)
+    return schemathesis.openapi.from_dict(document, config=config)
+
+
+@pytest.fixture(scope="module")
+def open_api() -> schemathesis.BaseSchema:
+    return described(REQUESTS, keys=False)
+
+
+@pytest.fixture(scope="module")
+def locked_api() -> schemathesis.BaseSchema:
+    return described(REQUESTS_WITH_KEY, keys=True)
+
+
+#: What `get_all_tests` asked for in the last schemathesis that Python 3.10 has, and does no more.
+_ASKED_BEFORE: Final = dict.fromkeys(
+    {"seed", "as_strategy_kwargs"} & inspect.signature(get_all_tests).parameters.keys()
+)
+
+
+def each_request_to(
+    operation: str, schema: schemathesis.BaseSchema, send: Callable[[schemathesis.Case], None]
+) -> None:
+    """Make up the requests to this call, and send each.
+
+    As `schema.parametrize()` does, but where they are sent: with `-n` every process collects all
+    tests, and to make up all requests takes it ten seconds.
+    """
+    load_all_checks()
+    [made] = get_all_tests(
+        schema=schema.include(name=operation),
+        test_func=send,
+        settings=settings(deadline=None, suppress_health_check=list(HealthCheck)),
+        given_kwargs=None,
+        **_ASKED_BEFORE,
+    )
+    _, test = made.ok()
+    test()
+
+
+@pytest.mark.parametrize("operation", OPERATIONS)
+def test_no_request_breaks_the_api(
+    operation: str, open_api: schemathesis.BaseSchema, session_api: str, job_ids: list[str]
+) -> None:
+    def send(case: schemathesis.Case) -> None:
+        attack(case, session_api, job_ids)
+
+    each_request_to(operation, open_api, send)
+
+
+@pytest.mark.parametrize("operation", OPERATIONS)
+def test_nor_does_one_with_a_key(
+    operation: str,
+    locked_api: schemathesis.BaseSchema,
+    session_api: str,
+    job_ids: list[str],
+    key: str,
+) -> None:
+    def send(case: schemathesis.Case) -> None:
+        attack(case, session_api, job_ids, headers={"Authorization": f"Bearer {key}"})
+
+    each_request_to(operation, locked_api, send)
+
+
+def attack(
+    case: schemathesis.Case, url: str, job_ids: list[str], headers: dict[str, str] | None = None
+) -> None:
+    name_a_real_job(case, job_ids)
+    if case.path.endswith("/events"):
+        case.headers["Accept"] = "application/json"
+    case.call_and_validate(base_url=url, timeout=60, headers=headers)
+
+
+def name_a_real_job(case: schemathesis.Case, job_ids: list[str]) -> None:
+    """Let five of six requests for a job be for one that exists, unless its id is the attack."""
+    meta = case.meta
+    if meta is None or case.path_parameters.get("job_id") in (None, *job_ids):
+        return
+    path = meta.components.get(ParameterLocation.PATH)
+    if path is not None and path.mode.is_negative:
+        return
+    drawn = repr((case.method, case.path_parameters, case.query, dict(case.headers)))
+    number = zlib.crc32(drawn.encode(errors="backslashreplace")) % (len(job_ids) + 1)
+    if number < len(job_ids):
+        case.path_parameters["job_id"] = job_ids[number]

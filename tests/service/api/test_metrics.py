@@ -1,0 +1,336 @@
+"""``GET /metrics`` says how the farm is, whatever is away; docs and dashboard know all of it."""
+
+import json
+import re
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import httpx
+import pytest
+import redis
+from prometheus_client import Metric
+from prometheus_client.parser import text_string_to_metric_families
+
+from plateau.farm.blobs.store import Blobs
+from plateau.farm.ledger.totals import note_sweep
+from plateau.farm.process.settings import Settings
+from plateau.farm.redis import keys
+from plateau.farm.redis.embedded import EmbeddedRedis
+from plateau.service.monitor import sweeper
+from tests.service.api.test_jobs import problem
+from tests.support.live_api import live_api
+from tests.support.noise_farm import SIZE, NoiseFarm
+from tests.support.redis_proxy import RedisProxy
+from tests.support.staged_job import HEIGHT, WIDTH, StagedJob
+
+ROOT = Path(__file__).parents[3]
+LATENCY = "plateau_http_request_duration_seconds"
+
+
+class Scrape:
+    """One answer of ``GET /metrics``."""
+
+    def __init__(self, http: httpx.Client) -> None:
+        answer = http.get("/metrics")
+        assert answer.status_code == 200
+        assert answer.headers["content-type"] == "text/plain; version=0.0.4; charset=utf-8"
+        self.families: list[Metric] = list(text_string_to_metric_families(answer.text))
+        self.samples = {
+            (sample.name, *sorted(sample.labels.items())): sample.value
+            for family in self.families
+            for sample in family.samples
+        }
+
+    def value(self, name: str, **labels: str) -> float | None:
+        return self.samples.get((name, *sorted(labels.items())))
+
+    def names(self) -> set[str]:
+        """The names as the docs have them."""
+        return {
+            f"{family.name}_total" if family.type == "counter" else family.name
+            for family in self.families
+        }
+
+    def series(self) -> set[str]:
+        """The names as expressions have them."""
+        return {name for name, *_ in self.samples}
+
+
+@pytest.fixture
+def busy(http: httpx.Client, client: redis.Redis) -> StagedJob:
+    """A farm of which every metric tells."""
+    note_sweep(client)
+    http.get("/healthz")
+    job = StagedJob(client, max_spp=1000)
+    job.die("SIGSEGV")
+    job.commit(4)
+    job.point(100, visible=3)
+    return job
+
+
+def test_it_tells_of_jobs_slices_and_samples(http: httpx.Client, busy: StagedJob) -> None:
+    before = Scrape(http)
+    assert before.value("plateau_jobs", state="rendering") == 1
+    assert before.value("plateau_jobs_created_total") == 1
+    assert before.value("plateau_slice_tries_total", outcome="committed") == 4
+    assert before.value("plateau_slice_tries_total", outcome="died") == 1
+    assert before.value("plateau_samples_rendered_total") == 100 * WIDTH * HEIGHT
+    assert before.value("plateau_machine_seconds_total") == pytest.approx(4 * 0.5 + 0.2)
+    assert before.value("plateau_samples_saved_total") == 0
+    busy.end()
+    after = Scrape(http)
+    assert after.value("plateau_jobs", state="rendering") == 0
+    assert after.value("plateau_jobs_ended_total", state="converged") == 1
+    shown = http.get(f"/v1/jobs/{busy.id}").json()
+    assert after.value("plateau_samples_saved_total") == shown["samples_saved"] > 0
+    assert after.value("plateau_machine_seconds_total") == pytest.approx(shown["machine_s"])
+
+
+def test_it_says_what_it_runs_and_reaches(http: httpx.Client) -> None:
+    scrape = Scrape(http)
+    assert scrape.value("plateau_up", part="redis") == 1
+    assert scrape.value("plateau_up", part="blobs") == 1
+    [build] = [key for key in scrape.samples if key[0] == "plateau_build_info"]
+    assert {name for name, _ in build[1:]} == {"version", "python"}
+
+
+def test_no_series_comes_twice_and_each_is_explained(http: httpx.Client, busy: StagedJob) -> None:
+    families = Scrape(http).families
+    samples = [
+        (sample.name, *sorted(sample.labels.items()))
+        for family in families
+        for sample in family.samples
+    ]
+    assert len(samples) == len(set(samples))
+    for family in families:
+        assert family.name.startswith("plateau_")
+        assert family.type in {"gauge", "counter", "histogram"}
+        assert family.documentation.endswith(".")
+    assert len({family.name for family in families}) == len(families)
+
+
+def test_the_monitors_tell_of_merges_and_evaluations(
+    client: redis.Redis, redis_url: str, tmp_path: Path
+) -> None:
+    farm = NoiseFarm(client, redis_url, tmp_path)
+    job = farm.submit(step=20, slice_spp=10, max_spp=40, rule={"name": "fixed", "spp": 40})
+    with farm.monitor() as monitor:
+        deadline = time.monotonic() + 60
+        while farm.jobs.get(job.id).finished_at is None:
+            assert time.monotonic() < deadline
+            lease = farm.lease()
+            if lease is not None:
+                farm.commit(lease)
+            time.sleep(0.01)
+        while farm.jobs.census().monitors == 0:
+            assert time.monotonic() < deadline, f"{monitor.id} was never heard of"
+            time.sleep(0.05)
+    # A monitor that stops reports all that it did
+    census = farm.jobs.census()
+    assert census.merges.buckets[-1][1] == 4
+    assert census.evaluations.buckets[-1][1] == farm.jobs.get(job.id).points == 2
+    assert census.evaluations.sum_s > 0
+    assert census.samples >= 40 * SIZE[0] * SIZE[1]
+    assert census.monitors == 0
+
+
+def test_a_sweep_leaves_its_time(
+    http: httpx.Client, redis_url: str, store: Blobs, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert Scrape(http).value("plateau_last_sweep_timestamp_seconds") is None
+    monkeypatch.setattr(sweeper, "_LOOK_S", 0.05)
+    deadline = time.monotonic() + 60
+    with sweeper.sweeping(Settings(redis_url=redis_url, blobs=store.where), store):
+        while (at := Scrape(http).value("plateau_last_sweep_timestamp_seconds")) is None:
+            assert time.monotonic() < deadline
+            time.sleep(0.05)
+    assert abs(at - time.time()) < 60
+
+
+class TestRequests:
+    def test_are_counted_by_the_template_of_their_path(
+        self, redis_url: str, store: Blobs, client: redis.Redis
+    ) -> None:
+        job = StagedJob(client)
+        with _api(redis_url, store) as http:
+            for path in (f"/v1/jobs/{job.id}", "/v1/jobs/0123456789ab", "/v1/jobs/0123456789ac"):
+                http.get(path)
+            http.get("/secret/9137")
+            http.get("/v1/jobs", headers={"Host": "evil.example"})
+            http.request("BREW", "/v1/jobs")
+            http.head(f"/v1/jobs/{job.id}")
+            scrape = Scrape(http)
+            text = http.get("/metrics").text
+        route = "/v1/jobs/{job_id}"
+        counted = {key[1:]: n for key, n in scrape.samples.items() if key[0] == f"{LATENCY}_count"}
+        assert counted == {
+            (("method", "GET"), ("route", route), ("status", "2xx")): 1,
+            (("method", "GET"), ("route", route), ("status", "4xx")): 2,
+            (("method", "GET"), ("route", "none"), ("status", "4xx")): 2,
+            (("method", "other"), ("route", "/v1/jobs"), ("status", "4xx")): 1,
+            (("method", "HEAD"), ("route", route), ("status", "2xx")): 1,
+        }
+        assert job.id not in text
+        assert "9137" not in text
+        lasted = scrape.value(f"{LATENCY}_sum", method="GET", route=route, status="2xx")
+        assert lasted is not None
+        assert 0 < lasted < 60
+
+    def test_that_fail_by_a_bug_are_counted(
+        self, redis_url: str, store: Blobs, client: redis.Redis
+    ) -> None:
+        job = StagedJob(client)
+        client.xadd(keys.job(job.id, "curve"), {"point": "no JSON"})
+        with _api(redis_url, store) as http:
+            # After a bug the server closes the connection, so the next request needs another
+            answer = http.get(f"/v1/jobs/{job.id}/curve", headers={"Connection": "close"})
+            problem(answer, 500, "internal-error")
+            labels = {"method": "GET", "route": "/v1/jobs/{job_id}/curve", "status": "5xx"}
+            assert Scrape(http).value(f"{LATENCY}_count", **labels) == 1
+
+    def test_for_events_are_streams_and_have_no_latency(
+        self, redis_url: str, store: Blobs, client: redis.Redis
+    ) -> None:
+        job = StagedJob(client)
+        with _api(redis_url, store) as http:
+            with http.stream("GET", f"/v1/jobs/{job.id}/events") as answer:
+                lines = answer.iter_lines()
+                next(lines)
+                during = Scrape(http)
+            deadline = time.monotonic() + 60
+            while Scrape(http).value("plateau_http_event_streams") != 0:
+                assert time.monotonic() < deadline
+                time.sleep(0.05)
+            after = Scrape(http)
+        assert during.value("plateau_http_event_streams") == 1
+        assert "/events" not in str(after.samples.keys())
+
+
+class TestOutages:
+    def test_of_redis_are_told_not_suffered(self, tmp_path: Path) -> None:
+        with _api(f"unix://{tmp_path}/none.sock", Blobs(str(tmp_path / "blobs"))) as http:
+            http.get("/healthz")
+            scrape = Scrape(http)
+        assert scrape.value("plateau_up", part="redis") == 0
+        assert scrape.value("plateau_up", part="blobs") == 1
+        # What this process knows by itself is there; of the farm nothing is said, no zeros either
+        assert scrape.names() == {
+            "plateau_up",
+            "plateau_build_info",
+            LATENCY,
+            "plateau_http_event_streams",
+        }
+
+    def test_of_redis_that_keeps_silent_cost_seconds(
+        self,
+        embedded_redis: EmbeddedRedis,
+        redis_url: str,
+        store: Blobs,
+        monkeypatch: pytest.MonkeyPatch,
+    ) -> None:
+        # The API itself has to lose patience
+        monkeypatch.setattr("plateau.farm.redis.link.SOCKET_TIMEOUT_S", 600)
+        socket = Path(redis_url.removeprefix("unix://").partition("?")[0])
+        with RedisProxy(socket) as proxy, _api(proxy.url, store) as http:
+            assert Scrape(http).value("plateau_up", part="redis") == 1
+            proxy.fail("silent")
+            assert Scrape(http).value("plateau_up", part="redis") == 0
+            proxy.heal()
+            deadline = time.monotonic() + 60
+            while Scrape(http).value("plateau_up", part="redis") != 1:
+                assert time.monotonic() < deadline
+                time.sleep(0.2)
+
+    def test_of_the_blob_store_are_told(self, redis_url: str, tmp_path: Path) -> None:
+        folder = tmp_path / "blobs"
+        store = Blobs(str(folder))
+        store.make_mark("the store of this farm")
+        with _api(redis_url, store) as http:
+            assert Scrape(http).value("plateau_up", part="blobs") == 1
+            # If the disk is not mounted any more
+            folder.rename(tmp_path / "elsewhere")
+            folder.mkdir()
+            assert Scrape(http).value("plateau_up", part="blobs") == 0
+            assert Scrape(http).value("plateau_up", part="redis") == 1
+
+
+def test_many_may_scrape_at_once(http: httpx.Client, busy: StagedJob) -> None:
+    answers: list[float | None] = []
+
+    def scrape() -> None:
+        answers.append(Scrape(http).value("plateau_jobs_created_total"))
+
+    scrapers = [threading.Thread(target=scrape) for _ in range(8)]
+    for one in scrapers:
+        one.start()
+    for one in scrapers:
+        one.join()
+    assert answers == [1] * 8
+
+
+class TestDocs:
+    def test_the_table_has_what_is_served(self, http: httpx.Client, busy: StagedJob) -> None:
+        operations = (ROOT / "docs" / "operations.md").read_text()
+        rows = re.findall(r"^\| `(plateau_\w+)` \| (\w+) \|", operations, re.MULTILINE)
+        served = Scrape(http)
+        types = {family.name: family.type for family in served.families}
+        assert {name for name, _ in rows} == served.names()
+        assert len(rows) == len(served.names())
+        for name, kind in rows:
+            assert types[name.removesuffix("_total") if kind == "counter" else name] == kind
+
+    def test_the_dashboard_asks_for_what_is_served(
+        self, http: httpx.Client, busy: StagedJob
+    ) -> None:
+        dashboard = json.loads((ROOT / "deploy" / "grafana" / "plateau.json").read_text())
+        panels = [panel for panel in dashboard["panels"] if panel["type"] != "row"]
+        asked = [target["expr"] for panel in panels for target in panel["targets"]]
+        asked += [
+            one["definition"] for one in dashboard["templating"]["list"] if one["type"] == "query"
+        ]
+        served = Scrape(http).series()
+        for expression in asked:
+            names = re.findall(r"plateau_\w+", expression)
+            assert names
+            assert set(names) <= served, expression
+
+    def test_the_dashboard_is_one_that_grafana_takes(self) -> None:
+        dashboard = json.loads((ROOT / "deploy" / "grafana" / "plateau.json").read_text())
+        assert dashboard["schemaVersion"] >= 39
+        [source] = [one for one in dashboard["templating"]["list"] if one["type"] == "datasource"]
+        assert source["query"] == "prometheus"
+        ids = [panel["id"] for panel in dashboard["panels"]]
+        assert len(ids) == len(set(ids))
+        taken: set[tuple[int, int]] = set()
+        for panel in dashboard["panels"]:
+            place = panel["gridPos"]
+            cells = {
+                (x, y)
+                for x in range(place["x"], place["x"] + place["w"])
+                for y in range(place["y"], place["y"] + place["h"])
+            }
+            assert not cells & taken, f"{panel['title']} lies upon another panel"
+            assert place["x"] + place["w"] <= 24
+            taken |= cells
+            if panel["type"] != "row":
+                assert panel["title"]
+                assert panel["description"]
+                assert panel["datasource"]["uid"] == f"${{{source['name']}}}"
+
+    def test_the_scrape_config_names_our_port(self) -> None:
+        url = httpx.URL(Settings.model_fields["url"].default)
+        config = (ROOT / "deploy" / "prometheus.yml").read_text()
+        assert f'targets: ["localhost:{url.port}"]' in config
+
+
+@contextmanager
+def _api(redis_url: str, store: Blobs) -> Iterator[httpx.Client]:
+    """An API of the test's own, so that it has answered nothing yet."""
+    with (
+        live_api(redis_url, store) as url,
+        httpx.Client(base_url=url, trust_env=False, timeout=60) as http,
+    ):
+        yield http

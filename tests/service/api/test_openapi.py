@@ -1,0 +1,410 @@
+"""The API's description of itself: complete, and each of its examples works."""
+
+import asyncio
+import json
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import httpx
+import jsonschema_rs
+import pytest
+import redis
+from openapi_spec_validator import OpenAPIV31SpecValidator, validate
+
+from plateau.farm.blobs.store import Blobs
+from plateau.farm.bundle import BundleLimits
+from plateau.farm.ledger.studies import Studies
+from plateau.farm.model import input_errors
+from plateau.farm.model.study import Screen, Study
+from plateau.farm.redis.link import connect
+from plateau.farm.wire import examples, study_examples
+from plateau.service.api.access.key_guard import needs_key
+from plateau.service.api.app import create_app
+from plateau.service.api.events.hub import EventHub
+from plateau.service.api.problems.problem import TYPES
+from plateau.service.api.scene_checks.pool import SceneChecks
+from plateau.service.api.submission import idempotency
+from tests.service.api.test_jobs import submit
+from tests.support.live_api import LARGEST_UPLOAD
+from tests.support.staged_job import StagedJob
+
+JSON = "application/json"
+PROBLEM = "application/problem+json"
+
+#: What is told of a study when it is made; the rest is Redis's own.
+ABOUT = Study.model_fields.keys() - {"id", "owner", "created_at"}
+
+PATCH = {"$ref": "#/components/schemas/SpecChanges"}
+
+Operation = tuple[str, str, dict[str, Any]]
+
+
+@pytest.fixture(scope="session")
+def document(session_api: str) -> dict[str, Any]:
+    found: dict[str, Any] = httpx.get(
+        f"{session_api}/openapi.json", trust_env=False, timeout=60
+    ).json()
+    return found
+
+
+@pytest.fixture(scope="session")
+def operations(document: dict[str, Any]) -> list[Operation]:
+    """The method, the path and the description of each call."""
+    return [
+        (method.upper(), path, described)
+        for path, item in document["paths"].items()
+        for method, described in item.items()
+    ]
+
+
+def violations(document: dict[str, Any], schema: dict[str, Any], example: object) -> list[str]:
+    """Where the example breaks its schema, which may refer to others of the document."""
+    whole = {"components": document["components"], **schema}
+    validator = jsonschema_rs.Draft202012Validator(whole, validate_formats=True)
+    return [error.message for error in validator.iter_errors(example)]
+
+
+def shown(media: dict[str, Any]) -> Iterator[object]:
+    """The examples of a body that stand beside its schema."""
+    if "example" in media:
+        yield media["example"]
+    yield from (one["value"] for one in media.get("examples", {}).values())
+
+
+def patterns(document: object) -> set[str]:
+    """Every pattern that a part of the document asks for."""
+    if isinstance(document, list):
+        return set().union(*map(patterns, document))
+    if not isinstance(document, dict):
+        return set()
+    own = document.get("pattern")
+    within = set().union(*map(patterns, document.values()))
+    return {*within, own} if isinstance(own, str) else within
+
+
+def test_a_pattern_is_told_in_words(http: httpx.Client, document: dict[str, Any]) -> None:
+    # Given all patterns of the document but those that the API checks in words of its own
+    own = {"^https?://", idempotency.PARAMETERS[0]["schema"]["pattern"]}
+    asked = patterns(document["paths"]) | patterns(document["components"])
+    assert asked - own == input_errors.PATTERNS.keys()
+    # When an id is none, then it is told what an id is
+    answer = http.get("/v1/studies/nope").json()
+    assert answer["detail"] == f"study_id: {input_errors.PATTERNS['^[0-9a-f]{12}$']}"
+
+
+def test_the_document_is_valid_openapi_3_1(document: dict[str, Any]) -> None:
+    assert document["openapi"].startswith("3.1.")
+    validate(document, cls=OpenAPIV31SpecValidator)
+
+
+def test_every_operation_has_a_name_of_its_own(
+    document: dict[str, Any], operations: list[Operation]
+) -> None:
+    told = [
+        described["operationId"]
+        for item in document["webhooks"].values()
+        for described in item.values()
+    ]
+    names = [described["operationId"] for _, _, described in operations] + told
+    assert {"submit_job", "get_job", "list_jobs", "get_image_exr", "tell_of_job"} <= set(names)
+    assert len(set(names)) == len(names)
+    # A verb and what it is done to, as `submit_job`, and nothing of the path
+    assert [name for name in names if not re.fullmatch(r"[a-z]+(_[a-z]+)+", name)] == []
+    assert [name for name in names if "v1" in name] == []
+
+
+def test_every_body_says_all_that_may_be_in_it(
+    document: dict[str, Any], operations: list[Operation]
+) -> None:
+    for method, path, described in operations:
+        for media in described.get("requestBody", {}).get("content", {}).values():
+            schema = resolved(document, media["schema"])
+            assert schema["additionalProperties"] is False, f"{method} {path}"
+
+
+class TestThePatchOfASpec:
+    """The body of `continue` and `rejudge`, which names fields of the spec and parts of them."""
+
+    @pytest.mark.parametrize(
+        "changes",
+        [
+            {},
+            {"max_spp": 400, "min_spp": None},
+            {"rule": {"target": 0.001}},
+            {"rule": {"name": "fixed", "spp": 100.0}},
+            {"rule": {"window": 7}},  # of two rules, of which the old job has one
+            {"watch": [{"name": "reverse"}, {"name": "visible", "target": 0.1}]},
+            {"view": {"exposure_ev": -1, "primaries": None}},
+            {"zones": [2, 3], "webhook": {"url": "https://studio.example/"}},
+            {"parameters": {"width": 64, "film": None}},
+        ],
+    )
+    def test_takes_any_part(self, document: dict[str, Any], changes: dict[str, Any]) -> None:
+        assert violations(document, PATCH, changes) == []
+
+    @pytest.mark.parametrize(
+        "changes",
+        [
+            {"no_such_field": 1},
+            {"no_such_field": None},
+            {"view": {"no_such_field": None}},
+            {"max_spp": "400"},
+            {"max_spp": 0},
+            {"view": {"no_such_field": 1}},
+            {"rule": {"name": "none such"}},
+            {"watch": [{"window": 7, "target": 0.1}]},
+            {"zones": [2, 0]},
+            [],
+        ],
+    )
+    def test_takes_nothing_else_and_nor_does_the_api(
+        self, document: dict[str, Any], http: httpx.Client, client: redis.Redis, changes: Any
+    ) -> None:
+        assert violations(document, PATCH, changes)
+        job = StagedJob(client, keep_slices=True)
+        job.commit()
+        job.end()
+        job.finish()
+        for call in ("continue", "rejudge"):
+            answer = http.post(f"/v1/jobs/{job.id}/{call}", json=changes)
+            assert answer.status_code in {409, 422}, f"{call}: {answer.text}"
+        said = http.post(f"/v1/jobs/{job.id}/continue", json=changes).json()
+        assert said["type"] in {"/problems/invalid-spec", "/problems/invalid-request"}
+
+
+def test_every_call_and_all_that_it_takes_is_described(operations: list[Operation]) -> None:
+    assert len(operations) > 20
+    for method, path, described in operations:
+        assert described["description"], f"{method} {path}"
+        for parameter in described.get("parameters", ()):
+            name = f"{method} {path}: {parameter['name']}"
+            assert parameter["description"], name
+            assert "example" in parameter or examples_of(parameter), name
+
+
+def examples_of(parameter: dict[str, Any]) -> list[object]:
+    return list(parameter.get("examples", ())) or list(parameter["schema"].get("examples", ()))
+
+
+def test_every_header_that_is_read_is_there(operations: list[Operation]) -> None:
+    headers = {
+        (path, parameter["name"].lower())
+        for _, path, described in operations
+        for parameter in described.get("parameters", ())
+        if parameter["in"] == "header"
+    }
+    job = "/v1/jobs/{job_id}"
+    assert headers == {
+        ("/v1/jobs", "idempotency-key"),
+        ("/v1/jobs/{job_id}/continue", "idempotency-key"),
+        ("/v1/jobs/{job_id}/rejudge", "idempotency-key"),
+        (f"{job}/events", "last-event-id"),
+        *(
+            (f"{job}/{name}", "if-none-match")
+            for name in (
+                "curve",
+                "curve.csv",
+                "image.png",
+                "image.exr",
+                "difference.png",
+                "non-finite.png",
+                "thumbnail.png",
+                "previews/{spp}.png",
+                "previews/{spp}.exr",
+                "report.html",
+                "slices/{index}.exr",
+            )
+        ),
+    }
+
+
+def test_every_answer_of_text_has_an_example_that_is_valid(
+    document: dict[str, Any], operations: list[Operation]
+) -> None:
+    for method, path, described in operations:
+        for status, answer in described["responses"].items():
+            for media_type, media in answer.get("content", {}).items():
+                name = f"{method} {path}: {status} {media_type}"
+                if media["schema"].get("format") == "binary":
+                    continue
+                found = [*shown(media), *of_its_schema(document, media["schema"])]
+                assert found, name
+                for example in found:
+                    assert violations(document, media["schema"], example) == [], name
+
+
+def resolved(document: dict[str, Any], schema: dict[str, Any]) -> dict[str, Any]:
+    reference = schema.get("$ref")
+    if reference is None:
+        return schema
+    found: dict[str, Any] = document["components"]["schemas"][reference.rpartition("/")[2]]
+    return found
+
+
+def of_its_schema(document: dict[str, Any], schema: dict[str, Any]) -> list[object]:
+    return list(resolved(document, schema).get("examples", ()))
+
+
+def numbers(document: dict[str, Any], part: Any, name: str, seen: set[str]) -> Iterator[Any]:
+    """Each number in a schema and those that it refers to, with the name of its field."""
+    if isinstance(part, list):
+        for one in part:
+            yield from numbers(document, one, name, seen)
+    elif isinstance(part, dict):
+        reference = part.get("$ref", "")
+        if reference and reference not in seen:
+            seen.add(reference)
+            kind = reference.rpartition("/")[2]
+            yield from numbers(document, document["components"]["schemas"][kind], kind, seen)
+        if part.get("type") in {"integer", "number"}:
+            yield name, part
+        for key in ("anyOf", "oneOf", "allOf", "items", "prefixItems", "additionalProperties"):
+            yield from numbers(document, part.get(key), name, seen)
+        for field, one in part.get("properties", {}).items():
+            yield from numbers(document, one, f"{name}.{field}", seen)
+
+
+def test_every_number_that_it_takes_has_bounds(
+    document: dict[str, Any], operations: list[Operation]
+) -> None:
+    """What has none fails late: as a number that no clock, no film and no Redis can hold.
+
+    Paths are left out, for they name something that is there or is not.
+    """
+    found: list[tuple[str, dict[str, Any]]] = []
+    for _, path, operation in operations:
+        for one in operation.get("parameters", []):
+            if one["in"] != "path":
+                found += numbers(document, one["schema"], one["name"], set())
+        for body in operation.get("requestBody", {}).get("content", {}).values():
+            found += numbers(document, body["schema"], path, set())
+    names = {name for name, _ in found}
+    assert {"limit", "JobSpec.step", "ViewSpec.exposure_ev", "Screen.pixel_pitch_mm"} <= names
+    # Of a scene's parameters only the scene knows what they may be.
+    scenes = {"JobSpec.parameters", "BatchSpec.parameters", "SpecChanges.parameters"}
+    unbounded = {name for name, part in found if not {"minimum", "maximum"} <= part.keys()}
+    assert unbounded == scenes
+
+
+def test_every_error_is_a_problem_of_a_known_type(operations: list[Operation]) -> None:
+    for method, path, described in operations:
+        statuses = set(described["responses"])
+        refusals = {"401", "403", "429"} if needs_key(path) else set()
+        assert {*refusals, "500"} < statuses, path
+        assert "default" not in statuses
+        for status, answer in described["responses"].items():
+            if status < "400":
+                continue
+            name = f"{method} {path}: {status}"
+            assert set(answer["content"]) == {PROBLEM}, name
+            for slug, example in answer["content"][PROBLEM]["examples"].items():
+                assert TYPES[slug].status == int(status) == example["value"]["status"], name
+                assert f"`/problems/{slug}`" in answer["description"], name
+
+
+def test_every_type_of_problem_has_an_example_in_words() -> None:
+    assert set(examples.PROBLEM_DETAILS) == set(TYPES)
+
+
+def test_the_framework_s_own_errors_are_not_there(document: dict[str, Any]) -> None:
+    assert not {"HTTPValidationError", "ValidationError"} & set(document["components"]["schemas"])
+
+
+class TestTheRequestExamples:
+    def test_are_valid(self, document: dict[str, Any], operations: list[Operation]) -> None:
+        for method, path, described in operations:
+            for media in described.get("requestBody", {}).get("content", {}).values():
+                found = [*shown(media), *of_its_schema(document, media["schema"])]
+                assert found, f"{method} {path}"
+                for example in found:
+                    assert violations(document, media["schema"], example) == []
+            for parameter in described.get("parameters", ()):
+                single = [parameter["example"]] if "example" in parameter else []
+                for example in [*single, *examples_of(parameter)]:
+                    schema = parameter["schema"]
+                    assert violations(document, schema, example) == [], parameter["name"]
+
+    def test_make_jobs(self, http: httpx.Client, document: dict[str, Any]) -> None:
+        content = document["paths"]["/v1/jobs"]["post"]["requestBody"]["content"]
+        bodies = content["multipart/form-data"]["examples"]
+        upload, stored = bodies["an upload"]["value"], bodies["a stored scene"]["value"]
+        key = {"Idempotency-Key": examples.IDEMPOTENCY_KEY}
+        first = submit(http, upload["scene"].encode(), upload["spec"], headers=key)
+        assert first.status_code == 201, first.text
+        assert first.json()["spec"]["max_spp"] == upload["spec"]["max_spp"]
+        # The second names the scene that the first has brought
+        again = submit(http, None, stored["spec"], scene_sha256=stored["scene_sha256"])
+        assert again.status_code == 201, again.text
+        assert again.json()["scene_sha256"] == first.json()["scene_sha256"]
+
+    def test_change_a_job(
+        self, http: httpx.Client, client: redis.Redis, document: dict[str, Any]
+    ) -> None:
+        job = StagedJob(client)
+        [body] = of_its_schema(document, {"$ref": "#/components/schemas/JobChange"})
+        answer = http.patch(f"/v1/jobs/{job.id}", json=body)
+        assert answer.status_code == 200, answer.text
+
+    def test_are_understood_where_they_are_parameters(
+        self, http: httpx.Client, client: redis.Redis, operations: list[Operation]
+    ) -> None:
+        job = StagedJob(client, batch="exposures")
+        study_id = staged_study(client)
+        for method, path, described in operations:
+            if method != "GET":
+                continue
+            given: dict[str, dict[str, Any]] = {"path": {}, "query": {}, "header": {}}
+            for parameter in described.get("parameters", ()):
+                given[parameter["in"]][parameter["name"]] = examples_of(parameter)[0]
+            if "job_id" in given["path"]:
+                given["path"]["job_id"] = job.id
+            if "study_id" in given["path"]:
+                given["path"]["study_id"] = study_id
+            answer = http.get(
+                path.format(**given["path"]),
+                params=given["query"],
+                headers={**given["header"], "Accept": f"{JSON}, */*;q=0.1"},
+            )
+            # The job has no images and keeps no slices, and the study has no pictures
+            expected = 404 if path.endswith((".png", ".exr")) else 200
+            assert answer.status_code == expected, f"{path}: {answer.text}"
+
+
+def staged_study(client: redis.Redis) -> str:
+    """A study without pictures, with the observer of the examples."""
+    studies = Studies(client)
+    about = {name: study_examples.STUDY[name] for name in ABOUT}
+    study = studies.create(studies.begin(), {}, "", about)
+    screen = Screen.model_validate(study_examples.OBSERVER["screen"])
+    studies.join(study, study_examples.OBSERVER["name"], screen)
+    return study.id
+
+
+def test_a_route_that_is_left_out_of_the_description_works(tmp_path: Path) -> None:
+    nowhere = "redis://127.0.0.1:1"
+    app = create_app(
+        client=connect(nowhere),
+        blobs=Blobs(str(tmp_path)),
+        hub=EventHub(nowhere),
+        checks=SceneChecks(BundleLimits(max_bytes=LARGEST_UPLOAD)),
+    )
+
+    @app.get("/page", include_in_schema=False)
+    def page() -> str:
+        return "a page"
+
+    async def got() -> httpx.Response:
+        transport = httpx.ASGITransport(app)
+        async with httpx.AsyncClient(transport=transport, base_url="http://localhost") as http:
+            return await http.get("/page?theme=dark")
+
+    assert asyncio.run(got()).json() == "a page"
+
+
+def test_it_says_what_changed_and_what_is_left_by_two_terms(document: dict[str, Any]) -> None:
+    said = json.dumps(document)
+    assert re.findall(r"visible pixels|still visible", said) == []
+    assert "changed since the first image" in said
+    assert "noise left" in said

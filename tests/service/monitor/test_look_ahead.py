@@ -1,0 +1,146 @@
+"""Workers are kept busy, but near its end a job is not rendered beyond it."""
+
+from datetime import datetime, timezone
+from pathlib import Path
+
+import pytest
+import redis
+
+from plateau.farm.ledger.jobs import Jobs
+from plateau.farm.ledger.queue import SliceQueue
+from plateau.farm.model.job import Job
+from plateau.farm.model.spec import JobSpec
+from plateau.farm.model.states import JobState
+from plateau.service.monitor.look_ahead import SPARE, Crew, LookAhead
+from tests.farm.ledger.test_workers import about
+from tests.support.commands import until
+from tests.support.noise_farm import NoiseFarm
+
+#: Keeps sixteen workers busy.
+ENOUGH = 33
+
+
+def job(rule: str = "visible", points: int = 1, **fields: object) -> Job:
+    return Job.model_validate(
+        {
+            "id": "0" * 12,
+            "state": JobState.RENDERING,
+            "spec": JobSpec.model_validate({"rule": {"name": rule}, "max_spp": 2000}),
+            "name": "box",
+            "reason": "rendering",
+            "scene_sha256": "0" * 64,
+            "variant": None,
+            "width": 32,
+            "height": 24,
+            "created_at": datetime.now(timezone.utc),
+            "spp": 0,
+            "committed_spp": 0,
+            "points": points,
+            "machine_s": 0,
+            **fields,
+        }
+    )
+
+
+def ahead(expected_spp: int | None) -> LookAhead:
+    found = LookAhead(job())
+    found.expect(expected_spp)
+    return found
+
+
+@pytest.mark.parametrize("expected_spp", [None, 1900, 10_000])
+def test_far_from_its_end_no_worker_waits(expected_spp: int | None) -> None:
+    assert ahead(expected_spp).stop(20, ENOUGH) == 53
+
+
+@pytest.mark.parametrize(
+    ("expected_spp", "end_spp"), [(None, 1000), (1200, 1200), (300, 500), (9000, 2000)]
+)
+def test_the_end_is_behind_what_is_merged_and_not_behind_the_cap(
+    expected_spp: int | None, end_spp: int
+) -> None:
+    assert ahead(expected_spp).expected_end_spp(20) == end_spp
+
+
+def test_nothing_is_planned_beyond_the_cap() -> None:
+    assert ahead(None).stop(70, ENOUGH) == 80
+
+
+@pytest.mark.parametrize(
+    ("expected_spp", "stop"),
+    [
+        (601, 28),  # evaluated at 700
+        (700, 28),
+        (701, 32),
+        (600, 28),  # it was expected to end just now: at the next one then
+        (300, 28),
+    ],
+)
+def test_near_it_they_end_with_the_evaluation_that_may_end_the_job(
+    expected_spp: int, stop: int
+) -> None:
+    assert ahead(expected_spp).stop(24, ENOUGH) == stop
+
+
+def test_between_two_evaluations_it_is_the_next_one() -> None:
+    assert ahead(600).stop(21, ENOUGH) == 24
+    assert ahead(600).stop(23, ENOUGH) == 24
+
+
+def test_a_long_job_has_a_few_to_spare() -> None:
+    # 60 slices are merged: two more are planned than the evaluation at 1,600 spp needs
+    assert ahead(1550).stop(60, ENOUGH) == 66
+
+
+def test_only_workers_count_that_may_render_the_job(client: redis.Redis) -> None:
+    gpu = {"pool": "night", "tags": ["gpu"]}
+    for name, more in (("a", {}), ("b", {}), ("c", gpu), ("d", {"trouble": "the disk is full"})):
+        SliceQueue(client, name, 60).heartbeat({**about(name), **more}, ())
+    crew = Crew(Jobs(client).workers())
+    made = job()
+
+    def enough(**changes: object) -> int:
+        return crew.enough(made.model_copy(update={"spec": made.spec.model_copy(update=changes)}))
+
+    assert enough() == 5
+    assert enough(pool="night") == enough(pool="night", requires=("gpu",)) == 3
+    assert enough(requires=("gpu",)) == 3  # nobody, and yet the first that comes has work
+    assert enough(variant="cuda_ad_rgb") == 3
+
+
+def test_few_workers_are_not_given_more_than_they_need() -> None:
+    assert ahead(1550).stop(60, 3) == 63
+
+
+def test_before_its_first_point_a_job_may_end_at_its_second() -> None:
+    assert LookAhead(job(points=0)).stop(0, ENOUGH) == 8
+    # But a rule that needs more evaluations cannot
+    assert LookAhead(job("reverse", points=0)).stop(0, ENOUGH) == 33
+
+
+def test_a_monitor_that_takes_over_knows_what_was_forecast() -> None:
+    assert LookAhead(job(forecast_spp=650)).stop(24, ENOUGH) == 28
+
+
+@pytest.mark.parametrize(
+    "rule",
+    [{"name": "visible", "target": 0.05}, {"name": "reverse"}, {"name": "successive"}],
+    ids=lambda rule: rule["name"],
+)
+def test_a_job_of_many_workers_is_hardly_rendered_beyond_its_end(
+    client: redis.Redis, redis_url: str, tmp_path: Path, rule: dict[str, object]
+) -> None:
+    farm = NoiseFarm(client, redis_url, tmp_path, sigma=0.6)
+    for number in range(16):
+        SliceQueue(client, f"worker-{number}", 60).heartbeat(about(f"worker-{number}"), ())
+    found = farm.submit(rule=rule, max_spp=10_000)
+    with farm.monitor():
+        # Whatever is planned is rendered at once
+        while not (ended := farm.jobs.get(found.id)).state.ended:
+            lease = farm.lease()
+            if lease is not None:
+                farm.commit(lease)
+        until(lambda: farm.jobs.get(found.id).finished_at is not None, 60)
+    assert ended.state is JobState.CONVERGED
+    assert ended.spp > 300
+    assert ended.committed_spp <= ended.spp * (1 + SPARE) + found.spec.step

@@ -1,0 +1,222 @@
+"""What the monitor does with a job that is paused: it keeps all of it, and goes on where it was."""
+
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import redis
+
+from plateau.farm.blobs import store as blobs
+from plateau.farm.images.exr import decode_image
+from plateau.farm.ledger.queue import Lease
+from plateau.farm.model.job import Job
+from plateau.farm.model.states import JobState
+from plateau.farm.redis import keys
+from tests.support.every_time import save_every_time
+from tests.support.invariants import check_job
+from tests.support.noise_farm import NoiseFarm, noise_film
+from tests.support.real_farm import until
+
+QUICK = {"step": 20, "slice_spp": 10, "max_spp": 4000, "rule": {"name": "reverse"}}
+
+
+@pytest.fixture
+def farm(
+    client: redis.Redis, redis_url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> NoiseFarm:
+    """A farm that saves and shows at once."""
+    save_every_time(monkeypatch)
+    return NoiseFarm(client, redis_url, tmp_path)
+
+
+def work_up_to(farm: NoiseFarm, index: int) -> Lease:
+    """Commit every slice before this one, and hold it."""
+    held: list[Lease] = []
+
+    def step() -> bool:
+        lease = farm.lease()
+        if lease is None:
+            return False
+        if lease.index == index:
+            held.append(lease)
+        else:
+            farm.commit(lease)
+        return bool(held)
+
+    until(step)
+    return held[0]
+
+
+def outcome(farm: NoiseFarm, job: Job) -> tuple[object, ...]:
+    """What a user has of a finished job; its invariants are checked."""
+    done = farm.jobs.get(job.id)
+    check_job(farm.jobs, farm.store, farm.jobs._redis, job.id)
+    curve = [point.model_dump(exclude={"at"}) for point in farm.jobs.curve(job.id)]
+    image = decode_image(farm.picture(job, "image.exr")).tobytes()
+    return done.state, done.spp, done.verdict, curve, image
+
+
+@pytest.fixture
+def undisturbed(farm: NoiseFarm) -> Job:
+    """A job that converged by itself."""
+    job = farm.submit(**QUICK)
+    with farm.monitor():
+        farm.finish(job)
+    return farm.jobs.get(job.id)
+
+
+def wait_until_saved(farm: NoiseFarm, job: Job) -> None:
+    """Wait until a checkpoint has all that is committed."""
+    until(lambda: farm.store.names(blobs.partials(job.id)) == [])
+    until(lambda: f"{farm.jobs.get(job.id).committed_spp:07d}" in farm.jobs.results(job.id))
+
+
+def files(farm: NoiseFarm, job: Job) -> dict[str, int]:
+    """The job's files, and when each was written."""
+    names = farm.store.names(f"jobs/{job.id}/")
+    return {name: (Path(farm.store.where) / name).stat().st_mtime_ns for name in names}
+
+
+def test_all_that_a_paused_job_has_is_saved_and_shown(farm: NoiseFarm) -> None:
+    job = farm.submit(**QUICK)
+    with farm.monitor():
+        # Given a job that is paused while a slice in the middle of a step is being rendered
+        held = work_up_to(farm, 4)
+        farm.jobs.pause(job.id)
+        farm.commit(held)
+        wait_until_saved(farm, job)
+        # Then a checkpoint has it, and the image shows it
+        (checkpoint,) = farm.store.names(blobs.checkpoints(job.id))
+        assert "0000050" in checkpoint
+        films = sum(noise_film(i, 10, 1.0).astype(np.float64) for i in range(5))
+        image = decode_image(farm.picture(job, "image.exr"))
+        np.testing.assert_array_equal(image, (films[..., :3] / films[..., 3:]).astype(np.float32))
+        # And that was that: nothing is written again and again
+        before = files(farm, job), farm.jobs._redis.hgetall(keys.job(job.id))
+        time.sleep(1.2)
+        assert (files(farm, job), farm.jobs._redis.hgetall(keys.job(job.id))) == before
+    assert farm.jobs.get(job.id).state is JobState.PAUSED
+
+
+@pytest.mark.parametrize("harm", ["none", "its checkpoint is lost"])
+def test_a_monitor_that_takes_over_a_paused_job_changes_nothing(
+    farm: NoiseFarm, undisturbed: Job, harm: str
+) -> None:
+    job = farm.submit(**QUICK)
+    with farm.monitor():
+        held = work_up_to(farm, 4)
+        farm.jobs.pause(job.id)
+        farm.commit(held)
+        wait_until_saved(farm, job)
+    # Given that its monitor goes, and with it what it had in memory
+    saved = farm.store.names(blobs.checkpoints(job.id))
+    if harm != "none":
+        farm.store.delete(*saved)
+    with farm.monitor():
+        time.sleep(1)
+        # The next one finds it, or has to begin again; there is nothing yet that it could save
+        assert farm.store.names(blobs.checkpoints(job.id)) == ([] if harm != "none" else saved)
+        assert farm.jobs.get(job.id).state is JobState.PAUSED
+        assert farm.lease() is None
+        farm.jobs.resume(job.id)
+        farm.finish(job)
+    assert outcome(farm, job) == outcome(farm, undisturbed)
+
+
+def test_pausing_at_every_point_changes_nothing(farm: NoiseFarm, undisturbed: Job) -> None:
+    job = farm.submit(**QUICK)
+    for index in range(1, undisturbed.spp // 10 - 1, 3):
+        with farm.monitor():
+            held = work_up_to(farm, index)
+            farm.jobs.pause(job.id)
+            farm.commit(held)
+            if index % 2:
+                wait_until_saved(farm, job)
+            farm.jobs.resume(job.id)
+    with farm.monitor():
+        farm.finish(job)
+    assert outcome(farm, job) == outcome(farm, undisturbed)
+
+
+def test_the_last_slice_that_the_rule_waited_for_ends_a_paused_job(
+    farm: NoiseFarm, undisturbed: Job
+) -> None:
+    job = farm.submit(**QUICK)
+    with farm.monitor():
+        # Given a job that is paused while the very slice is rendered by which it will converge
+        held = work_up_to(farm, undisturbed.spp // 10 - 1)
+        until(lambda: farm.jobs.get(job.id).points == undisturbed.points - 1)
+        farm.jobs.pause(job.id)
+        farm.commit(held)
+        # Then nothing is left to be resumed
+        until(lambda: farm.is_finished(job))
+    assert outcome(farm, job) == outcome(farm, undisturbed)
+    assert [line.split()[2] for line in farm.jobs.story(job.id)] == [
+        "queued:",
+        "rendering:",
+        "paused:",
+        "converged:",
+    ]
+
+
+def test_a_verdict_that_a_dying_monitor_took_with_it_is_found_again(
+    farm: NoiseFarm, undisturbed: Job
+) -> None:
+    job = farm.submit(**QUICK)
+    with farm.monitor():
+        held = work_up_to(farm, undisturbed.spp // 10 - 1)
+        farm.jobs.pause(job.id)
+    # Given that the last slice is committed while there is no monitor
+    farm.commit(held)
+    assert farm.jobs.get(job.id).state is JobState.PAUSED
+    with farm.monitor():
+        until(lambda: farm.is_finished(job))
+    assert outcome(farm, job) == outcome(farm, undisturbed)
+
+
+def test_a_paused_job_whose_last_samples_were_in_hand_reaches_its_cap(farm: NoiseFarm) -> None:
+    farm.sigma = 30
+    job = farm.submit(step=20, slice_spp=10, max_spp=50)
+    with farm.monitor():
+        held = work_up_to(farm, 4)
+        farm.jobs.pause(job.id)
+        farm.commit(held)
+        until(lambda: farm.is_finished(job))
+    done = farm.jobs.get(job.id)
+    assert (done.state, done.spp) == (JobState.EXHAUSTED, 50)
+    assert "cap of 50 spp" in done.reason
+    check_job(farm.jobs, farm.store, farm.jobs._redis, job.id)
+
+
+def test_the_time_limit_stands_still_meanwhile(farm: NoiseFarm) -> None:
+    farm.sigma = 30
+    job = farm.submit(step=20, slice_spp=10, max_spp=50, time_limit_s=3)
+    with farm.monitor():
+        held = work_up_to(farm, 1)
+        farm.jobs.pause(job.id)
+        farm.commit(held)
+        time.sleep(4)
+        assert farm.jobs.get(job.id).state is JobState.PAUSED
+        farm.jobs.resume(job.id)
+        until(lambda: farm.is_finished(job))
+    done = farm.jobs.get(job.id)
+    assert done.state is JobState.EXHAUSTED
+    assert "time limit of 3 s at 20 spp" in done.reason
+    assert done.started_at is not None
+    assert done.ended_at is not None
+    assert done.paused_s >= 3.9
+    assert (done.ended_at - done.started_at).total_seconds() - done.paused_s >= 3
+
+
+def test_a_paused_job_that_is_cancelled_keeps_its_samples(farm: NoiseFarm) -> None:
+    job = farm.submit(**QUICK)
+    with farm.monitor():
+        held = work_up_to(farm, 4)
+        farm.jobs.pause(job.id)
+        farm.commit(held)
+        farm.jobs.cancel(job.id)
+        until(lambda: farm.is_finished(job))
+    done = farm.jobs.get(job.id)
+    assert (done.state, done.spp) == (JobState.CANCELLED, 50)
+    check_job(farm.jobs, farm.store, farm.jobs._redis, job.id)

@@ -1,0 +1,87 @@
+"""Monitors sweep by themselves, one of them once an hour, and no trouble of it is theirs."""
+
+import logging
+
+import pytest
+import redis
+
+from plateau.farm.blobs.store import MARK, Blobs
+from plateau.farm.process.settings import Settings
+from plateau.farm.redis import keys
+from plateau.service.monitor import sweeper
+from plateau.service.monitor.sweeper import sweeping
+from tests.support.commands import until
+from tests.support.staged_job import StagedJob
+
+ORPHAN = "jobs/0123456789ab/partials/000000-killed-1.exr"
+
+
+@pytest.fixture(autouse=True)
+def _soon(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sweeper, "_LOOK_S", 0.05)
+
+
+@pytest.fixture
+def settings(redis_url: str, store: Blobs) -> Settings:
+    return Settings(redis_url=redis_url, blobs=store.where)
+
+
+def finished_job(client: redis.Redis, store: Blobs) -> str:
+    job = StagedJob(client)
+    job.commit(4)
+    job.end()
+    job.picture(store, "image.png", b"a picture")
+    job.finish()
+    return job.id
+
+
+def test_orphans_go_by_themselves_and_jobs_stay(
+    settings: Settings, client: redis.Redis, store: Blobs
+) -> None:
+    job = finished_job(client, store)
+    store.put(ORPHAN, b"x")
+    with sweeping(settings, store):
+        until(lambda: not store.exists(ORPHAN), 60)
+    assert store.names(f"jobs/{job}/")
+
+
+def test_jobs_go_after_the_retention(
+    settings: Settings, client: redis.Redis, store: Blobs, caplog: pytest.LogCaptureFixture
+) -> None:
+    job = finished_job(client, store)
+    caplog.set_level(logging.INFO)
+    with sweeping(settings.model_copy(update={"keep_results_days": 0.0}), store):
+        until(lambda: "swept 1 old jobs" in caplog.text, 60)
+    assert store.names(f"jobs/{job}/") == []
+
+
+def test_only_one_of_many_monitors_sweeps_in_an_hour(
+    settings: Settings, client: redis.Redis, store: Blobs
+) -> None:
+    finished_job(client, store)
+    with sweeping(settings, store), sweeping(settings, store):
+        until(lambda: client.hexists(keys.TOTALS, "swept at"), 60)
+        store.put(ORPHAN, b"x")
+        assert 3_500_000 < client.pttl(keys.SWEPT) <= 3_600_000
+        with pytest.raises(AssertionError):
+            until(lambda: not store.exists(ORPHAN), 0.5)
+        # But when the hour is over
+        client.delete(keys.SWEPT)
+        until(lambda: not store.exists(ORPHAN), 60)
+
+
+def test_an_error_is_said_and_the_next_sweep_comes(
+    settings: Settings,
+    client: redis.Redis,
+    store: Blobs,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    finished_job(client, store)
+    store.put(ORPHAN, b"x")
+    client.hset(keys.STORE, "id", "ours")
+    store.put(MARK, b"another's")
+    with sweeping(settings, store):
+        until(lambda: "belong to another Redis" in caplog.text, 60)
+        store.put(MARK, b"ours")
+        client.delete(keys.SWEPT)
+        until(lambda: not store.exists(ORPHAN), 60)

@@ -1,0 +1,89 @@
+"""A failed job that another monitor finishes has the image that it had."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import redis
+
+from plateau.farm.blobs import store as blobs
+from plateau.farm.images.exr import decode_image
+from plateau.farm.ledger.ownership import Ownerships
+from plateau.farm.model.job import Job
+from plateau.farm.model.states import JobState
+from tests.support.every_time import save_every_time
+from tests.support.invariants import check_job
+from tests.support.noise_farm import NoiseFarm, noise_film
+from tests.support.real_farm import until
+
+SLICE, STEP, SHOWN = 10, 20, 100
+#: So many slices are in the last checkpoint when ten are merged: five are too few for another.
+IN_CHECKPOINT = 6
+
+
+@pytest.fixture
+def farm(
+    client: redis.Redis, redis_url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> NoiseFarm:
+    save_every_time(monkeypatch)
+    monkeypatch.setattr("plateau.service.judging.checkpoints._SLICES", 5)
+    return NoiseFarm(client, redis_url, tmp_path)
+
+
+@pytest.fixture
+def failed(farm: NoiseFarm, client: redis.Redis) -> Job:
+    """A job that failed beyond its last checkpoint, when its monitor had gone."""
+    job = farm.submit(step=STEP, slice_spp=SLICE, max_spp=4000, rule={"name": "fixed", "spp": 4000})
+    with farm.monitor():
+        farm.render(SHOWN // SLICE)
+        until(lambda: farm.jobs.get(job.id).image_spp == SHOWN)
+        lease = farm.next_lease()
+    checkpoint = Ownerships(client, 5.0).checkpoint(job.id)
+    assert checkpoint is not None
+    assert checkpoint.slices == IN_CHECKPOINT
+    farm.queue.fail(lease, "no texture of that name", 1.0, "")
+    assert farm.jobs.get(job.id).state is JobState.FAILED
+    return job
+
+
+def finish(farm: NoiseFarm, job: Job) -> Job:
+    with farm.monitor():
+        until(lambda: farm.jobs.get(job.id).finished_at is not None)
+    check_job(farm.jobs, farm.store, farm.jobs._redis, job.id)
+    return farm.jobs.get(job.id)
+
+
+def test_of_all_that_the_monitor_before_had_merged(
+    farm: NoiseFarm, client: redis.Redis, failed: Job
+) -> None:
+    # When another monitor finishes it
+    done = finish(farm, failed)
+    # Then the image is the one that was shown, and the curve ends with it
+    assert (done.spp, done.image_spp, farm.jobs.curve(done.id)[-1].spp) == (SHOWN,) * 3
+    films = sum(noise_film(i, SLICE, farm.sigma).astype(np.float64) for i in range(SHOWN // SLICE))
+    image = decode_image(farm.picture(done, "image.exr"))
+    np.testing.assert_array_equal(image, (films[..., :3] / films[..., 3:]).astype(np.float32))
+    # And its sums are of all of it too
+    sums = Ownerships(client, 5.0).checkpoint(done.id)
+    assert sums is not None
+    assert sums.slices == SHOWN // SLICE
+
+
+def test_of_what_there_is_where_a_partial_is_lost_since(farm: NoiseFarm, failed: Job) -> None:
+    lost = IN_CHECKPOINT + 2
+    farm.store.delete(farm.jobs.ledger(failed.id)[lost]["blob"])
+    done = finish(farm, failed)
+    assert (done.spp, done.image_spp) == (lost * SLICE, lost * SLICE)
+    assert f"the image has {lost * SLICE} spp: a slice was lost" in done.notes[-1]
+
+
+def test_of_its_first_slice_where_it_failed_before_its_first_point(farm: NoiseFarm) -> None:
+    job = farm.submit(step=STEP, slice_spp=SLICE)
+    with farm.monitor():
+        farm.render(1)
+        until(lambda: farm.jobs.get(job.id).image_spp == SLICE)
+        lease = farm.next_lease()
+    farm.queue.fail(lease, "no texture of that name", 1.0, "")
+    done = finish(farm, job)
+    assert (done.spp, done.image_spp, done.points) == (SLICE, SLICE, 0)
+    assert len(farm.store.names(blobs.checkpoints(done.id))) == 1

@@ -1,0 +1,416 @@
+"""The renderer with the real Mitsuba: purity, raw films, a scene's files, and every refusal."""
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from plateau.farm.model.seeds import SeedSchedule
+from plateau.worker.renderers.errors import SceneError
+from tests.support import long_tests, mitsuba_process
+from tests.support.mitsuba_process import MitsubaProcess
+from tests.support.variants import library_for
+
+ROOM = Path(__file__).parents[2] / "reference/scenes/room"
+NOISE = Path(__file__).parents[2] / "reference/scenes/noise"
+SCENES = Path(__file__).parents[3] / "scenes"
+
+SCENE = """\
+<scene version="3.0.0">
+    <default name="width" value="24"/>
+    <integrator type="path"/>
+    <sensor type="perspective">
+        <sampler type="independent"/>
+        <film type="hdrfilm">
+            <integer name="width" value="$width"/>
+            <integer name="height" value="16"/>
+            <rfilter type="box"/>
+        </film>
+    </sensor>
+    <emitter type="constant"/>
+    <shape type="sphere">
+        <point name="center" x="0" y="0" z="4"/>
+        <bsdf type="diffuse" id="grey"/>
+    </shape>
+</scene>
+"""
+
+
+def _scene(folder: Path, *changes: tuple[str, str]) -> Path:
+    """A folder with SCENE in it, with each of these pieces replaced."""
+    text = SCENE
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new)
+    (folder / "scene.xml").write_text(text, encoding="utf-8")
+    return folder
+
+
+@pytest.fixture
+def box_room(mitsuba: MitsubaProcess) -> MitsubaProcess:
+    mitsuba.load(ROOM, filter="box")
+    return mitsuba
+
+
+class TestPurity:
+    """A pass is a function of scene, variant, spp and seed, to the last bit."""
+
+    def test_the_same_pass_has_the_same_bits_whatever_was_rendered_between(self, box_room):
+        first = box_room.render_pass(4, 7)
+        others = [box_room.render_pass(spp, seed) for spp, seed in ((1, 3), (16, 7), (2, 0))]
+        assert np.array_equal(box_room.render_pass(4, 7), first)
+        assert np.array_equal(box_room.render_pass(1, 3), others[0])
+
+    def test_loading_again_changes_no_bit(self, box_room):
+        first = box_room.render_pass(4, 7)
+        box_room.load(NOISE)
+        box_room.render_pass(2, 1)
+        box_room.load(ROOM, filter="box")
+        assert np.array_equal(box_room.render_pass(4, 7), first)
+
+    @pytest.mark.parametrize("threads", [1, 9])
+    def test_the_number_of_threads_changes_no_bit(self, box_room, threads):
+        # Nine: more than this film has blocks of 32 pixels, so that Mitsuba would halve them;
+        # and passes of 32 spp and more race under LLVM, so that schedules have none
+        schedule = SeedSchedule(box_room.variant, 40, 24, slice_spp=103, max_spp=103)
+        passes = schedule.passes(0)
+        expected = [box_room.render_pass(*one) for one in passes]
+        library = library_for(box_room.variant)
+        with MitsubaProcess(box_room.variant, library, threads) as other:
+            other.load(ROOM, filter="box")
+            for one, film in zip(passes, expected, strict=True):
+                assert np.array_equal(other.render_pass(*one), film), one
+
+    @pytest.mark.parametrize("scene", ["bar", "oculist", "plants"])
+    def test_the_process_changes_no_bit_where_there_are_many_shapes_and_lights(
+        self, mitsuba, scene
+    ):
+        # Mitsuba alone merges the meshes, numbers the lights, and builds the hierarchy of triangles
+        # in another order in each
+        mitsuba.load(SCENES / scene, width=32, height=24)
+        expected = mitsuba.render_pass(4, 7)
+        for threads in (1, 3):
+            with MitsubaProcess(mitsuba.variant, library_for(mitsuba.variant), threads) as other:
+                other.load(SCENES / scene, width=32, height=24)
+                assert np.array_equal(other.render_pass(4, 7), expected)
+
+    def test_another_seed_gives_other_samples(self, box_room):
+        assert not np.array_equal(box_room.render_pass(4, 7), box_room.render_pass(4, 8))
+
+    @pytest.mark.parametrize(
+        "sampler", ["independent", "stratified", "multijitter", "orthogonal", "ldsampler"]
+    )
+    def test_the_scenes_sampler_makes_no_difference(self, box_room, sampler):
+        expected = box_room.render_pass(4, 7)
+        loaded = box_room.load(ROOM, filter="box", sampler=sampler)
+        assert np.array_equal(box_room.render_pass(4, 7), expected)
+        replaced = f"the scene's '{sampler}' sampler was replaced by 'independent': "
+        assert any(note.startswith(replaced) for note in loaded.notes) is (sampler != "independent")
+
+    @pytest.mark.parametrize("pixels", ["rgb", "luminance", "luminance_alpha", "xyz", "xyza"])
+    def test_the_films_pixel_format_makes_no_difference(self, box_room, pixels):
+        expected = box_room.render_pass(4, 7)
+        box_room.load(ROOM, filter="box", pixels=pixels)
+        assert np.array_equal(box_room.render_pass(4, 7), expected)
+
+    @pytest.mark.parametrize(
+        ("old", "new", "note"),
+        [
+            (
+                '<sampler type="independent"/>',
+                '<sampler type="independent"><integer name="seed" value="9"/></sampler>',
+                "the sampler's seed was ignored: the job's seed is used",
+            ),
+            (
+                '<integrator type="path"/>',
+                '<integrator type="path"><float name="timeout" value="1e-9"/></integrator>',
+                (
+                    "the integrator's timeout was ignored: the farm renders each pass to its end; "
+                    "a job has a time limit of its own"
+                ),
+            ),
+            (
+                '<integrator type="path"/>',
+                '<integrator type="path"><integer name="samples_per_pass" value="1"/></integrator>',
+                (
+                    "the integrator's samples_per_pass was ignored: the farm divides the samples "
+                    "into passes itself"
+                ),
+            ),
+            (
+                '<rfilter type="box"/>',
+                '<rfilter type="box"/><boolean name="sample_border" value="true"/>',
+                "the film's sample_border was switched off: the farm samples the image alone",
+            ),
+            (
+                '<sampler type="independent"/>',
+                '<sampler type="independent"><integer name="sample_count" value="16"/></sampler>',
+                (
+                    "the sampler's sample_count of 16 was ignored: the job's rule decides how many "
+                    "samples are rendered (the rule 'fixed' renders as many as you ask for)"
+                ),
+            ),
+            (
+                '<rfilter type="box"/>',
+                '<rfilter type="box"/><string name="pixel_format" value="RGBA"/>',
+                (
+                    "the film's pixel_format was changed from 'RGBA' to 'rgb': alpha and other "
+                    "channels are not rendered"
+                ),
+            ),
+            (
+                '<rfilter type="box"/>',
+                '<rfilter type="box"/><string name="file_format" value="pfm"/>',
+                (
+                    "the film's file_format was changed from 'pfm' to 'openexr': results are "
+                    "OpenEXR and PNG files"
+                ),
+            ),
+            (
+                '<rfilter type="box"/>',
+                '<rfilter type="box"/><string name="component_format" value="uint32"/>',
+                (
+                    "the film's component_format was changed from 'uint32' to 'float32': the farm "
+                    "adds samples up in float32"
+                ),
+            ),
+            (
+                '<rfilter type="box"/>',
+                '<rfilter type="box"/><boolean name="compensate" value="true"/>',
+                "the film's compensate was ignored: Mitsuba no longer has this setting",
+            ),
+        ],
+    )
+    def test_what_the_farm_changes_or_ignores_is_said_and_changes_no_bit(
+        self, mitsuba, tmp_path, old, new, note
+    ):
+        mitsuba.load(_scene(tmp_path))
+        expected = mitsuba.render_pass(4, 1)
+        loaded = mitsuba.load(_scene(tmp_path, (old, new)))
+        assert loaded.notes == (note,)
+        assert np.array_equal(mitsuba.render_pass(4, 1), expected)
+
+    def test_what_the_scene_says_as_the_farm_does_it_is_not_remarked_on(self, mitsuba, tmp_path):
+        same = "".join(
+            f'<string name="{name}" value="{value}"/>'
+            for name, value in (("pixel_format", "RGB"), ("component_format", "float32"))
+        )
+        loaded = mitsuba.load(_scene(tmp_path, ('<rfilter type="box"/>', same)))
+        assert loaded.notes == ()
+
+    def test_blocks_of_another_size_are_set_back_in_scalar_variants(self, mitsuba, tmp_path):
+        mitsuba.load(_scene(tmp_path))
+        expected = mitsuba.render_pass(4, 1)
+        small = '<integrator type="path"><integer name="block_size" value="4"/></integrator>'
+        loaded = mitsuba.load(_scene(tmp_path, ('<integrator type="path"/>', small)))
+        assert np.array_equal(mitsuba.render_pass(4, 1), expected)
+        if mitsuba.variant == "scalar_rgb":
+            (note,) = loaded.notes
+            assert note.startswith("the integrator's block_size was changed from 4 to 32: ")
+
+    @pytest.mark.parametrize("spp", [0, -1, 3, 20, 25, 48])
+    def test_a_pass_is_a_power_of_two(self, box_room, spp):
+        with pytest.raises(ValueError, match=f"power of two of spp, not {spp}"):
+            box_room.render_pass(spp, 0)
+
+
+class TestOnePassAfterTheOther:
+    """A pass may be rendered while the film of the one before is looked at."""
+
+    PASSES = ((4, 7), (1, 3), (2, 9), (4, 8))
+
+    @pytest.mark.parametrize("begun", [0, 1, 3, 4])
+    def test_once_it_is_cancelled_no_pass_begins_and_those_before_are_whole(self, box_room, begun):
+        films = box_room.call(mitsuba_process.films_until_cancelled, self.PASSES, begun)
+        assert len(films) == begun
+        for one, film in zip(self.PASSES, films, strict=False):
+            assert np.array_equal(film, box_room.render_pass(*one))
+
+    def test_no_memory_is_kept_from_slice_to_slice(self, mitsuba):
+        mitsuba.load(ROOM, filter="box", width=64, height=48)
+
+        def render(slices: int) -> int:
+            for _ in range(slices):
+                mitsuba.call(mitsuba_process.films_until_cancelled, [(1, 0), (1, 1)], 2)
+            return mitsuba.call(mitsuba_process.resident_bytes)
+
+        before = render(50)
+        # Were their films kept, it would be 20 MB in the short form
+        assert render(2000 if long_tests.WANTED else 200) < before + 3_000_000
+
+
+class TestRawFilm:
+    """What comes back is the film before it is divided by its weights."""
+
+    def test_size_type_and_weights_under_a_box_filter(self, mitsuba):
+        loaded = mitsuba.load(ROOM, filter="box", width=37, height=21)
+        film = mitsuba.render_pass(8, 0)
+        assert (loaded.width, loaded.height) == (37, 21)
+        assert film.shape == (21, 37, 4)
+        assert film.dtype == np.float32
+        assert (film[..., 3] == 8).all()
+
+    @pytest.mark.parametrize("filter_", ["box", "gaussian", "mitchell", "lanczos"])
+    def test_divided_by_its_weights_it_is_the_image_that_mitsuba_develops(self, mitsuba, filter_):
+        mitsuba.load(ROOM, filter=filter_)
+        film = mitsuba.render_pass(16, 3)
+        developed = mitsuba.call(mitsuba_process.developed)
+        assert np.allclose(film[..., :3] / film[..., 3:], developed, rtol=1e-5, atol=1e-6)
+
+    def test_wide_filters_weigh_inner_pixels_more_than_edges(self, mitsuba):
+        mitsuba.load(ROOM, filter="gaussian")
+        weights = mitsuba.render_pass(64, 0)[..., 3]
+        # No samples beyond the edge reach in
+        assert weights[0].mean() < weights[1:-1].mean()
+        assert weights.min() > 0
+
+    def test_passes_do_not_pile_up_on_the_film(self, mitsuba):
+        mitsuba.load(ROOM, filter="box")
+        assert [mitsuba.render_pass(2, seed)[..., 3].max() for seed in range(3)] == [2, 2, 2]
+
+    def test_a_crop_window_is_the_film(self, mitsuba):
+        loaded = mitsuba.load(ROOM, sensor=1)
+        assert (loaded.width, loaded.height) == (17, 11)
+        cropped = mitsuba.render_pass(256, 0)
+        assert cropped.shape == (11, 17, 4)
+        # And it shows its part of the whole picture
+        mitsuba.load(ROOM, filter="box")
+        whole = mitsuba.render_pass(256, 0)[4 : 4 + 11, 8 : 8 + 17]
+        difference = (cropped - whole)[..., :3].mean() / whole[..., :3].mean()
+        assert abs(difference) < 0.05
+
+    def test_each_sensor_has_a_film_of_its_own(self, mitsuba):
+        sizes = [mitsuba.load(ROOM, sensor=sensor) for sensor in (0, 1)]
+        assert [(one.width, one.height) for one in sizes] == [(40, 24), (17, 11)]
+
+
+class TestFiles:
+    """A scene's files are found beside it, wherever the process was started."""
+
+    def test_includes_meshes_textures_and_environments_are_in_the_image(self, mitsuba):
+        mitsuba.load(ROOM, filter="box")
+        film = mitsuba.render_pass(64, 0)
+        assert np.isfinite(film).all()
+        sky, wall, floor = film[0, 0], film[8:14, 16:24], film[22, 20]
+        assert sky[:3].min() > 0
+        assert np.ptp(wall[..., :3], axis=(0, 1)).min() > 0  # tiles of several colours
+        assert floor[:3].max() > 0
+
+    @pytest.mark.parametrize(
+        "file",
+        [
+            "parts/materials.xml",
+            "meshes/floor.ply",
+            "meshes/wall.serialized",
+            "images/tiles.png",
+            "images/sky.exr",
+            "scene.xml",
+        ],
+    )
+    def test_a_missing_file_is_named_and_the_folder_is_not(self, mitsuba, tmp_path, file):
+        shutil.copytree(ROOM, tmp_path / "room")
+        (tmp_path / "room" / file).unlink()
+        with pytest.raises(SceneError) as caught:
+            mitsuba.load(tmp_path / "room")
+        assert Path(file).name in str(caught.value)
+        assert str(tmp_path) not in str(caught.value)
+
+    def test_a_broken_mesh_is_named(self, mitsuba, tmp_path):
+        shutil.copytree(ROOM, tmp_path / "room")
+        (tmp_path / "room/meshes/floor.ply").write_text("ply\nnonsense\n", encoding="ascii")
+        with pytest.raises(SceneError, match=r"floor\.ply"):
+            mitsuba.load(tmp_path / "room")
+
+    def test_an_entry_in_a_folder_finds_files_beside_it(self, mitsuba, tmp_path):
+        shutil.copytree(ROOM, tmp_path / "scenes/room")
+        loaded = mitsuba.load(tmp_path, "scenes/room/scene.xml")
+        assert loaded.width == 40
+
+    def test_the_files_of_the_scene_before_are_out_of_reach(self, mitsuba, tmp_path):
+        mitsuba.load(ROOM)
+        shutil.copy(ROOM / "scene.xml", tmp_path)
+        with pytest.raises(SceneError, match=r"materials\.xml"):
+            mitsuba.load(tmp_path)
+
+    def test_scenes_of_older_versions_are_brought_up_to_date(self, mitsuba, tmp_path):
+        old = _scene(
+            tmp_path,
+            ('version="3.0.0"', 'version="0.6.0"'),
+            ('<rfilter type="box"/>', '<string name="pixelFormat" value="rgba"/>'),
+            ('<integrator type="path"/>',
+             '<integrator type="path"><integer name="maxDepth" value="3"/></integrator>'),
+        )  # fmt: skip
+        assert mitsuba.load(old).width == 24
+        assert mitsuba.render_pass(1, 0).shape == (16, 24, 4)
+
+
+DEPTH = '<string name="aovs" value="d:depth"/>'
+BSDF = '<bsdf type="diffuse" id="grey"/>'
+SENSOR = SCENE[SCENE.index("    <sensor") : SCENE.index("    <emitter")]
+
+REFUSALS = {
+    "a parameter that the scene does not have": ([], {"depth": "3"}, r"unused.*\$depth=3"),
+    "a parameter that Mitsuba keeps": ([], {"config": "3"}, "cannot be named 'config'"),
+    "a parameter of the wrong kind": ([], {"width": "wide"}, 'could not parse integer.*"wide"'),
+    "a parameter out of range": ([], {"width": "-3"}, "value -3 is out of bounds"),
+    "a film without pixels": ([], {"width": "0"}, "the film's width is 0; make it 1 or more"),
+    "a film too large": ([], {"width": str(2**23)}, "renders 67,108,864 at most"),
+    "an unknown plugin": ([('"sphere"', '"sfere"')], {}, 'Plugin "sfere" not found'),
+    "an unknown property": ([('"center"', '"centre"')], {}, "unreferenced property.*\n.*centre"),
+    "a reference to nothing": ([(BSDF, '<ref id="red"/>')], {}, '"red"'),
+    "XML that does not end": ([("</scene>", "")], {}, "scene.xml.*failed"),
+    "a part of a scene": ([(SCENE, '<bsdf version="3.0.0" type="diffuse"/>')], {}, "scene"),
+    "no sensor": ([(SENSOR, "")], {}, "the scene has no sensor"),
+    "no integrator": ([('<integrator type="path"/>', "")], {}, "the scene has no integrator"),
+    "a film that is no hdrfilm": ([('"hdrfilm"', '"specfilm"')], {}, "is a 'specfilm'"),
+    "particle tracing": ([('"path"', '"ptracer"')], {}, "'ptracer' does not sample pixel by pixel"),
+    "differentiable rendering": (
+        [('"path"', '"prb"')], {}, "'PRBIntegrator' is made for diff|Plugin \"prb\" not found"
+    ),
+    "differentiable rendering, projective": (
+        [('"path"', '"direct_projective"')],
+        {},
+        "'DirectProjectiveIntegrator' is made for diff|Plugin \"direct_projective\" not found",
+    ),
+    "an integrator of many images": (
+        [('<integrator type="path"/>',
+          f'<integrator type="aov">{DEPTH}<integrator type="path"/></integrator>')],
+        {},
+        r"writes more than an image \(.*d\.T\)",
+    ),
+}  # fmt: skip
+
+
+class TestRefusals:
+    """What cannot be rendered is a SceneError in Mitsuba's words, without this machine's paths."""
+
+    @pytest.mark.parametrize("case", REFUSALS)
+    def test_refused(self, mitsuba, tmp_path, case):
+        changes, parameters, says = REFUSALS[case]
+        with pytest.raises(SceneError, match=f"(?s){says}") as caught:
+            mitsuba.load(_scene(tmp_path, *changes), **parameters)
+        assert str(tmp_path) not in str(caught.value)
+
+    def test_a_sensor_that_is_not_there(self, mitsuba):
+        with pytest.raises(SceneError, match="no sensor 2; it has 2"):
+            mitsuba.load(ROOM, sensor=2)
+
+    def test_nothing_is_loaded_after_a_refusal(self, mitsuba, tmp_path):
+        mitsuba.load(ROOM)
+        with pytest.raises(SceneError):
+            mitsuba.load(tmp_path)
+        with pytest.raises(RuntimeError, match="no scene is loaded"):
+            mitsuba.render_pass(1, 0)
+
+
+def test_a_scene_is_freed_when_the_next_is_loaded(mitsuba):
+    def load_and_render() -> int:
+        mitsuba.load(NOISE, width=512, height=512)
+        mitsuba.render_pass(1, 0)
+        resident: int = mitsuba.call(mitsuba_process.resident_bytes)
+        return resident
+
+    settled = [load_and_render() for _ in range(2)][-1]
+    # Eight films of 512×512 would take 32 MiB, and what a pass needs far more.
+    assert max(load_and_render() for _ in range(8)) < settled + 16 * 2**20

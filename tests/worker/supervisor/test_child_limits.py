@@ -1,0 +1,314 @@
+"""What a render child may not do, tried by code in a real one and by scenes that take too much."""
+
+import json
+import os
+import platform
+import socket
+import stat
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from textwrap import dedent
+
+import numpy as np
+import psutil
+import pytest
+
+from plateau.farm.bundle import BundleLimits
+from plateau.farm.model.seeds import Pass
+from plateau.worker.confinement.seccomp import refuse_calls
+from plateau.worker.renderers.errors import SceneError
+from plateau.worker.supervisor.child_process import ChildDied, ChildLimits, RenderChild
+from tests.support.variants import VARIANTS, library_for
+
+BOX = Path(__file__).parents[3] / "scenes" / "box"
+SMALL = {"width": "16", "height": "12"}
+
+
+class Children:
+    """Starts real render children, and ends them."""
+
+    def __init__(self, home: Path) -> None:
+        self.home = home
+        self._started: list[RenderChild] = []
+
+    def __call__(self, variant: str = "scalar_rgb", **tighter: int) -> RenderChild:
+        limits = ChildLimits(
+            **{"threads": 2, "memory_bytes": 8 << 30, **tighter},
+            load_timeout_s=120,
+            pass_timeout_s=120,
+        )
+        scenes = [BOX, self.home.parent]
+        child = RenderChild(variant, library_for(variant), limits, self.home, scenes)
+        self._started.append(child)
+        child.await_ready()
+        return child
+
+    def kill(self) -> None:
+        for child in self._started:
+            child.kill()
+
+
+@pytest.fixture
+def child(tmp_path: Path) -> Iterator[Children]:
+    children = Children(tmp_path / "home")
+    yield children
+    children.kill()
+
+
+def test_it_gives_way_to_everything_else(child: Children) -> None:
+    one = child()
+    one.load(BOX, "scene.xml", SMALL, 0)
+    one.render([Pass(1, 0)])
+    threads = Path(f"/proc/{one.pid}/task").iterdir()
+    # Mitsuba's threads too
+    ours = os.getpriority(os.PRIO_PROCESS, 0)
+    nice = {os.getpriority(os.PRIO_PROCESS, int(thread.name)) for thread in threads}
+    assert nice == {min(ours + 10, 19)}
+
+
+#: Each is what code that took over a render child might do next.
+ATTEMPTS = {
+    "fork": "os.fork() or os._exit(0)",
+    "run a program": "subprocess.run([sys.executable, '-c', ''])",
+    "spawn a program": "os.posix_spawn(sys.executable, ['python', '-c', ''], {})",
+    "become another program": "os.execv('/nowhere/no-such-program', ['x'])",
+    "connect": "socket.socket().connect(('127.0.0.1', PORT))",
+    "send a datagram": "socket.socket(socket.AF_INET, socket.SOCK_DGRAM)",
+    "make a pair of sockets": "socket.socketpair()",
+    "look into another process": "libc_call('ptrace', PTRACE_ATTACH, NOBODY, 0, 0)",
+}
+
+#: Tries every attempt, and what rendering needs; writes how each ended.
+INTRUDER = """
+import ctypes, errno, json, os, socket, subprocess, sys, threading
+from pathlib import Path
+
+PORT = {port}
+PTRACE_ATTACH, NOBODY = 16, 2**31 - 1
+libc = ctypes.CDLL(None, use_errno=True)
+
+def libc_call(name, *arguments):
+    if getattr(libc, name)(*arguments) == -1:
+        raise OSError(ctypes.get_errno(), name)
+
+def outcome(attempt):
+    try:
+        exec(attempt)
+    except OSError as error:
+        return errno.errorcode[error.errno]
+    return "done"
+
+def outcomes():
+    found = {{name: outcome(attempt) for name, attempt in {attempts!r}.items()}}
+    found["start a thread"] = outcome("t = threading.Thread(target=int); t.start(); t.join()")
+    found["write a file"] = outcome("Path({file!r}).with_suffix('.tmp').write_bytes(bytes(9))")
+    return found
+
+def report():
+    whole = Path({file!r} + ".part")
+    whole.write_text(json.dumps(outcomes()))
+    whole.rename({file!r})
+"""
+REFUSED = dict.fromkeys(ATTEMPTS, "EPERM") | {"start a thread": "done", "write a file": "done"}
+
+
+@pytest.fixture
+def intruder(tmp_path: Path) -> Iterator[str]:
+    with socket.create_server(("127.0.0.1", 0)) as server:  # so that a connection would succeed
+        yield INTRUDER.format(
+            port=server.getsockname()[1], attempts=ATTEMPTS, file=str(tmp_path / "outcomes")
+        )
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the filter is Linux's")
+class TestAProcessUnderTheFilter:
+    def outcomes(self, intruder: str, tmp_path: Path, before: str = "") -> dict[str, str]:
+        program = intruder + dedent(before) + "\nreport()"
+        subprocess.run([sys.executable, "-c", program], check=True, timeout=60)
+        return json.loads((tmp_path / "outcomes").read_text())
+
+    def test_could_do_it_all_without_it(self, intruder: str, tmp_path: Path) -> None:
+        free = self.outcomes(intruder, tmp_path)
+        # Only what is not there fails
+        assert free.pop("become another program") == "ENOENT"
+        assert free.pop("look into another process") == "ESRCH"
+        assert set(free.values()) == {"done"}
+
+    @pytest.mark.parametrize("user", ["root", "nobody"] if os.geteuid() == 0 else ["this user"])
+    def test_starts_nothing_and_reaches_nobody(
+        self, intruder: str, tmp_path: Path, user: str
+    ) -> None:
+        tmp_path.chmod(0o777)
+        for folder in tmp_path.parents:
+            if not folder.stat().st_mode & stat.S_IXOTH:
+                folder.chmod(0o755)
+        found = self.outcomes(
+            intruder,
+            tmp_path,
+            f"""
+            from plateau.worker.confinement.seccomp import refuse_calls
+            if {user!r} == "nobody":
+                os.setgroups([])
+                os.setgid(65534)
+                os.setuid(65534)
+            refuse_calls()
+            """,
+        )
+        assert found == REFUSED
+
+
+@pytest.mark.parametrize("variant", VARIANTS)
+def test_a_confined_child_renders(child: Children, variant: str, tmp_path: Path) -> None:
+    confined = child(variant)
+    process = psutil.Process(confined.pid)
+    # It works in a folder of its own, then in the scene's
+    assert process.cwd() == str(tmp_path / "home")
+    for size in (SMALL, {"width": "64", "height": "64"}):
+        confined.load(BOX, "scene.xml", size, 0)
+        assert process.cwd() == str(BOX)
+        film, _ = confined.render((Pass(4, 0), Pass(1, 1)))
+        np.testing.assert_array_equal(film[..., 3], 5)
+    # Every thread that made the image is under the filter, and every limit holds
+    if sys.platform == "linux":
+        tasks = Path(f"/proc/{confined.pid}/task")
+        threads = [(task / "status").read_text() for task in tasks.iterdir()]
+        assert len(threads) > 2
+        assert all("Seccomp:\t2\n" in text and "NoNewPrivs:\t1\n" in text for text in threads)
+        expected = {
+            psutil.RLIMIT_AS: 8 << 30,
+            psutil.RLIMIT_CORE: 0,
+            psutil.RLIMIT_NOFILE: ChildLimits.open_files,
+            psutil.RLIMIT_FSIZE: ChildLimits.file_bytes,
+        }
+        assert {kind: process.rlimit(kind) for kind in expected} == {
+            kind: (most, most) for kind, most in expected.items()
+        }
+
+
+def test_the_largest_films_that_a_bundle_may_have_fit_the_largest_file() -> None:
+    film_bytes = 16 * BundleLimits().max_pixels
+    assert ChildLimits.file_bytes == 2 * film_bytes  # the first pass, and the sum
+
+
+def test_the_kernel_shows_no_secret_of_a_child(
+    child: Children, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    secrets = {
+        "PLATEAU_REDIS_URL": "redis://:swordfish@host",
+        "AWS_SECRET_ACCESS_KEY": "swordfish",
+        "AWS_CONTAINER_CREDENTIALS_FULL_URI": "http://swordfish",
+        "HTTPS_PROXY": "http://user:swordfish@proxy",
+        "KUBERNETES_SERVICE_HOST": "swordfish",
+    }
+    for name, value in secrets.items():
+        monkeypatch.setenv(name, value)
+    started = child()
+    environment = Path(f"/proc/{started.pid}/environ").read_bytes()
+    descriptors = [
+        (link.readlink() if link.is_symlink() else link).as_posix()
+        for link in Path(f"/proc/{started.pid}/fd").iterdir()
+    ]
+    assert b"HOME=" in environment
+    assert b"swordfish" not in environment
+    assert not [name for name in secrets if name.encode() in environment]
+    # Nor does it hold a connection of the worker's: one socket, to its supervisor
+    assert len([target for target in descriptors if target.startswith("socket:")]) == 1
+
+
+def test_a_film_that_is_too_large_for_a_file_ends_the_child_in_words(child: Children) -> None:
+    tight = child(file_bytes=10_000)
+    tight.load(BOX, "scene.xml", SMALL, 0)
+    tight.render((Pass(1, 0),))
+    with pytest.raises(ChildDied, match=r"(?s)exited with 1 while loading.*File too large"):
+        tight.load(BOX, "scene.xml", {"width": "64", "height": "64"}, 0)
+
+
+def test_too_many_open_files_end_a_load_in_words(child: Children, tmp_path: Path) -> None:
+    # Given a child that has all the files open that it may have: as if a scene had opened them
+    full = child()
+    psutil.Process(full.pid).rlimit(psutil.RLIMIT_NOFILE, (3, 3))
+    with pytest.raises((SceneError, ChildDied), match=r"scene.xml|open"):
+        full.load(BOX, "scene.xml", SMALL, 0)
+
+
+def test_a_start_that_fails_is_told_in_words(child: Children) -> None:
+    with pytest.raises(ChildDied, match=r"(?s)while starting.*Too many open files"):
+        child(open_files=3)
+
+
+def _sphere(*inside: str) -> str:
+    return f'<shape type="sphere">{"".join(inside)}</shape>'
+
+
+def _moved(by: str) -> str:
+    return _sphere(f'<transform name="to_world">{by}</transform>')
+
+
+def _ply(header: str, body: bytes = b"") -> bytes:
+    return f"ply\n{header}\nend_header\n".encode() + body
+
+
+_XYZ = "\nproperty float x\nproperty float y\nproperty float z"
+_FACES = "\nproperty list uchar int vertex_indices"
+_MESH = '<shape type="ply"><string name="filename" value="a.ply"/></shape>'
+
+#: What the check of a bundle lets through, since only a renderer can tell: body, and a mesh.
+HOSTILE = {
+    "a transform that is no number": (_moved(f'<matrix value="{" ".join(["nan"] * 16)}"/>'), b""),
+    "a transform without an inverse": (_moved(f'<matrix value="{" ".join(["0"] * 16)}"/>'), b""),
+    "an infinite scale": (_moved('<scale value="inf"/>'), b""),
+    "a scale past float32": (_moved('<scale value="1e300"/>'), b""),
+    "a number past float64": (_sphere('<float name="radius" value="1e999"/>'), b""),
+    "an integer past 64 bits": (_sphere(f'<integer name="x" value="{"9" * 40}"/>'), b""),
+    "an object inside itself": (_sphere('<ref id="me"/>').replace(">", ' id="me">', 1), b""),
+    "a mesh of nothing": (_MESH, b""),
+    "a mesh that ends early": (
+        _MESH,
+        _ply(f"format binary_little_endian 1.0\nelement vertex 9{_XYZ}", bytes(5)),
+    ),
+    "a mesh of 10^12 vertices": (
+        _MESH,
+        _ply(f"format binary_little_endian 1.0\nelement vertex 1000000000000{_XYZ}"),
+    ),
+    "faces of vertices that are not there": (
+        _MESH,
+        _ply(
+            f"format ascii 1.0\nelement vertex 1{_XYZ}\nelement face 1{_FACES}",
+            b"0 0 0\n3 7 800000 -9\n",
+        ),
+    ),
+}
+
+
+@pytest.mark.parametrize("what", HOSTILE)
+def test_whatever_a_scene_says_a_child_renders_it_or_tells_why_not(
+    child: Children, tmp_path: Path, what: str
+) -> None:
+    body, mesh = HOSTILE[what]
+    (tmp_path / "a.ply").write_bytes(mesh)
+    (tmp_path / "scene.xml").write_text(
+        '<scene version="3.0.0"><integrator type="path"/><sensor type="perspective">'
+        '<film type="hdrfilm"><integer name="width" value="8"/><integer name="height" value="8"/>'
+        f'</film></sensor><emitter type="constant"/>{body}</scene>'
+    )
+    tried = child(memory_bytes=4 << 30)
+    words = ""
+    try:
+        tried.load(tmp_path, "scene.xml", {}, 0)
+        film, _ = tried.render((Pass(1, 0),))
+        assert film.shape == (8, 8, 4)
+    except (SceneError, ChildDied) as error:
+        words = str(error)
+    assert not words or (len(words) > 20 and str(tmp_path) not in words)
+    # And whoever comes next is served, by this child or by another
+    then = tried if tried.alive else child()
+    then.load(BOX, "scene.xml", SMALL, 0)
+    then.render((Pass(1, 0),))
+
+
+def test_a_machine_without_a_filter_is_told_of(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(platform, "machine", lambda: "riscv64")
+    with pytest.raises(OSError, match="no filter for linux on riscv64"):
+        refuse_calls()

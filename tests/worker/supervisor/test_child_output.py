@@ -1,0 +1,127 @@
+"""What the render child prints is kept for the job's log, slice by slice, and none of it twice."""
+
+import signal
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+import redis
+
+from plateau.farm.blobs.store import Blobs
+from plateau.farm.model.job import LogEntry
+from plateau.farm.model.states import JobState
+from plateau.worker.supervisor.child_process import ChildDied, ChildLimits, RenderChild
+from tests.worker.supervisor.test_supervisor import SCENE, Bench, render_children, the_child, until
+
+LIMITS = ChildLimits(threads=2, memory_bytes=8 << 30, load_timeout_s=60, pass_timeout_s=60)
+#: Mitsuba warns of the parameter, and renders.
+WARNED_OF = SCENE.format(integrator="path").replace(
+    '<film type="hdrfilm">', '<film type="hdrfilm"><boolean name="compensate" value="true"/>'
+)
+WARNING = 'The "compensate" (Kahan-style error-compensated accumulation) parameter has been removed'
+SMALL = {"size": "16"}
+
+
+@pytest.fixture
+def child(tmp_path: Path) -> Iterator[RenderChild]:
+    child = RenderChild("scalar_rgb", None, LIMITS, tmp_path / "home", [tmp_path])
+    yield child
+    child.kill()
+
+
+@pytest.fixture
+def bench(client: redis.Redis, redis_url: str, store: Blobs, tmp_path: Path) -> Bench:
+    return Bench(client, redis_url, store, tmp_path)
+
+
+def scene(folder: Path, text: str) -> Path:
+    (folder / "scene.xml").write_text(text)
+    return folder
+
+
+def test_words_are_taken_once_and_without_their_colours(child: RenderChild, tmp_path: Path) -> None:
+    folder = scene(tmp_path, WARNED_OF)
+    for _ in range(2):  # it goes on writing where its words have been taken
+        child.load(folder, "scene.xml", SMALL, 0)
+        words = child.take_words()
+        assert WARNING in words
+        assert len(words.splitlines()) == 1
+        assert words.isprintable()
+        assert child.take_words() == ""
+
+
+def test_a_good_scene_is_silent(child: RenderChild, tmp_path: Path) -> None:
+    child.load(scene(tmp_path, SCENE.format(integrator="path")), "scene.xml", SMALL, 0)
+    assert child.take_words() == ""
+
+
+def test_the_words_of_a_dead_child_are_there_still(child: RenderChild, tmp_path: Path) -> None:
+    folder = scene(tmp_path, WARNED_OF)
+    child.load(folder, "scene.xml", SMALL, 0)
+    the_child().send_signal(signal.SIGABRT)
+    with pytest.raises(ChildDied, match=r"SIGABRT while loading the scene: .*WARN.*compensate"):
+        child.load(folder, "scene.xml", SMALL, 0)
+    assert WARNING in child.take_words()
+    assert child.take_words() == ""
+
+
+def log(bench: Bench, job_id: str) -> list[LogEntry]:
+    return bench.jobs.log(job_id)
+
+
+def test_a_warning_stands_in_the_log_of_the_slice_at_which_it_came(bench: Bench) -> None:
+    job, _ = bench.job(slices=3, scene=WARNED_OF)
+    with bench.worker() as worker:
+        until(lambda: len(bench.jobs.ledger(job.id)) == 3)
+    first, *others = log(bench, job.id)
+    assert (first.slice, first.what, first.worker) == (0, "committed", worker.id)
+    assert WARNING in first.text
+    assert first.seconds is not None
+    assert [(one.slice, one.what, one.text) for one in others] == [
+        (1, "committed", ""),
+        (2, "committed", ""),
+    ]
+
+
+def test_last_words_stand_in_the_log_with_the_cause(bench: Bench) -> None:
+    job, _ = bench.job(
+        slices=1,
+        scene=WARNED_OF,
+        parameters={"size": 512},
+        slice_spp=4096,
+        step=4096,
+        max_spp=8192,
+    )
+    with bench.worker() as worker:
+        until(render_children)
+        child = the_child()
+        until(lambda: child.cpu_times().user > 3)  # it has loaded, and renders
+        child.send_signal(signal.SIGSEGV)
+        until(lambda: log(bench, job.id))
+        (death,) = log(bench, job.id)
+        bench.jobs.cancel(job.id)
+    assert (death.slice, death.what, death.worker) == (0, "died", worker.id)
+    assert "SIGSEGV while rendering a pass" in str(death.cause)
+    assert WARNING in death.text
+    assert death.seconds is not None
+    assert death.seconds > 0
+
+
+def test_a_scene_error_ends_the_log(bench: Bench) -> None:
+    wrong = WARNED_OF.replace('<bsdf type="diffuse"/>', '<bsdf type="nosuchplugin"/>')
+    job, _ = bench.job(slices=1, scene=wrong)
+    with bench.worker():
+        until(lambda: bench.jobs.get(job.id).state is JobState.FAILED)
+    (entry,) = log(bench, job.id)
+    assert (entry.slice, entry.what) == (0, "failed")
+    assert "nosuchplugin" in str(entry.cause)
+    # Nothing in it says where this machine keeps things
+    assert str(bench.settings.cache) not in entry.model_dump_json()
+
+
+def test_a_stopped_worker_says_why_it_gave_its_slice_back(bench: Bench) -> None:
+    job, _ = bench.job(slices=1, parameters={"size": 256}, slice_spp=1000, step=1000)
+    with bench.worker():
+        until(lambda: bench.jobs.get(job.id).state is JobState.RENDERING)
+    (entry,) = log(bench, job.id)
+    assert (entry.what, entry.cause) == ("handed-back", "the worker stops")

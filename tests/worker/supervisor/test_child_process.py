@@ -1,0 +1,215 @@
+"""The render child renders, can be cancelled, and dies without taking anyone along."""
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+import psutil
+import pytest
+
+from plateau.farm.model.seeds import Pass
+from plateau.worker.renderers.errors import SceneError
+from plateau.worker.supervisor.child_process import (
+    Cancelled,
+    ChildDied,
+    ChildLimits,
+    Film,
+    RenderChild,
+)
+from tests.support.loop_disk import LoopDisk
+
+BOX = Path(__file__).parents[3] / "scenes" / "box"
+LIMITS = ChildLimits(threads=2, memory_bytes=8 << 30, load_timeout_s=60, pass_timeout_s=60)
+SMALL = {"width": "16", "height": "12"}
+LONG = (Pass(1024, 0),) * 1000  # more than anybody waits for
+
+
+@pytest.fixture
+def child(tmp_path: Path) -> Iterator[RenderChild]:
+    child = RenderChild("scalar_rgb", None, LIMITS, tmp_path / "home", [BOX])
+    yield child
+    child.kill()
+
+
+@contextmanager
+def cancelling(child: RenderChild) -> Iterator[None]:
+    """Cancels what the child is asked meanwhile; a cancel before it is asked would be lost."""
+    over = threading.Event()
+
+    def cancel() -> None:
+        while not over.wait(0.3):
+            child.cancel()
+
+    thread = threading.Thread(target=cancel)
+    thread.start()
+    try:
+        yield
+    finally:
+        over.set()
+        thread.join()
+
+
+def test_it_sums_the_passes_of_a_slice(child: RenderChild, tmp_path: Path) -> None:
+    scene = child.load(BOX, "scene.xml", SMALL, 0)
+    assert (scene.width, scene.height) == (16, 12)
+    one, _ = child.render((Pass(2, 7),))
+    other, _ = child.render((Pass(1, 8),))
+    both, render_s = child.render((Pass(2, 7), Pass(1, 8)))
+    assert both.shape == (12, 16, 4)
+    assert render_s > 0
+    expected = (one.astype(np.float64) + other.astype(np.float64)).astype(np.float32)
+    np.testing.assert_array_equal(both, expected)
+    np.testing.assert_array_equal(both[..., 3], 3)  # a box filter's weights are the spp
+    assert list(tmp_path.rglob("*film*")) == []
+
+
+def test_it_shows_the_first_pass_where_the_others_take_a_while(child: RenderChild) -> None:
+    child.load(BOX, "scene.xml", {"width": "64", "height": "48"}, 0)
+    seen: list[tuple[Film, int]] = []
+    passes = (Pass(1, 7), Pass(64, 8), Pass(64, 9))
+    film, _ = child.render(passes, lambda film, spp: seen.append((film, spp)))
+    # What it shows is the first pass, and costs the slice nothing
+    ((first, spp),) = seen
+    assert spp == 1
+    np.testing.assert_array_equal(first, child.render(passes[:1])[0])
+    np.testing.assert_array_equal(film, child.render(passes)[0])
+    # Where the slice is there in a moment, nothing is shown
+    child.load(BOX, "scene.xml", SMALL, 0)
+    child.render((Pass(1, 7), Pass(1, 8)), lambda film, spp: seen.append((film, spp)))
+    child.render((Pass(1, 7),), lambda film, spp: seen.append((film, spp)))
+    assert len(seen) == 1
+
+
+class TestOnASmallDisk:
+    SCENE: ClassVar = {"width": "512", "height": "256"}  # 2 MiB of film
+    PASSES = (Pass(1, 7), Pass(16, 8))
+
+    @pytest.fixture
+    def disk(self, tmp_path: Path) -> Iterator[LoopDisk]:
+        with LoopDisk(tmp_path / "disk", megabytes=8) as disk:
+            yield disk
+
+    @pytest.fixture
+    def child(self, disk: LoopDisk) -> Iterator[RenderChild]:
+        child = RenderChild("scalar_rgb", None, LIMITS, disk.folder / "home", [BOX])
+        child.await_ready()
+        yield child
+        child.kill()
+
+    def test_a_glimpse_without_room_is_left_out(self, child: RenderChild, disk: LoopDisk) -> None:
+        seen: list[int] = []
+        # Given room for a film and a half
+        ballast = disk.fill(leaving=3 << 20)
+        child.load(BOX, "scene.xml", self.SCENE, 0)
+        # Then the slice is rendered, and nothing is shown of it, however often it is tried
+        film, _ = child.render(self.PASSES, lambda _, spp: seen.append(spp))
+        child.render(self.PASSES, lambda _, spp: seen.append(spp))
+        assert seen == []
+        # And where there is room it is the same, and is shown
+        ballast.unlink()
+        again, _ = child.render(self.PASSES, lambda _, spp: seen.append(spp))
+        assert seen == [1]
+        np.testing.assert_array_equal(again, film)
+
+    def test_a_film_without_room_is_the_disks_fault(
+        self, child: RenderChild, disk: LoopDisk
+    ) -> None:
+        # Given the megabyte that the worker's test of itself takes
+        ballast = disk.fill(leaving=1 << 20)
+        with pytest.raises(OSError, match=rf"written into {disk.folder}/home: No space left"):
+            child.load(BOX, "scene.xml", self.SCENE, 0)
+        # Then it lives, takes no room, and can do with what there is
+        assert child.alive
+        child.load(BOX, "scene.xml", SMALL, 0)
+        child.render((Pass(1, 0),))
+        # And a disk that fills up later harms no scene that is loaded
+        ballast.unlink()
+        child.load(BOX, "scene.xml", self.SCENE, 0)
+        disk.fill()
+        film, _ = child.render((Pass(1, 7),))
+        np.testing.assert_array_equal(film[..., 3], 1)
+
+
+def test_a_scene_error_leaves_the_child_alive(child: RenderChild, tmp_path: Path) -> None:
+    with pytest.raises(SceneError, match="nonsense"):
+        child.load(BOX, "scene.xml", {**SMALL, "nonsense": "1"}, 0)
+    child.load(BOX, "scene.xml", SMALL, 0)
+    child.render((Pass(1, 0),))
+
+
+def test_a_cancel_ends_the_render_after_its_pass(child: RenderChild, tmp_path: Path) -> None:
+    child.load(BOX, "scene.xml", SMALL, 0)
+    with cancelling(child), pytest.raises(Cancelled):
+        child.render((Pass(64, 0),) * 10_000)
+    # Then the child is alive, since no force was needed, and the next request is not cancelled too
+    assert child.alive
+    child.render((Pass(1, 0),))
+
+
+def test_a_pass_that_outlasts_a_cancel_is_ended_by_force(
+    child: RenderChild, tmp_path: Path
+) -> None:
+    child.load(BOX, "scene.xml", {"width": "256", "height": "256"}, 0)
+    with cancelling(child), pytest.raises(Cancelled):
+        child.render(LONG)
+    assert not child.alive
+
+
+def test_a_hanging_pass_is_killed(tmp_path: Path) -> None:
+    limits = ChildLimits(threads=2, memory_bytes=0, load_timeout_s=60, pass_timeout_s=0.5)
+    child = RenderChild("scalar_rgb", None, limits, tmp_path / "home", [BOX])
+    child.load(BOX, "scene.xml", {"width": "256", "height": "256"}, 0)
+    with pytest.raises(ChildDied, match=r"rendering a pass took longer than 0\.5 s"):
+        child.render(LONG)
+    assert not psutil.pid_exists(child.pid)
+
+
+def test_a_death_is_told_with_its_signal(child: RenderChild, tmp_path: Path) -> None:
+    child.load(BOX, "scene.xml", {"width": "256", "height": "256"}, 0)
+    threading.Timer(0.3, os.kill, (child.pid, signal.SIGSEGV)).start()
+    with pytest.raises(ChildDied, match="SIGSEGV while rendering a pass"):
+        child.render(LONG)
+
+
+def test_a_scene_that_wants_too_much_memory_costs_its_child(tmp_path: Path) -> None:
+    limits = ChildLimits(threads=1, memory_bytes=1 << 30, load_timeout_s=60, pass_timeout_s=60)
+    child = RenderChild("scalar_rgb", None, limits, tmp_path / "home", [BOX])
+    child.load(BOX, "scene.xml", {"width": "8192", "height": "8192"}, 0)
+    with pytest.raises(ChildDied, match=r"(?i)memory|bad_alloc|SIGABRT"):
+        child.render((Pass(1, 0),))
+    assert not child.alive
+
+
+def test_it_knows_no_secrets(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PLATEAU_REDIS_URL", "redis://:swordfish@host")
+    monkeypatch.setenv("AWS_SECRET_ACCESS_KEY", "swordfish")
+    child = RenderChild("scalar_rgb", None, LIMITS, tmp_path / "home", [BOX])
+    environment = psutil.Process(child.pid).environ()
+    child.kill()
+    assert "swordfish" not in " ".join(environment.values())
+    assert not [name for name in environment if name.startswith(("PLATEAU", "AWS"))]
+
+
+def test_it_does_not_outlive_a_supervisor_that_is_killed(tmp_path: Path) -> None:
+    program = (
+        "import sys, time; from pathlib import Path\n"
+        "from plateau.worker.supervisor.child_process import ChildLimits, RenderChild\n"
+        "limits = ChildLimits(threads=1, memory_bytes=0, load_timeout_s=60, pass_timeout_s=60)\n"
+        "print(RenderChild('scalar_rgb', None, limits, Path(sys.argv[1]), []).pid, flush=True)\n"
+        "time.sleep(60)"
+    )
+    supervisor = subprocess.Popen(
+        [sys.executable, "-c", program, str(tmp_path)], stdout=subprocess.PIPE, text=True
+    )
+    assert supervisor.stdout is not None
+    child = psutil.Process(int(supervisor.stdout.readline()))
+    supervisor.kill()
+    supervisor.communicate()
+    child.wait(60)

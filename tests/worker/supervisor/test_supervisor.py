@@ -1,0 +1,426 @@
+"""A worker renders what it leases, and nothing that happens to it is lost or counted twice."""
+
+import contextlib
+import hashlib
+import os
+import shutil
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import psutil
+import pytest
+import redis
+
+from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs.store import Blobs
+from plateau.farm.images.exr import decode_partial
+from plateau.farm.ledger.jobs import Jobs
+from plateau.farm.ledger.ownership import Ownership, Ownerships
+from plateau.farm.ledger.queue import Committed, Lease, SliceQueue, SliceRecord
+from plateau.farm.ledger.schema import check_schema
+from plateau.farm.model.job import Job
+from plateau.farm.model.seeds import SeedSchedule
+from plateau.farm.model.spec import JobSpec
+from plateau.farm.model.states import JobState
+from plateau.farm.process.settings import Settings
+from plateau.farm.process.stop import Stop
+from plateau.farm.redis import keys
+from plateau.worker.supervisor.supervisor import Supervisor
+from plateau.worker.supervisor.variants import Probe, VariantChoice
+from tests.support.loop_disk import LoopDisk
+
+SCALAR = VariantChoice("scalar_rgb", None, "asked for by the test", ())
+SCENE = """<scene version="3.0.0">
+  <default name="size" value="16"/>
+  <integrator type="{integrator}"/>
+  <sensor type="perspective">
+    <film type="hdrfilm">
+      <integer name="width" value="$size"/><integer name="height" value="$size"/>
+      <rfilter type="box"/>
+    </film>
+    <sampler type="multijitter"/>
+  </sensor>
+  <shape type="sphere"><transform name="to_world"><translate z="4"/></transform>
+    <bsdf type="diffuse"/></shape>
+  <emitter type="constant"/>
+</scene>"""
+
+
+class Bench:
+    """A job's surroundings: a monitor's part played through the farm's own interface."""
+
+    def __init__(self, client: redis.Redis, url: str, store: Blobs, folder: Path) -> None:
+        check_schema(client)  # as every process does first
+        self.client, self.store = client, store
+        self.jobs, self.owners = Jobs(client), Ownerships(client, 60)
+        self.settings = Settings(
+            redis_url=url, cache=folder / "cache", threads=2, heartbeat_s=0.2, lease_s=5.0
+        )
+
+    def job(self, slices: int, scene: str = "", **spec: object) -> tuple[Job, Ownership]:
+        content = (scene or SCENE.format(integrator="path")).encode()
+        sha256 = hashlib.sha256(content).hexdigest()
+        self.store.put(blobs.scene(sha256), content)
+        job = self.jobs.create(
+            JobSpec.model_validate({"slice_spp": 5, "step": 10, **spec}),
+            name="ball",
+            scene_sha256=sha256,
+        ).job
+        owned = self.owners.acquire(job.id)
+        assert owned is not None
+        self.owners.plan(owned, range(slices))
+        return job, owned
+
+    @contextmanager
+    def worker(self, choice: VariantChoice = SCALAR) -> Iterator[Supervisor]:
+        stop = Stop()
+        worker = Supervisor(self.settings, choice, self.store, stop)
+        thread = threading.Thread(target=worker.run)
+        thread.start()
+        try:
+            yield worker
+        finally:
+            stop.set()
+            thread.join(60)
+            assert not thread.is_alive()
+
+    def hashes(self, job: Job) -> list[str]:
+        return [record["sha256"] for record in self.jobs.ledger(job.id).values()]
+
+
+@pytest.fixture
+def bench(client: redis.Redis, redis_url: str, store: Blobs, tmp_path: Path) -> Bench:
+    return Bench(client, redis_url, store, tmp_path)
+
+
+def test_it_shows_life_whether_redis_answers_or_not(bench: Bench, tmp_path: Path) -> None:
+    alive = tmp_path / "alive"
+    bench.settings = bench.settings.model_copy(
+        update={"alive_file": alive, "redis_url": f"unix://{tmp_path}/nobody.sock"}
+    )
+    with bench.worker():
+        until(alive.exists)
+        first = alive.stat().st_mtime_ns
+        until(lambda: alive.stat().st_mtime_ns > first)
+
+
+def until(condition: Callable[[], object], seconds: float = 120) -> None:
+    deadline = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < deadline, "waited in vain"
+        time.sleep(0.01)
+
+
+def partials(bench: Bench, job: Job) -> list[str]:
+    """Those of whole slices; the monitor, which there is none of here, clears the glimpse too."""
+    return [name for name in bench.store.names(blobs.partials(job.id)) if "glimpse" not in name]
+
+
+def render_children() -> list[psutil.Process]:
+    found = []
+    for process in psutil.Process().children():
+        with contextlib.suppress(psutil.NoSuchProcess):  # a probe may end meanwhile
+            if "plateau.worker.child" in process.cmdline():
+                found.append(process)
+    return found
+
+
+def the_child() -> psutil.Process:
+    (child,) = render_children()
+    return child
+
+
+def test_it_renders_what_is_planned(bench: Bench) -> None:
+    job, _ = bench.job(slices=3, seed=2)
+    with bench.worker() as worker:
+        until(lambda: len(bench.jobs.ledger(job.id)) == 3)
+        until(lambda: bench.jobs.workers()[0].slices_done == 3)
+        assert bench.jobs.workers()[0].id == worker.id
+    # The ledger has each slice, its seeds as the schedule has them, and who did it
+    schedule = SeedSchedule("scalar_rgb", 16, 16, 5, 10_000, job_seed=2)
+    for index, record in bench.jobs.ledger(job.id).items():
+        assert (record["first_seed"], record["last_seed"]) == schedule.seed_range(index)
+        assert (record["spp"], record["worker"]) == (5, worker.id)
+        # And the partial is in the blob store, with the same in its header
+        content = bench.store.get(record["blob"])
+        assert hashlib.sha256(content).hexdigest() == record["sha256"]
+        partial = decode_partial(content)
+        assert (partial.job_id, partial.index, partial.spp) == (job.id, index, 5)
+        assert partial.pixels.shape == (16, 16, 4)
+        np.testing.assert_array_equal(partial.pixels[..., 3], 5)
+    now = bench.jobs.get(job.id)
+    assert (now.width, now.height, now.variant) == (16, 16, "scalar_rgb")
+    (note,) = now.notes
+    assert note.startswith("the scene's 'multijitter' sampler was replaced by 'independent': ")
+    # It has signed off, and its child is gone
+    assert bench.jobs.workers() == []
+    assert not render_children()
+
+
+def test_a_killed_child_costs_a_try_and_no_sample(bench: Bench) -> None:
+    spec = {"parameters": {"size": 128}}
+    undisturbed, _ = bench.job(slices=4, **spec)
+    with bench.worker():
+        until(lambda: len(bench.jobs.ledger(undisturbed.id)) == 4)
+        disturbed, _ = bench.job(slices=4, **spec)
+        until(lambda: bench.jobs.get(disturbed.id).state is JobState.RENDERING)
+        the_child().send_signal(signal.SIGKILL)
+        until(lambda: len(bench.jobs.ledger(disturbed.id)) == 4)
+    a, b = (
+        [decode_partial(bench.store.get(r["blob"])).pixels for r in bench.jobs.ledger(j).values()]
+        for j in (undisturbed.id, disturbed.id)
+    )
+    np.testing.assert_array_equal(a, b)
+
+
+@pytest.mark.parametrize(
+    ("scene", "spec", "words"),
+    [
+        (SCENE.format(integrator="nosuchplugin"), {}, "nosuchplugin"),
+        (SCENE.format(integrator="path"), {"parameters": {"wrong": 1}}, "wrong"),
+        (SCENE.format(integrator="path"), {"sensor": 3}, "no sensor 3"),
+        (SCENE.format(integrator="path"), {"parameters": {"size": 0}}, "0"),
+        (
+            SCENE.format(integrator="path"),
+            {"parameters": {"size": 2048}, "slice_spp": 1, "max_spp": 10_000},
+            "distinct seeds",
+        ),
+        ("<scene version='3.0.0'><nonsense/></scene>", {}, "nonsense"),
+        ("no scene at all", {}, "neither XML nor a zip"),
+    ],
+)
+def test_a_bad_scene_fails_its_job_in_words_and_the_next_job_runs(
+    bench: Bench, scene: str, spec: dict[str, object], words: str
+) -> None:
+    bad, _ = bench.job(slices=2, scene=scene, **spec)
+    with bench.worker():
+        until(lambda: bench.jobs.get(bad.id).state.ended)
+        good, _ = bench.job(slices=1)
+        until(lambda: len(bench.jobs.ledger(good.id)) == 1)
+    failed = bench.jobs.get(bad.id)
+    assert failed.state is JobState.FAILED
+    assert words in failed.reason
+    assert str(bench.settings.cache) not in failed.reason
+
+
+def test_a_scene_that_kills_its_child_fails_after_three_tries(bench: Bench) -> None:
+    job, _ = bench.job(slices=1, parameters={"size": 512}, slice_spp=4096, step=4096, max_spp=8192)
+    with bench.worker():
+        for _ in range(3):
+            until(render_children)
+            child = the_child()
+            until(lambda child=child: child.cpu_times().user > 0.5)
+            child.send_signal(signal.SIGSEGV)
+            until(lambda child=child: not child.is_running())  # the supervisor reaps it
+        until(lambda: bench.jobs.get(job.id).state is JobState.FAILED)
+    assert bench.jobs.get(job.id).reason.count("SIGSEGV") == 3
+
+
+def test_a_missing_scene_fails_the_job(bench: Bench) -> None:
+    job, _ = bench.job(slices=1)
+    bench.store.delete(blobs.scene(job.scene_sha256))
+    with bench.worker():
+        until(lambda: bench.jobs.get(job.id).state is JobState.FAILED)
+    assert "has no scene" in bench.jobs.get(job.id).reason
+
+
+def test_a_worker_that_can_render_nothing_harms_no_job_and_says_so(bench: Bench) -> None:
+    # Given a worker whose LLVM was there when it chose it, and is gone
+    gone = "/nowhere/libLLVM.so"
+    broken = VariantChoice(
+        "llvm_ad_rgb", gone, "it was there", (Probe("llvm_ad_rgb", gone, ok=True, detail=""),)
+    )
+    job, _ = bench.job(slices=2)
+    with bench.worker(broken) as worker:
+        until(lambda: (seen := bench.jobs.workers()) != [] and seen[0].trouble is not None)
+        (about,) = bench.jobs.workers()
+        assert "llvm_ad_rgb renders nothing here" in str(about.trouble)
+        assert about.job is None
+        # Then it takes no more work, its slice counts no try, and another worker does the job
+        with bench.worker() as healthy:
+            until(lambda: len(bench.jobs.ledger(job.id)) == 2)
+        assert {record["worker"] for record in bench.jobs.ledger(job.id).values()} == {healthy.id}
+        assert worker.id != healthy.id
+    assert [event for event in bench.jobs.events(job.id) if event.type == "trouble"] == []
+    assert bench.jobs.get(job.id).variant == "scalar_rgb"
+    # And the job's log says why the slice came back
+    returned = bench.jobs.log(job.id)[0]
+    assert (returned.what, returned.worker) == ("unfit", worker.id)
+    assert "llvm_ad_rgb renders nothing here" in str(returned.cause)
+
+
+def test_a_scene_that_cannot_be_fetched_for_a_while_costs_no_try(bench: Bench) -> None:
+    job, _ = bench.job(slices=1)
+    scene = Path(bench.store.where) / blobs.scene(job.scene_sha256)
+    content = scene.read_bytes()
+    scene.unlink()
+    scene.symlink_to(scene)  # which cannot be read, by root neither
+    with bench.worker():
+        until(lambda: (seen := bench.jobs.workers()) != [] and seen[0].last_error is not None)
+        assert bench.jobs.get(job.id).state is not JobState.FAILED
+        scene.unlink()
+        scene.write_bytes(content)
+        until(lambda: len(bench.jobs.ledger(job.id)) == 1)
+        # What troubled it is over with the next slice that it renders
+        until(lambda: bench.jobs.workers()[0].last_error is None)
+    assert [event for event in bench.jobs.events(job.id) if event.type == "trouble"] == []
+
+
+def test_a_cache_disk_without_room_for_a_film_costs_no_try(bench: Bench, tmp_path: Path) -> None:
+    with LoopDisk(tmp_path / "disk", megabytes=16) as disk:
+        bench.settings = bench.settings.model_copy(update={"cache": disk.folder / "cache"})
+        # Given a worker on a disk that has room for all but a film
+        ballast = disk.fill(leaving=2 << 20)
+        job, _ = bench.job(slices=1, parameters={"size": 512}, slice_spp=4, step=4)
+        with bench.worker() as worker:
+            # When it has tried more often than a slice may cost its workers' lives
+            until(lambda: len(bench.jobs.log(job.id)) > 3)
+            ballast.unlink()
+            # Then the job goes on as soon as there is room, and nobody has died
+            until(lambda: len(bench.jobs.ledger(job.id)) == 1)
+    assert [event for event in bench.jobs.events(job.id) if event.type == "trouble"] == []
+    returned = bench.jobs.log(job.id)[0]
+    assert (returned.what, returned.worker) == ("handed-back", worker.id)
+    assert "no film can be written into" in str(returned.cause)
+    assert "No space left on device" in str(returned.cause)
+
+
+def test_a_cancelled_job_frees_the_worker_at_once(bench: Bench, client: redis.Redis) -> None:
+    # Given slices that take minutes each, of which the first pass is to be seen
+    job, _ = bench.job(slices=2, parameters={"size": 512}, slice_spp=2500, step=2500)
+    with bench.worker() as worker:
+        until(lambda: bench.owners.glimpse(job.id))
+        bench.jobs.cancel(job.id)
+        until(lambda: worker._rendering is None, 60)
+        next_job, _ = bench.job(slices=1)
+        until(lambda: len(bench.jobs.ledger(next_job.id)) == 1)
+    assert bench.jobs.ledger(job.id) == {}
+    assert not client.exists(keys.job(job.id, "slices"))
+    assert partials(bench, job) == []
+
+
+def test_a_worker_that_was_outrun_stops_at_its_next_pass(bench: Bench) -> None:
+    # Given a worker with a slice that takes it minutes
+    job, _ = bench.job(slices=2, parameters={"size": 512}, slice_spp=2500, step=2500)
+    other = SliceQueue(bench.client, "other", 60)
+    leased: list[Lease] = []
+
+    def is_given(index: int) -> bool:
+        found = other.lease(("scalar_rgb",), None, in_turn=False)
+        leased.extend([found] if found else [])
+        return [lease.index for lease in leased[-1:]] == [index]
+
+    def commit() -> Committed:
+        record = SliceRecord(
+            index=leased[-1].index,
+            spp=2500,
+            first_seed=10 * leased[-1].index,
+            last_seed=10 * leased[-1].index + 1,
+            blob=f"the other's {leased[-1].index}",
+            sha256="00",
+            worker="other",
+            render_s=1.0,
+        )
+        return other.commit(leased[-1], record, width=512, height=512, notes=())
+
+    with bench.worker() as worker:
+        until(lambda: worker._rendering is not None)
+        slow = worker._rendering
+        # And another that is done with the next one at once, and then is given the first too
+        assert is_given(1)
+        assert commit() is Committed.COMMITTED
+        until(lambda: is_given(0))
+        assert commit() is Committed.COMMITTED
+        # Then the slow one stops, and what it spent is counted as waste
+        until(lambda: worker._rendering is not slow, 60)
+        until(lambda: bench.jobs.get(job.id).wasted_s > 0, 60)
+    assert [one["worker"] for one in bench.jobs.ledger(job.id).values()] == ["other", "other"]
+    assert partials(bench, job) == []
+
+
+def test_a_stopped_worker_hands_its_slice_back(bench: Bench) -> None:
+    job, _ = bench.job(slices=1, parameters={"size": 256}, slice_spp=1000, step=1000)
+    with bench.worker():
+        until(lambda: bench.jobs.get(job.id).state is JobState.RENDERING)
+        time.sleep(0.3)
+    # The slice can be leased at once, and no try was counted
+    found = SliceQueue(bench.client, "next", 60).lease(("scalar_rgb",), None, in_turn=False)
+    assert found is not None
+    assert (found.index, found.tries) == (0, 1)
+
+
+def test_a_signal_to_all_of_its_processes_harms_no_slice(bench: Bench) -> None:
+    """As Slurm and systemd send it: the child hears it too, and must not die of it first."""
+    job, _ = bench.job(slices=1, parameters={"size": 512}, slice_spp=4096, step=4096, max_spp=8192)
+    with bench.worker():
+        until(render_children)
+        child = the_child()
+        until(lambda: child.cpu_times().user > 0.5)
+        child.send_signal(signal.SIGTERM)
+        worked = child.cpu_times().user
+        until(lambda: child.cpu_times().user > worked + 0.2)
+    (returned,) = bench.jobs.log(job.id)
+    assert (returned.what, returned.cause) == ("handed-back", "the worker stops")
+
+
+def test_a_worker_without_work_leaves_where_it_was_told_to(bench: Bench) -> None:
+    bench.settings = bench.settings.model_copy(update={"leave_after_s": 0.5, "label": "slurm:7_1"})
+    job, _ = bench.job(slices=3)
+    worker = Supervisor(bench.settings, SCALAR, bench.store, Stop())
+    thread = threading.Thread(target=worker.run)
+    thread.start()
+    until(lambda: bench.jobs.workers() != [])
+    assert bench.jobs.workers()[0].label == "slurm:7_1"
+    # It has done what there was before, and signs off
+    thread.join(60)
+    assert not thread.is_alive()
+    assert len(bench.jobs.ledger(job.id)) == 3
+    assert bench.jobs.workers() == []
+
+
+def test_a_redis_that_is_away_for_a_while_costs_nothing(
+    bench: Bench, embedded_redis: object
+) -> None:
+    job, _ = bench.job(slices=6, parameters={"size": 128})
+    pid = embedded_redis.process.pid  # type: ignore[attr-defined]
+    with bench.worker():
+        until(lambda: len(bench.jobs.ledger(job.id)) >= 1)
+        os.kill(pid, signal.SIGSTOP)
+        time.sleep(0.5)
+        os.kill(pid, signal.SIGCONT)
+        until(lambda: len(bench.jobs.ledger(job.id)) == 6)
+    assert bench.jobs.get(job.id).state is JobState.RENDERING
+    assert list(bench.jobs.ledger(job.id)) == list(range(6))
+
+
+def test_the_render_child_is_there_before_any_work(bench: Bench) -> None:
+    with bench.worker():
+        until(render_children)
+        early = the_child().pid
+        # The first slice is rendered by that one
+        job, _ = bench.job(slices=1)
+        until(lambda: len(bench.jobs.ledger(job.id)) == 1)
+        assert the_child().pid == early
+
+
+def test_scenes_can_be_opened_whose_cache_is_new_or_was_cleared(bench: Bench) -> None:
+    # Given a child that is shut in before any scene is there
+    with bench.worker():
+        until(render_children)
+        early = the_child()
+        until(lambda: early.num_threads() > 1)
+        # Then it can open the first one
+        first, _ = bench.job(slices=1)
+        until(lambda: len(bench.jobs.ledger(first.id)) == 1)
+        assert the_child() == early
+        # If somebody clears the cache
+        shutil.rmtree(bench.settings.cache / "scenes")
+        # Then a new child can open what is unpacked anew
+        second, _ = bench.job(slices=1)
+        until(lambda: len(bench.jobs.ledger(second.id)) == 1)
+        assert the_child() != early

@@ -1,0 +1,103 @@
+"""The uploader delivers what was rendered, and keeps no worker from stopping."""
+
+import threading
+import time
+
+import numpy as np
+import pytest
+import redis
+
+from plateau.farm.blobs.store import Blobs
+from plateau.farm.images.exr import decode_partial
+from plateau.farm.ledger.jobs import Jobs
+from plateau.farm.ledger.ownership import Ownerships
+from plateau.farm.ledger.queue import Lease, SliceQueue
+from plateau.worker.supervisor.child_process import Loaded
+from plateau.worker.supervisor.uploader import Glimpse, Rendered, Uploader
+from tests.support.commands import until
+from tests.support.odd_s3 import OddS3
+from tests.support.staged_job import HEIGHT, WIDTH, StagedJob
+
+
+def rendered(lease: Lease) -> Rendered:
+    return Rendered(
+        lease=lease,
+        scene=Loaded(WIDTH, HEIGHT, ()),
+        film=np.ones((HEIGHT, WIDTH, 4), np.float32),
+        first_seed=lease.index * 100,
+        last_seed=lease.index * 100 + 99,
+        render_s=0.5,
+        said="",
+    )
+
+
+def lease_one(queue: SliceQueue) -> Lease:
+    lease = queue.lease(("scalar_rgb",), None, in_turn=False)
+    assert lease is not None
+    return lease
+
+
+def test_what_waits_is_committed_before_the_worker_stops(client: redis.Redis, store: Blobs) -> None:
+    job, queue = StagedJob(client), SliceQueue(client, "worker-1", lease_s=60)
+    uploader = Uploader(store, queue, "worker-1")
+    for _ in range(3):
+        job.plan()
+        assert uploader.submit(rendered(lease_one(queue)), threading.Event())
+    uploader.close(30)
+    ledger = Jobs(client).ledger(job.id)
+    assert sorted(ledger) == [0, 1, 2]
+    assert sorted(store.names("")) == sorted(one["blob"] for one in ledger.values())
+    assert uploader.leases == ()
+
+
+def test_a_glimpse_is_there_for_the_monitor_unless_it_comes_too_late(
+    client: redis.Redis, store: Blobs
+) -> None:
+    job, queue = StagedJob(client), SliceQueue(client, "worker-1", lease_s=60)
+    job.plan()
+    lease = lease_one(queue)
+    film = np.ones((HEIGHT, WIDTH, 4), np.float32)
+    uploader = Uploader(store, queue, "worker-1")
+    uploader.show(Glimpse(lease=lease, film=film, spp=4, first_seed=7))
+    owners = Ownerships(client, lease_s=60)
+    until(lambda: owners.glimpse(job.id) is not None, 60)
+    (name,) = store.names("")
+    assert owners.glimpse(job.id) == name
+    partial = decode_partial(store.get(name))
+    assert (partial.spp, partial.first_seed, partial.last_seed) == (4, 7, 7)
+    np.testing.assert_array_equal(partial.pixels, film)
+    # Given that its monitor has shown it
+    store.delete(name)
+    job.picture(store, "image.png", b"a picture")
+    (picture,) = store.names("")
+    # Then another is not kept, as after a second try of the slice
+    uploader.show(Glimpse(lease=lease, film=film, spp=4, first_seed=7))
+    uploader.close(30)
+    assert store.names("") == [picture]
+
+
+def test_a_silent_store_holds_up_no_worker_that_stops(
+    client: redis.Redis, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("AWS_ACCESS_KEY_ID", "anna")
+    monkeypatch.setenv("AWS_SECRET_ACCESS_KEY", "secret")
+    with OddS3() as server:
+        monkeypatch.setenv("AWS_ENDPOINT_URL_S3", server.endpoint)
+        job, queue = StagedJob(client), SliceQueue(client, "worker-1", lease_s=60)
+        uploader = Uploader(Blobs("s3://bucket"), queue, "worker-1")
+        # Given slices that were rendered, and a store that does not answer
+        server.silent.set()
+        for _ in range(3):
+            job.plan()
+            assert uploader.submit(rendered(lease_one(queue)), threading.Event())
+        # When the worker is to stop
+        started = time.monotonic()
+        uploader.close(0.5)
+        # Then it does not wait until the store is given up, and others can have the slices
+        assert time.monotonic() - started < 15
+        other = SliceQueue(client, "worker-2", lease_s=60)
+        assert sorted(lease_one(other).index for _ in range(3)) == [0, 1, 2]
+        # And should one of them arrive after all, it counts once
+        server.silent.clear()
+        until(lambda: all(one.name != "uploader" for one in threading.enumerate()), 60)
+        assert len(Jobs(client).ledger(job.id)) <= 1

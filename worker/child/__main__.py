@@ -1,0 +1,48 @@
+"""The render child: the process that hosts Mitsuba, and may die of it.
+
+Here it is shut in, before anything of Mitsuba's, numpy's or a scene's is in it; what it does then
+is in `plateau.worker.child.request_loop`.
+"""
+
+import argparse
+import os
+from pathlib import Path
+
+from plateau.worker.confinement.confine import confine, limit_resources
+
+
+def main() -> None:
+    """Shut this process in, and serve requests until the supervisor closes the socket."""
+    parser = argparse.ArgumentParser(description="Plateau's render child; started by the worker.")
+    parser.add_argument("--socket", type=int, required=True)
+    parser.add_argument("--films", type=int, required=True)
+    parser.add_argument("--variant", required=True)
+    parser.add_argument("--threads", type=int, required=True)
+    parser.add_argument("--memory-bytes", type=int, required=True)
+    parser.add_argument("--open-files", type=int, required=True)
+    parser.add_argument("--file-bytes", type=int, required=True)
+    parser.add_argument("--scenes", type=Path, action="append", default=[])
+    parser.add_argument("--kernels", type=Path, required=True)
+    arguments = parser.parse_args()
+    limit_resources(arguments.memory_bytes, arguments.open_files, arguments.file_bytes)
+    os.chdir(os.environ["HOME"])  # until there is a scene, whose folder it works in
+    if arguments.variant.startswith("cuda"):
+        stays_open = ["CUDA's driver was never tried under the confinement"]
+    else:
+        taken = confine(scenes=arguments.scenes, kernels=arguments.kernels)
+        stays_open = [f"{one.name}: {one.error}" for one in taken if one.error is not None]
+
+    # Imported here: numpy starts threads.
+    from plateau.worker.child.request_loop import serve
+
+    serve(
+        arguments.socket,
+        arguments.films,
+        variant=arguments.variant,
+        threads=arguments.threads,
+        stays_open=stays_open,
+    )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,151 @@
+"""What a render child may not take, see or do, whatever the scene in it comes to.
+
+Resource limits bound its memory, its open files and the files that it writes; its time is bounded
+by the supervisor. Four things then keep it from whoever else is on the machine, its supervisor
+first:
+
+- Landlock leaves it Python, Mitsuba, the system's libraries, the scenes (which it can open by name
+  and not list) and one folder to write into, that of the kernels that Dr.Jit compiles.
+- Root's capabilities go.
+- Its memory is shut: no process of the same user can look into it.
+- A seccomp filter refuses other programs and processes, sockets, signals and the like.
+
+All of it is taken before the child has a second thread and before it has seen a scene. What the
+kernel lacks is told and left out. What is left to a scene that takes a child over: the scenes that
+this child is given, and the kernels that children of this machine share.
+"""
+
+import json
+import os
+import resource
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Final
+
+from plateau import farm
+from plateau.farm.process.lifecycle import limit, shut_memory
+from plateau.worker.confinement import landlock
+from plateau.worker.confinement.capabilities import drop_capabilities
+from plateau.worker.confinement.seccomp import refuse_calls
+
+#: Where systems keep shared libraries, and lists of them.
+_LIBRARIES: Final = (
+    *("/lib", "/lib64", "/usr/lib", "/usr/lib64", "/usr/local/lib", "/nix/store", "/gnu/store"),
+    "/etc/ld.so.cache",
+    "/etc/ssl/openssl.cnf",  # Python's hashes read it
+)
+
+#: What the C library, LLVM and Embree ask of the machine: processors, memory, themselves.
+_MACHINE: Final = (
+    *("/proc/self", "/proc/cpuinfo", "/proc/meminfo", "/proc/stat", "/proc/sys/vm"),
+    *("/sys/devices/system", "/dev/null", "/dev/zero", "/dev/urandom"),
+)
+
+
+def limit_resources(memory_bytes: int, open_files: int, file_bytes: int) -> None:
+    """Bound what this process can take, from now on and for good.
+
+    Parameters
+    ----------
+    memory_bytes : int
+        Address space; 0 for no limit (CUDA reserves far more than it uses).
+    open_files : int
+        Files open at a time.
+    file_bytes : int
+        Size of any file written: more fails with ``EFBIG``, since Python ignores ``SIGXFSZ``.
+    """
+    limit(resource.RLIMIT_CORE, 0)
+    limit(resource.RLIMIT_NOFILE, open_files)
+    limit(resource.RLIMIT_FSIZE, file_bytes)
+    if memory_bytes:
+        limit(resource.RLIMIT_AS, memory_bytes)
+
+
+@dataclass(frozen=True)
+class Measure:
+    """One of the things that shut a render child in."""
+
+    name: str  #: what it is about
+    holds: str  #: what is so where it was taken
+    error: str | None  #: why it could not be taken; None where it was
+
+
+def confine(*, scenes: Iterable[Path], kernels: Path) -> tuple[Measure, ...]:
+    """Shut this process in, for good; return what was done for that, and what could not be.
+
+    To be called before other threads are started: Landlock and capabilities are each thread's own.
+
+    Parameters
+    ----------
+    scenes : iterable of Path
+        Folders in which scenes lie.
+    kernels : Path
+        The folder that Dr.Jit keeps compiled kernels in; it has to be there.
+    """
+    files = f"libraries, scenes by name and its kernels alone (Landlock, ABI {landlock.abi()})"
+    calls = "no programs, processes, signals or sockets (seccomp)"
+    return (
+        _take("capabilities", "root's are gone", drop_capabilities),
+        _take("memory", "other processes cannot look into it", shut_memory),
+        _take("files", files, lambda: landlock.restrict(_allowed(scenes, kernels))),
+        _take("system calls", calls, refuse_calls),
+    )
+
+
+def try_here() -> tuple[Measure, ...]:
+    """Return what comes of `confine` on this machine, tried in a process that ends with it."""
+    with tempfile.TemporaryDirectory() as kernels:
+        done = subprocess.run(
+            [sys.executable, "-s", "-m", "plateau.worker.confinement.confine", kernels],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            text=True,
+            check=True,
+        )
+    return tuple(Measure(**one) for one in json.loads(done.stdout))
+
+
+def _take(name: str, holds: str, measure: Callable[[], None]) -> Measure:
+    try:
+        measure()
+    except OSError as error:
+        return Measure(name, holds, error.strerror or str(error))
+    return Measure(name, holds, None)
+
+
+def _allowed(scenes: Iterable[Path], kernels: Path) -> Iterator[tuple[Path, int]]:
+    """Yield what may be opened, each with its rights."""
+    for path in (*_python(), *map(Path, (*_LIBRARIES, *_MACHINE)), *_named_libraries()):
+        yield path, landlock.READ
+    for folder in scenes:
+        yield folder, landlock.OPEN
+    yield kernels, landlock.KEEP_FILES
+    yield Path("/dev/null"), landlock.KEEP_FILES
+
+
+def _python() -> Iterator[Path]:
+    """Yield where modules are imported from, the working folder aside: that may be anyone's."""
+    # `python -m` puts it first, where it is not told otherwise.
+    working = None if getattr(sys.flags, "safe_path", False) else sys.path[0]
+    yield from (Path(one) for one in sys.path if one not in ("", working))
+    plateau = Path(farm.__path__[0]).parent
+    yield plateau
+    # In a repository, folders beside it to which it links.
+    yield from (plateau / one for one in ("farm", "worker"))
+
+
+def _named_libraries() -> Iterator[Path]:
+    """Yield the folders of libraries that Python or the environment names."""
+    yield Path(sys.base_prefix) / "lib"
+    yield Path(sys.prefix) / "lib"
+    yield from (Path(one) for one in os.environ.get("LD_LIBRARY_PATH", "").split(":") if one)
+    if llvm := os.environ.get("DRJIT_LIBLLVM_PATH"):
+        yield Path(llvm).resolve().parent
+
+
+if __name__ == "__main__":
+    print(json.dumps([asdict(one) for one in confine(scenes=(), kernels=Path(sys.argv[1]))]))

@@ -1,0 +1,1 @@
+"""Renderers, each a package: what a render child hosts."""

@@ -1,0 +1,297 @@
+"""The supervisor's side of a render child: start it, ask it, and see it die."""
+
+import contextlib
+import json
+import logging
+import os
+import selectors
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plateau.farm.bundle import BundleLimits
+from plateau.farm.model.seeds import Pass
+from plateau.farm.process.lifecycle import die_with_parent, plain_environment
+from plateau.worker.renderers.errors import SceneError
+from plateau.worker.supervisor.child_output import Words
+from plateau.worker.supervisor.scene_cache import loading_threads
+
+_LOG = logging.getLogger(__name__)
+
+#: A sum of passes before it is divided by its weights: (height, width, 4), R, G, B and W.
+Film = NDArray[np.float32]
+
+#: A cancelled render that goes on for so long is ended by force.
+CANCEL_GRACE_S: Final = 2.0
+
+#: A child has imported Mitsuba by then, or is given up.
+START_TIMEOUT_S: Final = 120.0
+_POLL_S: Final = 0.5  #: so much later than it is due a silent child is ended, at most
+_LAST_WORDS: Final = 1000
+#: The films of a slice: its first pass and its sum, R, G, B and W of each pixel in float32.
+_LARGEST_FILMS_BYTES: Final = 2 * BundleLimits().max_pixels * 4 * 4
+
+#: A render takes every core for hours; what answers people takes little of one, but at once. Cores
+#: that are idle are the child's as before.
+_NICE: Final = 10
+
+
+class ChildDied(Exception):
+    """The render child is gone; the message says how, with its last words."""
+
+
+class Cancelled(Exception):
+    """The request was cancelled; the child may be gone with it."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ChildLimits:
+    """What a render child may take."""
+
+    threads: int
+    memory_bytes: int  #: 0 for no limit
+    load_timeout_s: float
+    pass_timeout_s: float
+    open_files: int = 1024
+    file_bytes: int = _LARGEST_FILMS_BYTES  #: of any file that it writes
+
+
+@dataclass(frozen=True)
+class Loaded:
+    """A scene that the child has loaded."""
+
+    width: int
+    height: int
+    notes: tuple[str, ...]
+
+
+class RenderChild:
+    """A child process with Mitsuba in it, kept alive between slices.
+
+    Making one does not wait for it: that takes a second, in which others can do something. Of the
+    files of others it can open those in the folders `scenes`, and it writes into `home` alone; see
+    `plateau.worker.confinement.confine`.
+
+    Every request raises `ChildDied` when the process ends or does not answer in time (its whole
+    process group is killed then), `SceneError` with Mitsuba's words, and `OSError` where the disk
+    that `home` is on takes no film: the scene has to be loaded again. After `cancel`, called from
+    another thread, the request under way raises `Cancelled`.
+    """
+
+    def __init__(
+        self,
+        variant: str,
+        llvm_library: str | None,
+        limits: ChildLimits,
+        home: Path,
+        scenes: Iterable[Path],
+    ) -> None:
+        self._limits = limits
+        self._request_id = 0
+        self._shape = (0, 0, 4)  # of the loaded scene's films
+        self._cancelled_at: float | None = None
+        self._lock = threading.Lock()
+        self._words = Words()
+        self._home = home
+        kernels = home / ".drjit"  # where Dr.Jit keeps them, and all that the child writes into
+        kernels.mkdir(parents=True, exist_ok=True)
+        environment = plain_environment()
+        environment["HOME"] = str(home.absolute())
+        if llvm_library is not None:
+            environment["DRJIT_LIBLLVM_PATH"] = llvm_library
+        # Without a name, so that nothing is left of it whoever dies.
+        self._films = tempfile.TemporaryFile(dir=home, buffering=0)  # noqa: SIM115  (as the words)
+        ours, theirs = socket.socketpair()
+        with theirs:
+            self._process = subprocess.Popen(
+                [
+                    sys.executable,
+                    "-s",  # nobody's modules lie in that home
+                    "-m",
+                    "plateau.worker.child",
+                    f"--socket={theirs.fileno()}",
+                    f"--films={self._films.fileno()}",
+                    f"--variant={variant}",
+                    f"--threads={limits.threads}",
+                    f"--memory-bytes={limits.memory_bytes}",
+                    f"--open-files={limits.open_files}",
+                    f"--file-bytes={limits.file_bytes}",
+                    f"--kernels={kernels.absolute()}",
+                    *(f"--scenes={folder.absolute()}" for folder in scenes),
+                ],
+                env=environment,
+                pass_fds=[theirs.fileno(), self._films.fileno()],
+                stdin=subprocess.DEVNULL,
+                stdout=self._words.file,
+                stderr=self._words.file,
+                start_new_session=True,
+                preexec_fn=_below_others(),
+            )
+        self._socket = ours
+        self._readable = selectors.DefaultSelector()
+        self._readable.register(ours, selectors.EVENT_READ)
+        self._received = b""
+        self._is_ready = False
+
+    @property
+    def pid(self) -> int:
+        """The child's process id."""
+        return self._process.pid
+
+    def await_ready(self) -> None:
+        """Return once the child has imported Mitsuba; `load` does this by itself."""
+        if self._is_ready:
+            return
+        for what in self._expect(START_TIMEOUT_S, "starting")["stays_open"]:
+            _LOG.warning("the render child is not shut in: %s", what)
+        self._is_ready = True
+
+    def load(self, folder: Path, entry: str, parameters: dict[str, str], sensor: int) -> Loaded:
+        """Load a scene, which takes the place of the one before."""
+        self._ask(
+            {
+                "do": "load",
+                "folder": str(folder.absolute()),  # it works in another
+                "entry": entry,
+                "parameters": parameters,
+                "sensor": sensor,
+                "threads": loading_threads(folder),
+            }
+        )
+        self.await_ready()
+        answer = self._expect(self._limits.load_timeout_s, "loading the scene")
+        self._shape = (answer["height"], answer["width"], 4)
+        return Loaded(answer["width"], answer["height"], tuple(answer["notes"]))
+
+    def render(
+        self, passes: tuple[Pass, ...], show: Callable[[Film, int], None] | None = None
+    ) -> tuple[Film, float]:
+        """The summed film of these passes, (height, width, 4) float32, and the seconds it took.
+
+        `show` is called with the film of the first pass, and its spp, where the others take a
+        while.
+        """
+        asked = {"passes": [[one.spp, one.seed] for one in passes], "glimpse": show is not None}
+        self._ask({"do": "render", **asked})
+        while True:
+            answer = self._expect(self._limits.pass_timeout_s, "rendering a pass")
+            if answer["is"] == "glimpse" and show is not None:
+                show(self._film(answer["at"]), answer["spp"])
+            elif answer["is"] == "rendered":
+                return self._film(answer["at"]), answer["render_s"]
+
+    def _film(self, at: int) -> Film:
+        film = np.empty(self._shape, np.float32)
+        # By position: the place in the file is the child's, which may be writing.
+        if os.preadv(self._films.fileno(), [film.data], at) < film.nbytes:
+            self.kill()
+            raise ChildDied("the render process left a film that is cut short")
+        return film
+
+    def take_words(self) -> str:
+        """What the child has printed since the last call: its end, 4 KB at most, uncoloured."""
+        return self._words.take()
+
+    def cancel(self) -> None:
+        """Cancel the request under way: at the end of its pass, or by force soon after."""
+        with self._lock:
+            if self._cancelled_at is None:
+                self._cancelled_at = time.monotonic()
+                self._send({"do": "cancel", "id": self._request_id})
+
+    @property
+    def alive(self) -> bool:
+        """Whether there is a process to ask."""
+        return self._process.poll() is None
+
+    def kill(self) -> None:
+        """End the child and all that it has started."""
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(self._process.pid, signal.SIGKILL)
+        self._process.wait()
+        self._readable.close()
+        self._socket.close()
+        self._words.close()
+        self._films.close()
+
+    def _ask(self, request: dict[str, Any]) -> None:
+        with self._lock:
+            self._cancelled_at = None
+            self._request_id += 1
+            self._send({**request, "id": self._request_id})
+
+    def _send(self, request: dict[str, Any]) -> None:
+        with contextlib.suppress(OSError):  # it is gone then, and the next read says how
+            self._socket.sendall(json.dumps(request).encode() + b"\n")
+
+    def _expect(self, timeout_s: float, doing: str) -> dict[str, Any]:
+        """The next answer to the request; errors as the class says."""
+        deadline = time.monotonic() + timeout_s
+        while b"\n" not in self._received:
+            now, cancelled_at = time.monotonic(), self._cancelled_at
+            if cancelled_at is not None and now > cancelled_at + CANCEL_GRACE_S:
+                self.kill()
+                raise Cancelled
+            if now > deadline:
+                self.kill()
+                raise ChildDied(f"{doing} took longer than {timeout_s:g} s")
+            self._receive(doing)
+        line, _, self._received = self._received.partition(b"\n")
+        answer: dict[str, Any] = json.loads(line)
+        if answer["is"] == "scene-error":
+            raise SceneError(answer["message"])
+        if answer["is"] == "disk-error":
+            raise OSError(f"no film can be written into {self._home}: {answer['message']}")
+        if answer["is"] == "cancelled":
+            raise Cancelled
+        return answer
+
+    def _receive(self, doing: str) -> None:
+        """Read what has come; `ChildDied` at the end of the stream."""
+        if not self._readable.select(_POLL_S):
+            return
+        try:
+            chunk = self._socket.recv(65536)
+        except OSError:
+            chunk = b""
+        if not chunk:
+            how, words = _how(self._process.wait()), self._last_words()
+            self.kill()  # its group may live on
+            raise ChildDied(f"the render process {how} while {doing}{words}")
+        self._received += chunk
+
+    def _last_words(self) -> str:
+        words = self._words.read()[-_LAST_WORDS:]
+        return f": {words}" if words else ""
+
+
+def _how(status: int) -> str:
+    """How a process ended, in words, by its return code."""
+    if status >= 0:
+        return f"exited with {status}"
+    return f"was ended by {signal.Signals(-status).name}"
+
+
+def _below_others() -> Callable[[], None]:
+    """What a child does before its program starts, so that it holds for all its threads."""
+    arrange = die_with_parent(signal.SIGKILL)
+
+    def before_the_program() -> None:
+        arrange()
+        # Slurm and systemd send it to every process of a worker that is to stop. The supervisor
+        # ends its child itself; a child that went first would look as if the scene had killed it.
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)
+        os.nice(_NICE)
+
+    return before_the_program

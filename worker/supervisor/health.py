@@ -1,0 +1,56 @@
+"""Tests whether this worker can render anything at all, or the scene is not to blame."""
+
+import tempfile
+import time
+from pathlib import Path
+from typing import Final
+
+from plateau.worker.supervisor.variants import SCALAR, probe
+
+#: A worker that has proved itself is trusted for so long.
+_TRUST_S: Final = 30.0
+_FILE_BYTES: Final = 1 << 20
+
+
+class Health:
+    """Tests this worker: it writes a file into its cache and renders a scene that always works.
+
+    Parameters
+    ----------
+    cache
+        The worker's cache folder.
+    llvm_library
+        The LLVM that its children load.
+    """
+
+    def __init__(self, cache: Path, llvm_library: str | None) -> None:
+        self._cache = cache
+        self._llvm_library = llvm_library
+        self._trusted_until: dict[str, float] = {}
+
+    def trouble(self, variant: str) -> str | None:
+        """Why this worker cannot render with `variant`; None where it can. Takes some seconds."""
+        if time.monotonic() < self._trusted_until.get(variant, 0.0):
+            return None
+        trouble = self._disk_trouble() or self._render_trouble(variant)
+        if trouble is None:
+            self._trusted_until[variant] = time.monotonic() + _TRUST_S
+        return trouble
+
+    def _disk_trouble(self) -> str | None:
+        try:
+            self._cache.mkdir(parents=True, exist_ok=True)
+            with tempfile.TemporaryFile(dir=self._cache) as file:
+                file.write(bytes(_FILE_BYTES))
+                file.flush()
+        except OSError as error:
+            return f"cannot write into {self._cache}: {error.strerror}"
+        return None
+
+    def _render_trouble(self, variant: str) -> str | None:
+        library = None if variant == SCALAR else self._llvm_library
+        try:
+            tried = probe(variant, library)
+        except OSError as error:
+            return f"cannot start a process: {error.strerror}"
+        return None if tried.ok else f"{variant} renders nothing here: {tried.detail}"

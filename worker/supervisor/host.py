@@ -1,0 +1,131 @@
+"""The render child that suits a lease, with the lease's scene loaded: kept from slice to slice."""
+
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import Final
+
+import psutil
+
+from plateau.farm.ledger.queue import Lease
+from plateau.farm.model.errors import StoreUnavailable
+from plateau.farm.process.settings import Settings
+from plateau.worker.supervisor.child_process import ChildLimits, Film, Loaded, RenderChild
+from plateau.worker.supervisor.scene_cache import SceneCache
+from plateau.worker.supervisor.uploader import Glimpse, Rendered
+
+#: Of the machine's memory, for the children of all its workers, where no limit is set.
+_MEMORY_SHARE: Final = 0.8
+
+
+class RenderHost:
+    """At most one render child at a time, with at most one scene loaded.
+
+    Parameters
+    ----------
+    settings
+        Limits and folders.
+    threads
+        Threads of the child.
+    llvm_library
+        The LLVM that it loads.
+    scenes
+        Where scenes come from.
+    """
+
+    def __init__(
+        self, settings: Settings, threads: int, llvm_library: str | None, scenes: SceneCache
+    ) -> None:
+        self._settings = settings
+        self._threads = threads
+        self._llvm_library = llvm_library
+        self._scenes = scenes
+        self._child: RenderChild | None = None
+        self._child_is_for: tuple[str, tuple[int, int]] | None = None
+        self._loaded: tuple[tuple[object, ...], Loaded] | None = None
+        self._files: Path | None = None  # where the scene's files are
+
+    def warm_up(self, variant: str) -> None:
+        """Start a child, and do not wait for it, so that the first lease need not."""
+        with suppress(OSError, StoreUnavailable):  # it shows when there is something to render
+            self._child_for(variant)
+
+    def render(self, lease: Lease, show: Callable[[Glimpse], None]) -> Rendered:
+        """The lease's slice, rendered.
+
+        Of a job's first slice `show` is called with the first pass, where the others take a while.
+        Raises whatever `RenderChild`, `SceneCache.scene` and `SeedSchedule` raise.
+        """
+        child = self._child_for(lease.variant)
+        scene = self._load(child, lease)
+        schedule = lease.spec.seed_schedule(lease.variant, scene.width, scene.height)
+        first_seed, last_seed = schedule.seed_range(lease.index)
+
+        def show_pass(film: Film, spp: int) -> None:
+            show(Glimpse(lease=lease, film=film, spp=spp, first_seed=first_seed))
+
+        film, render_s = child.render(
+            schedule.passes(lease.index), show_pass if lease.index == 0 else None
+        )
+        return Rendered(
+            said=self.take_words(),
+            lease=lease,
+            scene=scene,
+            film=film,
+            first_seed=first_seed,
+            last_seed=last_seed,
+            render_s=render_s,
+        )
+
+    def take_words(self) -> str:
+        """What the child has printed since it was last asked, without this machine's folders."""
+        words = "" if self._child is None else self._child.take_words()
+        for folder in (self._files, self._files.resolve()) if self._files else ():
+            words = words.replace(f"{folder}/", "")
+        return words
+
+    def cancel(self) -> None:
+        """Cancel what the child is doing; from any thread."""
+        child = self._child
+        if child is not None:
+            child.cancel()
+
+    def close(self) -> None:
+        """End the child."""
+        if self._child is not None:
+            self._child.kill()
+
+    def _child_for(self, variant: str) -> RenderChild:
+        # A child can open what lies in the folder that was there when it started, and in no other.
+        scenes = self._scenes.make_folder()
+        suits = (variant, scenes) == self._child_is_for
+        if self._child is not None and self._child.alive and suits:
+            return self._child
+        self.close()
+        self._loaded = None
+        self._child_is_for = (variant, scenes)
+        limits = ChildLimits(
+            threads=self._threads,
+            memory_bytes=0 if variant.startswith("cuda") else self._memory_bytes(),
+            load_timeout_s=self._settings.load_timeout_s,
+            pass_timeout_s=self._settings.pass_timeout_s,
+        )
+        home = self._settings.cache / "home"
+        self._child = RenderChild(variant, self._llvm_library, limits, home, [self._scenes.folder])
+        return self._child
+
+    def _memory_bytes(self) -> int:
+        if self._settings.child_memory_gb:
+            return int(self._settings.child_memory_gb * 1e9)
+        total: int = psutil.virtual_memory().total
+        return int(_MEMORY_SHARE * total / self._settings.workers_here)
+
+    def _load(self, child: RenderChild, lease: Lease) -> Loaded:
+        spec = lease.spec
+        parameters = spec.parameter_strings()
+        wanted = (lease.scene_sha256, tuple(sorted(parameters.items())), spec.sensor)
+        if self._loaded is None or self._loaded[0] != wanted:
+            self._loaded = None
+            self._files, entry = self._scenes.scene(lease.scene_sha256)
+            self._loaded = (wanted, child.load(self._files, entry, parameters, spec.sensor))
+        return self._loaded[1]

@@ -1,0 +1,70 @@
+"""Tells the queue what became of slices that were not rendered, for as long as that takes."""
+
+import logging
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+from plateau.farm.ledger.queue import Lease, SliceQueue
+from plateau.farm.model.errors import StoreUnavailable
+from plateau.farm.process.backoff import Backoff
+
+_LOG = logging.getLogger(__name__)
+
+_RETRY_S: Final = (0.5, 10.0)  #: the first and the longest wait where Redis is away
+_DRAIN_S: Final = 5.0  #: a stopping worker tries for so long
+
+
+@dataclass(frozen=True)
+class Tried:
+    """What a try of a slice has cost, and what the render child printed meanwhile."""
+
+    seconds: float
+    said: str
+
+
+class Reports:
+    """One worker's reports.
+
+    While Redis is away they are tried again until the worker stops: a lease that merely ran out
+    would be counted as a worker that died on the slice.
+    """
+
+    def __init__(self, slices: SliceQueue, stop: threading.Event) -> None:
+        self._queue = slices
+        self._stop = stop
+
+    def hand_back(self, lease: Lease, cause: str, tried: Tried) -> None:
+        """The slice goes back untouched."""
+        self._insist(
+            lambda: self._queue.hand_back(lease, tried.seconds, cause=cause, said=tried.said)
+        )
+
+    def unfit(self, lease: Lease, cause: str, tried: Tried) -> None:
+        """The slice goes back untouched, for this worker can render nothing."""
+        self._insist(lambda: self._queue.hand_back(lease, cause=cause, unfit=True, said=tried.said))
+
+    def died(self, lease: Lease, cause: str, tried: Tried) -> None:
+        """The render child died on the slice."""
+        self._insist(lambda: self._queue.died(lease, cause, tried.seconds, tried.said))
+
+    def fail(self, lease: Lease, reason: str, tried: Tried) -> None:
+        """The job's scene cannot be rendered by anyone."""
+        self._insist(lambda: self._queue.fail(lease, reason, tried.seconds, tried.said))
+
+    def _insist(self, report: Callable[[], object]) -> None:
+        backoff, stopping_since = Backoff(*_RETRY_S), None
+        while True:
+            try:
+                report()
+                return
+            except StoreUnavailable as error:
+                _LOG.warning("%s", error)
+            if stopping_since is None and self._stop.wait(backoff.delay_s()):
+                stopping_since = time.monotonic()
+            elif stopping_since is not None:
+                if time.monotonic() > stopping_since + _DRAIN_S:
+                    return
+                time.sleep(_RETRY_S[0])

@@ -1,0 +1,285 @@
+"""The worker's supervisor: lease a slice, have the child render it, hand it to the uploader.
+
+It never imports Mitsuba. A child that crashes, hangs or is killed costs one try of one slice, and
+only where this worker can render other things: one that cannot gives its slice back and sits out.
+"""
+
+import logging
+import os
+import threading
+import time
+from contextlib import suppress
+from typing import Final
+
+from plateau.farm.blobs.store import Blobs
+from plateau.farm.bundle import BundleError
+from plateau.farm.ledger.members import note_refused, process_id, wait_for_upgrade
+from plateau.farm.ledger.queue import Lease, SliceQueue
+from plateau.farm.model.errors import CorruptBlob, Refused, StoreUnavailable
+from plateau.farm.model.seeds import SeedsExhausted
+from plateau.farm.process import log
+from plateau.farm.process.backoff import Backoff
+from plateau.farm.process.lifecycle import show_life
+from plateau.farm.process.settings import Settings
+from plateau.farm.process.stop import Stop, await_any
+from plateau.farm.redis import keys
+from plateau.farm.redis.link import connect, connect_to_renew
+from plateau.farm.redis.wake import Wake
+from plateau.worker.renderers.errors import SceneError
+from plateau.worker.supervisor import needed_libraries
+from plateau.worker.supervisor.about import About
+from plateau.worker.supervisor.child_process import START_TIMEOUT_S, Cancelled, ChildDied
+from plateau.worker.supervisor.health import Health
+from plateau.worker.supervisor.host import RenderHost
+from plateau.worker.supervisor.pace import Pace
+from plateau.worker.supervisor.reports import Reports, Tried
+from plateau.worker.supervisor.scene_cache import SceneCache
+from plateau.worker.supervisor.uploader import Rendered, Uploader
+from plateau.worker.supervisor.variants import VariantChoice, choose
+
+_LOG = logging.getLogger(__name__)
+
+_IDLE_S: Final = (0.5, 5.0)  #: the first and the longest between two looks for work without a hint
+_LISTEN_S: Final = 60.0  #: for which a listener that hears nothing sits still
+_TURN_S: Final = 20.0  #: a worker keeps to its loaded scene for so long, then looks who waits
+_DRAIN_S: Final = 5.0  #: a stopping worker tries to commit what it has for so long
+_FINISH_S: Final = 2.0  #: a slice that ends so soon is finished by a worker that stops
+_STOPS: Final = "the worker stops"
+_RETRY_S: Final = (0.5, 10.0)  #: the first and the longest wait where something is away
+_AGAIN_S: Final = 0.3  #: before a heartbeat is repeated the first time, so that no lease runs out
+_SIT_OUT_S: Final = (10.0, 300.0)  #: and before a worker that cannot render tests itself again
+
+
+class Supervisor:
+    """One worker."""
+
+    def __init__(self, settings: Settings, choice: VariantChoice, store: Blobs, stop: Stop) -> None:
+        if settings.redis_url is None:
+            raise ValueError("a worker needs redis_url")
+        self.id = process_id()
+        self._settings = settings
+        self._choice = choice
+        self._client = connect(settings.redis_url)
+        self._queue = SliceQueue(
+            self._client, self.id, settings.lease_s, pool=settings.pool, tags=settings.tags
+        )
+        renewing = connect_to_renew(settings.redis_url, settings.lease_s)
+        self._renewals = SliceQueue(renewing, self.id, settings.lease_s)
+        threads = settings.threads or len(os.sched_getaffinity(0))
+        loading_s = START_TIMEOUT_S + settings.load_timeout_s
+        scenes = SceneCache(store, settings.cache / "scenes", in_use_s=loading_s)
+        self._host = RenderHost(settings, threads, choice.llvm_library, scenes)
+        self._uploader = Uploader(store, self._queue, self.id)
+        self._health = Health(settings.cache, choice.llvm_library)
+        self._reports = Reports(self._queue, stop)
+        self._stop = stop
+        self._rendering: Lease | None = None
+        self._pace = Pace()
+        self._turn: tuple[str, float] = ("", 0.0)  # the job rendered last, and since when
+        self._about = About(self.id, settings, choice.variants, threads)
+
+    # This thread renders; one renews the leases, one listens for jobs that end, one for a stop.
+
+    def run(self) -> None:
+        """Work until told to stop; then give back the slice in hand and commit what is done."""
+        over = Stop()
+        watchers = [
+            threading.Thread(target=watch, args=(over,), name=name, daemon=True)
+            for name, watch in (
+                ("heartbeat", self._keep_alive),
+                ("listener", self._listen),
+                ("stopper", self._cancel_on_stop),
+            )
+        ]
+        for watcher in watchers:
+            watcher.start()
+        try:
+            self._host.warm_up(self._choice.variant)
+            self._work()
+        finally:
+            self._host.close()
+            self._uploader.close(_DRAIN_S)
+            over.set()
+            for watcher in watchers:
+                watcher.join()
+            self._sign_off()
+
+    def _work(self) -> None:
+        work_there_is = Wake(self._client, keys.wake_worker(self.id))
+        backoff, idle = Backoff(*_RETRY_S), Backoff(*_IDLE_S)
+        worked_at = time.monotonic()
+        while not self._stop.is_set():
+            try:
+                lease = self._next_lease()
+                if lease is None and self._may_leave(worked_at):
+                    return
+                wait_s = min(idle.delay_s(), self._queue.look_again_s)
+                if lease is not None or work_there_is.wait(wait_s, self._stop):
+                    idle.reset()
+            except Refused as error:
+                self._wait_for_upgrade(error)
+                continue
+            except (StoreUnavailable, OSError) as error:
+                self._note(str(error))
+                self._stop.wait(backoff.delay_s())
+                continue
+            if lease is not None:
+                with log.concerning(lease.job_id, lease.index):
+                    if not self._serve(lease):
+                        self._stop.wait(backoff.delay_s())
+                        continue
+                worked_at = time.monotonic()
+            backoff.reset()
+
+    def _may_leave(self, worked_at: float) -> bool:
+        """Whether it had nothing to do for as long as it is to wait for work."""
+        leave_after_s = self._settings.leave_after_s
+        if leave_after_s is None or time.monotonic() < worked_at + leave_after_s:
+            return False
+        _LOG.info("there was nothing to do for %g s: the worker stops", leave_after_s)
+        return True
+
+    def _wait_for_upgrade(self, refused: Refused) -> None:
+        """Wait a while before the farm is asked again, where that is wanted; else raise it."""
+        with suppress(StoreUnavailable):
+            note_refused(self._client, "worker", refused)
+        if self._settings.when_refused == "exit":
+            raise refused
+        if self._about.trouble is None:
+            _LOG.error("out of service: %s", refused)
+        self._about.trouble = str(refused)
+        wait_for_upgrade(self._stop)
+
+    def _next_lease(self) -> Lease | None:
+        job, since = self._turn
+        in_turn = time.monotonic() < since + _TURN_S
+        lease = self._queue.lease(self._choice.variants, job, in_turn=in_turn)
+        self._about.trouble = None  # it was let in, whatever was before
+        return lease
+
+    def _serve(self, lease: Lease) -> bool:
+        """Render one slice, whatever comes of it; returns whether what that needs was there."""
+        if lease.job_id != self._turn[0]:
+            self._turn = (lease.job_id, time.monotonic())
+        started = time.monotonic()
+        self._pace.began(lease.job_id)
+        self._rendering = lease
+        try:
+            if not self._uploader.submit(self._render(lease), self._stop):
+                self._reports.hand_back(lease, _STOPS, self._tried(started))
+        except Cancelled:
+            why = _STOPS if self._stop.is_set() else "it was cancelled"
+            self._reports.hand_back(lease, why, self._tried(started))
+        except (SceneError, BundleError, SeedsExhausted) as error:
+            tried = self._tried(started)
+            if self._is_fit(lease, f"the scene cannot be rendered: {error}", tried):
+                self._reports.fail(lease, str(error), tried)
+        except FileNotFoundError:
+            tried = self._tried(started)
+            absent = f"the blob store has no scene {lease.scene_sha256}"
+            if self._is_fit(lease, absent, tried):
+                self._reports.fail(lease, absent, tried)
+        except (ChildDied, CorruptBlob) as error:
+            tried = self._tried(started)
+            if self._is_fit(lease, str(error), tried):
+                self._reports.died(lease, str(error), tried)
+        except (StoreUnavailable, OSError) as error:  # the latter: this machine's disk is full
+            self._note(str(error))
+            self._reports.hand_back(lease, str(error), self._tried(started))
+            return False
+        finally:
+            self._rendering = None
+        return True
+
+    def _tried(self, started: float) -> Tried:
+        return Tried(time.monotonic() - started, self._host.take_words())
+
+    def _render(self, lease: Lease) -> Rendered:
+        rendered = self._host.render(lease, self._uploader.show)
+        self._pace.took(lease.job_id, rendered.render_s)
+        self._about.rendered(rendered)
+        return rendered
+
+    def _is_fit(self, lease: Lease, error: str, tried: Tried) -> bool:
+        """Whether this worker can render anything else, so that the scene is to blame."""
+        _LOG.warning("%s", error)
+        self._about.last_error = f"slice {lease.index} of job {lease.job_id}: {error}"
+        self._about.trouble = self._health.trouble(lease.variant)
+        if self._about.trouble is None:
+            return True
+        self._reports.unfit(lease, self._about.trouble, tried)
+        self._sit_out(lease.variant)
+        return False
+
+    def _sit_out(self, variant: str) -> None:
+        """Take no work until this worker can render again."""
+        self._rendering = None
+        backoff = Backoff(*_SIT_OUT_S)
+        while self._about.trouble is not None and not self._stop.is_set():
+            _LOG.error("out of service: %s", self._about.trouble)
+            self._stop.wait(backoff.delay_s())
+            self._about.trouble = self._health.trouble(variant)
+        _LOG.info("back in service")
+
+    def _cancel_on_stop(self, over: Stop) -> None:
+        await_any(self._stop, over)
+        while not over.wait(0.1):
+            if self._rendering is not None and not self._pace.ends_within(_FINISH_S):
+                self._host.cancel()
+
+    def _listen(self, over: Stop) -> None:
+        news = Wake(self._client, keys.WAKE_WORKERS)
+        while not over.is_set():
+            try:
+                heard = news.wait(_LISTEN_S, over)
+            except StoreUnavailable:
+                over.wait(1.0)
+                continue
+            lease = self._rendering
+            if lease is not None and any(_concerns(word, lease) for word in heard):
+                self._host.cancel()
+
+    def _keep_alive(self, over: threading.Event) -> None:
+        backoff = Backoff(_AGAIN_S, self._settings.heartbeat_s)
+        while True:
+            wait_s = self._settings.heartbeat_s
+            show_life(self._settings.alive_file)
+            try:
+                rendering = self._rendering
+                leases = self._uploader.leases + ((rendering,) if rendering else ())
+                lost = self._renewals.heartbeat(self._about.told(rendering), leases)
+                if rendering in lost and rendering is self._rendering:
+                    self._host.cancel()
+                backoff.reset()
+            except StoreUnavailable as error:
+                _LOG.warning("no heartbeat: %s", error)
+                wait_s = min(wait_s, backoff.delay_s())
+            if over.wait(wait_s):
+                return
+
+    def _note(self, error: str) -> None:
+        self._about.last_error = error
+        _LOG.warning("%s", error)
+
+    def _sign_off(self) -> None:
+        try:
+            self._queue.leave()
+        except StoreUnavailable as error:
+            _LOG.warning("could not sign off: %s", error)
+
+
+def _concerns(news: str, lease: Lease) -> bool:
+    """Whether they say that its job has ended, or that another try of its slice was first."""
+    return news in {f"ended {lease.job_id}", f"ended {lease.job_id} {lease.entry}"}
+
+
+def run(settings: Settings, stop: Stop) -> None:
+    """Run one worker against ``settings.redis_url`` and ``settings.blobs`` until `stop` is set."""
+    if settings.blobs is None:
+        raise ValueError("a worker needs blobs")
+    needed_libraries.check()
+    choice = choose(settings.cache)
+    worker = Supervisor(settings, choice, Blobs(settings.blobs), stop)
+    log.identify(worker=worker.id)
+    _LOG.info("%s", choice.why)
+    worker.run()

@@ -1,0 +1,208 @@
+"""Uploads partials and commits their slices while the next slice renders."""
+
+import hashlib
+import logging
+import queue
+import threading
+import time
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Final
+
+from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs.store import Blobs
+from plateau.farm.images.exr import Partial, encode_partial
+from plateau.farm.ledger.queue import Committed, Lease, SliceQueue, SliceRecord
+from plateau.farm.model.errors import StoreUnavailable
+from plateau.farm.process import log
+from plateau.farm.process.backoff import Backoff
+from plateau.worker.supervisor.child_process import Film, Loaded
+
+_LOG = logging.getLogger(__name__)
+
+#: Rendered slices that may wait for their upload, so that memory stays bounded.
+_WAITING: Final = 2
+_LOOK_S: Final = 0.2  #: between two looks whether the worker stops
+_LAST_TRY_S: Final = 3.0  #: so long a try may go on that is under way as the patience ends
+_RETRY_S: Final = (0.1, 5.0)  #: the first and the longest wait where something is away
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rendered:
+    """A slice that is rendered but not yet committed."""
+
+    lease: Lease
+    scene: Loaded
+    film: Film
+    first_seed: int
+    last_seed: int
+    render_s: float
+    said: str  #: what the render child printed meanwhile
+
+
+@dataclass(frozen=True, kw_only=True)
+class Glimpse:
+    """The first pass of a job's first slice, to be looked at until the slice is there."""
+
+    lease: Lease
+    film: Film
+    spp: int
+    first_seed: int
+
+
+class Uploader:
+    """A thread that puts partials into the blob store and commits them, in order.
+
+    While Redis or the blob store is away it tries again, with jitter, for as long as it takes:
+    a rendered slice is not thrown away because a server was.
+    """
+
+    def __init__(self, store: Blobs, slices: SliceQueue, worker_id: str) -> None:
+        self._blobs = store
+        self._queue = slices
+        self._worker = worker_id
+        self._waiting: queue.Queue[Rendered | Glimpse | None] = queue.Queue(_WAITING)
+        self._held: dict[str, Rendered] = {}
+        self._give_up = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="uploader", daemon=True)
+        self._thread.start()
+
+    def submit(self, rendered: Rendered, stop: threading.Event) -> bool:
+        """Take over a rendered slice; waits where too many are waiting already.
+
+        Returns False where `stop` is set before there is room.
+        """
+        self._held[rendered.lease.entry] = rendered
+        while True:
+            try:
+                self._waiting.put(rendered, timeout=_LOOK_S)
+            except queue.Full:
+                if stop.is_set():
+                    del self._held[rendered.lease.entry]
+                    return False
+            else:
+                return True
+
+    def show(self, glimpse: Glimpse) -> None:
+        """Take over a glimpse, at once: it is dropped where too much waits already."""
+        with suppress(queue.Full):
+            self._waiting.put_nowait(glimpse)
+
+    @property
+    def leases(self) -> tuple[Lease, ...]:
+        """The leases to keep alive until their slices are committed."""
+        return tuple(rendered.lease for rendered in tuple(self._held.values()))
+
+    def close(self, patience_s: float) -> None:
+        """Commit what is waiting, for so long at most; what was not is given back.
+
+        A blob store that is silent holds up a try for longer; that try is left to itself, and
+        should it be committed after all, the first commit of its slice counts.
+        """
+        ends = time.monotonic() + patience_s
+        while self._thread.is_alive() and time.monotonic() < ends + _LAST_TRY_S:
+            with suppress(queue.Full):
+                self._waiting.put(None, timeout=_LOOK_S)
+            self._thread.join(_LOOK_S)
+            if time.monotonic() > ends:
+                self._give_up.set()
+        for rendered in tuple(self._held.values()):
+            self._give_back(rendered)
+
+    def _run(self) -> None:
+        while (one := self._waiting.get()) is not None:
+            log.concern(one.lease.job_id, one.lease.index)
+            if isinstance(one, Glimpse):
+                self._show(one)
+                continue
+            self._deliver(one)
+            del self._held[one.lease.entry]
+            if self._give_up.is_set():
+                return
+
+    def _show(self, glimpse: Glimpse) -> None:
+        """Put the glimpse where the monitor finds it; where that fails, the slice comes soon."""
+        lease = glimpse.lease
+        name = blobs.glimpse(lease.job_id, self._attempt(lease))
+        try:
+            self._blobs.put(name, _encoded(glimpse, glimpse.spp, glimpse.first_seed))
+            if not self._queue.glimpse(lease, name):
+                self._blobs.delete(name)
+        except StoreUnavailable as error:
+            _LOG.warning("its first pass cannot be shown: %s", error)
+
+    def _deliver(self, rendered: Rendered) -> None:
+        lease = rendered.lease
+        content = _encoded(rendered, lease.spec.slice_spp, rendered.last_seed)
+        name = blobs.partial(lease.job_id, lease.index, self._attempt(lease))
+        backoff, stored = Backoff(*_RETRY_S), False
+        while not self._give_up.is_set():
+            try:
+                # Once: it may have been merged, and be gone for good, where only the answer to its
+                # commit was lost.
+                if not stored:
+                    self._blobs.put(name, content)
+                    stored = True
+                self._commit(rendered, name, content)
+            except StoreUnavailable as error:
+                _LOG.warning("the slice waits: %s", error)
+                self._give_up.wait(backoff.delay_s())
+            else:
+                return
+        self._give_back(rendered)
+
+    def _give_back(self, rendered: Rendered) -> None:
+        with suppress(StoreUnavailable):  # then its lease runs out
+            cause = "the worker stopped before it could be uploaded"
+            self._queue.hand_back(rendered.lease, rendered.render_s, cause=cause)
+
+    def _attempt(self, lease: Lease) -> str:
+        return f"{self._worker}-{lease.tries}"
+
+    def _commit(self, rendered: Rendered, name: str, content: bytes) -> None:
+        lease, spec = rendered.lease, rendered.lease.spec
+        record = SliceRecord(
+            index=lease.index,
+            spp=spec.slice_spp,
+            first_seed=rendered.first_seed,
+            last_seed=rendered.last_seed,
+            blob=name,
+            sha256=hashlib.sha256(content).hexdigest(),
+            worker=self._worker,
+            render_s=rendered.render_s,
+        )
+        answer = self._queue.commit(
+            lease,
+            record,
+            width=rendered.scene.width,
+            height=rendered.scene.height,
+            notes=rendered.scene.notes,
+            said=rendered.said,
+        )
+        if answer is Committed.OVERLAP:
+            self._queue.fail(
+                lease,
+                f"slice {lease.index} would repeat samples of another: its seeds overlap",
+                rendered.render_s,
+                rendered.said,
+            )
+        if answer is not Committed.COMMITTED:
+            _LOG.info("the slice does not count: %s", answer.value)
+            self._blobs.delete(name)
+
+
+def _encoded(rendered: Rendered | Glimpse, spp: int, last_seed: int) -> bytes:
+    """A partial as an EXR file: that of a slice, or of its first pass."""
+    lease = rendered.lease
+    return encode_partial(
+        Partial(
+            job_id=lease.job_id,
+            index=lease.index,
+            first_seed=rendered.first_seed,
+            last_seed=last_seed,
+            spp=spp,
+            variant=lease.variant,
+            scene_sha256=lease.scene_sha256,
+            pixels=rendered.film,
+        )
+    )

@@ -1,0 +1,281 @@
+"""Finds the fastest Mitsuba variant that works on this machine. Never imports Mitsuba.
+
+Dr.Jit's backends come from outside: CUDA from the driver, LLVM from whichever library is installed.
+Some of them are refused, and some abort the process in the middle of a render (LLVM 15 and 16 do on
+recent CPUs). So each candidate renders a small image in a process of its own, in the order CUDA,
+then each LLVM from the newest down, then ``scalar_rgb``, which needs nothing and always works.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import platform
+import signal
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from importlib.metadata import version
+from itertools import takewhile
+from pathlib import Path
+from typing import Any
+
+from plateau.farm.process.lifecycle import die_with_parent
+from plateau.worker.confinement import landlock
+from plateau.worker.supervisor import needed_libraries
+from plateau.worker.supervisor.llvm_libraries import llvm_libraries, system_libraries
+
+CUDA, LLVM, SCALAR = "cuda_ad_rgb", "llvm_ad_rgb", "scalar_rgb"
+
+#: A probe takes about two seconds; a machine under load, or a driver that starts up, far more.
+_PROBE_TIMEOUT_S = 120.0
+
+_TIMED_OUT = "gave no image within"
+_ENDED_BY = "was ended by"
+
+#: What an LLVM that does not suit the machine ends its process with. Any other signal came from
+#: outside: somebody who stops the worker, or the kernel, short of memory.
+_BROKEN = (signal.SIGABRT, signal.SIGSEGV, signal.SIGILL, signal.SIGBUS, signal.SIGFPE)
+
+
+@dataclass(frozen=True)
+class Probe:
+    """What came of trying one variant with one library.
+
+    Attributes
+    ----------
+    variant : str
+        Mitsuba variant.
+    library : str or None
+        The LLVM library, by its real path.
+    ok : bool
+        Whether it rendered an image.
+    detail : str
+        What it said when it failed, or how it did.
+    """
+
+    variant: str
+    library: str | None
+    ok: bool
+    detail: str
+
+
+@dataclass(frozen=True)
+class VariantChoice:
+    """The variant that a worker takes, and why.
+
+    Attributes
+    ----------
+    variant : str
+        Mitsuba variant.
+    llvm_library : str or None
+        What ``DRJIT_LIBLLVM_PATH`` has to be for the LLVM variant.
+    why : str
+        A sentence for the log.
+    tried : tuple of Probe
+        Every candidate that was tried, in order.
+    """
+
+    variant: str
+    llvm_library: str | None
+    why: str
+    tried: tuple[Probe, ...]
+
+    @property
+    def variants(self) -> tuple[str, ...]:
+        """All variants known to work here, the best first; scalar always does."""
+        working = (probe.variant for probe in self.tried if probe.ok)
+        return tuple(dict.fromkeys((*working, SCALAR)))
+
+
+def choose(cache: Path, *, every: bool = False) -> VariantChoice:
+    """Return the first variant that works here, in the order of the module's docstring.
+
+    Parameters
+    ----------
+    cache : Path
+        Folder for the result, which is remembered until Mitsuba, a library or the CPU changes.
+    every : bool
+        Try all candidates, and trust no memory: for ``plateau doctor``.
+    """
+    candidates = _candidates()
+    missing = needed_libraries.missing()
+    if missing:
+        # Every candidate would fail, with an error of Python's that names no library.
+        untried = tuple(Probe(*one, ok=False, detail="was not tried") for one in candidates)
+        why = f"nothing renders here: {needed_libraries.told(missing)}"
+        return VariantChoice(SCALAR, None, why, untried)
+    memory = _Memory(cache / "variant.json", _identity(candidates))
+    tried = None if every else memory.read()
+    if tried is None:
+        tried = _try(candidates, every)
+        memory.write(tried)
+    return _choice(tried)
+
+
+def probe(variant: str, library: str | None, timeout_s: float = _PROBE_TIMEOUT_S) -> Probe:
+    """Return whether `variant` renders an image here, tried in a child process.
+
+    Parameters
+    ----------
+    variant : str
+        Mitsuba variant.
+    library : str or None
+        LLVM library to load; None leaves the choice to Dr.Jit.
+    timeout_s : float
+        The child is killed after this many seconds.
+    """
+    environment = dict(os.environ)
+    if library is not None:
+        environment["DRJIT_LIBLLVM_PATH"] = library
+    # A kernel that another LLVM compiled earlier would hide that this one cannot.
+    with tempfile.TemporaryDirectory(prefix="plateau-probe-") as empty:
+        environment["DRJIT_CACHE_DIR"] = empty
+        try:
+            done = subprocess.run(
+                [sys.executable, "-s", "-m", "plateau.worker.renderers.mitsuba.probe", variant],
+                env=environment,
+                stdin=subprocess.DEVNULL,
+                capture_output=True,
+                text=True,
+                errors="replace",
+                timeout=timeout_s,
+                check=False,
+                preexec_fn=_before_the_probe(),
+            )
+        except subprocess.TimeoutExpired:
+            return Probe(variant, library, ok=False, detail=f"{_TIMED_OUT} {timeout_s:g} s")
+    ok = done.returncode == 0 and done.stdout.rstrip().endswith("OK")
+    return Probe(variant, library, ok, "rendered an image" if ok else _last_words(done))
+
+
+def _before_the_probe() -> Callable[[], None]:
+    """What a probe does before its program starts: it dies with its worker, and not of Ctrl-C."""
+    arrange = die_with_parent(signal.SIGKILL)
+
+    def before_the_program() -> None:
+        arrange()
+        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # until it can die of it
+
+    return before_the_program
+
+
+def _candidates() -> list[tuple[str, str | None]]:
+    """Return (variant, LLVM library) in the order of trial."""
+    cuda = [(CUDA, None)] if _has_cuda_driver() else []
+    return [*cuda, *((LLVM, str(path)) for path in llvm_libraries()), (SCALAR, None)]
+
+
+def _has_cuda_driver() -> bool:
+    named = os.environ.get("DRJIT_LIBCUDA_PATH", "/usr/lib/wsl/lib/libcuda.so.1")
+    return Path(named).exists() or any(
+        name.startswith("libcuda.so") for name, _ in system_libraries()
+    )
+
+
+def _try(candidates: list[tuple[str, str | None]], every: bool) -> tuple[Probe, ...]:
+    tried: list[Probe] = []
+    for variant, library in candidates:
+        if every or variant != SCALAR:
+            tried.append(probe(variant, library))
+        else:
+            tried.append(Probe(variant, library, ok=True, detail="needs no library"))
+        if tried[-1].ok and not every:
+            break
+    return tuple(tried)
+
+
+def _choice(tried: tuple[Probe, ...]) -> VariantChoice:
+    failed = list(takewhile(lambda one: not one.ok, tried))
+    story = "; ".join(f"{_described(one)} {one.detail}" for one in failed)
+    if len(failed) == len(tried):
+        return VariantChoice(SCALAR, None, f"nothing renders here: {story}", tried)
+    taken = tried[len(failed)]
+    if taken.variant == SCALAR and not failed:
+        why = f"{SCALAR}: neither a CUDA driver nor an LLVM library was found"
+    else:
+        why = f"{_described(taken)} renders here" + (f" ({story})" if failed else "")
+    library = next((one.library for one in tried if one.ok and one.variant == LLVM), None)
+    return VariantChoice(taken.variant, library, why, tried)
+
+
+def _is_lasting(one: Probe) -> bool:
+    """Return whether it would come out the same another time, as far as one can tell."""
+    if one.ok:
+        return True
+    if one.variant == CUDA or one.detail.startswith(_TIMED_OUT):
+        return False  # a GPU in use, a machine under load
+    broken = tuple(f"{_ENDED_BY} {number.name}," for number in _BROKEN)
+    return not one.detail.startswith(_ENDED_BY) or one.detail.startswith(broken)
+
+
+def _described(one: Probe) -> str:
+    return one.variant if one.library is None else f"{one.variant} with {one.library}"
+
+
+def _last_words(done: subprocess.CompletedProcess[str]) -> str:
+    """Return how a probe ended, with LLVM's complaint or else the last line that it wrote."""
+    if done.returncode < 0:
+        how = f"{_ENDED_BY} {signal.Signals(-done.returncode).name}"
+    else:
+        how = f"exited with {done.returncode}"
+    lines = [line.strip() for line in (done.stdout + done.stderr).splitlines() if line.strip()]
+    said = next((line for line in lines if "LLVM ERROR" in line), lines[-1] if lines else "nothing")
+    return f"{how}, saying {said[:300]}"
+
+
+def _identity(candidates: list[tuple[str, str | None]]) -> dict[str, Any]:
+    """Return all on which the outcome depends, as JSON shows it."""
+    files = [(path, Path(path).stat()) for _, path in candidates if path is not None]
+    return {
+        "mitsuba": version("mitsuba"),
+        "drjit": version("drjit"),
+        "cpu": _cpu_model(),
+        "landlock": landlock.abi(),
+        "candidates": [variant for variant, _ in candidates],
+        "libraries": [[path, stat.st_mtime_ns, stat.st_size] for path, stat in files],
+    }
+
+
+def _cpu_model() -> str:
+    with contextlib.suppress(OSError):
+        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
+            if line.startswith("model name"):
+                return line.partition(":")[2].strip()
+    return platform.processor() or platform.machine()
+
+
+class _Memory:
+    """The outcome of the last trial, in a file, for as long as its identity holds."""
+
+    def __init__(self, file: Path, identity: dict[str, Any]) -> None:
+        self._file = file
+        self._identity = identity
+
+    def read(self) -> tuple[Probe, ...] | None:
+        """Return the remembered probes; None where there are none, or none that can be trusted."""
+        try:
+            content = json.loads(self._file.read_text(encoding="utf-8"))
+            tried = tuple(Probe(**one) for one in content["tried"])
+            if content["identity"] == self._identity and all(map(_is_lasting, tried)):
+                return tried
+        except (OSError, ValueError, TypeError, KeyError):
+            pass  # a cache that cannot be read is no cache
+        return None
+
+    def write(self, tried: tuple[Probe, ...]) -> None:
+        """Remember these probes, unless a failure may be of the moment."""
+        if not all(map(_is_lasting, tried)):
+            return
+        content = {"identity": self._identity, "tried": [asdict(one) for one in tried]}
+        with contextlib.suppress(OSError):
+            self._file.parent.mkdir(parents=True, exist_ok=True)
+            # Whole or not at all: another worker may start at the same moment.
+            with tempfile.NamedTemporaryFile(
+                "w", dir=self._file.parent, delete=False, encoding="utf-8"
+            ) as new:
+                json.dump(content, new)
+            Path(new.name).replace(self._file)
