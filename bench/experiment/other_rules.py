@@ -66,7 +66,7 @@ def luxcore_displayed(image: Image, view: View) -> Image:
 
     Examples
     --------
-    >>> from metric import View
+    >>> from plateau.metric import View
     >>> luxcore_displayed(np.full((1, 1, 3), [0, 0.5, 2], np.float32), View()).round(2).tolist()
     [[[0.0, 0.7300000190734863, 1.0]]]
     """

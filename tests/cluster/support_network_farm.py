@@ -100,7 +100,7 @@ class LateWorker:
 
     def __init__(self, farm: NetworkFarm) -> None:
         self._farm = farm
-        where = "farm.queue:SliceQueue.commit"
+        where = "plateau.farm.ledger.queue:SliceQueue.commit"
         self._process = farm.start_armed_on(LATE, "worker", where, signal_name="SIGSTOP")
         until(self._ids)
         [self.id] = self._ids()

@@ -31,9 +31,9 @@ ROOT = Path(__file__).parents[2]
 LAYOUT_3 = "ee3ce5bc370bb0976568c1314ca2510878cacb94"
 
 NEXT_LAYOUT = {
-    "farm.versions:LAYOUT": versions.LAYOUT + 1,
-    "farm.schema:VERSION": versions.LAYOUT + 1,
-    "farm.schema:_MIGRATIONS": {str(versions.LAYOUT): ""},
+    "plateau.farm.model.versions:LAYOUT": versions.LAYOUT + 1,
+    "plateau.farm.ledger.schema:VERSION": versions.LAYOUT + 1,
+    "plateau.farm.ledger.schema:_MIGRATIONS": {str(versions.LAYOUT): ""},
 }
 
 
@@ -45,7 +45,10 @@ def farm(tmp_path: Path, cache: Path) -> Iterator[FaultyFarm]:
 
 def speaks(oldest: int, newest: int) -> dict[str, Any]:
     """What is changed of a Plateau that speaks these protocols."""
-    return {"farm.versions:OLDEST": oldest, "farm.versions:NEWEST": newest}
+    return {
+        "plateau.farm.model.versions:OLDEST": oldest,
+        "plateau.farm.model.versions:NEWEST": newest,
+    }
 
 
 def ends_as_one_that_does_not_fit(farm: FaultyFarm, process: "subprocess.Popen[bytes]") -> None:
@@ -87,7 +90,7 @@ def test_a_worker_that_is_too_old_or_too_new_is_not_let_in(
 
 def test_a_worker_may_wait_for_the_farm_to_be_upgraded(farm: FaultyFarm) -> None:
     job = farm.submit(**SPEC)
-    waits = {"farm.members:_UPGRADE_S": 0.5}
+    waits = {"plateau.farm.ledger.members:_UPGRADE_S": 0.5}
     farm.environment["PLATEAU_WHEN_REFUSED"] = "wait"
     farm.start("monitor")
     until(lambda: farm.redis_client.zcard(keys.MONITORS))

@@ -121,7 +121,9 @@ def test_blobs_that_are_spoiled_at_rest(
     """Half-way through a job its monitor dies, and what it would have gone on from is harmed."""
     farm.start("worker")
     job = submit()
-    victim = farm.start_armed("monitor", "service.merge:Merge.add", time=13, constants=EVERY_TIME)
+    victim = farm.start_armed(
+        "monitor", "plateau.service.judging.merge:Merge.add", time=13, constants=EVERY_TIME
+    )
     farm.wait_until_ended(victim, signal.SIGKILL)
     prefix = {"partials": blobs.partials(job), "checkpoints": blobs.checkpoints(job)}[what]
     harmed = farm.store.names(prefix)

@@ -24,24 +24,24 @@ Submit = Callable[[], str]
 #: Longer than a lease of these farms, which is 2 s.
 LONGER_THAN_A_LEASE_S = 3.5
 
-_CHILD = "worker.render_child:RenderChild"
-_OWN = "farm.ownership:Ownerships"
+_CHILD = "plateau.worker.supervisor.child_process:RenderChild"
+_OWN = "plateau.farm.ledger.ownership:Ownerships"
 
 #: When a worker is hit: where, when, and at which call.
 WORKER_STAGES = {
-    "before a lease": ("farm.queue:SliceQueue.lease", "before", 3),
-    "as it has a lease": ("farm.queue:SliceQueue.lease", "after", 3),
+    "before a lease": ("plateau.farm.ledger.queue:SliceQueue.lease", "before", 3),
+    "as it has a lease": ("plateau.farm.ledger.queue:SliceQueue.lease", "after", 3),
     "while its child loads": (f"{_CHILD}._ask", "after", 1),
     "in mid-pass": (f"{_CHILD}._ask", "after", 4),
     "in mid-upload": ("obstore:rename", "before", 2),
-    "between put and commit": ("farm.queue:SliceQueue.commit", "before", 2),
-    "as it has committed": ("farm.queue:SliceQueue.commit", "after", 2),
+    "between put and commit": ("plateau.farm.ledger.queue:SliceQueue.commit", "before", 2),
+    "as it has committed": ("plateau.farm.ledger.queue:SliceQueue.commit", "after", 2),
 }
 
 #: When a monitor is hit. Its checkpoints are made at every point of the curve.
 MONITOR_STAGES = {
-    "in mid-merge": ("service.merge:Merge.add", "before", 9),
-    "in mid-evaluation": ("service.judge:Judge.judge", "before", 3),
+    "in mid-merge": ("plateau.service.judging.merge:Merge.add", "before", 9),
+    "in mid-evaluation": ("plateau.service.judging.judge:Judge.judge", "before", 3),
     "between judgement and point": (f"{_OWN}.append_point", "before", 4),
     "as the point is there": (f"{_OWN}.append_point", "after", 4),
     "in mid-checkpoint": (f"{_OWN}.save_checkpoint", "before", 3),
@@ -49,7 +49,7 @@ MONITOR_STAGES = {
     "between preview and showing it": (f"{_OWN}.show_results", "before", 3),
     "between verdict and withdrawal": (f"{_OWN}.end", "before", 1),
     "as the job has ended": (f"{_OWN}.end", "after", 1),
-    "as it clears": ("service.job_run:JobRun._clear", "before", 1),
+    "as it clears": ("plateau.service.monitor.job_run:JobRun._clear", "before", 1),
     "when all is cleared": (f"{_OWN}.finish", "before", 1),
     "as the job is finished": (f"{_OWN}.finish", "after", 1),
 }
@@ -243,7 +243,9 @@ def test_an_api_that_is_killed_in_a_submission_makes_one_job_in_the_end(
     farm: FaultyFarm, when: str
 ) -> None:
     port = free_port()
-    victim = farm.start_armed("api", "farm.jobs:Jobs.create_all", "--port", str(port), when=when)
+    victim = farm.start_armed(
+        "api", "plateau.farm.ledger.jobs:Jobs.create_all", "--port", str(port), when=when
+    )
     until(lambda: answers(f"http://127.0.0.1:{port}/readyz"))
     request: dict[str, Any] = {
         "timeout": 60,

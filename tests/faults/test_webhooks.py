@@ -12,10 +12,10 @@ from tests.support.real_farm import until
 from tests.support.receiver import SECRET, receiving
 
 STAGES = {
-    "as it has a lease": ("farm.webhooks:Outbox.take", "after"),
-    "before the request": ("service.webhook_requests:Requests.post", "before"),
-    "between answer and note": ("farm.webhooks:Outbox.settle", "before"),
-    "as it has noted it": ("farm.webhooks:Outbox.settle", "after"),
+    "as it has a lease": ("plateau.farm.ledger.outbox:Outbox.take", "after"),
+    "before the request": ("plateau.service.monitor.webhooks.requests:Requests.post", "before"),
+    "between answer and note": ("plateau.farm.ledger.outbox:Outbox.settle", "before"),
+    "as it has noted it": ("plateau.farm.ledger.outbox:Outbox.settle", "after"),
 }
 #: At these the receiver has the message already, and gets it again.
 TWICE = {"between answer and note"}
@@ -44,7 +44,7 @@ def test_a_monitor_that_is_killed(farm: FaultyFarm, stage: str) -> None:
         job = farm.submit(**{**SPEC, "webhook": hook})
         farm.client.cancel(job.id)
         # Given a monitor that dies at its first message
-        soon = {"service.webhooks:_LEASE_S": 2.0}
+        soon = {"plateau.service.monitor.webhooks.deliverers:_LEASE_S": 2.0}
         victim = farm.start_armed("monitor", where, when=when, constants=soon)
         farm.wait_until_ended(victim, signal.SIGKILL)
         # When another one takes over

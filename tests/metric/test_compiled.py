@@ -216,5 +216,5 @@ class TestWhatIsRefused:
 
 
 def test_nothing_that_does_not_ask_for_it_waits_for_a_compiler():
-    code = "import sys, metric, plateau.cli, plateau.diff; sys.exit('numba' in sys.modules)"
+    code = "import sys, plateau.metric, plateau.cli, plateau.files.image_diff; sys.exit('numba' in sys.modules)"
     subprocess.run([sys.executable, "-c", code], check=True)

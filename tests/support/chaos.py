@@ -100,7 +100,7 @@ class Chaos:
 
     def _start(self, role: str) -> None:
         # Three of these faults may well meet on one slice, and its job would rightly fail.
-        process = self._farm.start_changed(role, set={"farm.queue:MAX_TRIES": 1000})
+        process = self._farm.start_changed(role, set={"plateau.farm.ledger.queue:MAX_TRIES": 1000})
         self._members.append((role, process))
 
     def _end(self, number: signal.Signals) -> str:

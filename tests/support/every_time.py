@@ -6,9 +6,9 @@ import pytest
 
 #: Constants by module and name, as `start_armed` takes them.
 EVERY_TIME: Final = {
-    "service.checkpoints:_INTERVAL_S": 0.0,
-    "service.checkpoints:_SLICES": 1,
-    "service.results:_INTERVAL_S": 0.0,
+    "plateau.service.judging.checkpoints:_INTERVAL_S": 0.0,
+    "plateau.service.judging.checkpoints:_SLICES": 1,
+    "plateau.service.monitor.results:_INTERVAL_S": 0.0,
 }
 
 

@@ -28,9 +28,9 @@ _PR_SET_DUMPABLE = 4
 _CLONE_NEWUSER = 0x10000000
 _BOOT = (
     "import sys\n"
-    "if 'worker.child' in sys.orig_argv:\n"
+    "if 'plateau.worker.child' in sys.orig_argv:\n"
     "    import hostile_child\n"
-    "    sys.modules['worker.renderer'] = hostile_child\n"
+    "    sys.modules['plateau.worker.renderers.mitsuba.renderer'] = hostile_child\n"
 )
 
 

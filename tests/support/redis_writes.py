@@ -37,7 +37,7 @@ found: Final[list[str]] = []
 
 def module_of(file: str) -> str | None:
     """The path of a module of Plateau's within the repository; None of any other."""
-    path = Path(file)
+    path = Path(file).resolve()  # plateau/farm is a link to farm
     if not path.is_relative_to(ROOT):
         return None
     module = path.relative_to(ROOT)

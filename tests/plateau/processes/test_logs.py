@@ -163,11 +163,19 @@ main()
 @pytest.mark.parametrize(
     ("role", "where", "words"),
     [
-        ("worker", "farm.queue:SliceQueue.heartbeat", "the thread heartbeat died"),
-        ("worker", "worker.uploader:_encoded", "the thread uploader died"),
-        ("worker", "farm.queue:SliceQueue.lease", "an error that Plateau did not expect"),
-        ("monitor", "farm.ownership:Ownerships.renew", "the thread renewer died"),
-        ("monitor", "farm.ownership:Ownerships.unfinished", "an error that Plateau did not expect"),
+        ("worker", "plateau.farm.ledger.queue:SliceQueue.heartbeat", "the thread heartbeat died"),
+        ("worker", "plateau.worker.supervisor.uploader:_encoded", "the thread uploader died"),
+        (
+            "worker",
+            "plateau.farm.ledger.queue:SliceQueue.lease",
+            "an error that Plateau did not expect",
+        ),
+        ("monitor", "plateau.farm.ledger.ownership:Ownerships.renew", "the thread renewer died"),
+        (
+            "monitor",
+            "plateau.farm.ledger.ownership:Ownerships.unfinished",
+            "an error that Plateau did not expect",
+        ),
     ],
 )
 def test_a_process_does_not_outlive_one_of_its_threads(

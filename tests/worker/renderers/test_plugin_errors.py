@@ -15,9 +15,9 @@ from tests.worker.supervisor.test_supervisor import SCENE, Bench, until
 RENDERER = """
 import importlib.util
 import sys
-from plateau import worker
+from plateau.worker.renderers import mitsuba
 
-spec = importlib.util.spec_from_file_location("real_renderer", f"{worker.__path__[0]}/renderer.py")
+spec = importlib.util.spec_from_file_location("real_renderer", f"{mitsuba.__path__[0]}/renderer.py")
 real = importlib.util.module_from_spec(spec)
 sys.modules["real_renderer"] = real
 spec.loader.exec_module(real)
@@ -36,9 +36,9 @@ class Renderer(real.Renderer):
 """
 BOOT = """
 import sys
-if "worker.child" in sys.orig_argv:
+if "plateau.worker.child" in sys.orig_argv:
     import own_renderer
-    sys.modules["worker.renderer"] = own_renderer
+    sys.modules["plateau.worker.renderers.mitsuba.renderer"] = own_renderer
 """
 
 

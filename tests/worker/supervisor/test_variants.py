@@ -267,5 +267,5 @@ class TestMemory:
 
 
 def test_the_supervisors_side_never_imports_mitsuba():
-    script = "import sys, worker.variants; sys.exit('mitsuba' in sys.modules)"
+    script = "import sys, plateau.worker.supervisor.variants; sys.exit('mitsuba' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", script], check=False).returncode == 0
