@@ -2,8 +2,7 @@
 
 import os
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from typing import Annotated, Any, TypeVar
 
 import typer
@@ -39,19 +38,59 @@ _Function = TypeVar("_Function", bound=Callable[..., None])
 
 
 class Command(typer.core.TyperCommand):
-    """Keeps the lines of the examples in a command's help as they are."""
+    """A command whose help keeps the lines of its examples, and whose errors are plain."""
 
     def __init__(self, *args: Any, help: str = "", **kwargs: Any) -> None:  # noqa: A002
         super().__init__(*args, help=help.replace("For example:", "\b\nFor example:"), **kwargs)
 
+    def invoke(self, ctx: Any) -> Any:
+        """Run the command; an expected error is one line on standard error and an exit code."""
+        try:
+            result = super().invoke(ctx)
+            sys.stdout.flush()
+        except KeyboardInterrupt:
+            raise typer.Exit(ExitCode.INTERRUPTED) from None
+        except BrokenPipeError:  # whoever read our output has enough, as `head` has
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            raise typer.Exit(ExitCode.FAILED) from None
+        except typer.Exit:  # an exit code, not an error
+            raise
+        except Exception as error:
+            from plateau.cli.error_text import in_words
+            from plateau.errors import EXPECTED
+            from plateau.farm.model.errors import Incompatible
 
-app = typer.Typer(
-    help=_HELP,
-    no_args_is_help=True,
+            if not isinstance(error, EXPECTED):
+                raise
+            print(f"plateau: {in_words(error)}", file=sys.stderr)
+            fits = not isinstance(error, Incompatible)
+            raise typer.Exit(ExitCode.FAILED if fits else ExitCode.INCOMPATIBLE) from None
+        return result
+
+
+class _App(typer.Typer):
+    """An application, or a group of its commands, all of which look alike."""
+
+    def __init__(self, help: str, **options: Any) -> None:  # noqa: A002
+        super().__init__(help=help, no_args_is_help=True, rich_markup_mode=None, **options)
+
+    def command(self, name: str | None = None, **options: Any) -> Callable[[_Function], _Function]:
+        """Register a function as a command."""
+        return super().command(name, cls=Command, **options)
+
+
+app = _App(
+    _HELP,
     pretty_exceptions_enable=False,
-    rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
 )
+
+
+def group(name: str, about: str) -> typer.Typer:
+    """Register a group of commands: ``plateau NAME COMMAND``."""
+    made = _App(about)
+    app.add_typer(made, name=name)
+    return made
 
 
 def _print_version(wanted: bool) -> None:
@@ -72,40 +111,3 @@ def _options(
     ] = False,
 ) -> None:
     pass
-
-
-def command(
-    name: str | None = None, *, takes_negative_numbers: bool = False
-) -> Callable[[_Function], _Function]:
-    """Register a function as a command of `plateau`.
-
-    Where it takes negative numbers, ``-5`` is one of its arguments and not an unknown option.
-    """
-    return app.command(
-        name, cls=Command, context_settings={"ignore_unknown_options": takes_negative_numbers}
-    )
-
-
-@contextmanager
-def plain_errors() -> Iterator[None]:
-    """Turn what is expected to go wrong into one line on standard error and an exit code."""
-    try:
-        yield
-        sys.stdout.flush()
-    except KeyboardInterrupt:
-        raise typer.Exit(ExitCode.INTERRUPTED) from None
-    except BrokenPipeError:  # whoever read our output has enough, as `head` has
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        raise typer.Exit(ExitCode.FAILED) from None
-    except typer.Exit:  # an exit code, not an error
-        raise
-    except Exception as error:
-        from plateau.cli.error_text import in_words
-        from plateau.errors import EXPECTED
-        from plateau.farm.model.errors import Incompatible
-
-        if not isinstance(error, EXPECTED):
-            raise
-        print(f"plateau: {in_words(error)}", file=sys.stderr)
-        fits = not isinstance(error, Incompatible)
-        raise typer.Exit(ExitCode.FAILED if fits else ExitCode.INCOMPATIBLE) from None

@@ -5,10 +5,10 @@ from typing import Annotated
 import typer
 
 from plateau.cli import options as o
-from plateau.cli.app import command, plain_errors
+from plateau.cli.app import app
 
 
-@command()
+@app.command()
 def batches(
     limit: Annotated[int, typer.Option(help="Most batches to list.", min=1, max=10_000)] = 20,
     url: o.Url = None,
@@ -24,11 +24,10 @@ def batches(
     """
     from plateau.commands.batches import list_batches as run
 
-    with plain_errors():
-        run(limit=limit, url=url, as_json=as_json)
+    run(limit=limit, url=url, as_json=as_json)
 
 
-@command()
+@app.command()
 def batch(
     name: Annotated[str, typer.Argument(help="The batch's name.", metavar="NAME")],
     url: o.Url = None,
@@ -44,5 +43,4 @@ def batch(
     """
     from plateau.commands.batches import show as run
 
-    with plain_errors():
-        run(name, url=url, as_json=as_json)
+    run(name, url=url, as_json=as_json)

@@ -3,7 +3,7 @@
 from typing import Any, Final
 
 from plateau.cli import options as o
-from plateau.cli.app import command, plain_errors
+from plateau.cli.app import app
 
 _JUDGING: Final = (
     *("rule", "watch", "window", "epsilon", "spp", "min_spp", "step"),
@@ -11,7 +11,7 @@ _JUDGING: Final = (
 )
 
 
-@command("continue")
+@app.command("continue")
 @o.takes_changes("max_spp", "time_limit", "priority", *_JUDGING)
 def continue_job(
     job_id: o.JobId,
@@ -32,11 +32,10 @@ def continue_job(
     """
     from plateau.commands.continuing import continue_job as run
 
-    with plain_errors():
-        run(job_id, changes, url=url, as_json=as_json)
+    run(job_id, changes, url=url, as_json=as_json)
 
 
-@command()
+@app.command()
 @o.takes_changes(*_JUDGING)
 def rejudge(
     job_id: o.JobId,
@@ -54,5 +53,4 @@ def rejudge(
     """
     from plateau.commands.continuing import rejudge as run
 
-    with plain_errors():
-        run(job_id, changes, url=url, as_json=as_json)
+    run(job_id, changes, url=url, as_json=as_json)

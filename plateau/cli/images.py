@@ -6,10 +6,10 @@ from typing import Annotated
 import typer
 
 from plateau.cli import options as o
-from plateau.cli.app import command, plain_errors
+from plateau.cli.app import app
 
 
-@command()
+@app.command()
 def diff(
     reference: Annotated[Path, typer.Argument(help="A PNG or EXR file.")],
     test: Annotated[Path, typer.Argument(help="Another, of the same kind and size.")],
@@ -61,22 +61,21 @@ def diff(
     """
     from plateau.commands.diff import diff as run
 
-    with plain_errors():
-        code = run(
-            reference,
-            test,
-            field_of_view_deg=field_of_view,
-            white_luminance=white_luminance,
-            viewing_distance=viewing_distance,
-            pixel_pitch=pixel_pitch,
-            layer=layer,
-            gamma=gamma,
-            primaries=primaries,
-            exposure_ev=exposure,
-            luminance_only=luminance_only,
-            map_file=map_file,
-            as_json=as_json,
-        )
+    code = run(
+        reference,
+        test,
+        field_of_view_deg=field_of_view,
+        white_luminance=white_luminance,
+        viewing_distance=viewing_distance,
+        pixel_pitch=pixel_pitch,
+        layer=layer,
+        gamma=gamma,
+        primaries=primaries,
+        exposure_ev=exposure,
+        luminance_only=luminance_only,
+        map_file=map_file,
+        as_json=as_json,
+    )
     raise typer.Exit(code)
 
 
@@ -84,7 +83,7 @@ def diff(
 _RENDERING = ("define", "time_limit", "seed", "variant", "sensor", "keep_slices")
 
 
-@command()
+@app.command()
 @o.takes_spec(but=(*_RENDERING, *o.AMONG_MANY))
 def judge(
     folder: Annotated[Path, typer.Argument(help="Slices that a job kept, or EXR images.")],
@@ -109,5 +108,4 @@ def judge(
     """
     from plateau.commands.judge import judge as run
 
-    with plain_errors():
-        raise typer.Exit(run(folder, spec, cumulative=cumulative, out=out, as_json=as_json))
+    raise typer.Exit(run(folder, spec, cumulative=cumulative, out=out, as_json=as_json))

@@ -7,10 +7,10 @@ import typer
 
 from plateau.cli import complete
 from plateau.cli import options as o
-from plateau.cli.app import command, plain_errors
+from plateau.cli.app import app
 
 
-@command()
+@app.command()
 @o.takes_spec()
 def submit(
     scene: o.Scene,
@@ -65,22 +65,21 @@ def submit(
     from plateau.commands.jobs import submit as run
     from plateau.commands.webhooks import with_webhook
 
-    with plain_errors():
-        spec = with_webhook(spec, webhook, webhook_event or ())
-        if parameters is None and not each:
-            run(scene, spec, url=url, as_json=as_json)
-        else:
-            submit_batch(
-                scene,
-                spec,
-                parameters=parameters,
-                definitions=each or [],
-                url=url,
-                as_json=as_json,
-            )
+    spec = with_webhook(spec, webhook, webhook_event or ())
+    if parameters is None and not each:
+        run(scene, spec, url=url, as_json=as_json)
+    else:
+        submit_batch(
+            scene,
+            spec,
+            parameters=parameters,
+            definitions=each or [],
+            url=url,
+            as_json=as_json,
+        )
 
 
-@command()
+@app.command()
 def watch(
     job_id: o.OrJobId = None,
     batch: o.OrBatch = None,
@@ -117,15 +116,14 @@ def watch(
     if events and batch is not None:
         raise typer.BadParameter("--events shows one job, not a batch")
     job = o.one_of(job_id, batch)
-    with plain_errors():
-        if batch is not None:
-            raise typer.Exit(watch_batch(batch, out, url=url, as_json=as_json))
-        if events:
-            raise typer.Exit(stream(job, url=url))
-        raise typer.Exit(run(job, out, url=url, as_json=as_json, curve=not no_curve))
+    if batch is not None:
+        raise typer.Exit(watch_batch(batch, out, url=url, as_json=as_json))
+    if events:
+        raise typer.Exit(stream(job, url=url))
+    raise typer.Exit(run(job, out, url=url, as_json=as_json, curve=not no_curve))
 
 
-@command()
+@app.command()
 def show(job_id: o.JobId, url: o.Url = None, as_json: o.Json = False) -> None:
     """Show a job: where it stands and why, its story, and where its images are.
 
@@ -134,11 +132,10 @@ def show(job_id: o.JobId, url: o.Url = None, as_json: o.Json = False) -> None:
     """
     from plateau.commands.jobs import show as run
 
-    with plain_errors():
-        run(job_id, url=url, as_json=as_json)
+    run(job_id, url=url, as_json=as_json)
 
 
-@command()
+@app.command()
 def log(
     job_id: o.JobId,
     index: Annotated[
@@ -154,11 +151,10 @@ def log(
     """
     from plateau.commands.jobs import log as run
 
-    with plain_errors():
-        run(job_id, index=index, url=url, as_json=as_json)
+    run(job_id, index=index, url=url, as_json=as_json)
 
 
-@command("list")
+@app.command("list")
 def list_jobs(
     state: Annotated[
         str | None,
@@ -181,11 +177,10 @@ def list_jobs(
     """
     from plateau.commands.jobs import list_jobs as run
 
-    with plain_errors():
-        run(state=state, batch=batch, owner=owner, limit=limit, url=url, as_json=as_json)
+    run(state=state, batch=batch, owner=owner, limit=limit, url=url, as_json=as_json)
 
 
-@command()
+@app.command()
 def cancel(
     job_id: o.OrJobId = None,
     batch: o.OrBatch = None,
@@ -201,7 +196,7 @@ def cancel(
     _steer(job_id, batch, "cancel", url=url, as_json=as_json)
 
 
-@command()
+@app.command()
 def pause(
     job_id: o.OrJobId = None,
     batch: o.OrBatch = None,
@@ -221,7 +216,7 @@ def pause(
     _steer(job_id, batch, "pause", url=url, as_json=as_json)
 
 
-@command()
+@app.command()
 def resume(
     job_id: o.OrJobId = None,
     batch: o.OrBatch = None,
@@ -245,14 +240,13 @@ def _steer(
     from plateau.commands.jobs import steer as steer_job
 
     job = o.one_of(job_id, batch)
-    with plain_errors():
-        if batch is None:
-            steer_job(job, what, url=url, as_json=as_json)
-        else:
-            steer_batch(batch, what, url=url, as_json=as_json)
+    if batch is None:
+        steer_job(job, what, url=url, as_json=as_json)
+    else:
+        steer_batch(batch, what, url=url, as_json=as_json)
 
 
-@command(takes_negative_numbers=True)
+@app.command(context_settings={"ignore_unknown_options": True})  # -5 is a priority
 def priority(
     job_id: o.JobId,
     value: Annotated[
@@ -275,5 +269,4 @@ def priority(
     """
     from plateau.commands.jobs import priority as run
 
-    with plain_errors():
-        run(job_id, value, url=url, as_json=as_json)
+    run(job_id, value, url=url, as_json=as_json)

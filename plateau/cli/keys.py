@@ -6,27 +6,25 @@ from typing import Annotated
 import typer
 
 from plateau.cli import options as o
-from plateau.cli.app import Command, app, plain_errors
+from plateau.cli.app import group
 
 _KeyId = Annotated[
     str,
     typer.Argument(metavar="KEY", help="The key's id or name, as `plateau keys list` shows it."),
 ]
 
-keys = typer.Typer(
-    no_args_is_help=True,
-    rich_markup_mode=None,
-    help="""
+keys = group(
+    "keys",
+    """
     API keys: who may use the service, as what, and how much.
 
     Works on PLATEAU_REDIS_URL where it is set, and on the data folder else, whether `plateau up`
     runs there or not. Once a key was ever made, every request to the service needs one.
     """,
 )
-app.add_typer(keys, name="keys")
 
 
-@keys.command(cls=Command)
+@keys.command()
 def create(
     name: Annotated[str, typer.Argument(help="Whose it is, or what for: shown with each job.")],
     role: Annotated[
@@ -89,23 +87,22 @@ def create(
     """
     from plateau.commands.keys import create as run
 
-    with plain_errors():
-        run(
-            name,
-            role,
-            {
-                "requests_per_minute": requests_per_minute,
-                "burst": burst,
-                "upload_gb": upload_gb,
-                "scenes_gb": scenes_gb,
-                "open_jobs": open_jobs,
-            },
-            key_from=key_from,
-            as_json=as_json,
-        )
+    run(
+        name,
+        role,
+        {
+            "requests_per_minute": requests_per_minute,
+            "burst": burst,
+            "upload_gb": upload_gb,
+            "scenes_gb": scenes_gb,
+            "open_jobs": open_jobs,
+        },
+        key_from=key_from,
+        as_json=as_json,
+    )
 
 
-@keys.command("list", cls=Command)
+@keys.command("list")
 def list_keys(as_json: o.Json = False) -> None:
     """List the keys that were ever made; what they open with, nobody can show again.
 
@@ -114,11 +111,10 @@ def list_keys(as_json: o.Json = False) -> None:
     """
     from plateau.commands.keys import list_keys as run
 
-    with plain_errors():
-        run(as_json=as_json)
+    run(as_json=as_json)
 
 
-@keys.command(cls=Command)
+@keys.command()
 def rotate(key_id: _KeyId, as_json: o.Json = False) -> None:
     """Give a key another secret, and print it; the old one opens nothing from now on.
 
@@ -129,11 +125,10 @@ def rotate(key_id: _KeyId, as_json: o.Json = False) -> None:
     """
     from plateau.commands.keys import rotate as run
 
-    with plain_errors():
-        run(key_id, as_json=as_json)
+    run(key_id, as_json=as_json)
 
 
-@keys.command(cls=Command)
+@keys.command()
 def revoke(key_id: _KeyId, as_json: o.Json = False) -> None:
     """Revoke a key: it opens nothing from now on. Its jobs go on, and keep its name.
 
@@ -142,5 +137,4 @@ def revoke(key_id: _KeyId, as_json: o.Json = False) -> None:
     """
     from plateau.commands.keys import revoke as run
 
-    with plain_errors():
-        run(key_id, as_json=as_json)
+    run(key_id, as_json=as_json)

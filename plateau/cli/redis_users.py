@@ -5,10 +5,10 @@ from typing import Annotated
 
 import typer
 
-from plateau.cli.app import command, plain_errors
+from plateau.cli.app import app
 
 
-@command("redis-acl")
+@app.command("redis-acl")
 def redis_acl(
     passwords: Annotated[
         Path | None,
@@ -37,5 +37,4 @@ def redis_acl(
     """
     from plateau.commands.redis_acl import redis_acl as run
 
-    with plain_errors():
-        run(passwords, redis)
+    run(passwords, redis)

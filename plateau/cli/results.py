@@ -6,10 +6,10 @@ from typing import Annotated
 import typer
 
 from plateau.cli import options as o
-from plateau.cli.app import command, plain_errors
+from plateau.cli.app import app
 
 
-@command()
+@app.command()
 def curve(
     job_id: o.JobId,
     as_csv: Annotated[bool, typer.Option("--csv", help="Print CSV.")] = False,
@@ -28,11 +28,10 @@ def curve(
     from plateau.commands.fetch import curve as run
 
     form = CurveForm.CSV if as_csv else CurveForm.JSON if as_json else CurveForm.TEXT
-    with plain_errors():
-        run(job_id, form=form, url=url)
+    run(job_id, form=form, url=url)
 
 
-@command()
+@app.command()
 def fetch(
     job_id: o.JobId,
     out: Annotated[
@@ -52,11 +51,10 @@ def fetch(
     """
     from plateau.commands.fetch import fetch as run
 
-    with plain_errors():
-        run(job_id, out, url=url, as_json=as_json)
+    run(job_id, out, url=url, as_json=as_json)
 
 
-@command()
+@app.command()
 def workers(url: o.Url = None, as_json: o.Json = False) -> None:
     """List the workers that live, and what each renders.
 
@@ -69,11 +67,10 @@ def workers(url: o.Url = None, as_json: o.Json = False) -> None:
     """
     from plateau.commands.farm import workers as run
 
-    with plain_errors():
-        run(url=url, as_json=as_json)
+    run(url=url, as_json=as_json)
 
 
-@command()
+@app.command()
 def scenes(url: o.Url = None, as_json: o.Json = False) -> None:
     """List the scenes that the service has stored.
 
@@ -83,5 +80,4 @@ def scenes(url: o.Url = None, as_json: o.Json = False) -> None:
     """
     from plateau.commands.farm import scenes as run
 
-    with plain_errors():
-        run(url=url, as_json=as_json)
+    run(url=url, as_json=as_json)

@@ -6,21 +6,19 @@ from typing import Annotated
 import typer
 
 from plateau.cli import options as o
-from plateau.cli.app import Command, app, plain_errors
+from plateau.cli.app import group
 
-scale = typer.Typer(
-    no_args_is_help=True,
-    rich_markup_mode=None,
-    help="""
+scale = group(
+    "scale",
+    """
     Workers as jobs of a batch system, as many as the queue needs.
 
     Works on PLATEAU_REDIS_URL and PLATEAU_BLOBS, as workers do, and hands its environment to them.
     """,
 )
-app.add_typer(scale, name="scale")
 
 
-@scale.command(cls=Command)
+@scale.command()
 def slurm(
     most: Annotated[int, typer.Option("--max", help="Most workers that run at once.", min=0)],
     least: Annotated[
@@ -164,23 +162,22 @@ def slurm(
                 f"{option!r} is not an option of sbatch; write it with its dashes, as --nice=100"
             )
         options.append(option)
-    with plain_errors():
-        if logs is not None:
-            from plateau.files.out_folder import make
+    if logs is not None:
+        from plateau.files.out_folder import make
 
-            make(logs, "--logs")
-        run(
-            Scaling(
-                limits=Limits(least=least, most=most, worth_s=worth, calm_s=calm, idle_s=idle),
-                from_priority=from_priority,
-                name=name,
-                options=tuple(options),
-                script=script,
-                worker_env=worker_env,
-                every_s=every,
-                once=once,
-                dry_run=dry_run,
-                cancel_on_exit=cancel_on_exit,
-                as_json=as_json,
-            )
+        make(logs, "--logs")
+    run(
+        Scaling(
+            limits=Limits(least=least, most=most, worth_s=worth, calm_s=calm, idle_s=idle),
+            from_priority=from_priority,
+            name=name,
+            options=tuple(options),
+            script=script,
+            worker_env=worker_env,
+            every_s=every,
+            once=once,
+            dry_run=dry_run,
+            cancel_on_exit=cancel_on_exit,
+            as_json=as_json,
         )
+    )

@@ -6,11 +6,11 @@ from typing import Annotated
 import typer
 
 from plateau.cli import options as o
-from plateau.cli.app import command, plain_errors
+from plateau.cli.app import app
 from plateau.processes.api_address import Door
 
 
-@command()
+@app.command()
 @o.takes_spec(but=o.AMONG_MANY)
 def render(
     scene: o.Scene,
@@ -42,17 +42,16 @@ def render(
     """
     from plateau.commands.render import render as run
 
-    with plain_errors():
-        code = run(
-            scene,
-            out,
-            spec,
-            workers=workers,
-            threads=threads,
-            as_json=as_json,
-            curve=not no_curve,
-        )
-        raise typer.Exit(code)
+    code = run(
+        scene,
+        out,
+        spec,
+        workers=workers,
+        threads=threads,
+        as_json=as_json,
+        curve=not no_curve,
+    )
+    raise typer.Exit(code)
 
 
 _Host = Annotated[
@@ -92,7 +91,7 @@ def _door(
     return Door(host, port, open_to_all, certificate, private_key)
 
 
-@command()
+@app.command()
 def up(
     workers: Annotated[int, typer.Option(help="Worker processes.", min=0, max=256)] = 1,
     host: _Host = "127.0.0.1",
@@ -114,11 +113,10 @@ def up(
     door = _door(
         host, port, open_to_all=open_to_all, certificate=tls_certificate, private_key=tls_key
     )
-    with plain_errors():
-        raise typer.Exit(run(door, workers=workers))
+    raise typer.Exit(run(door, workers=workers))
 
 
-@command()
+@app.command()
 def api(
     host: _Host = "127.0.0.1",
     port: _Port = 8713,
@@ -137,11 +135,10 @@ def api(
     door = _door(
         host, port, open_to_all=open_to_all, certificate=tls_certificate, private_key=tls_key
     )
-    with plain_errors():
-        run(door, ready_fd=ready_fd)
+    run(door, ready_fd=ready_fd)
 
 
-@command()
+@app.command()
 def monitor() -> None:
     """Run one monitor: it merges slices, judges the image, and ends jobs.
 
@@ -152,11 +149,10 @@ def monitor() -> None:
     """
     from plateau.commands.serve import monitor as run
 
-    with plain_errors():
-        run()
+    run()
 
 
-@command()
+@app.command()
 def worker(
     pool: Annotated[
         str | None,
@@ -177,11 +173,10 @@ def worker(
     """
     from plateau.commands.serve import worker as run
 
-    with plain_errors():
-        run(pool=pool, tags=tag)
+    run(pool=pool, tags=tag)
 
 
-@command()
+@app.command()
 def gc(
     results_older_than: Annotated[
         float | None,
@@ -235,13 +230,10 @@ def gc(
     """
     from plateau.commands.gc import gc as run
 
-    with plain_errors():
-        run(
-            results_older_than, sums_older_than, scenes_unused_for, dry_run=dry_run, as_json=as_json
-        )
+    run(results_older_than, sums_older_than, scenes_unused_for, dry_run=dry_run, as_json=as_json)
 
 
-@command()
+@app.command()
 def doctor(as_json: o.Json = False) -> None:
     """Check what works on this machine, and say why what does not.
 
@@ -252,5 +244,4 @@ def doctor(as_json: o.Json = False) -> None:
     """
     from plateau.commands.doctor import doctor as run
 
-    with plain_errors():
-        raise typer.Exit(run(as_json=as_json))
+    raise typer.Exit(run(as_json=as_json))

@@ -7,14 +7,9 @@ from typing import Annotated
 import typer
 
 from plateau.cli import options as o
-from plateau.cli.app import Command, app, plain_errors
+from plateau.cli.app import group
 
-study = typer.Typer(
-    help="Observer studies: from which spp on do people see no difference?",
-    no_args_is_help=True,
-    rich_markup_mode=None,
-)
-app.add_typer(study, name="study")
+study = group("study", "Observer studies: from which spp on do people see no difference?")
 
 _StudyId = Annotated[str, typer.Argument(metavar="ID", help="The study's id.")]
 
@@ -24,7 +19,7 @@ class _Method(str, Enum):
     LIMITS = "limits"
 
 
-@study.command(cls=Command)
+@study.command()
 def create(
     job_id: o.JobId,
     reference: Annotated[
@@ -64,19 +59,18 @@ def create(
     """
     from plateau.commands.study import create as run
 
-    with plain_errors():
-        run(
-            job_id,
-            reference=reference,
-            method=method.value,
-            levels=level or [],
-            name=name,
-            url=url,
-            as_json=as_json,
-        )
+    run(
+        job_id,
+        reference=reference,
+        method=method.value,
+        levels=level or [],
+        name=name,
+        url=url,
+        as_json=as_json,
+    )
 
 
-@study.command("list", cls=Command)
+@study.command("list")
 def list_studies(url: o.Url = None, as_json: o.Json = False) -> None:
     """List the studies, newest first, and what each has found so far.
 
@@ -85,11 +79,10 @@ def list_studies(url: o.Url = None, as_json: o.Json = False) -> None:
     """
     from plateau.commands.study import list_studies as run
 
-    with plain_errors():
-        run(url=url, as_json=as_json)
+    run(url=url, as_json=as_json)
 
 
-@study.command(cls=Command)
+@study.command()
 def export(
     study_id: _StudyId,
     table: Annotated[
@@ -111,11 +104,10 @@ def export(
     """
     from plateau.commands.study import export as run
 
-    with plain_errors():
-        run(study_id, table=table, out=out, url=url, as_json=as_json)
+    run(study_id, table=table, out=out, url=url, as_json=as_json)
 
 
-@study.command(cls=Command)
+@study.command()
 def delete(study_id: _StudyId, url: o.Url = None) -> None:
     """Remove a study with all its answers and pictures: they are gone for good.
 
@@ -124,11 +116,10 @@ def delete(study_id: _StudyId, url: o.Url = None) -> None:
     """
     from plateau.commands.study import delete as run
 
-    with plain_errors():
-        run(study_id, url=url)
+    run(study_id, url=url)
 
 
-@study.command("fit", cls=Command)
+@study.command("fit")
 def fit(
     table: Annotated[
         Path, typer.Argument(help="A CSV file: single answers, or the paper's table 1.")
@@ -154,5 +145,4 @@ def fit(
     """
     from plateau.commands.study import fit as run
 
-    with plain_errors():
-        raise typer.Exit(run(table, plot=plot, as_json=as_json))
+    raise typer.Exit(run(table, plot=plot, as_json=as_json))

@@ -5,19 +5,17 @@ from typing import Annotated
 import typer
 
 from plateau.cli import options as o
-from plateau.cli.app import Command, app, plain_errors
+from plateau.cli.app import group
 
-webhooks = typer.Typer(
-    no_args_is_help=True,
-    rich_markup_mode=None,
-    help="""
+webhooks = group(
+    "webhooks",
+    """
     Webhooks: whom the farm tells of a job's changes, as `plateau submit --webhook URL` asks it to.
     """,
 )
-app.add_typer(webhooks, name="webhooks")
 
 
-@webhooks.command("list", cls=Command)
+@webhooks.command("list")
 def list_deliveries(job_id: o.JobId, url: o.Url = None, as_json: o.Json = False) -> None:
     """List the messages to a job's webhook, and what became of each.
 
@@ -26,11 +24,10 @@ def list_deliveries(job_id: o.JobId, url: o.Url = None, as_json: o.Json = False)
     """
     from plateau.commands.webhooks import list_deliveries as run
 
-    with plain_errors():
-        run(job_id, url=url, as_json=as_json)
+    run(job_id, url=url, as_json=as_json)
 
 
-@webhooks.command(cls=Command)
+@webhooks.command()
 def redeliver(
     job_id: o.JobId,
     number: Annotated[
@@ -46,11 +43,10 @@ def redeliver(
     """
     from plateau.commands.webhooks import redeliver as run
 
-    with plain_errors():
-        run(job_id, number, url=url, as_json=as_json)
+    run(job_id, number, url=url, as_json=as_json)
 
 
-@webhooks.command(cls=Command)
+@webhooks.command()
 def secret(
     renew: Annotated[
         bool,
@@ -70,5 +66,4 @@ def secret(
     """
     from plateau.commands.webhooks import secret as run
 
-    with plain_errors():
-        run(renew=renew, as_json=as_json)
+    run(renew=renew, as_json=as_json)
