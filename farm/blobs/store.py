@@ -89,7 +89,7 @@ def result_set(job_id: str, spp: int, token: str) -> str:
 
 
 def spp_of_set(name: str) -> int | None:
-    """The spp in the name that `result_set` gave; None where layout 1 had its one set."""
+    """The spp in the name that `result_set` gave; None of another name."""
     spp, dash, _ = name.rpartition("/")[2].partition("-")
     return int(spp) if dash else None
 

@@ -36,95 +36,9 @@ _SAY_AGAIN_S: Final = 60.0
 #: What keeps the index of the jobs that wait for a worker.
 _INDEX: Final = (files("plateau.farm.redis") / "lua" / "waiting.lua").read_text()
 
-#: The layout that this Plateau reads and writes.
-VERSION: Final = versions.LAYOUT
-
 #: From each older layout that can be brought forward, the Lua that turns it into the next. It must
 #: not fail half-way: Redis undoes nothing.
-_MIGRATIONS: Final = {
-    # Layout 1 had no version. Its jobs had one set of results, straight under jobs/ID; and their
-    # checkpoints were noted without a SHA-256: without one, their slices are rendered again.
-    1: """
-      for _, id in ipairs(redis.call('ZRANGE', JOBS, 0, -1)) do
-        redis.call('HSETNX', job_key(id), 'results', 'jobs/' .. id)
-        redis.call('HDEL', job_key(id), 'checkpoint')
-      end
-    """,
-    # Layout 2 had no index of the jobs of a batch, nor of those in a state.
-    2: """
-      local jobs = redis.call('ZRANGE', JOBS, 0, -1, 'WITHSCORES')
-      for i = 1, #jobs, 2 do
-        local id, number = jobs[i], jobs[i + 1]
-        local job = redis.call('HMGET', job_key(id), 'state', 'batch')
-        if job[1] then
-          redis.call('HSETNX', job_key(id), 'number', number)
-          redis.call('ZADD', in_state_key(job[1]), number, id)
-        end
-        if job[2] and job[2] ~= '' then
-          redis.call('ZADD', batch_key(job[2]), number, id)
-          redis.call('ZADD', BATCHES, number, job[2])
-        end
-      end
-    """,
-    # Layout 3 had no index of what waits and what is leased: a lease read every open job. And all
-    # planned slices were in the stream.
-    3: """
-      local time = redis.call('TIME')
-      local now_ms = time[1] * 1000 + time[2] / 1000
-      for _, id in ipairs(redis.call('ZRANGE', OPEN, 0, -1)) do
-        local slices, leased = job_key(id, 'slices'), {}
-        if redis.call('EXISTS', slices) == 1 then
-          leased = redis.call('XPENDING', slices, GROUP, '-', '+', 1000000)
-        end
-        for _, lease in ipairs(leased) do
-          local entry, worker, idle_ms = lease[1], lease[2], lease[3]
-          local found = redis.call('XRANGE', slices, entry, entry)[1]
-          if found and worker == 'nobody' then
-            redis.call('ZADD', job_key(id, 'lost'), found[2][2], entry)
-          else
-            redis.call('ZADD', LEASES, now_ms - idle_ms, id .. ' ' .. entry)
-          end
-        end
-        local planned = redis.call('HGET', job_key(id), 'planned') or 0
-        redis.call('HSET', job_key(id), 'leased', #leased, 'issued', planned)
-        changed[id] = true
-      end
-    """,
-    # The scripts of layout 4 did not look whether the layout was still theirs, as all do since.
-    # All jobs were for any worker: they had no pool and no tags, and a queue was a priority and a
-    # variant alone. Idle workers were noted by variant.
-    # And where webhooks go, with what signs them, stood in the job's hash, which workers may write.
-    4: """
-      for _, id in ipairs(redis.call('ZRANGE', JOBS, 0, -1)) do
-        local hook = redis.call('HMGET', job_key(id), 'webhook_receiver', 'webhook_secret', 'spec')
-        if hook[1] then
-          redis.call('HSET', job_key(id, 'webhook'), 'receiver', hook[1], 'secret', hook[2],
-                     'url', cjson.decode(hook[3]).webhook.url)
-          redis.call('HDEL', job_key(id), 'webhook_secret')
-        end
-      end
-      for _, id in ipairs(redis.call('ZRANGE', OPEN, 0, -1)) do
-        redis.call('HSETNX', job_key(id), 'need', DEFAULT_POOL)
-        redis.call('HINCRBY', NEEDS, redis.call('HGET', job_key(id), 'need'), 1)
-        changed[id] = true
-      end
-      redis.call('DEL', IDLE)
-      for _, variant in ipairs({'auto', 'cuda_ad_rgb', 'llvm_ad_rgb', 'scalar_rgb'}) do
-        redis.call('DEL', IDLE .. ':' .. variant)
-      end
-    """,
-    # In layout 5 the owner of a job, an API key, stood in the job's hash, which workers may write.
-    5: """
-      for _, id in ipairs(redis.call('ZRANGE', JOBS, 0, -1)) do
-        local owner = redis.call('HMGET', job_key(id), 'owner', 'owner_name')
-        if owner[1] and owner[1] ~= '' then
-          redis.call('HSET', job_key(id, 'sealed'), 'owner', owner[1], 'owner_name', owner[2] or '')
-          redis.call('HSET', job_key(id), 'party', owner[1])
-        end
-        redis.call('HDEL', job_key(id), 'owner', 'owner_name')
-      end
-    """,
-}
+_MIGRATIONS: Final[dict[int, str]] = {}
 
 _CHECK: Final = """
 -- Bring the layout to the version that is wanted, where the migrations lead there and nobody works
@@ -134,8 +48,6 @@ _CHECK: Final = """
 -- found, and who lives for whom it was left.
 local wanted = tonumber(ARGV[1])
 
--- Workers and monitors say that they live in all layouts, APIs since the fifth; a monitor that does
--- not say so, as in the first, is known by the jobs that it owns.
 local function who_lives()
   local time, found = redis.call('TIME'), {}
   local now_ms = time[1] * 1000 + time[2] / 1000
@@ -145,19 +57,9 @@ local function who_lives()
       found[#found + 1] = members[1] .. ' ' .. id
     end
   end
-  if #redis.call('ZRANGEBYSCORE', MONITORS, now_ms, '+inf') > 0 then return found end
-  for _, id in ipairs(redis.call('SMEMBERS', UNFINISHED)) do
-    if redis.call('EXISTS', job_key(id, 'owner')) == 1 then
-      found[#found + 1] = 'the monitor that owns job ' .. id
-    end
-  end
   return found
 end
-local version = redis.call('GET', SCHEMA)
-if not version then
-  local used = redis.call('EXISTS', JOBS, SCENES) > 0
-  version = used and '1' or ARGV[1]
-end
+local version = redis.call('GET', SCHEMA) or ARGV[1]
 local path, from = {}, tonumber(version)
 while from and from < wanted and MIGRATIONS[from] do
   table.insert(path, MIGRATIONS[from])
@@ -189,22 +91,23 @@ def check_schema(client: redis.Redis) -> None:
     """
     with unavailable_as_farm_error():
         found, who = client.get(keys.SCHEMA), []
-        if found != str(VERSION):
+        if found != str(versions.LAYOUT):
             try:
                 found, *who = _brought_forward(client)
             except NotPermitted:
-                if found is None or (found.isdigit() and int(found) < VERSION):
+                if found is None or (found.isdigit() and int(found) < versions.LAYOUT):
                     raise StoreUnavailable(_wait_for_others(found)) from None
     if who:
         raise OldProcesses(found, tuple(who))
-    if found != str(VERSION):
+    if found != str(versions.LAYOUT):
         raise SchemaMismatch(_refusal(found))
 
 
 def _brought_forward(client: redis.Redis) -> list[str]:
     """What the script answers that brings the layout to this version where it can."""
     with unavailable_as_farm_error():
-        answer: list[str] = client.eval(_script(_MIGRATIONS), 0, VERSION, round(ALIVE_S * 1000))
+        life_ms = round(ALIVE_S * 1000)
+        answer: list[str] = client.eval(_script(_MIGRATIONS), 0, versions.LAYOUT, life_ms)
     return answer
 
 
@@ -287,7 +190,7 @@ def _refusal(found: Any) -> str:
             f"the key {keys.SCHEMA} in Redis says {found!r}, which is no layout of Plateau's; set "
             "PLATEAU_REDIS_URL or PLATEAU_DATA to a Redis or a folder that is Plateau's alone"
         )
-    if int(found) > VERSION:
+    if int(found) > versions.LAYOUT:
         return (
             f"{needs_other_layout(found)}: a newer Plateau wrote it; install that version here, or "
             "choose another PLATEAU_DATA or PLATEAU_REDIS_URL. Nothing was changed"

@@ -26,7 +26,7 @@ from functools import cache
 from typing import Final
 
 #: The layout that this Plateau reads and writes.
-LAYOUT: Final = 6
+LAYOUT: Final = 1
 
 #: The versions of the protocol that this Plateau speaks: these and all between.
 OLDEST: Final = 1

@@ -1,39 +1,28 @@
 """Processes of different versions meet: those that fit work together, others say why not."""
 
-import os
-import re
 import signal
 import subprocess
 import sys
 from collections.abc import Iterator
-from dataclasses import replace
-from io import BytesIO
 from pathlib import Path
 from typing import Any, Literal
 
 import pytest
-from PIL import Image
 
-from plateau.client import Client
 from plateau.exit_codes import ExitCode
 from plateau.farm.model import versions
 from plateau.farm.model.job import Worker
-from plateau.farm.model.spec import JobSpec
 from plateau.farm.redis import keys
-from plateau.farm.redis.embedded import EmbeddedRedis
 from tests.support.faulty_farm import SPEC, FaultyFarm
 from tests.support.invariants import assert_same, outcome
-from tests.support.real_farm import BOX, until
+from tests.support.real_farm import until
 
-ROOT = Path(__file__).parents[2]
-
-#: A commit of layout 3: neither its scripts nor its APIs say or look who fits.
-LAYOUT_3 = "ee3ce5bc370bb0976568c1314ca2510878cacb94"
-
+#: What is changed of a Plateau of the next layout, which is made up.
 NEXT_LAYOUT = {
     "plateau.farm.model.versions:LAYOUT": versions.LAYOUT + 1,
-    "plateau.farm.ledger.schema:VERSION": versions.LAYOUT + 1,
-    "plateau.farm.ledger.schema:_MIGRATIONS": {str(versions.LAYOUT): ""},
+    "plateau.farm.ledger.schema:_MIGRATIONS": {
+        str(versions.LAYOUT): "redis.call('SET', PREFIX .. 'brought', 'forward')"
+    },
 }
 
 
@@ -151,99 +140,27 @@ def test_a_new_layout_waits_until_the_old_processes_have_gone(
     ends_as_one_that_does_not_fit(farm, farm.start("worker"))
 
 
-class OlderPlateau:
-    """This repository as it was at a commit, and processes of it."""
-
-    def __init__(self, folder: Path, commit: str, environment: dict[str, str]) -> None:
-        self._folder = folder
-        self._environment = {**environment, "PYTHONPATH": str(folder)}
-        self._processes: list[subprocess.Popen[bytes]] = []
-        folder.mkdir()
-        archive = subprocess.run(
-            ["git", "archive", commit], cwd=ROOT, check=True, capture_output=True
-        )
-        subprocess.run(["tar", "-x"], cwd=folder, check=True, input=archive.stdout)
-
-    def start(self, *arguments: str, passed: tuple[int, ...] = ()) -> None:
-        self._processes.append(
-            subprocess.Popen(
-                [sys.executable, "-m", "plateau", *arguments],
-                cwd=self._folder,
-                env=self._environment,
-                pass_fds=passed,
-                start_new_session=True,
-            )
-        )
-
-    def start_api(self) -> str:
-        reads, writes = os.pipe()
-        self.start("api", "--port", "0", "--ready-fd", str(writes), passed=(writes,))
-        os.close(writes)
-        with os.fdopen(reads) as pipe:
-            return pipe.readline().strip()
-
-    def stop(self) -> None:
-        for process in self._processes:
-            process.send_signal(signal.SIGTERM)
-        for process in self._processes:
-            process.wait(300)
-        self._processes = []
-
-
-def history_has(commit: str) -> bool:
-    """Whether this is a clone with that commit, neither a copy of its files nor a shallow clone."""
-    asked = ["git", "cat-file", "-e", f"{commit}^{{commit}}"]
-    return subprocess.run(asked, cwd=ROOT, capture_output=True, check=False).returncode == 0
-
-
-def test_an_older_plateau_is_upgraded_in_mid_job(
-    tmp_path: Path, cache: Path, form: Literal["short", "long"]
-) -> None:
-    if form == "short" or not history_has(LAYOUT_3):
-        print("left out: it takes the long form, and the repository's history")
-        return
-    # Given a farm of a Plateau that knew nothing of all this, in the middle of a job
-    redis, blobs = EmbeddedRedis(tmp_path / "before" / "redis"), tmp_path / "blobs"
-    settings = {
-        "PLATEAU_REDIS_URL": redis.url,
-        "PLATEAU_BLOBS": str(blobs),
-        "PLATEAU_CACHE": str(cache),
-        "PLATEAU_THREADS": "1",
-    }
-    old = OlderPlateau(tmp_path / "old", LAYOUT_3, {**os.environ, **settings})
-    try:
-        with Client(old.start_api()) as client:
-            old.start("monitor")
-            old.start("worker")
-            job = client.submit(BOX, JobSpec.model_validate({**SPEC, "max_spp": 10_000}))
-            # (its monitor compiles the metric anew, where it lies now)
-            until(lambda: client.job(job.id).points >= 2, 500)
-            # If a process of today is started, it says who is in its way
-            beside = subprocess.run(
-                [sys.executable, "-m", "plateau", "worker"],
-                env={**os.environ, **settings},
-                capture_output=True,
-                text=True,
-                check=False,
-                timeout=200,
-            )
-            assert beside.returncode == ExitCode.INCOMPATIBLE
-            assert "the data in Redis has layout 3" in beside.stderr
-            assert re.search(
-                r"as it is, and could not any more: worker \S+, monitor", beside.stderr
-            )
-            before = client.job(job.id)
-    finally:
-        old.stop()
-        redis.stop()
-    # And when all of them are stopped, those of today go on where they were
-    with FaultyFarm(tmp_path / "before", cache, blobs=blobs) as farm:
-        farm.start("monitor")
-        farm.start("worker")
-        done = outcome(farm, job.id)
-        assert done.job.spp >= before.spp
-        # To the image that they would have made alone
-        again = outcome(farm, farm.submit(**{**SPEC, "max_spp": 10_000}).id)
-        pictures = [Image.open(BytesIO(one.difference)).tobytes() for one in (done, again)]
-        assert pictures[0] == pictures[1]  # though versions may compress them otherwise
-        assert_same(replace(done, difference=again.difference), again)
+@pytest.mark.long_form
+def test_an_older_layout_is_brought_forward_in_mid_job(farm: FaultyFarm) -> None:
+    # Given a farm in the middle of a job, and what comes of such a job
+    spec = {**SPEC, "max_spp": 10_000}
+    old = [farm.start("monitor"), farm.start("worker")]
+    undisturbed = outcome(farm, farm.submit(**spec).id)
+    job = farm.submit(**spec)
+    until(lambda: farm.client.job(job.id).points >= 2, 200)
+    before = farm.client.job(job.id)
+    # If all of its processes are stopped, and those of the next layout are started
+    for process in [*old, farm.processes[0]]:
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(60) == 0
+        farm.processes.remove(process)
+    farm.start_changed("api", "--port", farm.url.rpartition(":")[2], set=NEXT_LAYOUT)
+    for role in ("monitor", "worker"):
+        farm.start_changed(role, set=NEXT_LAYOUT)
+    until(lambda: farm.redis_client.get(keys.SCHEMA) == str(versions.LAYOUT + 1))
+    # Then the migration was run, and they go on where the others were
+    assert farm.redis_client.get(keys.PREFIX + "brought") == "forward"
+    done = outcome(farm, job.id)
+    assert done.job.spp >= before.spp
+    # To the image that the others would have made
+    assert_same(done, undisturbed)

@@ -8,14 +8,14 @@ import httpx
 import pytest
 
 from plateau.exit_codes import ExitCode
-from plateau.farm.ledger.schema import VERSION
+from plateau.farm.model.versions import LAYOUT
 from plateau.farm.redis import keys
 from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.farm.redis.link import connect
 from tests.support.commands import Command, until
 
 READY = r"listens at (http://127\.0\.0\.1:\d+)"
-TOO_NEW = str(VERSION + 1)
+TOO_NEW = str(LAYOUT + 1)
 REFUSAL = f"the data in Redis has layout {TOO_NEW}"
 PROCESSES = (("api", "--port", "0"), ("monitor",), ("worker",))
 
@@ -102,7 +102,7 @@ def test_each_process_waits_for_redis(
     server = redis_comes()
     # Then the process goes on, and marks the layout
     with connect(server.url) as client:
-        until(lambda: client.get(keys.SCHEMA) == str(VERSION), 60)
+        until(lambda: client.get(keys.SCHEMA) == str(LAYOUT), 60)
     assert command.process.poll() is None
 
 

@@ -52,9 +52,12 @@ class FaultyFarm(RealFarm):
             role, *arguments, module=module, inside=inside, STAGE=armed, **environment
         )
 
-    def start_changed(self, role: str, **changes: object) -> subprocess.Popen[bytes]:
+    def start_changed(
+        self, role: str, *arguments: str, **changes: object
+    ) -> subprocess.Popen[bytes]:
         """Start a process with the changes `set` or `clock_s` of `tests.support.stages`."""
-        return self.start(role, module="tests.support.stages", STAGE=json.dumps(changes))
+        changed = json.dumps(changes)
+        return self.start(role, *arguments, module="tests.support.stages", STAGE=changed)
 
     def wait_until_ended(self, process: subprocess.Popen[bytes], by: signal.Signals) -> None:
         """Wait until the signal has ended the process, which is then forgotten."""

@@ -11,7 +11,6 @@ import redis
 from plateau.farm.ledger.batches import Batches, Steer
 from plateau.farm.ledger.jobs import Created, Jobs
 from plateau.farm.ledger.queue import SliceQueue
-from plateau.farm.ledger.schema import check_schema
 from plateau.farm.model.batch import Member, summarise
 from plateau.farm.model.errors import BatchNotFound, UnevenBatch
 from plateau.farm.model.spec import BatchSpec, JobSpec
@@ -158,28 +157,6 @@ class TestTheIndex:
         scripts.run("forget", other.id, 0)
         left = set(client.keys("*")) - before
         assert left <= {"plateau:created", "plateau:totals", "plateau:heard"}
-
-    def test_is_built_for_jobs_of_an_older_layout(
-        self, client: redis.Redis, jobs: Jobs, batches: Batches
-    ) -> None:
-        # Given jobs as layout 2 had them
-        ids = [create(jobs, 1, name)[-1] for name in ("a", "b", "a")]
-        alone = jobs.create(JobSpec(), name="box", scene_sha256="00").job.id
-        jobs.cancel(ids[0])
-        for key in client.scan_iter("plateau:batch*"):
-            client.delete(key)
-        for key in client.scan_iter("plateau:jobs:in:*"):
-            client.delete(key)
-        client.set(keys.SCHEMA, "2")
-        assert jobs.search(batch="a") == ([], None)
-        # When they are brought forward
-        check_schema(client)
-        # Then all is as if it had always been so
-        assert [line.name for line in batches.page()[0]] == ["a", "b"]
-        assert batches.get("a").job_ids == [ids[0], ids[2]]
-        assert [job.id for job in jobs.search(state=JobState.CANCELLED)[0]] == [ids[0]]
-        assert {job.id for job in jobs.search(state=JobState.QUEUED)[0]} == {*ids[1:], alone}
-        assert create(jobs, 1, "b")[-1] == batches.get("b").job_ids[-1]
 
 
 def jobs_number(client: redis.Redis, job_id: str) -> float | None:

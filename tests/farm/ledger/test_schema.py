@@ -11,9 +11,11 @@ import redis
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger import schema
 from plateau.farm.ledger.jobs import Jobs
-from plateau.farm.ledger.schema import VERSION, await_checks, check_schema
-from plateau.farm.model.errors import SchemaMismatch, StoreUnavailable
+from plateau.farm.ledger.schema import await_checks, check_schema
+from plateau.farm.model import versions
+from plateau.farm.model.errors import SchemaMismatch, StoreUnavailable, WrongLayout
 from plateau.farm.model.spec import JobSpec
+from plateau.farm.model.states import JobState
 from plateau.farm.redis import keys
 from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.farm.redis.link import connect
@@ -21,68 +23,55 @@ from plateau.farm.redis.link import connect
 
 def test_an_empty_redis_gets_the_version(client: redis.Redis) -> None:
     check_schema(client)
-    assert client.get(keys.SCHEMA) == str(VERSION)
+    assert client.get(keys.SCHEMA) == str(versions.LAYOUT)
     # And to look again changes nothing
     check_schema(client)
     assert client.keys("*") == [keys.SCHEMA]
 
 
-class TestLayout1:
-    """It is that of a Plateau which wrote no version down."""
+def test_data_without_a_version_gets_it(client: redis.Redis) -> None:
+    job = Jobs(client).create(JobSpec(), name="box", scene_sha256="00" * 32).job
+    check_schema(client)
+    assert client.get(keys.SCHEMA) == str(versions.LAYOUT)
+    assert Jobs(client).get(job.id) == job
+
+
+class TestAnOlderLayout:
+    """A made-up one: its jobs had a title, which the present layout calls a name."""
+
+    RENAMES = """
+      for _, id in ipairs(redis.call('ZRANGE', JOBS, 0, -1)) do
+        redis.call('HSET', job_key(id), 'name', redis.call('HGET', job_key(id), 'title'))
+        redis.call('HDEL', job_key(id), 'title')
+      end
+    """
 
     @pytest.fixture
-    def job_id(self, client: redis.Redis) -> str:
+    def job_id(self, client: redis.Redis, monkeypatch: pytest.MonkeyPatch) -> str:
+        monkeypatch.setattr(schema, "_MIGRATIONS", {versions.LAYOUT - 1: self.RENAMES})
         job = Jobs(client).create(JobSpec(), name="old", scene_sha256="00" * 32).job
-        client.hset(keys.job(job.id), "checkpoint", f"jobs/{job.id}/checkpoints/0000100-1.npz")
+        client.hset(keys.job(job.id), "title", job.name)
+        client.hdel(keys.job(job.id), "name")
+        client.set(keys.SCHEMA, versions.LAYOUT - 1)
         return job.id
 
     def test_is_brought_forward(self, client: redis.Redis, job_id: str) -> None:
+        with pytest.raises(WrongLayout, match="start a monitor or an API of this Plateau"):
+            Jobs(client).cancel(job_id)
         check_schema(client)
-        assert client.get(keys.SCHEMA) == str(VERSION)
-        # Its results are found where they were put then, and its checkpoint is not taken for one
-        assert Jobs(client).results(job_id) == f"jobs/{job_id}"
-        assert not client.hexists(keys.job(job_id), "checkpoint")
+        assert client.get(keys.SCHEMA) == str(versions.LAYOUT)
         assert Jobs(client).get(job_id).name == "old"
-        # Of how many samples they are is known of jobs that had any
-        assert Jobs(client).get(job_id).image_spp is None
-        client.hset(keys.job(job_id), "spp", 100)
-        assert Jobs(client).get(job_id).image_spp == 100
+        assert Jobs(client).cancel(job_id).state is JobState.CANCELLED
 
     def test_is_brought_forward_once(self, client: redis.Redis, job_id: str) -> None:
         check_schema(client)
         # Given what the present layout says of the job
-        client.hset(keys.job(job_id), mapping={"checkpoint": "{}", "results": "jobs/new"})
+        client.hset(keys.job(job_id), mapping={"name": "new", "title": "of no meaning"})
         # If every process of a farm starts at once
         with ThreadPoolExecutor(8) as pool:
             list(pool.map(check_schema, [connect(_url(client)) for _ in range(8)]))
         # Then that stays
-        assert client.hmget(keys.job(job_id), "checkpoint", "results") == ["{}", "jobs/new"]
-
-    def test_is_seen_by_its_scenes_too(self, client: redis.Redis) -> None:
-        client.hset(keys.SCENES, "00" * 32, "{}")
-        with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(schema, "_MIGRATIONS", {})
-            with pytest.raises(SchemaMismatch, match="has layout 1"):
-                check_schema(client)
-
-
-def test_the_owner_of_a_job_goes_where_no_worker_writes(client: redis.Redis) -> None:
-    # Given a job of layout 5, with its owner in its hash, and one of nobody's
-    mine, nobodys = (
-        Jobs(client).create(JobSpec(), name="old", scene_sha256="00", owner=owner).job.id
-        for owner in ("a" * 12, "")
-    )
-    client.delete(keys.job(mine, "sealed"))
-    client.hdel(keys.job(mine), "party")
-    client.hset(keys.job(mine), mapping={"owner": "a" * 12, "owner_name": "anna"})
-    client.hset(keys.job(nobodys), "owner", "")
-    client.set(keys.SCHEMA, 5)
-    check_schema(client)
-    # Then it is the owner's still, and counts in his share
-    found = [Jobs(client).get(job_id) for job_id in (mine, nobodys)]
-    assert [(job.owner, job.owner_name) for job in found] == [("a" * 12, "anna"), (None, None)]
-    assert client.hmget(keys.job(mine), "owner", "owner_name", "party") == [None, None, "a" * 12]
-    assert client.exists(keys.job(nobodys, "sealed")) == 0
+        assert client.hmget(keys.job(job_id), "name", "title") == ["new", "of no meaning"]
 
 
 def test_migrations_run_in_order_and_all_at_once(
@@ -90,9 +79,9 @@ def test_migrations_run_in_order_and_all_at_once(
 ) -> None:
     # Given a Plateau of layout 4, and data of layout 1
     steps = {version: f"redis.call('RPUSH', 'steps', {version})" for version in (1, 2, 3)}
-    monkeypatch.setattr(schema, "VERSION", 4)
+    monkeypatch.setattr(versions, "LAYOUT", 4)
     monkeypatch.setattr(schema, "_MIGRATIONS", steps)
-    client.zadd(keys.JOBS, {"0123456789ab": 1})
+    client.set(keys.SCHEMA, 1)
     # If many of its processes start on it at once
     with ThreadPoolExecutor(8) as pool:
         list(pool.map(check_schema, [connect(_url(client)) for _ in range(8)]))
@@ -105,8 +94,8 @@ def test_migrations_run_in_order_and_all_at_once(
     ("found", "words"),
     [
         (
-            str(VERSION + 1),
-            rf"has layout {VERSION + 1}.*works with layout {VERSION}.*newer Plateau",
+            str(versions.LAYOUT + 1),
+            rf"has layout {versions.LAYOUT + 1}.*works with layout {versions.LAYOUT}.*a newer",
         ),
         ("0", "cannot migrate data that old; start a Plateau of a version between"),
         ("1.5", "no layout of Plateau's"),
@@ -134,7 +123,7 @@ def test_who_waits_for_redis_goes_on_when_it_comes(store: Blobs, tmp_path: Path)
     server = EmbeddedRedis(tmp_path)
     waiting.join(60)
     assert not waiting.is_alive()
-    assert client.get(keys.SCHEMA) == str(VERSION)
+    assert client.get(keys.SCHEMA) == str(versions.LAYOUT)
     client.close()
     server.stop()
 

@@ -10,11 +10,12 @@ import redis
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from plateau.farm.ledger import schema
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.ownership import Ownership, Ownerships
 from plateau.farm.ledger.queue import Lease, SliceQueue, SliceRecord
-from plateau.farm.ledger.schema import VERSION, check_schema
 from plateau.farm.ledger.workers import Workers
+from plateau.farm.model import versions
 from plateau.farm.model.fit import Kind
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import MAX_TRIES, JobState
@@ -316,21 +317,23 @@ def index(client: redis.Redis) -> dict[str, object]:
     return found
 
 
-def make_layout_3(client: redis.Redis) -> None:
-    """Take the index away, as it was before there was one."""
+#: A migration that knows nothing of the index: it only files each open job.
+FILES_ALL = "for _, id in ipairs(redis.call('ZRANGE', OPEN, 0, -1)) do changed[id] = true end"
+
+
+def make_index_afresh(client: redis.Redis) -> None:
+    """Take the queues and shares away, and have a migration from a made-up layout file all jobs."""
     for key in index(client):
-        if key.startswith(keys.PREFIX):
+        if key.startswith((keys.WAITING, f"{keys.PREFIX}share:")):
             client.delete(key)
     for job_id in client.zrange(keys.JOBS, 0, -1):
-        # Every planned slice was in the stream
-        issued, planned = map(int, client.hmget(keys.job(job_id), "issued", "planned"))
-        if client.zscore(keys.OPEN, job_id) is not None:
-            for number in range(issued, planned):
-                client.xadd(keys.job(job_id, "slices"), {"index": number})
-        client.hdel(keys.job(job_id), "filed", "leased", "issued")
-        client.delete(keys.job(job_id, "owner"))
+        client.hdel(keys.job(job_id), "filed")
     client.delete(keys.WORKERS, keys.MONITORS)  # all were stopped
-    client.set(keys.SCHEMA, 3)
+    client.set(keys.SCHEMA, versions.LAYOUT - 1)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(schema, "_MIGRATIONS", {versions.LAYOUT - 1: FILES_ALL})
+        schema.check_schema(client)
+    assert client.get(keys.SCHEMA) == str(versions.LAYOUT)
 
 
 def note_what_ran_out(client: redis.Redis) -> None:
@@ -367,12 +370,10 @@ def test_the_index_chooses_as_a_look_at_every_job_does(
     for job_id in quick.zrange(keys.OPEN, 0, -1):
         entries = quick.xrange(keys.job(job_id, "slices"))
         assert max(Counter(one["index"] for _, one in entries).values(), default=0) <= 2
-    # The index is the same as one that is made afresh, of data that had none
+    # The index is the same as one that is made afresh
     note_what_ran_out(quick)
     kept = index(quick)
-    make_layout_3(quick)
-    check_schema(quick)
-    assert quick.get(keys.SCHEMA) == str(VERSION)
+    make_index_afresh(quick)
     note_what_ran_out(quick)
     assert index(quick) == kept
     # So the next leases are those that they would have been

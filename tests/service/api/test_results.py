@@ -119,14 +119,6 @@ class TestImages:
         assert answer.headers["content-type"] == media_type
         assert answer.headers["cache-control"] == "no-cache"
 
-    def test_of_an_old_plateau_are_there_still(
-        self, http: httpx.Client, client: redis.Redis, api_store: Blobs
-    ) -> None:
-        job = StagedJob(client)
-        client.hset(keys.job(job.id), "results", f"jobs/{job.id}")  # as layout 1 is brought forward
-        api_store.put(f"jobs/{job.id}/image.png", b"a picture")
-        assert http.get(f"/v1/jobs/{job.id}/image.png").content == b"a picture"
-
     def test_are_missed_in_words(self, http: httpx.Client, client: redis.Redis) -> None:
         job = StagedJob(client)
         found = problem(http.get(f"/v1/jobs/{job.id}/image.png"), 404, "no-image-yet")
