@@ -35,12 +35,8 @@ class Durations:
         yield
         self.note(time.monotonic() - started)
 
-    def histogram(self) -> Histogram:
-        """The runs noted so far."""
-        return histogram(self.numbers(""), "", self._bounds_s)
-
     def numbers(self, name: str) -> dict[str, int]:
-        """The same in whole numbers that can be added up: runs by bucket, and µs in all."""
+        """The runs noted so far, as numbers that can be added up: runs by bucket, and µs in all."""
         runs = zip(self._bounds_s, self._runs, strict=True)
         return {f"{name} le {bound:g}": n for bound, n in runs} | {f"{name} us": self._sum_us}
 

@@ -12,6 +12,7 @@ import httpx
 from pydantic import BaseModel, ValidationError
 
 from plateau.client.errors import ApiError, BadKey, BadUrl, ClientError, NotPlateau, Unreachable
+from plateau.farm.process.backoff import Backoff
 
 _FIRST_WAIT_S: Final = 0.25
 _LONGEST_WAIT_S: Final = 5.0
@@ -40,7 +41,7 @@ class Patience:
     def renew(self) -> None:
         """Begin anew: the service was heard."""
         self._started = time.monotonic()
-        self._wait_s = _FIRST_WAIT_S
+        self._backoff = Backoff(_FIRST_WAIT_S, _LONGEST_WAIT_S)
 
     def wait_after(self, error: ClientError, *, at_most_s: float = math.inf) -> None:
         """Wait before the next attempt, or raise the error where there should be none."""
@@ -48,8 +49,7 @@ class Patience:
         spent_s = time.monotonic() - self._started
         if not _is_away(error) or spent_s + asked_s > self._transport.patience_s:
             raise error
-        time.sleep(max(0.0, min(max(self._wait_s, asked_s), at_most_s)))
-        self._wait_s = min(2 * self._wait_s, _LONGEST_WAIT_S)
+        time.sleep(max(0.0, min(max(self._backoff.delay_s(), asked_s), at_most_s)))
 
 
 class Transport:

@@ -21,11 +21,13 @@ from plateau.farm.redis.link import RedisClient
 from plateau.service.api.access.guards import ENVELOPE_BYTES, BodyLimit, OneLength
 from plateau.service.api.access.key_guard import Access, KeyGuard
 from plateau.service.api.events.hub import EventHub
-from plateau.service.api.http.cut_off import AnswerWhenCutOff
-from plateau.service.api.http.head import HeadAsGet
-from plateau.service.api.http.log_fields import LogFields
-from plateau.service.api.http.slashes import KeepSlashes
-from plateau.service.api.http.version_header import SayVersion
+from plateau.service.api.http.layers import (
+    AnswerWhenCutOff,
+    HeadAsGet,
+    KeepSlashes,
+    LogFields,
+    SayVersion,
+)
 from plateau.service.api.metrics.farm import Metrics
 from plateau.service.api.metrics.requests import CountRequests
 from plateau.service.api.openapi import DescribedAPI, refuse_unknown_parameters

@@ -10,6 +10,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from plateau.farm.process.loopback import is_loopback
 from plateau.service.api.access.callers import ANYBODY, Caller
+from plateau.service.api.http.layers import Layer
 from plateau.service.api.problems.problem import (
     FOREIGN_HOST,
     FOREIGN_ORIGIN,
@@ -88,7 +89,7 @@ ENVELOPE_BYTES: Final = 2 << 20
 _MOST_OF_A_CHANGE = 2**16
 
 
-class OneLength:
+class OneLength(Layer):
     """Refuses a request that says twice how long its body is, and one of HTTP/1.0 in chunks.
 
     A proxy in front may believe the other of the two, and take for the next request what is part of
@@ -96,18 +97,15 @@ class OneLength:
     connection closed.
     """
 
-    def __init__(self, app: ASGIApp) -> None:
-        self._app = app
-
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+    async def serve(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Pass the request on where its length is plain."""
-        names = {name for name, _ in scope.get("headers", ())}
+        names = {name for name, _ in scope["headers"]}
         in_chunks = b"transfer-encoding" in names
         if in_chunks and (b"content-length" in names or scope["http_version"] == "1.0"):
             await discard(receive)
             await _AMBIGUOUS.response(scope["path"])(scope, receive, send)
         else:
-            await self._app(scope, receive, send)
+            await self.app(scope, receive, send)
 
 
 _AMBIGUOUS: Final = Problem(
@@ -118,7 +116,7 @@ _AMBIGUOUS: Final = Problem(
 )
 
 
-class BodyLimit:
+class BodyLimit(Layer):
     """Refuses a body of more than `most` bytes, by its announced length or while it streams.
 
     Only a POST of a form may bring so many: any other body is some JSON. A key may have a lower
@@ -126,14 +124,11 @@ class BodyLimit:
     """
 
     def __init__(self, app: ASGIApp, most: int) -> None:
-        self._app = app
+        super().__init__(app)
         self._most = most
 
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+    async def serve(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Pass the request on, counting the bytes of its body."""
-        if scope["type"] != "http":
-            await self._app(scope, receive, send)
-            return
         most, setting = self._limit(scope)
         announced = header(scope["headers"], b"content-length")
         if announced is not None and announced.isdigit() and int(announced) > most:
@@ -152,7 +147,7 @@ class BodyLimit:
                 raise _too_large(most, setting)
             return message
 
-        await self._app(scope, counted, send)
+        await self.app(scope, counted, send)
 
     def _limit(self, scope: Scope) -> tuple[int, str]:
         """How many bytes the body may have, and what sets that."""

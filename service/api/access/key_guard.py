@@ -24,6 +24,7 @@ from plateau.farm.ledger.api_keys import ApiKey, ApiKeys, Role, opens
 from plateau.farm.model.errors import Incompatible, StoreUnavailable
 from plateau.service.api.access.callers import ANYBODY, Caller
 from plateau.service.api.access.guards import discard_body, header, refuse_foreign
+from plateau.service.api.http.layers import Layer
 from plateau.service.api.problems import problem as problems
 from plateau.service.api.problems.problem import Problem
 
@@ -46,13 +47,13 @@ class Access(Enum):
     KEYS = "keys"  #: for every request: other machines reach it
 
 
-class KeyGuard:
+class KeyGuard(Layer):
     """Lets through requests that need no key, or bring one that allows them."""
 
     def __init__(
         self, app: ASGIApp, *, keys: ApiKeys, allowance: Allowance, access: Access
     ) -> None:
-        self._app = app
+        super().__init__(app)
         self._keys = keys
         self._allowance = allowance
         self._access = access
@@ -61,10 +62,10 @@ class KeyGuard:
         self._wanted = access is Access.KEYS
         self._seen: dict[str, ApiKey] = {}
 
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+    async def serve(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Pass the request on with its `Caller`, or answer why not."""
-        if scope["type"] != "http" or not needs_key(scope["path"]):
-            await self._app(scope, receive, send)
+        if not needs_key(scope["path"]):
+            await self.app(scope, receive, send)
             return
         try:
             caller = await self._caller(scope)
@@ -73,7 +74,7 @@ class KeyGuard:
             await problem.response(scope["path"])(scope, receive, send)
         else:
             scope.setdefault("state", {})["caller"] = caller
-            await self._app(scope, receive, send)
+            await self.app(scope, receive, send)
 
     async def _caller(self, scope: Scope) -> Caller:
         """Who makes the request, or the problem with it."""

@@ -9,7 +9,7 @@ from fastapi.responses import StreamingResponse
 
 from plateau.farm.model.job import Job
 from plateau.service.api.http.etags import NOT_MODIFIED, Known, cache_control, not_modified
-from plateau.service.api.http.head import HEADERS_ONLY
+from plateau.service.api.http.layers import HEADERS_ONLY
 from plateau.service.api.parts import Parts
 from plateau.service.api.problems import problem as problems
 from plateau.service.api.problems.problem import documented

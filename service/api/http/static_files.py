@@ -63,15 +63,10 @@ OWN_ONLY: Final = {
 def serve(
     files: Mapping[str, StaticFile], name: str, has: Known, policy: Mapping[str, str]
 ) -> Response:
-    """The answer to a request for the file of this name."""
+    """The file of this name under this content-security policy, or 304 where the client has it."""
     found = files.get(name)
     if found is None:
         raise Problem(problems.UNKNOWN_PATH, f"the page has no file {name!r}")
-    return _answer(found, has, policy)
-
-
-def _answer(found: StaticFile, has: Known, policy: Mapping[str, str]) -> Response:
-    """The file under this content-security policy, or 304 where the client has it."""
     header = "; ".join(" ".join(directive) for directive in policy.items())
     headers = {**_HEADERS, "Content-Security-Policy": header, "ETag": found.tag}
     if has.anything or has.has(found.tag):

@@ -1,23 +1,30 @@
 """``GET /metrics``: the whole farm in Prometheus's format, from any API process."""
 
+import math
 import platform
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future
 from concurrent.futures import TimeoutError as TooLate
 from importlib.metadata import version
 from typing import Final, Generic, TypeVar
 
 from prometheus_client import CollectorRegistry, generate_latest
-from prometheus_client.core import HistogramMetricFamily, Metric
+from prometheus_client.core import (
+    CounterMetricFamily,
+    GaugeMetricFamily,
+    HistogramMetricFamily,
+    InfoMetricFamily,
+    Metric,
+)
 from prometheus_client.exposition import CONTENT_TYPE_PLAIN_0_0_4
 from prometheus_client.registry import Collector
 
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.totals import Census
+from plateau.farm.model.durations import Histogram
 from plateau.farm.model.errors import StoreUnavailable
-from plateau.service.api.metrics.prometheus import add_histogram, counter, gauge
 from plateau.service.api.metrics.requests import Requests
 
 CONTENT_TYPE: Final = CONTENT_TYPE_PLAIN_0_0_4
@@ -32,10 +39,9 @@ class Metrics:
     """All metrics of one API process, in a registry of its own."""
 
     def __init__(self, jobs: Jobs, blobs: Blobs) -> None:
-        self.requests = Requests()
         self._registry = CollectorRegistry(auto_describe=False)
         self._registry.register(_Farm(jobs, blobs))
-        self._registry.register(self.requests)
+        self.requests = Requests(self._registry)
 
     def exposition(self) -> bytes:
         """What Prometheus reads; of content type `CONTENT_TYPE`."""
@@ -54,19 +60,17 @@ class _Farm(Collector):
         blobs_answer, census_answer = self._blobs.asked(), self._census.asked()
         census = _within_reason(census_answer)
         up = {"redis": census is not None, "blobs": _within_reason(blobs_answer) is not None}
-        yield gauge(
+        yield _gauge(
             "plateau_up",
             "1 where this API process reaches Redis, or the blob store; 0 where it is away.",
             {part: float(there) for part, there in up.items()},
             "part",
         )
-        build = gauge("plateau_build_info", "1; its labels say what this API process runs.", {})
-        build.add_sample(
-            "plateau_build_info",
+        yield InfoMetricFamily(
+            "plateau_build",
+            "1; its labels say what this API process runs.",
             {"version": version("plateau"), "python": platform.python_version()},
-            1.0,
         )
-        yield build
         if census is not None:
             yield from _work_there_is(census)
             yield from _messages_there_are(census)
@@ -75,25 +79,25 @@ class _Farm(Collector):
 
 
 def _work_there_is(census: Census) -> Iterator[Metric]:
-    yield gauge("plateau_jobs", "Jobs that have not ended, by state.", census.jobs, "state")
-    yield gauge(
+    yield _gauge("plateau_jobs", "Jobs that have not ended, by state.", census.jobs, "state")
+    yield _gauge(
         "plateau_jobs_stored",
         "Jobs that the farm knows, ended or not; old ones go where retention is set.",
         census.jobs_stored,
     )
-    yield gauge(
+    yield _gauge(
         "plateau_jobs_unserved",
         "Jobs that wait, or render, though no worker lives that takes work and has their variant, "
         "pool and tags; GET /v1/jobs says what they wait for.",
         census.jobs_unserved,
     )
-    yield gauge(
+    yield _gauge(
         "plateau_queue_age_seconds",
         "Age of the oldest job of which nothing is rendered yet, paused ones left out; 0 where "
         "there is none. Where it grows, the farm has too few workers.",
         census.queue_age_s,
     )
-    yield gauge(
+    yield _gauge(
         "plateau_slices",
         "Slices (full frames of some samples per pixel, each one worker's for a while) that wait "
         "for a worker, or are leased to one.",
@@ -101,14 +105,14 @@ def _work_there_is(census: Census) -> Iterator[Metric]:
         "state",
     )
     demand = census.demand_by_variant()
-    yield gauge(
+    yield _gauge(
         "plateau_slices_wanted",
         "Slices that wait for a worker or are leased to one, by the variant that they need (auto: "
         "any). As many workers have something to do; autoscalers follow it.",
         {variant: one.slices for variant, one in demand.items()},
         "variant",
     )
-    yield gauge(
+    yield _gauge(
         "plateau_work_left_seconds",
         "Seconds that one worker would still take for the open jobs, by the variant that they "
         "need: by what their slices took, and where they are expected to end.",
@@ -118,7 +122,7 @@ def _work_there_is(census: Census) -> Iterator[Metric]:
 
 
 def _messages_there_are(census: Census) -> Iterator[Metric]:
-    yield gauge(
+    yield _gauge(
         "plateau_webhooks_waiting",
         "Messages to webhooks that wait for their first or next try.",
         census.webhooks_waiting,
@@ -126,26 +130,26 @@ def _messages_there_are(census: Census) -> Iterator[Metric]:
 
 
 def _who_works(census: Census) -> Iterator[Metric]:
-    yield gauge(
+    yield _gauge(
         "plateau_workers",
         "Workers that are alive, by what they do; out_of_service: it found that it can render "
         "nothing (GET /v1/workers says why).",
         census.workers,
         "state",
     )
-    yield gauge(
+    yield _gauge(
         "plateau_monitors",
         "Monitors that are alive: they merge slices and decide when a job has converged.",
         census.monitors,
     )
-    yield gauge(
+    yield _gauge(
         "plateau_jobs_owned",
         "Jobs that a living monitor takes care of; where it stays below the jobs that have not "
         "ended, monitors are missing.",
         census.jobs_owned,
     )
     if census.swept_at is not None:
-        yield gauge(
+        yield _gauge(
             "plateau_last_sweep_timestamp_seconds",
             "When a monitor last removed what nobody needs any more; once an hour, as a rule. "
             "Absent before the first time.",
@@ -154,15 +158,15 @@ def _who_works(census: Census) -> Iterator[Metric]:
 
 
 def _work_done(census: Census) -> Iterator[Metric]:
-    yield counter("plateau_jobs_created_total", "Jobs created.", census.jobs_created)
-    yield counter(
+    yield _counter("plateau_jobs_created_total", "Jobs created.", census.jobs_created)
+    yield _counter(
         "plateau_jobs_ended_total",
         "Jobs ended, by how: converged (a rule fired), exhausted (cap or time limit), cancelled "
         "or failed.",
         census.jobs_ended,
         "state",
     )
-    yield counter(
+    yield _counter(
         "plateau_slice_tries_total",
         "Tries of slices, by how they ended; only committed ones count for an image. rejected: "
         "committed, but the partial was lost or spoiled afterwards; late: the job had ended; "
@@ -170,56 +174,89 @@ def _work_done(census: Census) -> Iterator[Metric]:
         census.tries,
         "outcome",
     )
-    yield counter(
+    yield _counter(
         "plateau_samples_rendered_total",
         "Samples (not samples per pixel) in committed slices; its rate is the farm's speed.",
         census.samples,
     )
-    yield counter(
+    yield _counter(
         "plateau_samples_saved_total",
         "Samples that converged jobs would have cost otherwise: what the farm exists for.",
         census.samples_saved,
     )
-    yield counter(
+    yield _counter(
         "plateau_machine_seconds_total",
         "Seconds that render children spent on slices, whatever came of them.",
         census.machine_s,
     )
-    yield counter(
+    yield _counter(
         "plateau_second_tries_total",
         "Slices that were late and held up their job's image, so that a second worker was given "
         "them too; the first commit wins.",
         census.second_tries,
     )
-    yield counter(
+    yield _counter(
         "plateau_wasted_seconds_total",
         "Seconds, of those that render children spent, on slices of which another try was "
         "committed first.",
         census.wasted_s,
     )
-    yield counter(
+    yield _counter(
         "plateau_webhook_tries_total",
         "Tries to deliver a message to a job's webhook, by how they ended: delivered, failed "
         "(another follows) or given up.",
         census.webhook_tries,
         "outcome",
     )
-    yield counter(
+    yield _counter(
         "plateau_webhooks_dropped_total",
         "Messages to webhooks that were forgotten, with their job or since a job remembers a "
         "hundred, before they could be delivered.",
         census.webhooks_dropped,
     )
-    merges = HistogramMetricFamily(
+    yield _histogram(
         "plateau_merge_seconds",
         "Seconds in which a monitor fetches a slice's partial image and adds it to the job's.",
+        census.merges,
     )
-    yield add_histogram(merges, (), census.merges)
-    evaluations = HistogramMetricFamily(
+    yield _histogram(
         "plateau_evaluation_seconds",
         "Seconds in which a monitor judges a merged image by all rules of its job.",
+        census.evaluations,
     )
-    yield add_histogram(evaluations, (), census.evaluations)
+
+
+def _gauge(
+    name: str, help_text: str, value: float | Mapping[str, float], label: str = ""
+) -> Metric:
+    """A gauge: one value, or one for each value of a label."""
+    return _with(GaugeMetricFamily(name, help_text, labels=(label,) if label else ()), value)
+
+
+def _counter(
+    name: str, help_text: str, value: float | Mapping[str, float], label: str = ""
+) -> Metric:
+    """A counter, its name with ``_total``: one value, or one for each value of a label."""
+    return _with(CounterMetricFamily(name, help_text, labels=(label,) if label else ()), value)
+
+
+def _with(
+    family: GaugeMetricFamily | CounterMetricFamily, value: float | Mapping[str, float]
+) -> Metric:
+    if not isinstance(value, Mapping):
+        family.add_metric((), value)
+        return family
+    for name, number in value.items():
+        family.add_metric((name,), number)
+    return family
+
+
+def _histogram(name: str, help_text: str, noted: Histogram) -> Metric:
+    buckets = [
+        ("+Inf" if math.isinf(bound_s) else repr(bound_s), float(runs))
+        for bound_s, runs in noted.buckets
+    ]
+    return HistogramMetricFamily(name, help_text, buckets, noted.sum_s)
 
 
 class _Question(Generic[_Answer]):

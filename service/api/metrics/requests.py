@@ -1,15 +1,13 @@
 """How many requests this API process answered, how, and how fast; by route, never by raw path."""
 
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from typing import Final
 
-from prometheus_client.core import GaugeMetricFamily, HistogramMetricFamily, Metric
-from prometheus_client.registry import Collector
+from prometheus_client import CollectorRegistry, Gauge, Histogram, disable_created_metrics
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from plateau.farm.model.durations import Durations
-from plateau.service.api.metrics.prometheus import add_histogram
+from plateau.service.api.http.layers import Layer
 
 _BOUNDS_S: Final = (0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 5.0, 10.0, 60.0)
 
@@ -22,57 +20,45 @@ _NO_ROUTE: Final = "none"
 _STREAM: Final = b"text/event-stream"
 
 
-class Requests(Collector):
-    """What this process has answered since it started."""
+class Requests:
+    """What this process has answered since it started.
 
-    def __init__(self) -> None:
-        self._durations: dict[tuple[str, str, str], Durations] = {}
-        self._streams = 0
+    Attributes
+    ----------
+    durations
+        Of requests in seconds, by route, method and status.
+    streams
+        How many streams of events are open. A stream has no duration: it lasts as long as somebody
+        watches.
+    """
 
-    def answered(self, route: str, method: str, status: int, seconds: float) -> None:
-        """Count an answer."""
-        key = (route, method if method in _METHODS else "other", f"{status // 100}xx")
-        self._durations.setdefault(key, Durations(_BOUNDS_S)).note(seconds)
-
-    def stream_opened(self) -> None:
-        """Count a stream of events; it lasts as long as somebody watches, so it has no latency."""
-        self._streams += 1
-
-    def stream_closed(self) -> None:
-        """Count it no more."""
-        self._streams -= 1
-
-    def collect(self) -> Iterator[Metric]:
-        """The metrics of this process's requests."""
-        durations = HistogramMetricFamily(
+    def __init__(self, registry: CollectorRegistry) -> None:
+        # Else each series has another that says when it began.
+        disable_created_metrics()  # type: ignore[no-untyped-call]
+        self.durations = Histogram(
             "plateau_http_request_duration_seconds",
             "Seconds from an HTTP request's arrival until its answer was sent, "
             "in this API process; streams of events are left out.",
-            labels=("route", "method", "status"),
+            ("route", "method", "status"),
+            buckets=_BOUNDS_S,
+            registry=registry,
         )
-        for labels, noted in tuple(self._durations.items()):
-            add_histogram(durations, labels, noted.histogram())
-        yield durations
-        streams = GaugeMetricFamily(
+        self.streams = Gauge(
             "plateau_http_event_streams",
             "Streams of events that clients of this API process have open now.",
+            registry=registry,
         )
-        streams.add_metric((), self._streams)
-        yield streams
 
 
-class CountRequests:
-    """Tells `Requests` of every answer; the outermost of the app's layers, so that it sees all."""
+class CountRequests(Layer):
+    """Counts every answer; the outermost of the app's layers, so that it sees all."""
 
     def __init__(self, app: ASGIApp, requests: Requests) -> None:
-        self._app = app
+        super().__init__(app)
         self._requests = requests
 
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+    async def serve(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Pass the request on, and look at its answer."""
-        if scope["type"] != "http":
-            await self._app(scope, receive, send)
-            return
         started = time.monotonic()
         status, streams = 500, False  # unless an answer begins
 
@@ -82,23 +68,20 @@ class CountRequests:
                 status = message["status"]
                 if _is_stream(message["headers"]):
                     streams = True
-                    self._requests.stream_opened()
+                    self._requests.streams.inc()
             await send(message)
 
         try:
-            await self._app(scope, receive, seen)
+            await self.app(scope, receive, seen)
         finally:
             if streams:
-                self._requests.stream_closed()
+                self._requests.streams.dec()
             else:
-                seconds = time.monotonic() - started
-                self._requests.answered(_route(scope), scope["method"], status, seconds)
+                route = getattr(scope.get("route"), "path", _NO_ROUTE)  # as /v1/jobs/{job_id}
+                method = scope["method"] if scope["method"] in _METHODS else "other"
+                alike = self._requests.durations.labels(route, method, f"{status // 100}xx")
+                alike.observe(time.monotonic() - started)
 
 
 def _is_stream(headers: Iterable[tuple[bytes, bytes]]) -> bool:
     return any(name == b"content-type" and value.startswith(_STREAM) for name, value in headers)
-
-
-def _route(scope: Scope) -> str:
-    """The template of the path, as ``/v1/jobs/{job_id}``."""
-    return getattr(scope.get("route"), "path", _NO_ROUTE)

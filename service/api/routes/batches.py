@@ -14,8 +14,7 @@ from plateau.farm.wire.batch_views import (
     steered_view,
 )
 from plateau.service.api.access.callers import Caller, CallerOf
-from plateau.service.api.http import paging
-from plateau.service.api.http.slashes import BatchName
+from plateau.service.api.http.parameters import BatchName, Cursor, cursor_of, number_of
 from plateau.service.api.parts import Parts, parts
 from plateau.service.api.problems import problem as problems
 from plateau.service.api.problems.problem import documented
@@ -29,17 +28,17 @@ _RESPONSES: Final[dict[int | str, dict[str, Any]]] = documented(problems.UNKNOWN
 @router.get("", responses=documented(problems.INVALID_REQUEST))
 def list_batches(
     farm: _Farm,
-    cursor: paging.Cursor = None,
+    cursor: Cursor = None,
     limit: Annotated[
         int, Query(ge=1, le=100, description="most batches on the page", examples=[20])
     ] = 20,
 ) -> BatchPage:
     """List batches, those with the newest jobs first."""
-    before = paging.number_of(cursor)
+    before = number_of(cursor)
     lines, after = farm.batches.page(before=before, limit=limit)
     return BatchPage(
         batches=[line_view(line) for line in lines],
-        next_cursor=paging.cursor_of(after),
+        next_cursor=cursor_of(after),
     )
 
 

@@ -21,7 +21,7 @@ from plateau.farm.wire.views import (
     job_view,
 )
 from plateau.service.api.access.callers import Caller, CallerOf
-from plateau.service.api.http import paging
+from plateau.service.api.http.parameters import Cursor, cursor_of, number_of
 from plateau.service.api.parts import Parts, parts
 from plateau.service.api.problems import problem as problems
 from plateau.service.api.problems.problem import Problem, documented
@@ -188,17 +188,17 @@ def list_jobs(
             examples=[examples.KEY_ID],
         ),
     ] = None,
-    cursor: paging.Cursor = None,
+    cursor: Cursor = None,
     limit: Annotated[
         int, Query(ge=1, le=200, description="most jobs on the page", examples=[20])
     ] = 50,
 ) -> JobPage:
     """List jobs, newest first."""
-    before = paging.number_of(cursor)
+    before = number_of(cursor)
     found, after = farm.jobs.search(
         state=state, batch=batch, owner=owner, before=before, limit=limit
     )
-    return JobPage(jobs=shown(found, farm, who), next_cursor=paging.cursor_of(after))
+    return JobPage(jobs=shown(found, farm, who), next_cursor=cursor_of(after))
 
 
 @router.get("/{job_id}", responses=documented(problems.UNKNOWN_JOB))

@@ -11,7 +11,7 @@ from plateau.farm.blobs import store as blobs
 from plateau.farm.model.job import Job
 from plateau.farm.wire.views import Preview, PreviewList
 from plateau.service.api.http.etags import FINAL, Known, known, not_modified, strong
-from plateau.service.api.http.head import HEADERS_ONLY
+from plateau.service.api.http.layers import HEADERS_ONLY
 from plateau.service.api.http.served_blobs import (
     EXR,
     PNG,

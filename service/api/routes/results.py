@@ -15,7 +15,6 @@ from plateau.farm.wire import examples
 from plateau.farm.wire.curve_csv import curve_csv
 from plateau.farm.wire.views import Curve, Happened
 from plateau.service.api.access.callers import Caller, CallerOf
-from plateau.service.api.http.accept import chosen
 from plateau.service.api.http.etags import (
     NOT_MODIFIED,
     REVALIDATE,
@@ -24,6 +23,7 @@ from plateau.service.api.http.etags import (
     not_modified,
     strong,
 )
+from plateau.service.api.http.parameters import chosen
 from plateau.service.api.parts import Parts, parts, parts_of
 from plateau.service.api.problems import problem as problems
 from plateau.service.api.problems.problem import documented

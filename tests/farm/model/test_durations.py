@@ -11,12 +11,14 @@ def test_a_run_counts_in_every_bucket_that_it_fits() -> None:
     noted = Durations((0.1, 1.0))
     for seconds in (0.05, 0.1, 0.5, 7.0):
         noted.note(seconds)
-    assert noted.histogram().buckets == ((0.1, 2), (1.0, 3), (INF, 4))
-    assert noted.histogram().sum_s == pytest.approx(7.65)
+    found = histogram(noted.numbers("merge"), "merge", (0.1, 1.0))
+    assert found.buckets == ((0.1, 2), (1.0, 3), (INF, 4))
+    assert found.sum_s == pytest.approx(7.65)
 
 
 def test_nothing_noted_is_a_histogram_of_zeros() -> None:
-    assert Durations((0.1,)).histogram().buckets == ((0.1, 0), (INF, 0))
+    numbers = Durations((0.1,)).numbers("merge")
+    assert histogram(numbers, "merge", (0.1,)).buckets == ((0.1, 0), (INF, 0))
 
 
 def test_numbers_of_two_add_up_to_the_histogram_of_both() -> None:
@@ -42,4 +44,4 @@ def test_what_ends_by_an_error_is_not_timed() -> None:
         pass
     with pytest.raises(KeyError), noted.timed():
         raise KeyError
-    assert noted.histogram().buckets[-1] == (INF, 1)
+    assert histogram(noted.numbers("merge"), "merge", (0.1,)).buckets[-1] == (INF, 1)

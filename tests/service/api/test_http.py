@@ -11,7 +11,7 @@ import redis
 from plateau.client.sse import parse_events
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.model import versions
-from plateau.service.api.http.accept import chosen
+from plateau.service.api.http.parameters import chosen
 from plateau.service.api.problems.problem import Problem
 from tests.service.api.test_jobs import problem, submit
 from tests.support.bundles import scene

@@ -1,7 +1,10 @@
-"""Content negotiation: which of a resource's representations a request's ``Accept`` prefers."""
+"""What a request asks for: a media type, a page of a list, a batch by its name."""
 
 import re
-from typing import Final
+from typing import Annotated, Final
+from urllib.parse import unquote
+
+from fastapi import Depends, Path, Query
 
 from plateau.service.api.problems.problem import NOT_ACCEPTABLE, Problem
 
@@ -48,3 +51,40 @@ def _quality(offer: str, ranges: dict[str, float]) -> float:
         if pattern in ranges:
             return ranges[pattern]
     return 0.0
+
+
+#: Where a page begins, as a route takes it.
+Cursor = Annotated[
+    str | None,
+    Query(
+        pattern="^[0-9]{1,15}$",
+        description="`next_cursor` of the page before",
+        examples=["42"],
+    ),
+]
+
+
+def number_of(cursor: str | None) -> int | None:
+    """The number below which the page begins; None for the first page."""
+    return None if cursor is None else int(cursor)
+
+
+def cursor_of(number: int | None) -> str | None:
+    """The cursor of a page that begins below the number; None where there is none."""
+    return None if number is None else str(number)
+
+
+def _name(
+    name: Annotated[
+        str,
+        Path(
+            description="the batch's name, percent-encoded: a `/` in it is `%2F`",
+            examples=["exposures"],
+        ),
+    ],
+) -> str:
+    return unquote(name)
+
+
+#: The name of a batch, as a route takes it; `layers.KeepSlashes` has left it encoded.
+BatchName = Annotated[str, Depends(_name)]

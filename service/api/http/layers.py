@@ -1,0 +1,130 @@
+"""Layers of the app around its routes: each sees every HTTP request and its answer."""
+
+import asyncio
+import re
+from abc import ABC, abstractmethod
+from contextlib import suppress
+from typing import Final
+from urllib.parse import unquote
+
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from plateau.farm.model import versions
+from plateau.farm.process.log import concern
+from plateau.service.api.problems.problem import unavailable
+
+#: In the request's scope: only the headers of the answer are wanted.
+HEADERS_ONLY: Final = "plateau.headers_only"
+
+_VERSION: Final = b"plateau-version"
+_JOB: Final = re.compile(r"/v1/jobs/([0-9a-f]{12})(?:/slices/(\d{1,9})\b)?")
+_BATCHES: Final = "/v1/batches/"
+
+
+class Layer(ABC):
+    """A layer of the app; the app's start and end pass it by."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self.app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Take what the server has for the app."""
+        await (self.serve if scope["type"] == "http" else self.app)(scope, receive, send)
+
+    @abstractmethod
+    async def serve(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer the request, or hand it to the next layer, which is `app`."""
+
+
+class AnswerWhenCutOff(Layer):
+    """Answers 503 to a request whose task is cancelled before there is an answer.
+
+    A stopping server cancels the requests that take too long, and would answer 500, which tells a
+    client to give up; but every call to Plateau may be repeated.
+    """
+
+    async def serve(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Pass the request on, and see whether it is answered."""
+        has_begun = False
+
+        async def seen(message: Message) -> None:
+            nonlocal has_begun
+            has_begun = True
+            await send(message)
+
+        try:
+            await self.app(scope, receive, seen)
+        except asyncio.CancelledError:
+            if has_begun:
+                raise
+            cut_off = unavailable(scope["method"], scope["path"], Exception("the API stops"))
+            await cut_off.response(scope["path"])(scope, receive, send)
+
+
+class LogFields(Layer):
+    """Gives the lines that are logged on a request's way the job, and the slice, of its path."""
+
+    async def serve(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Serve the request; a task of its own, so that nobody else's lines are concerned."""
+        found = _JOB.match(scope["path"])
+        if found is not None:
+            concern(found[1], None if found[2] is None else int(found[2]))
+        await self.app(scope, receive, send)
+
+
+class SayVersion(Layer):
+    """Says under ``/v1`` which Plateau answers: a client may have another version."""
+
+    async def serve(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Pass the request on, and add the header to its answer."""
+
+        async def signed(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                header = (_VERSION, versions.plateau().encode())
+                message["headers"] = [*message["headers"], header]
+            await send(message)
+
+        await self.app(scope, receive, signed if scope["path"].startswith("/v1/") else send)
+
+
+class _Answered(Exception):
+    """The headers are sent: nothing more of the answer is needed."""
+
+
+class HeadAsGet(Layer):
+    """Answers HEAD with the headers of the GET, and ends it before its body, however long."""
+
+    async def serve(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Pass the request on; a HEAD as a GET."""
+        if scope["method"] != "HEAD":
+            await self.app(scope, receive, send)
+            return
+
+        async def headers_alone(message: Message) -> None:
+            if message["type"] == "http.response.body":
+                await send({"type": "http.response.body", "body": b""})
+                raise _Answered
+            await send(message)
+
+        # The server goes by its own scope's method, which has to stay.
+        asked = {**scope, "method": "GET", HEADERS_ONLY: True}
+        with suppress(_Answered):
+            await self.app(asked, receive, headers_alone)
+        scope["route"] = asked.get("route")
+
+
+class KeepSlashes(Layer):
+    """Leaves ``/`` and ``%`` encoded in the segments of a batch's path; all else is decoded.
+
+    So a batch's name is one segment of the path, whatever is in it. ASGI hands a path on with its
+    percent-encoding undone, so that a slash in a name cannot be told from one between segments.
+    """
+
+    async def serve(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Pass the request on, to a batch by the path that it came with."""
+        if scope["path"].startswith(_BATCHES) and "raw_path" in scope:
+            raw = scope["raw_path"].partition(b"?")[0].decode("ascii", "replace")
+            segments = (unquote(segment) for segment in raw.split("/"))
+            kept = (one.replace("%", "%25").replace("/", "%2F") for one in segments)
+            scope = {**scope, "path": "/".join(kept)}
+        await self.app(scope, receive, send)
