@@ -1,6 +1,9 @@
 """Exit codes of the command line; `plateau --help` lists them."""
 
 from enum import IntEnum
+from typing import Final
+
+from plateau.farm.model.states import JobState
 
 
 class ExitCode(IntEnum):
@@ -14,3 +17,12 @@ class ExitCode(IntEnum):
     INCOMPATIBLE = 76  #: a process does not fit the farm's data or its other processes: to start it
     #: again changes nothing, to install another version does
     INTERRUPTED = 130  #: Ctrl-C, as shells count signals
+
+
+#: How a job's end becomes an exit code.
+EXIT_CODES: Final = {
+    JobState.CONVERGED: ExitCode.OK,
+    JobState.EXHAUSTED: ExitCode.OK,
+    JobState.CANCELLED: ExitCode.CANCELLED,
+    JobState.FAILED: ExitCode.FAILED,
+}

@@ -5,15 +5,13 @@ A batch is there from the first job of its name until the last one is forgotten.
 
 import json
 from collections.abc import Callable
-from dataclasses import dataclass
-from datetime import datetime
 from enum import Enum
 from typing import Final
 
 import redis
 
 from plateau.farm.ledger import guarded_batches, records
-from plateau.farm.model.batch import Batch, Member, summarise
+from plateau.farm.model.batch import Batch, BatchLine, Member, Steered, summarise
 from plateau.farm.model.errors import BatchNotFound, UnevenBatch
 from plateau.farm.model.job import moment
 from plateau.farm.model.spec import JobSpec, stored_spec
@@ -38,26 +36,6 @@ class Steer(Enum):
     CANCEL = "cancel"
     PAUSE = "pause"
     RESUME = "resume"
-
-
-@dataclass(frozen=True, kw_only=True)
-class BatchLine:
-    """A batch in a list of them."""
-
-    name: str
-    jobs: int
-    states: dict[JobState, int]
-    newest_at: datetime  #: when its newest job was made
-
-
-@dataclass(frozen=True, kw_only=True)
-class Steered:
-    """What became of one job of a batch."""
-
-    job: str
-    done: bool  #: it is so now, perhaps it was before
-    state: JobState | None  #: in which it is, or which forbids it; None where it was not asked
-    why_not: str | None
 
 
 class Batches:

@@ -2,7 +2,7 @@
 
 import secrets
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any
 
 import redis
 
@@ -21,15 +21,12 @@ from plateau.farm.model.errors import (
     TooManyNeeds,
 )
 from plateau.farm.model.fit import Kind
-from plateau.farm.model.job import CurvePoint, Event, Job, LogEntry, Worker
+from plateau.farm.model.job import BEFORE_ALL_EVENTS, CurvePoint, Event, Job, LogEntry, Worker
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
 from plateau.farm.redis import keys
 from plateau.farm.redis.link import now_ms, unavailable_as_farm_error
 from plateau.farm.redis.scripts import Scripts
-
-#: The first event of a job has a greater id than this.
-BEFORE_ALL_EVENTS: Final = "0-0"
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -12,14 +12,13 @@ import socket
 import threading
 from collections.abc import Callable
 from datetime import datetime, timezone
-from typing import Final, Literal
+from typing import Final
 
 import redis
-from pydantic import BaseModel, ConfigDict, Field
 
 from plateau.farm.model import versions
 from plateau.farm.model.errors import Refused
-from plateau.farm.model.job import moment
+from plateau.farm.model.job import ProcessRole, RefusedProcess, moment
 from plateau.farm.redis import keys
 from plateau.farm.redis.link import now_ms, unavailable_as_farm_error
 from plateau.farm.redis.scripts import Scripts
@@ -27,21 +26,6 @@ from plateau.farm.redis.scripts import Scripts
 _LOG = logging.getLogger(__name__)
 
 _UPGRADE_S: Final = 30.0  #: between two looks whether the farm speaks what this process does
-
-Role = Literal["api", "monitor", "worker"]
-
-
-class RefusedProcess(BaseModel):
-    """A process that was not let into the farm: the last one of its machine and role."""
-
-    model_config = ConfigDict(frozen=True, extra="ignore")
-
-    role: Role
-    host: str
-    pid: int
-    plateau: str = Field(description="its version")
-    why: str = Field(description="what does not fit, and what to do")
-    at: datetime
 
 
 class Membership:
@@ -86,7 +70,7 @@ def process_id() -> str:
 
 def sign_on(
     client: redis.Redis,
-    role: Role,
+    role: ProcessRole,
     heartbeat: Callable[[], None],
     stop: threading.Event,
     *,
@@ -119,7 +103,7 @@ def wait_for_upgrade(stop: threading.Event) -> None:
     stop.wait(_UPGRADE_S * random.uniform(0.5, 1.5))
 
 
-def note_refused(client: redis.Redis, role: Role, why: Refused) -> None:
+def note_refused(client: redis.Redis, role: ProcessRole, why: Refused) -> None:
     """Note that this process was refused, for those who look for it; they see it for an hour."""
     host = socket.gethostname()
     about = {

@@ -16,9 +16,9 @@ from datetime import datetime
 from typing import Any, Final, Literal
 
 import redis
-from pydantic import BaseModel, ConfigDict, Field
 
 from plateau.farm.ledger import records
+from plateau.farm.model.deliveries import Delivery, DeliveryTry
 from plateau.farm.model.job import Job, moment
 from plateau.farm.model.webhook_spec import SECRET_PREFIX, WebhookEvent
 from plateau.farm.redis import keys
@@ -35,7 +35,6 @@ _LONGEST_DELAY_S: Final = 4 * 3600.0
 _OLD_SECRET_MS: Final = 86_400_000
 _OLD_SECRETS: Final = 3
 
-DeliveryState = Literal["waiting", "trying", "delivered", "given-up"]
 TryEnd = Literal["delivered", "failed", "given-up"]
 
 
@@ -85,34 +84,6 @@ class Taken:
     def job(self) -> Job:
         """The job as it was when it happened."""
         return records.job(self.job_id, self.fields, self.sealed)
-
-
-class DeliveryTry(BaseModel):
-    """How one try of a delivery ended."""
-
-    model_config = ConfigDict(frozen=True)
-
-    at: datetime = Field(description="when it ended")
-    status: int | None = Field(description="the receiver's HTTP status, where there was one")
-    error: str | None = Field(description="why it is not delivered, where it is not")
-    ms: int | None = Field(description="milliseconds that it took, where that is known")
-
-
-class Delivery(BaseModel):
-    """A message to a webhook's receiver, and what became of it."""
-
-    model_config = ConfigDict(frozen=True)
-
-    number: int = Field(description="of the job's messages, from 1, in the order of what happened")
-    id: str = Field(description="its `webhook-id`")
-    event: WebhookEvent
-    at: datetime = Field(description="when it happened")
-    state: DeliveryState = Field(
-        description="waiting for its next try, being tried, delivered (the receiver answered 2xx), "
-        "or given up (after a day, or since the receiver answered 410)"
-    )
-    next_try_at: datetime | None = Field(description="when it is tried next, where it is waiting")
-    tries: tuple[DeliveryTry, ...] = Field(description="by time, the newest")
 
 
 class Outbox:

@@ -6,9 +6,9 @@ from typing import Final
 
 import redis
 
-from plateau.farm.ledger.members import RefusedProcess, refused_within
+from plateau.farm.ledger.members import refused_within
 from plateau.farm.model.errors import WorkerNotFound
-from plateau.farm.model.job import Worker
+from plateau.farm.model.job import RefusedProcess, Worker
 from plateau.farm.redis.scripts import Scripts
 
 #: A worker lives whose heartbeat was heard within so many seconds.

@@ -123,6 +123,26 @@ class Member:
     finished: bool
 
 
+@dataclass(frozen=True, kw_only=True)
+class BatchLine:
+    """A batch in a list of them."""
+
+    name: str
+    jobs: int
+    states: dict[JobState, int]
+    newest_at: datetime  #: when its newest job was made
+
+
+@dataclass(frozen=True, kw_only=True)
+class Steered:
+    """What became of one job of a batch."""
+
+    job: str
+    done: bool  #: it is so now, perhaps it was before
+    state: JobState | None  #: in which it is, or which forbids it; None where it was not asked
+    why_not: str | None
+
+
 def summarise(name: str, members: list[Member], *, guarded: bool, now: datetime) -> Batch:
     """The batch of these jobs, at least one, in the order in which they were made."""
     ended = [member.ended_at for member in members if member.ended_at is not None]

@@ -1,7 +1,7 @@
 """A job, its curve and its events, as every process and every user sees them."""
 
 from datetime import datetime, timezone
-from typing import Literal
+from typing import Final, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -170,6 +170,10 @@ class Job(_Record):
         return self.samples_saved / (self.spec.max_spp * self.width * self.height)
 
 
+#: An `Event.id` that comes before those of all events.
+BEFORE_ALL_EVENTS: Final = "0-0"
+
+
 class Event(_Record):
     """Something that happened to a job; `id` orders events and resumes a stream of them."""
 
@@ -234,3 +238,19 @@ class Worker(_Record):
     )
     started_at: datetime
     seen_at: datetime
+
+
+ProcessRole = Literal["api", "monitor", "worker"]
+
+
+class RefusedProcess(BaseModel):
+    """A process that was not let into the farm: the last one of its machine and role."""
+
+    model_config = ConfigDict(frozen=True, extra="ignore")
+
+    role: ProcessRole
+    host: str
+    pid: int
+    plateau: str = Field(description="its version")
+    why: str = Field(description="what does not fit, and what to do")
+    at: datetime

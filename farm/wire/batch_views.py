@@ -6,8 +6,7 @@ from urllib.parse import quote
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from plateau.farm.ledger.batches import BatchLine, Steered
-from plateau.farm.model.batch import Batch
+from plateau.farm.model.batch import Batch, BatchLine, Steered
 from plateau.farm.model.states import JobState
 from plateau.farm.wire import examples
 

@@ -5,8 +5,7 @@ from typing import Any, Literal
 from pydantic import BaseModel, ConfigDict, Field
 from pydantic.config import JsonDict
 
-from plateau.farm.ledger.members import RefusedProcess
-from plateau.farm.model.job import CurvePoint, Event, Job, LogEntry, Worker
+from plateau.farm.model.job import CurvePoint, Event, Job, LogEntry, RefusedProcess, Worker
 from plateau.farm.model.spec import Priority
 from plateau.farm.wire import examples
 from plateau.farm.wire.json_numbers import WithWholeNumbers

@@ -4,7 +4,7 @@ from datetime import datetime
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from plateau.farm.ledger.outbox import Delivery
+from plateau.farm.model.deliveries import Delivery
 from plateau.farm.model.job import Job
 from plateau.farm.model.webhook_spec import WebhookEvent
 from plateau.farm.wire import examples

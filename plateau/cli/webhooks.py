@@ -64,6 +64,6 @@ def secret(
     Works on PLATEAU_REDIS_URL where it is set, and on the data folder else, whether `plateau up`
     runs there or not.
     """
-    from plateau.commands.webhooks import secret as run
+    from plateau.commands.keys import webhook_secret as run
 
     run(renew=renew, as_json=as_json)

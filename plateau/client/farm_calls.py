@@ -1,8 +1,7 @@
 """Calls about the farm itself."""
 
 from plateau.client.calls import Calls
-from plateau.farm.ledger.members import RefusedProcess
-from plateau.farm.model.job import Worker
+from plateau.farm.model.job import RefusedProcess, Worker
 from plateau.farm.wire.views import Scenes, SceneView, Workers
 
 

@@ -12,8 +12,7 @@ from plateau.client.errors import ClientError, TimedOut
 from plateau.client.events import FinishedEvent, typed
 from plateau.client.sse import parse_events
 from plateau.client.transport import Patience
-from plateau.farm.ledger.jobs import BEFORE_ALL_EVENTS
-from plateau.farm.model.job import Event
+from plateau.farm.model.job import BEFORE_ALL_EVENTS, Event
 from plateau.farm.wire.views import Happened, JobView
 
 #: The service says something every 15 s while a stream of events is open.

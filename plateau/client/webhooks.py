@@ -1,7 +1,7 @@
 """Calls about the messages to a job's webhook."""
 
 from plateau.client.calls import Calls
-from plateau.farm.ledger.outbox import Delivery
+from plateau.farm.model.deliveries import Delivery
 from plateau.farm.wire.webhook_views import Deliveries
 
 

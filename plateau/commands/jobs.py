@@ -12,9 +12,9 @@ from plateau.commands.connect import connect
 from plateau.commands.follow import follow
 from plateau.commands.job_ids import whole_id
 from plateau.commands.outputs import summary_json, write_results
-from plateau.commands.render import EXIT_CODES
 from plateau.commands.webhooks import undelivered
 from plateau.errors import CommandFailed
+from plateau.exit_codes import EXIT_CODES
 from plateau.farm.model.job import Job, utc_now
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState

@@ -1,4 +1,7 @@
-"""`plateau keys`: work on the farm's Redis directly, so that whoever runs the farm needs no key."""
+"""`plateau keys` and `plateau webhooks secret`.
+
+They work on the farm's Redis directly, so whoever runs the farm needs no key.
+"""
 
 import json
 import sys
@@ -12,6 +15,7 @@ from pydantic import ValidationError
 
 from plateau.errors import CommandFailed
 from plateau.farm.ledger.api_keys import ApiKey, ApiKeys, KeyLimits, Role
+from plateau.farm.ledger.outbox import Outbox
 from plateau.farm.ledger.schema import check_schema
 from plateau.farm.model import input_errors
 from plateau.farm.process.settings import Settings
@@ -97,14 +101,31 @@ def revoke(given: str, *, as_json: bool) -> None:
         )
 
 
+def webhook_secret(*, renew: bool, as_json: bool) -> None:
+    """Print the secret that signs the farm's webhooks; what else there is to say goes to stderr."""
+    with _farm(farm_settings(), may_begin=True) as client:
+        outbox = Outbox(client)
+        found = outbox.renew_farm_secret() if renew else outbox.farm_secrets()[0]
+    print(json.dumps({"secret": found}) if as_json else found)
+    if renew:
+        _say("for a day, messages are signed with the previous secret, too")
+
+
 @contextmanager
 def _keys(settings: Settings, *, may_begin: bool = False) -> Iterator[ApiKeys]:
+    with _farm(settings, may_begin=may_begin) as client:
+        yield ApiKeys(client)
+
+
+@contextmanager
+def _farm(settings: Settings, *, may_begin: bool) -> Iterator[Any]:
+    """A client of the farm's Redis, whose data has the layout that is known here."""
     data = DataFolder(settings.data)
     with ExitStack() as stack:
         url = redis_at_hand(settings, data, stack, may_begin=may_begin)
         client = stack.enter_context(connect(url))
         check_schema(client)
-        yield ApiKeys(client)
+        yield client
 
 
 def _named(keys: ApiKeys, given: str) -> ApiKey:

@@ -14,7 +14,6 @@ from plateau.errors import CommandFailed
 from plateau.farm.model.job import CurvePoint, utc_now
 from plateau.farm.wire.views import JobView, SliceView
 from plateau.files.job_folder import IMAGES, SLICES, begin, in_turn, whole
-from plateau.files.plot import plot_job
 
 _KEPT: Final = "plateau-kept-"
 
@@ -126,6 +125,8 @@ def _check_whole(fetched: _Fetched) -> None:
 def _summarise(job: JobView, fetched: _Fetched, folder: Path) -> dict[str, Any]:
     files = list(fetched.files)
     if fetched.points:
+        from plateau.files.plot import plot_job  # with numpy
+
         files.append(folder / "curve.png")
         with whole(folder / "curve.png") as path:
             plot_job(job, fetched.points, path)

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from plateau.errors import CommandFailed
-from plateau.exit_codes import ExitCode
+from plateau.exit_codes import EXIT_CODES
 from plateau.farm.bundle import inspect_bundle
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
@@ -32,14 +32,6 @@ _PREFIX: Final = "plateau-render-"
 _MOST_DEATHS: Final = 3
 #: The tree starts a dead API again; that takes a few seconds.
 _PATIENCE_S: Final = 60.0
-
-#: How a job's end becomes an exit code.
-EXIT_CODES: Final = {
-    JobState.CONVERGED: ExitCode.OK,
-    JobState.EXHAUSTED: ExitCode.OK,
-    JobState.CANCELLED: ExitCode.CANCELLED,
-    JobState.FAILED: ExitCode.FAILED,
-}
 
 
 def render(

@@ -1,10 +1,7 @@
-"""`plateau webhooks`, and what `submit` and `show` have to do with them."""
+"""`plateau webhooks list | redeliver`, and the webhooks of `submit` and `show`."""
 
-import json
 import os
-import sys
 from collections.abc import Sequence
-from contextlib import ExitStack
 
 from pydantic import ValidationError
 
@@ -12,16 +9,11 @@ from plateau.client import Client
 from plateau.commands.connect import connect
 from plateau.commands.job_ids import whole_id
 from plateau.errors import CommandFailed
-from plateau.farm.ledger.outbox import Delivery, Outbox
-from plateau.farm.ledger.schema import check_schema
 from plateau.farm.model import input_errors
+from plateau.farm.model.deliveries import Delivery
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.webhook_spec import WebhookSpec
-from plateau.farm.redis.link import connect as connect_to_redis
 from plateau.farm.wire.views import JobView
-from plateau.processes.data_folder import DataFolder
-from plateau.processes.read_settings import farm_settings
-from plateau.processes.redis_at_hand import redis_at_hand
 from plateau.terminal.tables import print_rows
 
 _COLUMNS = ("number", "event", "happened (UTC)", "state", "tries", "last answer", "next (UTC)")
@@ -80,23 +72,6 @@ def redeliver(job_id: str, number: int, *, url: str | None, as_json: bool) -> No
     with connect(url) as client:
         found = client.redeliver(whole_id(client, job_id), number)
     print(found.model_dump_json(indent=2) if as_json else f"{found.id} {found.state}")
-
-
-def secret(*, renew: bool, as_json: bool) -> None:
-    """Print the farm's secret; what there is to say of it goes to standard error."""
-    settings = farm_settings()
-    with ExitStack() as stack:
-        data = DataFolder(settings.data)
-        redis_url = redis_at_hand(settings, data, stack, may_begin=True)
-        client = stack.enter_context(connect_to_redis(redis_url))
-        check_schema(client)
-        outbox = Outbox(client)
-        found = outbox.renew_farm_secret() if renew else outbox.farm_secrets()[0]
-    print(json.dumps({"secret": found}) if as_json else found)
-    if renew:
-        print(
-            "plateau: for a day, messages are signed with the previous secret, too", file=sys.stderr
-        )
 
 
 def _row(one: Delivery) -> tuple[str, ...]:

@@ -10,7 +10,7 @@ from fastapi import APIRouter, Depends, Header, Query, Request, Response
 from fastapi.responses import StreamingResponse
 from starlette.concurrency import run_in_threadpool
 
-from plateau.farm.ledger.jobs import BEFORE_ALL_EVENTS
+from plateau.farm.model.job import BEFORE_ALL_EVENTS
 from plateau.farm.wire import examples
 from plateau.farm.wire.curve_csv import curve_csv
 from plateau.farm.wire.views import Curve, Happened

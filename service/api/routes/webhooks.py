@@ -4,7 +4,7 @@ from typing import Annotated
 
 from fastapi import APIRouter, Depends, Path
 
-from plateau.farm.ledger.outbox import Delivery
+from plateau.farm.model.deliveries import Delivery
 from plateau.farm.model.job import Job
 from plateau.farm.wire import examples
 from plateau.farm.wire.views import job_view

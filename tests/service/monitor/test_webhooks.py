@@ -20,7 +20,8 @@ import pytest
 import redis
 
 from plateau.farm.ledger.jobs import Jobs
-from plateau.farm.ledger.outbox import Delivery, Outbox, new_secret
+from plateau.farm.ledger.outbox import Outbox, new_secret
+from plateau.farm.model.deliveries import Delivery
 from plateau.farm.model.states import JobState
 from plateau.farm.process.settings import Settings
 from plateau.farm.process.webhook_addresses import Receivers
