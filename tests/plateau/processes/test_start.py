@@ -5,22 +5,26 @@ import sys
 
 import pytest
 
+_RENDERERS = frozenset({"mitsuba", "drjit"})
+#: What only the processes of a farm need.
+_FARMS = frozenset({"redis", "obstore", "numba", "matplotlib", "OpenEXR", "PIL", *_RENDERERS})
+
 #: What each process starts with, and what has no business in it.
 STARTS = {
     "import plateau.cli": {"pydantic", "redis", "numpy", "rich.console", "httpx"},
-    "import plateau.commands.render": {"redis", "numpy", "httpx", "fastapi", "mitsuba"},
-    "import plateau.processes.process, worker.supervisor": {
-        "rich",
-        "numba",
-        "metric",
-        "fastapi",
-        "mitsuba",
+    "import plateau.commands.render": {"redis", "numpy", "httpx", "fastapi", *_RENDERERS},
+    "import plateau.processes.process, plateau.worker.supervisor.supervisor": {
+        *("rich", "numba", "plateau.metric", "fastapi", *_RENDERERS),
     },
-    "import plateau.commands.serve, service.monitor": {"rich", "httpx", "fastapi", "mitsuba"},
-    "import plateau.commands.serve, service.app": {
-        *("rich", "numpy", "PIL", "OpenEXR", "metric", "numba", "httpx", "matplotlib", "mitsuba"),
+    "import plateau.commands.serve, plateau.service.monitor.monitor": {
+        *("rich", "httpx", "fastapi", "matplotlib", *_RENDERERS),
     },
-    "import plateau.client": {"numpy", "fastapi", "mitsuba"},
+    "import plateau.commands.serve, plateau.service.api.process": {
+        *("rich", "numpy", "PIL", "OpenEXR", "plateau.metric", "numba", "httpx", "matplotlib"),
+        *_RENDERERS,
+    },
+    "from plateau import Client": {"numpy", "fastapi", "plateau.farm.ledger", *_FARMS},
+    "import plateau.commands.jobs": {"numpy", "fastapi", "plateau.farm.ledger", *_FARMS},
 }
 
 
