@@ -84,3 +84,42 @@ def guides() -> str:
 def test_what_changed_and_what_is_left_are_not_both_visible(text: Callable[[], str]) -> None:
     """docs/glossary.md has the terms: changed since the first image, and noise left."""
     assert re.findall(r"(?i)visible pixels|still visible", text()) == []
+
+
+DOCUMENTS = sorted(
+    path
+    for pattern in ("*.md", "docs/**/*.md", "deploy/**/*.md", "scenes/*.md")
+    for path in ROOT.glob(pattern)
+)
+
+
+def anchors(document: Path) -> set[str]:
+    """The anchors that a renderer of Markdown makes of the document's headings."""
+    headings = re.findall(r"^#+ (.+)$", document.read_text(), re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-") for title in headings}
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: str(path.relative_to(ROOT)))
+def test_every_link_leads_somewhere(document: Path) -> None:
+    for link in re.findall(r"\]\(([^)\s]+)\)", document.read_text()):
+        if link.startswith(("http:", "https:")):
+            continue
+        name, _, anchor = link.partition("#")
+        target = document.parent / name if name else document
+        assert target.exists(), link
+        assert not anchor or anchor in anchors(target), link
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: str(path.relative_to(ROOT)))
+def test_every_file_that_a_document_names_is_there(document: Path) -> None:
+    if document.name == "CHANGELOG.md":
+        return  # what it says was so then
+    folders = "bench|deploy|docs|farm|metric|plateau|scenes|service|tests|worker"
+    for name in re.findall(rf"`((?:{folders})/[\w./-]+\.\w+)`", document.read_text()):
+        assert "NAME" in name or (ROOT / name).exists(), name
+
+
+def test_every_page_of_decisions_is_in_their_index() -> None:
+    pages = {page.name for page in (ROOT / "docs" / "decisions").glob("*.md")} - {"README.md"}
+    index = (ROOT / "docs" / "decisions" / "README.md").read_text()
+    assert set(re.findall(r"\]\(([^)]+)\)", index)) == pages
