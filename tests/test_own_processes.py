@@ -12,7 +12,7 @@ from pathlib import Path
 import psutil
 import pytest
 
-from tests.support.real_farm import until
+from tests.support.until import until
 
 ROOT = Path(__file__).parents[1]
 

@@ -7,7 +7,8 @@ from PIL import Image
 
 from plateau.client import ApiError, ImageEvent
 from tests.support.invariants import check_job
-from tests.support.real_farm import RealFarm, until
+from tests.support.real_farm import RealFarm
+from tests.support.until import until
 
 
 def test_a_cancel_frees_the_workers_and_leaves_nothing(farm: RealFarm) -> None:

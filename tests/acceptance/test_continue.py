@@ -4,7 +4,8 @@ from pathlib import Path
 
 from tests.support.faulty_farm import SPEC
 from tests.support.invariants import outcome
-from tests.support.real_farm import RealFarm, until
+from tests.support.real_farm import RealFarm
+from tests.support.until import until
 
 EARLY = {**SPEC, "rule": {"name": "fixed", "spp": 120}}
 

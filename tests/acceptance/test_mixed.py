@@ -6,7 +6,8 @@ from contextlib import suppress
 import psutil
 import pytest
 
-from tests.support.real_farm import RealFarm, until
+from tests.support.real_farm import RealFarm
+from tests.support.until import until
 
 SPEC = {
     "parameters": {"width": 48, "height": 48},

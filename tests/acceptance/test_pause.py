@@ -5,7 +5,8 @@ import pytest
 from plateau.farm.blobs import store as blobs
 from tests.support.faulty_farm import SPEC
 from tests.support.invariants import Outcome, assert_same, outcome
-from tests.support.real_farm import RealFarm, until
+from tests.support.real_farm import RealFarm
+from tests.support.until import until
 
 
 @pytest.fixture(scope="module")

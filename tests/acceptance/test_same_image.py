@@ -18,7 +18,8 @@ from plateau.farm.images.exr import Pixels
 from plateau.farm.model.seeds import SeedSchedule
 from plateau.farm.wire.views import JobView
 from plateau.worker.supervisor.variants import choose
-from tests.support.real_farm import BOX, RealFarm, until
+from tests.support.real_farm import BOX, RealFarm
+from tests.support.until import until
 
 SIZE = 48
 SPEC = {

@@ -12,7 +12,7 @@ from plateau.farm.ledger.workers import Workers
 from plateau.farm.redis.embedded import EmbeddedRedis
 from tests.cluster.support_network import Network
 from tests.support.faulty_farm import FaultyFarm
-from tests.support.real_farm import until
+from tests.support.until import until
 
 REDIS: Final = "redis"
 MONITOR: Final = "monitor"

@@ -6,12 +6,13 @@ import shutil
 import signal
 import socket
 import subprocess
-import time
 from collections.abc import Callable
 from pathlib import Path
 from types import TracebackType
 
 import psutil
+
+from tests.support.until import until
 
 NODES = ("n1", "n2")
 
@@ -90,7 +91,11 @@ class Slurm:
             self._start("slurmctld", "-D", "-c")
             for node in NODES:
                 self.start_node(node)
-            until(lambda: self.states() == dict.fromkeys(NODES, "idle"), self.logs)
+            until(
+                lambda: self.states() == dict.fromkeys(NODES, "idle"),
+                complaint=self.logs,
+                every_s=0.1,
+            )
         except BaseException:
             self._stop()
             raise
@@ -213,7 +218,7 @@ class Slurm:
             f"--log-file={where}/munged.log",
             f"--seed-file={where}/munge.seed",
         )
-        until((where / "munge.socket").exists, self.logs)
+        until((where / "munge.socket").exists, complaint=self.logs)
 
     def _start(self, program: str, *arguments: str, name: str = "") -> None:
         with (self.folder / f"{name or program}.out.log").open("ab") as log:
@@ -225,16 +230,6 @@ class Slurm:
                 stderr=log,
                 start_new_session=True,
             )
-
-
-def until(
-    condition: Callable[[], object], complaint: Callable[[], str], seconds: float = 120
-) -> None:
-    """Wait for the condition, and fail with the complaint where it does not come."""
-    deadline = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < deadline, complaint()
-        time.sleep(0.1)
 
 
 def _free_ports(count: int) -> list[int]:

@@ -14,7 +14,8 @@ from plateau.farm.model.job import Event
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.redis import keys
 from tests.support.faulty_farm import SPEC, FaultyFarm
-from tests.support.real_farm import BOX, until
+from tests.support.real_farm import BOX
+from tests.support.until import until
 
 #: A client repeats for so long what an API does not answer that is being replaced.
 PATIENCE_S = 120.0

@@ -21,8 +21,9 @@ from tests.cluster.support_bare import (
     tls_options,
     users,
 )
-from tests.support.real_farm import BOX, until
+from tests.support.real_farm import BOX
 from tests.support.receiver import SECRET, Receiver, receiving
+from tests.support.until import until
 
 SIZE = {"width": 32, "height": 32}
 SMALL = {"parameters": SIZE, "variant": "scalar_rgb", "step": 8, "slice_spp": 4, "max_spp": 32}

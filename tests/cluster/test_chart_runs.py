@@ -2,8 +2,7 @@
 
 import os
 import shutil
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -18,6 +17,7 @@ from plateau.metric.compiled.jit import cache_folder
 from tests.cluster import support_chart as chart
 from tests.cluster.support_chart import ROOT, Find, Manifest
 from tests.cluster.support_pods import Node, needs_root, users_acl
+from tests.support.until import until
 
 NAME = "farm-plateau"
 BOX = ROOT / "scenes" / "box"
@@ -49,13 +49,6 @@ def wanted(node: Node, found: list[Manifest], pool: str) -> float:
     answer = httpx.get(url, headers={"Authorization": f"Bearer {token}"}, trust_env=False)
     assert answer.status_code == 200, answer.text
     return float(answer.json()[trigger["metadata"]["valueLocation"]])
-
-
-def until(condition: Callable[[], object], seconds: float = 120) -> None:
-    deadline = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < deadline, "waited in vain"
-        time.sleep(0.1)
 
 
 def a_job_from_zero(node: Node, found: list[Manifest]) -> None:

@@ -21,7 +21,7 @@ from tests.cluster.support_network_farm import (
     cases,
 )
 from tests.support.invariants import Outcome, assert_same, outcome
-from tests.support.real_farm import until
+from tests.support.until import until
 
 FIRST = WORKERS[0]
 #: A lease of these farms lasts 2 s.

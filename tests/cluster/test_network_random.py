@@ -16,7 +16,7 @@ from plateau.farm.sweep import sweep
 from tests.cluster.support_network import Network
 from tests.cluster.support_network_farm import MONITOR, REDIS, SPEC, WORKERS, NetworkFarm
 from tests.support.invariants import assert_same, outcome
-from tests.support.real_farm import until
+from tests.support.until import until
 
 pytestmark = pytest.mark.long_form
 

@@ -17,7 +17,7 @@ from plateau.farm.ledger.pairing import check_pair
 from plateau.farm.model.errors import BlobsUnavailable, WrongStore
 from tests.cluster.support_s3 import BUCKET, SECRET, Network, S3Server
 from tests.support.blob_contract import BIG, BlobContract
-from tests.support.commands import until
+from tests.support.until import until
 
 SERVERS = ["versitygw", pytest.param("minio", marks=pytest.mark.long_form)]
 POLICIES = Path(__file__).parents[2] / "deploy" / "s3"

@@ -15,7 +15,8 @@ from tests.cluster.support_s3 import BUCKET, KEY, SECRET, Network, S3Server
 from tests.support.commands import Command
 from tests.support.faulty_farm import SPEC, FaultyFarm
 from tests.support.invariants import Outcome, assert_same, outcome
-from tests.support.real_farm import BOX, until
+from tests.support.real_farm import BOX
+from tests.support.until import until
 
 #: Longer than a lease of these farms, which is 2 s.
 LONGER_THAN_A_LEASE_S = 4.0

@@ -16,7 +16,8 @@ import pytest
 
 from tests.cluster.support_slurm import NODES, Slurm
 from tests.support.invariants import Outcome, assert_same, outcome
-from tests.support.real_farm import RealFarm, until
+from tests.support.real_farm import RealFarm
+from tests.support.until import until
 
 #: On a busy machine all of it takes many times as long.
 pytestmark = pytest.mark.timeout(900)

@@ -12,7 +12,7 @@ from plateau.service.api.events.feed import position
 from tests.cluster.support_upgrade import Member, People, UpgradedFarm
 from tests.support.faulty_farm import SPEC
 from tests.support.invariants import assert_same, outcome
-from tests.support.real_farm import until
+from tests.support.until import until
 
 
 @pytest.fixture

@@ -15,7 +15,7 @@ from plateau.farm.model.job import Worker
 from plateau.farm.redis import keys
 from tests.support.faulty_farm import SPEC, FaultyFarm
 from tests.support.invariants import assert_same, outcome
-from tests.support.real_farm import until
+from tests.support.until import until
 
 #: What is changed of a Plateau of the next layout, which is made up.
 NEXT_LAYOUT = {

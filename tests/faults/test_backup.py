@@ -11,8 +11,9 @@ from plateau.client import Client
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
 from plateau.farm.wire.views import JobView
-from tests.support.commands import Command, until
+from tests.support.commands import Command
 from tests.support.real_farm import BOX
+from tests.support.until import until
 
 READY = r"listens at (http://127\.0\.0\.1:\d+)"
 RESULTS = ("image.exr", "image.png", "difference.png")

@@ -15,7 +15,7 @@ from tests.support.faulty_farm import SPEC, FaultyFarm
 from tests.support.invariants import Outcome, assert_same, outcome
 from tests.support.long_tests import cases
 from tests.support.loop_disk import LoopDisk
-from tests.support.real_farm import until
+from tests.support.until import until
 
 Submit = Callable[[], str]
 

@@ -33,7 +33,8 @@ from plateau.service.judging.previews import MOST as MOST_PREVIEWS
 from tests.support import long_tests
 from tests.support.invariants import RESULTS, check_job
 from tests.support.noise_farm import NoiseFarm
-from tests.support.real_farm import BOX, RealFarm, until
+from tests.support.real_farm import BOX, RealFarm
+from tests.support.until import until
 
 QUEUED, RENDERING, WORKERS = 200, 10, 4
 SUBMITTED = 20  #: of the queued ones, by the API

@@ -12,7 +12,7 @@ from plateau.farm.model.spec import JobSpec
 from plateau.farm.wire.views import JobView
 from tests.support.faulty_farm import SPEC, FaultyFarm
 from tests.support.invariants import check_job
-from tests.support.real_farm import until
+from tests.support.until import until
 
 SCENE = """<scene version="3.0.0">
   <integrator type="path"><integer name="max_depth" value="{depth}"/>

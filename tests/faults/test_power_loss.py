@@ -32,9 +32,10 @@ from plateau.farm.redis.link import connect
 from plateau.farm.wire.views import JobView
 from tests.support import long_tests
 from tests.support.bundles import scene
-from tests.support.commands import Command, until
+from tests.support.commands import Command
 from tests.support.live_api import live_api
 from tests.support.loop_disk import LoopDisk
+from tests.support.until import until
 
 SEEDS = range(20 if long_tests.WANTED else 2)
 READY = r"listens at (http://127\.0\.0\.1:\d+)"

@@ -13,7 +13,7 @@ from plateau.farm.sweep import sweep
 from tests.support.chaos import Chaos
 from tests.support.faulty_farm import SPEC, FaultyFarm
 from tests.support.invariants import Outcome, assert_same, outcome
-from tests.support.real_farm import until
+from tests.support.until import until
 
 SEED = int(os.environ.get("FAULT_SEED", "1"))
 MINUTES = float(os.environ.get("FAULT_MINUTES", "0.3"))

@@ -11,8 +11,8 @@ from plateau.farm.redis.link import connect
 from tests.support.faulty_farm import FaultyFarm
 from tests.support.invariants import Outcome, assert_same, outcome
 from tests.support.long_tests import cases
-from tests.support.real_farm import until
 from tests.support.redis_proxy import RedisProxy
+from tests.support.until import until
 
 Submit = Callable[[], str]
 

@@ -17,7 +17,7 @@ from tests.support.every_time import EVERY_TIME
 from tests.support.faulty_farm import SPEC, FaultyFarm
 from tests.support.invariants import Outcome, assert_same, check_job, outcome
 from tests.support.long_tests import cases
-from tests.support.real_farm import until
+from tests.support.until import until
 
 Submit = Callable[[], str]
 

@@ -8,8 +8,8 @@ import pytest
 
 from tests.support.faulty_farm import SPEC, FaultyFarm
 from tests.support.long_tests import cases
-from tests.support.real_farm import until
 from tests.support.receiver import SECRET, receiving
+from tests.support.until import until
 
 STAGES = {
     "as it has a lease": ("plateau.farm.ledger.outbox:Outbox.take", "after"),

@@ -4,7 +4,6 @@ Real jobs on a real farm in a real browser; some minutes, most of them rendering
 """
 
 import tempfile
-import time
 from pathlib import Path
 from typing import Final
 
@@ -15,6 +14,7 @@ from plateau.farm.model.study import Screen
 from tests.support.browser import Visitor, chromium
 from tests.support.real_farm import BOX, RealFarm
 from tests.support.studies import SCREEN, sees
+from tests.support.until import until
 
 IMAGES: Final = Path(__file__).parents[2] / "docs" / "images"
 SCENES: Final = BOX.parent
@@ -38,24 +38,18 @@ def take(page: Page, name: str) -> None:
     print(path, path.stat().st_size)
 
 
-def until(farm: RealFarm, job_id: str, spp: int) -> None:
+def until_merged(farm: RealFarm, job_id: str, spp: int) -> None:
     """Wait until so much of a job is merged, or it has ended."""
-    deadline = time.monotonic() + PATIENCE_S
-    while time.monotonic() < deadline:
-        job = farm.jobs.get(job_id)
-        if job.spp >= spp or job.finished_at is not None:
-            return
-        time.sleep(0.5)
-    raise TimeoutError(job_id)
+    until(
+        lambda: (job := farm.jobs.get(job_id)).spp >= spp or job.finished_at,
+        PATIENCE_S,
+        every_s=0.5,
+    )
 
 
 def until_finished(farm: RealFarm, job_id: str) -> None:
     """Wait until a job's results are written."""
-    deadline = time.monotonic() + PATIENCE_S
-    while farm.jobs.get(job_id).finished_at is None:
-        if time.monotonic() > deadline:
-            raise TimeoutError(job_id)
-        time.sleep(0.5)
+    until(lambda: farm.jobs.get(job_id).finished_at, PATIENCE_S, every_s=0.5)
 
 
 def take_all(browser: Browser, farm: RealFarm, *, converged: str, rendering: str) -> None:
@@ -127,9 +121,9 @@ def main() -> None:
         farm.workers(1)
         kept = {"watch": WATCH, "parameters": SIZE, "keep_slices": True}
         box = farm.submit(BOX, step=25, max_spp=5000, rule=RULE, **kept)
-        until(farm, box.id, 5000)
+        until_merged(farm, box.id, 5000)
         truth = farm.submit(BOX, step=100, seed=1, rule={"name": "fixed", "spp": 800}, **kept)
-        until(farm, truth.id, 800)
+        until_merged(farm, truth.id, 800)
         until_finished(farm, truth.id)
         lamps = [
             farm.submit(
@@ -143,7 +137,7 @@ def main() -> None:
             )
             for intensity in (20, 80)
         ]
-        until(farm, lamps[1].id, 100)
+        until_merged(farm, lamps[1].id, 100)
         bar = farm.submit(
             SCENES / "bar",
             step=25,
@@ -153,7 +147,7 @@ def main() -> None:
             priority=5,
             parameters={"width": 320, "height": 240},
         )
-        until(farm, bar.id, 250)
+        until_merged(farm, bar.id, 250)
         farm.submit(SCENES / "plants", step=50, max_spp=3000, parameters=SIZE)
         take_all(browser, farm, converged=box.id, rendering=bar.id)
         take_study(browser, farm, job=box.id, reference=truth.id)

@@ -9,8 +9,8 @@ from playwright.sync_api import Page, expect
 
 from plateau.farm.model.job import Job
 from tests.page.conftest import Visit
-from tests.support.commands import until
 from tests.support.noise_farm import NoiseFarm
+from tests.support.until import until
 
 AXE = (resources.files("axe_playwright_python") / "axe.min.js").read_text("utf-8")
 #: WCAG 2.2, level AA, and what is good practice beside it.

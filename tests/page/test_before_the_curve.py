@@ -9,8 +9,8 @@ from plateau.farm.ledger.queue import Lease
 from plateau.farm.model.job import Job
 from tests.page.conftest import Visit
 from tests.page.test_job import is_shown, png
-from tests.support.commands import until
 from tests.support.noise_farm import NoiseFarm
+from tests.support.until import until
 
 #: Four slices to the first point.
 SPEC = {"step": 100, "slice_spp": 25, "max_spp": 1000}

@@ -13,8 +13,8 @@ from plateau.service.judging.previews import kept
 from tests.page.conftest import Visit
 from tests.page.test_access import violations
 from tests.page.test_job import SPEC, is_shown, pixels, png
-from tests.support.commands import until
 from tests.support.noise_farm import NoiseFarm
+from tests.support.until import until
 
 
 def finished(farm: NoiseFarm, **spec: object) -> Job:

@@ -22,9 +22,9 @@ from plateau.metric.zones import zone_edges
 from plateau.service.judging.previews import kept
 from tests.page.conftest import Visit
 from tests.support.browser import Visitor
-from tests.support.commands import until
 from tests.support.live_api import live_api
 from tests.support.noise_farm import SIZE, NoiseFarm, noise_film
+from tests.support.until import until
 
 SPEC = {
     "step": 25,

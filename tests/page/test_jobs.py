@@ -1,7 +1,6 @@
 """The list of jobs, in a real browser."""
 
 import re
-import time
 
 import pytest
 from playwright.sync_api import Locator, Page, Request, expect
@@ -9,6 +8,7 @@ from playwright.sync_api import Locator, Page, Request, expect
 from plateau.farm.model.states import JobState
 from tests.page.conftest import Visit
 from tests.support.noise_farm import NoiseFarm
+from tests.support.until import until
 
 QUICK = {"step": 50, "max_spp": 200, "rule": {"name": "fixed", "spp": 200}}
 
@@ -147,10 +147,7 @@ def test_two_hundred_jobs_fetch_only_what_is_in_sight(visit: Visit, farm: NoiseF
     done = farm.submit("first", **QUICK)
     with farm.monitor():
         farm.render(8)
-        deadline = time.monotonic() + 60
-        while farm.jobs.get(done.id).finished_at is None:
-            assert time.monotonic() < deadline
-            time.sleep(0.05)
+        until(lambda: farm.is_finished(done))
     for number in range(199):
         farm.submit(f"job-{number}")
     visitor = visit("/submit")

@@ -14,9 +14,9 @@ from plateau.farm.wire.examples import SCENE_XML
 from plateau.service.api.access.key_guard import Access
 from tests.page.conftest import Visit
 from tests.service.api.test_workers import LIMITS
-from tests.support.commands import until
 from tests.support.live_api import live_api
 from tests.support.noise_farm import NoiseFarm
+from tests.support.until import until
 
 
 @pytest.fixture

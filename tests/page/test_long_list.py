@@ -10,9 +10,9 @@ from playwright.sync_api import Locator, Page, Request, expect
 from plateau.farm.model.states import JobState
 from plateau.farm.redis.scripts import Scripts
 from tests.page.conftest import Visit
-from tests.support.commands import until
 from tests.support.noise_farm import NoiseFarm
 from tests.support.staged_job import StagedJob
+from tests.support.until import until
 
 JOBS, RENDERING = 200, 10
 

@@ -6,8 +6,8 @@ from playwright.sync_api import expect
 from tests.page.conftest import Visit
 from tests.page.test_access import violations
 from tests.page.test_compare import finished
-from tests.support.commands import until
 from tests.support.noise_farm import NoiseFarm
+from tests.support.until import until
 
 
 def test_a_job_is_judged_again(visit: Visit, farm: NoiseFarm) -> None:

@@ -10,6 +10,8 @@ from pathlib import Path
 
 import psutil
 
+from tests.support.until import until
+
 
 class Command:
     """A ``plateau`` command under way.
@@ -98,16 +100,6 @@ class Command:
             one.kill()
         self.process.kill()
         self.process.wait()
-
-
-def until(
-    condition: Callable[[], bool], seconds: float, complaint: Callable[[], str] = lambda: ""
-) -> None:
-    """Wait until something is so."""
-    deadline = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < deadline, complaint()
-        time.sleep(0.02)
 
 
 def _runs(process: psutil.Process) -> bool:

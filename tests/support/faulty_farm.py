@@ -8,7 +8,8 @@ from typing import Any
 
 import psutil
 
-from tests.support.real_farm import RealFarm, until
+from tests.support.real_farm import RealFarm
+from tests.support.until import until
 
 SIZE = 32
 #: Converges at some 640 spp, after two or three seconds of a quiet worker.

@@ -17,7 +17,8 @@ from plateau.farm.model.states import JOB_MOVES, JobState
 from plateau.farm.redis import keys
 from plateau.farm.wire.views import JobView
 from plateau.service.judging.previews import MOST as MOST_PREVIEWS
-from tests.support.real_farm import RealFarm, until
+from tests.support.real_farm import RealFarm
+from tests.support.until import until
 
 #: The pictures of any job that has an image.
 RESULTS = ("image.exr", "image.png", "thumbnail.png")

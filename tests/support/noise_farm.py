@@ -6,7 +6,6 @@ index, as a rendered one is.
 
 import hashlib
 import threading
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -25,7 +24,7 @@ from plateau.farm.model.spec import JobSpec
 from plateau.farm.process.settings import Settings
 from plateau.farm.process.stop import Stop
 from plateau.service.monitor.monitor import Monitor
-from tests.support.real_farm import until
+from tests.support.until import until
 
 SIZE = (24, 32)  # height, width
 
@@ -74,11 +73,7 @@ class NoiseFarm:
 
     def next_lease(self) -> Lease:
         """The next slice of whatever job is next, once one is planned."""
-        deadline = time.monotonic() + 60
-        while (lease := self.lease()) is None:
-            assert time.monotonic() < deadline, "nothing more was planned"
-            time.sleep(0.02)
-        return lease
+        return until(self.lease, 60, lambda: "nothing more was planned")
 
     def work(self, condition: Callable[[], object]) -> None:
         """Commit slices as they are planned, until the condition holds."""

@@ -4,8 +4,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
-from collections.abc import Callable
 from pathlib import Path
 from types import TracebackType
 
@@ -129,11 +127,3 @@ class RealFarm:
         os.close(writes)
         with os.fdopen(reads) as pipe:
             return pipe.readline().strip()
-
-
-def until(condition: Callable[[], object], seconds: float = 120) -> None:
-    """Wait for the condition, and fail where it does not come."""
-    deadline = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < deadline, "waited in vain"
-        time.sleep(0.03)

@@ -25,8 +25,8 @@ from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.farm.redis.link import connect
 from plateau.farm.redis.scripts import Scripts
 from plateau.farm.redis.wake import Wake
-from tests.support.commands import until
 from tests.support.long_tests import WANTED
+from tests.support.until import until
 
 LEASE_S = 600  # nothing runs out by itself
 WORKERS = {

@@ -31,6 +31,7 @@ from plateau.farm.redis.link import connect, unavailable_as_farm_error
 from plateau.farm.redis.scripts import WORKER_SCRIPTS, Scripts, texts
 from plateau.farm.redis.wake import Wake
 from tests.support.redis_users import LEASE_S, Login, monitor_comes, users
+from tests.support.until import until
 
 VARIANTS = ("scalar_rgb",)
 LIMITS = KeyLimits(requests_per_minute=60, burst=10, upload_bytes=1, open_jobs=10)
@@ -124,11 +125,7 @@ def test_a_worker_can_do_all_that_workers_do(client: redis.Redis, login: Login) 
 
 def _later(look: Callable[[], Lease | None]) -> Lease:
     """What is found once a lease that ran out is noticed: a silent farm gets some grace."""
-    deadline = time.monotonic() + 30
-    while (found := look()) is None:
-        assert time.monotonic() < deadline
-        time.sleep(0.1)
-    return found
+    return until(look, 30, every_s=0.1)
 
 
 def never() -> Stop:

@@ -25,8 +25,8 @@ from plateau.farm.model.states import JobState
 from plateau.files.job_folder import begin, in_turn, owner
 from tests.support.live_api import live_api
 from tests.support.noise_farm import NoiseFarm
-from tests.support.real_farm import until
 from tests.support.staged_job import StagedJob
+from tests.support.until import until
 
 
 def finished(client: redis.Redis, store: Blobs, state: JobState = JobState.CONVERGED) -> StagedJob:

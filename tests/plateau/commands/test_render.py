@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 
 from tests.support.bundles import scene
-from tests.support.commands import Command, until
+from tests.support.commands import Command
+from tests.support.until import until
 
 #: A lit floor, small enough to take no time.
 FLOOR = scene(

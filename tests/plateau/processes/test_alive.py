@@ -2,7 +2,8 @@
 
 from pathlib import Path
 
-from tests.support.commands import Command, until
+from tests.support.commands import Command
+from tests.support.until import until
 
 
 def test_a_process_that_is_started_again_removes_that_of_the_one_before(tmp_path: Path) -> None:

@@ -14,7 +14,8 @@ import pytest
 from plateau.client import Client
 from plateau.worker.confinement.capabilities import drop_capabilities
 from tests.support.bundles import scene
-from tests.support.commands import Command, until
+from tests.support.commands import Command
+from tests.support.until import until
 
 Up = Callable[..., Command]
 #: Redis, API, monitor, and the process in which the API checks scenes.

@@ -17,8 +17,8 @@ from plateau.service.api.problems import problem as problems
 from plateau.service.api.process import CannotListen, listen
 from tests.service.api.test_jobs import problem, submit
 from tests.support.live_api import live_api
-from tests.support.real_farm import until
 from tests.support.staged_job import StagedJob
+from tests.support.until import until
 
 
 def test_it_says_that_it_lives_and_is_ready(http: httpx.Client) -> None:

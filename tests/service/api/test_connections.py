@@ -22,7 +22,8 @@ from plateau.farm.blobs.store import Blobs
 from plateau.service.api.http import connections
 from tests.service.api.test_jobs import BOX, submit
 from tests.support.live_api import live_api
-from tests.support.real_farm import RealFarm, until
+from tests.support.real_farm import RealFarm
+from tests.support.until import until
 
 #: Where one is not closed, a test waits so long for it.
 MOST_S = 60.0

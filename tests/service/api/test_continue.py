@@ -24,7 +24,7 @@ from plateau.farm.sweep import sweep
 from tests.support.invariants import check_job
 from tests.support.live_api import live_api
 from tests.support.noise_farm import NoiseFarm, noise_film
-from tests.support.real_farm import until
+from tests.support.until import until
 
 SLICE, STEP = 10, 20
 DAY_S = 86_400

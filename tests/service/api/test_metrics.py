@@ -25,6 +25,7 @@ from tests.support.live_api import live_api
 from tests.support.noise_farm import SIZE, NoiseFarm
 from tests.support.redis_proxy import RedisProxy
 from tests.support.staged_job import HEIGHT, WIDTH, StagedJob
+from tests.support.until import until
 
 ROOT = Path(__file__).parents[3]
 LATENCY = "plateau_http_request_duration_seconds"
@@ -118,16 +119,11 @@ def test_the_monitors_tell_of_merges_and_evaluations(
     farm = NoiseFarm(client, redis_url, tmp_path)
     job = farm.submit(step=20, slice_spp=10, max_spp=40, rule={"name": "fixed", "spp": 40})
     with farm.monitor() as monitor:
-        deadline = time.monotonic() + 60
-        while farm.jobs.get(job.id).finished_at is None:
-            assert time.monotonic() < deadline
-            lease = farm.lease()
-            if lease is not None:
-                farm.commit(lease)
-            time.sleep(0.01)
-        while farm.jobs.census().monitors == 0:
-            assert time.monotonic() < deadline, f"{monitor.id} was never heard of"
-            time.sleep(0.05)
+        farm.finish(job)
+        until(
+            lambda: farm.jobs.census().monitors,
+            complaint=lambda: f"{monitor.id} was never heard of",
+        )
     # A monitor that stops reports all that it did
     census = farm.jobs.census()
     assert census.merges.buckets[-1][1] == 4
@@ -142,11 +138,8 @@ def test_a_sweep_leaves_its_time(
 ) -> None:
     assert Scrape(http).value("plateau_last_sweep_timestamp_seconds") is None
     monkeypatch.setattr(sweeper, "_LOOK_S", 0.05)
-    deadline = time.monotonic() + 60
     with sweeper.sweeping(Settings(redis_url=redis_url, blobs=store.where), store):
-        while (at := Scrape(http).value("plateau_last_sweep_timestamp_seconds")) is None:
-            assert time.monotonic() < deadline
-            time.sleep(0.05)
+        at = until(lambda: Scrape(http).value("plateau_last_sweep_timestamp_seconds"))
     assert abs(at - time.time()) < 60
 
 
@@ -200,10 +193,7 @@ class TestRequests:
                 lines = answer.iter_lines()
                 next(lines)
                 during = Scrape(http)
-            deadline = time.monotonic() + 60
-            while Scrape(http).value("plateau_http_event_streams") != 0:
-                assert time.monotonic() < deadline
-                time.sleep(0.05)
+            until(lambda: Scrape(http).value("plateau_http_event_streams") == 0)
             after = Scrape(http)
         assert during.value("plateau_http_event_streams") == 1
         assert "/events" not in str(after.samples.keys())
@@ -239,10 +229,7 @@ class TestOutages:
             proxy.fail("silent")
             assert Scrape(http).value("plateau_up", part="redis") == 0
             proxy.heal()
-            deadline = time.monotonic() + 60
-            while Scrape(http).value("plateau_up", part="redis") != 1:
-                assert time.monotonic() < deadline
-                time.sleep(0.2)
+            until(lambda: Scrape(http).value("plateau_up", part="redis") == 1, every_s=0.2)
 
     def test_of_the_blob_store_are_told(self, redis_url: str, tmp_path: Path) -> None:
         folder = tmp_path / "blobs"

@@ -20,9 +20,9 @@ from plateau.service.api.points import sums as point_sums
 from plateau.service.api.points.images import MOST_WAITING, PointImages, TooManyWait
 from plateau.service.api.points.sums import PointSums
 from plateau.service.judging.kept_slices import KeptSlice, SliceLost
-from tests.support.commands import until
 from tests.support.live_api import live_api
 from tests.support.noise_farm import NoiseFarm
+from tests.support.until import until
 
 SLICES = 6
 

@@ -18,8 +18,8 @@ from plateau.farm.model.states import JobState
 from plateau.farm.redis import keys
 from plateau.service.judging.films import checked_film
 from tests.service.api.test_jobs import problem
-from tests.support.real_farm import until
 from tests.support.staged_job import HEIGHT, WIDTH, StagedJob
+from tests.support.until import until
 
 
 def events(http: httpx.Client, job_id: str, **headers: str) -> Iterator[Event]:

@@ -28,7 +28,8 @@ from plateau.service.api.scene_checks.pool import (
 )
 from plateau.service.api.scene_checks.process import CheckBudget, CheckEnded
 from tests.support.bundles import PLY, include, mesh, scene, zipped
-from tests.support.real_farm import BOX, RealFarm, until
+from tests.support.real_farm import BOX, RealFarm
+from tests.support.until import until
 
 #: As the issue has them.
 UPLOADS = 60

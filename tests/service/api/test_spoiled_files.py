@@ -16,8 +16,8 @@ from plateau.farm.model.job import Job
 from plateau.farm.redis import keys
 from tests.support.live_api import live_api
 from tests.support.noise_farm import NoiseFarm, noise_film
-from tests.support.real_farm import until
 from tests.support.studies import ended_job
+from tests.support.until import until
 
 PICTURES = ("image.exr", "image.png", "difference.png", "non-finite.png", "thumbnail.png")
 SPEC = {"step": 20, "slice_spp": 10, "max_spp": 40, "rule": {"name": "fixed", "spp": 40}}

@@ -18,7 +18,7 @@ from plateau.farm.model.states import JobState
 from plateau.farm.wire.views import job_view
 from tests.support.live_api import live_api
 from tests.support.noise_farm import SIZE, NoiseFarm, noise_film
-from tests.support.real_farm import until
+from tests.support.until import until
 
 #: Of an image of these 768 pixels two may be broken.
 QUICK = {"step": 20, "slice_spp": 10, "max_spp": 400}

@@ -17,9 +17,9 @@ from plateau.farm.blobs.store import Blobs
 from plateau.farm.images.exr import decode_image
 from plateau.service.judging.previews import LEAST, MOST, MOST_BYTES, Previews, kept, missed_least
 from plateau.service.judging.thumbnails import LONGEST, thumbnail
-from tests.support.commands import until
 from tests.support.live_api import live_api
 from tests.support.noise_farm import NoiseFarm, noise_film
+from tests.support.until import until
 
 
 def test_the_one_that_is_missed_least_lies_between_the_closest_by_ratio() -> None:

@@ -10,7 +10,7 @@ from plateau.farm.model.job import Job
 from plateau.farm.model.states import JobState
 from tests.support.invariants import check_job
 from tests.support.noise_farm import NoiseFarm
-from tests.support.real_farm import until
+from tests.support.until import until
 
 
 @pytest.fixture

@@ -18,6 +18,7 @@ from plateau.farm.redis import keys
 from plateau.service.monitor.results import Results
 from tests.support.every_time import save_every_time
 from tests.support.noise_farm import SIZE, NoiseFarm, noise_film
+from tests.support.until import until
 
 QUICK = {"step": 20, "slice_spp": 10, "max_spp": 4000, "rule": {"name": "reverse"}}
 
@@ -27,42 +28,20 @@ def farm(client: redis.Redis, redis_url: str, tmp_path: Path) -> NoiseFarm:
     return NoiseFarm(client, redis_url, tmp_path)
 
 
-def until(condition: Callable[[], bool], seconds: float = 120) -> None:
-    deadline = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < deadline, "waited in vain"
-        time.sleep(0.01)
-
-
 def work(farm: NoiseFarm, job: Job, *, until_points: int | None = None) -> Job:
     """Commit slices as they are planned, until the job is finished or has so many points."""
-
-    def step() -> bool:
-        lease = farm.lease()
-        if lease is not None:
-            farm.commit(lease)
-        now = farm.jobs.get(job.id)
-        if until_points is not None:
-            return now.points >= until_points
-        return now.finished_at is not None
-
-    until(step)
+    if until_points is None:
+        return farm.finish(job)
+    farm.work(lambda: farm.jobs.get(job.id).points >= until_points)
     return farm.jobs.get(job.id)
 
 
 def lease_after_a_point(farm: NoiseFarm, job: Job) -> Lease:
     """A slice of the job, leased after its first point; its monitor has gone then."""
-    held: list[Lease] = []
-
-    def leased() -> bool:
-        held.extend(filter(None, [farm.lease()]))
-        return bool(held)
-
     with farm.monitor():
         farm.render(2)
         until(lambda: farm.jobs.get(job.id).points == 1)
-        until(leased)
-    return held[0]
+        return until(farm.lease)
 
 
 def judged(curve: list[CurvePoint]) -> list[dict[str, object]]:

@@ -1,7 +1,5 @@
 """Monitors share the jobs."""
 
-import time
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -10,6 +8,7 @@ import redis
 from plateau.farm.model.job import Job
 from plateau.farm.redis import keys
 from tests.support.noise_farm import NoiseFarm
+from tests.support.until import until
 
 SHORT = {"step": 20, "slice_spp": 10, "max_spp": 40, "rule": {"name": "fixed", "spp": 40}}
 
@@ -20,13 +19,6 @@ def farm(client: redis.Redis, redis_url: str, tmp_path: Path) -> NoiseFarm:
     # What is not given back comes back after this test
     farm.settings = farm.settings.model_copy(update={"lease_s": 600.0})
     return farm
-
-
-def until(condition: Callable[[], bool]) -> None:
-    deadline = time.monotonic() + 60
-    while not condition():
-        assert time.monotonic() < deadline, "waited in vain"
-        time.sleep(0.02)
 
 
 def owned(client: redis.Redis, jobs: list[Job]) -> int:

@@ -16,7 +16,7 @@ from plateau.farm.redis import keys
 from tests.support.every_time import save_every_time
 from tests.support.invariants import check_job
 from tests.support.noise_farm import NoiseFarm, noise_film
-from tests.support.real_farm import until
+from tests.support.until import until
 
 QUICK = {"step": 20, "slice_spp": 10, "max_spp": 4000, "rule": {"name": "reverse"}}
 

@@ -14,7 +14,7 @@ from plateau.farm.model.states import JobState
 from tests.support.every_time import save_every_time
 from tests.support.invariants import check_job
 from tests.support.noise_farm import NoiseFarm, noise_film
-from tests.support.real_farm import until
+from tests.support.until import until
 
 SLICE, STEP, SHOWN = 10, 20, 100
 #: So many slices are in the last checkpoint when ten are merged: five are too few for another.

@@ -31,9 +31,9 @@ from plateau.farm.redis.link import connect
 from plateau.farm.redis.wake import Wake
 from plateau.service.monitor.webhooks.deliverers import Deliverer, delivering
 from plateau.service.monitor.webhooks.requests import Requests
-from tests.support.real_farm import until
 from tests.support.receiver import OK, SECRET, Receiver, hangs, receiving
 from tests.support.staged_job import StagedJob
+from tests.support.until import until
 
 HERE = ("127.0.0.0/8",)
 

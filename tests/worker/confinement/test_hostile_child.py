@@ -17,7 +17,8 @@ import pytest
 from plateau.farm.model.states import JobState
 from tests.support import hostile_child
 from tests.support.commands import Command
-from tests.support.real_farm import BOX, RealFarm, until
+from tests.support.real_farm import BOX, RealFarm
+from tests.support.until import until
 
 pytestmark = pytest.mark.skipif(
     sys.platform != "linux" or platform.machine() != "x86_64",

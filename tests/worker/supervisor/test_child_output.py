@@ -11,7 +11,8 @@ from plateau.farm.blobs.store import Blobs
 from plateau.farm.model.job import LogEntry
 from plateau.farm.model.states import JobState
 from plateau.worker.supervisor.child_process import ChildDied, ChildLimits, RenderChild
-from tests.worker.supervisor.test_supervisor import SCENE, Bench, render_children, the_child, until
+from tests.support.until import until
+from tests.worker.supervisor.test_supervisor import SCENE, Bench, render_children, the_child
 
 LIMITS = ChildLimits(threads=2, memory_bytes=8 << 30, load_timeout_s=60, pass_timeout_s=60)
 #: Mitsuba warns of the parameter, and renders.

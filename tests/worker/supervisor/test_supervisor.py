@@ -7,7 +7,7 @@ import shutil
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -33,6 +33,7 @@ from plateau.farm.redis import keys
 from plateau.worker.supervisor.supervisor import Supervisor
 from plateau.worker.supervisor.variants import Probe, VariantChoice
 from tests.support.loop_disk import LoopDisk
+from tests.support.until import until
 
 SCALAR = VariantChoice("scalar_rgb", None, "asked for by the test", ())
 SCENE = """<scene version="3.0.0">
@@ -107,13 +108,6 @@ def test_it_shows_life_whether_redis_answers_or_not(bench: Bench, tmp_path: Path
         until(alive.exists)
         first = alive.stat().st_mtime_ns
         until(lambda: alive.stat().st_mtime_ns > first)
-
-
-def until(condition: Callable[[], object], seconds: float = 120) -> None:
-    deadline = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < deadline, "waited in vain"
-        time.sleep(0.01)
 
 
 def partials(bench: Bench, job: Job) -> list[str]:

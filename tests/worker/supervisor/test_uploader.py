@@ -14,9 +14,9 @@ from plateau.farm.ledger.ownership import Ownerships
 from plateau.farm.ledger.queue import Lease, SliceQueue
 from plateau.worker.supervisor.child_process import Loaded
 from plateau.worker.supervisor.uploader import Glimpse, Rendered, Uploader
-from tests.support.commands import until
 from tests.support.odd_s3 import OddS3
 from tests.support.staged_job import HEIGHT, WIDTH, StagedJob
+from tests.support.until import until
 
 
 def rendered(lease: Lease) -> Rendered:
