@@ -87,7 +87,7 @@ def half_buffer_estimate(
 
     Examples
     --------
-    >>> from metric import Half, View, VisibleDifferences
+    >>> from plateau.metric import Half, View, VisibleDifferences
     >>> noise = np.random.default_rng(1).normal(0, 0.05, (2, 64, 64, 3)).astype(np.float32)
     >>> even, odd = np.float32(0.4) + noise
     >>> estimate = half_buffer_estimate(

@@ -124,7 +124,7 @@ def forecast(
     Examples
     --------
     >>> import numpy as np
-    >>> from metric import Half, View, VisibleDifferences
+    >>> from plateau.metric import Half, View, VisibleDifferences
     >>> noise = np.random.default_rng(1).normal(0, 0.05, (2, 64, 64, 3)).astype(np.float32)
     >>> even, odd = np.float32(0.4) + noise
     >>> halves = Half(even, 50), Half(odd, 50)

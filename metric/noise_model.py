@@ -87,7 +87,7 @@ def noise_model(metric: VisibleDifferences, image: Image, halves: tuple[Half, Ha
 
     Examples
     --------
-    >>> from metric import Half, View, VisibleDifferences
+    >>> from plateau.metric import Half, View, VisibleDifferences
     >>> image = np.full((1, 1, 3), 0.5, np.float32)
     >>> half, rest = Half(image + np.float32(0.1), 20), Half(image - np.float32(0.025), 80)
     >>> noise_model(VisibleDifferences(View()), image, (half, rest)).noise[0, 0].round(3).tolist()

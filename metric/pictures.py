@@ -52,7 +52,7 @@ def non_finite_map(picture: NDArray[np.uint8], found: NonFinite) -> NDArray[np.u
 
     Examples
     --------
-    >>> from metric.non_finite import non_finite_pixels
+    >>> from plateau.metric.non_finite import non_finite_pixels
     >>> image = np.array([[[np.nan] * 3, [np.inf] * 3, [0] * 3]], np.float32)
     >>> codes = non_finite_map(np.zeros((1, 3, 3), np.uint8), non_finite_pixels(image))
     >>> MAP_PALETTE[codes].tolist()

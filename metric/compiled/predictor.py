@@ -39,7 +39,7 @@ class CompiledVisibleDifferences(VisibleDifferences):
 
     Examples
     --------
-    >>> from metric import View
+    >>> from plateau.metric import View
     >>> metric = CompiledVisibleDifferences(View())
     >>> grey = np.full((64, 64, 3), 0.5, np.float32)
     >>> spot = grey.copy()
