@@ -1,6 +1,6 @@
 """Figures in words, the same for whoever shows them: command line, report and pictures.
 
-The page says them the same way (``service/page/words.js``), and a test compares the two.
+The page says them the same way (``service/page/shared/figures.js``), and a test compares the two.
 """
 
 from decimal import ROUND_HALF_UP, Decimal

@@ -1,15 +1,16 @@
 // Which screen is shown: the path says, and going from one to another loads no page.
 
-import { complain, setAttribute } from "./dom.js";
-import { forgetKey, hasKey } from "./key.js";
-import { maySubmit, meetMe } from "./me.js";
-import * as job from "./job.js";
-import * as jobs from "./jobs.js";
-import * as observe from "./observe.js";
-import * as studies from "./studies.js";
-import * as study from "./study.js";
-import * as submit from "./submit.js";
-import * as workers from "./workers.js";
+import { forgetKey, hasKey } from "./shared/api_key.js";
+import { setAttribute } from "./shared/dom.js";
+import { complain } from "./shared/notices.js";
+import { maySubmit, meetMe } from "./shared/permissions.js";
+import * as job from "./job/job_screen.js";
+import * as jobs from "./jobs/jobs_screen.js";
+import * as observe from "./study/observe_screen.js";
+import * as studies from "./study/studies_screen.js";
+import * as study from "./study/study_screen.js";
+import * as submit from "./submit/submit_screen.js";
+import * as workers from "./workers/workers_screen.js";
 
 const SCREENS = [
   [/^\/$/, "jobs", jobs],

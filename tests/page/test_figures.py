@@ -23,7 +23,7 @@ SECONDS = (0, 4.25, 59.94, 59.96, 90, 119.5, 200.5, 3599.6, 5401, 9000)
 
 #: The page's own words for each of the values, by the name of what says them.
 SAY = """async (asked) => {
-  const words = await import("/page/words.js");
+  const words = await import("/page/shared/figures.js");
   const said = (name, value) => words[name](value).replaceAll("\\u00a0", " ");
   return asked.map(([name, values]) => values.map((value) => said(name, value)));
 }"""
@@ -55,7 +55,8 @@ def test_the_page_rounds_as_the_command_line_and_the_rules_do(page: Page) -> Non
 def test_shares_add_up(page: Page) -> None:
     for slices in ([1, 1, 1], [7, 5, 3, 2], [1], [999, 1], [25] * 7):
         said = page.evaluate(
-            """async (counts) => (await import("/page/words.js")).sharesOf(counts)""", slices
+            """async (counts) => (await import("/page/shared/figures.js")).sharesOf(counts)""",
+            slices,
         )
         tenths = [round(10 * float(share.split("\u00a0")[0])) for share in said]
         assert sum(tenths) == 1000

@@ -8,7 +8,7 @@ from playwright.sync_api import Page, Route, expect
 
 from plateau.farm.wire.examples import SCENE_XML
 from tests.page.conftest import Visit
-from tests.page.test_compare import finished
+from tests.page.job.test_compare import finished
 from tests.support.browser import Visitor
 from tests.support.noise_farm import NoiseFarm
 

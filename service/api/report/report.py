@@ -16,7 +16,7 @@ from plateau.farm.model.job import CurvePoint, Event, Job, utc_now
 from plateau.farm.wire import figures
 from plateau.service.api.report.curve import curve_svg
 
-_STYLE: Final = (Path(__file__).parents[2] / "page" / "report.css").read_text("utf-8")
+_STYLE: Final = Path(__file__).with_name("report.css").read_text("utf-8")
 _STYLE_HASH: Final = base64.b64encode(hashlib.sha256(_STYLE.encode()).digest()).decode()
 #: What a report may do where it is served; saved, it needs no rule to do nothing.
 POLICY: Final = (

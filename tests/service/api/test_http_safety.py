@@ -93,7 +93,7 @@ class TestEveryAnswer:
             assert answer.status_code == 200, path
             assert_safe(answer)
 
-    @pytest.mark.parametrize("path", ["/page/style.css", "/v1/jobs/{job}/curve"])
+    @pytest.mark.parametrize("path", ["/page/shared/style.css", "/v1/jobs/{job}/curve"])
     def test_that_nothing_has_changed_says_so(
         self, http: httpx.Client, client: redis.Redis, path: str
     ) -> None:

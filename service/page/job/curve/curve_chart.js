@@ -1,0 +1,277 @@
+// A job's convergence: what has changed since the first image, and the noise left.
+
+import { h, setText } from "../../shared/dom.js";
+import { three, whole } from "../../shared/figures.js";
+import { rulesOf, stopSlope } from "../../shared/job_summary.js";
+import { say } from "../../shared/notices.js";
+import { colours, compact, decades, fromZero } from "./axes.js";
+import { drawForecast, drawLevel, drawStops, forecastOf, stopsOf } from "./marks.js";
+import { PointTable, told } from "./point_table.js";
+import uPlot from "../../vendor/uPlot.esm.js";
+
+const HEIGHT_ABOVE = 250;
+const HEIGHT_BELOW = 200;
+const AXIS_PX = 58;
+
+export class CurveChart {
+  #job = null;
+  #points = [];
+  #plots = [];
+  #zoom = null;
+  #at = null;
+  #above = h("div", { class: "plot" });
+  #below = h("div", { class: "plot" });
+  #readout = h("p", { class: "readout" });
+  #slope = h("span", { class: "slope" });
+  #table = new PointTable();
+  #drawn = "";
+  #logX = toggle("spp", false, () => this.#build());
+  #logAbove = toggle("changed", false, () => this.#build());
+  #logBelow = toggle("noise left", true, () => this.#build());
+  #host;
+  #empty = h("p", { class: "lead" });
+  #full;
+
+  constructor(signal) {
+    const button = (text, label, act) => h("button", { class: "quiet", "aria-label": label, title: label, onclick: act }, text);
+    this.#host = h("div", {
+      class: "plots", tabindex: 0, role: "group",
+      "aria-label": "Convergence curve. Left and right walk along its points, plus and minus zoom, 0 shows all.",
+      onkeydown: (event) => this.#key(event),
+    },
+    h("p", { class: "plot-title" }, h("b", {}, "Changed since the first image"), ": pixels that differ visibly from it", this.#slope),
+    this.#above,
+    h("p", { class: "plot-title" }, h("b", {}, "Noise left"), ": pixels that more samples would still change visibly, by half buffers"),
+    this.#below);
+    this.#full = h("div", { hidden: true },
+      h("div", { class: "tools" },
+        h("span", { class: "toggles", role: "group", "aria-label": "Logarithmic axes" },
+          "Logarithmic", this.#logX.label, this.#logAbove.label, this.#logBelow.label),
+        h("span", { class: "push" },
+          button("−", "Zoom out", () => this.#zoomBy(2)), button("+", "Zoom in", () => this.#zoomBy(0.5)),
+          button("All", "Show all of the curve", () => this.#zoomTo(null)))),
+      this.#host, this.#readout,
+      this.#table.element);
+    this.element = h("section", { class: "curve", "aria-labelledby": "curve-title" },
+      h("h2", { id: "curve-title" }, "Its way to the plateau"), this.#empty, this.#full);
+    const observer = new ResizeObserver(() => this.#resize());
+    observer.observe(this.#above);
+    const dark = matchMedia("(prefers-color-scheme: dark)");
+    dark.addEventListener("change", () => this.#build(), { signal });
+    signal.addEventListener("abort", () => {
+      observer.disconnect();
+      this.#destroy();
+    });
+  }
+
+  show(job, points) {
+    const rebuild = !this.#plots.length || this.#job?.width !== job.width;
+    this.#job = job;
+    this.#points = points;
+    this.#full.hidden = !points.length;
+    this.#empty.hidden = points.length > 0;
+    if (!points.length) {
+      setText(this.#empty, job.finished_at ? "The curve has no point: the job ended before its first step."
+        : `The curve begins at its first step, ${whole(job.spec.step)} spp.`);
+      return;
+    }
+    // Most looks bring nothing new.
+    const drawn = `${points.length} ${job.state}`;
+    if (!rebuild && drawn === this.#drawn) return;
+    this.#drawn = drawn;
+    if (rebuild) this.#build();
+    else this.#update();
+    this.#words();
+  }
+
+  // Both plots.
+
+  #build() {
+    this.#destroy();
+    if (!this.#points.length) return;
+    const theme = colours();
+    const sync = uPlot.sync(`curve ${this.#job.id}`);
+    this.#plots = [
+      new uPlot(this.#options(HEIGHT_ABOVE, theme, sync, this.#seriesAbove(theme), {
+        log: this.#logAbove.input.checked, bands: [], draw: (plot) => drawStops(plot, stopsOf(this.#job, this.#points), theme, true),
+      }), this.#dataAbove(), this.#above),
+      new uPlot(this.#options(HEIGHT_BELOW, theme, sync, this.#seriesBelow(theme), {
+        log: this.#logBelow.input.checked, bands: [{ series: [3, 2], fill: theme.band }],
+        draw: (plot) => {
+          drawStops(plot, stopsOf(this.#job, this.#points), theme, false);
+          drawLevel(plot, this.#target(), theme);
+          drawForecast(plot, this.#points, this.#target(), theme);
+        },
+      }), this.#dataBelow(), this.#below),
+    ];
+    this.#plots[1].target = this.#target();
+    this.#update();
+  }
+
+  #options(height, theme, sync, series, { log, bands, draw }) {
+    const axis = { stroke: theme.ink, grid: { stroke: theme.grid, width: 1 }, ticks: { show: false }, font: theme.font };
+    const short = (_, values) => values.map((value) => (value == null ? "" : compact(value)));
+    return {
+      width: Math.max(200, this.#above.clientWidth), height, series, bands,
+      legend: { show: false },
+      scales: {
+        x: { time: false, auto: false, distr: this.#logX.input.checked ? 3 : 1 },
+        y: log ? { distr: 3, range: decades } : { range: fromZero },
+      },
+      axes: [
+        { ...axis, values: short, space: 60, size: 30 },
+        { ...axis, values: short, size: AXIS_PX },
+      ],
+      cursor: {
+        sync: { key: sync.key, setSeries: false }, drag: { x: true, y: false }, focus: { prox: 1e6 },
+        points: { size: 9 },
+        bind: { dblclick: () => () => this.#zoomTo(null) },
+      },
+      hooks: {
+        draw: [draw],
+        setCursor: [(plot) => this.#read(plot.cursor.idx)],
+        setSelect: [(plot) => {
+          if (plot.select.width < 4) return;
+          const [min, max] = [plot.select.left, plot.select.left + plot.select.width].map((x) => plot.posToVal(x, "x"));
+          this.#zoomTo({ min, max });
+        }],
+      },
+    };
+  }
+
+  #seriesAbove(theme) {
+    return [{}, line(theme.curve), { stroke: theme.stopFaint, width: 5, points: { show: false } },
+      { stroke: theme.stop, width: 1.5, dash: [5, 4], points: { show: false } }];
+  }
+
+  #seriesBelow(theme) {
+    const edge = { stroke: "transparent", points: { show: false } };
+    return [{}, line(theme.estimate), edge, edge];
+  }
+
+  #dataAbove() {
+    const points = this.#points;
+    const rule = rulesOf(this.#job).find(({ name }) => name === "reverse");
+    const window = points.slice(-(rule?.window ?? 5));
+    const slope = points[points.length - 1].slope;
+    const mean = (of) => window.reduce((sum, point) => sum + of(point), 0) / window.length;
+    const [spp, visible] = [mean((point) => point.spp), mean((point) => point.visible_pixels)];
+    const laid = (steepness) => points.map((point) =>
+      steepness != null && window.includes(point) ? visible + steepness * (point.spp - spp) : null);
+    return [
+      points.map((point) => point.spp),
+      points.map((point) => drawable(point.visible_pixels, this.#logAbove)),
+      laid(slope),
+      laid(rule && slope != null ? stopSlope(this.#job, rule) : null),
+    ];
+  }
+
+  #dataBelow() {
+    const column = (name) => this.#points.map((point) => drawable(point[name], this.#logBelow));
+    return [this.#points.map((point) => point.spp), column("estimate_pixels"),
+      column("estimate_low_pixels"), column("estimate_high_pixels")];
+  }
+
+  #target() {
+    const rule = rulesOf(this.#job).find(({ name }) => name === "visible");
+    return rule ? rule.target * this.#job.width * this.#job.height : null;
+  }
+
+  #update() {
+    if (!this.#plots.length) return;
+    const data = [this.#dataAbove(), this.#dataBelow()];
+    const range = this.#zoom ?? this.#whole();
+    this.#plots.forEach((plot, index) => plot.batch(() => {
+      plot.setData(data[index], false);
+      plot.setScale("x", range);
+    }));
+  }
+
+  #whole() {
+    const last = this.#points[this.#points.length - 1].spp;
+    const forecast = forecastOf(this.#points);
+    const max = Math.max(last, this.#job.state === "rendering" ? Math.min(forecast?.spp ?? 0, 2.5 * last) : 0);
+    const min = this.#logX.input.checked ? this.#points[0].spp * 0.9 : 0;
+    return { min, max: max * 1.03 };
+  }
+
+  #zoomBy(factor) {
+    const { min, max } = this.#zoom ?? this.#whole();
+    const middle = this.#at == null ? (min + max) / 2 : this.#points[this.#at].spp;
+    const all = this.#whole();
+    const next = { min: Math.max(all.min, middle - (middle - min) * factor), max: Math.min(all.max, middle + (max - middle) * factor) };
+    this.#zoomTo(factor > 1 && next.min <= all.min && next.max >= all.max ? null : next);
+  }
+
+  #zoomTo(zoom) {
+    if (zoom && zoom.max - zoom.min < this.#job.spec.step / 2) return;
+    this.#zoom = zoom;
+    this.#update();
+    for (const plot of this.#plots) plot.setSelect({ left: 0, top: 0, width: 0, height: 0 }, false);
+  }
+
+  #resize() {
+    const width = this.#above.clientWidth;
+    if (width < 1) return;
+    for (const plot of this.#plots) if (plot.width !== width) plot.setSize({ width, height: plot.height });
+  }
+
+  #destroy() {
+    for (const plot of this.#plots) plot.destroy();
+    this.#plots = [];
+  }
+
+  // What is said of it.
+
+  #words() {
+    const { slope } = this.#points[this.#points.length - 1];
+    const rule = rulesOf(this.#job).find(({ name }) => name === "reverse");
+    const aim = rule ? `; reverse waits for ${three(stopSlope(this.#job, rule))}` : "";
+    setText(this.#slope, slope == null ? "" : `, rising by ${three(slope)} px/spp${aim}`);
+    if (this.#at == null) this.#read(null);
+    this.#table.show(this.#points);
+  }
+
+  #read(index) {
+    this.#at = index ?? null;
+    const point = this.#points[index ?? this.#points.length - 1];
+    if (point) setText(this.#readout, told(point));
+  }
+
+  #key(event) {
+    const last = this.#points.length - 1;
+    const step = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
+    if (step) this.#walk(Math.min(last, Math.max(0, (this.#at ?? (step > 0 ? -1 : last + 1)) + step)));
+    else if (event.key === "Home") this.#walk(0);
+    else if (event.key === "End") this.#walk(last);
+    else if (event.key === "+" || event.key === "=") this.#zoomBy(0.5);
+    else if (event.key === "-") this.#zoomBy(2);
+    else if (event.key === "0") this.#zoomTo(null);
+    else return;
+    event.preventDefault();
+  }
+
+  #walk(index) {
+    const point = this.#points[index];
+    for (const plot of this.#plots) {
+      const top = plot.valToPos(point.visible_pixels, "y");
+      plot.setCursor({ left: plot.valToPos(point.spp, "x"), top: Number.isFinite(top) ? top : 0 }, false);
+    }
+    this.#read(index);
+    say(told(point));
+  }
+}
+
+/** On a logarithmic axis there is no place for zero. */
+function drawable(value, { input: { checked: logarithmic } }) {
+  return value == null || (logarithmic && value <= 0) ? null : value;
+}
+
+function toggle(name, checked, act) {
+  const input = h("input", { type: "checkbox", checked, onchange: act });
+  return { input, label: h("label", { class: "toggle" }, input, name) };
+}
+
+function line(stroke) {
+  return { stroke, width: 2, points: { show: true, size: 6, fill: stroke } };
+}

@@ -1,0 +1,109 @@
+// What is drawn over the curves: where each rule stops, the level aimed at, and the way there.
+
+import { rulesOf } from "../../shared/job_summary.js";
+
+/** Where each rule stopped, or would have: `{ name, spp, own }`, the job's own one first. */
+export function stopsOf(job, points) {
+  return rulesOf(job).flatMap(({ name }, index) => {
+    const first = points.find((point) => point.rules[name]?.stop);
+    return first ? [{ name, spp: first.spp, own: index === 0 }] : [];
+  });
+}
+
+/** Where the last estimate that has one says that the target is reached: `{ spp, low, high }`. */
+export function forecastOf(points) {
+  const last = points[points.length - 1];
+  if (last?.forecast_spp == null || last.forecast_spp <= last.spp) return null;
+  return { spp: last.forecast_spp, low: last.forecast_low_spp, high: last.forecast_high_spp };
+}
+
+/** Draws on a plot's canvas, whose units are device pixels, clipped to the plot. */
+function onPlot(plot, draw) {
+  const { ctx, bbox } = plot;
+  const unit = devicePixelRatio;
+  ctx.save();
+  ctx.beginPath();
+  ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
+  ctx.clip();
+  draw(ctx, bbox, unit, {
+    x: (value) => plot.valToPos(value, "x", true),
+    y: (value) => plot.valToPos(value, "y", true),
+  });
+  ctx.restore();
+}
+
+/** Vertical lines where rules stop, with their names where `named`. */
+export function drawStops(plot, stops, theme, named) {
+  onPlot(plot, (ctx, bbox, unit, to) => {
+    ctx.font = theme.font.replace("12px", `${12 * unit}px`);
+    stops.forEach(({ name, spp, own }, index) => {
+      const x = Math.round(to.x(spp));
+      ctx.strokeStyle = ctx.fillStyle = theme.ink;
+      ctx.lineWidth = (own ? 2 : 1) * unit;
+      ctx.setLineDash(own ? [] : [4 * unit, 3 * unit]);
+      ctx.beginPath();
+      ctx.moveTo(x, bbox.top);
+      ctx.lineTo(x, bbox.top + bbox.height);
+      ctx.stroke();
+      if (!named) return;
+      const text = own ? `${name} stops` : `${name} would stop`;
+      // To the left where there is no room to the right; from the top down, so that all stay legible.
+      const room = x + ctx.measureText(text).width + 6 * unit < bbox.left + bbox.width;
+      ctx.textAlign = room ? "left" : "right";
+      ctx.fillText(text, x + (room ? 5 : -5) * unit, bbox.top + (14 + 15 * index) * unit);
+    });
+  });
+}
+
+/** The horizontal line that the rule `visible` waits for. */
+export function drawLevel(plot, target, theme) {
+  if (target == null) return;
+  onPlot(plot, (ctx, bbox, unit, to) => {
+    const y = Math.round(to.y(target));
+    if (!Number.isFinite(y)) return;
+    ctx.strokeStyle = theme.stop;
+    ctx.lineWidth = 1.5 * unit;
+    ctx.beginPath();
+    ctx.moveTo(bbox.left, y);
+    ctx.lineTo(bbox.left + bbox.width, y);
+    ctx.stroke();
+    ctx.font = theme.font.replace("12px", `${12 * unit}px`);
+    ctx.fillStyle = theme.stop;
+    ctx.textAlign = "right";
+    ctx.fillText("target", bbox.left + bbox.width - 4 * unit, y - 5 * unit);
+  });
+}
+
+/** From the last estimate to the target, with the band in which it will be met. */
+export function drawForecast(plot, points, target, theme) {
+  const forecast = forecastOf(points);
+  const last = points[points.length - 1];
+  if (!forecast || target == null || last.estimate_pixels == null) return;
+  onPlot(plot, (ctx, bbox, unit, to) => {
+    const [x, y] = [to.x(forecast.spp), to.y(target)];
+    ctx.strokeStyle = ctx.fillStyle = theme.estimate;
+    ctx.lineWidth = 1.5 * unit;
+    ctx.setLineDash([2 * unit, 4 * unit]);
+    ctx.beginPath();
+    // The estimate falls by a power law: a straight line on two logarithmic axes.
+    const power = Math.log(target / last.estimate_pixels) / Math.log(forecast.spp / last.spp);
+    for (let part = 0; part <= 24; part += 1) {
+      const spp = last.spp * (forecast.spp / last.spp) ** (part / 24);
+      ctx.lineTo(to.x(spp), to.y(last.estimate_pixels * (spp / last.spp) ** power));
+    }
+    ctx.stroke();
+    ctx.setLineDash([]);
+    if (forecast.low != null && forecast.high != null) {
+      ctx.lineWidth = 4 * unit;
+      ctx.globalAlpha = 0.4;
+      ctx.beginPath();
+      ctx.moveTo(to.x(forecast.low), y);
+      ctx.lineTo(to.x(forecast.high), y);
+      ctx.stroke();
+      ctx.globalAlpha = 1;
+    }
+    ctx.beginPath();
+    ctx.arc(x, y, 4 * unit, 0, 2 * Math.PI);
+    ctx.fill();
+  });
+}

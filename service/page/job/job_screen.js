@@ -1,0 +1,125 @@
+// A job: is it there yet, what does it look like, and why did it stop?
+
+import { follow, get } from "../shared/api.js";
+import { h, setAttribute, setText } from "../shared/dom.js";
+import { ago, whole } from "../shared/figures.js";
+import { controls } from "../shared/job_controls.js";
+import { ENDED, timeLeft, title, took } from "../shared/job_summary.js";
+import { complain } from "../shared/notices.js";
+import { maySteer } from "../shared/permissions.js";
+import { repeat } from "../shared/polling.js";
+import { studyButton } from "../study/make_study_dialog.js";
+import { goOnButton } from "./continue_dialog.js";
+import { Facts } from "./cost_figures.js";
+import { CurveChart } from "./curve/curve_chart.js";
+import { reasonInWords } from "./reason.js";
+import { rejudgeButton } from "./rejudge_dialog.js";
+import { Records } from "./story_log_files.js";
+import { Viewer } from "./viewer/viewer.js";
+
+const LOOK_MS = 1500;
+const CALM_MS = 10_000;
+
+export function open(main, { id, signal, go }) {
+  document.title = "Plateau";
+  const path = `/v1/jobs/${encodeURIComponent(id)}`;
+  const name = h("h1");
+  const state = h("span", { class: "state", role: "status" });
+  const about = h("p", { class: "summary" });
+  const reason = h("p", { class: "reason" });
+  const progress = h("progress", { max: 1, "aria-label": "Samples merged of the cap" });
+  const before = h("p", { class: "summary", hidden: true }, "It goes on from ", h("a"), ".");
+  const actions = h("div", { class: "job-actions", role: "group", "aria-label": "What you can do" });
+  const chart = new CurveChart(signal);
+  const viewer = new Viewer(signal);
+  const facts = new Facts();
+  const records = new Records(signal);
+  const points = [];
+  let newest = null;
+  let shown = "";
+
+  const screen = h("article", { class: "one-job", hidden: true },
+    h("header", {},
+      h("p", { class: "crumb" }, h("a", { href: "/" }, "Jobs")),
+      h("div", { class: "head" },
+        h("div", {}, h("p", { class: "title" }, name, state), about, before),
+        actions),
+      reason, progress),
+    h("div", { class: "pair" }, viewer.element, chart.element),
+    facts.element, records.element);
+  // Until the job is here, its place has a name for who listens.
+  const absent = h("div", { class: "nothing" }, h("h1", { class: "unseen" }, "A job"));
+  main.append(screen, absent);
+
+  async function look() {
+    let job;
+    try {
+      job = await get(path, signal);
+    } catch (error) {
+      if (error.slug !== "unknown-job") throw error;
+      screen.hidden = true;
+      absent.hidden = false;
+      absent.replaceChildren(h("h1", {}, "There is no such job"), h("p", {}, error.message), h("a", { href: "/" }, "All jobs"));
+      return null;
+    }
+    if (job.points > points.length) {
+      const curve = await get(job.links.curve, signal);
+      points.splice(0, points.length, ...curve.points);
+    }
+    show(job);
+    await viewer.show(job, points);
+    return job;
+  }
+
+  function show(job) {
+    newest = job;
+    screen.hidden = false;
+    absent.hidden = true;
+    document.title = `${title(job)}: ${job.state} · Plateau`;
+    setText(name, title(job));
+    setText(state, job.state);
+    setAttribute(state, "data-state", job.state);
+    setText(about, [
+      job.width && `${job.width} × ${job.height}`,
+      job.variant,
+      job.spec.batch && `batch ${job.spec.batch}`,
+      job.owner_name && `by ${job.owner_name}`,
+      ENDED.has(job.state) ? `${took(job)}, ended ${ago(job.ended_at)}` : timeLeft(job) || `submitted ${ago(job.created_at)}`,
+    ].filter(Boolean).join(" · "));
+    before.hidden = !job.continues;
+    if (job.continues) {
+      setAttribute(before.children[0], "href", `/jobs/${job.continues}`);
+      setText(before.children[0], `an earlier job, at ${whole(job.continued_spp)} spp`);
+    }
+    setText(reason, reasonInWords(job));
+    progress.hidden = ENDED.has(job.state);
+    // Of what is ahead, the forecast is what counts, where there is one.
+    const goal = job.spec.rule.name === "visible" && job.forecast_spp ? Math.min(job.forecast_spp, job.spec.max_spp) : job.spec.max_spp;
+    progress.value = Math.min(1, job.spp / goal);
+    setAttribute(progress, "title", `${whole(job.spp)} of ${whole(goal)} spp`);
+    const kind = `${job.state} ${job.spec.priority} ${job.finished_at ?? ""} ${maySteer(job)}`;
+    if (kind !== shown) {
+      shown = kind;
+      actions.replaceChildren(...[goOnButton(job, go), rejudgeButton(job, go), studyButton(job, go), ...controls(() => newest, look)].filter(Boolean));
+    }
+    chart.show(job, points);
+    facts.show(job);
+    records.show(job);
+  }
+
+  let last = null;
+  let wanted = false;
+  async function lookSoon() {
+    if (wanted) return;
+    wanted = true;
+    await new Promise((resolve) => setTimeout(resolve, 150));
+    wanted = false;
+    last = await look().catch(() => last);
+  }
+  follow(`${path}/events`, (events) => {
+    records.tell(events);
+    if (events.some(({ type }) => type !== "slice")) lookSoon();
+  }, signal).catch((error) => complain(error.message));
+  // Events say that something is new; images come a little later, and rates change in between.
+  repeat(async () => (last = await look()), () => (last && !last.finished_at ? LOOK_MS : CALM_MS), signal);
+}

@@ -1,0 +1,132 @@
+// What is on record of a job: its story, who rendered its slices, its log, what was asked, its files.
+
+import { download, get } from "../shared/api.js";
+import { h, setText } from "../shared/dom.js";
+import { clock, duration, several, sharesOf, whole } from "../shared/figures.js";
+import { complain } from "../shared/notices.js";
+
+const EVERY_MS = 4000;
+
+export class Records {
+  #signal;
+  #job = null;
+  #events = [];
+  #fetchedAt = new Map();
+  #story = h("ol", { class: "story" });
+  #notes = h("ul", { class: "notes" });
+  #workers = h("tbody");
+  #log = h("div", { class: "log" });
+  #spec = h("pre", { tabindex: 0, "aria-label": "The job's spec" });
+  #files = h("ul", { class: "files" });
+  #filesShown = "";
+  #slices;
+  #logBox;
+
+  constructor(signal) {
+    this.#signal = signal;
+    const box = (name, ...inside) => h("details", {}, h("summary", {}, name), ...inside);
+    this.#slices = box("Who rendered it",
+      h("div", { class: "scroll", tabindex: 0, role: "group", "aria-label": "The slices of each worker" }, h("table", {}, h("thead", {}, h("tr", {},
+        ...["worker", "slices", "spp", "rendering", "a slice", "share"].map((name) => h("th", { scope: "col" }, name)))),
+      this.#workers)));
+    this.#logBox = box("Log", this.#log);
+    for (const one of [this.#slices, this.#logBox]) one.addEventListener("toggle", () => this.#fetch());
+    this.element = h("section", { class: "records", "aria-label": "Records" },
+      h("div", {}, h("h2", {}, "Files"), this.#files),
+      h("details", { open: true }, h("summary", {}, "Story"), this.#story, this.#notes),
+      this.#slices, this.#logBox, box("What was asked", this.#spec));
+  }
+
+  /** Takes in events of the job's stream. */
+  tell(events) {
+    this.#events.push(...events.filter(({ type }) => ["state", "image", "trouble", "finished"].includes(type)));
+    this.#story.replaceChildren(...this.#events.map(({ type, data }) => h("li", { "data-type": type },
+      h("time", { datetime: data.at }, clock(data.at)), " ", ...told(type, data))));
+  }
+
+  show(job) {
+    this.#job = job;
+    this.#showFiles();
+    this.#notes.replaceChildren(...job.notes.map((note) => h("li", {}, note)));
+    this.#notes.hidden = !job.notes.length;
+    setText(this.#spec, JSON.stringify(job.spec, null, 2));
+    this.#fetch();
+  }
+
+  #showFiles() {
+    const { id, links, points, image_spp: image, finished_at: finished, non_finite_pixels: broken } = this.#job;
+    const kind = [image, points, finished, broken].map(Boolean).join();
+    if (kind === this.#filesShown) return;
+    this.#filesShown = kind;
+    const ofImage = [
+      ["image.exr", "EXR", "the merged image, linear float32", links.image_exr],
+      ["image.png", "PNG", "the image as judged", links.image_png],
+    ];
+    const ofPoints = [
+      ["difference.png", "Difference", "what has changed since the first image", links.difference_png],
+      ["curve.csv", "CSV", "the points of the curve", `${links.self}/curve.csv`],
+    ];
+    const ofBroken = [["non-finite.png", "Broken", "where the image is NaN or infinite", links.non_finite_png]];
+    const report = ["report.html", "Report", "all of it on one page that stands alone", links.report];
+    const files = [...(image ? ofImage : []), ...(points ? ofPoints : []), ...(broken ? ofBroken : [])];
+    const save = (name, path) => async (event) => {
+      event.preventDefault();
+      await download(path, `${id}-${name}`).catch((error) => complain(error.message, true));
+    };
+    this.#files.replaceChildren(...(files.length ? [...files, report].map(([name, short, what, path]) => h("li", {},
+      h("a", { href: path, download: `${id}-${name}`, onclick: save(name, path) }, short), " ", h("span", {}, what)))
+      : [h("li", {}, finished ? "It ended without any." : "They come with its first samples.")]));
+  }
+
+  /** Fetches what is open, now and then while the job runs. */
+  #fetch() {
+    if (!this.#job) return;
+    if (this.#slices.open && this.#due("slices")) this.#fetchSlices().catch((error) => complain(error.message));
+    if (this.#logBox.open && this.#due("log")) this.#fetchLog().catch((error) => complain(error.message));
+  }
+
+  #due(what) {
+    const state = this.#job.finished_at ?? "";
+    const before = this.#fetchedAt.get(what);
+    if (before && before.state === state && (state || Date.now() < before.at + EVERY_MS)) return false;
+    this.#fetchedAt.set(what, { state, at: Date.now() });
+    return true;
+  }
+
+  async #fetchSlices() {
+    const { slices } = await get(this.#job.links.slices, this.#signal);
+    const workers = new Map();
+    for (const { worker, spp, render_s: seconds } of slices) {
+      const sum = workers.get(worker) ?? { slices: 0, spp: 0, seconds: 0 };
+      workers.set(worker, { slices: sum.slices + 1, spp: sum.spp + spp, seconds: sum.seconds + seconds });
+    }
+    const all = slices.reduce((sum, { spp }) => sum + spp, 0);
+    const sorted = [...workers].sort(([, a], [, b]) => b.spp - a.spp);
+    const shares = sharesOf(sorted.map(([, { spp }]) => spp));
+    this.#workers.replaceChildren(...sorted.map(([name, sum], at) =>
+      h("tr", {}, h("th", { scope: "row" }, name),
+        ...[whole(sum.slices), whole(sum.spp), duration(sum.seconds), duration(sum.seconds / sum.slices)].map((text) => h("td", {}, text)),
+        h("td", {}, h("meter", { min: 0, max: 1, value: sum.spp / all, "aria-label": `Share of ${name}` }), ` ${shares[at]}`))));
+    setText(this.#slices.querySelector("summary"), `Who rendered it: ${several(workers.size, "worker")}, ${several(slices.length, "slice")}`);
+  }
+
+  async #fetchLog() {
+    const { entries } = await get(this.#job.links.log, this.#signal);
+    const shown = entries.filter(({ what, text }) => what !== "committed" || text);
+    const quiet = entries.length - shown.length;
+    this.#log.replaceChildren(
+      h("p", { class: "hint" }, quiet ? `${several(quiet, "slice")} went through without trouble.` : ""),
+      ...shown.map((entry) => h("div", {},
+        h("p", { "data-what": entry.what }, h("time", { datetime: entry.at }, clock(entry.at)),
+          ` slice ${entry.slice} ${entry.what} by ${entry.worker}`, entry.cause ? `: ${entry.cause}` : ""),
+        entry.text && h("pre", { tabindex: 0, "aria-label": `Output of slice ${entry.slice}` }, entry.text))));
+  }
+}
+
+function told(type, data) {
+  if (type === "image") return [`The first image is there, of ${whole(data.spp)} spp.`];
+  if (type === "finished") return ["The final images are written."];
+  if (type === "trouble") return [`Slice ${data.index}, worker ${data.worker}: ${data.cause}`];
+  const reason = data.reason && data.reason !== data.to ? `: ${data.reason}` : "";
+  return [h("b", { class: "state", "data-state": data.to }, data.to), reason];
+}

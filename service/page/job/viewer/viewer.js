@@ -1,0 +1,224 @@
+// A job's image: as it improves, at any exposure, against earlier ones, and where it differs.
+
+import { h, setAttribute, setText } from "../../shared/dom.js";
+import { several, whole } from "../../shared/figures.js";
+import { Comparison, newestOf } from "./comparison.js";
+import { Side } from "./image_layer.js";
+import { ZoneMap } from "./zone_map.js";
+import { Stage } from "./zoom_pan.js";
+
+/** What takes longer than this is said to be under way. */
+const SOON_MS = 400;
+const MODES = [
+  ["image", "Image"],
+  ["compare", "Compare"],
+  ["difference", "Difference"],
+  ["broken", "Broken"],
+  ["zones", "Zones"],
+];
+
+/** Maps that lie over the image, by mode: their link, and the figure without which there is none. */
+const MAPS = {
+  difference: { link: "difference_png", where: "points" },
+  broken: { link: "non_finite_png", where: "non_finite_pixels" },
+};
+
+export class Viewer {
+  #signal;
+  #job = null;
+  #points = [];
+  #mode = "image";
+  #lower = new Side();
+  #upper = new Side();
+  #zones = new ZoneMap();
+  #stage = new Stage([this.#lower.element, this.#upper.element, this.#zones.element], (at) => this.#wipeTo(at));
+  /** The mode whose picture lies above; null before there is one. */
+  #aboveOf = null;
+  #listed = "";
+  #busy = false;
+  #asked = 0;
+  #nothing = h("p", { class: "nothing-yet" });
+  #caption = h("p", { class: "caption" });
+  #compare = new Comparison(() => this.#choose(), () => this.#layers());
+  #exposure = slider("Exposure", { min: -6, max: 6, step: 0.1, value: 0 }, () => this.#expose());
+  #overlay = slider("Overlay", { min: 0, max: 100, step: 1, value: 100 }, () => this.#layers());
+  #light;
+  #doubt = h("p", { class: "hint" });
+  #panels;
+
+  constructor(signal) {
+    this.#signal = signal;
+    const zones = h("select", { onchange: () => { this.#zones.measure(zones.value); this.#words(); } },
+      h("option", { value: "estimate_fraction" }, "noise left"),
+      h("option", { value: "visible_fraction" }, "changed since the first image"));
+    const reset = h("button", { class: "quiet", onclick: () => { this.#exposure.input.value = 0; this.#expose(); } }, "As judged");
+    this.#light = h("div", { class: "panel" }, this.#exposure.label, reset, this.#doubt);
+    this.#panels = {
+      compare: this.#compare.element,
+      difference: h("div", { class: "panel" }, this.#overlay.label,
+        h("span", { class: "hint" }, "Orange: changed since the first image, as a person sees it.")),
+      broken: h("div", { class: "panel" },
+        h("span", { class: "hint" }, "Magenta: NaN. Blue: infinite. No sample repairs such a pixel; look for its emitter, texture or material.")),
+      zones: h("div", { class: "panel" }, h("label", {}, h("span", {}, "By zones"), zones)),
+    };
+    const modes = h("div", { class: "modes", role: "group", "aria-label": "What is shown" },
+      MODES.map(([value, text]) => h("button", {
+        "aria-pressed": String(value === this.#mode), "data-mode": value, hidden: value === "broken", onclick: () => this.#turn(value),
+      }, text)));
+    this.#stage.element.hidden = true;
+    this.element = h("section", { class: "viewer", "aria-labelledby": "image-title" },
+      h("div", { class: "viewer-head" }, h("h2", { id: "image-title" }, "Its image"), modes),
+      this.#nothing, this.#stage.element, this.#caption,
+      ...Object.values(this.#panels), this.#light);
+    this.#turn("image");
+    signal.addEventListener("abort", () => {
+      this.#lower.letGo();
+      this.#upper.letGo();
+    });
+  }
+
+  /** Shows the job's newest image and its newest point; at most one look is under way. */
+  async show(job, points) {
+    this.#job = job;
+    this.#points = points;
+    this.#zones.show(job, points[points.length - 1]);
+    this.element.querySelector("[data-mode=broken]").hidden = !job.non_finite_pixels;
+    if (!job.image_spp) {
+      setText(this.#nothing, job.finished_at ? "The job ended without an image." : "Its first image comes with its first samples.");
+      return;
+    }
+    if (this.#busy) return;
+    this.#busy = true;
+    try {
+      await this.#look();
+    } catch (error) {
+      if (error.name === "AbortError") return;
+      if (error.slug !== "no-image-yet") throw error;
+      if (job.finished_at) setText(this.#nothing, error.message);
+    } finally {
+      this.#busy = false;
+    }
+  }
+
+  /** Fetches what the chosen mode shows; what has not changed is not shown again. */
+  async #look() {
+    const { points, finished_at: finished } = this.#job;
+    const stamp = `${points} ${finished ?? ""}`;
+    if (this.#mode === "compare" && stamp !== this.#listed) {
+      await this.#compare.list(this.#job, this.#points, this.#signal);
+      this.#listed = stamp;
+    }
+    const mode = this.#mode;
+    const [base, over] = this.#sources();
+    await Promise.all([
+      this.#lower.show(base, this.#ev(), this.#signal),
+      over && this.#upper.show(over, this.#ev(), this.#signal),
+    ]);
+    if (over) this.#aboveOf = mode;
+    this.#nothing.hidden = true;
+    this.#stage.element.hidden = false;
+    this.#stage.fit(this.#lower.size.width, this.#lower.size.height);
+    this.#lower.describe(`The image of ${this.#job.name} at ${whole(this.#lower.spp ?? this.#job.spp)} spp`);
+    this.#upper.describe(this.#mode === "compare" ? `The same at ${whole(this.#upper.spp ?? this.#job.spp)} spp, at the right` : "");
+    this.#paint();
+  }
+
+  /** What lies below and, where there is something, above. */
+  #sources() {
+    if (this.#mode === "compare") return this.#compare.sides();
+    const newest = newestOf(this.#job);
+    const map = this.#job[MAPS[this.#mode]?.where] && this.#job.links[MAPS[this.#mode].link];
+    return [newest, map ? { png: map, exr: null, ev: 0, version: newest.version } : null];
+  }
+
+  #turn(mode) {
+    this.#mode = mode;
+    for (const button of this.element.querySelectorAll("[data-mode]")) {
+      setAttribute(button, "aria-pressed", String(button.dataset.mode === mode));
+    }
+    for (const [name, panel] of Object.entries(this.#panels)) panel.hidden = name !== mode;
+    this.#light.hidden = !["image", "compare"].includes(mode);
+    this.#zones.element.toggleAttribute("hidden", mode !== "zones");
+    this.#paint();
+    this.#choose();
+  }
+
+  /** Shows what was just chosen; a look that is under way would show what was chosen before. */
+  async #choose() {
+    if (!this.#job?.image_spp) return;
+    const asked = (this.#asked += 1);
+    const patience = setTimeout(() => {
+      const names = this.#sources().map((one) => one?.name).filter(Boolean);
+      setText(this.#caption, `Getting ${names.join(" and ")} …`);
+    }, SOON_MS);
+    try {
+      await this.#look();
+    } catch (error) {
+      if (error.name !== "AbortError") setText(this.#caption, error.message);
+    } finally {
+      clearTimeout(patience);
+      if (asked === this.#asked && this.#caption.textContent.endsWith("…")) this.#words();
+    }
+  }
+
+  // Layers.
+
+  #layers() {
+    const [mode, above] = [this.#mode, this.#upper.element];
+    above.hidden = mode !== this.#aboveOf;
+    above.style.opacity = mode === "difference" ? this.#overlay.input.value / 100 : 1;
+    setText(this.#overlay.output, `${this.#overlay.input.value} %`);
+    this.#stage.wipe(mode === "compare" ? this.#compare.percent : null, above);
+  }
+
+  #wipeTo(share) {
+    if (this.#mode !== "compare") return;
+    this.#compare.wipeTo(share);
+    this.#layers();
+  }
+
+  // Exposure.
+
+  /** By how much the light differs from what was judged: of images, not of maps over them. */
+  #ev() {
+    return this.#light.hidden ? 0 : Number(this.#exposure.input.value);
+  }
+
+  #expose() {
+    this.#paint();
+    if (this.#ev() !== 0) this.#choose();
+  }
+
+  /** Brings layers, sliders and words up to date with what is chosen and there. */
+  #paint() {
+    const ev = this.#ev();
+    const sign = ev > 0 ? "+" : ev < 0 ? "−" : "";
+    setText(this.#exposure.output, `${sign}${Math.abs(ev).toFixed(1)} EV`);
+    this.#lower.expose(ev);
+    this.#upper.expose(this.#mode === "compare" ? ev : 0);
+    setText(this.#doubt, ev !== 0 && this.#mode === "compare" ? Comparison.doubt(this.#compare.sides()) : "");
+    this.#layers();
+    this.#words();
+  }
+
+  #words() {
+    const job = this.#job;
+    if (!job) return;
+    const size = job.width ? `${job.width} × ${job.height}` : "";
+    const spp = this.#lower.spp && this.#mode !== "compare" ? `${whole(this.#lower.spp)} spp` : "";
+    const said = {
+      image: this.#ev() === 0 ? "as its display shows it" : "from the linear image",
+      compare: "drag across the image, or use the slider",
+      difference: "on the image in dim grey",
+      broken: `${several(job.non_finite_pixels ?? 0, "pixel")} of the last judged image`,
+      zones: this.#zones.caption(),
+    };
+    setText(this.#caption, [size, spp, said[this.#mode]].filter(Boolean).join(" · "));
+  }
+}
+
+function slider(name, attributes, act) {
+  const input = h("input", { type: "range", ...attributes, oninput: act });
+  const output = h("output");
+  return { input, output, label: h("label", { class: "slider" }, h("span", {}, name), input, output) };
+}

@@ -1,0 +1,145 @@
+// Where images lie on each other: zoom, pan, and a wipe between the two upper ones.
+
+import { h } from "../../shared/dom.js";
+
+const MOST = 64;
+
+export class Stage {
+  #sheet;
+  #line = h("div", { class: "wipe", hidden: true });
+  #zoomText = h("output", { class: "zoom" });
+  #size = { width: 1, height: 1 };
+  #view = { scale: 1, x: 0, y: 0 };
+  #onWipe;
+  #wiping = false;
+  #frame;
+  #pointers = new Map();
+
+  /** `layers` lie on each other, the last one on top; `onWipe(share)` is told where the pointer wipes. */
+  constructor(layers, onWipe) {
+    this.#onWipe = onWipe;
+    this.#sheet = h("div", { class: "sheet" }, layers, this.#line);
+    this.#frame = h("div", {
+      class: "frame", tabindex: 0, role: "group",
+      "aria-label": "Image. Plus and minus zoom, arrows move, 0 fits it, 1 shows its own pixels.",
+      onkeydown: (event) => this.#key(event),
+      onwheel: (event) => this.#wheel(event),
+      ondblclick: (event) => this.#toggle(event),
+      onpointerdown: (event) => this.#down(event),
+      onpointermove: (event) => this.#move(event),
+      onpointerup: (event) => this.#pointers.delete(event.pointerId),
+      onpointercancel: (event) => this.#pointers.delete(event.pointerId),
+    }, this.#sheet);
+    const button = (text, label, act) => h("button", { class: "quiet", "aria-label": label, title: label, onclick: act }, text);
+    this.element = h("div", { class: "stage" }, this.#frame,
+      h("div", { class: "zooms" },
+        button("−", "Zoom out of the image", () => this.#zoom(1 / 1.5)), this.#zoomText,
+        button("+", "Zoom into the image", () => this.#zoom(1.5)),
+        button("Fit", "Fit the image", () => this.#set({ scale: 1, x: 0, y: 0 })),
+        button("1:1", "Show the image's own pixels", () => this.#own())));
+    new ResizeObserver(() => this.#set(this.#view)).observe(this.#frame);
+  }
+
+  /** Says how large the image is. */
+  fit(width, height) {
+    if (width === this.#size.width && height === this.#size.height) return;
+    this.#size = { width, height };
+    this.#frame.style.aspectRatio = `${width} / ${height}`;
+    this.#frame.style.maxWidth = `calc(72vh * ${width / height})`;
+    this.#set({ scale: 1, x: 0, y: 0 });
+  }
+
+  /** Shows a layer from so many percent of the width on to the right; all of it with null. */
+  wipe(percent, layer) {
+    this.#wiping = percent !== null;
+    this.#line.hidden = !this.#wiping;
+    layer.style.clipPath = this.#wiping ? `inset(0 0 0 ${percent}%)` : "none";
+    this.#line.style.left = `${percent ?? 0}%`;
+    this.#frame.classList.toggle("wiping", this.#wiping);
+  }
+
+  // The view: how much larger than fitted, and where its middle is, in shares of the frame.
+
+  #set({ scale, x, y }) {
+    const most = Math.max(0, (scale - 1) / 2);
+    const bound = (value) => Math.min(most, Math.max(-most, value));
+    this.#view = { scale, x: bound(x), y: bound(y) };
+    const { clientWidth: width, clientHeight: height } = this.#frame;
+    this.#sheet.style.transform = `translate(${this.#view.x * width}px, ${this.#view.y * height}px) scale(${scale})`;
+    this.#line.style.width = `${2 / scale}px`;
+    const shown = (scale * width) / this.#size.width;
+    this.#sheet.classList.toggle("large", shown * devicePixelRatio >= 2);
+    this.#frame.classList.toggle("zoomed", scale > 1);
+    this.#zoomText.value = width ? `${Math.round(shown * 100)} %` : "";
+  }
+
+  #zoom(factor, at = { x: 0, y: 0 }) {
+    const { scale, x, y } = this.#view;
+    const next = Math.min(MOST, Math.max(1, scale * factor));
+    const grown = next / scale;
+    this.#set({ scale: next, x: at.x - (at.x - x) * grown, y: at.y - (at.y - y) * grown });
+  }
+
+  #own(at) {
+    this.#zoom(this.#size.width / this.#frame.clientWidth / this.#view.scale, at);
+  }
+
+  /** Where an event is, in shares of the frame from its middle. */
+  #place(event) {
+    const box = this.#frame.getBoundingClientRect();
+    return { x: (event.clientX - box.left) / box.width - 0.5, y: (event.clientY - box.top) / box.height - 0.5 };
+  }
+
+  #wheel(event) {
+    // The page still scrolls over an image that fits.
+    if (!event.ctrlKey && this.#view.scale === 1) return;
+    event.preventDefault();
+    this.#zoom(2 ** (-event.deltaY / 200), this.#place(event));
+  }
+
+  #toggle(event) {
+    if (this.#view.scale > 1) this.#set({ scale: 1, x: 0, y: 0 });
+    else this.#zoom(Math.max(2, (2 * this.#size.width) / this.#frame.clientWidth), this.#place(event));
+  }
+
+  #down(event) {
+    if (event.button) return;
+    this.#pointers.set(event.pointerId, event);
+    this.#frame.setPointerCapture(event.pointerId);
+    this.#drag(event, event);
+  }
+
+  #move(event) {
+    const before = this.#pointers.get(event.pointerId);
+    if (!before) return;
+    const other = [...this.#pointers.values()].find(({ pointerId }) => pointerId !== event.pointerId);
+    if (other) this.#pinch(before, event, other);
+    else this.#drag(before, event);
+    this.#pointers.set(event.pointerId, event);
+  }
+
+  #drag(before, event) {
+    const { scale, x, y } = this.#view;
+    const [from, to] = [this.#place(before), this.#place(event)];
+    if (this.#wiping) this.#onWipe(Math.min(1, Math.max(0, (to.x - x) / scale + 0.5)));
+    else this.#set({ scale, x: x + to.x - from.x, y: y + to.y - from.y });
+  }
+
+  #pinch(before, event, other) {
+    const apart = (one) => Math.hypot(one.clientX - other.clientX, one.clientY - other.clientY);
+    const [here, there] = [this.#place(event), this.#place(other)];
+    this.#zoom(apart(event) / Math.max(1, apart(before)), { x: (here.x + there.x) / 2, y: (here.y + there.y) / 2 });
+  }
+
+  #key(event) {
+    const { scale, x, y } = this.#view;
+    const moved = { ArrowLeft: [0.1, 0], ArrowRight: [-0.1, 0], ArrowUp: [0, 0.1], ArrowDown: [0, -0.1] }[event.key];
+    if (moved && scale > 1) this.#set({ scale, x: x + moved[0], y: y + moved[1] });
+    else if (event.key === "+" || event.key === "=") this.#zoom(1.5);
+    else if (event.key === "-") this.#zoom(1 / 1.5);
+    else if (event.key === "0") this.#set({ scale: 1, x: 0, y: 0 });
+    else if (event.key === "1") this.#own();
+    else return;
+    event.preventDefault();
+  }
+}

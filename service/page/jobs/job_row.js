@@ -1,0 +1,136 @@
+// A job as a row of the list.
+
+import { get } from "../shared/api.js";
+import { h, setAttribute, setText } from "../shared/dom.js";
+import { ago, percent, several, share, whole } from "../shared/figures.js";
+import { ENDED, savings, timeLeft, title, took } from "../shared/job_summary.js";
+import { Picture } from "../shared/picture.js";
+import { jobMenu } from "./menus.js";
+import { Sparkline } from "./sparkline.js";
+
+const PICTURE_EVERY_MS = 4000;
+
+/** So many rows fetch at once. */
+let free = 4;
+const waiting = [];
+async function inTurn(work) {
+  if (free > 0) free -= 1;
+  else await new Promise((resolve) => waiting.push(resolve));
+  try {
+    return await work();
+  } finally {
+    const next = waiting.shift();
+    if (next) next();
+    else free += 1;
+  }
+}
+
+export class JobRow {
+  #signal;
+  #seen = false;
+  #job = null;
+  #shownPoints = -1;
+  #shownPicture = "";
+  #picturedAt = 0;
+  #image = h("img", { alt: "", width: 96, height: 72, hidden: true });
+  #picture = new Picture(this.#image);
+  #spark = new Sparkline();
+  #name = h("a", { class: "name" });
+  #state = h("span", { class: "state" });
+  #owner = h("span", { class: "owner" });
+  #why = h("p", { class: "why" });
+  #spp = h("strong");
+  #cap = h("span");
+  #left = h("strong");
+  #leftOf = h("span");
+  #time = h("span");
+  #who = h("span");
+  #menu;
+
+  constructor({ signal, refresh, visible }) {
+    this.#signal = signal;
+    this.#menu = jobMenu(() => this.#job, refresh);
+    this.element = h("li", { class: "job" },
+      h("div", { class: "thumb" }, this.#image),
+      h("div", { class: "what" },
+        h("p", { class: "title" }, this.#name, this.#state, this.#owner),
+        this.#why),
+      this.#spark.element,
+      h("p", { class: "figure" }, this.#spp, this.#cap),
+      h("p", { class: "figure" }, this.#left, this.#leftOf),
+      h("p", { class: "figure" }, this.#time, this.#who),
+      this.#menu.element);
+    visible(this.element, (seen) => {
+      this.#seen = seen;
+      if (seen) this.#fetch();
+    });
+  }
+
+  update(job) {
+    this.#job = job;
+    const { spec, state } = job;
+    setAttribute(this.element, "data-state", state);
+    setAttribute(this.element, "data-job", job.id);
+    setAttribute(this.#name, "href", `/jobs/${job.id}`);
+    const name = nameOf(job);
+    setText(this.#name, name);
+    this.#menu.name(`Actions for ${name}`);
+    setText(this.#state, state);
+    setAttribute(this.#state, "data-state", state);
+    setText(this.#owner, job.owner_name ? `by ${job.owner_name}` : "");
+    const why = job.waits_for ?? job.reason;
+    setText(this.#why, why);
+    setAttribute(this.#why, "title", why);
+    setText(this.#spp, `${whole(job.spp)} spp`);
+    const saved = savings(job);
+    setText(this.#cap, saved ? `${share(saved.fraction)} saved` : `of ${whole(spec.max_spp)} at most`);
+    setText(this.#left, job.estimate_fraction == null ? "" : percent(job.estimate_fraction));
+    setText(this.#leftOf, job.estimate_fraction == null ? "" : "noise left");
+    setText(this.#time, ENDED.has(state) ? took(job) : timeLeft(job));
+    setText(this.#who, who(job));
+    if (this.#seen) this.#fetch();
+  }
+
+  remove() {
+    this.#picture.letGo();
+  }
+
+  #fetch() {
+    const job = this.#job;
+    if (!job) return;
+    const stamp = `${job.image_spp} ${job.finished_at ?? ""}`;
+    const due = Boolean(job.finished_at) || Date.now() > this.#picturedAt + PICTURE_EVERY_MS;
+    if (job.image_spp && stamp !== this.#shownPicture && due) {
+      this.#shownPicture = stamp;
+      this.#picturedAt = Date.now();
+      inTurn(() => this.#fetchPicture(job)).catch(() => (this.#shownPicture = ""));
+    }
+    if (job.points && job.points !== this.#shownPoints) {
+      this.#shownPoints = job.points;
+      inTurn(async () => this.#spark.show((await get(job.links.curve, this.#signal)).points))
+        .catch(() => (this.#shownPoints = -1));
+    }
+  }
+
+  async #fetchPicture(job) {
+    try {
+      await this.#picture.show(job.links.thumbnail_png, this.#signal);
+    } catch (error) {
+      // Jobs of an older Plateau have none.
+      if (error.slug !== "no-image-yet" || !job.finished_at) throw error;
+      await this.#picture.show(job.links.image_png, this.#signal);
+    }
+    this.#image.hidden = false;
+  }
+}
+
+/** What a job is called in a list: with what tells it from the others of its batch. */
+export function nameOf(job) {
+  return [title(job), job.told].filter(Boolean).join(", ");
+}
+
+function who(job) {
+  if (ENDED.has(job.state)) return ago(job.ended_at);
+  if (job.serving) return several(job.serving, "worker");
+  return job.state === "rendering" ? "waits for a worker" : ago(job.created_at);
+}

@@ -1,0 +1,142 @@
+// The API, as the page calls it. Where it answers 401, a key is asked for once and the call repeated.
+
+import { askForKey, authorization } from "./api_key.js";
+import { sleep } from "./polling.js";
+
+/** An error that the API explained (RFC 9457). */
+export class Problem extends Error {
+  constructor(status, details) {
+    super(details.detail || details.title || `the service answered ${status}`);
+    this.status = status;
+    this.slug = String(details.type ?? "").split("/").pop();
+    this.details = details;
+  }
+}
+
+/** What is said where no answer to a change came. */
+const NO_ANSWER = "The service did not answer, so it is not known whether this arrived. Try again.";
+
+async function fetched(path, options = {}) {
+  for (;;) {
+    const used = authorization();
+    let answer;
+    try {
+      answer = await fetch(path, { ...options, headers: { ...options.headers, ...used } });
+    } catch (error) {
+      if (options.signal?.aborted) throw error;
+      throw new Error(options.method ? NO_ANSWER : "The service cannot be reached; trying again.");
+    }
+    if (answer.status === 401 && (await askForKey(used))) continue;
+    if (!answer.ok && answer.status !== 304) throw await problemOf(answer);
+    return answer;
+  }
+}
+
+async function problemOf(answer) {
+  return new Problem(answer.status, await answer.json().catch(() => ({})));
+}
+
+/** GETs JSON. */
+export async function get(path, signal) {
+  return (await fetched(path, { signal })).json();
+}
+
+/** Sends a change; resolves to what it is answered. */
+export async function send(method, path, body, headers = {}) {
+  const options = { method, headers };
+  if (body !== undefined) {
+    options.body = JSON.stringify(body);
+    options.headers = { "Content-Type": "application/json", ...headers };
+  }
+  const answer = await fetched(path, options);
+  return answer.status === 204 ? null : answer.json();
+}
+
+/** GETs bytes, with the tag that says whether they are new, and the spp of an image. */
+export async function bytes(path, signal) {
+  const answer = await fetched(path, { signal });
+  const spp = answer.headers.get("Plateau-Spp");
+  return { blob: await answer.blob(), tag: answer.headers.get("ETag"), spp: spp && Number(spp) };
+}
+
+/** Saves a file. A link alone would not send the key. */
+export async function download(path, name) {
+  const { blob } = await bytes(path);
+  const link = document.createElement("a");
+  link.href = URL.createObjectURL(blob);
+  link.download = name;
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 10_000);
+}
+
+/** Sends a form, saying how much of it has gone; `send` can tell, `fetch` cannot. */
+export async function upload(path, form, { onProgress, signal, headers = {} }) {
+  for (;;) {
+    const used = authorization();
+    const answer = await uploaded(path, form, { onProgress, signal, headers: { ...headers, ...used } });
+    if (answer.status === 401 && (await askForKey(used))) continue;
+    if (answer.status >= 400) throw new Problem(answer.status, answer.body);
+    return answer.body;
+  }
+}
+
+function uploaded(path, form, { onProgress, signal, headers }) {
+  return new Promise((resolve, reject) => {
+    const request = new XMLHttpRequest();
+    request.open("POST", path);
+    request.responseType = "json";
+    for (const [name, value] of Object.entries(headers)) request.setRequestHeader(name, value);
+    request.upload.onprogress = ({ loaded, total }) => onProgress?.(loaded, total);
+    request.onload = () => resolve({ status: request.status, body: request.response ?? {} });
+    request.onerror = () => reject(new Error(NO_ANSWER));
+    request.onabort = () => reject(new DOMException("stopped", "AbortError"));
+    signal?.addEventListener("abort", () => request.abort(), { once: true });
+    request.send(form);
+  });
+}
+
+const RETRY_MS = 1000;
+
+/**
+ * Reads a job's events from its beginning until they end, through outages.
+ * (EventSource cannot send a key.)
+ */
+export async function follow(path, onEvents, signal) {
+  let last = null;
+  while (!signal.aborted) {
+    try {
+      const headers = { Accept: "text/event-stream", ...(last && { "Last-Event-ID": last }) };
+      const answer = await fetched(path, { headers, signal });
+      if (answer.status === 204) return;
+      const reader = answer.body.pipeThrough(new TextDecoderStream()).getReader();
+      let rest = "";
+      for (;;) {
+        const { value, done } = await reader.read();
+        if (done) break;
+        const frames = (rest + value).split("\n\n");
+        rest = frames.pop();
+        const events = frames.map(parsed).filter((event) => event.type);
+        if (!events.length) continue;
+        last = events[events.length - 1].id;
+        onEvents(events);
+        if (events.some((event) => event.type === "finished")) return;
+      }
+    } catch (error) {
+      if (signal.aborted) return;
+      if (error instanceof Problem && error.status < 500) throw error;
+    }
+    await sleep(RETRY_MS, signal).catch(() => {});
+  }
+}
+
+function parsed(frame) {
+  const event = {};
+  for (const line of frame.split("\n")) {
+    const [name, ...rest] = line.split(": ");
+    const value = rest.join(": ");
+    if (name === "id") event.id = value;
+    else if (name === "event") event.type = value;
+    else if (name === "data") event.data = JSON.parse(value);
+  }
+  return event;
+}

@@ -1,0 +1,51 @@
+// What can be done to a job: pause, resume, cancel, and its priority.
+
+import { send } from "./api.js";
+import { confirmed } from "./dialogs.js";
+import { h } from "./dom.js";
+import { whole } from "./figures.js";
+import { ENDED, title } from "./job_summary.js";
+import { attempt } from "./notices.js";
+import { maySteer } from "./permissions.js";
+import { PRIORITY } from "./spec_fields.js";
+
+/** The buttons for a job in its state, `jobNow()` how it is when one is pressed; none where it has ended. */
+export function controls(jobNow, refresh, close = () => {}) {
+  const job = jobNow();
+  if (ENDED.has(job.state) || !maySteer(job)) return [];
+  const move = (path, done) => () => {
+    close();
+    return attempt(() => send("POST", path), done, refresh);
+  };
+  const name = title(job);
+  const found = [];
+  if (job.state === "rendering") {
+    found.push(h("button", { onclick: move(job.links.pause, `${name} is paused`) }, "Pause"));
+  }
+  if (job.state === "paused") {
+    found.push(h("button", { onclick: move(job.links.resume, `${name} goes on`) }, "Resume"));
+  }
+  found.push(h("button", { class: "danger", onclick: cancel }, "Cancel"));
+  async function cancel() {
+    close();
+    const { committed_spp: spp } = jobNow();
+    const kept = spp
+      ? `It keeps the image that it has by then, at ${whole(spp)} spp or a little more.`
+      : "No slice of it has been rendered yet, so it will have no image.";
+    if (await confirmed(`Cancel ${name}?`, kept, "Cancel the job")) {
+      await attempt(() => send("POST", job.links.cancel), `${name} is cancelled`, refresh);
+    }
+  }
+  const input = h("input", {
+    type: "number", ...PRIORITY, value: job.spec.priority, "aria-label": "Priority",
+  });
+  found.push(h("form", { class: "priority", onsubmit: prioritise },
+    h("label", {}, "Priority ", input), h("button", {}, "Set")));
+  function prioritise(event) {
+    event.preventDefault();
+    close();
+    const priority = Number(input.value);
+    attempt(() => send("PATCH", job.links.self, { priority }), `${name} has priority ${priority}`, refresh);
+  }
+  return found;
+}

@@ -1,0 +1,55 @@
+// What follows from a job's JSON: its title, its rules, how long it took, what it saved.
+
+import { duration, roughly } from "./figures.js";
+
+export const ENDED = new Set(["converged", "exhausted", "cancelled", "failed"]);
+
+/** A scene's name without what every name ends with. */
+export function title(job) {
+  return job.name.replace(/\.(zip|xml)$/i, "") || job.name;
+}
+
+/** The slope at which the reverse rule stops, in changed pixels per spp of this job's image. */
+export function stopSlope(job, rule) {
+  return (rule.epsilon * job.width * job.height) / (512 * 512);
+}
+
+/** Every rule of the job: the one that ends it first. */
+export function rulesOf(job) {
+  return [job.spec.rule, ...(job.spec.watch ?? [])];
+}
+
+/** Seconds from a job's submission to its end, or until now: waits and pauses count. */
+export function durationSeconds(job) {
+  return Math.max(0, ((job.ended_at ? Date.parse(job.ended_at) : Date.now()) - Date.parse(job.created_at)) / 1000);
+}
+
+/** What is left of a job's time, in words; "" where nobody can know. */
+export function timeLeft(job) {
+  if (job.state !== "rendering") return "";
+  const { forecast_spp: forecast, committed_spp: committed } = job;
+  if (job.spec.rule.name === "visible" && job.forecast_s != null && forecast <= job.spec.max_spp) {
+    // The forecast is of the last point, and slices have come since.
+    const ahead = Math.max(0, forecast - committed) / Math.max(1, forecast - job.spp);
+    const seconds = ahead * job.forecast_s;
+    return seconds < 3 ? "any moment" : `about ${roughly(seconds)} left`;
+  }
+  const rendered = committed - job.continued_spp;
+  const rendering = (Date.now() - Date.parse(job.started_at)) / 1000 - job.paused_s;
+  if (!(rendered > 0 && rendering > 0)) return "";
+  return `at most ${roughly((Math.max(0, job.spec.max_spp - committed) * rendering) / rendered)} left`;
+}
+
+/** How long an ended job took, in words. */
+export function took(job) {
+  return `took ${duration(durationSeconds(job))}`;
+}
+
+/** What a job would have cost otherwise: samples, and about how long machines would have worked on them. */
+export function savings(job) {
+  if (!job.samples_saved) return null;
+  const pixels = job.width * job.height;
+  const rendered = (job.committed_spp - job.continued_spp) * pixels;
+  const seconds = rendered > 0 ? (job.machine_s * job.samples_saved) / rendered : 0;
+  return { fraction: job.samples_saved / (job.spec.max_spp * pixels), samples: job.samples_saved, machine: seconds ? duration(seconds) : "" };
+}

@@ -1,0 +1,31 @@
+// Waiting, and doing a thing again and again.
+
+import { complain, recovered } from "./notices.js";
+
+/** Resolves after `ms` milliseconds; rejects when the signal aborts. */
+export function sleep(ms, signal) {
+  return new Promise((resolve, reject) => {
+    if (signal.aborted) { reject(signal.reason); return; }
+    const timer = setTimeout(resolve, ms);
+    signal.addEventListener("abort", () => { clearTimeout(timer); reject(signal.reason); }, { once: true });
+  });
+}
+
+/** Calls `work` again and again, `everyMs()` apart, while the page can be seen. */
+export async function repeat(work, everyMs, signal) {
+  while (!signal.aborted) {
+    try {
+      await work();
+      recovered();
+    } catch (error) {
+      if (signal.aborted) return;
+      complain(error.message);
+    }
+    try {
+      await sleep(everyMs(), signal);
+      while (document.hidden) await sleep(300, signal);
+    } catch {
+      return;
+    }
+  }
+}

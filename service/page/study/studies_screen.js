@@ -1,0 +1,44 @@
+// All observer studies: what each compares, who took part, and what it has found.
+
+import { get } from "../shared/api.js";
+import { h } from "../shared/dom.js";
+import { ago, several, whole } from "../shared/figures.js";
+import { repeat } from "../shared/polling.js";
+
+const EVERY_MS = 10_000;
+
+export function open(main, { signal }) {
+  document.title = "Studies · Plateau";
+  const list = h("ul", { class: "studies", "aria-label": "Studies" });
+  const nothing = h("div", { class: "nothing", hidden: true },
+    h("p", { class: "lead" }, "There are no studies yet."),
+    h("p", {}, "A study asks people how many samples it takes until they see no difference. It is made from a finished job that kept its slices: open the job and choose ",
+      h("b", {}, "Study…"), "."));
+  main.append(h("div", { class: "head" }, h("h1", {}, "Observer studies")), list, nothing);
+  repeat(async () => {
+    const { studies } = await get("/v1/studies", signal);
+    list.replaceChildren(...studies.map(row));
+    nothing.hidden = studies.length > 0;
+  }, () => EVERY_MS, signal);
+}
+
+function row(study) {
+  const { result } = study;
+  return h("li", { class: "study-row" },
+    h("div", {},
+      h("h2", {}, h("a", { href: study.links.page }, study.name)),
+      h("p", { class: "summary" }, `${methodInWords(study)} · ${several(study.levels.length, "level")}, ${whole(study.levels[0])} to ${whole(study.levels.at(-1))} spp · made ${ago(study.created_at)}`)),
+    h("p", {}, `${several(result.observers, "observer")}, ${several(result.answers, "answer")}`),
+    h("p", {}, halfInWords(result)));
+}
+
+/** What kind of study it is. */
+export function methodInWords({ method }) {
+  return method === "limits" ? "first stage, rising and falling" : "constant stimuli";
+}
+
+/** Where half of the answers see no difference any more. */
+export function halfInWords({ thresholds }) {
+  const half = thresholds.find(({ probability, low_spp: low }) => probability === 0.5 && low != null);
+  return half ? `half see a difference at ${whole(half.spp)} spp` : "no threshold yet";
+}

@@ -1,0 +1,116 @@
+// Who renders: which workers live, what each does, and what troubles it.
+
+import { get, send } from "../shared/api.js";
+import { confirmed } from "../shared/dialogs.js";
+import { h, KeyedList, setAttribute, setText } from "../shared/dom.js";
+import { ago, several, three, whole } from "../shared/figures.js";
+import { title } from "../shared/job_summary.js";
+import { attempt } from "../shared/notices.js";
+import { maySteerWorkers } from "../shared/permissions.js";
+import { repeat } from "../shared/polling.js";
+
+const EVERY_MS = 2000;
+
+export function open(main, { signal }) {
+  document.title = "Workers · Plateau";
+  const summary = h("p", { class: "summary", "aria-live": "polite" });
+  const list = h("ul", { class: "workers", "aria-label": "Workers" });
+  const nothing = h("div", { class: "nothing", hidden: true },
+    h("p", { class: "lead" }, "There are no workers."),
+    h("p", {}, "Start a worker on any machine that reaches Redis and the blob store: ", h("code", {}, "plateau worker")));
+  main.append(h("div", { class: "head" }, h("div", {}, h("h1", {}, "Workers"), summary)), list, nothing);
+  const refusals = h("ul", { class: "refused", "aria-label": "Refused", hidden: true });
+  main.append(refusals);
+  const rows = new KeyedList(list, () => new WorkerRow(refresh));
+  const names = new Map();
+
+  async function refresh() {
+    const { workers, refused } = await get("/v1/workers", signal);
+    const unknown = [...new Set(workers.map(({ job }) => job))].filter((id) => id && !names.has(id));
+    await Promise.all(unknown.map(async (id) => {
+      names.set(id, await get(`/v1/jobs/${id}`, signal).then(title, () => id));
+    }));
+    workers.sort((a, b) => a.id.localeCompare(b.id));
+    rows.show(workers.map((worker) => ({ ...worker, jobName: names.get(worker.job) })), ({ id }) => id);
+    const busy = workers.filter(({ job }) => job).length;
+    const rate = workers.reduce((sum, worker) => sum + (worker.job ? worker.samples_per_s ?? 0 : 0), 0);
+    setText(summary, workers.length
+      ? [several(workers.length, "worker"), `${busy} rendering`, rate ? `${three(rate / 1e6)} million samples a second` : ""].filter(Boolean).join(" · ")
+      : "");
+    nothing.hidden = workers.length > 0;
+    const told = refused.map(({ role, host, at, why }) => `The ${role} of ${host} was refused ${ago(at)}: ${why}`);
+    if (told.join() !== [...refusals.children].map((one) => one.textContent).join()) {
+      refusals.replaceChildren(...told.map((text) => h("li", { class: "bad" }, text)));
+    }
+    refusals.hidden = !told.length;
+  }
+  repeat(refresh, () => EVERY_MS, signal);
+}
+
+class WorkerRow {
+  #name = h("h2");
+  #where = h("p", { class: "summary" });
+  #job = h("a");
+  #does = h("p", { class: "does" });
+  #rate = h("p", { class: "figure" });
+  #done = h("p", { class: "figure" });
+  #trouble = h("p", { class: "bad" });
+  #drain = h("button");
+  #worker = null;
+  element = h("li", { class: "worker" },
+    h("div", {}, this.#name, this.#where), this.#does, this.#rate, this.#done, this.#drain, this.#trouble);
+
+  constructor(refresh) {
+    this.#drain.addEventListener("click", async () => {
+      const { id, drained } = this.#worker;
+      const tell = (what, done) => attempt(() => send("POST", `/v1/workers/${encodeURIComponent(id)}/${what}`), done, refresh);
+      if (drained) await tell("resume", `${id} takes work again`);
+      else if (await confirmed(`Drain ${id}?`,
+        "It finishes the slice that it has in hand and takes no more, so that it can be stopped without a loss.", "Drain it", "Let it work")) {
+        await tell("drain", `${id} takes no more work`);
+      }
+    });
+  }
+
+  update(worker) {
+    this.#worker = worker;
+    this.#drain.hidden = !maySteerWorkers();
+    setText(this.#drain, worker.drained ? "Let it work" : "Drain");
+    setAttribute(this.#drain, "aria-label", `${worker.drained ? "Let it work:" : "Drain"} ${worker.id}`);
+    const { id, host, pid, variants, threads, job, slice, samples_per_s: rate, last_error: error, trouble } = worker;
+    setAttribute(this.element, "data-worker", id);
+    setText(this.#name, id);
+    setText(this.#where, `${host}, process ${pid} · ${variants[0]} · ${several(threads, "thread")} · ${placed(worker)}${version(worker)}since ${ago(worker.started_at)}`);
+    setAttribute(this.#does, "data-busy", String(Boolean(job)));
+    if (job) {
+      setAttribute(this.#job, "href", `/jobs/${job}`);
+      setText(this.#job, worker.jobName ?? job);
+      const text = [slice == null ? "" : `, slice ${slice}`, worker.drained ? ", its last" : ""].join("");
+      if (this.#does.firstChild !== this.#job) this.#does.replaceChildren(this.#job, document.createTextNode(""));
+      if (this.#does.lastChild.data !== text) this.#does.lastChild.data = text;
+    } else {
+      setText(this.#does, worker.drained ? "drained: it may be stopped" : trouble ? "takes no work" : "idle");
+    }
+    show(this.#rate, rate ? `${three(rate / 1e6)} M` : "–", "samples a second");
+    show(this.#done, whole(worker.slices_done), "slices done");
+    setText(this.#trouble, trouble ?? (error ? `Last error: ${error}` : ""));
+    this.#trouble.hidden = !(trouble || error);
+  }
+}
+
+/** Its version, where it says so. */
+function version({ plateau }) {
+  return plateau ? `Plateau ${plateau} · ` : "";
+}
+
+/** Its pool and tags, where it has any of its own. */
+function placed({ pool, tags }) {
+  const words = [pool === "default" ? "" : `pool ${pool}`, tags.length ? `tags ${tags.join(", ")}` : ""];
+  return words.filter(Boolean).map((word) => `${word} · `).join("");
+}
+
+function show(place, figure, name) {
+  if (!place.firstChild) place.append(h("strong"), h("span"));
+  setText(place.firstChild, figure);
+  setText(place.lastChild, name);
+}
