@@ -11,27 +11,27 @@ import typer.core
 from plateau.exit_codes import ExitCode
 
 _HELP = """
-Render Mitsuba 3 scenes until the eye can no longer tell that samples were added.
+Render Mitsuba 3 scenes until more samples make no difference that a person could see.
 
 \b
-On this machine, nothing else needed:
+On this machine, without a service:
   plateau render scenes:box -o out
-As a service, for as many scenes as you like:
+With a service:
   plateau up
   plateau submit scenes:box
   plateau watch ID -o out
 
 \b
 Exit codes:
-  0    done; a job that was waited for converged, or is exhausted
-  1    it could not be done, or the job failed: standard error says why
-  2    the command line is not right, or `diff` cannot compare the two images
-  3    of the batch that was waited for, jobs ended before their rule stopped them
-  4    the job that was waited for was cancelled, or one of the batch
-  76   a process does not fit the farm's data, or its other processes: install another version
+  0    success; the job that was waited for converged or was exhausted
+  1    the command or the job failed; standard error says why
+  2    the command line is invalid, or `diff` cannot compare the two images
+  3    some jobs of the batch ended before their rule stopped them
+  4    the job, or a job of the batch, was cancelled
+  76   this version does not fit the farm's data or its other processes
   130  interrupted by Ctrl-C (143: by SIGTERM)
 
-Settings are read from PLATEAU_… variables; `plateau doctor` shows them, and what works here.
+Settings are PLATEAU_… environment variables. `plateau doctor` shows them and checks this machine.
 """
 
 _Function = TypeVar("_Function", bound=Callable[..., None])

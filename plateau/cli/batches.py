@@ -14,13 +14,13 @@ def batches(
     url: o.Url = None,
     as_json: o.Json = False,
 ) -> None:
-    """List batches, those with the newest jobs first.
+    """List batches; those with the newest jobs first.
 
     For example:
       plateau batches
       plateau list --batch walk
 
-    `plateau submit --each` makes one, and so does --batch, which names one.
+    `plateau submit` makes a batch with --each or --parameters, or adds a job to one with --batch.
     """
     from plateau.commands.batches import list_batches as run
 
@@ -33,13 +33,13 @@ def batch(
     url: o.Url = None,
     as_json: o.Json = False,
 ) -> None:
-    """Show how far a batch is, and whether its frames stop at the same noise.
+    """Show the progress of a batch, and whether its frames stop at the same noise.
 
     For example:
       plateau batch walk
 
-    Frames that stop with different amounts of noise flicker. The guard's lines say whether all
-    jobs stop by the same rule, target, minimum and view, and which ended short of their target.
+    Frames that stop with different amounts of noise flicker. The lines of the guard say whether all
+    jobs stop by the same rule, target, minimum spp and view, and which jobs missed their target.
     """
     from plateau.commands.batches import show as run
 

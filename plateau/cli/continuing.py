@@ -1,4 +1,4 @@
-"""Commands that go on with a job that has ended."""
+"""Commands that continue a job that has ended."""
 
 from typing import Any, Final
 
@@ -19,16 +19,17 @@ def continue_job(
     url: o.Url = None,
     as_json: o.Json = False,
 ) -> None:
-    """Go on with an ended job, to a stricter rule or a higher cap; prints the new job's id.
+    """Continue an ended job with a stricter rule or a higher cap, and print the new job's id.
 
     For example:
       plateau continue 3f9ac2d01b77 --rule visible:target=0.0001
       plateau watch $(plateau continue 3f9ac2d01b77 --max-spp 20000) -o out
 
-    No sample is rendered twice: the new job takes over those of the old one, which stays as it is.
-    What is left out is as in the old job. Where that one kept its slices (--keep-slices) its view
-    and its step may change too; where it did not, it can be gone on with for some days. On
-    scalar_rgb not every cap goes on with the samples: the refusal names those that do.
+    The new job takes over the samples of the old job, which stays as it is; no sample is rendered
+    twice. Options that are not given are as in the old job. If the old job kept its slices
+    (--keep-slices), the view and the step may change too. Otherwise it can be continued for a few
+    days only. On scalar_rgb some caps do not fit the samples; the error message lists those that
+    do.
     """
     from plateau.commands.continuing import continue_job as run
 
@@ -43,13 +44,13 @@ def rejudge(
     url: o.Url = None,
     as_json: o.Json = False,
 ) -> None:
-    """Judge the kept slices of an ended job again, by other rules or under another view.
+    """Judge the kept slices of an ended job again, with other rules or another view.
 
     For example:
       plateau rejudge 3f9ac2d01b77 --field-of-view 20 --watch reverse
 
-    Prints the id of a new job, which renders nothing: it says where it would have stopped. For
-    jobs that were submitted with --keep-slices; `plateau judge` does the same with files.
+    Prints the id of a new job, which renders nothing and shows where it would have stopped. Works
+    for jobs submitted with --keep-slices; `plateau judge` does the same with files.
     """
     from plateau.commands.continuing import rejudge as run
 

@@ -12,30 +12,34 @@ from plateau.cli.app import app
 @app.command()
 def diff(
     reference: Annotated[Path, typer.Argument(help="A PNG or EXR file.")],
-    test: Annotated[Path, typer.Argument(help="Another, of the same kind and size.")],
+    test: Annotated[Path, typer.Argument(help="A file of the same format and size.")],
     field_of_view: Annotated[
         float | None,
-        typer.Option(help="Angle that the image's width fills, in degrees.", show_default="45"),
+        typer.Option(help="Angle that the image's width covers, in degrees.", show_default="45"),
     ] = None,
     viewing_distance: Annotated[
         float | None,
-        typer.Option(help="In place of the angle, with --pixel-pitch: to the screen, in cm."),
+        typer.Option(
+            help="Distance to the screen in cm; with --pixel-pitch, in place of the angle."
+        ),
     ] = None,
     pixel_pitch: Annotated[
-        float | None, typer.Option(help="From pixel to pixel of the screen, in mm.")
+        float | None, typer.Option(help="Distance between the screen's pixels in mm.")
     ] = None,
-    white_luminance: Annotated[float, typer.Option(help="The display's white in cd/m².")] = 100.0,
+    white_luminance: Annotated[float, typer.Option(help="White of the display in cd/m².")] = 100.0,
     gamma: Annotated[
         float | None,
         typer.Option(
-            help="Power from the files' values to linear light.",
+            help="Exponent from the files' values to linear light.",
             show_default="2.2 for PNG, 1 for EXR",
         ),
     ] = None,
-    primaries: Annotated[str, typer.Option(help="The display's: rec709 or adobe1998.")] = "rec709",
+    primaries: Annotated[
+        str, typer.Option(help="Primaries of the display: rec709 or adobe1998.")
+    ] = "rec709",
     exposure: Annotated[float, typer.Option(help="Exposure in EV.")] = 0.0,
     luminance_only: Annotated[
-        bool, typer.Option("--luminance-only", help="Leave differences in colour out.")
+        bool, typer.Option("--luminance-only", help="Ignore differences in colour.")
     ] = False,
     layer: Annotated[
         str | None,
@@ -44,20 +48,22 @@ def diff(
     map_file: Annotated[
         Path | None,
         typer.Option(
-            "--map", metavar="OUT.png", help="File for TEST with what differs visibly marked."
+            "--map",
+            metavar="OUT.png",
+            help="File for a copy of TEST with visible differences marked.",
         ),
     ] = None,
     as_json: o.Json = False,
 ) -> None:
-    """Count the pixels by which an eye can tell two images apart.
+    """Count the pixels that differ visibly between two images.
 
     For example:
       plateau diff before.png after.png --map difference.png
       plateau diff reference.exr test.exr --exposure 1 --json
       plateau diff a.exr b.exr --layer diffuse --viewing-distance 60 --pixel-pitch 0.25
 
-    PNG of any depth, EXR with half or float channels. Transparent pixels are laid over black.
-    The exit code is 0 whatever the count, and 2 where the images cannot be compared.
+    Reads PNG of any depth, and EXR with half or float channels. Transparent pixels are composited
+    over black. The exit code is 0 whatever the count, and 2 if the images cannot be compared.
     """
     from plateau.commands.diff import diff as run
 
@@ -86,21 +92,22 @@ _RENDERING = ("define", "time_limit", "seed", "variant", "sensor", "keep_slices"
 @app.command()
 @o.takes_spec(but=(*_RENDERING, *o.AMONG_MANY))
 def judge(
-    folder: Annotated[Path, typer.Argument(help="Slices that a job kept, or EXR images.")],
+    folder: Annotated[Path, typer.Argument(help="Kept slices of a job, or EXR images.")],
     spec: o.Spec,
     cumulative: Annotated[
-        bool, typer.Option("--cumulative", help="Each image contains the one before.")
+        bool,
+        typer.Option("--cumulative", help="Each image contains the samples of the image before."),
     ] = False,
     out: Annotated[
         Path | None, typer.Option("--out", "-o", metavar="DIR", help="Folder for the curve.")
     ] = None,
     as_json: o.Json = False,
 ) -> None:
-    """Judge images that are rendered already, and say where each rule would have stopped.
+    """Evaluate rendered images, and print where each rule would have stopped.
 
-    FOLDER holds the slices that a job kept (--keep-slices), or EXR images of any renderer, each
-    of --slice-spp samples per pixel, in the order of their names. With more than 0.1 % of its
-    pixels NaN or infinite an image is not judged: DIR then holds non-finite.png, which marks them.
+    FOLDER holds the kept slices of a job (--keep-slices), or EXR images of any renderer, read in
+    the order of their names, each of --slice-spp samples per pixel. An image with more than 0.1 %
+    of its pixels NaN or infinite is not judged; non-finite.png in DIR then marks these pixels.
 
     For example:
       plateau judge out/slices --rule visible --watch reverse --watch myszkowski -o judged

@@ -19,40 +19,39 @@ def submit(
         list[str] | None,
         typer.Option(
             metavar="NAME=VALUES",
-            help="A job for each value of the scene's $NAME: 0..99 or 0..99..2 (whole numbers, the "
-            "last one too), or a,b,c; repeated, for each combination.",
+            help="Submit one job for each value of the scene's parameter $NAME: 0..99 or 0..99..2 "
+            "(whole numbers, the last one included) or a,b,c; repeated, for each combination.",
         ),
     ] = None,
     parameters: Annotated[
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="A job for each entry of a CSV, with the names in its first row, or of a JSON "
-            "list of objects.",
+            help="Submit one job for each row of a CSV file with a header, or for each object of a "
+            "JSON list.",
         ),
     ] = None,
     webhook: Annotated[
         str | None,
         typer.Option(
             metavar="URL",
-            help="URL that is told of the job's changes, by requests that PLATEAU_WEBHOOK_SECRET "
-            "signs, "
-            "or else the farm's own secret.",
+            help="URL that receives the job's events. Requests are signed with "
+            "PLATEAU_WEBHOOK_SECRET, or with the farm's secret where it is not set.",
         ),
     ] = None,
     webhook_event: Annotated[
         list[str] | None,
         typer.Option(
             metavar="EVENT",
-            help="Event to send: a state that the job comes to, or finished, when its results are "
-            "written; repeatable.",
+            help="Event to send: a state of the job, or finished, when its results are written; "
+            "may be repeated.",
             show_default="all but queued",
         ),
     ] = None,
     url: o.Url = None,
     as_json: o.Json = False,
 ) -> None:
-    """Submit a scene to a running service; prints the new job's id, or the new batch's name.
+    """Submit a scene to a running service, and print the id of the job or the name of the batch.
 
     For example:
       plateau submit scenes:box --max-spp 2000 --batch tuesday
@@ -89,23 +88,21 @@ def watch(
     no_curve: o.NoCurve = False,
     events: Annotated[
         bool,
-        typer.Option(
-            "--events", help="Print each event as a line of JSON as it happens, and nothing else."
-        ),
+        typer.Option("--events", help="Print each event as a line of JSON, and nothing else."),
     ] = False,
     url: o.Url = None,
     as_json: o.Json = False,
 ) -> None:
-    """Watch a job, or a batch, until it is finished; the exit code says how it ended.
+    """Watch a job or a batch until it ends; the exit code says how it ended.
 
     For example:
       plateau watch 3f9ac2d01b77 -o out
       plateau watch --batch walk -o frames
       plateau watch 3f9ac2d01b77 --events | jq 'select(.type == "point") | .data.visible_pixels'
 
-    On a terminal the curve is drawn as it grows. Ctrl-C stops watching; the job goes on. --json
-    prints the summary when it has ended. A batch of which jobs ended before their rule stopped them
-    ends with exit code 3.
+    On a terminal the curve is drawn as it grows. Ctrl-C stops watching; the job continues. --json
+    prints the summary at the end. The exit code is 3 if jobs of the batch ended before their rule
+    stopped them.
     """
     from plateau.commands.batches import watch as watch_batch
     from plateau.commands.jobs import stream
@@ -125,7 +122,7 @@ def watch(
 
 @app.command()
 def show(job_id: o.JobId, url: o.Url = None, as_json: o.Json = False) -> None:
-    """Show a job: where it stands and why, its story, and where its images are.
+    """Show a job: its state and the reason, its history, and the URLs of its images.
 
     For example:
       plateau show 3f9ac2d01b77
@@ -144,7 +141,7 @@ def log(
     url: o.Url = None,
     as_json: o.Json = False,
 ) -> None:
-    """Show how each try of a slice ended, and what Mitsuba printed meanwhile.
+    """Show how each try of a slice ended, and what Mitsuba printed.
 
     For example:
       plateau log 3f9ac2d01b77 --slice 4
@@ -187,7 +184,7 @@ def cancel(
     url: o.Url = None,
     as_json: o.Json = False,
 ) -> None:
-    """Cancel a job, or all of a batch; what is merged by then is kept as its image.
+    """Cancel a job or a batch. The image merged so far is kept.
 
     For example:
       plateau cancel 3f9ac2d01b77
@@ -203,15 +200,15 @@ def pause(
     url: o.Url = None,
     as_json: o.Json = False,
 ) -> None:
-    """Pause a rendering job, or a batch: workers finish the slices they have and take no more.
+    """Pause a rendering job or a batch: workers finish their slices and take no more.
 
     For example:
       plateau pause 3f9ac2d01b77
       plateau pause --batch walk
       plateau resume 3f9ac2d01b77
 
-    What is rendered already is merged and judged, so the job may still converge. Its time limit
-    stands still. A job that only has to wait its turn needs a lower priority instead.
+    Slices that are already rendered are merged and judged, so the job may still converge. Its time
+    limit is suspended. To let other jobs go first, lower the priority instead.
     """
     _steer(job_id, batch, "pause", url=url, as_json=as_json)
 
@@ -223,7 +220,7 @@ def resume(
     url: o.Url = None,
     as_json: o.Json = False,
 ) -> None:
-    """Let a paused job or batch go on where it stood; no image is another for its pause.
+    """Resume a paused job or batch. A pause does not change the image.
 
     For example:
       plateau resume 3f9ac2d01b77
@@ -252,20 +249,20 @@ def priority(
     value: Annotated[
         int,
         typer.Argument(
-            metavar="N", help="Higher is served first; jobs start with 0.", min=-1000, max=1000
+            metavar="N", help="Higher is rendered first; the default is 0.", min=-1000, max=1000
         ),
     ],
     url: o.Url = None,
     as_json: o.Json = False,
 ) -> None:
-    """Change a job's priority; the next slice that a worker takes goes by it.
+    """Change the priority of a job, from the next slice on.
 
     For example:
       plateau priority 3f9ac2d01b77 10
       plateau priority 3f9ac2d01b77 -10
 
-    Workers serve the highest priority first, and share themselves among jobs of the same. None
-    stops in the middle of a slice.
+    Workers render jobs of the highest priority first, and share their time among jobs of equal
+    priority. No worker stops in the middle of a slice.
     """
     from plateau.commands.jobs import priority as run
 

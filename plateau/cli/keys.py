@@ -16,39 +16,44 @@ _KeyId = Annotated[
 keys = group(
     "keys",
     """
-    API keys: who may use the service, as what, and how much.
+    API keys: who may use the service, in which role, with which limits.
 
-    Works on PLATEAU_REDIS_URL where it is set, and on the data folder else, whether `plateau up`
-    runs there or not. Once a key was ever made, every request to the service needs one.
+    Works on PLATEAU_REDIS_URL if it is set, otherwise on the data folder, whether `plateau up` is
+    running or not. Once a key has been made, every request to the service needs one.
     """,
 )
 
 
 @keys.command()
 def create(
-    name: Annotated[str, typer.Argument(help="Whose it is, or what for: shown with each job.")],
+    name: Annotated[
+        str, typer.Argument(help="The person or program that uses it; shown with each job.")
+    ],
     role: Annotated[
         str,
         typer.Option(
-            help="viewer (looks), submitter (submits, and steers its own jobs) or admin (steers "
-            "everybody's)."
+            help="viewer (reads), submitter (also submits jobs and controls its own) or admin "
+            "(also controls the jobs of others)."
         ),
     ] = "submitter",
     requests_per_minute: Annotated[
         float | None,
         typer.Option(
-            help="How many requests a minute it may make.",
+            help="Requests a minute that it may make.",
             show_default="PLATEAU_KEY_REQUESTS_PER_MINUTE",
         ),
     ] = None,
     burst: Annotated[
         int | None,
-        typer.Option(help="And how many at once, after a pause.", show_default="PLATEAU_KEY_BURST"),
+        typer.Option(
+            help="Requests that it may make at once, after a pause.",
+            show_default="PLATEAU_KEY_BURST",
+        ),
     ] = None,
     upload_gb: Annotated[
         float | None,
         typer.Option(
-            help="Largest scene that it may upload.",
+            help="Largest scene that it may upload, in GB.",
             show_default="PLATEAU_KEY_UPLOAD_GB",
             max=2**20,
         ),
@@ -56,7 +61,7 @@ def create(
     scenes_gb: Annotated[
         float | None,
         typer.Option(
-            help="How much it may have stored of scenes.",
+            help="Total size of the scenes that it may store, in GB.",
             show_default="PLATEAU_KEY_SCENES_GB",
             max=2**30,
         ),
@@ -64,7 +69,7 @@ def create(
     open_jobs: Annotated[
         int | None,
         typer.Option(
-            help="How many of its jobs may be open at once.", show_default="PLATEAU_KEY_OPEN_JOBS"
+            help="Jobs that it may have open at once.", show_default="PLATEAU_KEY_OPEN_JOBS"
         ),
     ] = None,
     key_from: Annotated[
@@ -72,13 +77,13 @@ def create(
         typer.Option(
             "--from",
             metavar="FILE",
-            help="Take the key from FILE, where who runs the machines keeps it, instead of making "
-            "one; nothing is printed, and doing it again is harmless.",
+            help="Take the key from FILE, such as a mounted secret, instead of making one. Nothing "
+            "is printed, and repeating it is harmless.",
         ),
     ] = None,
     as_json: o.Json = False,
 ) -> None:
-    """Make a key, and print it: this once, for only a hash of it is kept.
+    """Make a key and print it. It cannot be printed again: only a hash of it is kept.
 
     For example:
       export PLATEAU_KEY=$(plateau keys create me)
@@ -104,7 +109,7 @@ def create(
 
 @keys.command("list")
 def list_keys(as_json: o.Json = False) -> None:
-    """List the keys that were ever made; what they open with, nobody can show again.
+    """List all keys, revoked ones included. Their secrets cannot be shown again.
 
     For example:
       plateau keys list
@@ -116,12 +121,12 @@ def list_keys(as_json: o.Json = False) -> None:
 
 @keys.command()
 def rotate(key_id: _KeyId, as_json: o.Json = False) -> None:
-    """Give a key another secret, and print it; the old one opens nothing from now on.
+    """Give a key another secret and print it. The old secret stops working at once.
 
     For example:
       plateau keys rotate 3f9ac2d01b77
 
-    Name, role and limits stay, and so do its jobs, which another key could not steer.
+    Name, role, limits and jobs stay. Another key could not control these jobs.
     """
     from plateau.commands.keys import rotate as run
 
@@ -130,7 +135,7 @@ def rotate(key_id: _KeyId, as_json: o.Json = False) -> None:
 
 @keys.command()
 def revoke(key_id: _KeyId, as_json: o.Json = False) -> None:
-    """Revoke a key: it opens nothing from now on. Its jobs go on, and keep its name.
+    """Revoke a key. It stops working at once; its jobs continue and keep its name.
 
     For example:
       plateau keys revoke 3f9ac2d01b77

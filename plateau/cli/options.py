@@ -30,14 +30,14 @@ Scene = Annotated[
     typer.Argument(
         callback=_scene,
         autocompletion=complete.scene_files,
-        help=f"A Mitsuba XML, a zip of one, a folder with scene.xml, or one of Plateau's own: "
+        help=f"A Mitsuba XML, a zip, a folder with a scene.xml, or an example scene: "
         f"scenes:NAME, where NAME is {', '.join(scenes.NAMES)}.",
     ),
 ]
 JobId = Annotated[
     str,
     typer.Argument(
-        help="The job's id, or as much of its beginning as no other job has.",
+        help="The job's id, or an unambiguous prefix of it.",
         metavar="ID",
         autocompletion=complete.job_ids,
     ),
@@ -46,28 +46,26 @@ JobId = Annotated[
 OrJobId = Annotated[
     str | None,
     typer.Argument(
-        help="The job's id, or as much of its beginning as no other job has.",
+        help="The job's id, or an unambiguous prefix of it.",
         metavar="[ID]",
         autocompletion=complete.job_ids,
     ),
 ]
 OrBatch = Annotated[
     str | None,
-    typer.Option("--batch", metavar="NAME", help="Instead of a job, all of this batch."),
+    typer.Option("--batch", metavar="NAME", help="All jobs of this batch instead of one job."),
 ]
 Url = Annotated[
     str | None,
     typer.Option(
         "--url",
         envvar="PLATEAU_URL",
-        help="Where the service is.",
+        help="URL of the service.",
         show_default="http://127.0.0.1:8713",
     ),
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON, for scripts.")]
-NoCurve = Annotated[
-    bool, typer.Option("--no-curve", help="On a terminal, show progress without the curve.")
-]
+NoCurve = Annotated[bool, typer.Option("--no-curve", help="Show progress without the curve.")]
 
 #: Options that choose among many workers and jobs, which mean nothing where there is but one.
 AMONG_MANY: Final = ("pool", "require", "priority", "batch", "flicker_guard")
@@ -89,24 +87,28 @@ def spec_from_options(
     define: Annotated[
         list[str] | None,
         typer.Option(
-            "--define", "-D", metavar="NAME=VALUE", help="Value of the scene's $NAME; repeatable."
+            "--define",
+            "-D",
+            metavar="NAME=VALUE",
+            help="Value of the scene's parameter $NAME; may be repeated.",
         ),
     ] = None,
     step: Annotated[
-        int | None, typer.Option(help="Spp between two evaluations.", show_default="100")
+        int | None,
+        typer.Option(help="Samples per pixel (spp) between two evaluations.", show_default="100"),
     ] = None,
     slice_spp: Annotated[
-        int | None, typer.Option(help="Spp of one slice of work.", show_default="25")
+        int | None, typer.Option(help="Spp of one slice.", show_default="25")
     ] = None,
     max_spp: Annotated[
         int | None,
-        typer.Option(help="Cap in spp, at which a job is exhausted.", show_default="10000"),
+        typer.Option(help="Most spp; a job that reaches them is exhausted.", show_default="10000"),
     ] = None,
     time_limit: Annotated[
         float | None,
         typer.Option(
-            help="Seconds after which it is exhausted: from its first slice on, and for `render` "
-            "from its submission.",
+            help="Seconds until the job is exhausted, from its first slice on; with `render`, from "
+            "its submission on.",
             show_default="none",
         ),
     ] = None,
@@ -144,7 +146,7 @@ def spec_from_options(
     ] = None,
     seed: Annotated[
         int | None,
-        typer.Option(help="Another seed draws independent samples.", show_default="0"),
+        typer.Option(help="Seed; each draws independent samples.", show_default="0"),
     ] = None,
     variant: Annotated[
         str | None,
@@ -161,41 +163,45 @@ def spec_from_options(
         float | None, typer.Option(help="Exposure in EV.", show_default="0")
     ] = None,
     white_luminance: Annotated[
-        float | None, typer.Option(help="The display's white in cd/m².", show_default="100")
+        float | None, typer.Option(help="White of the display in cd/m².", show_default="100")
     ] = None,
     field_of_view: Annotated[
         float | None,
-        typer.Option(help="Angle that the image's width fills, in degrees.", show_default="45"),
+        typer.Option(help="Angle that the image's width covers, in degrees.", show_default="45"),
     ] = None,
     primaries: Annotated[
         str | None,
-        typer.Option(help="The display's: rec709 or adobe1998.", show_default="rec709"),
+        typer.Option(help="Primaries of the display: rec709 or adobe1998.", show_default="rec709"),
     ] = None,
     priority: Annotated[
-        int | None, typer.Option(help="Higher is served first.", show_default="0")
+        int | None,
+        typer.Option(help="Jobs of higher priority are rendered first.", show_default="0"),
     ] = None,
     pool: Annotated[
         str | None,
-        typer.Option(help="Only workers of this pool render it.", show_default="default"),
+        typer.Option(help="Pool whose workers render the job.", show_default="default"),
     ] = None,
     require: Annotated[
         list[str] | None,
-        typer.Option(help="Only workers with this tag render it. May be repeated."),
+        typer.Option(help="Tag that a worker must have; may be repeated."),
     ] = None,
     min_spp: Annotated[
         int | None,
         typer.Option(
-            help="The job does not converge before so many spp, whatever the rule says.",
+            help="Fewest spp at which the job may converge, whatever its rule says.",
             show_default="none",
         ),
     ] = None,
-    batch: Annotated[str | None, typer.Option(help="A name that groups jobs.")] = None,
+    batch: Annotated[str | None, typer.Option(help="Batch that the job belongs to.")] = None,
     flicker_guard: Annotated[
         bool,
-        typer.Option("--flicker-guard", help="Let the batch take only jobs that stop alike."),
+        typer.Option(
+            "--flicker-guard", help="Refuse jobs that stop differently from the rest of the batch."
+        ),
     ] = False,
     keep_slices: Annotated[
-        bool, typer.Option("--keep-slices", help="Keep every slice, for `plateau judge`.")
+        bool,
+        typer.Option("--keep-slices", help="Keep every slice, for `judge`, `rejudge` and studies."),
     ] = False,
 ) -> Spec:
     """The spec that the options ask for; what was left out has the spec's own default.

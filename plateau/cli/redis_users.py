@@ -14,15 +14,15 @@ def redis_acl(
         Path | None,
         typer.Option(
             metavar="FOLDER",
-            help="Where each user's password is, as USER.password; those that are missing are "
-            "made. Without it no user has one yet.",
+            help="Folder with a password for each user, as USER.password; missing ones are made. "
+            "Without it the users have no passwords yet.",
         ),
     ] = None,
     redis: Annotated[
         str,
         typer.Option(
             metavar="VERSION",
-            help="The Redis that is to read it. Before 7.0 there is no right to read alone.",
+            help="Version of the Redis that reads the file; 6.2 has no read-only right.",
         ),
     ] = "7.0",
 ) -> None:
@@ -31,9 +31,9 @@ def redis_acl(
     For example:
       plateau redis-acl --passwords /etc/plateau/redis > /etc/redis/users.acl
 
-    A worker's user can touch the queue and nothing else; the file holds hashes of the passwords.
-    Redis reads it by `aclfile /etc/redis/users.acl` in its configuration, and again at `ACL LOAD`.
-    A newer Plateau may need other rights: make the file anew before it starts.
+    A worker's user can access the queue and nothing else. The file holds hashes of the passwords.
+    Redis reads it with `aclfile /etc/redis/users.acl` in its configuration, and again on
+    `ACL LOAD`. A newer Plateau may need other rights: make the file again before you start it.
     """
     from plateau.commands.redis_acl import redis_acl as run
 

@@ -16,7 +16,7 @@ def curve(
     url: o.Url = None,
     as_json: o.Json = False,
 ) -> None:
-    """Print the curve of a job, a line for each point, and draw it on a terminal.
+    """Print the curve of a job, one line for each point; on a terminal, also draw it.
 
     For example:
       plateau curve 3f9ac2d01b77
@@ -40,14 +40,13 @@ def fetch(
     url: o.Url = None,
     as_json: o.Json = False,
 ) -> None:
-    """Fetch the images, the curve and a summary of a job, whether it has ended or not.
+    """Fetch the images, the curve and a summary of a job, running or ended.
 
     For example:
       plateau fetch 3f9ac2d01b77 -o out
 
-    Prints the files that it wrote; slices too, where the job keeps them: those that are in DIR
-    already are not fetched again. What another job left in DIR is removed, what is nobody's job's
-    is not. --json prints the summary.
+    Prints the names of the files written. Kept slices are fetched too, except those already in DIR.
+    Files of another job in DIR are removed; other files are not. --json prints the summary.
     """
     from plateau.commands.fetch import fetch as run
 
@@ -56,14 +55,14 @@ def fetch(
 
 @app.command()
 def workers(url: o.Url = None, as_json: o.Json = False) -> None:
-    """List the workers that live, and what each renders.
+    """List the living workers, and what each renders.
 
     For example:
       plateau workers
 
     In a pipe, columns are separated by tabs: id, host, best variant, threads, pool and tags, job
-    and slice, rate over the last slice, slices done, time since its start, version, trouble. Those
-    that were not let into the farm, for their version, are told of on standard error.
+    and slice, rate over the last slice, slices done, time since its start, version, trouble.
+    Workers that were refused for their version are listed on standard error.
     """
     from plateau.commands.farm import workers as run
 
@@ -72,7 +71,7 @@ def workers(url: o.Url = None, as_json: o.Json = False) -> None:
 
 @app.command()
 def scenes(url: o.Url = None, as_json: o.Json = False) -> None:
-    """List the scenes that the service has stored.
+    """List the stored scenes.
 
     For example:
       plateau scenes

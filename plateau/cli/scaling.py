@@ -11,24 +11,24 @@ from plateau.cli.app import group
 scale = group(
     "scale",
     """
-    Workers as jobs of a batch system, as many as the queue needs.
+    Run as many workers in a batch system as the queue needs.
 
-    Works on PLATEAU_REDIS_URL and PLATEAU_BLOBS, as workers do, and hands its environment to them.
+    Uses PLATEAU_REDIS_URL and PLATEAU_BLOBS, as workers do, and passes its environment to them.
     """,
 )
 
 
 @scale.command()
 def slurm(
-    most: Annotated[int, typer.Option("--max", help="Most workers that run at once.", min=0)],
+    most: Annotated[int, typer.Option("--max", help="Most workers to run at once.", min=0)],
     least: Annotated[
-        int, typer.Option("--min", help="Fewest workers that run, even with nothing to do.", min=0)
+        int, typer.Option("--min", help="Fewest workers to run, even without work.", min=0)
     ] = 0,
     worth: Annotated[
         float,
         typer.Option(
             metavar="SECONDS",
-            help="Work that a worker is submitted for; one slice that takes longer is enough.",
+            help="Work that justifies another worker; one slice that takes longer is enough.",
             min=0.001,
         ),
     ] = 60.0,
@@ -36,7 +36,7 @@ def slurm(
         float,
         typer.Option(
             metavar="SECONDS",
-            help="No worker leaves until fewer have been needed for this long.",
+            help="Workers leave only after fewer have been needed for this long.",
             min=0,
         ),
     ] = 60.0,
@@ -44,7 +44,7 @@ def slurm(
         float,
         typer.Option(
             metavar="SECONDS",
-            help="No worker leaves until it has had nothing to do for this long.",
+            help="A worker leaves only after it has been idle for this long.",
             min=0,
         ),
     ] = 30.0,
@@ -52,33 +52,32 @@ def slurm(
         int | None,
         typer.Option(
             metavar="PRIORITY",
-            help="Jobs of a lower priority start no workers; running workers render them.",
+            help="Jobs of lower priority start no workers; running workers still render them.",
         ),
     ] = None,
-    partition: Annotated[
-        str | None, typer.Option(help="Partition of Slurm, or several: a,b.")
-    ] = None,
+    partition: Annotated[str | None, typer.Option(help="Slurm partition, or several: a,b.")] = None,
     cpus: Annotated[
         int | None,
-        typer.Option(help="Processors of each worker, which uses as many threads.", min=1),
+        typer.Option(help="CPUs, and threads, of each worker.", min=1),
     ] = None,
     gpus: Annotated[
-        str | None, typer.Option(metavar="N", help="GPUs of each worker: 1, or a100:1.")
+        str | None, typer.Option(metavar="N", help="GPUs of each worker, such as 1 or a100:1.")
     ] = None,
-    mem: Annotated[str | None, typer.Option(help="Memory of each worker: 16G.")] = None,
+    mem: Annotated[str | None, typer.Option(help="Memory of each worker, such as 16G.")] = None,
     time: Annotated[
         str | None,
         typer.Option(
-            metavar="LIMIT", help="Time limit of each worker: 8:00:00. It leaves before that."
+            metavar="LIMIT",
+            help="Time limit of each worker, such as 8:00:00; it leaves before that.",
         ),
     ] = None,
-    account: Annotated[str | None, typer.Option(help="Account that Slurm charges.")] = None,
-    qos: Annotated[str | None, typer.Option(help="Quality of service in Slurm.")] = None,
+    account: Annotated[str | None, typer.Option(help="Slurm account to charge.")] = None,
+    qos: Annotated[str | None, typer.Option(help="Slurm quality of service.")] = None,
     sbatch_option: Annotated[
         list[str] | None,
         typer.Option(
             metavar="OPTION",
-            help="Any other option for sbatch; may be repeated: --sbatch-option=--nice=100.",
+            help="Another option for sbatch, such as --sbatch-option=--nice=100; may be repeated.",
         ),
     ] = None,
     logs: Annotated[
@@ -110,32 +109,33 @@ def slurm(
         typer.Option(help="Name of the jobs in Slurm; give two scalers two names."),
     ] = "plateau-worker",
     every: Annotated[
-        float, typer.Option(metavar="SECONDS", help="Time between two looks at the queue.", min=0.1)
+        float,
+        typer.Option(metavar="SECONDS", help="Time between two checks of the queue.", min=0.1),
     ] = 10.0,
-    once: Annotated[bool, typer.Option("--once", help="Look once, and end; for cron.")] = False,
+    once: Annotated[bool, typer.Option("--once", help="Check once and exit, for cron.")] = False,
     dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Say what would be done, and do nothing.")
+        bool, typer.Option("--dry-run", help="Print what would be done, and do nothing.")
     ] = False,
     cancel_on_exit: Annotated[
         bool,
         typer.Option(
             "--cancel-on-exit",
-            help="At the end, cancel waiting jobs and ask the workers to leave.",
+            help="On exit, cancel waiting jobs and ask the workers to leave.",
         ),
     ] = False,
     as_json: o.Json = False,
 ) -> None:
-    """Submit workers to Slurm as the queue needs them, and have them leave when it does not.
+    """Submit as many workers to Slurm as the queue needs, and let them leave afterwards.
 
     For example:
       plateau scale slurm --max 16 --partition cpu --cpus 16 --mem 32G --time 8:00:00
       plateau scale slurm --max 4 --partition gpu --gpus 1 --name plateau-gpu --from-priority 10
       plateau scale slurm --max 16 --once --dry-run
 
-    It runs until Ctrl-C, on a machine that submits jobs to Slurm. The workers then stay, and leave
-    by themselves after ten minutes without work, unless --min asks for some. Started again, it
-    knows its jobs by their name and comment. It writes each change as a line to standard error, or
-    with --json as an object to standard output. See deploy/slurm/README.md.
+    Runs until Ctrl-C, on a machine that can submit jobs to Slurm. The workers stay after that, and
+    leave after ten minutes without work, unless --min asks for some. A restarted scaler finds its
+    jobs by their name and comment. Each change is a line on standard error, or with --json an
+    object on standard output. See deploy/slurm/README.md.
     """
     from plateau.commands.scale import Scaling
     from plateau.commands.scale import slurm as run

@@ -18,7 +18,7 @@ def render(
     out: Annotated[
         Path, typer.Option("--out", "-o", metavar="DIR", help="Folder for the results.")
     ] = Path("plateau-out"),
-    workers: Annotated[int, typer.Option(help="Worker processes.", min=1, max=256)] = 1,
+    workers: Annotated[int, typer.Option(help="Number of worker processes.", min=1, max=256)] = 1,
     threads: Annotated[
         int | None,
         typer.Option(help="Threads of each worker.", show_default="its share of the cores", min=1),
@@ -26,19 +26,19 @@ def render(
     no_curve: o.NoCurve = False,
     as_json: o.Json = False,
 ) -> None:
-    """Render one scene, here and now, until it has converged.
+    """Render one scene on this machine until it has converged.
 
     For example:
       plateau render scenes:box -o out -D width=512 -D height=512
       plateau render scene.xml --rule fixed --spp 400
 
-    Starts all that it needs, and leaves nothing running. DIR then holds image.exr, image.png,
-    difference.png (what has changed since the first image), curve.csv, curve.png, summary.txt
-    and summary.json, and non-finite.png where pixels are NaN or infinite; more than 0.1 % of them
-    fail the job. What an earlier job left in DIR goes when the first of them is written. Ctrl-C
-    cancels: what is rendered by then is still written; a second one leaves at once. Where DIR
-    cannot be written it is refused before anything is rendered; where it cannot be any more, in the
-    end, the results go into a temporary folder, which is named.
+    Starts everything it needs, and leaves nothing running. DIR then holds image.exr, image.png,
+    difference.png (pixels that have changed since the first image), curve.csv, curve.png,
+    summary.txt and summary.json. If pixels are NaN or infinite, non-finite.png marks them; more
+    than 0.1 % of such pixels fail the job. The files of an earlier job in DIR are removed when the
+    first new file is written. Ctrl-C cancels the job and still writes its results; a second Ctrl-C
+    exits at once. If DIR cannot be written, the command fails before it renders anything. If DIR
+    becomes unwritable later, the results go to a temporary folder, which the command names.
     """
     from plateau.commands.render import render as run
 
@@ -57,17 +57,17 @@ def render(
 _Host = Annotated[
     str,
     typer.Option(
-        help="Address to listen on; one that other machines reach needs an API key first."
+        help="Address to listen on. One that other machines can reach needs an API key first."
     ),
 ]
 _Port = Annotated[
-    int, typer.Option(help="Port to listen on; 0 takes a free one.", min=0, max=65535)
+    int, typer.Option(help="Port to listen on; 0 chooses a free one.", min=0, max=65535)
 ]
 _Open = Annotated[
     bool,
     typer.Option(
         "--open",
-        help="Ask for no key, even where there are some; on this machine's own address only.",
+        help="Require no API key, even if there are some. On a loopback address only.",
     ),
 ]
 _Certificate = Annotated[
@@ -75,11 +75,11 @@ _Certificate = Annotated[
     typer.Option(
         "--tls-certificate",
         metavar="FILE",
-        help="Serve https with this certificate, a PEM file with its chain.",
+        help="Certificate for HTTPS: a PEM file with its chain.",
     ),
 ]
 _PrivateKey = Annotated[
-    Path | None, typer.Option("--tls-key", metavar="FILE", help="The certificate's private key.")
+    Path | None, typer.Option("--tls-key", metavar="FILE", help="Private key of the certificate.")
 ]
 
 
@@ -93,7 +93,7 @@ def _door(
 
 @app.command()
 def up(
-    workers: Annotated[int, typer.Option(help="Worker processes.", min=0, max=256)] = 1,
+    workers: Annotated[int, typer.Option(help="Number of worker processes.", min=0, max=256)] = 1,
     host: _Host = "127.0.0.1",
     port: _Port = 8713,
     open_to_all: _Open = False,
@@ -105,8 +105,8 @@ def up(
     For example:
       plateau up --workers 2
 
-    API, monitor, workers and an embedded Redis; its data folder survives a restart, and jobs
-    go on where they were. With PLATEAU_REDIS_URL or PLATEAU_BLOBS set, those are used instead.
+    Starts an API, a monitor, workers and an embedded Redis. The data folder survives a restart, and
+    jobs continue. If PLATEAU_REDIS_URL or PLATEAU_BLOBS is set, that Redis or blob store is used.
     """
     from plateau.commands.serve import up as run
 
@@ -140,12 +140,12 @@ def api(
 
 @app.command()
 def monitor() -> None:
-    """Run one monitor: it merges slices, judges the image, and ends jobs.
+    """Run one monitor, which merges slices, evaluates the image, and ends jobs.
 
     For example:
       PLATEAU_REDIS_URL=redis://10.0.0.5 PLATEAU_BLOBS=s3://farm/plateau plateau monitor
 
-    Any number may run; when one dies, another takes its jobs over.
+    Any number of monitors may run. When one dies, another takes over its jobs.
     """
     from plateau.commands.serve import monitor as run
 
@@ -156,20 +156,20 @@ def monitor() -> None:
 def worker(
     pool: Annotated[
         str | None,
-        typer.Option(help="It renders the jobs of this pool alone.", show_default="default"),
+        typer.Option(help="Pool whose jobs it renders.", show_default="default"),
     ] = None,
     tag: Annotated[
         list[str] | None,
-        typer.Option(help="What jobs may require of a worker. May be repeated."),
+        typer.Option(help="Tag that jobs may require; may be repeated."),
     ] = None,
 ) -> None:
-    """Run one worker: it renders slices of any job that its pool, tags and variants suit.
+    """Run one worker, which renders slices of the jobs that fit its pool, tags and variants.
 
     For example:
       PLATEAU_REDIS_URL=redis://10.0.0.5 PLATEAU_BLOBS=s3://farm/plateau plateau worker
       plateau worker --pool night --tag gpu --tag highmem
 
-    PLATEAU_THREADS limits its threads. It may be stopped, or die, at any time.
+    PLATEAU_THREADS limits its threads. A worker may be stopped, or die, at any time.
     """
     from plateau.commands.serve import worker as run
 
@@ -182,7 +182,7 @@ def gc(
         float | None,
         typer.Option(
             metavar="DAYS",
-            help="Remove jobs that were finished before so many days, with their results.",
+            help="Remove jobs that finished more than this many days ago, with their results.",
             show_default="PLATEAU_KEEP_RESULTS_DAYS, else never",
             min=0,
             max=3653,
@@ -192,8 +192,8 @@ def gc(
         float | None,
         typer.Option(
             metavar="DAYS",
-            help="Remove the sums of jobs that were finished before so many days; without "
-            "them, a job cannot be continued.",
+            help="Remove the sums of jobs that finished more than this many days ago. Without "
+            "sums or kept slices, a job cannot be continued.",
             show_default="PLATEAU_KEEP_SUMS_DAYS, else 3",
             min=0,
             max=3653,
@@ -203,30 +203,30 @@ def gc(
         float | None,
         typer.Option(
             metavar="DAYS",
-            help="Remove scenes that no job has and nobody used for so many days (an hour at "
-            "least).",
+            help="Remove scenes that no job has and that were not used for this many days (an "
+            "hour at least).",
             show_default="PLATEAU_KEEP_SCENES_DAYS, else never",
             min=0,
             max=3653,
         ),
     ] = None,
     dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Remove nothing, and say what would go.")
+        bool, typer.Option("--dry-run", help="Remove nothing; print what would be removed.")
     ] = False,
     as_json: o.Json = False,
 ) -> None:
-    """Remove what is not needed any more: old jobs, unused scenes, orphaned blobs.
+    """Remove old jobs, unused scenes and orphaned blobs.
 
     For example:
       plateau gc --results-older-than 30 --dry-run
       plateau gc --results-older-than 30 --scenes-unused-for 7
 
-    Orphaned blobs, which no job refers to since a process was killed, go in any case; jobs that
-    are not finished keep all they have. Monitors do the same by themselves once an hour, by the
-    settings PLATEAU_KEEP_RESULTS_DAYS, PLATEAU_KEEP_SUMS_DAYS and PLATEAU_KEEP_SCENES_DAYS.
+    Orphaned blobs, left by killed processes, are always removed. Unfinished jobs keep everything.
+    Monitors do the same once an hour, by the settings PLATEAU_KEEP_RESULTS_DAYS,
+    PLATEAU_KEEP_SUMS_DAYS and PLATEAU_KEEP_SCENES_DAYS.
 
-    Works on PLATEAU_REDIS_URL and PLATEAU_BLOBS where they are set, and on the data folder else,
-    whether `plateau up` runs there or not.
+    Works on PLATEAU_REDIS_URL and PLATEAU_BLOBS if they are set, otherwise on the data folder,
+    whether `plateau up` is running or not.
     """
     from plateau.commands.gc import gc as run
 
@@ -235,12 +235,12 @@ def gc(
 
 @app.command()
 def doctor(as_json: o.Json = False) -> None:
-    """Check what works on this machine, and say why what does not.
+    """Check what works on this machine, and explain what does not.
 
     For example:
       plateau doctor
 
-    The exit code is 1 where nothing could be rendered.
+    The exit code is 1 if nothing can be rendered.
     """
     from plateau.commands.doctor import doctor as run
 

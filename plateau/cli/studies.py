@@ -9,7 +9,7 @@ import typer
 from plateau.cli import options as o
 from plateau.cli.app import group
 
-study = group("study", "Observer studies: from which spp on do people see no difference?")
+study = group("study", "Observer studies: at which spp do people stop seeing a difference?")
 
 _StudyId = Annotated[str, typer.Argument(metavar="ID", help="The study's id.")]
 
@@ -26,13 +26,13 @@ def create(
         str | None,
         typer.Option(
             metavar="JOB_ID",
-            help="Job whose image is the reference; best one with another seed.",
+            help="Job whose image is the reference; preferably with another seed.",
             show_default="the job itself",
         ),
     ] = None,
     method: Annotated[
         _Method,
-        typer.Option(help="constant: for the thresholds; limits: first, to find levels for them."),
+        typer.Option(help="constant measures the thresholds; limits finds levels for it first."),
     ] = _Method.CONSTANT,
     level: Annotated[
         list[int] | None,
@@ -48,14 +48,14 @@ def create(
     url: o.Url = None,
     as_json: o.Json = False,
 ) -> None:
-    """Make a study from the kept slices of an ended job; prints its id.
+    """Make a study from the kept slices of an ended job, and print its id.
 
     For example:
       plateau study create 3f9ac2d01b77 --reference 8e11d0c2b7a4
       plateau study create 3f9ac2d01b77 --method limits --name "BAR, first stage"
 
-    The job has to have kept its slices (--keep-slices). Observers take part on the web page, at
-    the address that is printed to standard error; docs/study.md says how to run a study.
+    The job must have kept its slices (--keep-slices). Observers take part on the web page, at the
+    URL printed to standard error. docs/study.md explains how to run a study.
     """
     from plateau.commands.study import create as run
 
@@ -72,7 +72,7 @@ def create(
 
 @study.command("list")
 def list_studies(url: o.Url = None, as_json: o.Json = False) -> None:
-    """List the studies, newest first, and what each has found so far.
+    """List the studies, newest first, with their results so far.
 
     For example:
       plateau study list
@@ -87,7 +87,7 @@ def export(
     study_id: _StudyId,
     table: Annotated[
         bool,
-        typer.Option("--table", help="Export shares, as the paper's table 1 does."),
+        typer.Option("--table", help="Export shares, in the form of the paper's table 1."),
     ] = False,
     out: Annotated[
         Path | None,
@@ -96,7 +96,7 @@ def export(
     url: o.Url = None,
     as_json: o.Json = False,
 ) -> None:
-    """Export the answers of a study as CSV, a line each; with --json, what it has found.
+    """Export the answers of a study as CSV, one line each; with --json, its results.
 
     For example:
       plateau study export 9c1f47be02d8 -o trials.csv
@@ -109,7 +109,7 @@ def export(
 
 @study.command()
 def delete(study_id: _StudyId, url: o.Url = None) -> None:
-    """Remove a study with all its answers and pictures: they are gone for good.
+    """Delete a study with all its answers and pictures. This cannot be undone.
 
     For example:
       plateau study delete 9c1f47be02d8
@@ -122,23 +122,24 @@ def delete(study_id: _StudyId, url: o.Url = None) -> None:
 @study.command("fit")
 def fit(
     table: Annotated[
-        Path, typer.Argument(help="A CSV file: single answers, or the paper's table 1.")
+        Path,
+        typer.Argument(help="A CSV file of single answers, or in the form of the paper's table 1."),
     ],
     plot: Annotated[
         Path | None, typer.Option(metavar="OUT.png", help="File for a plot of answers and fits.")
     ] = None,
     as_json: o.Json = False,
 ) -> None:
-    """Fit the probability to perceive a difference, for each scene of a study.
+    """Fit the probability of seeing a difference, for each scene of a study.
 
-    TABLE has a column "scene", then one for each number of samples per pixel that was shown, with
-    the share of the observers that saw a difference: it is fitted as the paper fits it. Or it has
-    a line for each answer, as `plateau study export` writes it: then each answer counts once, and
-    each threshold has an interval in which it lies with 95 % confidence.
+    TABLE has one line for each answer, as `plateau study export` writes it, and each threshold gets
+    a 95 % confidence interval. Or it has a column "scene" and one column for each number of samples
+    per pixel that was shown, with the share of the observers who saw a difference. It is then
+    fitted as in the paper.
 
-    Fewer than 20 answers, or answers that did not become rarer with more samples, have no fit, and
-    a threshold that the answers do not bound is left open; standard error says why. The exit code
-    is 1 where no scene has a fit.
+    There is no fit for fewer than 20 answers, or if differences were not seen less often with more
+    samples. A threshold that the answers do not bound is left open. Standard error says why. The
+    exit code is 1 if no scene has a fit.
 
     For example:
       plateau study fit trials.csv --plot thresholds.png

@@ -10,14 +10,14 @@ from plateau.cli.app import group
 webhooks = group(
     "webhooks",
     """
-    Webhooks: whom the farm tells of a job's changes, as `plateau submit --webhook URL` asks it to.
+    Webhooks: requests that report a job's events, as `plateau submit --webhook URL` asks for.
     """,
 )
 
 
 @webhooks.command("list")
 def list_deliveries(job_id: o.JobId, url: o.Url = None, as_json: o.Json = False) -> None:
-    """List the messages to a job's webhook, and what became of each.
+    """List the messages to a job's webhook, and whether each was delivered.
 
     For example:
       plateau webhooks list 3f9ac2d01b77
@@ -36,7 +36,7 @@ def redeliver(
     url: o.Url = None,
     as_json: o.Json = False,
 ) -> None:
-    """Send a message again, now, as it was: under its id, so that receivers know it.
+    """Send a message again now, unchanged and with the same id.
 
     For example:
       plateau webhooks redeliver 3f9ac2d01b77 2
@@ -51,18 +51,18 @@ def secret(
     renew: Annotated[
         bool,
         typer.Option(
-            "--renew", help="Make another one; for a day messages are signed by both of them."
+            "--renew", help="Make another secret; for a day, messages are signed with both."
         ),
     ] = False,
     as_json: o.Json = False,
 ) -> None:
-    """Print the secret that signs the messages of jobs that bring none of their own.
+    """Print the secret that signs the messages of jobs without a secret of their own.
 
     For example:
       plateau webhooks secret > /etc/studio/plateau-webhooks.secret
 
-    Works on PLATEAU_REDIS_URL where it is set, and on the data folder else, whether `plateau up`
-    runs there or not.
+    Works on PLATEAU_REDIS_URL if it is set, otherwise on the data folder, whether `plateau up` is
+    running or not.
     """
     from plateau.commands.keys import webhook_secret as run
 
