@@ -1,5 +1,5 @@
 # Two commands are enough on a fresh machine: `make demo` and `make test`.
-.PHONY: demo test test-long test-faults test-cluster check bench setup clean
+.PHONY: demo test test-long test-faults test-cluster check bench screenshots manual setup clean
 .DEFAULT_GOAL := help
 
 BIN := .venv/bin
@@ -45,6 +45,9 @@ bench-%: setup  ## Run one benchmark, bench/NAME.py
 
 screenshots: setup  ## Take the README's pictures of the web page (minutes; needs Chromium)
 	$(BIN)/python -m tests.page.screenshots
+
+manual: setup  ## Write docs/cli.md from the help of the commands
+	$(BIN)/python -m tests.cli_manual
 
 clean:  ## Remove .venv and caches
 	rm -rf .venv .mypy_cache .ruff_cache .pytest_cache .import_linter_cache demo

@@ -28,7 +28,7 @@ def farm(tmp_path_factory: pytest.TempPathFactory, cache: Path) -> Iterator[Real
         yield farm
 
 
-@pytest.mark.parametrize("name", ["docs/client.md", "docs/api.md", "README.md"])
+@pytest.mark.parametrize("name", ["docs/client.md", "docs/api.md"])
 def test_every_block_runs(
     name: str, farm: RealFarm, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
