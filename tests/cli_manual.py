@@ -25,15 +25,19 @@ TASKS: Final[tuple[tuple[str, str, tuple[str, ...]], ...]] = (
     ),
     (
         "Run a service",
-        "`plateau up` runs everything on one machine. On several machines, `api`, `monitor` and "
-        "`worker` run one process each; [operations.md](operations.md) has the settings.",
+        (
+            "`plateau up` runs everything on one machine. On several machines, `api`, `monitor` "
+            "and `worker` run one process each; [operations.md](operations.md) has the settings."
+        ),
         ("up", "api", "monitor", "worker", "gc"),
     ),
     (
         "Submit and follow jobs",
-        "These commands talk to a service, by default the one on this machine. Name another with "
-        "`--url` or `PLATEAU_URL`, and an API key with `PLATEAU_KEY` or `PLATEAU_KEY_FILE`. A job's "
-        "id may be shortened, as in git.",
+        (
+            "These commands talk to a service, by default the one on this machine. Name another "
+            "with `--url` or `PLATEAU_URL`, and an API key with `PLATEAU_KEY` or `PLATEAU_KEY_FILE`. "
+            "A job's id may be shortened, as in git."
+        ),
         ("submit", "watch", "list", "show", "log", "curve", "fetch", "workers", "scenes"),
     ),
     (
@@ -48,20 +52,26 @@ TASKS: Final[tuple[tuple[str, str, tuple[str, ...]], ...]] = (
     ),
     (
         "Batches",
-        "A batch is several jobs under one name, such as the frames of an animation: "
-        "[animation.md](animation.md).",
+        (
+            "A batch is several jobs under one name, such as the frames of an animation: "
+            "[animation.md](animation.md)."
+        ),
         ("batches", "batch"),
     ),
     (
         "Ask observers",
-        "An observer study measures from how many samples on people see no difference: "
-        "[study.md](study.md).",
+        (
+            "An observer study measures from how many samples on people see no difference: "
+            "[study.md](study.md)."
+        ),
         ("study create", "study list", "study export", "study fit", "study delete"),
     ),
     (
         "Administer a farm",
-        "Keys and Redis users decide who may do what, webhooks tell other services about jobs "
-        "([webhooks.md](webhooks.md)), and `scale` runs workers in a batch system.",
+        (
+            "Keys and Redis users decide who may do what, webhooks tell other services about jobs "
+            "([webhooks.md](webhooks.md)), and `scale` runs workers in a batch system."
+        ),
         (
             *("keys create", "keys list", "keys rotate", "keys revoke"),
             *("webhooks list", "webhooks redeliver", "webhooks secret"),

@@ -76,7 +76,8 @@ def help_of_all_commands() -> str:
 
 
 def guides() -> str:
-    names = ("README.md", "docs/cli.md", "docs/api.md", "docs/page.md", "docs/client.md", "docs/animation.md")
+    pages = ("cli", "api", "page", "client", "animation")
+    names = ("README.md", *(f"docs/{page}.md" for page in pages))
     return "\n".join((ROOT / name).read_text() for name in names)
 
 
