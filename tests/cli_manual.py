@@ -35,7 +35,7 @@ TASKS: Final[tuple[tuple[str, str, tuple[str, ...]], ...]] = (
         "Submit and follow jobs",
         (
             "These commands talk to a service, by default the one on this machine. Name another "
-            "with `--url` or `PLATEAU_URL`, and an API key with `PLATEAU_KEY` or `PLATEAU_KEY_FILE`. "
+            "with `--url` or `PLATEAU_URL`. `PLATEAU_KEY` or `PLATEAU_KEY_FILE` has the API key. "
             "A job's id may be shortened, as in git."
         ),
         ("submit", "watch", "list", "show", "log", "curve", "fetch", "workers", "scenes"),
