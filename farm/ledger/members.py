@@ -56,7 +56,7 @@ class Membership:
             "started_at": self._started_at.isoformat(),
         }
         self._scripts.run("api_heartbeat", self.id, json.dumps(about), self._life_ms)
-        self._scripts.serve_workers()
+        self._scripts.load()
 
     def sign_off(self) -> None:
         """Say that it stops."""

@@ -5,7 +5,6 @@ import math
 import random
 import threading
 import time
-from importlib.resources import files
 from typing import Any, Final
 
 import redis
@@ -24,6 +23,7 @@ from plateau.farm.model.errors import (
 )
 from plateau.farm.redis import keys
 from plateau.farm.redis.link import unavailable_as_farm_error
+from plateau.farm.redis.scripts import library
 
 _LOG = logging.getLogger(__name__)
 
@@ -32,9 +32,6 @@ _RETRY_S: Final = 1.0
 _FADE_S: Final = ALIVE_S + 5.0
 #: Between two lines about what is waited for.
 _SAY_AGAIN_S: Final = 60.0
-
-#: What keeps the index of the jobs that wait for a worker.
-_INDEX: Final = (files("plateau.farm.redis") / "lua" / "waiting.lua").read_text()
 
 #: From each older layout that can be brought forward, the Lua that turns it into the next. It must
 #: not fail half-way: Redis undoes nothing.
@@ -69,7 +66,7 @@ if from ~= wanted then return {version} end
 local others = #path > 0 and who_lives() or {}
 if #others > 0 then return {version, unpack(others)} end
 for _, migrate in ipairs(path) do migrate() end
-file_changed()
+Waiting.file_changed()
 redis.call('SET', SCHEMA, ARGV[1])
 return {ARGV[1]}
 """
@@ -166,10 +163,7 @@ class _Waits:
 
 def _script(migrations: dict[int, str]) -> str:
     functions = (f"[{version}] = function() {lua} end" for version, lua in migrations.items())
-    return (
-        f"{keys.LUA}\n{_INDEX}\nlocal SCHEMA = '{keys.SCHEMA}'\n"
-        f"local MIGRATIONS = {{{', '.join(functions)}}}\n{_CHECK}"
-    )
+    return f"{library()}\nlocal MIGRATIONS = {{{', '.join(functions)}}}\n{_CHECK}"
 
 
 def _wait_for_others(found: str | None) -> str:

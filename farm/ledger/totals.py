@@ -228,7 +228,7 @@ class MonitorWork:
             "started_at": self._started_at.isoformat(),
         }
         self._report(json.dumps(about))
-        self._scripts.serve_workers()
+        self._scripts.load()
 
     def sign_off(self) -> None:
         """Report for the last time."""

@@ -1,7 +1,7 @@
 """What has to fit together for processes to share a farm: a layout of Redis, and a protocol.
 
 The **layout** is what lies where in Redis. All processes that run at a time work with the same one:
-every script looks at it before it does anything (`plateau.farm.redis.scripts`), so one that runs
+every command looks at it before it does anything (`plateau.farm.redis.scripts`), so one that runs
 past a migration can do nothing any more; and a migration waits for those that it would shut out
 (`plateau.farm.ledger.schema`).
 

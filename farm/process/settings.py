@@ -14,7 +14,7 @@ from plateau.farm.model.place_names import DEFAULT_POOL, PlaceName, Tags
 LogFormat = Literal["text", "json"]
 
 #: A lease lasts so many heartbeats at least, so that one may be late. And where no worker is heard
-#: of for half a lease, the whole farm is thought silent and nothing is taken back (prelude.lua).
+#: of for half a lease, the whole farm is thought silent and nothing is taken back (slices.lua).
 LEASE_HEARTBEATS: Final = 2.5
 
 #: The longest time that a setting may name, in seconds: a day for what is waited for here and now.

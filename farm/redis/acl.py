@@ -12,11 +12,12 @@ user                      may
 ``plateau-sentinel``      watch servers and promote a replica
 ========================  ========================================================================
 
-Whoever asks runs scripts with the rights of its user. A worker can run any script that a monitor,
-an API or the administrator has loaded, but none goes beyond the keys, channels and commands given
-here. It can load none: Redis runs one script at a time, and one that does not end stops the farm
-until the server is killed. Nor does a script of Plateau's loop for good over what a worker has
-written.
+Whoever asks runs the script (`plateau.farm.redis.scripts`) with the rights of its user. A worker
+can run any script that a monitor, an API or the administrator has loaded, but none goes beyond the
+keys, channels and commands given here. Of Plateau's script it can run the commands for workers
+alone: before any other the script touches a key that workers may not. A worker can load no script:
+Redis runs one at a time, and one that does not end stops the farm until the server is killed. Nor
+does a command of Plateau's loop for good over what a worker has written.
 
 A worker in wrong hands can still spoil the queue: write what it likes into a job's hash and ledger,
 so mark a job as failed or done, show a wrong image, have a webhook say what did not happen, have a
@@ -39,7 +40,7 @@ from typing import Final
 
 from plateau.farm.redis import keys
 from plateau.farm.redis.keys import PREFIX
-from plateau.farm.redis.scripts import WORKER_SCRIPTS, texts
+from plateau.farm.redis.scripts import for_workers
 
 #: Ids of jobs and keys have twelve digits; a star would match the parts of a job too.
 _ID: Final = "?" * 12
@@ -161,9 +162,8 @@ _HINTS: Final = f"&{PREFIX}wake:*"
 
 @cache
 def worker_commands() -> tuple[str, ...]:
-    """The commands that a worker needs: those of its scripts, and some by itself."""
-    scripts = "".join(texts()[name] for name in WORKER_SCRIPTS)
-    called = {name.lower() for name in re.findall(r"redis\.call\('(\w+)'", scripts)}
+    """Redis's commands that a worker needs: those that run where it asks, and some by itself."""
+    called = {name.lower() for name in re.findall(r"redis\.call\('(\w+)'", for_workers())}
     return tuple(sorted(called | set(_WORKER_COMMANDS)))
 
 

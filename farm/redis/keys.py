@@ -96,7 +96,7 @@ Channels, hints only (who misses one looks again within some seconds):
 ``plateau:wake:workers:ID`` (``planned``, to one that had nothing to do),
 ``plateau:wake:monitors`` (``free ID``, or a job id) and ``plateau:wake:webhooks`` (a job id).
 
-Writers: everything is written by the scripts in ``farm/redis/lua``, but for the migrations of
+Writers: everything is written by the script in ``farm/redis/lua``, but for the migrations of
 `plateau.farm.ledger.schema`.
 """
 

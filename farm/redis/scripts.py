@@ -1,9 +1,14 @@
-"""The atomic scripts of ``farm/redis/lua``, each opened by a comment that states its contract.
+"""The one script of ``farm/redis/lua``: each write to Redis is a command of it, done as a whole.
+
+The script is assembled from files: first what its commands share, then the commands by subject,
+each opened by a comment that states its contract, and last ``dispatch.lua``, which runs the command
+that is asked for. Before anything else it looks whether the layout is the one that it was written
+for.
 
 Redis has to know a script before it runs it. Whoever may gives it the text where it does not, so a
 farm on an embedded Redis need not think of it. Workers on a Redis with users may not: who can give
 Redis a script can give it one that never ends (`plateau.farm.redis.acl`). Monitors and APIs see to
-theirs, with each heartbeat, since a Redis that starts again, or takes over, knows no scripts.
+it, with each heartbeat, since a Redis that starts again, or takes over, knows no scripts.
 """
 
 import hashlib
@@ -24,30 +29,25 @@ from plateau.farm.redis.link import unavailable_as_farm_error
 
 _LUA: Final = files("plateau.farm.redis") / "lua"
 
-#: What every script may use, in this order.
-_SHARED: Final = ("waiting.lua", "prelude.lua", "outbox.lua", "members.lua")
-
-#: What every script does first: it looks whether the layout is the one that it was written for, so
-#: that a process that is older than the data, whenever it wakes up, changes nothing.
-_GUARD: Final = """
-local layout = redis.call('GET', SCHEMA)
-if layout and layout ~= LAYOUT then return redis.error_reply('WRONGLAYOUT ' .. layout) end
-"""
-_WRONG_LAYOUT: Final = re.compile(r"\bWRONGLAYOUT (\S+)")
-#: The scripts that workers run.
-WORKER_SCRIPTS: Final = (
-    "lease",
-    "heartbeat",
-    "glimpse",
-    "commit",
-    "died",
-    "hand_back",
-    "fail",
-    "leave",
-    "refused",
+#: What the commands share, a file for each namespace; these and base.lua may use each other.
+_NAMESPACES: Final = {
+    "Waiting": "waiting",
+    "Outbox": "outbox",
+    "Job": "jobs",
+    "Slice": "slices",
+    "Member": "members",
+    "New": "new_jobs",
+}
+#: The commands by subject: those that workers run, and all others.
+_FOR_WORKERS: Final = ("lease", "slices", "workers")
+_FOR_FARM: Final = (
+    *("jobs", "owners", "batches", "scenes", "sweeps", "webhooks"),
+    *("members", "api_keys", "studies", "census"),
 )
 
-#: What a script says to whom speaks what the farm does not; see members.lua.
+_WRONG_LAYOUT: Final = re.compile(r"\bWRONGLAYOUT (\S+)")
+
+#: What a command says to whom speaks what the farm does not; see members.lua.
 _REFUSED: Final = re.compile(r"\bREFUSED (\d+) (\d+) (\S+)")
 
 
@@ -60,24 +60,50 @@ def _moves_in_lua() -> str:
     return f"local MOVES = {{{', '.join(rows)}}}\n"
 
 
-def _whole(shared: str, script: str) -> str:
-    """The script as Redis runs it: wherever it returns, what it did is filed and told after it."""
-    return (
-        f"{shared}\nlocal function script()\n{script}\nend\n{_GUARD}"
-        "local answer = script()\nfile_changed()\nfill_outbox()\nreturn answer\n"
+def _part(name: str) -> str:
+    """The text of a file; what is local in it stays so."""
+    return f"do\n{(_LUA / f'{name}.lua').read_text()}end\n"
+
+
+def library() -> str:
+    """What the commands share, as Lua."""
+    return "".join(
+        (
+            versions.in_lua(),
+            keys.LUA,
+            _moves_in_lua(),
+            (_LUA / "base.lua").read_text(),
+            f"local {', '.join(_NAMESPACES)} = {', '.join('{}' for _ in _NAMESPACES)}\n",
+            *map(_part, _NAMESPACES.values()),
+        )
     )
 
 
+def _commands(subjects: Iterable[str]) -> str:
+    return "".join(_part(f"commands/{subject}") for subject in subjects)
+
+
+def for_workers() -> str:
+    """All that runs where a worker asks."""
+    return library() + _commands(_FOR_WORKERS) + (_LUA / "dispatch.lua").read_text()
+
+
 @cache
-def texts() -> dict[str, str]:
-    """The scripts by name, each with what all of them share."""
-    numbers = versions.in_lua() + keys.LUA + _moves_in_lua()
-    shared = numbers + "".join((_LUA / name).read_text() for name in _SHARED)
-    return {
-        file.name.removesuffix(".lua"): _whole(shared, file.read_text())
-        for file in _LUA.iterdir()
-        if file.name.endswith(".lua") and file.name not in _SHARED
-    }
+def text() -> str:
+    """The script as Redis runs it."""
+    return "".join(
+        (
+            library(),
+            "local for_workers, for_farm = {}, {}\n",
+            _commands((*_FOR_WORKERS, *_FOR_FARM)),
+            (_LUA / "dispatch.lua").read_text(),
+        )
+    )
+
+
+def commands(whose: str = "workers|farm") -> set[str]:
+    """The names of the commands for ``workers``, for the rest of the ``farm``, or of all."""
+    return set(re.findall(rf"^for_(?:{whose})\W+(\w+)", text(), re.MULTILINE))
 
 
 @contextmanager
@@ -99,70 +125,59 @@ def _answers_as_farm_errors() -> Iterator[None]:
 
 
 class Scripts:
-    """Runs the scripts by name on one Redis client."""
+    """Runs commands of the script on one Redis client."""
 
     def __init__(self, client: redis.Redis) -> None:
         self._redis = client
-        self._texts = texts()
+        self._text = text()
+        self._sha1 = hashlib.sha1(self._text.encode(), usedforsecurity=False).hexdigest()
 
-    def run(self, script: str, *arguments: str | int | float) -> Any:
-        """What the script returns; its first comment says what that may be.
+    def run(self, command: str, *arguments: str | int | float) -> Any:
+        """What the command returns; its first comment says what that may be.
 
         Raises
         ------
         StoreUnavailable
-            Redis cannot be reached; whether the script ran is then unknown, and every script
-            may be run again. Or it does not know the script, and this user may not load it.
+            Redis cannot be reached; whether the command was done is then unknown, and each may be
+            repeated. Or Redis does not know the script, and this user may not load it.
         WrongLayout
             The data has another layout by now than this Plateau's: nothing was done.
         Refused
-            By scripts that say so: the farm does not speak what this Plateau does.
+            By commands that say so: the farm does not speak what this Plateau does.
         """
         with unavailable_as_farm_error(), _answers_as_farm_errors():
             try:
-                return self._call(self._redis, script, arguments)
+                return self._redis.evalsha(self._sha1, 0, command, *arguments)
             except redis.exceptions.NoScriptError:
-                self._load([script])
-                return self._call(self._redis, script, arguments)
+                self._load()
+                return self._redis.evalsha(self._sha1, 0, command, *arguments)
 
-    def run_each(self, script: str, arguments: Sequence[Sequence[str | int | float]]) -> list[Any]:
-        """What the script returns for each of these arguments, in one round trip.
+    def run_each(self, command: str, arguments: Sequence[Sequence[str | int | float]]) -> list[Any]:
+        """What the command returns for each of these arguments, in one round trip.
 
-        Others may come in between two runs. Raises what `run` does.
+        Others may come in between two of them. Raises what `run` does.
         """
+        self.load()
         with unavailable_as_farm_error(), _answers_as_farm_errors():
-            self._load_unknown([script])
             pipe = self._redis.pipeline(transaction=False)
             for one in arguments:
-                self._call(pipe, script, one)
+                pipe.evalsha(self._sha1, 0, command, *one)
             answers: list[Any] = pipe.execute()
         return answers
 
-    def serve_workers(self) -> None:
-        """See to it that Redis knows what workers run; raises what `run` does."""
+    def load(self) -> None:
+        """See to it that Redis knows the script, also for workers; raises what `run` does."""
         with unavailable_as_farm_error():
-            self._load_unknown(WORKER_SCRIPTS)
+            [known] = self._redis.script_exists(self._sha1)
+            if not known:
+                self._load()
 
-    def _call(self, client: redis.Redis, script: str, arguments: Sequence[Any]) -> Any:
-        return client.evalsha(_sha1(self._texts[script]), 0, *arguments)
-
-    def _load_unknown(self, scripts: Sequence[str]) -> None:
-        known = self._redis.script_exists(*(_sha1(self._texts[name]) for name in scripts))
-        self._load(name for name, is_known in zip(scripts, known, strict=True) if not is_known)
-
-    def _load(self, scripts: Iterable[str]) -> None:
+    def _load(self) -> None:
         try:
             with unavailable_as_farm_error():
-                for name in scripts:
-                    self._redis.script_load(self._texts[name])
+                self._redis.script_load(self._text)
         except NotPermitted:
             raise StoreUnavailable(
-                f"Redis does not know the scripts of Plateau {versions.plateau()}, and this "
-                "process may not load them: it waits for a monitor or an API of this version"
+                f"Redis does not know the script of Plateau {versions.plateau()}, and this "
+                "process may not load it: it waits for a monitor or an API of this version"
             ) from None
-
-
-@cache
-def _sha1(text: str) -> str:
-    """By which Redis knows a script."""
-    return hashlib.sha1(text.encode(), usedforsecurity=False).hexdigest()

@@ -6,7 +6,7 @@ again, the sweep removes it, and the job has no scene. Therefore
 1. the API notes the use (`SceneIndex.use`), then looks whether the scene is going, then at the
    blob;
 2. a sweep fixes a moment, an hour in the past or more, then reads which scenes the jobs have, and
-   asks ``forget_scene.lua`` for each other scene that was last used before that moment: the
+   asks ``forget_scene`` for each other scene that was last used before that moment: the
    script looks once more, forgets the scene and says that it is going, in one step; the sweep
    removes the blob; then it says that the scene is gone.
 

@@ -23,7 +23,7 @@ from plateau.farm.model.errors import FenceLost
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
 from plateau.farm.model.study import Screen
-from plateau.farm.redis import keys, scripts
+from plateau.farm.redis import keys
 from plateau.farm.redis.scripts import Scripts
 from plateau.farm.sweep import is_due
 
@@ -48,8 +48,7 @@ class World:
 
     def load_scripts(self) -> None:
         """Have Redis know all scripts, so that a call of one is one command."""
-        for text in scripts.texts().values():
-            self.direct.script_load(text)
+        Scripts(self.direct).load()
 
     def job(
         self, *, slices: int = 2, owned: bool = True, webhook: bool = False, **spec: Any

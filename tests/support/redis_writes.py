@@ -1,6 +1,6 @@
-"""Watches what Plateau's own code sends to Redis: it writes by scripts alone, so behind the guard.
+"""Watches what Plateau's own code sends to Redis: it writes by one script, so behind the guard.
 
-`plateau.farm.redis.scripts` has every script look at the layout first. A write that is no script
+That script looks at the layout first (`plateau.farm.redis.scripts`). A write by another way
 would pass by that, also in a process that a newer Plateau has shut out.
 """
 
@@ -25,7 +25,7 @@ READS: Final = {
     *("HLEN", "SCARD", "SISMEMBER", "SMEMBERS", "XRANGE", "XREAD", "XREVRANGE"),
     *("ZCARD", "ZMSCORE", "ZRANGE", "ZRANGEBYSCORE", "ZREVRANGE", "ZREVRANGEBYSCORE", "ZSCORE"),
 }
-#: And what one module alone may send: the scripts, and the migrations that make what they guard.
+#: And what one module alone may send: the script, and the migrations that make what it guards.
 RUNS_SCRIPTS: Final = {
     "farm/redis/scripts.py": {"EVALSHA", "SCRIPT"},
     "farm/ledger/schema.py": {"EVAL"},

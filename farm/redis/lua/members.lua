@@ -1,5 +1,5 @@
--- Who is in the farm and what they speak; shared by every script, as prelude.lua is. `OLDEST`,
--- `NEWEST` and `PLATEAU` are those of the process that runs the script; see farm/model/versions.py.
+-- Who is in the farm and what they speak. `OLDEST`, `NEWEST` and `PLATEAU` are those of the process that
+-- runs the script; see farm/model/versions.py.
 
 -- The monitors and APIs that live.
 local function living_members()
@@ -34,13 +34,13 @@ local function refusal(oldest, newest, plateau)
 end
 
 -- The same of the farm and a worker.
-local function refusal_of_worker()
+function Member.refusal_of_worker()
   return refusal(unpack(redis.call('HMGET', PROTOCOL, 'oldest', 'newest', 'plateau')))
 end
 
 -- A monitor or an API lives, or signs off where `about` is ''; the farm then speaks what all do that
 -- are left. Returns the refusal where it does not speak what the others do: it is then no member.
-local function note_member(members, key, id, about, life_ms)
+function Member.note(members, key, id, about, life_ms)
   local refused = about ~= '' and refusal(spoken_by_all(key))
   if refused then return refused end
   if about == '' then

@@ -1,17 +1,28 @@
 -- The outbox: what happened to jobs that have a webhook, waiting to be told to their receivers. The
--- script that changes a job fills it in the same step, so no change is lost and none is made up.
--- Shared by every script, as prelude.lua is.
+-- command that changes a job fills it in the same step, so no change is lost and none is made up.
+
+-- What webhooks may want to be told when the script is done: job, event, job, event, …
+local happened = {}
+
+function Outbox.announce(id, type, data)
+  redis.call('XADD', job_key(id, 'events'), '*', 'type', type, 'at', now(), 'data', data)
+  local event = type == 'state' and cjson.decode(data).to or type == 'finished' and type
+  if event then
+    happened[#happened + 1] = id
+    happened[#happened + 1] = event
+  end
+end
 
 -- So many deliveries a job remembers; one that is older is dropped, told or not.
 local MOST_DELIVERIES = 100
 
-local function due_key(receiver) return RECEIVERS .. ':due:' .. receiver end
+function Outbox.due_key(receiver) return RECEIVERS .. ':due:' .. receiver end
 
 local function receiver_of(id) return redis.call('HGET', job_key(id), 'webhook_receiver') end
 
 -- A receiver is due when the first of its deliveries is.
 local function reschedule(receiver)
-  local first = redis.call('ZRANGE', due_key(receiver), 0, 0, 'WITHSCORES')
+  local first = redis.call('ZRANGE', Outbox.due_key(receiver), 0, 0, 'WITHSCORES')
   if first[1] then
     redis.call('ZADD', RECEIVERS, first[2], receiver)
   else
@@ -20,21 +31,21 @@ local function reschedule(receiver)
 end
 
 -- Have a delivery tried at a time (ms), which may be the end of a lease on it.
-local function deliver_at(id, number, at)
+function Outbox.deliver_at(id, number, at)
   local receiver = receiver_of(id)
-  redis.call('ZADD', due_key(receiver), at, id .. ':' .. number)
+  redis.call('ZADD', Outbox.due_key(receiver), at, id .. ':' .. number)
   reschedule(receiver)
 end
 
 -- Have a delivery not tried again.
-local function deliver_no_more(id, number)
+function Outbox.deliver_no_more(id, number)
   local receiver = receiver_of(id)
-  redis.call('ZREM', due_key(receiver), id .. ':' .. number)
+  redis.call('ZREM', Outbox.due_key(receiver), id .. ':' .. number)
   reschedule(receiver)
 end
 
 -- Note how a try of a delivery ended.
-local function note_delivery(id, number, status, error, ms)
+function Outbox.note_delivery(id, number, status, error, ms)
   redis.call('XADD', job_key(id, 'tries'), 'MAXLEN', '~', 1000, '*', 'delivery', number, 'at', now(),
              'status', status, 'error', head(error, 300), 'ms', ms)
 end
@@ -45,12 +56,12 @@ local function drop_delivery(id, number)
   local state = redis.call('HGET', deliveries, number .. ' state')
   if not state then return end
   if state == 'waiting' then count('webhooks dropped') end
-  deliver_no_more(id, number)
+  Outbox.deliver_no_more(id, number)
   redis.call('HDEL', deliveries, number, number .. ' state', number .. ' tries', number .. ' token')
 end
 
 -- Forget all deliveries of a job that is about to be forgotten itself.
-local function drop_deliveries(id)
+function Outbox.drop_deliveries(id)
   for _, number in ipairs(redis.call('HKEYS', job_key(id, 'deliveries'))) do
     if string.match(number, '^%d+$') then drop_delivery(id, number) end
   end
@@ -71,11 +82,11 @@ local function put_into_outbox(id, event)
   redis.call('HSET', job_key(id, 'deliveries'), number .. ' state', 'waiting', number .. ' tries', 0,
              number, cjson.encode({event = event, at = now(), job = job}))
   drop_delivery(id, number - MOST_DELIVERIES)
-  deliver_at(id, number, now())
+  Outbox.deliver_at(id, number, now())
   redis.call('PUBLISH', WAKE_WEBHOOKS, id)
 end
 
 -- Called when a script is done: so a message shows the job as the script left it.
-local function fill_outbox()
+function Outbox.fill()
   for i = 1, #happened, 2 do put_into_outbox(happened[i], happened[i + 1]) end
 end

@@ -1,6 +1,6 @@
--- The index of the jobs that wait for a worker, so that a lease looks at no others. Shared by every
--- script, as prelude.lua is: what a script has changed of a job is filed when the script is done, and
--- workers that have nothing to do are woken for it.
+-- The index of the jobs that wait for a worker, so that a lease looks at no others. What a command has
+-- changed of a job is filed when the command is done, and workers that have nothing to do are woken for
+-- it.
 --
 -- A queue is a priority and a class: a variant, 'auto' until a job is pinned to one, and what else the
 -- job needs of a worker, its pool and tags. In a queue each owner (an API key, or '' for nobody's jobs)
@@ -11,20 +11,7 @@
 --   need   "POOL", or "POOL TAG,TAG"           class  "VARIANT NEED"
 --   queue  "PRIORITY CLASS"                    kind   "POOL VARIANT,VARIANT TAG,TAG" of a worker
 
--- What workers write may be anything, where one is in wrong hands, and no script may be busy with it for
--- good: no loop counts from a number or up to one that is theirs, and a pattern is tried on so much of a
--- text, since it may be tried at each character up to the last.
-local MOST_MATCHED = 4096
-local lua_string = string
-local string = setmetatable({
-  match = function(text, ...) return lua_string.match(lua_string.sub(text, 1, MOST_MATCHED), ...) end,
-  gmatch = function(text, ...) return lua_string.gmatch(lua_string.sub(text, 1, MOST_MATCHED), ...) end,
-}, {__index = lua_string})
-
--- Jobs that the script has changed, and among them those that have more to give than before.
-local changed, has_more = {}, {}
-
-local function waiting_key(queue, owner, batch)
+function Waiting.key(queue, owner, batch)
   return WAITING .. ':' .. queue .. (owner and ':' .. owner or '') .. (batch and ':' .. batch or '')
 end
 
@@ -91,7 +78,7 @@ local function is_among(one, these)
 end
 
 -- The variant with which workers of this kind render jobs of this class; nil where they cannot.
-local function variant_of(kind, class)
+function Waiting.variant_of(kind, class)
   local pool, variants, tags = string.match(kind, '^(%S+) (%S*) (%S*)$')
   local wanted, in_pool, required = string.match(class, '^(%S+) (%S+) ?(%S*)$')
   if pool ~= in_pool then return nil end
@@ -103,7 +90,7 @@ local function variant_of(kind, class)
 end
 
 -- A worker has nothing to do, and is woken when there is something that it can render.
-local function note_idle(worker, kind)
+function Waiting.note_idle(worker, kind)
   if redis.call('HSETNX', IDLE, worker, 1) == 0 then return end
   redis.call('SADD', IDLE .. ':' .. kind, worker)
   redis.call('SADD', IDLE_KINDS, kind)
@@ -128,7 +115,7 @@ end
 -- Wake as many idle workers as there are slices for them.
 local function wake_workers(class, slices)
   for _, kind in ipairs(redis.call('SMEMBERS', IDLE_KINDS)) do
-    if slices > 0 and variant_of(kind, class) then slices = wake_kind(kind, slices) end
+    if slices > 0 and Waiting.variant_of(kind, class) then slices = wake_kind(kind, slices) end
   end
 end
 
@@ -192,21 +179,21 @@ local function file(id)
   end
   local member = batch and id or sortable(number, id)
   if old_queue ~= '' and old_queue ~= queue then
-    redis.call('ZREM', waiting_key(old_queue, owner, batch), member)
+    redis.call('ZREM', Waiting.key(old_queue, owner, batch), member)
   end
   if queue ~= '' then
-    redis.call('ZADD', waiting_key(queue, owner, batch), batch and number or spp, member)
+    redis.call('ZADD', Waiting.key(queue, owner, batch), batch and number or spp, member)
   end
   if batch then
     put_forward(share_key(owner, batch), function(of)
-      return waiting_key(of, owner, batch), waiting_key(of, owner)
+      return Waiting.key(of, owner, batch), Waiting.key(of, owner)
     end, old_queue, queue)
   end
   put_forward(share_key(owner), function(of)
-    return waiting_key(of, owner), waiting_key(of)
+    return Waiting.key(of, owner), Waiting.key(of)
   end, old_queue, queue)
   for _, of in ipairs({old_queue, queue}) do
-    if of ~= '' and redis.call('EXISTS', waiting_key(of)) == 0 then
+    if of ~= '' and redis.call('EXISTS', Waiting.key(of)) == 0 then
       redis.call('ZREM', WAITING, of)
     elseif of ~= '' then
       redis.call('ZADD', WAITING, priority_of(of), of)
@@ -214,13 +201,13 @@ local function file(id)
   end
 end
 
-local function file_changed()
+function Waiting.file_changed()
   for id in pairs(changed) do file(id) end
   changed, has_more = {}, {}
 end
 
 -- The index says what is not so, as no script leaves it: it is made afresh.
-local function file_all_anew()
+function Waiting.file_all_anew()
   for _, pattern in ipairs({WAITING .. '*', PREFIX .. 'share:*'}) do
     local cursor = '0'
     repeat
@@ -234,4 +221,10 @@ local function file_all_anew()
     redis.call('HDEL', job_key(id), 'filed', 'late')
     changed[id] = true
   end
+end
+
+-- The kind of a worker that describes itself so; see waiting.lua.
+function Waiting.kind_of(about)
+  return string.format('%s %s %s', about.pool or DEFAULT_POOL, table.concat(about.variants or {}, ','),
+                       table.concat(about.tags or {}, ','))
 end

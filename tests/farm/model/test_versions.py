@@ -31,12 +31,12 @@ class Version:
             patch.setattr(versions, "OLDEST", oldest)
             patch.setattr(versions, "NEWEST", newest)
             patch.setattr(versions, "plateau", lambda: f"0.{newest}.0")
-            scripts.texts.cache_clear()
+            scripts.text.cache_clear()
             # A script's text is made when its runner is: these keep what they speak
             self.worker = SliceQueue(client, f"worker-{newest}", 60)
             self.api = Membership(client, 60)
             self.monitor = MonitorWork(client, f"monitor-{newest}", 60)
-        scripts.texts.cache_clear()
+        scripts.text.cache_clear()
 
     def lease(self) -> Lease | None:
         return self.worker.lease(("scalar_rgb",), None, in_turn=False)
@@ -45,7 +45,7 @@ class Version:
 @pytest.fixture(autouse=True)
 def _own_texts() -> Iterator[None]:
     yield
-    scripts.texts.cache_clear()
+    scripts.text.cache_clear()
 
 
 def plan_slices(client: redis.Redis) -> None:
@@ -164,7 +164,7 @@ class TestLayout:
     def test_every_script_looks_first(self, client: redis.Redis) -> None:
         client.set(keys.SCHEMA, "0")
         runner = Scripts(client)
-        for name in scripts.texts():
+        for name in scripts.commands():
             with pytest.raises(WrongLayout, match="start a monitor or an API of this Plateau"):
                 runner.run(name)
         assert client.keys("*") == [keys.SCHEMA]

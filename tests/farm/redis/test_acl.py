@@ -28,7 +28,7 @@ from plateau.farm.redis import keys
 from plateau.farm.redis.acl import QUEUE_PARTS, acl_file
 from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.farm.redis.link import connect, unavailable_as_farm_error
-from plateau.farm.redis.scripts import WORKER_SCRIPTS, Scripts, texts
+from plateau.farm.redis.scripts import Scripts, commands
 from plateau.farm.redis.wake import Wake
 from tests.support.redis_users import LEASE_S, Login, monitor_comes, users
 from tests.support.until import until
@@ -175,12 +175,24 @@ def test_a_workers_scripts_reach_no_further_than_it_does(login: Login) -> None:
     script = admin.script_load(f"return redis.call('HGETALL', '{keys.API_KEYS}')")
     with pytest.raises(NotPermitted), unavailable_as_farm_error():
         worker.evalsha(script, 0)
-    # Nor those of others, which it may run: the rights are those of who asks
-    admin.script_load(texts()["create"])
-    jobs = Jobs(login("api"))
-    with pytest.raises(NotPermitted):
-        Scripts(worker).run("create", "", "", 0, "", "", "", 1, JOB, "name", "x")
-    assert jobs.search() == ([], None)
+
+
+def test_a_worker_runs_no_command_that_is_not_for_workers(
+    client: redis.Redis, login: Login
+) -> None:
+    monitor_comes(login)
+    jobs, worker = Jobs(login("api")), Scripts(login("worker"))
+    job = jobs.create(JobSpec(webhook=HOOK), name="box", scene_sha256="00").job
+    before = {key: client.dump(key) for key in client.keys("*")}
+    # Though it may run the script in which they all are, and whatever it says with them
+    for command in commands("farm"):
+        with pytest.raises(NotPermitted):
+            worker.run(command)
+        with pytest.raises(NotPermitted):
+            worker.run(command, job.id, "", JobState.CANCELLED, "a worker says so", "", "", "")
+    with pytest.raises(redis.exceptions.ResponseError, match="has no command"):
+        Scripts(login("monitor")).run("no such command")
+    assert {key: client.dump(key) for key in client.keys("*")} == before
 
 
 @pytest.mark.parametrize("act", [("hset", keys.API_KEYS, JOB, "{}"), ("get", "idempotency:x")])
@@ -260,10 +272,11 @@ def test_a_wrong_password_is_not_repeated(login: Login, embedded_redis: Embedded
     assert "guessed" not in str(refusal.value)
 
 
-def test_the_queue_asks_for_the_scripts_of_workers_alone() -> None:
+def test_the_queue_asks_for_the_commands_of_workers_alone() -> None:
     source = Path(plateau.farm.ledger.queue.__file__).read_text()
     ran = set(re.findall(r'_scripts\.run\(\s*"(\w+)"', source))
-    assert ran <= set(WORKER_SCRIPTS)
+    assert ran
+    assert ran <= commands("workers")
     assert set(QUEUE_PARTS) <= set(keys.JOB_PARTS)
 
 

@@ -15,10 +15,11 @@ from plateau.farm.model.errors import StoreUnavailable
 from plateau.farm.redis import keys
 from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.farm.redis.link import connect
+from plateau.farm.redis.scripts import commands
 from tests.support.lost_answers import CASES, REPEATS_DIFFER, World, written_by
 from tests.support.redis_proxy import RedisProxy
 
-#: Scripts that only read, and those that all share.
+#: Commands that only read.
 _READ: Final = {"batches", "census"}
 
 #: What differs by the time that passes between two looks.
@@ -111,11 +112,9 @@ def test_a_write_whose_answer_was_lost_may_be_repeated(
     assert state(client) == once
 
 
-def test_each_script_that_writes_has_its_case() -> None:
-    scripts = {path.stem for path in Path("farm/redis/lua").glob("*.lua")}
+def test_each_command_that_writes_has_its_case() -> None:
     tested = {written_by(name) for name in CASES} | REPEATS_DIFFER
-    shared = {"waiting", "prelude", "outbox", "members"}
-    assert scripts - shared - _READ <= tested
+    assert commands() - _READ <= tested
 
 
 # Those that do more when repeated: what the first one did comes back by itself.

@@ -1,0 +1,39 @@
+-- What all other files use.
+
+-- What workers write may be anything, where one is in wrong hands, and no script may be busy with it for
+-- good: no loop counts from a number or up to one that is theirs, and a pattern is tried on so much of a
+-- text, since it may be tried at each character up to the last.
+local MOST_MATCHED = 4096
+local lua_string = string
+local string = setmetatable({
+  match = function(text, ...) return lua_string.match(lua_string.sub(text, 1, MOST_MATCHED), ...) end,
+  gmatch = function(text, ...) return lua_string.gmatch(lua_string.sub(text, 1, MOST_MATCHED), ...) end,
+}, {__index = lua_string})
+
+-- Milliseconds by Redis's clock, to the microsecond, so that no two steps have the same time; as
+-- text, since Lua would print 1.7e+12.
+local function now()
+  local time = redis.call('TIME')
+  return string.format('%.3f', time[1] * 1000 + time[2] / 1000)
+end
+
+-- Is there something in a field of decoded JSON?
+local function given(value) return value ~= nil and value ~= cjson.null end
+
+-- Count something of the whole farm; see farm/ledger/totals.py.
+local function count(total, more)
+  redis.call('HINCRBY', TOTALS, total, string.format('%.0f', more or 1))
+end
+
+-- The start or the end of a text in so many bytes, without half a character of UTF-8.
+local function head(text, most)
+  if #text <= most then return text end
+  return (string.gsub(string.sub(text, 1, most), '[\192-\255][\128-\191]*$', ''))
+end
+local function tail(text, most)
+  if #text <= most then return text end
+  return (string.gsub(string.sub(text, -most), '^[\128-\191]+', ''))
+end
+
+-- Jobs that the script has changed, and among them those that have more to give than before.
+local changed, has_more = {}, {}

@@ -1,0 +1,85 @@
+-- Count the farm: what it has to do now, and what it has done since it began.
+-- ARGV: ms after which a worker that was not heard of is gone, least priority of jobs that are demand
+-- Returns JSON. Times (ms) and totals are text in it, for JSON from Lua has 14 digits only.
+for_farm.census = function(ARGV)
+  local jobs, demand, oldest = {queued = 0, rendering = 0, paused = 0}, {}, nil
+  local least = tonumber(ARGV[2])
+  local classes = {}  -- how many jobs there are of each that workers may render now
+
+  -- What a job has to give, as far as its monitor can see, and how long one worker takes for it: by what
+  -- its slices took; `unmeasured` are those of jobs without any.
+  local function add_work(slices, waiting, leased, committed, machine_ms, slice_spp, expected_spp, continued_spp)
+    slices.waiting, slices.leased = slices.waiting + waiting, slices.leased + leased
+    local left = leased  -- more workers would be of no use
+    if waiting > 0 then left = math.max(waiting + leased, (expected_spp or 0) / slice_spp - committed) end
+    slices.left = slices.left + left
+    local measured = committed - (continued_spp or 0) / slice_spp
+    if measured > 0 then
+      slices.work_ms = slices.work_ms + left * machine_ms / measured
+    else
+      slices.unmeasured = slices.unmeasured + left
+    end
+  end
+
+  for _, id in ipairs(redis.call('SMEMBERS', UNFINISHED)) do  -- those that have not ended, and a few more
+    local job = redis.call('HMGET', job_key(id), 'state', 'ready', 'committed', 'created_at', 'held',
+                           'variant', 'asked_variant', 'committed', 'machine_ms', 'slice_spp',
+                           'expected_spp', 'continued_spp', 'need')
+    local state = job[1]
+    if state and jobs[state] then
+      jobs[state] = jobs[state] + 1
+      local waiting, leased, put_back = 0, 0, 0
+      if state ~= 'queued' then  -- until the first lease
+        local pending = redis.call('XPENDING', job_key(id, 'slices'), GROUP)
+        for _, holder in ipairs(pending[4] or {}) do
+          if holder[1] == 'nobody' then put_back = tonumber(holder[2]) end
+        end
+        leased = pending[1] - put_back
+      end
+      if state ~= 'paused' and not job[5] then
+        waiting = job[2] + put_back
+        if job[3] == '0' and (not oldest or tonumber(job[4]) < tonumber(oldest)) then oldest = job[4] end
+      end
+      local class = (job[6] or job[7] or 'auto') .. ' ' .. (job[13] or DEFAULT_POOL)
+      if state ~= 'paused' and not job[5] then classes[class] = (classes[class] or 0) + 1 end
+      if not least or tonumber(redis.call('ZSCORE', OPEN, id) or least) >= least then
+        demand[class] = demand[class] or {waiting = 0, leased = 0, left = 0, work_ms = 0, unmeasured = 0}
+        add_work(demand[class], waiting, leased, unpack(job, 8, 12))
+      end
+    end
+  end
+
+  -- Jobs for which no worker lives that takes work.
+  local kinds = redis.call('ZRANGEBYSCORE', KINDS, now() - ARGV[1], '+inf')
+  local unserved = 0
+  for class, jobs_of_it in pairs(classes) do
+    local is_served = false
+    for _, kind in ipairs(kinds) do is_served = is_served or Waiting.variant_of(kind, class) ~= nil end
+    if not is_served then unserved = unserved + jobs_of_it end
+  end
+
+  local workers = {idle = 0, rendering = 0, out_of_service = 0}
+  for _, id in ipairs(redis.call('ZRANGEBYSCORE', WORKERS, now() - ARGV[1], '+inf')) do
+    local about = cjson.decode(redis.call('HGET', worker_key(id), 'about') or '{}')
+    local state = given(about.trouble) and 'out_of_service' or given(about.job) and 'rendering' or 'idle'
+    workers[state] = workers[state] + 1
+  end
+
+  local monitors, owned = 0, 0
+  for _, id in ipairs(redis.call('ZRANGEBYSCORE', MONITORS, now(), '+inf')) do
+    local about = cjson.decode(redis.call('HGET', monitor_key(id), 'about') or '{}')
+    monitors, owned = monitors + 1, owned + (about.jobs or 0)
+  end
+
+  local webhooks = 0
+  for _, receiver in ipairs(redis.call('ZRANGE', RECEIVERS, 0, -1)) do
+    webhooks = webhooks + redis.call('ZCARD', Outbox.due_key(receiver))
+  end
+
+  return cjson.encode({
+    now = now(), jobs = jobs, unserved = unserved, demand = demand, oldest = oldest,
+    webhooks = webhooks,
+    workers = workers, monitors = monitors, owned = owned, stored = redis.call('ZCARD', JOBS),
+    created = redis.call('GET', PREFIX .. 'created') or '0', totals = redis.call('HGETALL', TOTALS),
+  })
+end

@@ -1,0 +1,167 @@
+-- Give a worker its next slice: highest priority first, then a job of the owner (an API key) with the
+-- fewest leased spp, then the batch or single job with the fewest, then the older job. So a key gets no
+-- more workers by sending more jobs, and a batch's jobs are rendered in their order, not all at once.
+-- A worker keeps to the scene that it has loaded while its turn lasts. Of its job it is given the slice
+-- that holds up the image, where another worker has had that for long; and where there is nothing else
+-- for it to do, such a slice of any job.
+-- ARGV: worker, its kind (see waiting.lua), loaded job or '', '1' while its turn lasts, lease in ms,
+--       most tries
+-- Returns JSON {job, entry, index, tries, variant, spec, scene}, 'again' (what it came upon needed no
+-- rendering), 'none', or 'none MS' (in so many ms a slice of another worker may be late); an error where
+-- the worker does not speak what the farm does.
+for_workers.lease = function(ARGV)
+  local worker, kind, loaded, in_turn = ARGV[1], ARGV[2], ARGV[3], ARGV[4] == '1'
+  local lease_ms, most_tries = tonumber(ARGV[5]), tonumber(ARGV[6])
+  -- So many leases that have run out are taken note of at once, so that nobody waits long for this.
+  local MOST_LOST = 100
+  -- So many late jobs a worker looks at that has nothing else to do.
+  local MOST_LATE = 50
+
+  if not Slice.is_farm_silent(lease_ms) then
+    local over = redis.call('ZRANGEBYSCORE', LEASES, '-inf', now() - lease_ms, 'LIMIT', 0, MOST_LOST)
+    for _, lease in ipairs(over) do Slice.note_lost(string.match(lease, '^(%S+) (%S+)$')) end
+    Waiting.file_changed()
+  end
+  local refused = Member.refusal_of_worker()
+  if refused then return refused end
+  if redis.call('HEXISTS', worker_key(worker), 'drained') == 1 then return 'none' end
+
+  -- The next job, and the variant to render it with: of the first priority at which one waits that this
+  -- worker can render, the first entry of all its queues, or the job that is loaded.
+  local function next_job()
+    local its_queue = in_turn and string.match(redis.call('HGET', job_key(loaded), 'filed') or '',
+                                               '^%S* %d+ (.+)$')
+    local entry, fewest, variant, at
+    for _, queue in ipairs(redis.call('ZREVRANGE', WAITING, 0, -1)) do
+      local priority, class = string.match(queue, '^(%S+) (.+)$')
+      if at and priority ~= at then break end
+      local suits = Waiting.variant_of(kind, class)
+      if suits and queue == its_queue then return loaded, suits end
+      if suits then
+        local first = redis.call('ZRANGE', Waiting.key(queue), 0, 0, 'WITHSCORES')
+        local leased = tonumber(first[2])
+        if not entry or leased < fewest or leased == fewest and first[1] < entry then
+          entry, fewest, variant, at = first[1], leased, suits, priority
+        end
+      end
+    end
+    return entry and string.match(entry, '%S+$'), variant
+  end
+
+  -- The slice that holds up the job's image, where this worker may try it too: its index, its entry, and
+  -- how often it was leased; else nil, and in how many ms it may. It must be late, and for so long that
+  -- this worker would have rendered it since. One that has not rendered the job yet would have to load
+  -- it, and is taken to need as long again as makes a slice late. A worker that is known to be slow is
+  -- helped at once, by one that is not and would be done before it; else when it is late by its own pace.
+  local function late_slice(id)
+    local job = redis.call('HMGET', job_key(id), 'prefix', 'late_ms', 'ready', 'planned', 'issued')
+    local index, late_ms = job[1] or '0', job[2]
+    local noted = redis.call('HGET', job_key(id, 'leases'), index) or ''
+    local since, its_pace, entry = string.match(noted, '^(%S+) (%S+) (%S+)$')
+    if not since or job[3] - (job[4] - job[5]) ~= 0 then return nil end  -- one that was rejected waits
+    local pace = tonumber(redis.call('HGET', job_key(id, 'paces'), worker) or 2 * late_ms)
+    local wait_ms = since + math.max(pace, late_ms) - now()
+    if its_pace - late_ms > 0 then
+      local is_first = now() + pace - since - its_pace < 0
+      if not is_first then wait_ms = since + its_pace + late_ms - now() end
+      if is_first and pace - late_ms < 0 then wait_ms = 0 end
+    end
+    local lease = redis.call('XPENDING', job_key(id, 'slices'), GROUP, entry, entry, 1)[1]
+    if not lease or lease[2] == worker then return nil end
+    if wait_ms > 0 then return nil, wait_ms end
+    return {index = index, noted = noted, tries = lease[4]}
+  end
+
+  -- For a worker that has nothing else to do: a job, its variant and such a slice of it; else three times
+  -- nil, and in how many ms there may be one.
+  local function late_job()
+    local soonest, at, variants = nil, now(), {}
+    local jobs = redis.call('ZRANGE', LATE, 0, MOST_LATE - 1, 'WITHSCORES')
+    for i = 1, #jobs, 2 do
+      local id, class = string.match(jobs[i], '^(%S+) (.+)$')
+      if variants[class] == nil then variants[class] = Waiting.variant_of(kind, class) or false end
+      local suits, wait_ms, slice = variants[class], jobs[i + 1] - at
+      if suits and wait_ms > 0 then return nil, nil, nil, math.min(soonest or wait_ms, wait_ms) end
+      if suits then
+        slice, wait_ms = late_slice(id)
+        if slice then return id, suits, slice end
+        if wait_ms then soonest = math.min(soonest or wait_ms, wait_ms) end
+      end
+    end
+    return nil, nil, nil, soonest
+  end
+
+  local id, variant = next_job()
+  local late
+  if id then
+    local state, late_at = unpack(redis.call('HMGET', job_key(id), 'state', 'late'))
+    if not state or not MOVES[state]['cancelled'] then
+      Waiting.file_all_anew()
+      return 'again'
+    end
+    if late_at and now() - string.match(late_at, '^%S+') > 0 then late = late_slice(id) end
+  else
+    local wait_ms
+    id, variant, late, wait_ms = late_job()
+    if not id then
+      Waiting.note_idle(worker, kind)
+      return wait_ms and string.format('none %.0f', wait_ms) or 'none'
+    end
+  end
+  redis.call('HDEL', IDLE, worker)
+  changed[id] = true
+  local slices, lost = job_key(id, 'slices'), redis.call('ZRANGE', job_key(id, 'lost'), 0, 0)[1]
+  local entry
+  if late then
+    redis.call('XADD', slices, '*', 'index', late.index)
+    entry = redis.call('XREADGROUP', 'GROUP', GROUP, worker, 'COUNT', 1, 'STREAMS', slices, '>')[1][2][1]
+    redis.call('HSET', job_key(id, 'leases'), late.index, late.noted .. ' ' .. entry[1])
+    redis.call('HINCRBY', job_key(id), 'leased', 1)
+    redis.call('HINCRBY', job_key(id), 'second_tries', 1)
+    count('second tries')
+    Slice.note_lease(id, entry[1])
+  elseif lost then
+    local pending = redis.call('XPENDING', slices, GROUP, lost, lost, 1)[1]
+    entry = redis.call('XCLAIM', slices, GROUP, worker, 0, lost)[1]
+    if not entry then  -- it is pending and yet not in the stream any more, as Redis 6.2 can leave one
+      Slice.drop(id, lost)
+      return 'again'
+    end
+    Slice.note_lease(id, lost)
+    local holder = pending[2]
+    -- One that lives and yet does not renew never heard of its lease: the answer was lost.
+    local lives = now() - (redis.call('ZSCORE', WORKERS, holder) or 0) < lease_ms
+    if holder ~= 'nobody' and not lives then
+      local causes = Slice.note_lost_worker(id, entry[2][2], holder)
+      if #causes >= most_tries then
+        Slice.poison(id, entry[2][2], causes)
+        return 'again'
+      end
+    end
+  else
+    local planned, issued, ready = unpack(redis.call('HMGET', job_key(id), 'planned', 'issued', 'ready'))
+    if ready - (planned - issued) == 0 then  -- else one is in the stream already that was rejected
+      redis.call('XADD', slices, '*', 'index', issued)
+      redis.call('HINCRBY', job_key(id), 'issued', 1)
+    end
+    entry = redis.call('XREADGROUP', 'GROUP', GROUP, worker, 'COUNT', 1, 'STREAMS', slices, '>')[1][2][1]
+    redis.call('HINCRBY', job_key(id), 'ready', -1)
+    redis.call('HINCRBY', job_key(id), 'leased', 1)
+    Slice.note_lease(id, entry[1])
+  end
+  if redis.call('HEXISTS', job_key(id, 'ledger'), entry[2][2]) == 1 then  -- a late commit came first
+    Slice.drop(id, entry[1])
+    return 'again'
+  end
+  if redis.call('HSETNX', job_key(id), 'variant', variant) == 1 then
+    redis.call('HSET', job_key(id), 'started_at', now(), 'paused_ms', 0)
+    has_more[id] = true  -- for workers that have this variant: those who were woken may have another
+  end
+  local job = redis.call('HMGET', job_key(id), 'state', 'spec', 'scene_sha256')
+  if job[1] == 'queued' then Job.move(id, 'rendering', 'rendering with ' .. variant) end
+  Slice.note_holder(id, entry[2][2], entry[1], worker)
+  local _, tries = Slice.holds(id, entry[1], worker)
+  if late then tries = late.tries + 1 end
+  return cjson.encode({job = id, entry = entry[1], index = tonumber(entry[2][2]), tries = tries,
+                       variant = variant, spec = job[2], scene = job[3]})
+end

@@ -1,0 +1,107 @@
+-- A job: its state, its image, its end.
+
+-- A render child has spent so long on the job.
+function Job.spend(id, ms)
+  redis.call('HINCRBY', job_key(id), 'machine_ms', ms)
+  count('machine ms', ms)
+end
+
+-- Is there an image of the job to be looked at?
+function Job.has_image(id) return (redis.call('HGET', job_key(id), 'results') or '') ~= '' end
+
+-- The job has a set of results, of so many spp: there is an image to be looked at, from the first on.
+-- What its bytes are is noted by blob (JSON); with '' the set is one that is shown already, or another
+-- job's.
+function Job.show(id, results, spp, digests)
+  if not Job.has_image(id) then Outbox.announce(id, 'image', cjson.encode({spp = tonumber(spp)})) end
+  redis.call('HSET', job_key(id), 'results', results)
+  if digests == '' then return end
+  for _, blob in ipairs(redis.call('HKEYS', job_key(id, 'digests'))) do
+    if string.sub(blob, 1, 8) == 'results/' then redis.call('HDEL', job_key(id, 'digests'), blob) end
+  end
+  for blob, sha256 in pairs(cjson.decode(digests)) do
+    redis.call('HSET', job_key(id, 'digests'), blob, sha256)
+  end
+end
+
+-- For how long the job's clock has stood still (ms), the pause that lasts included.
+function Job.paused_ms(id)
+  local paused = redis.call('HMGET', job_key(id), 'paused_ms', 'paused_at')
+  local lasts = paused[2] and math.max(0, now() - paused[2]) or 0
+  return string.format('%.0f', (paused[1] or 0) + lasts)
+end
+
+-- Move a job along the table. Returns true, or false and the state that forbids it.
+function Job.move(id, target, reason)
+  local state = redis.call('HGET', job_key(id), 'state')
+  if not state then return false, 'missing' end
+  if not MOVES[state][target] then return false, state end
+  if state == 'paused' then
+    redis.call('HSET', job_key(id), 'paused_ms', Job.paused_ms(id))
+    redis.call('HDEL', job_key(id), 'paused_at')
+  elseif target == 'paused' then
+    redis.call('HSET', job_key(id), 'paused_at', now())
+  end
+  redis.call('HSET', job_key(id), 'state', target, 'reason', reason)
+  redis.call('ZREM', in_state_key(state), id)
+  redis.call('ZADD', in_state_key(target), redis.call('HGET', job_key(id), 'number'), id)
+  changed[id] = true
+  Outbox.announce(id, 'state', cjson.encode({from = state, to = target, reason = reason}))
+  return true, state
+end
+
+-- Can anything still happen to the job?
+function Job.is_open(id)
+  local state = redis.call('HGET', job_key(id), 'state')
+  return state and MOVES[state]['cancelled'] or false
+end
+
+-- Note what a job that converged would have cost otherwise: the samples of its cap, without those that
+-- it has or took over. One that was to stop at so many would have cost no more. It is noted here alone:
+-- jobs, batches and the whole farm show what this has written.
+local function note_saved(id)
+  local job = redis.call('HMGET', job_key(id), 'spec', 'spp', 'taken_spp', 'width', 'height')
+  local spec = cjson.decode(job[1])
+  if spec.rule.name == 'fixed' or not job[4] then return end
+  local spp = math.max(0, spec.max_spp - math.max(job[2], job[3] or 0))
+  local samples = string.format('%.0f', spp * job[4] * job[5])
+  redis.call('HSET', job_key(id), 'samples_saved', samples)
+  count('samples saved', samples)
+end
+
+-- Nothing of the job is leased any more, nor will be.
+function Job.withdraw(id)
+  if redis.call('EXISTS', job_key(id, 'slices')) == 1 then
+    for _, lease in ipairs(redis.call('XPENDING', job_key(id, 'slices'), GROUP, '-', '+', 1e6)) do
+      redis.call('ZREM', LEASES, id .. ' ' .. lease[1])
+    end
+  end
+  for _, part in ipairs({'slices', 'lost', 'leases', 'paces', 'outrun'}) do
+    redis.call('DEL', job_key(id, part))
+  end
+  redis.call('HSET', job_key(id), 'ready', 0, 'leased', 0)
+end
+
+-- Move a job to an end: what is not committed is withdrawn, and everyone is told.
+function Job.end_with(id, target, reason)
+  local moved, state = Job.move(id, target, reason)
+  if not moved then return false, state end
+  count('ended ' .. target)
+  if target == 'converged' then note_saved(id) end
+  redis.call('HSET', job_key(id), 'ended_at', now())
+  Job.withdraw(id)
+  redis.call('DEL', job_key(id, 'deaths'), job_key(id, 'spoiled'))
+  redis.call('ZREM', OPEN, id)
+  local need = redis.call('HGET', job_key(id), 'need') or DEFAULT_POOL
+  if redis.call('HINCRBY', NEEDS, need, -1) < 1 then redis.call('HDEL', NEEDS, need) end
+  local party = redis.call('HGET', job_key(id), 'party')
+  if party then redis.call('SREM', api_key_key(party, 'open'), id) end
+  redis.call('PUBLISH', WAKE_WORKERS, 'ended ' .. id)
+  redis.call('PUBLISH', WAKE_MONITORS, id)
+  return true, state
+end
+
+-- Is this the token of the monitor that owns the job?
+function Job.is_owned(id, token)
+  return redis.call('GET', job_key(id, 'owner')) == token
+end

@@ -1,3 +1,0 @@
--- From now on runs the time of scenes of which nobody knows when they were used.
--- ARGV: SHA-256, SHA-256, …
-for _, sha256 in ipairs(ARGV) do redis.call('ZADD', SCENES_USED, 'NX', now(), sha256) end

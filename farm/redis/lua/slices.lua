@@ -1,0 +1,199 @@
+-- The slices of a job: who has which, and how tries of them end.
+
+-- The slice of this entry needs nobody any more.
+function Slice.drop(id, entry)
+  if redis.call('XACK', job_key(id, 'slices'), GROUP, entry) == 1 then
+    redis.call('HINCRBY', job_key(id), 'leased', -1)
+    changed[id] = true
+  end
+  redis.call('ZREM', LEASES, id .. ' ' .. entry)
+  if redis.call('ZREM', job_key(id, 'lost'), entry) == 1 then changed[id] = true end
+  redis.call('XDEL', job_key(id, 'slices'), entry)
+end
+
+-- A worker has this slice of the job from now on, by an entry of its stream. What is noted of it is
+-- since when, how long the worker had its last one (0 where it had none), the entry, and that of a
+-- second try where there is one.
+function Slice.note_holder(id, index, entry, worker)
+  local noted = redis.call('HGET', job_key(id, 'leases'), index) or ''
+  local first, second = string.match(noted, '^%S+ %S+ (%S+) ?(%S*)$')
+  if entry == second then return end
+  local pace = redis.call('HGET', job_key(id, 'paces'), worker) or '0'
+  local other = entry == first and second ~= '' and ' ' .. second or ''
+  redis.call('HSET', job_key(id, 'leases'), index, now() .. ' ' .. pace .. ' ' .. entry .. other)
+end
+
+-- Nobody has it now who lives. A second try goes on.
+local function forget_holder(id, index, entry)
+  local noted = redis.call('HGET', job_key(id, 'leases'), index) or ''
+  if string.match(noted, '^%S+ %S+ (%S+)$') == entry then
+    redis.call('HDEL', job_key(id, 'leases'), index)
+  end
+end
+
+-- A worker has an entry of the job's stream from now on, or renews it.
+function Slice.note_lease(id, entry)
+  redis.call('ZADD', LEASES, now(), id .. ' ' .. entry)
+  if redis.call('ZREM', job_key(id, 'lost'), entry) == 1 then changed[id] = true end
+end
+
+-- Nobody has it any more who lives: the next worker may take it, the job's lowest slice first.
+function Slice.note_lost(id, entry)
+  redis.call('ZREM', LEASES, id .. ' ' .. entry)
+  local found = redis.call('XRANGE', job_key(id, 'slices'), entry, entry)[1]
+  if found then
+    redis.call('ZADD', job_key(id, 'lost'), found[2][2], entry)
+    forget_holder(id, found[2][2], entry)
+    changed[id], has_more[id] = true, true
+  else  -- it is pending and yet not in the stream, as Redis 6.2 can leave one
+    Slice.drop(id, entry)
+  end
+end
+
+-- Does this worker hold the lease on this entry of the job's stream?
+function Slice.holds(id, entry, worker)
+  if redis.call('EXISTS', job_key(id, 'slices')) == 0 then return false end
+  local pending = redis.call('XPENDING', job_key(id, 'slices'), GROUP, entry, entry, 1)
+  return pending[1] ~= nil and pending[1][2] == worker, pending[1] and pending[1][4]
+end
+
+-- Has the farm as a whole fallen silent a moment ago: was Redis away, or cut off? Leases ran out
+-- meanwhile that nobody could renew, so for the length of a lease none is taken from its worker.
+function Slice.is_farm_silent(lease_ms)
+  if redis.call('EXISTS', GRACE) == 1 then return true end
+  local heard = redis.call('GET', HEARD)
+  if not heard or now() - heard <= lease_ms / 2 then return false end
+  redis.call('SET', GRACE, '1', 'PX', lease_ms)
+  return true
+end
+
+-- Put a leased slice back: nobody holds it, and the next worker may take it at once.
+function Slice.put_back(id, entry, tries)
+  redis.call('XCLAIM', job_key(id, 'slices'), GROUP, 'nobody', 0, entry,
+             'IDLE', 86400000, 'RETRYCOUNT', tries, 'JUSTID')
+  Slice.note_lost(id, entry)
+end
+
+-- Note in the job's log how a try of a slice ended. The silent ones that were committed are not
+-- noted: the ledger has them, and their commit counts them.
+function Slice.note_try(id, index, worker, what, cause, ms, said)
+  local lost = what == 'died' and ms == ''  -- with its worker, so that nobody knows how long it took
+  if what ~= 'committed' then count('tries ' .. (lost and 'lost' or what)) end
+  redis.call('XADD', job_key(id, 'log'), 'MAXLEN', '~', 2000, '*', 'at', now(), 'slice', index,
+             'worker', worker, 'what', what, 'cause', head(cause, 1024), 'ms', ms,
+             'text', tail(said, 4096))
+end
+
+-- A try of a slice came to nothing, since another was committed before.
+function Slice.note_outrun(id, entry, index, worker, ms, said)
+  redis.call('HDEL', job_key(id, 'outrun'), entry)
+  Job.spend(id, ms)
+  redis.call('HINCRBY', job_key(id), 'wasted_ms', ms)
+  count('wasted ms', ms)
+  Slice.note_try(id, index, worker, 'duplicate', 'another try was committed before', ms, said)
+end
+
+-- The same, where nobody has said it of this try yet.
+function Slice.note_if_outrun(id, entry, ...)
+  if redis.call('HEXISTS', job_key(id, 'outrun'), entry) == 1 then Slice.note_outrun(id, entry, ...) end
+end
+
+-- A slice is late that takes twice as long as is usual: the median of the job's last commits, from the
+-- lease on. Below half a second it is chance what takes long.
+local LATE_FACTOR, LATE_LEAST_MS, USUAL_OF = 2, 500, 9
+
+-- Note how long a worker had a slice that it has committed.
+local function note_pace(id, worker, took_ms)
+  redis.call('HSET', job_key(id, 'paces'), worker, string.format('%.0f', took_ms))
+  local took = {string.format('%.0f', took_ms)}
+  for one in string.gmatch(redis.call('HGET', job_key(id), 'took') or '', '%S+') do
+    if #took < USUAL_OF then took[#took + 1] = one end
+  end
+  local last = table.concat(took, ' ')
+  table.sort(took, function(one, other) return tonumber(one) < tonumber(other) end)
+  local late_ms = math.max(LATE_LEAST_MS, LATE_FACTOR * took[math.ceil(#took / 2)])
+  redis.call('HSET', job_key(id), 'took', last, 'late_ms', string.format('%.0f', late_ms))
+end
+
+-- A slice has entered the ledger by this entry: whoever else tries it is told to stop.
+function Slice.settle(id, index, entry, worker)
+  local noted = redis.call('HGET', job_key(id, 'leases'), index) or ''
+  local since, first, second = string.match(noted, '^(%S+) %S+ (%S+) ?(%S*)$')
+  redis.call('HDEL', job_key(id, 'leases'), index)
+  if entry == first then note_pace(id, worker, now() - since) end
+  if entry == second then note_pace(id, worker, now() - string.match(entry, '^%d+')) end
+  for _, other in ipairs({first, second ~= '' and second or nil}) do
+    if other ~= entry then
+      if redis.call('ZSCORE', LEASES, id .. ' ' .. other) then
+        local held = redis.call('XPENDING', job_key(id, 'slices'), GROUP, other, other, 1)[1]
+        local started = other == first and since or string.match(other, '^%d+')
+        local pace = math.max(redis.call('HGET', job_key(id, 'paces'), held[2]) or 0, now() - started)
+        redis.call('HSET', job_key(id, 'paces'), held[2], string.format('%.0f', pace))
+        redis.call('HSET', job_key(id, 'outrun'), other, worker)
+        redis.call('PUBLISH', WAKE_WORKERS, 'ended ' .. id .. ' ' .. other)
+      end
+      Slice.drop(id, other)
+    end
+  end
+  Slice.drop(id, entry)
+  local prefix, committed = redis.call('HGET', job_key(id), 'prefix'), redis.call('HLEN', job_key(id, 'ledger'))
+  prefix = prefix and string.match(prefix, '^%d+$') and tonumber(prefix) or 0
+  if prefix > committed then prefix = 0 end
+  for index = prefix, committed - 1 do
+    if redis.call('HEXISTS', job_key(id, 'ledger'), index) == 0 then break end
+    prefix = index + 1
+  end
+  redis.call('HSET', job_key(id), 'prefix', prefix)
+  changed[id] = true
+end
+
+-- Note why a worker died on a slice; returns all causes so far. Of one that was lost nothing else is
+-- known.
+function Slice.note_death(id, index, worker, cause, ms, said)
+  local causes = cjson.decode(redis.call('HGET', job_key(id, 'deaths'), index) or '[]')
+  causes[#causes + 1] = cause
+  redis.call('HSET', job_key(id, 'deaths'), index, cjson.encode(causes))
+  Outbox.announce(id, 'trouble', cjson.encode({index = tonumber(index), worker = worker, cause = cause}))
+  Slice.note_try(id, index, worker, 'died', cause, ms or '', said or '')
+  return causes
+end
+
+-- A worker was lost with a slice, as far as one can tell: it may only be cut off.
+function Slice.note_lost_worker(id, index, worker)
+  local cause = 'worker ' .. worker .. ' was lost'
+  if redis.call('EXISTS', worker_key(worker)) == 1 then
+    local blamed = redis.call('HGET', worker_key(worker), 'blamed') or ''
+    redis.call('HSET', worker_key(worker), 'blamed', blamed .. id .. ' ' .. index .. ' ')
+  end
+  return Slice.note_death(id, index, worker, cause)
+end
+
+-- So often a slice is forgiven that the worker was lost which had it: one that brings its whole
+-- machine to a halt, so that nothing is heard of it for a while, shall not do so for ever.
+local MOST_FORGIVEN = 10
+
+-- A worker is heard of again, so it has not died of the slices with which it was lost.
+function Slice.forgive(worker)
+  local blamed = redis.call('HGET', worker_key(worker), 'blamed')
+  if not blamed then return end
+  redis.call('HDEL', worker_key(worker), 'blamed')
+  for id, index in string.gmatch(blamed, '(%S+) (%S+) ') do
+    local deaths, forgiven = job_key(id, 'deaths'), index .. ' forgiven'
+    local causes, left = cjson.decode(redis.call('HGET', deaths, index) or '[]'), {}
+    for _, cause in ipairs(causes) do
+      if cause ~= 'worker ' .. worker .. ' was lost' then left[#left + 1] = cause end
+    end
+    if #left < #causes and redis.call('HINCRBY', deaths, forgiven, 1) <= MOST_FORGIVEN then
+      if left[1] then
+        redis.call('HSET', deaths, index, cjson.encode(left))
+      else
+        redis.call('HDEL', deaths, index)
+      end
+    end
+  end
+end
+
+function Slice.poison(id, index, causes)
+  Job.end_with(id, 'failed', string.format('slice %s failed %d times; each time the process that rendered it ended: %s',
+                                      index, #causes, table.concat(causes, '; ')))
+end
