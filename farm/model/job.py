@@ -93,7 +93,7 @@ class Job(_Record):
     reason: str = Field(description="why the job is in this state, in words")
     spec: JobSpec
     scene_sha256: str
-    variant: str | None = Field(description="Mitsuba variant, pinned by the first lease")
+    variant: str | None = Field(description="the variant, pinned by the first lease")
     width: int | None = Field(description="film width in pixels")
     height: int | None = Field(description="film height in pixels")
     spp: int = Field(description="samples per pixel in the merged image")

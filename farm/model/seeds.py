@@ -1,9 +1,11 @@
-"""Which Mitsuba passes make up a slice, and the sampler seed of each.
+"""Which passes make up a slice, and the seed of each.
 
-A slice is a fixed list of passes (one Mitsuba render call each). Passes are counted through the
-whole job, and the number of a pass decides its seed, so a slice is a pure function of the schedule
-and its index. All passes use Mitsuba's ``independent`` sampler, whose seeding differs by variant
-(read in Mitsuba 3.9: ``src/render/integrator.cpp``, ``src/render/sampler.cpp``):
+A slice is a fixed list of passes (one render call each). Passes are counted through the whole job,
+and the number of a pass decides its seed, so a slice is a pure function of the schedule and its
+index. Which seeds give independent samples depends on the variant, see
+`plateau.farm.model.renderers`: most take any that are distinct, and Mitsuba's scalar ones do not.
+All of Mitsuba's passes use the ``independent`` sampler, whose seeding differs by variant (read in
+Mitsuba 3.9: ``src/render/integrator.cpp``, ``src/render/sampler.cpp``):
 
 **JIT variants** (``llvm_*``, ``cuda_*``) start lane ``i`` from ``TEA(seed, i)``, a bijection on 64
 bits: distinct (seed, lane) pairs get distinct generators, so any distinct seeds will do.
@@ -33,13 +35,14 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
-from plateau.farm.model.passes import LARGEST_PASS_SAMPLES, LLVM_LARGEST_SPP, largest_pass, passes
+from plateau.farm.model.passes import largest_pass, passes
+from plateau.farm.model.renderers import variant_named
 
 #: Mitsuba's own block size; the renderer pins it, since small films would otherwise be cut into
 #: smaller blocks when more threads run, and the samples would depend on the machine.
 SCALAR_BLOCK = 32
 
-#: JIT variants: the passes set aside for each job seed (2**12 job seeds of 2**20 passes).
+#: Distinct seeds: the passes set aside for each job seed (2**12 job seeds of 2**20 passes).
 JIT_PASSES_PER_JOB_SEED = 2**20
 
 
@@ -48,7 +51,7 @@ class SeedsExhausted(ValueError):
 
 
 class Pass(NamedTuple):
-    """One Mitsuba render call.
+    """One render call.
 
     Attributes
     ----------
@@ -80,7 +83,7 @@ class SeedSchedule:
     Parameters
     ----------
     variant : str
-        Mitsuba variant, such as ``scalar_rgb`` or ``llvm_ad_rgb``.
+        A variant of `plateau.farm.model.renderers`, by its stored name.
     width, height : int
         Size in pixels of the film as rendered (the crop window, if there is one).
     slice_spp : int
@@ -95,7 +98,7 @@ class SeedSchedule:
     SeedsExhausted
         The variant has too few distinct seeds for this job; the message says what to change.
     ValueError
-        A value is out of its domain, or the variant is not scalar, LLVM or CUDA.
+        A value is out of its domain, or there is no such variant.
     """
 
     variant: str
@@ -111,8 +114,6 @@ class SeedSchedule:
                 raise ValueError(f"{name} must be at least 1, not {getattr(self, name)}")
         if self.job_seed < 0:
             raise ValueError(f"job_seed must be 0 or more, not {self.job_seed}")
-        if self.variant.partition("_")[0] not in {"scalar", "llvm", "cuda"}:
-            raise ValueError(f"no seed schedule for Mitsuba variant {self.variant!r}")
         needed, offered = self._passes_per_job, self._seeds.passes_per_job
         if needed > offered:
             raise SeedsExhausted(
@@ -134,7 +135,9 @@ class SeedSchedule:
     @cached_property
     def pass_spp(self) -> tuple[int, ...]:
         """The spp of each pass of a slice, in rendering order; the same for every slice."""
-        largest = min(largest_pass(self.width, self.height), self._seeds.largest_spp)
+        largest = min(
+            largest_pass(self.width, self.height), variant_named(self.variant).largest_spp
+        )
         # Larger passes use fewer seeds, and a slower cancel is better than no job.
         while (
             self._seeds.scarce
@@ -159,10 +162,10 @@ class SeedSchedule:
         return tuple(map(Pass, self.pass_spp, seeds))
 
     @cached_property
-    def _seeds(self) -> _JitSeeds | _ScalarSeeds:
-        if self.variant.startswith("scalar"):
+    def _seeds(self) -> _DistinctSeeds | _ScalarSeeds:
+        if variant_named(self.variant).seeds == "scalar":
             return _ScalarSeeds(self.variant, self.width, self.height)
-        return _JitSeeds(self.variant)
+        return _DistinctSeeds(self.variant)
 
     @property
     def _passes_per_job(self) -> int:
@@ -182,8 +185,8 @@ class SeedSchedule:
         return f"{remedy}, or use an LLVM variant" if self._seeds.scarce else remedy
 
 
-class _JitSeeds:
-    """Seeds of JIT passes: the pass numbers themselves."""
+class _DistinctSeeds:
+    """Seeds of which any two give independent samples: the pass numbers themselves."""
 
     count = 2**32
     passes_per_job = JIT_PASSES_PER_JOB_SEED
@@ -191,7 +194,6 @@ class _JitSeeds:
 
     def __init__(self, variant: str) -> None:
         self.described = variant
-        self.largest_spp = LLVM_LARGEST_SPP if variant.startswith("llvm") else LARGEST_PASS_SAMPLES
 
     def reserved(self, _needed: int) -> int:
         """Return the passes set aside for a job: always the same, so that all jobs are disjoint."""
@@ -206,7 +208,6 @@ class _ScalarSeeds:
     """Seeds of scalar passes whose random numbers never overlap, in scrambled order."""
 
     scarce = True
-    largest_spp = LARGEST_PASS_SAMPLES
 
     def __init__(self, variant: str, width: int, height: int) -> None:
         self.described = f"{variant} at {width}×{height}"

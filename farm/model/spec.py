@@ -3,17 +3,20 @@
 import json
 from typing import Annotated, Final, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
+from plateau.farm.model import renderers
 from plateau.farm.model.place_names import DEFAULT_POOL, PlaceName, Tags
 from plateau.farm.model.seeds import SeedSchedule
 from plateau.farm.model.webhook_spec import WebhookSpec
 
 ZoneCount = Annotated[int, Field(ge=1, le=64)]
 Priority = Annotated[int, Field(ge=-1000, le=1000)]
-RenderVariant = Literal["scalar_rgb", "llvm_ad_rgb", "cuda_ad_rgb"]
-#: In one list, so that who mistypes one is told all.
-Variant = Literal["auto", "scalar_rgb", "llvm_ad_rgb", "cuda_ad_rgb"]
+_FROM_FULL_NAME: Final = BeforeValidator(
+    lambda name: renderers.shown_name(name) if isinstance(name, str) else name
+)
+RenderVariant = Annotated[renderers.RenderVariant, _FROM_FULL_NAME]
+Variant = Annotated[renderers.AnyVariant, _FROM_FULL_NAME]
 
 #: The highest cap, in spp.
 MOST_SPP: Final = 1_000_000
@@ -170,7 +173,9 @@ class SharedSpec(_Spec):
         "view), and one that does not is refused, now and later",
     )
     variant: Variant = Field(
-        default="auto", description="Mitsuba variant; auto takes the best of the first worker"
+        default="auto",
+        description="a renderer's variant, such as llvm_ad_rgb (also as mitsuba:llvm_ad_rgb); auto "
+        "takes the best of the first worker",
     )
     pool: PlaceName = Field(default=DEFAULT_POOL, description="only workers of this pool render it")
     requires: Tags = Field(

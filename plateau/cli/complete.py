@@ -83,11 +83,10 @@ def rules(incomplete: str) -> Offered:
 
 
 def variants(incomplete: str) -> Offered:
-    """Mitsuba's variants."""
-    from plateau.farm.model.spec import RenderVariant
+    """The variants of the renderers."""
+    from plateau.farm.model.renderers import AnyVariant
 
-    names = ("auto", *get_args(RenderVariant))
-    return [(name, "") for name in names if name.startswith(incomplete)]
+    return [(name, "") for name in get_args(AnyVariant) if name.startswith(incomplete)]
 
 
 def _here(incomplete: str) -> list[Path]:

@@ -47,12 +47,12 @@ class Renderer:
     def __init__(self, *_: object) -> None:
         pass
 
-    def load(self, folder: Path, *_: object, **__: object) -> None:
-        from plateau.worker.renderers.errors import SceneError
+    def load(self, request: Any) -> None:
+        from plateau.worker.renderers.contract import SceneError
 
         victims = json.loads(Path(__file__).with_name("victims.json").read_text())
         kernels = Path.home() / ".drjit"
-        found = outcomes({**victims, "scene": str(folder), "supervisor": str(os.getppid())})
+        found = outcomes({**victims, "scene": request.folder, "supervisor": str(os.getppid())})
         (kernels / "outcomes.part").write_text(json.dumps(found))
         (kernels / "outcomes.part").rename(kernels / "outcomes.json")
         raise SceneError("it was taken over")

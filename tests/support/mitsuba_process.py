@@ -12,12 +12,14 @@ import numpy as np
 import psutil
 from numpy.typing import NDArray
 
+from plateau.worker.renderers.contract import Load
 from plateau.worker.supervisor.scene_cache import loading_threads
 from tests.support.own_processes import end_with_parent
 
 # Mitsuba is imported in the process alone: the tests' own must be able to die of nothing.
 if TYPE_CHECKING:
-    from plateau.worker.renderers.mitsuba.renderer import LoadedScene, Renderer
+    from plateau.worker.renderers.contract import Loaded
+    from plateau.worker.renderers.mitsuba.renderer import Renderer
 
 _renderer: "Renderer"
 
@@ -36,7 +38,7 @@ class MitsubaProcess(AbstractContextManager["MitsubaProcess"]):
 
     def load(
         self, folder: Path, entry: str = "scene.xml", sensor: int = 0, **parameters: object
-    ) -> "LoadedScene":
+    ) -> "Loaded":
         strings = {name: str(value) for name, value in parameters.items()}
         return self.call(_load, folder, entry, strings, sensor)
 
@@ -61,9 +63,16 @@ def _start(variant: str, llvm_library: str | None, threads: int) -> None:
     _renderer = Renderer(variant, threads)
 
 
-def _load(folder: Path, entry: str, parameters: dict[str, str], sensor: int) -> "LoadedScene":
-    threads = loading_threads(folder)
-    return _renderer.load(folder, entry, parameters, sensor, threads=threads)
+def _load(folder: Path, entry: str, parameters: dict[str, str], sensor: int) -> "Loaded":
+    return _renderer.load(
+        Load(
+            folder=str(folder),
+            entry=entry,
+            parameters=parameters,
+            sensor=sensor,
+            threads=loading_threads(folder),
+        )
+    )
 
 
 def _render_pass(spp: int, seed: int) -> NDArray[np.float32]:

@@ -1,13 +1,14 @@
-"""The render child: the process that hosts Mitsuba, and may die of it.
+"""The render child: the process that hosts a renderer, and may die of it.
 
-Here it is shut in, before anything of Mitsuba's, numpy's or a scene's is in it; what it does then
-is in `plateau.worker.child.request_loop`.
+It shuts itself in before it imports numpy or the renderer and before it sees a scene. What it does
+then is in `plateau.worker.child.request_loop`.
 """
 
 import argparse
 import os
 from pathlib import Path
 
+from plateau.farm.model.renderers import variant_named
 from plateau.worker.confinement.confine import confine, limit_resources
 
 
@@ -26,7 +27,7 @@ def main() -> None:
     arguments = parser.parse_args()
     limit_resources(arguments.memory_bytes, arguments.open_files, arguments.file_bytes)
     os.chdir(os.environ["HOME"])  # until there is a scene, whose folder it works in
-    if arguments.variant.startswith("cuda"):
+    if variant_named(arguments.variant).on_gpu:
         stays_open = ["CUDA's driver was never tried under the confinement"]
     else:
         taken = confine(scenes=arguments.scenes, kernels=arguments.kernels)

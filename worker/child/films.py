@@ -13,7 +13,7 @@ from typing import BinaryIO, Final
 import numpy as np
 from numpy.typing import NDArray
 
-_PIXEL_BYTES: Final = 4 * 4  #: R, G, B and W in float32
+_VALUE_BYTES: Final = 4  #: of a channel of a pixel, in float32
 _CHUNK_BYTES: Final = 1 << 20
 
 
@@ -34,8 +34,8 @@ class Films:
         self._file = file
         self._room = 0  # bytes of one film
 
-    def make_room(self, width: int, height: int) -> None:
-        """Take the room for the sum of a scene of so many pixels, in the place of the one before.
+    def make_room(self, width: int, height: int, channels: int) -> None:
+        """Take the room for the sum of a scene of this size, in the place of the one before.
 
         Raises
         ------
@@ -44,7 +44,7 @@ class Films:
         OSError
             The film is larger than a file of this process may be.
         """
-        self._room = width * height * _PIXEL_BYTES
+        self._room = width * height * channels * _VALUE_BYTES
         taken = self._file.seek(0, io.SEEK_END)
         try:
             self._file.truncate(min(taken, self._room))

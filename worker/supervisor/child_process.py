@@ -1,7 +1,6 @@
 """The supervisor's side of a render child: start it, ask it, and see it die."""
 
 import contextlib
-import json
 import logging
 import os
 import selectors
@@ -13,9 +12,9 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Final, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,11 +22,14 @@ from numpy.typing import NDArray
 from plateau.farm.bundle import BundleLimits
 from plateau.farm.model.seeds import Pass
 from plateau.farm.process.lifecycle import die_with_parent, plain_environment
-from plateau.worker.renderers.errors import SceneError
+from plateau.worker.renderers import contract
+from plateau.worker.renderers.contract import CHANNELS, Answer, Loaded, Request, SceneError
 from plateau.worker.supervisor.child_output import Words
 from plateau.worker.supervisor.scene_cache import loading_threads
 
 _LOG = logging.getLogger(__name__)
+
+_A = TypeVar("_A", bound=Answer)
 
 #: A sum of passes before it is divided by its weights: (height, width, 4), R, G, B and W.
 Film = NDArray[np.float32]
@@ -35,7 +37,7 @@ Film = NDArray[np.float32]
 #: A cancelled render that goes on for so long is ended by force.
 CANCEL_GRACE_S: Final = 2.0
 
-#: A child has imported Mitsuba by then, or is given up.
+#: A child has imported its renderer by then, or is given up.
 START_TIMEOUT_S: Final = 120.0
 _POLL_S: Final = 0.5  #: so much later than it is due a silent child is ended, at most
 _LAST_WORDS: Final = 1000
@@ -67,26 +69,20 @@ class ChildLimits:
     file_bytes: int = _LARGEST_FILMS_BYTES  #: of any file that it writes
 
 
-@dataclass(frozen=True)
-class Loaded:
-    """A scene that the child has loaded."""
-
-    width: int
-    height: int
-    notes: tuple[str, ...]
-
-
 class RenderChild:
-    """A child process with Mitsuba in it, kept alive between slices.
+    """A child process with a renderer in it, kept alive between slices.
+
+    It speaks `plateau.worker.renderers.contract`, and that is all that is known of it.
 
     Making one does not wait for it: that takes a second, in which others can do something. Of the
     files of others it can open those in the folders `scenes`, and it writes into `home` alone; see
     `plateau.worker.confinement.confine`.
 
-    Every request raises `ChildDied` when the process ends or does not answer in time (its whole
-    process group is killed then), `SceneError` with Mitsuba's words, and `OSError` where the disk
-    that `home` is on takes no film: the scene has to be loaded again. After `cancel`, called from
-    another thread, the request under way raises `Cancelled`.
+    Every request raises `ChildDied` when the process ends, says what it should not, or does not
+    answer in time (its whole process group is killed then). It raises `SceneError` with the
+    renderer's words, and `OSError` where the disk that `home` is on takes no film: the scene has to
+    be loaded again. After `cancel`, called from another thread, the request under way raises
+    `Cancelled`.
     """
 
     def __init__(
@@ -99,7 +95,7 @@ class RenderChild:
     ) -> None:
         self._limits = limits
         self._request_id = 0
-        self._shape = (0, 0, 4)  # of the loaded scene's films
+        self._shape = (0, 0, 0)  # of the loaded scene's films
         self._cancelled_at: float | None = None
         self._lock = threading.Lock()
         self._words = Words()
@@ -150,29 +146,34 @@ class RenderChild:
         return self._process.pid
 
     def await_ready(self) -> None:
-        """Return once the child has imported Mitsuba; `load` does this by itself."""
+        """Return once the child has imported its renderer; `load` does this by itself."""
         if self._is_ready:
             return
-        for what in self._expect(START_TIMEOUT_S, "starting")["stays_open"]:
+        ready = self._expect(START_TIMEOUT_S, "starting", contract.Ready)
+        for what in ready.stays_open:
             _LOG.warning("the render child is not shut in: %s", what)
         self._is_ready = True
 
     def load(self, folder: Path, entry: str, parameters: dict[str, str], sensor: int) -> Loaded:
         """Load a scene, which takes the place of the one before."""
         self._ask(
-            {
-                "do": "load",
-                "folder": str(folder.absolute()),  # it works in another
-                "entry": entry,
-                "parameters": parameters,
-                "sensor": sensor,
-                "threads": loading_threads(folder),
-            }
+            contract.Load(
+                folder=str(folder.absolute()),  # it works in another
+                entry=entry,
+                parameters=parameters,
+                sensor=sensor,
+                threads=loading_threads(folder),
+            )
         )
         self.await_ready()
-        answer = self._expect(self._limits.load_timeout_s, "loading the scene")
-        self._shape = (answer["height"], answer["width"], 4)
-        return Loaded(answer["width"], answer["height"], tuple(answer["notes"]))
+        scene = self._expect(self._limits.load_timeout_s, "loading the scene", Loaded)
+        if scene.channels != CHANNELS:
+            raise SceneError(
+                f"the film has the channels {', '.join(scene.channels)}, and the farm stores "
+                f"{', '.join(CHANNELS)} alone"
+            )
+        self._shape = (scene.height, scene.width, len(CHANNELS))
+        return scene
 
     def render(
         self, passes: tuple[Pass, ...], show: Callable[[Film, int], None] | None = None
@@ -182,14 +183,13 @@ class RenderChild:
         `show` is called with the film of the first pass, and its spp, where the others take a
         while.
         """
-        asked = {"passes": [[one.spp, one.seed] for one in passes], "glimpse": show is not None}
-        self._ask({"do": "render", **asked})
+        self._ask(contract.Render(passes=passes, glimpse=show is not None))
         while True:
-            answer = self._expect(self._limits.pass_timeout_s, "rendering a pass")
-            if answer["is"] == "glimpse" and show is not None:
-                show(self._film(answer["at"]), answer["spp"])
-            elif answer["is"] == "rendered":
-                return self._film(answer["at"]), answer["render_s"]
+            answer = self._next_answer(self._limits.pass_timeout_s, "rendering a pass")
+            if isinstance(answer, contract.FirstPass) and show is not None:
+                show(self._film(answer.at), answer.spp)
+            elif isinstance(answer, contract.SumDone):
+                return self._film(answer.at), answer.render_s
 
     def _film(self, at: int) -> Film:
         film = np.empty(self._shape, np.float32)
@@ -208,7 +208,7 @@ class RenderChild:
         with self._lock:
             if self._cancelled_at is None:
                 self._cancelled_at = time.monotonic()
-                self._send({"do": "cancel", "id": self._request_id})
+                self._send(contract.Cancel(id=self._request_id))
 
     @property
     def alive(self) -> bool:
@@ -225,17 +225,25 @@ class RenderChild:
         self._words.close()
         self._films.close()
 
-    def _ask(self, request: dict[str, Any]) -> None:
+    def _ask(self, request: contract.Load | contract.Render) -> None:
         with self._lock:
             self._cancelled_at = None
             self._request_id += 1
-            self._send({**request, "id": self._request_id})
+            self._send(replace(request, id=self._request_id))
 
-    def _send(self, request: dict[str, Any]) -> None:
+    def _send(self, request: Request) -> None:
         with contextlib.suppress(OSError):  # it is gone then, and the next read says how
-            self._socket.sendall(json.dumps(request).encode() + b"\n")
+            self._socket.sendall(contract.request_line(request).encode())
 
-    def _expect(self, timeout_s: float, doing: str) -> dict[str, Any]:
+    def _expect(self, timeout_s: float, doing: str, kind: type[_A]) -> _A:
+        """The next answer, of this kind; errors as the class says."""
+        answer = self._next_answer(timeout_s, doing)
+        if not isinstance(answer, kind):
+            self.kill()
+            raise ChildDied(f"the render process said {answer!r} while {doing}")
+        return answer
+
+    def _next_answer(self, timeout_s: float, doing: str) -> Answer:
         """The next answer to the request; errors as the class says."""
         deadline = time.monotonic() + timeout_s
         while b"\n" not in self._received:
@@ -248,12 +256,16 @@ class RenderChild:
                 raise ChildDied(f"{doing} took longer than {timeout_s:g} s")
             self._receive(doing)
         line, _, self._received = self._received.partition(b"\n")
-        answer: dict[str, Any] = json.loads(line)
-        if answer["is"] == "scene-error":
-            raise SceneError(answer["message"])
-        if answer["is"] == "disk-error":
-            raise OSError(f"no film can be written into {self._home}: {answer['message']}")
-        if answer["is"] == "cancelled":
+        try:
+            answer = contract.read_answer(line)
+        except contract.NotUnderstood as error:
+            self.kill()
+            raise ChildDied(f"{error} (while {doing})") from error
+        if isinstance(answer, contract.SceneRefused):
+            raise SceneError(answer.message)
+        if isinstance(answer, contract.DiskFull):
+            raise OSError(f"no film can be written into {self._home}: {answer.message}")
+        if isinstance(answer, contract.Stopped):
             raise Cancelled
         return answer
 

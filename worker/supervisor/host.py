@@ -9,8 +9,10 @@ import psutil
 
 from plateau.farm.ledger.queue import Lease
 from plateau.farm.model.errors import StoreUnavailable
+from plateau.farm.model.renderers import variant_named
 from plateau.farm.process.settings import Settings
-from plateau.worker.supervisor.child_process import ChildLimits, Film, Loaded, RenderChild
+from plateau.worker.renderers.contract import Loaded
+from plateau.worker.supervisor.child_process import ChildLimits, Film, RenderChild
 from plateau.worker.supervisor.scene_cache import SceneCache
 from plateau.worker.supervisor.uploader import Glimpse, Rendered
 
@@ -106,7 +108,7 @@ class RenderHost:
         self._child_is_for = (variant, scenes)
         limits = ChildLimits(
             threads=self._threads,
-            memory_bytes=0 if variant.startswith("cuda") else self._memory_bytes(),
+            memory_bytes=0 if variant_named(variant).on_gpu else self._memory_bytes(),
             load_timeout_s=self._settings.load_timeout_s,
             pass_timeout_s=self._settings.pass_timeout_s,
         )

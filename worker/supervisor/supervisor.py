@@ -1,7 +1,7 @@
 """The worker's supervisor: lease a slice, have the child render it, hand it to the uploader.
 
-It never imports Mitsuba. A child that crashes, hangs or is killed costs one try of one slice, and
-only where this worker can render other things: one that cannot gives its slice back and sits out.
+It never imports a renderer. A child that crashes, hangs or is killed costs one try of one slice,
+where this worker can render other things. A worker that cannot gives its slice back and sits out.
 """
 
 import logging
@@ -25,7 +25,7 @@ from plateau.farm.process.stop import Stop, await_any
 from plateau.farm.redis import keys
 from plateau.farm.redis.link import connect, connect_to_renew
 from plateau.farm.redis.wake import Wake
-from plateau.worker.renderers.errors import SceneError
+from plateau.worker.renderers.contract import SceneError
 from plateau.worker.supervisor import needed_libraries
 from plateau.worker.supervisor.about import About
 from plateau.worker.supervisor.child_process import START_TIMEOUT_S, Cancelled, ChildDied

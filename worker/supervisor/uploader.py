@@ -16,7 +16,8 @@ from plateau.farm.ledger.queue import Committed, Lease, SliceQueue, SliceRecord
 from plateau.farm.model.errors import StoreUnavailable
 from plateau.farm.process import log
 from plateau.farm.process.backoff import Backoff
-from plateau.worker.supervisor.child_process import Film, Loaded
+from plateau.worker.renderers.contract import Loaded
+from plateau.worker.supervisor.child_process import Film
 
 _LOG = logging.getLogger(__name__)
 

@@ -23,12 +23,16 @@ from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
+from plateau.farm.model.renderers import VARIANTS
 from plateau.farm.process.lifecycle import die_with_parent
 from plateau.worker.confinement import landlock
 from plateau.worker.supervisor import needed_libraries
 from plateau.worker.supervisor.llvm_libraries import llvm_libraries, system_libraries
 
 CUDA, LLVM, SCALAR = "cuda_ad_rgb", "llvm_ad_rgb", "scalar_rgb"
+
+#: What every worker offers without a trial.
+_EVERYWHERE = tuple(name for name, known in VARIANTS.items() if known.works_everywhere)
 
 #: A probe takes about two seconds; a machine under load, or a driver that starts up, far more.
 _PROBE_TIMEOUT_S = 120.0
@@ -86,9 +90,9 @@ class VariantChoice:
 
     @property
     def variants(self) -> tuple[str, ...]:
-        """All variants known to work here, the best first; scalar always does."""
+        """All variants known to work here, the best first."""
         working = (probe.variant for probe in self.tried if probe.ok)
-        return tuple(dict.fromkeys((*working, SCALAR)))
+        return tuple(dict.fromkeys((*working, *_EVERYWHERE)))
 
 
 def choose(cache: Path, *, every: bool = False) -> VariantChoice:
@@ -136,7 +140,7 @@ def probe(variant: str, library: str | None, timeout_s: float = _PROBE_TIMEOUT_S
         environment["DRJIT_CACHE_DIR"] = empty
         try:
             done = subprocess.run(
-                [sys.executable, "-s", "-m", "plateau.worker.renderers.mitsuba.probe", variant],
+                [sys.executable, "-s", "-m", "plateau.worker.child.probe", variant],
                 env=environment,
                 stdin=subprocess.DEVNULL,
                 capture_output=True,

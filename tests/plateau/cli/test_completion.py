@@ -6,7 +6,6 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import get_args
 
 import pytest
 import redis
@@ -17,7 +16,8 @@ from plateau import scenes
 from plateau.cli import complete
 from plateau.cli.bash_completion import joined
 from plateau.farm.ledger.jobs import Jobs
-from plateau.farm.model.spec import JobSpec, RenderVariant
+from plateau.farm.model.renderers import VARIANTS
+from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
 from tests.support.staged_job import StagedJob
 
@@ -108,7 +108,7 @@ def test_states_rules_and_variants_are_offered(offers: Offers) -> None:
     for name, about in complete.rules(""):
         assert JobSpec.model_validate({"rule": {"name": name}})
         assert about
-    assert [name for name, _ in complete.variants("")] == ["auto", *get_args(RenderVariant)]
+    assert [name for name, _ in complete.variants("")] == ["auto", *VARIANTS]
 
 
 def test_jobs_are_offered_where_something_can_be_done_with_them(

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from plateau.farm.model.seeds import SeedSchedule
-from plateau.worker.renderers.errors import SceneError
+from plateau.worker.renderers.contract import SceneError
 from tests.support import long_tests, mitsuba_process
 from tests.support.mitsuba_process import MitsubaProcess
 from tests.support.variants import library_for

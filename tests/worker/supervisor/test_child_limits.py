@@ -18,7 +18,7 @@ import pytest
 from plateau.farm.bundle import BundleLimits
 from plateau.farm.model.seeds import Pass
 from plateau.worker.confinement.seccomp import refuse_calls
-from plateau.worker.renderers.errors import SceneError
+from plateau.worker.renderers.contract import SceneError
 from plateau.worker.supervisor.child_process import ChildDied, ChildLimits, RenderChild
 from tests.support.variants import VARIANTS, library_for
 

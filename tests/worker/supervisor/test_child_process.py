@@ -15,7 +15,7 @@ import psutil
 import pytest
 
 from plateau.farm.model.seeds import Pass
-from plateau.worker.renderers.errors import SceneError
+from plateau.worker.renderers.contract import SceneError
 from plateau.worker.supervisor.child_process import (
     Cancelled,
     ChildDied,

@@ -12,7 +12,7 @@ from plateau.farm.images.exr import decode_partial
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.ownership import Ownerships
 from plateau.farm.ledger.queue import Lease, SliceQueue
-from plateau.worker.supervisor.child_process import Loaded
+from plateau.worker.renderers.contract import Loaded
 from plateau.worker.supervisor.uploader import Glimpse, Rendered, Uploader
 from tests.support.odd_s3 import OddS3
 from tests.support.staged_job import HEIGHT, WIDTH, StagedJob
@@ -22,7 +22,7 @@ from tests.support.until import until
 def rendered(lease: Lease) -> Rendered:
     return Rendered(
         lease=lease,
-        scene=Loaded(WIDTH, HEIGHT, ()),
+        scene=Loaded(width=WIDTH, height=HEIGHT),
         film=np.ones((HEIGHT, WIDTH, 4), np.float32),
         first_seed=lease.index * 100,
         last_seed=lease.index * 100 + 99,

@@ -3,52 +3,29 @@
 from __future__ import annotations
 
 import gc
-from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from plateau.worker.renderers.errors import SceneError
+from plateau.worker.renderers.contract import Loaded, SceneError
 from plateau.worker.renderers.mitsuba.scene_prep import prepare, scene_errors
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping
-    from pathlib import Path
+    from collections.abc import Callable, Iterable, Iterator
 
     from numpy.typing import NDArray
 
+    from plateau.worker.renderers.contract import Load
     from plateau.worker.renderers.mitsuba.scene_prep import PreparedScene
 
 
-@dataclass(frozen=True)
-class LoadedScene:
-    """What is known of a scene once it is loaded.
-
-    Attributes
-    ----------
-    width, height : int
-        Pixels of the film's crop window (the whole film where it has none).
-    notes : tuple of str
-        What was changed in the scene, a sentence each.
-    """
-
-    width: int
-    height: int
-    notes: tuple[str, ...]
-
-
 class Renderer:
-    """Mitsuba in one variant, with at most one scene loaded.
+    """Mitsuba as `plateau.worker.renderers.contract.Renderer` has it.
 
-    Parameters
-    ----------
-    variant : str
-        The Mitsuba variant; a process can only ever use one. LLVM is loaded from
-        ``DRJIT_LIBLLVM_PATH``.
-    threads : int
-        Threads that render, 1 or more. The samples do not depend on it.
+    A process can only ever use one variant. LLVM is loaded from ``DRJIT_LIBLLVM_PATH``.
     """
 
     def __init__(self, variant: str, threads: int) -> None:
@@ -59,67 +36,34 @@ class Renderer:
         self._runs_ahead = not variant.startswith("scalar")  # those render in the call itself
         self._prepared: PreparedScene | None = None
 
-    def load(
-        self,
-        folder: Path,
-        entry: str,
-        parameters: Mapping[str, str],
-        sensor: int = 0,
-        *,
-        threads: int,
-    ) -> LoadedScene:
-        """Load the scene of `entry` in `folder`, in the place of the one before.
+    def probe(self) -> None:
+        """Render a small Cornell box with a path tracer; raise where its image is none."""
+        scene = mi.cornell_box()
+        scene["sensor"]["film"].update(width=16, height=16)
+        image = np.array(mi.render(mi.load_dict(scene), spp=4, seed=1))
+        if not (np.isfinite(image).all() and image.mean() > 0):
+            raise ArithmeticError("the image is black or not finite")
 
-        Parameters
-        ----------
-        folder : Path
-            The scene's bundle; relative file names start here or beside `entry`.
-        entry : str
-            The scene's XML file, relative to `folder`.
-        parameters : mapping of str to str
-            Values for the scene's ``$parameters``, as Mitsuba's ``-D``.
-        sensor : int
-            Index of the sensor to render.
-        threads : int
-            How many load the scene, see `plateau.worker.supervisor.scene_cache.loading_threads`.
-
-        Raises
-        ------
-        SceneError
-            Mitsuba refuses the scene, with its message, or the farm cannot render it. No scene
-            is loaded then.
-        """
+    def load(self, request: Load) -> Loaded:
+        """Load a scene in the place of the one before; errors carry Mitsuba's message."""
         self._unload()
-        prepared = prepare(self._variant, folder, entry, parameters, sensor, threads)
-        self._prepared = prepared
-        return LoadedScene(prepared.width, prepared.height, prepared.notes)
+        self._prepared = one = prepare(
+            self._variant,
+            Path(request.folder),
+            request.entry,
+            request.parameters,
+            request.sensor,
+            request.threads,
+        )
+        return Loaded(width=one.width, height=one.height, notes=one.notes)
 
     def render(
         self, passes: Iterable[tuple[int, int]], *, is_cancelled: Callable[[], bool]
     ) -> Iterator[NDArray[np.float32]]:
         """Yield the film of each pass, in order, before it is divided by its weights.
 
-        The next pass is rendered already while a film is looked at, save by scalar variants: the
-        cores do not wait for who adds it up.
-
-        Parameters
-        ----------
-        passes : iterable of (int, int)
-            Of each the samples per pixel, a power of two (see `plateau.farm.model.passes.passes`),
-            and Mitsuba's 32-bit seed, from a `plateau.farm.model.seeds.SeedSchedule`.
-        is_cancelled : callable
-            Asked before a pass begins; once it says yes, none does any more.
-
-        Yields
-        ------
-        ndarray, shape (height, width, 4), float32
-            R, G, B as sums weighted by the reconstruction filter, and the filter weights W. To be
-            read, and not kept.
-
-        Raises
-        ------
-        SceneError
-            The scene fails while it renders.
+        The next pass already renders while the caller looks at a film, so that the cores do not
+        wait. Scalar variants render in the call itself.
         """
         if self._prepared is None:
             raise RuntimeError("no scene is loaded")

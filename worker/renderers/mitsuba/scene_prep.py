@@ -21,7 +21,7 @@ import mitsuba as mi
 
 from plateau.farm.bundle import BundleLimits
 from plateau.farm.model.seeds import SCALAR_BLOCK
-from plateau.worker.renderers.errors import SceneError
+from plateau.worker.renderers.contract import SceneError
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping

@@ -1,0 +1,89 @@
+"""The renderers of the farm and their variants: what everyone but a worker has to know of them.
+
+A renderer is a program that renders slices. A variant is one way in which it draws samples: two
+variants draw other samples of the same scene, so a job keeps to one. A variant's full name is
+``RENDERER:VARIANT``. Mitsuba's variants are stored and shown without ``mitsuba:``, and taken with
+it or without. All others are named in full.
+
+What a renderer is to a worker is in `plateau.worker.renderers.contract`, and the format of its
+scenes in `plateau.farm.bundle.formats`. ``docs/renderers.md`` says what a new renderer takes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final, Literal
+
+from plateau.farm.model.passes import LARGEST_PASS_SAMPLES, LLVM_LARGEST_SPP
+
+MITSUBA: Final = "mitsuba"
+
+#: Every variant, as it is stored and shown.
+RenderVariant = Literal["scalar_rgb", "llvm_ad_rgb", "cuda_ad_rgb"]
+#: And what a job may ask for: in one list, so that a mistyped name is answered with all of them.
+AnyVariant = Literal["auto", "scalar_rgb", "llvm_ad_rgb", "cuda_ad_rgb"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class VariantFacts:
+    """What the farm knows of a variant.
+
+    Attributes
+    ----------
+    renderer : str
+        The renderer's name: that of its package in `plateau.worker.renderers`.
+    own_name : str
+        The variant, as the renderer itself calls it.
+    seeds : {"distinct", "scalar"}
+        Which seeds give independent samples, see `plateau.farm.model.seeds`: any that are distinct,
+        or those of Mitsuba's scalar variants.
+    largest_spp : int
+        Samples per pixel of the largest pass.
+    on_gpu : bool
+        Whether a GPU's driver renders: it needs more than a confined child may have.
+    works_everywhere : bool
+        Whether it needs nothing of a machine, so that a worker offers it without a trial.
+    """
+
+    renderer: str
+    own_name: str
+    seeds: Literal["distinct", "scalar"] = "distinct"
+    largest_spp: int = LARGEST_PASS_SAMPLES
+    on_gpu: bool = False
+    works_everywhere: bool = False
+
+
+VARIANTS: Final[dict[RenderVariant, VariantFacts]] = {
+    "scalar_rgb": VariantFacts(
+        renderer=MITSUBA, own_name="scalar_rgb", seeds="scalar", works_everywhere=True
+    ),
+    "llvm_ad_rgb": VariantFacts(
+        renderer=MITSUBA, own_name="llvm_ad_rgb", largest_spp=LLVM_LARGEST_SPP
+    ),
+    "cuda_ad_rgb": VariantFacts(renderer=MITSUBA, own_name="cuda_ad_rgb", on_gpu=True),
+}
+
+
+def shown_name(variant: str) -> str:
+    """Return a variant's name as it is stored and shown; a name that is none stays as it is.
+
+    Examples
+    --------
+    >>> shown_name("mitsuba:llvm_ad_rgb")
+    'llvm_ad_rgb'
+    """
+    return variant.removeprefix(f"{MITSUBA}:")
+
+
+def variant_named(name: str) -> VariantFacts:
+    """Return what the farm knows of a variant, by the name that it is stored and shown under.
+
+    Raises
+    ------
+    ValueError
+        There is no such variant.
+    """
+    for known, facts in VARIANTS.items():
+        if known == name:
+            return facts
+    raise ValueError(f"there is no variant {name!r}; there are {', '.join(VARIANTS)}")

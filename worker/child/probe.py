@@ -1,0 +1,34 @@
+"""Has the renderer of the variant that it is given render a small image, and prints OK.
+
+A process of its own, since a library that does not suit the machine may abort it. It shuts itself
+in as a render child does: a library that the confinement keeps away would not suit either.
+"""
+
+import os
+import resource
+import signal
+import sys
+from pathlib import Path
+
+from plateau.farm.model.renderers import variant_named
+from plateau.worker.confinement.confine import confine
+
+
+def main(variant: str) -> None:
+    """Probe the renderer; any failure ends the process."""
+    # Ctrl-C in a terminal reaches this process too, and has to end it as a signal does: within
+    # Mitsuba, Python's KeyboardInterrupt becomes other errors, and aborts. It was held back so far.
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))  # an abort is expected here: no core file
+    if not variant_named(variant).on_gpu:  # as in `plateau.worker.child`
+        confine(scenes=(), kernels=Path(os.environ["DRJIT_CACHE_DIR"]))
+    # Imported here: numpy starts threads.
+    from plateau.worker.renderers.contract import renderer_for
+
+    renderer_for(variant, threads=len(os.sched_getaffinity(0))).probe()
+    print("OK")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1])

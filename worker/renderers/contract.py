@@ -1,0 +1,295 @@
+"""The contract for a renderer: the messages of a render child, and the class that it hosts.
+
+A supervisor and its render child speak JSON lines over a socket that the child inherits. The
+supervisor knows a renderer by these lines alone. Each request is one object, whose ``"do"`` names
+its kind::
+
+    {"do": "load", "id": 1, "folder": …, "entry": …, "parameters": {…}, "sensor": 0, "threads": 1}
+    {"do": "render", "id": 2, "passes": [[spp, seed], …], "glimpse": false}
+    {"do": "cancel", "id": 2}
+
+and each answer is one object, whose ``"is"`` names its kind::
+
+    {"is": "ready", "stays_open": […]}
+    {"is": "loaded", "width": …, "height": …, "channels": ["R", "G", "B", "W"], "notes": […]}
+    {"is": "pass"}
+    {"is": "glimpse", "at": …, "spp": …}
+    {"is": "rendered", "at": …, "render_s": …}
+    {"is": "cancelled"}
+    {"is": "scene-error", "message": …}
+    {"is": "disk-error", "message": …}
+
+The classes below say what each means. Pixels do not go through the socket: the child writes them
+into a file that it inherits too. A film lies there as height × width × channels values in float32,
+from the byte ``at`` on, until the next request to render. The end of the socket's stream is the end
+of the child.
+
+`plateau.worker.child` serves these requests for any class that fits `Renderer`. A renderer is a
+package ``plateau.worker.renderers.NAME`` whose module ``renderer`` has such a class, called
+``Renderer``. What the rest of the farm knows of it is in `plateau.farm.model.renderers`.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, ClassVar, Final, Protocol
+
+from plateau.farm.model.renderers import variant_named
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+
+    import numpy as np
+    from numpy.typing import NDArray
+
+#: The channels of a film, in their order: sums of red, green and blue radiance, each weighted by
+#: the reconstruction filter, and the sum of the weights. Partials store no others yet.
+CHANNELS: Final = ("R", "G", "B", "W")
+
+
+class SceneError(Exception):
+    """The scene cannot be rendered, here or anywhere; the message is for who made the scene."""
+
+
+class NotUnderstood(ValueError):
+    """A line is no message of this contract."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Load:
+    """Load a scene in the place of the one before; answered by `Loaded`.
+
+    Attributes
+    ----------
+    id : int
+        The request's number, from 1.
+    folder : str
+        The scene's unpacked bundle; relative file names start here or beside `entry`.
+    entry : str
+        The scene's main file, relative to `folder`.
+    parameters : mapping of str to str
+        The job's values for the scene's parameters.
+    sensor : int
+        Index of the sensor to render.
+    threads : int
+        How many load the scene, see `plateau.worker.supervisor.scene_cache.loading_threads`.
+    """
+
+    kind: ClassVar = "load"
+    id: int = 0
+    folder: str
+    entry: str
+    parameters: Mapping[str, str]
+    sensor: int = 0
+    threads: int = 1
+
+
+@dataclass(frozen=True, kw_only=True)
+class Render:
+    """Render passes, each of so many spp with a seed; answered by `SumDone` or `Stopped`.
+
+    With `glimpse`, a `FirstPass` comes before that where the other passes take a while.
+    """
+
+    kind: ClassVar = "render"
+    id: int = 0
+    passes: Sequence[tuple[int, int]]
+    glimpse: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cancel:
+    """Stop a request to render at the end of its pass; one that comes too late is harmless."""
+
+    kind: ClassVar = "cancel"
+    id: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ready:
+    """The renderer is imported; sent once. `stays_open` says what does not confine the child."""
+
+    kind: ClassVar = "ready"
+    stays_open: Sequence[str]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Loaded:
+    """A scene is loaded.
+
+    Attributes
+    ----------
+    width, height : int
+        Pixels of the film (of its crop window, where it has one).
+    notes : tuple of str
+        What the renderer changed in the scene, a sentence each.
+    channels : tuple of str
+        The names of the film's channels, in the order of their values.
+    """
+
+    kind: ClassVar = "loaded"
+    width: int
+    height: int
+    notes: tuple[str, ...] = ()
+    channels: tuple[str, ...] = CHANNELS
+
+
+@dataclass(frozen=True, kw_only=True)
+class PassDone:
+    """A pass is rendered; without such answers the supervisor takes the child to hang."""
+
+    kind: ClassVar = "pass"
+
+
+@dataclass(frozen=True, kw_only=True)
+class FirstPass:
+    """The film of the first pass, of `spp` samples per pixel, lies in the file from `at` on."""
+
+    kind: ClassVar = "glimpse"
+    at: int
+    spp: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class SumDone:
+    """The sum of the passes, added in their order in float64, lies in the file from `at` on."""
+
+    kind: ClassVar = "rendered"
+    at: int
+    render_s: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stopped:
+    """The request to render was cancelled."""
+
+    kind: ClassVar = "cancelled"
+
+
+@dataclass(frozen=True, kw_only=True)
+class SceneRefused:
+    """The renderer refuses the scene, while it loads or while it renders, in its own words."""
+
+    kind: ClassVar = "scene-error"
+    message: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class DiskFull:
+    """This machine's disk takes no film. The scene has to be loaded again."""
+
+    kind: ClassVar = "disk-error"
+    message: str
+
+
+Request = Load | Render | Cancel
+Answer = Ready | Loaded | PassDone | FirstPass | SumDone | Stopped | SceneRefused | DiskFull
+
+_REQUESTS: Final = {one.kind: one for one in (Load, Render, Cancel)}
+_ANSWERS: Final = {
+    one.kind: one
+    for one in (Ready, Loaded, PassDone, FirstPass, SumDone, Stopped, SceneRefused, DiskFull)
+}
+
+
+def request_line(request: Request) -> str:
+    """Return a request as its line, the end of the line included."""
+    return json.dumps({"do": request.kind, **vars(request)}) + "\n"
+
+
+def answer_line(answer: Answer) -> str:
+    """Return an answer as its line, the end of the line included."""
+    return json.dumps({"is": answer.kind, **vars(answer)}) + "\n"
+
+
+def read_request(line: str | bytes) -> Request:
+    """Return the request that a line is; raise `NotUnderstood` where it is none."""
+    request: Request = _read(line, "do", _REQUESTS)
+    return request
+
+
+def read_answer(line: str | bytes) -> Answer:
+    """Return the answer that a line is; raise `NotUnderstood` where it is none."""
+    answer: Answer = _read(line, "is", _ANSWERS)
+    return answer
+
+
+def _read(line: str | bytes, tag: str, kinds: Mapping[str, Any]) -> Any:
+    try:
+        fields = json.loads(line)
+        kind = kinds[fields.pop(tag)]
+        lists = {name: tuple(one) for name, one in fields.items() if isinstance(one, list)}
+        return kind(**{**fields, **lists})
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise NotUnderstood(f"a line is no message of a render child: {line[:200]!r}") from error
+
+
+class Renderer(Protocol):
+    """A renderer in one of its variants, with at most one scene loaded.
+
+    A pass is a pure function of the scene, the variant, its samples per pixel and its seed: every
+    process of every machine has to give the same samples, however many threads it has.
+
+    Parameters
+    ----------
+    variant : str
+        The variant, by the name that the renderer itself gives it (``llvm_ad_rgb``).
+    threads : int
+        Threads that render, 1 or more.
+    """
+
+    def __init__(self, variant: str, threads: int) -> None: ...
+
+    def probe(self) -> None:
+        """Render a small image, in a process that is there for this alone.
+
+        Raises
+        ------
+        Exception
+            Of whatever type: the variant does not work on this machine.
+        """
+
+    def load(self, request: Load) -> Loaded:
+        """Load a scene in the place of the one before.
+
+        Raises
+        ------
+        SceneError
+            The scene is wrong, or asks for what the renderer cannot do. No scene is loaded then.
+        MemoryError
+            This machine has too little memory: another try may go better.
+        """
+
+    def render(
+        self, passes: Iterable[tuple[int, int]], *, is_cancelled: Callable[[], bool]
+    ) -> Iterator[NDArray[np.float32]]:
+        """Yield the film of each pass, in order, before it is divided by its weights.
+
+        Parameters
+        ----------
+        passes : iterable of (int, int)
+            Of each the samples per pixel, a power of two (see `plateau.farm.model.passes.passes`),
+            and the 32-bit seed, from a `plateau.farm.model.seeds.SeedSchedule`.
+        is_cancelled : callable
+            Asked before a pass begins; once it says yes, none does any more.
+
+        Yields
+        ------
+        ndarray, shape (height, width, channels), float32
+            The sums of `Loaded.channels`. To be read, and not kept: the next pass may overwrite it.
+
+        Raises
+        ------
+        SceneError
+            The scene fails while it renders.
+        """
+
+
+def renderer_for(variant: str, threads: int) -> Renderer:
+    """Return the renderer of a variant of `plateau.farm.model.renderers`, imported here and now."""
+    known = variant_named(variant)
+    module = import_module(f"plateau.worker.renderers.{known.renderer}.renderer")
+    renderer: Renderer = module.Renderer(known.own_name, threads)
+    return renderer
