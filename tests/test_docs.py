@@ -15,7 +15,6 @@ from plateau.service.api.routes.batches import router as batches_router
 from plateau.service.api.routes.farm import router as farm_router
 from plateau.service.api.routes.images import router as images_router
 from plateau.service.api.routes.jobs import router as jobs_router
-from plateau.service.api.routes.key import router as key_router
 from plateau.service.api.routes.report import router as report_router
 from plateau.service.api.routes.results import router as results_router
 from plateau.service.api.routes.scenes import router as scenes_router
@@ -47,7 +46,6 @@ ROUTES = [
         studies_router,
         webhooks_router,
         farm_router,
-        key_router,
     )
     for route in router.routes
     for method in route.methods  # type: ignore[attr-defined]

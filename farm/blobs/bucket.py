@@ -5,7 +5,9 @@ that AWS gave them, and renews those that run out. Nothing here sees them.
 """
 
 import os
-from collections.abc import Iterable
+import threading
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from datetime import timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO, Final
@@ -14,8 +16,7 @@ from urllib.parse import urlsplit
 import obstore
 from obstore.store import S3Store
 
-from plateau.farm.blobs.errors import is_absence
-from plateau.farm.blobs.gate import Gate
+from plateau.farm.blobs.errors import is_absence, is_silence
 
 if TYPE_CHECKING:
     from obstore.store import BackoffConfig, ClientConfig
@@ -68,7 +69,7 @@ class Bucket:
         if parts.scheme != "s3" or not parts.netloc or parts.query or parts.fragment:
             raise ValueError(f"{url} is neither a folder nor of the form s3://BUCKET/PREFIX")
         silence = timedelta(seconds=_SILENCE_S)
-        self._gate = Gate()
+        self._gate = _Gate()
         self.store = S3Store(
             parts.netloc,
             prefix=parts.path.strip("/") or None,
@@ -149,3 +150,36 @@ def _of_environment() -> "ClientConfig":
     if bundle:
         options["root_certificate"] = Path(bundle).read_bytes()
     return options
+
+
+class _Gate:
+    """Around small requests: while a store is silent, one caller at a time asks it.
+
+    The others are told at once. Without it every thread of an API that is asked for pictures would
+    soon wait for the store, and none would be left for what needs no blob.
+    """
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._is_silent = False
+        self._is_asked = False
+
+    @contextmanager
+    def asking(self) -> Iterator[None]:
+        """Let the caller ask, or raise `TimeoutError` where another does, and it was silent."""
+        with self._lock:
+            asks_for_all = self._is_silent
+            if asks_for_all and self._is_asked:
+                raise TimeoutError("it did not answer a moment ago")
+            self._is_asked = asks_for_all
+        is_silent = False
+        try:
+            yield
+        except Exception as error:
+            is_silent = is_silence(error)
+            raise
+        finally:
+            with self._lock:
+                self._is_silent = is_silent
+                if asks_for_all:
+                    self._is_asked = False

@@ -9,14 +9,17 @@ import copy
 import json
 import logging
 import math
+import os
 import re
+import shutil
 import sys
 from collections import OrderedDict
 from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager, nullcontext, suppress
 from contextvars import ContextVar
 from dataclasses import dataclass
 from datetime import datetime, timezone
+from pathlib import Path
 from typing import TYPE_CHECKING, Final, TextIO
 
 from plateau.farm.process.settings import LogFormat
@@ -34,6 +37,8 @@ _MOST_RUNS: Final = 1000
 
 #: A value that a line of text shows as it is; others are quoted.
 _WORD: Final = re.compile(r"[^\s='\"]+")
+#: A log that is longer is begun anew; as much again is in the one before it.
+MOST_BYTES: Final = 10_000_000
 
 
 def set_up(role: str, log_format: LogFormat) -> None:
@@ -206,3 +211,20 @@ def _fields() -> dict[str, str | int]:
 
 def _quoted(value: str) -> str:
     return value if _WORD.fullmatch(value) and value.isprintable() else repr(value)
+
+
+def rotate(log: Path, most_bytes: int = MOST_BYTES) -> bool:
+    """Begin a log anew that is too long, and keep what it had as ``NAME.log.1``; return whether.
+
+    Who writes to it goes on, in append mode, and need not know. A line that is written between the
+    copy and the cut is lost. Where the disk has no room for the copy, there is none.
+    """
+    try:
+        if log.stat().st_size <= most_bytes:
+            return False
+        with suppress(OSError):
+            shutil.copyfile(log, log.with_suffix(".log.1"))
+        os.truncate(log, 0)
+    except OSError:
+        return False  # it is not there, or not ours
+    return True

@@ -13,7 +13,7 @@ from typing import BinaryIO, Final
 from plateau.farm.model.errors import StoreUnavailable
 from plateau.farm.process.durable import make_folder, sync
 from plateau.farm.process.lifecycle import die_with_parent, plain_environment
-from plateau.farm.process.log_files import rotate
+from plateau.farm.process.log import rotate
 
 _START_S: Final = 30.0
 #: In bytes; Linux takes 107, macOS 103.

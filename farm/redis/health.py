@@ -8,7 +8,7 @@ from urllib.parse import urlsplit
 import redis
 
 from plateau.farm.model.errors import FarmError, NotPermitted
-from plateau.farm.process.loopback import is_loopback
+from plateau.farm.process.addresses import is_loopback
 from plateau.farm.redis.link import RedisClient, connect, unavailable_as_farm_error
 from plateau.farm.redis.url import BadRedisUrl, sentinels_of, uses_tls, without_password
 

@@ -18,7 +18,6 @@ from plateau.cli import (  # isort: skip  # in the order in which help lists the
     studies,
     keys,
 )
-from plateau.cli import redis_users  # isort: skip  # in the order in which help lists them
 from plateau.cli.app import app
 from plateau.cli.bash_completion import completing_in_bash, with_whole_words
 
@@ -30,7 +29,6 @@ __all__ = [
     "jobs",
     "keys",
     "main",
-    "redis_users",
     "results",
     "scaling",
     "serving",

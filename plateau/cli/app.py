@@ -3,7 +3,7 @@
 import os
 import sys
 from collections.abc import Callable
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, Final, TypeVar
 
 import typer
 import typer.core
@@ -34,6 +34,14 @@ Exit codes:
 Settings are PLATEAU_… environment variables. `plateau doctor` shows them and checks this machine.
 """
 
+#: What the API's own hints are on the command line, by the kind of problem.
+_HINTS: Final = {
+    "unknown-job": "`plateau list` shows those there are",
+    "no-image-yet": "`plateau watch` shows when it comes",
+    "unknown-scene": "give the file itself; `plateau scenes` shows what is stored",
+    "store-unavailable": "try again shortly; `plateau doctor` may know more",
+}
+
 _Function = TypeVar("_Function", bound=Callable[..., None])
 
 
@@ -56,16 +64,24 @@ class Command(typer.core.TyperCommand):
         except typer.Exit:  # an exit code, not an error
             raise
         except Exception as error:
-            from plateau.cli.error_text import in_words
             from plateau.errors import EXPECTED
             from plateau.farm.model.errors import Incompatible
 
             if not isinstance(error, EXPECTED):
                 raise
-            print(f"plateau: {in_words(error)}", file=sys.stderr)
+            print(f"plateau: {_in_words(error)}", file=sys.stderr)
             fits = not isinstance(error, Incompatible)
             raise typer.Exit(ExitCode.FAILED if fits else ExitCode.INCOMPATIBLE) from None
         return result
+
+
+def _in_words(error: BaseException) -> str:
+    """What a command says of an error that is expected."""
+    if hint := _HINTS.get(getattr(error, "slug", "")):
+        return f"{str(error).partition(';')[0]}; {hint}"
+    if isinstance(error, OSError) and error.strerror and error.filename is not None:
+        return f"{error.filename}: {error.strerror}"  # without the number, which is for programs
+    return str(error)
 
 
 class _App(typer.Typer):

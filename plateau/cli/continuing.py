@@ -31,7 +31,7 @@ def continue_job(
     days only. On scalar_rgb some caps do not fit the samples; the error message lists those that
     do.
     """
-    from plateau.commands.continuing import continue_job as run
+    from plateau.commands.jobs import continue_job as run
 
     run(job_id, changes, url=url, as_json=as_json)
 
@@ -52,6 +52,6 @@ def rejudge(
     Prints the id of a new job, which renders nothing and shows where it would have stopped. Works
     for jobs submitted with --keep-slices; `plateau judge` does the same with files.
     """
-    from plateau.commands.continuing import rejudge as run
+    from plateau.commands.jobs import rejudge as run
 
     run(job_id, changes, url=url, as_json=as_json)

@@ -1,13 +1,15 @@
 """Commands that run the farm: all of it for one scene, all of it as a service, and its parts."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from plateau.cli import options as o
 from plateau.cli.app import app
-from plateau.processes.api_address import Door
+
+if TYPE_CHECKING:
+    from plateau.processes.tree import Door
 
 
 @app.command()
@@ -85,7 +87,9 @@ _PrivateKey = Annotated[
 
 def _door(
     host: str, port: int, *, open_to_all: bool, certificate: Path | None, private_key: Path | None
-) -> Door:
+) -> "Door":
+    from plateau.processes.tree import Door
+
     if (certificate is None) != (private_key is None):
         raise typer.BadParameter("give --tls-certificate and --tls-key together")
     return Door(host, port, open_to_all, certificate, private_key)

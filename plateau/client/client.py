@@ -6,13 +6,12 @@ from typing import Final
 
 from plateau.client.batches import BatchCalls
 from plateau.client.continuing import ContinuingCalls
-from plateau.client.farm_calls import FarmCalls
+from plateau.client.farm_calls import FarmCalls, WebhookCalls
 from plateau.client.jobs import JobCalls
 from plateau.client.results import ResultCalls
 from plateau.client.studies import StudyCalls
 from plateau.client.transport import Transport
 from plateau.client.watching import WatchingCalls
-from plateau.client.webhooks import WebhookCalls
 
 DEFAULT_URL: Final = "http://127.0.0.1:8713"
 

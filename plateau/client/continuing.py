@@ -3,7 +3,7 @@
 import secrets
 from typing import Any
 
-from plateau.client.calls import Calls
+from plateau.client.transport import Calls
 from plateau.farm.wire.views import JobView
 
 

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
 
-from plateau.client.calls import Calls
+from plateau.client.transport import Calls
 from plateau.farm.model.job import LogEntry
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState

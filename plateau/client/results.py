@@ -1,12 +1,13 @@
 """Calls that fetch what a job has come to: its curve, its images, its slices."""
 
+import base64
+import hashlib
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from plateau.client.calls import Calls
-from plateau.client.digests import Digest
-from plateau.client.errors import ClientError
-from plateau.client.transport import Patience
+from plateau.client.errors import ClientError, Damaged
+from plateau.client.transport import Calls, Patience
 from plateau.farm.model.job import CurvePoint
 from plateau.farm.wire.views import Curve
 from plateau.files.job_folder import whole
@@ -17,6 +18,9 @@ if TYPE_CHECKING:
 
 #: The whole file is on its way: between two parts of it there is little to wait for.
 _READ_S: Final = 45.0
+#: RFC 9530, section 3: ``sha-256=:BASE64:``, perhaps among others.
+_HEADER: Final = "Repr-Digest"
+_SHA256: Final = "sha-256"
 
 
 class ResultCalls(Calls):
@@ -70,7 +74,7 @@ class ResultCalls(Calls):
         ApiError
             ``unknown-job``; ``no-image-yet`` before anything of it can be seen.
         """
-        path, digest = f"/v1/jobs/{job_id}/{name}", Digest()
+        path, digest = f"/v1/jobs/{job_id}/{name}", _Digest()
         answer = self._transport.send("GET", path)
         digest.update(answer.content)
         digest.check(path, answer.headers)
@@ -141,7 +145,7 @@ class ResultCalls(Calls):
                     self._transport.stream(address, read_s=_READ_S) as answer,
                     path.open("wb") as file,
                 ):
-                    digest = Digest()
+                    digest = _Digest()
                     for chunk in answer.iter_bytes():
                         digest.update(chunk)
                         file.write(chunk)
@@ -153,3 +157,22 @@ class ResultCalls(Calls):
                 patience.wait_after(error)
             else:
                 return
+
+
+class _Digest:
+    """The SHA-256 of what comes of a file."""
+
+    def __init__(self) -> None:
+        self._sha256 = hashlib.sha256()
+
+    def update(self, chunk: bytes) -> None:
+        """Take up the next bytes."""
+        self._sha256.update(chunk)
+
+    def check(self, path: str, headers: Mapping[str, str]) -> None:
+        """Raise `Damaged` where the headers name another one than that of all that came."""
+        digests = (one.strip().partition("=") for one in headers.get(_HEADER, "").split(","))
+        named = next((value for name, _, value in digests if name == _SHA256), None)
+        found = base64.b64encode(self._sha256.digest()).decode()
+        if named is not None and named != f":{found}:":
+            raise Damaged(path)

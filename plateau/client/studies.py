@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Any, Final, Literal
 
-from plateau.client.calls import Calls
+from plateau.client.transport import Calls
 from plateau.farm.model.study import Screen
 from plateau.farm.model.study_order import Method
 from plateau.farm.wire.study_views import AnswerView, ObserverView, StudyList, StudyView

@@ -198,6 +198,17 @@ class Transport:
         return NotPlateau(self.url, f"HTTP status {answer.status_code}")
 
 
+class Calls:
+    """Calls over one transport; `plateau.client.Client` is made of such groups.
+
+    Every method raises `ApiError` where the service answers with a problem, `Unreachable` where
+    nothing answers for as long as the client is patient, and `NotPlateau` where what answers is
+    something else. Other errors, and the problems to reckon with, are with the method.
+    """
+
+    _transport: Transport
+
+
 def _checked(url: str) -> str:
     try:
         parsed = httpx.URL(url)

@@ -1,5 +1,6 @@
 """Calls that follow a job while it runs."""
 
+import json
 import math
 import time
 from collections.abc import Callable, Iterable, Iterator
@@ -7,11 +8,9 @@ from typing import Final
 
 import httpx
 
-from plateau.client.calls import Calls
 from plateau.client.errors import ClientError, TimedOut
 from plateau.client.events import FinishedEvent, typed
-from plateau.client.sse import parse_events
-from plateau.client.transport import Patience
+from plateau.client.transport import Calls, Patience
 from plateau.farm.model.job import BEFORE_ALL_EVENTS, Event
 from plateau.farm.wire.views import Happened, JobView
 
@@ -130,3 +129,20 @@ def _in_time(lines: Iterable[str], deadline: float, read_s: float) -> Iterator[s
         left_s = deadline - time.monotonic()
         if not line and (left_s <= 0 or left_s < read_s - _LATE_S):
             return
+
+
+def parse_events(lines: Iterable[str]) -> Iterator[Event]:
+    """The events in the lines of a stream, by the rules of the HTML standard that Plateau uses.
+
+    An event that is cut short, by a connection that breaks, is left out.
+    """
+    fields: dict[str, str] = {}
+    for line in lines:
+        if line:
+            name, _, value = line.partition(":")  # a comment has no name
+            fields[name] = value.removeprefix(" ")
+            continue
+        if {"id", "event", "data"} <= fields.keys():
+            data = json.loads(fields["data"])
+            yield Event(id=fields["id"], type=fields["event"], data=data, at=data["at"])
+        fields = {}

@@ -8,8 +8,7 @@ from pathlib import Path
 from rich.console import Console
 
 from plateau import job_text as words
-from plateau.commands.connect import connect
-from plateau.commands.job_ids import whole_id
+from plateau.commands.connect import connect, whole_id
 from plateau.commands.outputs import write_results
 from plateau.files.out_folder import make_ready
 from plateau.terminal.curve import terminal_curve

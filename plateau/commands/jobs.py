@@ -4,13 +4,13 @@ import json
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from rich.console import Console
 
 from plateau import job_text as words
-from plateau.commands.connect import connect
+from plateau.commands.connect import connect, whole_id
 from plateau.commands.follow import follow
-from plateau.commands.job_ids import whole_id
 from plateau.commands.outputs import summary_json, write_results
 from plateau.commands.webhooks import undelivered
 from plateau.errors import CommandFailed
@@ -198,3 +198,19 @@ def _row(job: Job) -> tuple[str, ...]:
         job.spec.batch or "–",
         job.name,
     )
+
+
+def continue_job(job_id: str, changes: dict[str, Any], *, url: str | None, as_json: bool) -> None:
+    """Go on with an ended job; prints the new job's id."""
+    with connect(url) as client:
+        _print_id(client.continue_job(whole_id(client, job_id), changes), as_json=as_json)
+
+
+def rejudge(job_id: str, changes: dict[str, Any], *, url: str | None, as_json: bool) -> None:
+    """Judge the kept slices of an ended job again; prints the new job's id."""
+    with connect(url) as client:
+        _print_id(client.rejudge(whole_id(client, job_id), changes), as_json=as_json)
+
+
+def _print_id(job: JobView, *, as_json: bool) -> None:
+    print(job.model_dump_json(indent=2) if as_json else job.id)

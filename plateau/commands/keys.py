@@ -1,9 +1,12 @@
-"""`plateau keys` and `plateau webhooks secret`.
+"""`plateau keys`, `plateau webhooks secret` and `plateau redis-acl`: who may do what.
 
-They work on the farm's Redis directly, so whoever runs the farm needs no key.
+The first two work on the farm's Redis directly, so whoever runs the farm needs no key.
 """
 
 import json
+import os
+import re
+import secrets
 import sys
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
@@ -19,7 +22,9 @@ from plateau.farm.ledger.outbox import Outbox
 from plateau.farm.ledger.schema import check_schema
 from plateau.farm.model import input_errors
 from plateau.farm.process.settings import Settings
+from plateau.farm.redis.acl import acl_file, rules
 from plateau.farm.redis.link import connect
+from plateau.files.out_folder import make
 from plateau.processes.data_folder import DataFolder
 from plateau.processes.read_settings import farm_settings, secret_in
 from plateau.processes.redis_at_hand import redis_at_hand
@@ -28,6 +33,7 @@ from plateau.terminal.tables import print_rows
 _COLUMNS: Final = ("id", "name", "role", "made", "last used", "requests", "open jobs", "revoked")
 _SPARE: Final = ("requests", "open jobs", "last used", "made")  # on a narrow terminal
 _MAX_NAME: Final = 100
+_REDIS_VERSION: Final = re.compile(r"(\d+)\.(\d+)(\.\d+)*")
 
 
 def create(
@@ -201,3 +207,29 @@ def _day(moment: datetime) -> str:
 
 def _say(line: str) -> None:
     print(f"plateau: {line}", file=sys.stderr)
+
+
+def redis_acl(passwords: Path | None, redis: str) -> None:
+    """Print an ACL file; passwords that are missing in their folder are made."""
+    match = _REDIS_VERSION.fullmatch(redis)
+    version = (int(match[1]), int(match[2])) if match else (0, 0)
+    if version < (6, 2):
+        raise CommandFailed(f"{redis!r} is not a version of Redis from 6.2 on")
+    users = rules(version)
+    known = {} if passwords is None else {user: _password(passwords, user) for user in users}
+    print(acl_file(known, version), end="")
+
+
+def _password(folder: Path, user: str) -> str:
+    """The user's password; where it has none yet, one is made, for its owner's eyes alone."""
+    file = folder / f"{user}.password"
+    if not file.exists():
+        make(folder, "--passwords", mode=0o700)
+        descriptor = os.open(file, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+        with os.fdopen(descriptor, "w") as made:
+            made.write(f"{secrets.token_hex(32)}\n")
+        _say(f"made {file}")
+    password = file.read_text().strip()
+    if not password:
+        raise CommandFailed(f"{file} is empty")
+    return password

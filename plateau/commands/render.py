@@ -16,11 +16,10 @@ from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
 from plateau.files.out_folder import make_ready
 from plateau.files.packing import pack
-from plateau.processes.api_address import Door
 from plateau.processes.data_folder import DataFolder, is_in_use
 from plateau.processes.interrupts import Interrupts
 from plateau.processes.read_settings import read_settings
-from plateau.processes.tree import Tree
+from plateau.processes.tree import Door, Tree
 from plateau.worker.supervisor.variants import choose
 
 if TYPE_CHECKING:

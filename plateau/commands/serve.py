@@ -10,17 +10,16 @@ from plateau.errors import CommandFailed
 from plateau.exit_codes import ExitCode
 from plateau.farm.ledger.api_keys import ApiKeys
 from plateau.farm.model.errors import StoreUnavailable
-from plateau.farm.process.loopback import is_loopback
+from plateau.farm.process.addresses import is_loopback
 from plateau.farm.process.settings import Settings
 from plateau.farm.redis.link import connect
 from plateau.farm.redis.url import without_password
-from plateau.processes.api_address import Door
 from plateau.processes.data_folder import DataFolder
 from plateau.processes.interrupts import Interrupts
 from plateau.processes.process import run_until_signal, when_checked
 from plateau.processes.read_settings import farm_settings
 from plateau.processes.standing import Standing
-from plateau.processes.tree import Tree
+from plateau.processes.tree import Door, Tree
 
 _LOG = logging.getLogger("plateau")
 

@@ -6,8 +6,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from plateau.commands.connect import connect
-from plateau.commands.job_ids import whole_id
+from plateau.commands.connect import connect, whole_id
 from plateau.exit_codes import ExitCode
 from plateau.farm.model.study_order import Method
 from plateau.farm.wire.study_views import StudyView

@@ -6,8 +6,7 @@ from collections.abc import Sequence
 from pydantic import ValidationError
 
 from plateau.client import Client
-from plateau.commands.connect import connect
-from plateau.commands.job_ids import whole_id
+from plateau.commands.connect import connect, whole_id
 from plateau.errors import CommandFailed
 from plateau.farm.model import input_errors
 from plateau.farm.model.deliveries import Delivery

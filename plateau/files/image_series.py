@@ -22,9 +22,9 @@ from plateau.farm.images.exr import Pixels, decode_image, decode_partial
 from plateau.farm.model.errors import CorruptPartial
 from plateau.farm.model.job import CurvePoint
 from plateau.farm.model.spec import JobSpec
-from plateau.service.judging.broken_image import non_finite_png
 from plateau.service.judging.judge import Judge
 from plateau.service.judging.merge import Merge
+from plateau.service.judging.result_files import non_finite_png
 
 
 class CannotJudge(PlateauError):

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Final
 
 from plateau.farm.process.lifecycle import die_with_parent
-from plateau.farm.process.log_files import rotate
+from plateau.farm.process.log import rotate
 
 _BACKOFF_S: Final = 0.5
 _LONGEST_BACKOFF_S: Final = 30.0

@@ -5,6 +5,8 @@ import select
 import time
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
 from types import TracebackType
 from typing import Final, TextIO
 
@@ -14,7 +16,6 @@ from plateau.farm.process.backoff import Backoff
 from plateau.farm.process.lifecycle import shut_memory
 from plateau.farm.process.settings import Settings
 from plateau.farm.redis.embedded import EmbeddedRedis
-from plateau.processes.api_address import Door
 from plateau.processes.data_folder import DataFolder
 from plateau.processes.interrupts import Interrupts
 from plateau.processes.member import Member, describe_exit
@@ -28,6 +29,28 @@ _HURRIED_S: Final = 2.0
 _TICK_S: Final = 0.05
 #: A Redis that lived for so long had started well.
 _REDIS_WELL_S: Final = 30.0
+
+
+@dataclass(frozen=True)
+class Door:
+    """The options of `plateau api` that `plateau up` has too."""
+
+    host: str = "127.0.0.1"
+    port: int = 0  #: 0 takes a free one
+    open_to_all: bool = False  #: want no keys, on a loopback address, though there are some
+    certificate: Path | None = None  #: for https, with its private key
+    private_key: Path | None = None
+
+    def options(self) -> tuple[str, ...]:
+        """All but the port, as they are written on a command line."""
+        options = ["--host", self.host]
+        if self.open_to_all:
+            options.append("--open")
+        if self.certificate is not None:
+            options += ["--tls-certificate", str(self.certificate)]
+        if self.private_key is not None:
+            options += ["--tls-key", str(self.private_key)]
+        return tuple(options)
 
 
 class TreeFailed(PlateauError):

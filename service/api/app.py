@@ -16,7 +16,7 @@ from plateau.farm.ledger.outbox import Outbox
 from plateau.farm.ledger.scene_index import SceneIndex
 from plateau.farm.ledger.studies import Studies
 from plateau.farm.ledger.workers import Workers
-from plateau.farm.process.webhook_addresses import Receivers
+from plateau.farm.process.addresses import Receivers
 from plateau.farm.redis.link import RedisClient
 from plateau.service.api.access.guards import ENVELOPE_BYTES, BodyLimit, OneLength
 from plateau.service.api.access.key_guard import Access, KeyGuard
@@ -52,9 +52,6 @@ from plateau.service.api.routes import (
 )
 from plateau.service.api.routes import (
     jobs as routes_jobs,
-)
-from plateau.service.api.routes import (
-    key as routes_key,
 )
 from plateau.service.api.routes import (
     page as routes_page,
@@ -167,7 +164,6 @@ def create_app(
         routes_studies,
         routes_webhooks,
         routes_farm,
-        routes_key,
         routes_page,
         routes_docs,
     ):

@@ -16,7 +16,7 @@ from plateau.farm.ledger.studies import Studies
 from plateau.farm.ledger.workers import Workers
 from plateau.farm.model.errors import JobNotFound
 from plateau.farm.model.job import Job
-from plateau.farm.process.webhook_addresses import Receivers
+from plateau.farm.process.addresses import Receivers
 from plateau.service.api.events.hub import EventHub
 from plateau.service.api.points.images import PointImages
 from plateau.service.api.points.stored_files import StoredFiles

@@ -2,8 +2,10 @@
 
 import asyncio
 import logging
+import os
 import socket
 import ssl
+import tempfile
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
@@ -17,16 +19,19 @@ from plateau.farm.blobs.store import Blobs
 from plateau.farm.bundle import BundleLimits, known_plugins
 from plateau.farm.ledger.api_keys import ApiKeys
 from plateau.farm.model.errors import StoreUnavailable
-from plateau.farm.process.loopback import is_loopback
+from plateau.farm.process.addresses import is_loopback
 from plateau.farm.process.settings import Settings
 from plateau.farm.redis.link import connect
 from plateau.service.api.access.key_guard import Access
 from plateau.service.api.app import create_app
 from plateau.service.api.events.hub import EventHub
-from plateau.service.api.http.connections import backlog, most_connections, raise_descriptor_limit
-from plateau.service.api.http.server import server_config
+from plateau.service.api.http.server import (
+    backlog,
+    most_connections,
+    raise_descriptor_limit,
+    server_config,
+)
 from plateau.service.api.scene_checks.pool import SceneChecks
-from plateau.service.api.submission.spool import spool_in
 
 #: How long a request may take to end when the API stops; streams of events end at once.
 _GRACE_S: Final = 5
@@ -130,6 +135,26 @@ def run(
     )
     url = url_of(listener, "http" if tls is None else "https")
     _Server(config, hub, lambda: ready(url)).run(sockets=[listener])
+
+
+def spool_in(folder: Path) -> None:
+    """Have this process's temporary files lie in this folder, unless ``TMPDIR`` names another.
+
+    On many systems ``/tmp`` is memory, which a few bundles of 2 GB would fill. The files have no
+    names, so nothing is left of them whoever dies.
+    """
+    if "TMPDIR" in os.environ:
+        return
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        _LOG.warning(
+            "uploads lie in %s, since %s cannot be used: %s", tempfile.gettempdir(), folder, error
+        )
+    else:
+        tempfile.tempdir = str(folder)
 
 
 def access_at(host: str, keys: ApiKeys, *, open_to_all: bool) -> Access:

@@ -22,8 +22,8 @@ from plateau.metric import (
 )
 from plateau.metric.compiled import CompiledVisibleDifferences
 from plateau.metric.compiled.predictor import COMPARISONS_BEFORE_KEEPING
-from plateau.service.judging.broken_image import flaw_of
 from plateau.service.judging.merge import Merge
+from plateau.service.judging.result_files import flaw_of
 
 
 def warm_up() -> None:

@@ -13,10 +13,10 @@ from plateau.farm.ledger.totals import MonitorWork
 from plateau.farm.model.errors import IllegalTransition
 from plateau.farm.model.job import Job
 from plateau.farm.model.states import JobState
-from plateau.service.judging.broken_image import flaw_of
 from plateau.service.judging.checkpoints import Checkpoints
 from plateau.service.judging.films import Films
 from plateau.service.judging.judge import Judge, Judgement
+from plateau.service.judging.result_files import flaw_of
 from plateau.service.monitor.look_ahead import Crew, LookAhead
 from plateau.service.monitor.results import Results
 

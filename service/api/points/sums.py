@@ -1,7 +1,8 @@
-"""The sums of a job's slices up to points of its curve; some are remembered, and gone on from."""
+"""The sums of a job's kept slices up to points of its curve; some are remembered."""
 
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -11,13 +12,24 @@ from plateau.farm.blobs.store import Blobs
 from plateau.farm.images.exr import Pixels
 from plateau.farm.model.errors import CorruptPartial
 from plateau.service.judging.films import checked_film
-from plateau.service.judging.kept_slices import KeptSlice, SliceLost
 from plateau.service.judging.merge import normalised
 
 #: So many bytes of sums are remembered; the newest one in any case.
 _REMEMBERED: Final = 128 << 20
 
 Sum = NDArray[np.float64]
+
+
+class SliceLost(Exception):
+    """A slice is gone or spoiled."""
+
+
+@dataclass(frozen=True)
+class KeptSlice:
+    """Where a slice lies, and what it has to be."""
+
+    blob: str
+    sha256: str
 
 
 class PointSums:

@@ -8,7 +8,7 @@ from pydantic import ValidationError
 from plateau.farm.model import input_errors
 from plateau.farm.model.seeds import SeedsExhausted
 from plateau.farm.model.spec import JobSpec, SharedSpec
-from plateau.farm.process.webhook_addresses import ReceiverRefused, Receivers
+from plateau.farm.process.addresses import ReceiverRefused, Receivers
 from plateau.service.api.problems import problem as problems
 from plateau.service.api.problems.problem import FieldError, Problem, ProblemType
 

@@ -16,10 +16,10 @@ from typing import Final
 from plateau.farm.ledger.outbox import MOST_TRIES, Outbox, Taken, TryEnd, retry_delay_s
 from plateau.farm.model.errors import StoreUnavailable
 from plateau.farm.process import log
+from plateau.farm.process.addresses import Receivers
 from plateau.farm.process.backoff import Backoff
 from plateau.farm.process.settings import Settings
 from plateau.farm.process.stop import Stop
-from plateau.farm.process.webhook_addresses import Receivers
 from plateau.farm.redis import keys
 from plateau.farm.redis.link import connect
 from plateau.farm.redis.wake import Wake

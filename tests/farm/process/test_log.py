@@ -11,8 +11,15 @@ from pathlib import Path
 
 import pytest
 
-from plateau.farm.process.log import concern, concerning, concerns, identify, printable, set_up
-from plateau.farm.process.log_files import rotate
+from plateau.farm.process.log import (
+    concern,
+    concerning,
+    concerns,
+    identify,
+    printable,
+    rotate,
+    set_up,
+)
 from plateau.farm.process.settings import LogFormat
 
 

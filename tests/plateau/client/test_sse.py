@@ -1,6 +1,6 @@
 """Reading a stream of Server-Sent Events."""
 
-from plateau.client.sse import parse_events
+from plateau.client.watching import parse_events
 
 AT = '"at": "2026-01-01T00:00:00Z"'
 

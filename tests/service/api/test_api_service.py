@@ -10,7 +10,7 @@ import redis
 
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.queue import SliceQueue
-from plateau.farm.process.loopback import is_loopback
+from plateau.farm.process.addresses import is_loopback
 from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.farm.redis.link import connect
 from plateau.service.api.problems import problem as problems

@@ -19,7 +19,7 @@ import pytest
 import trustme
 
 from plateau.farm.blobs.store import Blobs
-from plateau.service.api.http import connections
+from plateau.service.api.http import server
 from tests.service.api.test_jobs import BOX, submit
 from tests.support.live_api import live_api
 from tests.support.real_farm import RealFarm
@@ -33,7 +33,7 @@ HEAD = b"GET /healthz HTTP/1.1\r\nHost: localhost\r\n"
 @pytest.fixture
 def url(redis_url: str, api_store: Blobs, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
     """An API that waits for a head for one second."""
-    monkeypatch.setattr(connections, "HEAD_S", 1.0)
+    monkeypatch.setattr(server, "HEAD_S", 1.0)
     with live_api(redis_url, api_store) as url:
         yield url
 
@@ -116,7 +116,7 @@ class TestAHead:
             story(connection)
 
     def test_of_a_tls_connection_begins_with_a_handshake(self, tmp_path: Path) -> None:
-        assert connections.HEAD_S == 10
+        assert server.HEAD_S == 10
         # Given a service with TLS, whose deadline for a handshake would be asyncio's minute
         certificate = trustme.CA().issue_cert("localhost")
         chain, key = tmp_path / "chain.pem", tmp_path / "key.pem"
@@ -124,16 +124,16 @@ class TestAHead:
         certificate.cert_chain_pems[0].write_to_path(chain)
         context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
         context.load_cert_chain(chain, key)
-        loop = connections.Loop()
+        loop = server.Loop()
 
         async def deadline_s() -> float:
-            server = await loop.create_server(asyncio.Protocol, "127.0.0.1", 0, ssl=context)
-            server.close()
-            found: float = server._ssl_handshake_timeout
+            listening = await loop.create_server(asyncio.Protocol, "127.0.0.1", 0, ssl=context)
+            listening.close()
+            found: float = listening._ssl_handshake_timeout
             return found
 
         try:
-            assert loop.run_until_complete(deadline_s()) == connections.HEAD_S
+            assert loop.run_until_complete(deadline_s()) == server.HEAD_S
         finally:
             loop.close()
 
@@ -215,8 +215,8 @@ def test_there_are_fewer_connections_than_descriptors(farm: RealFarm, tmp_path: 
 
 def test_a_limit_leaves_room_for_all_else() -> None:
     for descriptors in (1, 64, 256, 1024, 20_000, 2**20):
-        most = connections.most_connections(descriptors)
-        waiting = connections.backlog(descriptors)
+        most = server.most_connections(descriptors)
+        waiting = server.backlog(descriptors)
         assert 1 <= most <= 10_000
         # All have a second descriptor, and those that are accepted at once to be refused fit too
         assert 2 * most <= descriptors or descriptors == 1

@@ -8,7 +8,7 @@ import httpx
 import pytest
 import redis
 
-from plateau.client.sse import parse_events
+from plateau.client.watching import parse_events
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.model import versions
 from plateau.service.api.http.parameters import chosen

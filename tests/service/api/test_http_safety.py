@@ -10,7 +10,7 @@ import redis
 
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.api_keys import ApiKeys, KeyLimits, Role
-from plateau.farm.process.loopback import is_loopback
+from plateau.farm.process.addresses import is_loopback
 from plateau.farm.redis import keys
 from tests.service.api.test_jobs import problem, submit
 from tests.support.staged_job import StagedJob

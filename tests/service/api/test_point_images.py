@@ -18,8 +18,7 @@ from plateau.farm.model.job import Job
 from plateau.service.api.points import images as point_images
 from plateau.service.api.points import sums as point_sums
 from plateau.service.api.points.images import MOST_WAITING, PointImages, TooManyWait
-from plateau.service.api.points.sums import PointSums
-from plateau.service.judging.kept_slices import KeptSlice, SliceLost
+from plateau.service.api.points.sums import KeptSlice, PointSums, SliceLost
 from tests.support.live_api import live_api
 from tests.support.noise_farm import NoiseFarm
 from tests.support.until import until

@@ -9,7 +9,7 @@ import httpx
 import pytest
 import redis
 
-from plateau.client.sse import parse_events
+from plateau.client.watching import parse_events
 from plateau.farm.blobs import store as blobs
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.model.errors import CorruptPartial

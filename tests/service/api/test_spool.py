@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from plateau.service.api.submission.spool import spool_in
+from plateau.service.api.process import spool_in
 
 
 @pytest.fixture(autouse=True)

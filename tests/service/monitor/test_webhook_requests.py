@@ -14,7 +14,7 @@ import trustme
 from standardwebhooks import Webhook, WebhookVerificationError
 
 from plateau.farm.ledger.outbox import new_secret
-from plateau.farm.process.webhook_addresses import Receivers
+from plateau.farm.process.addresses import Receivers
 from plateau.service.monitor.webhooks.requests import NoAnswer, Requests, signed_headers
 from tests.support.receiver import OK, SECRET, Answer, receiving
 

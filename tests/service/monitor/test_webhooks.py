@@ -23,8 +23,8 @@ from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.outbox import Outbox, new_secret
 from plateau.farm.model.deliveries import Delivery
 from plateau.farm.model.states import JobState
+from plateau.farm.process.addresses import Receivers
 from plateau.farm.process.settings import Settings
-from plateau.farm.process.webhook_addresses import Receivers
 from plateau.farm.redis import keys
 from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.farm.redis.link import connect
@@ -220,7 +220,7 @@ from plateau.farm.redis import keys
 from plateau.farm.redis.link import connect
 from plateau.farm.redis.wake import Wake
 from plateau.farm.ledger.outbox import Outbox
-from plateau.farm.process.webhook_addresses import Receivers
+from plateau.farm.process.addresses import Receivers
 from plateau.service.monitor.webhooks.requests import Requests
 from plateau.service.monitor.webhooks.deliverers import Deliverer
 

@@ -1,4 +1,6 @@
-"""To whom the farm may send webhooks: to public addresses, and to those that its owner names.
+"""Network addresses: which mean this machine, and to which the farm may send webhooks.
+
+Webhooks go to public addresses, and to those that the farm's owner names.
 
 A submitter chooses the URL, and the farm stands inside somebody's network: without a guard, anyone
 who may submit a job could have it send requests to machines that he cannot reach himself. So a host
@@ -185,3 +187,15 @@ def _unencrypted(host: str) -> ReceiverRefused:
         f"or have it "
         f"named in the farm's {_SETTING}"
     )
+
+
+def is_loopback(host: str) -> bool:
+    """Whether this name or address, without a port, can only mean this machine."""
+    if host.lower() == "localhost":
+        return True
+    try:
+        if host.startswith("[") and host.endswith("]"):
+            return IPv6Address(host[1:-1]).is_loopback
+        return ip_address(host).is_loopback
+    except ValueError:
+        return False
