@@ -197,7 +197,7 @@ class ProblemTypeView(BaseModel):
 
     model_config = ConfigDict(
         json_schema_extra=_shows(
-            {"type": "/problems/no-scene", "status": 422, "title": "The request has no scene"}
+            {"type": "/problems/no-scene", "status": 422, "title": "Missing scene"}
         )
     )
 

@@ -36,66 +36,54 @@ class ProblemType:
         return f"/problems/{self.slug}"
 
 
-MALFORMED_REQUEST: Final = ProblemType("malformed-request", 400, "The request cannot be read")
-FOREIGN_HOST: Final = ProblemType("foreign-host", 403, "This service answers this machine only")
-FOREIGN_ORIGIN: Final = ProblemType("foreign-origin", 403, "Other web sites may not call this API")
-NO_KEY: Final = ProblemType("no-key", 401, "An API key is needed")
-BAD_KEY: Final = ProblemType("bad-key", 401, "The API key is not valid here")
-ROLE_TOO_LOW: Final = ProblemType("role-too-low", 403, "The key's role does not allow this")
-NOT_YOUR_JOB: Final = ProblemType("not-your-job", 403, "The job is not this key's")
-NOT_YOUR_STUDY: Final = ProblemType("not-your-study", 403, "The study is not this key's")
-UNKNOWN_PATH: Final = ProblemType("unknown-path", 404, "There is nothing here")
-UNKNOWN_JOB: Final = ProblemType("unknown-job", 404, "There is no such job")
-UNKNOWN_WORKER: Final = ProblemType("unknown-worker", 404, "There is no such worker")
-UNKNOWN_BATCH: Final = ProblemType("unknown-batch", 404, "There is no such batch")
-NO_IMAGE_YET: Final = ProblemType("no-image-yet", 404, "The job has no such image yet")
-UNKNOWN_POINT: Final = ProblemType("unknown-point", 404, "The curve has no such point")
-UNKNOWN_SLICE: Final = ProblemType("unknown-slice", 404, "The slice is not stored")
-UNKNOWN_DELIVERY: Final = ProblemType("unknown-delivery", 404, "The job has no such delivery")
-UNKNOWN_STUDY: Final = ProblemType("unknown-study", 404, "There is no such study")
-UNKNOWN_OBSERVER: Final = ProblemType("unknown-observer", 404, "There is no such observer")
-UNKNOWN_TRIAL: Final = ProblemType("unknown-trial", 404, "The observer is shown no such pair")
-METHOD_NOT_ALLOWED: Final = ProblemType(
-    "method-not-allowed", 405, "The path does not take this method"
-)
-NOT_ACCEPTABLE: Final = ProblemType(
-    "not-acceptable", 406, "The answer does not come in that format"
-)
-CANNOT_CANCEL: Final = ProblemType("cannot-cancel", 409, "The job has already ended")
-CANNOT_PAUSE: Final = ProblemType("cannot-pause", 409, "The job is not rendering")
-CANNOT_RESUME: Final = ProblemType("cannot-resume", 409, "The job is not paused")
-CANNOT_CONTINUE: Final = ProblemType(
-    "cannot-continue", 409, "The job cannot be continued like this"
-)
-CANNOT_MERGE: Final = ProblemType("cannot-merge", 409, "That image cannot be made again")
-CANNOT_STUDY: Final = ProblemType("cannot-study", 409, "The study cannot be made like this")
-UNEVEN_BATCH: Final = ProblemType("uneven-batch", 409, "The job would stop unlike its batch")
+MALFORMED_REQUEST: Final = ProblemType("malformed-request", 400, "Bad request")
+FOREIGN_HOST: Final = ProblemType("foreign-host", 403, "Host not allowed")
+FOREIGN_ORIGIN: Final = ProblemType("foreign-origin", 403, "Origin not allowed")
+NO_KEY: Final = ProblemType("no-key", 401, "API key required")
+BAD_KEY: Final = ProblemType("bad-key", 401, "Invalid API key")
+ROLE_TOO_LOW: Final = ProblemType("role-too-low", 403, "Insufficient role")
+NOT_YOUR_JOB: Final = ProblemType("not-your-job", 403, "Job of another key")
+NOT_YOUR_STUDY: Final = ProblemType("not-your-study", 403, "Study of another key")
+UNKNOWN_PATH: Final = ProblemType("unknown-path", 404, "Not found")
+UNKNOWN_JOB: Final = ProblemType("unknown-job", 404, "Unknown job")
+UNKNOWN_WORKER: Final = ProblemType("unknown-worker", 404, "Unknown worker")
+UNKNOWN_BATCH: Final = ProblemType("unknown-batch", 404, "Unknown batch")
+NO_IMAGE_YET: Final = ProblemType("no-image-yet", 404, "Image not available")
+UNKNOWN_POINT: Final = ProblemType("unknown-point", 404, "Unknown point of the curve")
+UNKNOWN_SLICE: Final = ProblemType("unknown-slice", 404, "Slice not stored")
+UNKNOWN_DELIVERY: Final = ProblemType("unknown-delivery", 404, "Unknown webhook delivery")
+UNKNOWN_STUDY: Final = ProblemType("unknown-study", 404, "Unknown study")
+UNKNOWN_OBSERVER: Final = ProblemType("unknown-observer", 404, "Unknown observer")
+UNKNOWN_TRIAL: Final = ProblemType("unknown-trial", 404, "Unknown trial")
+METHOD_NOT_ALLOWED: Final = ProblemType("method-not-allowed", 405, "Method not allowed")
+NOT_ACCEPTABLE: Final = ProblemType("not-acceptable", 406, "Not acceptable")
+CANNOT_CANCEL: Final = ProblemType("cannot-cancel", 409, "Job already ended")
+CANNOT_PAUSE: Final = ProblemType("cannot-pause", 409, "Job not rendering")
+CANNOT_RESUME: Final = ProblemType("cannot-resume", 409, "Job not paused")
+CANNOT_CONTINUE: Final = ProblemType("cannot-continue", 409, "Job cannot be continued")
+CANNOT_MERGE: Final = ProblemType("cannot-merge", 409, "Image cannot be reproduced")
+CANNOT_STUDY: Final = ProblemType("cannot-study", 409, "Study cannot be created")
+UNEVEN_BATCH: Final = ProblemType("uneven-batch", 409, "Job conflicts with the flicker guard")
 TOO_MANY_NEEDS: Final = ProblemType(
-    "too-many-needs", 409, "Jobs need too many different pools and tags"
+    "too-many-needs", 409, "Too many combinations of pools and tags"
 )
-JOB_ENDED: Final = ProblemType("job-ended", 409, "The job has ended and cannot be changed")
-TOO_MANY_SCENES: Final = ProblemType(
-    "too-many-scenes", 403, "The key has stored as much of scenes as it may"
-)
-UPLOAD_TOO_LARGE: Final = ProblemType("upload-too-large", 413, "The upload is too large")
-NOT_MULTIPART: Final = ProblemType("not-multipart", 415, "The body is not multipart/form-data")
-INVALID_REQUEST: Final = ProblemType("invalid-request", 422, "A part of the request is not valid")
-INVALID_SPEC: Final = ProblemType("invalid-spec", 422, "The job's spec is not valid")
-NO_SCENE: Final = ProblemType("no-scene", 422, "The request has no scene")
-UNKNOWN_SCENE: Final = ProblemType("unknown-scene", 422, "No such scene is stored")
-BROKEN_SCENE: Final = ProblemType("broken-scene", 422, "The scene was refused")
-KEY_REUSED: Final = ProblemType(
-    "idempotency-key-reused", 422, "The idempotency key was used for another request"
-)
-TOO_MANY_REQUESTS: Final = ProblemType("too-many-requests", 429, "The key makes too many requests")
-TOO_MANY_JOBS: Final = ProblemType("too-many-jobs", 429, "The key has too many open jobs")
-INTERNAL_ERROR: Final = ProblemType("internal-error", 500, "The service failed")
-UNREADABLE_JOB: Final = ProblemType("unreadable-job", 500, "The job cannot be read")
-SPOILED_FILE: Final = ProblemType("spoiled-file", 500, "The stored file is damaged")
-BUSY: Final = ProblemType("busy", 503, "Too many requests for this at once")
-STORE_UNAVAILABLE: Final = ProblemType(
-    "store-unavailable", 503, "Redis or the blob store is not available"
-)
+JOB_ENDED: Final = ProblemType("job-ended", 409, "Job already ended")
+TOO_MANY_SCENES: Final = ProblemType("too-many-scenes", 403, "Scene storage quota exceeded")
+UPLOAD_TOO_LARGE: Final = ProblemType("upload-too-large", 413, "Upload too large")
+NOT_MULTIPART: Final = ProblemType("not-multipart", 415, "Unsupported media type")
+INVALID_REQUEST: Final = ProblemType("invalid-request", 422, "Invalid request")
+INVALID_SPEC: Final = ProblemType("invalid-spec", 422, "Invalid job spec")
+NO_SCENE: Final = ProblemType("no-scene", 422, "Missing scene")
+UNKNOWN_SCENE: Final = ProblemType("unknown-scene", 422, "Unknown scene")
+BROKEN_SCENE: Final = ProblemType("broken-scene", 422, "Invalid scene")
+KEY_REUSED: Final = ProblemType("idempotency-key-reused", 422, "Idempotency key reused")
+TOO_MANY_REQUESTS: Final = ProblemType("too-many-requests", 429, "Too many requests")
+TOO_MANY_JOBS: Final = ProblemType("too-many-jobs", 429, "Too many open jobs")
+INTERNAL_ERROR: Final = ProblemType("internal-error", 500, "Internal server error")
+UNREADABLE_JOB: Final = ProblemType("unreadable-job", 500, "Unreadable job")
+SPOILED_FILE: Final = ProblemType("spoiled-file", 500, "Stored file damaged")
+BUSY: Final = ProblemType("busy", 503, "Service busy")
+STORE_UNAVAILABLE: Final = ProblemType("store-unavailable", 503, "Redis or blob store unavailable")
 
 #: Every type, by its slug.
 TYPES: Final[dict[str, ProblemType]] = {
@@ -179,7 +167,7 @@ def documented(*kinds: ProblemType, store: bool = True) -> dict[int | str, dict[
     """
     statuses: dict[int | str, dict[str, Any]] = {}
     for kind in (*kinds, STORE_UNAVAILABLE) if store else kinds:
-        line = f"`{kind.uri}`: {kind.title.lower()}"
+        line = f"`{kind.uri}`: {kind.title}"
         known = statuses.setdefault(
             kind.status, {"content": {MEDIA_TYPE: {"schema": _SCHEMA, "examples": {}}}}
         )
