@@ -41,7 +41,7 @@ make_venv() {
     "$python" -m venv --clear .venv
   fi
   .venv/bin/python -m pip install -q --disable-pip-version-check -c constraints.txt uv
-  .venv/bin/uv pip install -q --compile-bytecode --python .venv/bin/python -c constraints.txt -e '.[dev]'
+  .venv/bin/uv pip install -q --compile-bytecode --python .venv/bin/python -c constraints.txt -e '.[all,dev]'
 }
 
 find_redis() {

@@ -3,6 +3,7 @@
 import logging
 import os
 import signal
+import sys
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import ExitStack
@@ -16,6 +17,10 @@ from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.farm.redis.link import connect
 
 pytest.register_assert_rewrite("tests.support")
+
+# The repository is on sys.path, so its folders could be imported by their own names, and would be
+# loaded a second time beside `plateau.farm` and the others. None makes Python refuse that.
+sys.modules.update(dict.fromkeys(("farm", "metric", "scenes", "service", "worker")))
 
 #: Folders whose files take long: one that began last would end minutes after all others.
 _LONG = ("faults", "acceptance", "bench", "page", "statistical", "worker", "plateau", "service")

@@ -42,6 +42,22 @@ _HINTS: Final = {
     "store-unavailable": "try again shortly; `plateau doctor` may know more",
 }
 
+#: The extras of the distribution that a command needs; those that need all of them are left out,
+#: and those that need none.
+_EXTRAS: Final = {
+    "api": "service",
+    "diff": "images",
+    "gc": "farm",
+    "judge": "monitor,plot",
+    "keys": "farm",
+    "monitor": "service",
+    "redis-acl": "farm",
+    "scale": "farm",
+    "study": "plot",
+    "webhooks": "farm",
+    "worker": "worker",
+}
+
 _Function = TypeVar("_Function", bound=Callable[..., None])
 
 
@@ -54,7 +70,7 @@ class Command(typer.core.TyperCommand):
     def invoke(self, ctx: Any) -> Any:
         """Run the command; an expected error is one line on standard error and an exit code."""
         try:
-            result = super().invoke(ctx)
+            result = self._run(ctx)
             sys.stdout.flush()
         except KeyboardInterrupt:
             raise typer.Exit(ExitCode.INTERRUPTED) from None
@@ -73,6 +89,15 @@ class Command(typer.core.TyperCommand):
             fits = not isinstance(error, Incompatible)
             raise typer.Exit(ExitCode.FAILED if fits else ExitCode.INCOMPATIBLE) from None
         return result
+
+    def _run(self, ctx: Any) -> Any:
+        try:
+            return super().invoke(ctx)
+        except ModuleNotFoundError:
+            from plateau.errors import needs
+
+            with needs(_EXTRAS.get(ctx.command_path.split()[1], "all")):
+                raise
 
 
 def _in_words(error: BaseException) -> str:

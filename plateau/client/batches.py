@@ -53,7 +53,7 @@ class BatchCalls(Calls):
 
         Raises
         ------
-        farm.bundle.BundleError
+        plateau.farm.bundle.BundleError
             The scene's files cannot be packed: one is missing, or not allowed.
         pydantic.ValidationError
             The list has no entry, or too many.

@@ -36,7 +36,7 @@ class JobCalls(Calls):
 
         Raises
         ------
-        farm.bundle.BundleError
+        plateau.farm.bundle.BundleError
             The scene's files cannot be packed: one is missing, or not allowed.
         ApiError
             ``broken-scene``, ``unknown-scene``, ``upload-too-large``, ``idempotency-key-reused``.

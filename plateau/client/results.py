@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from plateau.client.errors import ClientError, Damaged
 from plateau.client.transport import Calls, Patience
+from plateau.errors import needs
 from plateau.farm.model.job import CurvePoint
 from plateau.farm.wire.views import Curve
 from plateau.files.job_folder import whole
@@ -93,7 +94,8 @@ class ResultCalls(Calls):
         ApiError
             ``unknown-job``; ``no-image-yet`` before anything of it can be seen.
         """
-        from plateau.farm.images.exr import decode_image
+        with needs("images"):
+            from plateau.farm.images.exr import decode_image
 
         return decode_image(self.image(job_id, "image.exr"))
 
@@ -115,7 +117,8 @@ class ResultCalls(Calls):
             ``unknown-job``; ``unknown-slice`` where the job's spec does not say `keep_slices`, or
             the slice is not committed yet.
         """
-        from plateau.farm.images.exr import decode_partial
+        with needs("images"):
+            from plateau.farm.images.exr import decode_partial
 
         return decode_partial(self.image(job_id, f"slices/{index}.exr")).pixels
 

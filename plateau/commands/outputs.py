@@ -2,15 +2,17 @@
 
 import hashlib
 import json
+import sys
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
 from plateau import job_text as words
 from plateau.client import ApiError, Client
-from plateau.errors import CommandFailed
+from plateau.errors import CommandFailed, ExtraMissing, needs
 from plateau.farm.model.job import CurvePoint, utc_now
 from plateau.farm.wire.views import JobView, SliceView
 from plateau.files.job_folder import IMAGES, SLICES, begin, in_turn, whole
@@ -125,16 +127,25 @@ def _check_whole(fetched: _Fetched) -> None:
 def _summarise(job: JobView, fetched: _Fetched, folder: Path) -> dict[str, Any]:
     files = list(fetched.files)
     if fetched.points:
-        from plateau.files.plot import plot_job  # with numpy
+        try:
+            with needs("plot"), whole(folder / "curve.png") as path:
+                from plateau.files.plot import plot_job  # with numpy
 
-        files.append(folder / "curve.png")
-        with whole(folder / "curve.png") as path:
-            plot_job(job, fetched.points, path)
+                plot_job(job, fetched.points, path)
+            files.append(folder / "curve.png")
+        except ExtraMissing as error:
+            _tell_once(f"no curve.png: {error}")
     files += [folder / "summary.txt", folder / "summary.json"]
     _write(folder / "summary.txt", words.summary(job, utc_now()) + "\n")
     about = summary_json(job, fetched.points, files)
     _write(folder / "summary.json", json.dumps(about, indent=2) + "\n")
     return about
+
+
+@cache
+def _tell_once(line: str) -> None:
+    """Print a line on standard error, once for all jobs of a batch."""
+    print(f"plateau: {line}", file=sys.stderr)
 
 
 def _write(file: Path, text: str) -> None:

@@ -2,6 +2,7 @@
 
 import threading
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -44,9 +45,12 @@ class Marks:
 
 def import_ahead() -> None:
     """Import what plotting needs, in a thread: it takes half a second, which others may wait in."""
-    threading.Thread(
-        target=import_module, args=("matplotlib.figure",), name="imports", daemon=True
-    ).start()
+
+    def load() -> None:
+        with suppress(ModuleNotFoundError):  # who plots will say so
+            import_module("matplotlib.figure")
+
+    threading.Thread(target=load, name="imports", daemon=True).start()
 
 
 def plot_job(job: Job, points: list[CurvePoint], path: Path) -> None:
