@@ -176,7 +176,7 @@ from importlib.util import find_spec
 print(*(name for name in {HEAVY} if find_spec(name)))
 import sys
 from plateau import Client
-from plateau.commands import batches, continuing, farm, fetch, jobs, webhooks
+from plateau.commands import batches, farm, fetch, jobs, webhooks
 print(*(name for name in sys.modules if name.startswith("plateau.farm.ledger")))
 """
     done = run(base / "python", "-c", program)

@@ -13,7 +13,7 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING, Final
 
 from plateau.farm.blobs.store import Blobs
-from plateau.service.api.points.sums import KeptSlice
+from plateau.service.api.points import KeptSlice
 
 if TYPE_CHECKING:
     from plateau.farm.images.exr import Pixels

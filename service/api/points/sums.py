@@ -2,7 +2,6 @@
 
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -11,6 +10,7 @@ from numpy.typing import NDArray
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.images.exr import Pixels
 from plateau.farm.model.errors import CorruptPartial
+from plateau.service.api.points import KeptSlice, SliceLost
 from plateau.service.judging.films import checked_film
 from plateau.service.judging.merge import normalised
 
@@ -18,18 +18,6 @@ from plateau.service.judging.merge import normalised
 _REMEMBERED: Final = 128 << 20
 
 Sum = NDArray[np.float64]
-
-
-class SliceLost(Exception):
-    """A slice is gone or spoiled."""
-
-
-@dataclass(frozen=True)
-class KeptSlice:
-    """Where a slice lies, and what it has to be."""
-
-    blob: str
-    sha256: str
 
 
 class PointSums:

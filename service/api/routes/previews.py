@@ -21,9 +21,9 @@ from plateau.service.api.http.served_blobs import (
     headers_of,
 )
 from plateau.service.api.parts import Parts, parts
+from plateau.service.api.points import KeptSlice, SliceLost
 from plateau.service.api.points.images import MOST_PIXELS, MOST_WAITING, TooManyWait
 from plateau.service.api.points.stored_files import SpoiledBlob
-from plateau.service.api.points.sums import KeptSlice, SliceLost
 from plateau.service.api.problems import problem as problems
 from plateau.service.api.problems.problem import Problem, documented
 from plateau.service.api.routes.jobs import JobId

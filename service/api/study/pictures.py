@@ -15,7 +15,7 @@ from plateau.farm.images.png import encode_png
 from plateau.farm.model.errors import CannotStudy, CorruptPartial
 from plateau.farm.model.job import Job
 from plateau.metric import encode_srgb
-from plateau.service.api.points.sums import KeptSlice
+from plateau.service.api.points import KeptSlice
 from plateau.service.judging.films import checked_film
 from plateau.service.judging.merge import Merge
 

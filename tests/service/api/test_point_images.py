@@ -15,10 +15,11 @@ from plateau.farm.blobs import store as blobs
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.images.exr import Pixels, decode_image, encode_image
 from plateau.farm.model.job import Job
+from plateau.service.api.points import KeptSlice, SliceLost
 from plateau.service.api.points import images as point_images
 from plateau.service.api.points import sums as point_sums
 from plateau.service.api.points.images import MOST_WAITING, PointImages, TooManyWait
-from plateau.service.api.points.sums import KeptSlice, PointSums, SliceLost
+from plateau.service.api.points.sums import PointSums
 from tests.support.live_api import live_api
 from tests.support.noise_farm import NoiseFarm
 from tests.support.until import until
