@@ -82,12 +82,13 @@ def test_it_is_what_mitsuba_renders_in_one_process(undisturbed: Outcome, cache: 
     passes = [[tuple(one) for one in schedule.passes(index)] for index in range(job.spp // 20)]
     program = """
 import sys, json, numpy as np
-from pathlib import Path
+from plateau.worker.renderers.contract import Load
 from plateau.worker.renderers.mitsuba.renderer import Renderer
 variant, size, passes, into = json.loads(sys.stdin.read())
 renderer = Renderer(variant, threads=2)
 shape = {"width": str(size), "height": str(size)}
-renderer.load(Path(sys.argv[1]), "scene.xml", shape, 0, threads=1)
+scene = {"folder": sys.argv[1], "entry": "scene.xml", "parameters": shape}
+renderer.load(Load(**scene, sensor=0, threads=1))
 total = np.zeros(())
 for slice_ in passes:
     film = 0.0
