@@ -6,8 +6,7 @@ import hashlib
 import io
 import json
 import logging
-import time
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,10 +21,6 @@ if TYPE_CHECKING:
     from plateau.service.judging.judge import Judge
 
 _LOG = logging.getLogger(__name__)
-
-_INTERVAL_S: Final = 5.0  #: at least so long between two,
-#: and so many slices, whose partials then weigh as much as the checkpoint that takes their place.
-_SLICES: Final = 5
 
 
 class Checkpoints:
@@ -44,27 +39,13 @@ class Checkpoints:
         self._keep_slices = keep_slices
         self._contained: list[str] = []  # partials in the sums, not yet in a checkpoint
         self._last = owners.checkpoint(owned.job_id)
-        self._saved_slices = 0  # in the last checkpoint that can be read
-        self._saved_at = time.monotonic()
 
     def note(self, partial: str) -> None:
         """Say that the sums contain this partial now."""
         self._contained.append(partial)
 
     def save(self, merge: Merge, judge: Judge) -> None:
-        """Save the sums and the rules' memory, where enough is new and the last not of just now."""
-        if merge.slices >= self._saved_slices + _SLICES:
-            self.save_all(merge, judge)
-
-    def save_all(self, merge: Merge, judge: Judge) -> None:
-        """Save them, however little is new, unless others were saved just now."""
-        if time.monotonic() >= self._saved_at + _INTERVAL_S:
-            self.save_now(merge, judge)
-
-    def save_now(self, merge: Merge, judge: Judge) -> None:
-        """Save the sums and the rules' memory, unless they are saved."""
-        if merge.slices == self._saved_slices:
-            return
+        """Save the sums and the rules' memory; then the partials in them go."""
         numbers, images = judge.memory()
         content = _pack(
             {"rules": numbers},
@@ -83,7 +64,6 @@ class Checkpoints:
         if not self._keep_slices:
             self._delete_own(*self._contained)
         self._contained = []
-        self._saved_slices, self._saved_at = merge.slices, time.monotonic()
 
     def recover(self, slice_spp: int, judge: Judge) -> Merge:
         """The sums of the last checkpoint, with which the judge's rules remember what they had.
@@ -99,7 +79,6 @@ class Checkpoints:
             self._render_again(self._last)
             return Merge(slice_spp=slice_spp)
         judge.recall(*memory)
-        self._saved_slices = self._last.slices
         return merge
 
     def _delete_own(self, *names: str) -> None:

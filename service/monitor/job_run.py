@@ -1,8 +1,9 @@
-"""One job, run by the monitor that owns it: plan, merge, judge, end, and write the results."""
+"""One job, run by the monitor that owns it: takes the steps that `decisions` chooses."""
 
 import logging
 import time
-from typing import Final
+from collections import deque
+from dataclasses import replace
 
 from plateau.farm.blobs import store as blobs
 from plateau.farm.blobs.store import Blobs
@@ -10,19 +11,18 @@ from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.ownership import Ownership, Ownerships
 from plateau.farm.ledger.queue import SliceRecord
 from plateau.farm.ledger.totals import MonitorWork
-from plateau.farm.model.errors import IllegalTransition
-from plateau.farm.model.job import Job
-from plateau.farm.model.states import JobState
+from plateau.farm.model.errors import FenceLost, IllegalTransition
 from plateau.service.judging.checkpoints import Checkpoints
 from plateau.service.judging.films import Films
-from plateau.service.judging.judge import Judge, Judgement
+from plateau.service.judging.judge import Judge
 from plateau.service.judging.result_files import flaw_of
+from plateau.service.monitor import steps
+from plateau.service.monitor.decisions import last_step, next_step
+from plateau.service.monitor.known import Answer, Known
 from plateau.service.monitor.look_ahead import Crew, LookAhead
 from plateau.service.monitor.results import Results
 
 _LOG = logging.getLogger(__name__)
-
-_BATCH: Final = 16  #: records read from the ledger at once
 
 
 class JobRun:
@@ -43,23 +43,28 @@ class JobRun:
         keeps_sums: bool,
     ) -> None:
         self.owned = owned
-        self._keeps_sums = keeps_sums
         self._jobs = jobs
         self._owners = owners
         self._blobs = store
         self._work = work
         job = jobs.get(owned.job_id)
-        self._spec = job.spec
-        self._continued_spp = job.continued_spp
         self._judge = Judge(job.spec)
-        self._judgement: Judgement | None = None  # made, but not yet written down
-        self._ended = False  # by this monitor, or by someone who was faster
-        self._planned_stop = -1
-        self._look_ahead = LookAhead(job)
+        self._point: dict[str, object] = {}  # what was judged last
+        self._in_hand: deque[SliceRecord] = deque()  # committed, and not merged yet
         self._films = Films(owned, owners, store)
         self._results = Results(owned, owners, store, job.spec)
         self._checkpoints = Checkpoints(owned, owners, store, keep_slices=job.spec.keep_slices)
         self._merge = self._checkpoints.recover(job.spec.slice_spp, self._judge)
+        recovered = self._merge.slices
+        self._known = Known(
+            job=job,
+            ahead=LookAhead.of(job),
+            keeps_sums=keeps_sums,
+            merged=recovered,
+            judged=recovered,
+            saved=recovered,
+            saved_at_s=time.monotonic(),
+        )
 
     def advance(self, crew: Crew) -> bool:
         """Do all that can be done now; returns whether the job is finished with.
@@ -74,226 +79,161 @@ class JobRun:
             A slice cannot be merged, now or later.
         """
         job = self._jobs.get(self.owned.job_id)
-        if not job.state.ended:
-            enough = crew.enough(job)
-            self._plan(enough)
-            before = self._merge.slices
-            self._merge_and_judge()
-            if job.state is JobState.RENDERING and not self._merge.slices:
-                self._results.show_glimpse(self._judge)
-            self._check_time()
-            if self._ended:
+        self._known = self._known.turn(job, crew.enough(job))
+        while True:
+            step = next_step(replace(self._known, at_s=time.monotonic()))
+            if isinstance(step, steps.Wait):
+                return False
+            self._known = self._after(step)
+            if isinstance(step, steps.FinishJob):
+                return True
+
+    def _after(self, step: steps.Step) -> Known:
+        """Take the step; returns what is known then."""
+        known = self._known
+        match step:
+            case steps.PlanSlices(stop, expected_spp):
+                self._owners.plan(self.owned, range(known.merged, stop), expected_spp)
+                return known.with_plan(stop)
+            case steps.ReadLedger(slices):
+                self._in_hand = deque(self._owners.committed(self.owned.job_id, slices))
+                return known.with_slices(len(self._in_hand), len(slices))
+            case steps.MergeSlice():
+                return self._merge_slice()
+            case steps.JudgeImage():
+                return self._judge_image()
+            case steps.RecordPoint():
+                self._owners.append_point(self.owned, known.spp, self._point)
+                return known.with_point()
+            case steps.ShowAndSave(show, save):
+                return self._show_and_save(show=show, save=save)
+            case steps.ShowFirstSlice():
+                self._results.show(self._merge, self._judge)
+                return known.with_first_image(known.spp)
+            case steps.ShowGlimpse():
+                return known.with_glimpse(self._results.show_glimpse(self._judge))
+            case steps.ReadClock():
                 job = self._jobs.get(self.owned.job_id)
-            elif self._merge.slices > before:
-                self._plan(enough)
-        if job.state is JobState.PAUSED and self._merge.slices:
-            # It is asked again and again: so all is saved a moment after its last slice came. There
-            # is no judgement in hand then that a checkpoint could lose.
-            self._results.preview(self._merge, self._judge)
-            self._checkpoints.save_all(self._merge, self._judge)
-        if job.state.ended:
-            self._finish(job)
-            return True
-        return False
+                return known.with_time(job, self._jobs.now_ms() / 1000)
+            case steps.InspectImage():
+                return known.with_flaw(flaw_of(self._merge.image()))
+            case steps.EndJob():
+                self._end(step)
+                return known.read_again(self._jobs.get(self.owned.job_id))
+            case steps.ReadConclusion():
+                return known.with_conclusion(written=self._owners.concluded(self.owned.job_id))
+            case steps.ConcludeJob():
+                self._conclude(step)
+                return known.with_conclusion(written=True)
+            case steps.FinishJob(keeps_sums):
+                self._finish(keeps_sums=keeps_sums)
+            case steps.Wait():
+                pass
+        return known
 
-    def _plan(self, enough: int) -> None:
-        """Keep so many slices planned beyond the merged ones.
-
-        Not one by one, where they are many: Redis waits for its disk each time.
-        """
-        stop = self._look_ahead.stop(self._merge.slices, enough)
-        if stop - self._planned_stop > (self._planned_stop - self._merge.slices) // 8:
-            expected_spp = self._look_ahead.expected_end_spp(self._merge.slices)
-            self._owners.plan(self.owned, range(self._merge.slices, stop), expected_spp)
-            self._planned_stop = stop
-
-    def _merge_and_judge(self) -> None:
-        """Merge what is committed, and judge it wherever the curve has a point.
-
-        What is committed meanwhile is announced, and no reason to look again.
-        """
-        goes_on = self._judged()
-        while goes_on:
-            start = self._merge.slices
-            records = self._owners.committed(self.owned.job_id, range(start, start + _BATCH))
-            goes_on = all(map(self._take, records)) and len(records) == _BATCH
-
-    def _take(self, record: SliceRecord) -> bool:
-        """Merge a slice and judge the sum, if it is time; returns whether the job goes on."""
-        if not self._add(record):
-            return False
-        self._checkpoints.note(record.blob)
-        if self._spec.evaluates_at(self._merge.spp):
-            with self._work.evaluations.timed():
-                self._judgement = self._judge.judge(self._merge)
-            self._look_ahead.expect(self._judgement.expected_spp)
-            return self._judged()
-        if self._merge.slices == 1 and not self._is_seen():
-            self._results.show(self._merge, self._judge)  # long before the first point
-        return True
-
-    def _is_seen(self) -> bool:
-        """Whether an image of whole slices is shown."""
-        return (self._jobs.get(self.owned.job_id).image_spp or 0) >= self._spec.slice_spp
-
-    def _judged(self) -> bool:
-        """Write down the judgement in hand, if any; returns whether the job goes on.
-
-        It stays in hand through an error, for what is merged is not come upon again.
-        """
-        if self._judgement is None:
-            return True
-        point, verdict, spp = self._judgement.point, self._judgement.verdict, self._merge.spp
-        self._owners.append_point(self.owned, spp, point)
-        if self._judgement.flaw is not None:
-            self._end_with_results(JobState.FAILED, self._judgement.flaw)
-        elif verdict.stop and spp > self._continued_spp:
-            self._end_with_results(JobState.CONVERGED, verdict.reason, verdict.numbers)
-        elif spp == self._spec.max_spp:
-            reason = f"reached the cap of {spp} spp; {verdict.reason}"
-            self._end_with_results(JobState.EXHAUSTED, reason)
-        else:
-            self._results.preview(self._merge, self._judge)
-            self._checkpoints.save(self._merge, self._judge)
-            self._judgement = None
-            return True
-        self._judgement = None
-        return False
-
-    def _add(self, record: SliceRecord) -> bool:
-        """Merge a slice; returns False where its partial is lost or spoiled."""
+    def _merge_slice(self) -> Known:
+        """Merge the next slice, unless its partial is lost or spoiled."""
+        record = self._in_hand.popleft()
         started = time.monotonic()
         film = self._films.film(record)
         if film is None:
-            return False
+            return self._known.with_slice_lost()
         self._merge.add(film)
         self._work.merges.note(time.monotonic() - started)
-        return True
+        self._checkpoints.note(record.blob)
+        return self._known.with_slice_merged()
 
-    def _check_time(self) -> None:
-        """End the job where it took as long as it may; pauses do not count."""
-        limit_s = self._spec.time_limit_s
-        if limit_s is None:
-            return
-        job = self._jobs.get(self.owned.job_id)
-        counts_waiting = self._spec.time_limit_from == "submission"
-        begin = job.created_at if counts_waiting else job.started_at
-        if begin is None or job.state not in {JobState.QUEUED, JobState.RENDERING}:
-            return
-        if self._jobs.now_ms() / 1000 - begin.timestamp() - job.paused_s <= limit_s:
-            return
-        if not self._merge.slices:  # an end with an image is not to be told from one without
-            self._end(
-                JobState.FAILED,
-                f"no slice of it was rendered within its time limit of {limit_s:g} s",
+    def _judge_image(self) -> Known:
+        with self._work.evaluations.timed():
+            judgement = self._judge.judge(self._merge)
+        self._point = judgement.point
+        verdict = judgement.verdict
+        return self._known.with_answer(
+            Answer(
+                stop=verdict.stop,
+                reason=verdict.reason,
+                numbers=verdict.numbers,
+                flaw=judgement.flaw,
+                expected_spp=judgement.expected_spp,
             )
-            return
-        reason = f"reached its time limit of {limit_s:g} s at {self._merge.spp} spp"
-        flaw = flaw_of(self._merge.image())
-        if flaw is None:
-            self._end(JobState.EXHAUSTED, reason)
-        else:  # there was no point of the curve yet at which it could be judged
-            self._end(JobState.FAILED, f"{reason}; {flaw}")
+        )
 
-    def _end_with_results(
-        self, state: JobState, reason: str, numbers: dict[str, float | None] | None = None
-    ) -> None:
-        """End the job, and conclude it with this image: nothing can come between the two."""
-        results, sha256 = self._results.write(self._merge, self._judge)
-        self._end(state, reason, numbers, results, sha256)
+    def _show_and_save(self, *, show: bool, save: bool) -> Known:
+        known = self._known
+        if show:
+            self._results.show(self._merge, self._judge)
+            known = self._known = known.with_image_shown(time.monotonic())
+        if save:
+            self._checkpoints.save(self._merge, self._judge)
+            known = known.with_sums_saved(time.monotonic())
+        return known.settled()
 
-    def _end(
-        self,
-        state: JobState,
-        reason: str,
-        verdict: dict[str, float | None] | None = None,
-        results: str = "",
-        sha256: dict[str, str] | None = None,
-    ) -> None:
-        self._ended = True
+    def _end(self, step: steps.EndJob) -> None:
+        """End the job; with its image, where it is the final one: nothing comes between the two."""
+        results, sha256 = "", None
+        if step.with_image:
+            results, sha256 = self._results.write(self._merge, self._judge)
         try:
-            self._owners.end(self.owned, state, reason, verdict, results, sha256)
+            self._owners.end(self.owned, step.state, step.reason, step.numbers, results, sha256)
         except IllegalTransition as refused:
             _LOG.info("%s", refused)  # it was cancelled, or it failed, a moment ago
 
-    # Results.
-
-    def _finish(self, job: Job) -> None:
-        """Write the results of the job's prefix, then clear everything else."""
-        if not self._owners.concluded(job.id):
-            self._conclude(job)
-        kept = self._keep_sums(job)
-        self._clear(job, kept)
-        self._owners.finish(self.owned, keeps_sums=bool(kept))
-
-    def _keep_sums(self, job: Job) -> set[str]:
-        """Save the sums of the whole image, from which another job can go on; returns their blob.
-
-        A job that keeps its slices needs none.
-        """
-        if self._spec.keep_slices or not self._keeps_sums:
-            return set()
-        self._merge_up_to(job)
-        if self._merge.slices:
-            self._checkpoints.save_now(self._merge, self._judge)
-        # As Redis has it: another monitor may have saved its own while we were suspended.
-        last = self._owners.checkpoint(job.id)
-        return set() if last is None else {last.blob}
-
-    def _conclude(self, job: Job) -> None:
-        notes = job.notes
-        if not self._merge_up_to(job):
-            lost = f"the image has {self._merge.spp} spp: a slice was lost after the job had ended"
-            notes = (*notes, lost)
-        sha256: dict[str, str] | None = None
-        if self._merge.slices:
+    def _conclude(self, step: steps.ConcludeJob) -> None:
+        results, sha256 = "", None
+        if step.image == "merged":
             results, sha256 = self._results.write(self._merge, self._judge)
-            spp = self._merge.spp
-        else:  # what was last shown of its slices, if anything
-            results, spp = self._jobs.results(job.id) if self._is_seen() else "", job.spp
-        self._owners.conclude(self.owned, spp=spp, results=results, sha256=sha256, notes=notes)
+        elif step.image == "shown":
+            results = self._jobs.results(self.owned.job_id)
+        self._owners.conclude(
+            self.owned, spp=step.spp, results=results, sha256=sha256, notes=step.notes
+        )
 
-    def _clear(self, job: Job, sums: set[str]) -> None:
-        """Remove every blob of the job but its results, its sums and the slices that it keeps."""
-        kept = self._slices_to_keep(job)
-        results = self._jobs.results(job.id)
+    def _finish(self, *, keeps_sums: bool) -> None:
+        # As Redis has it: another monitor may have saved its own while this one was suspended.
+        last = self._owners.checkpoint(self.owned.job_id) if keeps_sums else None
+        self._clear(set() if last is None else {last.blob})
+        self._owners.finish(self.owned, keeps_sums=last is not None)
+
+    def _clear(self, sums: set[str]) -> None:
+        """Delete every blob of the job but its results, these sums and the slices that it keeps."""
+        job_id, kept = self.owned.job_id, set()
+        if self._known.job.spec.keep_slices:
+            kept = {record["blob"] for record in self._jobs.ledger(job_id).values()}
+        results = self._jobs.results(job_id)
         self._blobs.delete(
-            *(name for name in self._blobs.names(blobs.partials(job.id)) if name not in kept),
-            *(name for name in self._blobs.names(blobs.checkpoints(job.id)) if name not in sums),
+            *(name for name in self._blobs.names(blobs.partials(job_id)) if name not in kept),
+            *(name for name in self._blobs.names(blobs.checkpoints(job_id)) if name not in sums),
             *(
                 name
-                for name in self._blobs.names(blobs.results(job.id))
+                for name in self._blobs.names(blobs.results(job_id))
                 if not name.startswith(f"{results}/")
             ),
         )
 
-    def _slices_to_keep(self, job: Job) -> set[str]:
-        """The partials of every slice in the ledger, where the job keeps its slices."""
-        if not self._spec.keep_slices:
-            return set()
-        return {record["blob"] for record in self._jobs.ledger(job.id).values()}
 
-    def _merge_up_to(self, job: Job) -> bool:
-        """Merge what belongs to the final image but was not merged before the job ended.
+def give_up(owned: Ownership, owners: Ownerships, reason: str) -> bool:
+    """Take the last step with a job that cannot go on, however little of it can be read.
 
-        A converged job's image is the one that was judged, and a failed one's is what was merged
-        of it, by whichever monitor: what could be merged once can be again. Any other takes every
-        sample that was rendered. Returns False where a partial was lost.
-        """
-        merged_spp = max(job.spp, job.image_spp or 0)  # it may have been shown before it was judged
-        last = {
-            JobState.CONVERGED: job.spp // self._spec.slice_spp,
-            JobState.FAILED: max(self._merge.slices, merged_spp // self._spec.slice_spp),
-        }.get(job.state, self._spec.max_slices)
-        while self._merge.slices < last:
-            stop = min(self._merge.slices + _BATCH, last)
-            records = self._owners.committed(job.id, range(self._merge.slices, stop))
-            if not records:
-                return True
-            for record in records:
-                if not self._add(record):
-                    return False
-                if self._spec.evaluates_at(self._merge.spp) and self._merge.spp <= job.spp:
-                    with self._work.evaluations.timed():
-                        self._judge.judge(self._merge)  # what the curve has already
-        return True
+    Returns whether its monitor has done with it.
+
+    Raises
+    ------
+    StoreUnavailable
+        Call again later.
+    """
+    try:
+        match last_step(owners.state(owned.job_id), reason):
+            case steps.AbandonJob():
+                _LOG.error("Redis has lost the job, so no monitor works on it any more")
+                owners.abandon(owned)
+            case steps.FinishJob(keeps_sums):
+                owners.finish(owned, keeps_sums=keeps_sums)
+            case steps.EndJob(state, reason):
+                owners.end(owned, state, reason)
+                return False
+    except FenceLost:
+        pass
+    except IllegalTransition as refused:
+        _LOG.info("%s", refused)  # it was cancelled a moment ago
+        return False
+    return True

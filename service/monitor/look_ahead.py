@@ -2,11 +2,12 @@
 
 from collections import Counter
 from collections.abc import Iterable
+from dataclasses import dataclass, replace
 from typing import Final
 
 from plateau.farm.model.fit import Kind
 from plateau.farm.model.job import Job, Worker
-from plateau.farm.model.spec import FixedSpec, VisibleSpec
+from plateau.farm.model.spec import FixedSpec, JobSpec, VisibleSpec
 
 #: Beyond an evaluation that may end the job, so many slices are planned for each merged one: they
 #: keep workers busy while it is merged and judged, and are rendered for nothing where it ends.
@@ -35,6 +36,7 @@ class Crew:
         return 2 * max(1, fit) + 1
 
 
+@dataclass(frozen=True, kw_only=True)
 class LookAhead:
     """The slices of one job that workers may render before it is known whether they are needed.
 
@@ -43,29 +45,35 @@ class LookAhead:
     that finds nothing to do renders another job. The curve and the image do not depend on it.
     """
 
-    def __init__(self, job: Job) -> None:
-        self._spec, rule = job.spec, job.spec.rule
-        self._least_spp = self._spec.min_spp or 0
-        self._expected_spp: int | None = None
-        if isinstance(rule, FixedSpec):
-            self.expect(rule.spp)
-        elif isinstance(rule, VisibleSpec):
-            self._least_spp = max(self._least_spp, rule.min_spp)
-            soonest_spp = _EVALUATIONS_BEFORE_AN_END * self._spec.step
-            self.expect(job.forecast_spp if job.points else soonest_spp)
+    spec: JobSpec
+    least_spp: int = 0  #: the rule ends no job earlier
+    expected_spp: int | None = None  #: where the rule is likely to end it; None while nothing tells
 
-    def expect(self, spp: int | None) -> None:
-        """Take note of where the rule is likely to end the job, as an evaluation has it."""
-        self._expected_spp = None if spp is None else max(spp, self._least_spp)
+    @classmethod
+    def of(cls, job: Job) -> "LookAhead":
+        """Return the look-ahead of a job as its rule and its curve so far have it."""
+        spec, rule = job.spec, job.spec.rule
+        ahead = cls(spec=spec, least_spp=spec.min_spp or 0)
+        if isinstance(rule, FixedSpec):
+            return ahead.expecting(rule.spp)
+        if isinstance(rule, VisibleSpec):
+            soonest_spp = _EVALUATIONS_BEFORE_AN_END * spec.step
+            ahead = cls(spec=spec, least_spp=max(ahead.least_spp, rule.min_spp))
+            return ahead.expecting(job.forecast_spp if job.points else soonest_spp)
+        return ahead
+
+    def expecting(self, spp: int | None) -> "LookAhead":
+        """Return it as an evaluation leaves it that expects the job to end at this spp."""
+        return replace(self, expected_spp=None if spp is None else max(spp, self.least_spp))
 
     def expected_end_spp(self, merged: int) -> int:
         """Where the job is expected to end, after so many merged slices: a guess, never a promise.
 
         One whose end is not in sight is taken to be at its half.
         """
-        merged_spp = merged * self._spec.slice_spp
-        expected_spp = 2 * merged_spp if self._expected_spp is None else self._expected_spp
-        return min(max(expected_spp, merged_spp), self._spec.max_spp)
+        merged_spp = merged * self.spec.slice_spp
+        expected_spp = 2 * merged_spp if self.expected_spp is None else self.expected_spp
+        return min(max(expected_spp, merged_spp), self.spec.max_spp)
 
     def stop(self, merged: int, enough: int) -> int:
         """The index of the first slice that is not planned yet.
@@ -77,11 +85,11 @@ class LookAhead:
         enough
             Slices beyond those that keep every worker busy.
         """
-        stop = min(merged + enough, self._spec.max_slices)
-        if self._expected_spp is None:
+        stop = min(merged + enough, self.spec.max_slices)
+        if self.expected_spp is None:
             return stop
         # Until the expected end is behind, it may be at the next evaluation.
-        soonest_spp = max(self._expected_spp, merged * self._spec.slice_spp + 1)
-        evaluations = -(-soonest_spp // self._spec.step)
-        last = evaluations * self._spec.step // self._spec.slice_spp
+        soonest_spp = max(self.expected_spp, merged * self.spec.slice_spp + 1)
+        evaluations = -(-soonest_spp // self.spec.step)
+        last = evaluations * self.spec.step // self.spec.slice_spp
         return min(stop, last + int(SPARE * merged))

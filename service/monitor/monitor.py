@@ -25,8 +25,7 @@ from plateau.farm.redis import keys
 from plateau.farm.redis.link import connect, connect_to_renew
 from plateau.farm.redis.wake import Wake
 from plateau.service.judging.judge import warm_up
-from plateau.service.monitor.giving_up import give_up
-from plateau.service.monitor.job_run import JobRun
+from plateau.service.monitor.job_run import JobRun, give_up
 from plateau.service.monitor.look_ahead import Crew
 from plateau.service.monitor.sweeper import sweeping
 from plateau.service.monitor.webhooks.deliverers import delivering

@@ -2,8 +2,6 @@
 
 import hashlib
 import logging
-import time
-from typing import Final
 
 from plateau.farm.blobs import store as blobs
 from plateau.farm.blobs.store import Blobs
@@ -17,8 +15,6 @@ from plateau.service.judging.previews import Previews
 from plateau.service.judging.result_files import result_files
 
 _LOG = logging.getLogger(__name__)
-
-_INTERVAL_S: Final = 2.0  #: at least so long between two previews
 
 
 class Results:
@@ -36,17 +32,16 @@ class Results:
         self._previews = Previews(
             store, owned.job_id, note=lambda blob, sha256: owners.note_blob(owned, blob, sha256)
         )
-        self._glimpsed = False
         self._shown: str | None = None
-        self._shown_spp = 0
-        self._shown_at = float("-inf")
 
-    def show_glimpse(self, judge: Judge) -> None:
-        """Show the first pass of the first slice, once it is there: a slice may take minutes."""
-        blob = None if self._glimpsed else self._owners.glimpse(self._owned.job_id)
+    def show_glimpse(self, judge: Judge) -> int | None:
+        """Show the first pass of the first slice: a slice may take minutes.
+
+        Returns its spp; 0 where it cannot be shown, and None where there is none yet.
+        """
+        blob = self._owners.glimpse(self._owned.job_id)
         if blob is None:
-            return
-        self._glimpsed = True
+            return None
         try:
             if not blobs.is_partial(blob):
                 raise CorruptPartial(f"{blob!r} is no partial's name")
@@ -55,18 +50,12 @@ class Results:
                 raise CorruptPartial(f"a first pass of {partial.spp} spp")
         except (FileNotFoundError, CorruptPartial) as error:
             _LOG.warning("the first pass cannot be shown: %s", error)
-            return
+            return 0
         glimpse = Merge(slice_spp=partial.spp)
         glimpse.add(partial.pixels)
         self.show(glimpse, judge)
         self._blobs.delete(blob)
-
-    def preview(self, merge: Merge, judge: Judge) -> None:
-        """Show the merged image, unless it is shown, or another was a moment ago."""
-        if merge.spp == self._shown_spp or time.monotonic() < self._shown_at + _INTERVAL_S:
-            return
-        self.show(merge, judge)
-        self._shown_at = time.monotonic()
+        return partial.spp
 
     def show(self, merge: Merge, judge: Judge) -> None:
         """Show the merged image."""
@@ -75,7 +64,7 @@ class Results:
         self._owners.show_results(self._owned, written, merge.spp, sha256)
         if self._spec.evaluates_at(merge.spp):
             self._previews.keep(merge.spp, pictures["image.png"])
-        self._shown, self._shown_spp = written, merge.spp
+        self._shown = written
         if before not in {None, written}:
             self._blobs.delete(*self._blobs.names(f"{before}/"))
 

@@ -6,9 +6,9 @@ import pytest
 
 #: Constants by module and name, as `start_armed` takes them.
 EVERY_TIME: Final = {
-    "plateau.service.judging.checkpoints:_INTERVAL_S": 0.0,
-    "plateau.service.judging.checkpoints:_SLICES": 1,
-    "plateau.service.monitor.results:_INTERVAL_S": 0.0,
+    "plateau.service.monitor.known:SAVE_EVERY_S": 0.0,
+    "plateau.service.monitor.known:SLICES_PER_CHECKPOINT": 1,
+    "plateau.service.monitor.known:SHOW_EVERY_S": 0.0,
 }
 
 

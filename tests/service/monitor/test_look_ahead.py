@@ -43,9 +43,7 @@ def job(rule: str = "visible", points: int = 1, **fields: object) -> Job:
 
 
 def ahead(expected_spp: int | None) -> LookAhead:
-    found = LookAhead(job())
-    found.expect(expected_spp)
-    return found
+    return LookAhead.of(job()).expecting(expected_spp)
 
 
 @pytest.mark.parametrize("expected_spp", [None, 1900, 10_000])
@@ -113,13 +111,13 @@ def test_few_workers_are_not_given_more_than_they_need() -> None:
 
 
 def test_before_its_first_point_a_job_may_end_at_its_second() -> None:
-    assert LookAhead(job(points=0)).stop(0, ENOUGH) == 8
+    assert LookAhead.of(job(points=0)).stop(0, ENOUGH) == 8
     # But a rule that needs more evaluations cannot
-    assert LookAhead(job("reverse", points=0)).stop(0, ENOUGH) == 33
+    assert LookAhead.of(job("reverse", points=0)).stop(0, ENOUGH) == 33
 
 
 def test_a_monitor_that_takes_over_knows_what_was_forecast() -> None:
-    assert LookAhead(job(forecast_spp=650)).stop(24, ENOUGH) == 28
+    assert LookAhead.of(job(forecast_spp=650)).stop(24, ENOUGH) == 28
 
 
 @pytest.mark.parametrize(

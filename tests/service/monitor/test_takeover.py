@@ -26,7 +26,7 @@ def farm(
     client: redis.Redis, redis_url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> NoiseFarm:
     save_every_time(monkeypatch)
-    monkeypatch.setattr("plateau.service.judging.checkpoints._SLICES", 5)
+    monkeypatch.setattr("plateau.service.monitor.known.SLICES_PER_CHECKPOINT", 5)
     return NoiseFarm(client, redis_url, tmp_path)
 
 

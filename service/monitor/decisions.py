@@ -1,0 +1,238 @@
+"""What a monitor does next with a job, from what it knows: no Redis, no blobs, no clock.
+
+Two tables say it, one for jobs that have not ended and one for jobs that have. `next_step` reads
+the right one from the top and returns the step of the first row that applies. `JobRun` takes the
+step, notes in `Known` what came of it, and asks again.
+
+Where a step fails, it is decided on again at the job's next turn. So every step may be taken twice.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+from plateau.farm.model.states import JobState
+from plateau.service.monitor.known import Answer, Known, Ledger
+from plateau.service.monitor.steps import (
+    AbandonJob,
+    ConcludeJob,
+    EndJob,
+    FinalImage,
+    FinishJob,
+    InspectImage,
+    JudgeImage,
+    MergeSlice,
+    PlanSlices,
+    ReadClock,
+    ReadConclusion,
+    ReadLedger,
+    RecordPoint,
+    ShowAndSave,
+    ShowFirstSlice,
+    ShowGlimpse,
+    Step,
+    Wait,
+)
+
+BATCH: Final = 16  #: records read from the ledger at once
+
+
+@dataclass(frozen=True)
+class Row:
+    """One row of a table: when it applies, in words and in code, and what is done then."""
+
+    when: str
+    applies: Callable[[Known], bool]
+    step: Step | Callable[[Known], Step]
+
+
+def next_step(known: Known) -> Step:
+    """What a monitor does next with the job."""
+    table = ENDED if known.job.state.ended else OPEN
+    step = next(row.step for row in table if row.applies(known))
+    return step(known) if callable(step) else step
+
+
+def last_step(state: JobState | None, reason: str) -> EndJob | FinishJob | AbandonJob:
+    """What a monitor does with a job that cannot go on, whatever else of it can be read.
+
+    `state` is None where Redis has lost the job. One that had ended is left without its last
+    results.
+    """
+    if state is None:
+        return AbandonJob()
+    return FinishJob(keeps_sums=False) if state.ended else EndJob(JobState.FAILED, reason)
+
+
+def _always(_: Known) -> bool:
+    return True
+
+
+# Of a job that has not ended: plan, judge, merge, look at the time, and plan again.
+
+
+def _plan(known: Known) -> Step:
+    return PlanSlices(known.stop, known.ahead.expected_end_spp(known.merged))
+
+
+def _answer(known: Known) -> Answer:
+    assert known.answer is not None
+    return known.answer
+
+
+def _converge(known: Known) -> Step:
+    answer = _answer(known)
+    return EndJob(JobState.CONVERGED, answer.reason, answer.numbers, with_image=True)
+
+
+def _reach_the_cap(known: Known) -> Step:
+    reason = f"reached the cap of {known.spp} spp; {_answer(known).reason}"
+    return EndJob(JobState.EXHAUSTED, reason, with_image=True)
+
+
+def _run_out_of_time(known: Known) -> Step:
+    limit = f"time limit of {known.job.spec.time_limit_s:g} s"
+    if not known.merged:  # no user should have to look whether an end without rule has an image
+        return EndJob(JobState.FAILED, f"no slice of it was rendered within its {limit}")
+    reason = f"reached its {limit} at {known.spp} spp"
+    if known.flaw:  # no point of the curve has shown it yet
+        return EndJob(JobState.FAILED, f"{reason}; {known.flaw}")
+    return EndJob(JobState.EXHAUSTED, reason)
+
+
+OPEN: Final = (
+    Row(
+        "a turn begins and workers may soon wait",
+        lambda known: known.ledger is Ledger.UNREAD and known.lacks_slices,
+        _plan,
+    ),
+    # A point of the curve. Its answer stays known until all of this is done.
+    Row(
+        "the rules have answered, and the curve lacks the point",
+        lambda known: known.answer is not None and not known.recorded,
+        RecordPoint(),
+    ),
+    Row(
+        "the image can be no result",
+        lambda known: known.answer is not None and known.answer.flaw is not None,
+        lambda known: EndJob(JobState.FAILED, _answer(known).flaw or "", with_image=True),
+    ),
+    Row(
+        "the rule is satisfied, by more than the samples of the job that this one continues",
+        lambda known: (
+            known.answer is not None and known.answer.stop and known.spp > known.job.continued_spp
+        ),
+        _converge,
+    ),
+    Row(
+        "the cap is reached",
+        lambda known: known.answer is not None and known.spp == known.job.spec.max_spp,
+        _reach_the_cap,
+    ),
+    Row(
+        "the job goes on",
+        lambda known: known.answer is not None,
+        lambda known: ShowAndSave(known.is_new, known.is_worth_saving),
+    ),
+    # Slices, in the order of their indices.
+    Row(
+        "the sums have come to a point of the curve",
+        lambda known: known.is_to_be_judged,
+        JudgeImage(),
+    ),
+    Row(
+        "the first slice is merged, and the first point is far",
+        lambda known: known.merged == 1 and not known.judged and not known.is_seen,
+        ShowFirstSlice(),
+    ),
+    Row(
+        "a slice is in hand",
+        lambda known: known.in_hand > 0,
+        lambda known: MergeSlice(known.merged),
+    ),
+    Row(
+        "more slices may be committed",
+        lambda known: known.ledger is not Ledger.READ,
+        lambda known: ReadLedger(range(known.merged, known.merged + BATCH)),
+    ),
+    # All that is committed is merged.
+    Row(
+        "there is nothing to be seen yet",
+        lambda known: (
+            known.job.state is JobState.RENDERING
+            and not known.merged
+            and not known.glimpsed
+            and not known.sought_glimpse
+        ),
+        ShowGlimpse(),
+    ),
+    Row(
+        "the job has a time limit",
+        lambda known: known.limited_since_s is not None and known.redis_s is None,
+        ReadClock(),
+    ),
+    Row(
+        "its time is up, and nobody knows whether its image may be a result",
+        lambda known: known.time_is_up and known.merged > 0 and known.flaw is None,
+        InspectImage(),
+    ),
+    Row("its time is up", lambda known: known.time_is_up, _run_out_of_time),
+    Row("workers may soon wait", lambda known: known.lacks_slices, _plan),
+    Row(
+        "the job is paused: whatever it has is kept",
+        lambda known: (
+            known.job.state is JobState.PAUSED
+            and known.merged > 0
+            and (known.is_new or known.is_unsaved)
+        ),
+        lambda known: ShowAndSave(known.is_new, known.is_unsaved),
+    ),
+    Row("nothing is left to do", _always, Wait()),
+)
+
+
+# Of a job that has ended: complete its image, conclude it, and give it up.
+
+
+def _conclude(known: Known) -> Step:
+    image: FinalImage = "merged" if known.merged else "shown" if known.is_seen else "none"
+    lost = f"the image has {known.spp} spp: a slice was lost after the job had ended"
+    notes = (*known.job.notes, lost) if known.lost else known.job.notes
+    return ConcludeJob(image, known.spp if known.merged else known.job.spp, notes)
+
+
+ENDED: Final = (
+    Row(
+        "nobody knows whether the final image is written",
+        lambda known: known.concluded is None,
+        ReadConclusion(),
+    ),
+    Row(
+        "the rules have to remember a point that the curve has",
+        lambda known: known.is_to_be_judged and known.spp <= known.job.spp,
+        JudgeImage(),
+    ),
+    Row(
+        "a slice of the final image is in hand",
+        lambda known: known.lacks_final_slices and known.in_hand > 0,
+        lambda known: MergeSlice(known.merged),
+    ),
+    Row(
+        "more slices of the final image may be committed",
+        lambda known: known.lacks_final_slices and known.ledger is not Ledger.READ,
+        lambda known: ReadLedger(
+            range(known.merged, min(known.merged + BATCH, known.final_slices))
+        ),
+    ),
+    Row("the final image is not written", lambda known: not known.concluded, _conclude),
+    Row(
+        "the sums are kept, and no checkpoint has all of them",
+        lambda known: known.needs_sums and known.merged not in {0, known.saved},
+        ShowAndSave(show=False, save=True),
+    ),
+    Row(
+        "nothing else of the job is needed",
+        _always,
+        lambda known: FinishJob(keeps_sums=known.needs_sums),
+    ),
+)

@@ -1,0 +1,237 @@
+"""What a monitor knows of a job that it owns, and how each step changes that."""
+
+from dataclasses import dataclass, replace
+from enum import Enum
+from typing import Final
+
+from plateau.farm.model.job import Job
+from plateau.farm.model.states import JobState
+from plateau.service.monitor.look_ahead import LookAhead
+
+#: A newer image of a running job is shown at least this long after the one before.
+SHOW_EVERY_S: Final = 2.0
+#: A checkpoint is saved at least this long after the one before,
+SAVE_EVERY_S: Final = 5.0
+#: and with at least this many new slices: their partials weigh as much as the checkpoint.
+SLICES_PER_CHECKPOINT: Final = 5
+
+
+class Ledger(Enum):
+    """How much of the ledger a monitor has read in this turn."""
+
+    UNREAD = "unread"
+    PARTLY_READ = "partly read"
+    READ = "read"
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What the job's own rule said about the merged image."""
+
+    stop: bool
+    reason: str
+    numbers: dict[str, float | None]
+    flaw: str | None  #: why the image is no result, whatever the rule says; None where it may be
+    expected_spp: int | None  #: where the rule is likely to be satisfied; None where nothing tells
+
+
+@dataclass(frozen=True, kw_only=True)
+class Known:
+    """What a monitor knows of one job.
+
+    A job has its turn again and again. What a turn learns of the ledger, the clock and the end of
+    the job holds for this turn alone; all else is kept until another monitor takes over.
+    """
+
+    job: Job  #: as it was when the turn began, or when it was read again since
+    ahead: LookAhead
+    keeps_sums: bool  #: whether the sums of ended jobs are kept
+    at_s: float = 0.0  #: now, by this machine's clock, which never goes back
+
+    merged: int = 0  #: slices in the sums: 0 … merged − 1
+    judged: int = 0  #: slices in the sums when the rules judged them last
+    answer: Answer | None = None  #: of that, until all that follows from it is done
+    recorded: bool = False  #: whether the curve has the point of that answer
+    flaw: str | None = None  #: of the merged image; "" where it has none, None while nobody looked
+    planned: int = -1  #: slices before this one are planned; −1 before the first plan
+    shown_spp: int = 0  #: of the image that this monitor showed last
+    shown_at_s: float = float("-inf")  #: when it last showed one that others follow
+    saved: int = 0  #: slices in the last checkpoint that can be read
+    saved_at_s: float = float("-inf")
+    glimpsed: bool = False  #: whether the first pass was shown, or cannot be
+
+    # Of this turn
+    enough: int = 0  #: slices beyond the merged ones that keep every worker busy
+    ledger: Ledger = Ledger.UNREAD
+    in_hand: int = 0  #: slices that were read from the ledger and are not merged yet
+    lost: bool = False  #: whether a partial was lost or spoiled
+    sought_glimpse: bool = False  #: whether it was asked for the first pass
+    redis_s: float | None = None  #: Redis's clock in s since 1970; None while it was not read
+    concluded: bool | None = None  #: whether the final image is written; None while it was not read
+
+    # What follows from it
+
+    @property
+    def spp(self) -> int:
+        """Samples per pixel in the sums."""
+        return self.merged * self.job.spec.slice_spp
+
+    @property
+    def lacks_slices(self) -> bool:
+        """Whether so few slices are planned that workers may soon wait.
+
+        Slices are not planned one by one where there are many: Redis waits for its disk each time.
+        """
+        missing = self.stop - self.planned
+        return missing > (self.planned - self.merged) // 8
+
+    @property
+    def stop(self) -> int:
+        """The first slice that is not to be planned yet."""
+        return self.ahead.stop(self.merged, self.enough)
+
+    @property
+    def is_to_be_judged(self) -> bool:
+        """Whether the sums have come to a point of the curve that the rules have not judged."""
+        return self.judged < self.merged and self.job.spec.evaluates_at(self.spp)
+
+    @property
+    def is_seen(self) -> bool:
+        """Whether an image of whole slices is shown."""
+        return max(self.job.image_spp or 0, self.shown_spp) >= self.job.spec.slice_spp
+
+    @property
+    def is_new(self) -> bool:
+        """Whether the merged image is to be shown: it is another, and the last was a while ago."""
+        return self.spp != self.shown_spp and self.at_s >= self.shown_at_s + SHOW_EVERY_S
+
+    @property
+    def is_unsaved(self) -> bool:
+        """Whether the sums are to be saved, however little is new in them."""
+        return self.merged != self.saved and self.at_s >= self.saved_at_s + SAVE_EVERY_S
+
+    @property
+    def is_worth_saving(self) -> bool:
+        """Whether the sums are to be saved, and enough is new in them."""
+        return self.merged >= self.saved + SLICES_PER_CHECKPOINT and self.is_unsaved
+
+    @property
+    def time_is_up(self) -> bool:
+        """Whether the job took longer than it may, by the clock that was read."""
+        limit_s = self.job.spec.time_limit_s
+        if limit_s is None or self.limited_since_s is None or self.redis_s is None:
+            return False
+        return self.redis_s - self.limited_since_s - self.job.paused_s > limit_s
+
+    @property
+    def limited_since_s(self) -> float | None:
+        """Since when the time limit counts, in s since 1970; None where it does not, or is none."""
+        job = self.job
+        if job.spec.time_limit_s is None or job.state is JobState.PAUSED:
+            return None
+        begin = job.created_at if job.spec.time_limit_from == "submission" else job.started_at
+        return None if begin is None else begin.timestamp()
+
+    @property
+    def needs_sums(self) -> bool:
+        """Whether the sums stay once the job has ended; kept slices are more than sums."""
+        return self.keeps_sums and not self.job.spec.keep_slices
+
+    @property
+    def final_slices(self) -> int:
+        """How many first slices belong to the final image, as far as they are committed.
+
+        A converged job's image is the one that was judged. A failed job's image has what any
+        monitor had merged. Any other takes every sample that was rendered.
+        """
+        job, slice_spp = self.job, self.job.spec.slice_spp
+        if job.state is JobState.CONVERGED:
+            return job.spp // slice_spp
+        if job.state is JobState.FAILED:  # the image may have been shown before it was judged
+            return max(self.merged, max(job.spp, job.image_spp or 0) // slice_spp)
+        return job.spec.max_slices
+
+    @property
+    def lacks_final_slices(self) -> bool:
+        """Whether slices of the final image may still be in the ledger, and are needed."""
+        is_needed = not self.concluded or self.needs_sums
+        return is_needed and not self.lost and self.merged < self.final_slices
+
+    # What comes of each step
+
+    def turn(self, job: Job, enough: int) -> "Known":
+        """The job has its turn; it was read, and so were the workers."""
+        return replace(self.read_again(job), enough=enough)
+
+    def read_again(self, job: Job) -> "Known":
+        """The job was read; all that was read before of it counts no more."""
+        return replace(
+            self,
+            job=job,
+            ledger=Ledger.UNREAD,
+            in_hand=0,
+            lost=False,
+            sought_glimpse=False,
+            redis_s=None,
+            concluded=None,
+        )
+
+    def with_time(self, job: Job, redis_s: float) -> "Known":
+        """The clock was read, and the job with it, which may have ended meanwhile."""
+        known = self.read_again(job) if job.state.ended else replace(self, job=job)
+        return replace(known, redis_s=redis_s)
+
+    def with_flaw(self, flaw: str | None) -> "Known":
+        """The merged image was inspected."""
+        return replace(self, flaw=flaw or "")
+
+    def with_plan(self, stop: int) -> "Known":
+        """Every slice before `stop` is planned."""
+        return replace(self, planned=stop)
+
+    def with_slices(self, found: int, asked: int) -> "Known":
+        """This many slices of those that were asked for were committed."""
+        ledger = Ledger.READ if found < asked else Ledger.PARTLY_READ
+        return replace(self, in_hand=found, ledger=ledger)
+
+    def with_slice_merged(self) -> "Known":
+        """The next slice is in the sums."""
+        return replace(self, merged=self.merged + 1, in_hand=self.in_hand - 1, flaw=None)
+
+    def with_slice_lost(self) -> "Known":
+        """The partial of the next slice is lost or spoiled, so no slice after it can be merged."""
+        return replace(self, in_hand=0, ledger=Ledger.READ, lost=True)
+
+    def with_answer(self, answer: Answer) -> "Known":
+        """The rules have judged the merged image."""
+        ahead = self.ahead.expecting(answer.expected_spp)
+        return replace(self, judged=self.merged, answer=answer, recorded=False, ahead=ahead)
+
+    def with_point(self) -> "Known":
+        """The curve has the point."""
+        return replace(self, recorded=True)
+
+    def with_image_shown(self, at_s: float) -> "Known":
+        """The merged image was shown."""
+        return replace(self, shown_spp=self.spp, shown_at_s=at_s)
+
+    def with_first_image(self, spp: int) -> "Known":
+        """An image was shown before the first point; it puts off no other."""
+        return replace(self, shown_spp=spp)
+
+    def with_glimpse(self, spp: int | None) -> "Known":
+        """The first pass was shown, or cannot be (0 spp), or is not there yet (None)."""
+        known = replace(self, glimpsed=spp is not None, sought_glimpse=True)
+        return known.with_first_image(spp) if spp else known
+
+    def with_conclusion(self, *, written: bool) -> "Known":
+        """The final image is written, or it is not."""
+        return replace(self, concluded=written)
+
+    def with_sums_saved(self, at_s: float) -> "Known":
+        """A checkpoint has the sums."""
+        return replace(self, saved=self.merged, saved_at_s=at_s)
+
+    def settled(self) -> "Known":
+        """All that follows from the rules' answer was done."""
+        return replace(self, answer=None)

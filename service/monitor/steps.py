@@ -1,0 +1,132 @@
+"""The steps that a monitor can take with a job: `decisions` chooses one, `job_run` takes it."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from plateau.farm.model.states import JobState
+
+
+@dataclass(frozen=True)
+class PlanSlices:
+    """Let workers lease every slice before `stop`."""
+
+    stop: int
+    expected_spp: int  #: where the job is likely to end, for the farm's census
+
+
+@dataclass(frozen=True)
+class ReadLedger:
+    """Read which of these slices are committed, up to the first that is not."""
+
+    slices: range
+
+
+@dataclass(frozen=True)
+class MergeSlice:
+    """Add this slice, which was read from the ledger, to the sums."""
+
+    index: int
+
+
+@dataclass(frozen=True)
+class JudgeImage:
+    """Ask every rule about the merged image."""
+
+
+@dataclass(frozen=True)
+class RecordPoint:
+    """Append the point that was judged last to the curve."""
+
+
+@dataclass(frozen=True)
+class ShowAndSave:
+    """Show the merged image, and save a checkpoint of the sums: both, either or neither."""
+
+    show: bool
+    save: bool
+
+
+@dataclass(frozen=True)
+class ShowFirstSlice:
+    """Show the image of the first slice, long before the first point of the curve."""
+
+
+@dataclass(frozen=True)
+class ShowGlimpse:
+    """Show the first pass of the first slice, if a worker has uploaded it."""
+
+
+@dataclass(frozen=True)
+class ReadClock:
+    """Read Redis's clock, and the job once more: it may have been paused meanwhile."""
+
+
+@dataclass(frozen=True)
+class InspectImage:
+    """Look whether too many pixels of the merged image are NaN or infinite."""
+
+
+@dataclass(frozen=True)
+class EndJob:
+    """Move the job to one of its last states, and read it again."""
+
+    state: JobState
+    reason: str
+    numbers: dict[str, float | None] | None = None  #: of the rule that fired
+    #: Whether the merged image is the final one: it is written before, and the job concluded with
+    #: it in the same moment. Otherwise slices may be added that are committed already.
+    with_image: bool = False
+
+
+@dataclass(frozen=True)
+class ReadConclusion:
+    """Read whether the final image of the ended job is written."""
+
+
+#: The final image of a job: what was merged, what was last shown, or none.
+FinalImage = Literal["merged", "shown", "none"]
+
+
+@dataclass(frozen=True)
+class ConcludeJob:
+    """Write the final image of the ended job, and say so."""
+
+    image: FinalImage
+    spp: int
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class FinishJob:
+    """Delete what nobody needs of the ended job, and give it up: no monitor has work with it."""
+
+    keeps_sums: bool  #: whether its last checkpoint stays
+
+
+@dataclass(frozen=True)
+class AbandonJob:
+    """Give up a job that Redis has lost."""
+
+
+@dataclass(frozen=True)
+class Wait:
+    """Do nothing until something happens to the job, or its next turn comes."""
+
+
+Step = (
+    PlanSlices
+    | ReadLedger
+    | MergeSlice
+    | JudgeImage
+    | RecordPoint
+    | ShowAndSave
+    | ShowFirstSlice
+    | ShowGlimpse
+    | ReadClock
+    | InspectImage
+    | EndJob
+    | ReadConclusion
+    | ConcludeJob
+    | FinishJob
+    | Wait
+)
