@@ -7,7 +7,6 @@ from a thread of its own, so that a long evaluation does not cost it a job.
 import logging
 import threading
 import time
-from collections import deque
 from typing import Final
 
 from plateau.farm.blobs.store import Blobs
@@ -28,28 +27,13 @@ from plateau.service.judging.judge import warm_up
 from plateau.service.monitor.job_run import JobRun, give_up
 from plateau.service.monitor.look_ahead import Crew
 from plateau.service.monitor.sweeper import sweeping
+from plateau.service.monitor.turns import IDLE_S, RETRY_S, Turns
 from plateau.service.monitor.webhooks.deliverers import delivering
 
 _LOG = logging.getLogger(__name__)
 
-_IDLE_S: Final = 1.0  #: between two looks at the jobs, where no hint came
-_ROUNDS_SHARE: Final = 0.1  #: of a monitor's time, where looking at all of its jobs takes long,
-_LONGEST_IDLE_S: Final = 5.0  #: as far as this is not too long between two looks
-_ROUND_S: Final = 0.1  #: so long jobs are looked at of which no hint came, till those are that have
 _CENSUS_S: Final = 2.0  #: between two counts of the workers
-_RETRY_S: Final = (0.5, 10.0)  #: the first and the longest wait where something is away
 _AGAIN_S: Final = 0.3  #: before a renewal is repeated the first time, so that no lease runs out
-
-
-class _Waiting:
-    """Until when a job is left alone, since something that it needs is away."""
-
-    def __init__(self) -> None:
-        self._backoff = Backoff(*_RETRY_S)
-        self.until = 0.0
-
-    def again(self) -> None:
-        self.until = time.monotonic() + self._backoff.delay_s()
 
 
 class Monitor:
@@ -74,14 +58,10 @@ class Monitor:
         self._keeps_sums = settings.keep_sums_days > 0
         self._owned: dict[str, Ownership] = {}
         self._runs: dict[str, JobRun] = {}
-        self._waiting: dict[str, _Waiting] = {}  # jobs of ours that lack something for now
+        self._turns = Turns(time.monotonic)
         self._others: set[str] = set()  # jobs that other monitors owned a moment ago
         self._others_due = float("-inf")  # when they are asked for again
         self._taken_at = float("-inf")  # when we last looked which jobs there are
-        self._fresh: deque[str] = deque()  # jobs just taken, of which no hint may come
-        self._round: deque[str] = deque()  # jobs of ours still to be looked at in this round
-        self._round_due = float("-inf")  # when the next one begins
-        self._round_s = 0.0  # spent in this one
         self._crew = Crew(())
         self._counted_at = float("-inf")
 
@@ -101,14 +81,13 @@ class Monitor:
             target=self._keep_owning, args=(over,), name="renewer", daemon=True
         )
         renewer.start()
-        backoff = Backoff(*_RETRY_S)
+        backoff = Backoff(*RETRY_S)
         hinted: set[str] = set()
         try:
             while not stop.is_set():
                 try:
                     self._look(hinted)
-                    busy = self._fresh or self._round
-                    hinted = self._wake.wait(0.0 if busy else _IDLE_S, stop)
+                    hinted = self._wake.wait(self._turns.wait_s, stop)
                     backoff.reset()
                 except StoreUnavailable as error:
                     _LOG.warning("%s", error)
@@ -120,7 +99,7 @@ class Monitor:
 
     def _sign_on(self) -> None:
         """Say that the monitor lives, as soon as Redis answers and the farm lets it in."""
-        backoff = Backoff(*_RETRY_S)
+        backoff = Backoff(*RETRY_S)
         while not self._stop.is_set():
             try:
                 sign_on(
@@ -137,43 +116,14 @@ class Monitor:
                 return
 
     def _look(self, hinted: set[str]) -> None:
-        """Take the jobs that nobody owns, and bring ours forward: those first that a hint was of.
-
-        All others have their turn in rounds, since hints may be lost. A round that takes long, as
-        it does where a thousand jobs wait, is broken off and gone on with after the next hints; and
-        the next one is put off, so that a monitor whose jobs all wait has little to do.
-        """
+        """Take the jobs that nobody owns, and bring forward those that have their turn."""
         self._take(hinted)
         crew = self._living()
-        for job_id in [one for one in self._owned if one in hinted]:
+        for job_id in self._turns.next_jobs(self._owned, hinted):
             if self._stop.is_set():  # another monitor may have the rest
                 return
-            self._bring_forward(job_id, crew)
-        now = time.monotonic()
-        self._bring_all_forward(self._fresh, hinted, now + _ROUND_S, crew)
-        self._go_round(hinted, now + _ROUND_S, crew)
-
-    def _go_round(self, hinted: set[str], until: float, crew: Crew) -> None:
-        started = time.monotonic()
-        if not self._round and started >= self._round_due:
-            self._round, self._round_s = deque(self._owned), 0.0
-        if not self._round:
-            return
-        self._bring_all_forward(self._round, hinted, until, crew)
-        ended = time.monotonic()
-        self._round_s += ended - started
-        if not self._round:
-            pause_s = max(_IDLE_S, self._round_s / _ROUNDS_SHARE)
-            self._round_due = ended + min(pause_s, _LONGEST_IDLE_S)
-
-    def _bring_all_forward(
-        self, waiting: deque[str], hinted: set[str], until: float, crew: Crew
-    ) -> None:
-        """Bring these jobs forward but for those of a hint, for so long."""
-        while waiting and time.monotonic() < until and not self._stop.is_set():
-            job_id = waiting.popleft()
-            if job_id in self._owned and job_id not in hinted:
-                self._bring_forward(job_id, crew)
+            with log.concerning(job_id):
+                self._bring_forward(self._owned[job_id], crew)
 
     def _take(self, hinted: set[str]) -> None:
         """Own the jobs that nobody owns.
@@ -186,7 +136,7 @@ class Monitor:
         self._others -= {hint.removeprefix(keys.FREE) for hint in free}
         if now >= self._others_due:
             self._others, self._others_due = set(), now + self._lease_s / 3
-        elif now < self._taken_at + _IDLE_S and hinted <= self._owned.keys() | self._others:
+        elif now < self._taken_at + IDLE_S and hinted <= self._owned.keys() | self._others:
             return
         self._taken_at = now
         unknown = self._owners.unfinished() - self._owned.keys() - self._others
@@ -196,30 +146,24 @@ class Monitor:
                 self._others.add(job_id)
             else:
                 self._owned[job_id] = owned
-                self._fresh.append(job_id)
+                self._turns.add(job_id)
 
-    def _bring_forward(self, job_id: str, crew: Crew) -> None:
-        """Advance one job, unless it waits; whatever it lacks, the others go on."""
-        waiting = self._waiting.get(job_id)
-        if waiting is None or time.monotonic() >= waiting.until:
-            with log.concerning(job_id):
-                self._bring_one_forward(self._owned[job_id], crew)
-
-    def _bring_one_forward(self, owned: Ownership, crew: Crew) -> None:
+    def _bring_forward(self, owned: Ownership, crew: Crew) -> None:
+        """Advance one job; whatever it lacks, the others go on."""
         job_id = owned.job_id
         try:
             done = self._advance(owned, crew)
         except BlobsUnavailable as error:
             _LOG.warning("the job waits: %s", error)
-            self._waiting.setdefault(job_id, _Waiting()).again()
+            self._turns.put_off(job_id)
             return
         except (Incompatible, StoreUnavailable):
             raise
         except Exception:  # noqa: BLE001  (one job's trouble must not hurt the others)
             _LOG.exception("the job waits: it can neither go on nor be given up")
-            self._waiting.setdefault(job_id, _Waiting()).again()
+            self._turns.put_off(job_id)
             return
-        self._waiting.pop(job_id, None)
+        self._turns.note_success(job_id)
         if done:
             del self._owned[job_id]
             self._runs.pop(job_id, None)
