@@ -20,7 +20,7 @@ from plateau.service.monitor import steps
 from plateau.service.monitor.decisions import last_step, next_step
 from plateau.service.monitor.known import Answer, Known
 from plateau.service.monitor.look_ahead import Crew, LookAhead
-from plateau.service.monitor.results import Results
+from plateau.service.monitor.result_sets import ResultSets
 
 _LOG = logging.getLogger(__name__)
 
@@ -52,7 +52,7 @@ class JobRun:
         self._point: dict[str, object] = {}  # what was judged last
         self._in_hand: deque[SliceRecord] = deque()  # committed, and not merged yet
         self._films = Films(owned, owners, store)
-        self._results = Results(owned, owners, store, job.spec)
+        self._results = ResultSets(owned, owners, store, job.spec)
         self._checkpoints = Checkpoints(owned, owners, store, keep_slices=job.spec.keep_slices)
         self._merge = self._checkpoints.recover(job.spec.slice_spp, self._judge)
         recovered = self._merge.slices
@@ -94,7 +94,7 @@ class JobRun:
         match step:
             case steps.PlanSlices(stop, expected_spp):
                 self._owners.plan(self.owned, range(known.merged, stop), expected_spp)
-                return known.with_plan(stop)
+                return replace(known, planned=stop)
             case steps.ReadLedger(slices):
                 self._in_hand = deque(self._owners.committed(self.owned.job_id, slices))
                 return known.with_slices(len(self._in_hand), len(slices))
@@ -104,27 +104,27 @@ class JobRun:
                 return self._judge_image()
             case steps.RecordPoint():
                 self._owners.append_point(self.owned, known.spp, self._point)
-                return known.with_point()
+                return replace(known, recorded=True)
             case steps.ShowAndSave(show, save):
                 return self._show_and_save(show=show, save=save)
             case steps.ShowFirstSlice():
                 self._results.show(self._merge, self._judge)
-                return known.with_first_image(known.spp)
+                return replace(known, shown_spp=known.spp)
             case steps.ShowGlimpse():
                 return known.with_glimpse(self._results.show_glimpse(self._judge))
             case steps.ReadClock():
                 job = self._jobs.get(self.owned.job_id)
                 return known.with_time(job, self._jobs.now_ms() / 1000)
             case steps.InspectImage():
-                return known.with_flaw(flaw_of(self._merge.image()))
+                return replace(known, flaw=flaw_of(self._merge.image()) or "")
             case steps.EndJob():
                 self._end(step)
                 return known.read_again(self._jobs.get(self.owned.job_id))
             case steps.ReadConclusion():
-                return known.with_conclusion(written=self._owners.concluded(self.owned.job_id))
+                return replace(known, concluded=self._owners.concluded(self.owned.job_id))
             case steps.ConcludeJob():
                 self._conclude(step)
-                return known.with_conclusion(written=True)
+                return replace(known, concluded=True)
             case steps.FinishJob(keeps_sums):
                 self._finish(keeps_sums=keeps_sums)
             case steps.Wait():
@@ -162,11 +162,11 @@ class JobRun:
         known = self._known
         if show:
             self._results.show(self._merge, self._judge)
-            known = self._known = known.with_image_shown(time.monotonic())
+            known = self._known = replace(known, shown_spp=known.spp, shown_at_s=time.monotonic())
         if save:
             self._checkpoints.save(self._merge, self._judge)
-            known = known.with_sums_saved(time.monotonic())
-        return known.settled()
+            known = replace(known, saved=known.merged, saved_at_s=time.monotonic())
+        return replace(known, answer=None)
 
     def _end(self, step: steps.EndJob) -> None:
         """End the job; with its image, where it is the final one: nothing comes between the two."""

@@ -157,7 +157,7 @@ class Known:
         is_needed = not self.concluded or self.needs_sums
         return is_needed and not self.lost and self.merged < self.final_slices
 
-    # What comes of each step
+    # What comes of a step, where that is more than a field or two
 
     def turn(self, job: Job, enough: int) -> "Known":
         """The job has its turn; it was read, and so were the workers."""
@@ -181,14 +181,6 @@ class Known:
         known = self.read_again(job) if job.state.ended else replace(self, job=job)
         return replace(known, redis_s=redis_s)
 
-    def with_flaw(self, flaw: str | None) -> "Known":
-        """The merged image was inspected."""
-        return replace(self, flaw=flaw or "")
-
-    def with_plan(self, stop: int) -> "Known":
-        """Every slice before `stop` is planned."""
-        return replace(self, planned=stop)
-
     def with_slices(self, found: int, asked: int) -> "Known":
         """This many slices of those that were asked for were committed."""
         ledger = Ledger.READ if found < asked else Ledger.PARTLY_READ
@@ -207,31 +199,7 @@ class Known:
         ahead = self.ahead.expecting(answer.expected_spp)
         return replace(self, judged=self.merged, answer=answer, recorded=False, ahead=ahead)
 
-    def with_point(self) -> "Known":
-        """The curve has the point."""
-        return replace(self, recorded=True)
-
-    def with_image_shown(self, at_s: float) -> "Known":
-        """The merged image was shown."""
-        return replace(self, shown_spp=self.spp, shown_at_s=at_s)
-
-    def with_first_image(self, spp: int) -> "Known":
-        """An image was shown before the first point; it puts off no other."""
-        return replace(self, shown_spp=spp)
-
     def with_glimpse(self, spp: int | None) -> "Known":
         """The first pass was shown, or cannot be (0 spp), or is not there yet (None)."""
         known = replace(self, glimpsed=spp is not None, sought_glimpse=True)
-        return known.with_first_image(spp) if spp else known
-
-    def with_conclusion(self, *, written: bool) -> "Known":
-        """The final image is written, or it is not."""
-        return replace(self, concluded=written)
-
-    def with_sums_saved(self, at_s: float) -> "Known":
-        """A checkpoint has the sums."""
-        return replace(self, saved=self.merged, saved_at_s=at_s)
-
-    def settled(self) -> "Known":
-        """All that follows from the rules' answer was done."""
-        return replace(self, answer=None)
+        return replace(known, shown_spp=spp) if spp else known

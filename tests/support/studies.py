@@ -9,7 +9,7 @@ from plateau.farm.model.job import Job
 from plateau.farm.model.states import JobState
 from plateau.service.judging.judge import Judge
 from plateau.service.judging.merge import Merge
-from plateau.service.monitor.results import Results
+from plateau.service.monitor.result_sets import ResultSets
 from tests.support.noise_farm import NoiseFarm, noise_film
 
 SCREEN: Final = {"viewing_distance_cm": 60.0, "pixel_pitch_mm": 0.25}
@@ -44,7 +44,7 @@ def ended_job(
         farm.commit(lease, film)
         merge.add(film)
     owners.end(owned, JobState.CONVERGED, "levelled off", {})
-    results, sha256 = Results(owned, owners, farm.store, job.spec).write(merge, Judge(job.spec))
+    results, sha256 = ResultSets(owned, owners, farm.store, job.spec).write(merge, Judge(job.spec))
     owners.conclude(owned, spp=spp, results=results, sha256=sha256, notes=())
     owners.finish(owned, keeps_sums=False)
     return farm.jobs.get(job.id)

@@ -259,7 +259,7 @@ class DecidingMonitor:
                 self.write()
                 if not job.state.ended:
                     job.planned = max(job.planned, stop)
-                return known.with_plan(stop)
+                return replace(known, planned=stop)
             case steps.ReadLedger(slices):
                 assert slices.start == self.sums
                 found = [index for index in slices if index in job.committed]
@@ -280,29 +280,29 @@ class DecidingMonitor:
                 if not job.curve or job.curve[-1] < spp:
                     job.curve.append(spp)
                     job.spp = spp
-                return known.with_point()
+                return replace(known, recorded=True)
             case steps.ShowAndSave(show, save):
                 return self._show_and_save(show=show, save=save)
             case steps.ShowFirstSlice():
                 assert self.sums == 1
                 self.write()
                 job.image_spp = spp
-                return known.with_first_image(spp)
+                return replace(known, shown_spp=spp)
             case steps.ShowGlimpse():
                 assert self.sums == 0
                 return known.with_glimpse(None)
             case steps.ReadClock():
                 return known.with_time(job.read(), job.clock_s)
             case steps.InspectImage():
-                return known.with_flaw(job.rules.flaw(spp))
+                return replace(known, flaw=job.rules.flaw(spp) or "")
             case steps.EndJob():
                 self._end(step)
                 return known.read_again(job.read())
             case steps.ReadConclusion():
-                return known.with_conclusion(written=job.concluded)
+                return replace(known, concluded=job.concluded)
             case steps.ConcludeJob():
                 self._conclude(step)
-                return known.with_conclusion(written=True)
+                return replace(known, concluded=True)
             case steps.FinishJob():
                 assert job.state.ended
                 assert job.concluded
@@ -334,7 +334,7 @@ class DecidingMonitor:
         if show:
             self.write()
             job.image_spp = spp
-            known = known.with_image_shown(job.clock_s)
+            known = replace(known, shown_spp=spp, shown_at_s=job.clock_s)
         if save:
             # While the job goes on, nothing is saved that was judged and not recorded
             points = [at for at in range(1, spp + 1) if job.spec.evaluates_at(at)]
@@ -345,8 +345,8 @@ class DecidingMonitor:
             job.checkpoint = Checkpoint(self.sums, tuple(self.judged))
             if not job.spec.keep_slices:
                 job.partials -= set(range(self.sums))
-            known = known.with_sums_saved(job.clock_s)
-        return known.settled()
+            known = replace(known, saved=self.sums, saved_at_s=job.clock_s)
+        return replace(known, answer=None)
 
     def _end(self, step: steps.EndJob) -> None:
         job, spp = self.job, self.sums * self.job.spec.slice_spp

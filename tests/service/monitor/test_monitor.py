@@ -15,7 +15,7 @@ from plateau.farm.ledger.queue import Lease
 from plateau.farm.model.job import CurvePoint, Job
 from plateau.farm.model.states import JobState
 from plateau.farm.redis import keys
-from plateau.service.monitor.results import Results
+from plateau.service.monitor.result_sets import ResultSets
 from tests.support.every_time import save_every_time
 from tests.support.noise_farm import SIZE, NoiseFarm, noise_film
 from tests.support.until import until
@@ -310,7 +310,7 @@ def test_results_that_cannot_be_written_do_not_hold_the_monitor(
     def refuse(*_: object, **__: object) -> None:
         raise ValueError("no picture of this")
 
-    monkeypatch.setattr(Results, "_pictures", refuse)
+    monkeypatch.setattr(ResultSets, "_pictures", refuse)
     with farm.monitor():
         done = work(farm, farm.submit(**QUICK))
     assert done.state is JobState.FAILED

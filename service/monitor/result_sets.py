@@ -17,11 +17,11 @@ from plateau.service.judging.result_files import result_files
 _LOG = logging.getLogger(__name__)
 
 
-class Results:
-    """The job's last set of pictures.
+class ResultSets:
+    """Writes and shows a job's sets of pictures, one after the other.
 
-    A set is written under a name of its own and shown by one fenced write to Redis: who fetches
-    images sees whole sets only, and a monitor that has lost the job cannot replace a newer one.
+    A set is written under a name of its own and shown by one fenced write to Redis. So whoever
+    fetches images sees whole sets only, and a monitor that has lost the job replaces no newer one.
     """
 
     def __init__(self, owned: Ownership, owners: Ownerships, store: Blobs, spec: JobSpec) -> None:
