@@ -15,6 +15,7 @@ from typing import Final
 import redis
 
 from plateau.farm.ledger.api_keys import ApiKey
+from plateau.farm.redis.commands.api_keys import Take
 from plateau.farm.redis.scripts import Scripts
 
 #: A handful that was not used by then is taken anew. So a key's last use is known to a minute.
@@ -48,13 +49,13 @@ class Allowance:
         limits = key.limits
         wanted = max(1, int(min(limits.burst, limits.requests_per_minute) // 10))
         interval_ms = 60_000 / limits.requests_per_minute
-        granted, wait_ms = self._scripts.run(
-            "take", key.id, wanted, f"{interval_ms:.6f}", limits.burst
+        got = self._scripts.run(
+            Take(key=key.id, wanted=wanted, interval_ms=interval_ms, burst=limits.burst)
         )
-        if not granted:
-            return float(wait_ms) / 1000
+        if not got.taken:
+            return got.wait_ms / 1000
         with self._lock:
-            self._in_hand[key.id] = _Handful(int(granted) - 1, time.monotonic() + _HANDFUL_S)
+            self._in_hand[key.id] = _Handful(got.taken - 1, time.monotonic() + _HANDFUL_S)
         return 0.0
 
     def _granted_from_memory(self, key_id: str) -> bool:

@@ -22,6 +22,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from plateau.farm.model.errors import UnknownKey
 from plateau.farm.model.job import moment
 from plateau.farm.redis import keys
+from plateau.farm.redis.commands.api_keys import PutKey
 from plateau.farm.redis.link import now_ms, unavailable_as_farm_error
 from plateau.farm.redis.scripts import Scripts
 
@@ -215,7 +216,8 @@ class ApiKeys:
 
     def _put(self, key: ApiKey, instead_of: str = "") -> bool:
         """Store the key; False where what is stored is another by now."""
-        return bool(self._scripts.run("put_key", key.id, instead_of, key.model_dump_json()))
+        known = key.model_dump_json()
+        return self._scripts.run(PutKey(key=key.id, instead_of=instead_of, known=known))
 
     def _now(self) -> datetime:
         with unavailable_as_farm_error():

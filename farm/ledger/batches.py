@@ -17,6 +17,9 @@ from plateau.farm.model.job import moment
 from plateau.farm.model.spec import JobSpec, stored_spec
 from plateau.farm.model.states import JobState
 from plateau.farm.redis import keys
+from plateau.farm.redis.commands import batches as commands
+from plateau.farm.redis.commands.command import Command
+from plateau.farm.redis.commands.jobs import End, Moved, Outcome, Pause, Resume
 from plateau.farm.redis.link import unavailable_as_farm_error
 from plateau.farm.redis.scripts import Scripts
 
@@ -49,23 +52,18 @@ class Batches:
         self, *, before: int | None = None, limit: int = 20
     ) -> tuple[list[BatchLine], int | None]:
         """Batches by their newest jobs, below the number `before`, and the number to go on from."""
-        lines = [
-            (name, int(number), jobs, newest_at, dict(zip(states[::2], states[1::2], strict=True)))
-            for name, number, jobs, newest_at, states in self._scripts.run(
-                "batches", "+inf" if before is None else f"({before}", limit
-            )
-        ]
+        rows = self._scripts.run(commands.Batches(before=before, limit=limit))
         found = [
             BatchLine(
-                name=name,
-                jobs=jobs,
-                states={JobState(state): count for state, count in states.items()},
-                newest_at=moment(newest_at),
+                name=row.name,
+                jobs=row.jobs,
+                states={JobState(state): count for state, count in row.states.items()},
+                newest_at=moment(row.newest_at),
             )
-            for name, _, jobs, newest_at, states in lines
-            if jobs
+            for row in rows
+            if row.newest_at is not None
         ]
-        return found, lines[-1][1] if len(lines) == limit else None
+        return found, rows[-1].number if len(rows) == limit else None
 
     def get(self, name: str) -> Batch:
         """The batch, summed up over its jobs, or `BatchNotFound`."""
@@ -112,7 +110,8 @@ class Batches:
             except UnevenBatch as error:
                 raise UnevenBatch(name, error.job_id, error.differs, joins=False) from None
             # Who joins it in between is compared too.
-            if self._scripts.run("guard", name, compared) != "changed":
+            guard = commands.Guard(batch=name, compared=compared)
+            if self._scripts.run(guard) != "changed":
                 return self.get(name)
 
     def steer(
@@ -147,12 +146,11 @@ class Batches:
         if not job_ids:
             raise BatchNotFound(name)
         mine = [job for job, owner in zip(job_ids, owners, strict=True) if may_touch(owner or "")]
-        script, arguments = _script(steer, by)
-        answers: dict[str, list[str]] = {}
+        answers: dict[str, Moved] = {}
         for start in range(0, len(mine), _AT_ONCE):
             some = mine[start : start + _AT_ONCE]
-            runs = [(job_id, *arguments) for job_id in some]
-            answers |= zip(some, self._scripts.run_each(script, runs), strict=True)
+            moves = [_move(steer, job_id, by) for job_id in some]
+            answers |= zip(some, self._scripts.run_each(moves), strict=True)
         return [_steered(job_id, steer, answers.get(job_id)) for job_id in job_ids]
 
     def _owners(self, job_ids: list[str]) -> list[str | None]:
@@ -178,18 +176,18 @@ class Batches:
         return members
 
 
-def _script(steer: Steer, by: str) -> tuple[str, tuple[str, ...]]:
-    """The script that does it, and what it takes after the job's id."""
+def _move(steer: Steer, job_id: str, by: str) -> Command[Moved]:
+    """The command that does it."""
     if steer is Steer.CANCEL:
         reason = f"cancelled with its batch by {by}"
-        return "end", ("", JobState.CANCELLED.value, reason, "", "")
+        return End(job=job_id, target=JobState.CANCELLED, reason=reason)
     if steer is Steer.PAUSE:
-        return "pause", (f"paused with its batch by {by}", "1")
-    return "resume", (f"resumed with its batch by {by}",)
+        return Pause(job=job_id, reason=f"paused with its batch by {by}", holds_back=True)
+    return Resume(job=job_id, reason=f"resumed with its batch by {by}")
 
 
-#: The state in which a job is that a script has moved.
-_THEN: Final = {
+#: The state in which a job is that was moved.
+_THEN: Final[dict[Outcome, JobState]] = {
     "ended": JobState.CANCELLED,
     "paused": JobState.PAUSED,
     "held": JobState.QUEUED,
@@ -200,15 +198,14 @@ _THEN: Final = {
 _ENDED: Final = "it has ended"
 
 
-def _steered(job_id: str, steer: Steer, answer: list[str] | None) -> Steered:
+def _steered(job_id: str, steer: Steer, answer: Moved | None) -> Steered:
     if answer is None:
         return Steered(job=job_id, done=False, state=None, why_not="it belongs to another API key")
-    outcome, *state = answer
-    if outcome in _THEN:
-        return Steered(job=job_id, done=True, state=_THEN[outcome], why_not=None)
-    if state == ["missing"]:
+    if answer.outcome in _THEN:
+        return Steered(job=job_id, done=True, state=_THEN[answer.outcome], why_not=None)
+    if answer.state == "missing":
         return Steered(job=job_id, done=False, state=None, why_not="it was just forgotten")
-    found = JobState(state[0])
+    found = JobState(answer.state)
     done = steer is Steer.RESUME and found is JobState.QUEUED  # nothing holds it back
     return Steered(job=job_id, done=done, state=found, why_not=None if done else _ENDED)
 

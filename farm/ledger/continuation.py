@@ -15,7 +15,6 @@ been drawn just so: on scalar variants it decides their passes and seeds (see
 """
 
 import hashlib
-import secrets
 from bisect import bisect_left
 from collections.abc import Collection
 from dataclasses import dataclass
@@ -26,12 +25,13 @@ import redis
 from plateau.farm.ledger import guarded_batches, records
 from plateau.farm.ledger.jobs import Created, Jobs, request_key
 from plateau.farm.ledger.ownership import Checkpoint
-from plateau.farm.model.errors import CannotContinue, JobNotFound, TooManyJobs, TooManyNeeds
+from plateau.farm.model.errors import CannotContinue, JobNotFound
 from plateau.farm.model.job import Job
 from plateau.farm.model.seeds import SeedRange, SeedsExhausted
 from plateau.farm.model.spec import MOST_SPP, JobSpec
 from plateau.farm.model.webhook_spec import WebhookSpec
 from plateau.farm.redis import keys
+from plateau.farm.redis.commands.jobs import Continue
 from plateau.farm.redis.link import unavailable_as_farm_error
 from plateau.farm.redis.scripts import Scripts
 
@@ -138,35 +138,27 @@ class Continuations:
         """
         compared = guarded_batches.compared(self._redis, spec.batch, spec) if spec.batch else ""
         digest = hashlib.sha256(f"{job.id} {spec.as_request()}".encode()).hexdigest()
-        fields = records.new_job(spec, name=job.name, scene_sha256=job.scene_sha256, owner=owner)
-        outcome, *answer = self._scripts.run(
-            "continue",
-            secrets.token_hex(6),
-            job.id,
-            request_key(idempotency_key, owner),
-            digest,
-            remains.slices,
-            remains.checkpoint,
-            0 if remains.kept else remains.slices * spec.slice_spp,
-            spec.priority,
-            spec.batch or "",
-            "1" if spec.flicker_guard else "",
-            compared,
-            *fields,
+        new = records.new_job(spec, name=job.name, scene_sha256=job.scene_sha256, owner=owner)
+        made = self._scripts.run(
+            Continue(
+                job=new,
+                old=job.id,
+                slices=remains.slices,
+                checkpoint=remains.checkpoint,
+                judged_spp=0 if remains.kept else remains.slices * spec.slice_spp,
+                idempotency=request_key(idempotency_key, owner),
+                digest=digest,
+                priority=spec.priority,
+                batch=spec.batch or "",
+                guarded=spec.flicker_guard,
+                compared=compared,
+            )
         )
-        if outcome == "missing":
+        if made.outcome == "missing":
             raise JobNotFound(job.id)
-        if outcome == "changed":
+        if made.outcome == "changed":
             raise CannotContinue(job.id, "what was left of it has just changed: try again")
-        if outcome == "too many":
-            raise TooManyJobs(*map(int, answer))
-        if outcome == "too varied":
-            raise TooManyNeeds(*map(int, answer))
-        return Created(
-            job=self._jobs.get(answer[0]),
-            repeated=outcome == "repeated",
-            conflict=outcome == "conflict",
-        )
+        return self._jobs.created(made)
 
 
 def changed_spec(spec: JobSpec, changes: dict[str, Any]) -> dict[str, Any]:

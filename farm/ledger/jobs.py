@@ -1,6 +1,5 @@
 """Jobs in Redis: creating, reading, listing and steering them."""
 
-import secrets
 from dataclasses import dataclass
 from typing import Any
 
@@ -25,6 +24,16 @@ from plateau.farm.model.job import BEFORE_ALL_EVENTS, CurvePoint, Event, Job, Lo
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
 from plateau.farm.redis import keys
+from plateau.farm.redis.commands.command import Command
+from plateau.farm.redis.commands.jobs import (
+    Create,
+    End,
+    Made,
+    Moved,
+    Pause,
+    Reprioritise,
+    Resume,
+)
 from plateau.farm.redis.link import now_ms, unavailable_as_farm_error
 from plateau.farm.redis.scripts import Scripts
 
@@ -94,22 +103,44 @@ class Jobs:
 
         They differ in their parameters only.
         """
-        batch, guarded = specs[0].batch or "", "1" if specs[0].flicker_guard else ""
-        new: list[str | int] = []
-        for spec in specs:
-            fields = records.new_job(spec, name=name, scene_sha256=scene_sha256, owner=owner)
-            new += [secrets.token_hex(6), *fields]
-        shared = (request_key(idempotency_key, owner), digest, specs[0].priority, batch, guarded)
-        outcome, answer = "changed", []
-        while outcome == "changed":  # the batch, since it was looked at: others get on
-            compared = guarded_batches.compared(self._redis, batch, specs[0]) if batch else ""
-            outcome, *answer = self._scripts.run("create", *shared, compared, len(specs), *new)
-        if outcome == "too many":
-            raise TooManyJobs(*map(int, answer))
-        if outcome == "too varied":
-            raise TooManyNeeds(*map(int, answer))
+        batch = specs[0].batch or ""
+        jobs = tuple(
+            records.new_job(spec, name=name, scene_sha256=scene_sha256, owner=owner)
+            for spec in specs
+        )
+        made = Made(outcome="changed")
+        while made.outcome == "changed":  # the batch, since it was looked at: others get on
+            made = self._scripts.run(
+                Create(
+                    idempotency=request_key(idempotency_key, owner),
+                    digest=digest,
+                    priority=specs[0].priority,
+                    batch=batch,
+                    guarded=specs[0].flicker_guard,
+                    compared=guarded_batches.compared(self._redis, batch, specs[0])
+                    if batch
+                    else "",
+                    jobs=jobs,
+                )
+            )
+        return self.created(made)
+
+    def created(self, made: Made) -> Created:
+        """What became of a request for new jobs, by what the script answered.
+
+        Raises
+        ------
+        TooManyJobs, TooManyNeeds
+            None was created.
+        """
+        if made.outcome == "too many":
+            raise TooManyJobs(made.has, made.most)
+        if made.outcome == "too varied":
+            raise TooManyNeeds(made.has)
         return Created(
-            job=self.get(answer[0]), repeated=outcome == "repeated", conflict=outcome == "conflict"
+            job=self.get(made.job),
+            repeated=made.outcome == "repeated",
+            conflict=made.outcome == "conflict",
         )
 
     def get(self, job_id: str) -> Job:
@@ -143,7 +174,7 @@ class Jobs:
         """The points of the job's curve, by rising spp."""
         with unavailable_as_farm_error():
             entries = self._redis.xrange(keys.job(job_id, "curve"))
-        return [records.curve_point(fields["point"]) for _, fields in entries]
+        return [records.curve_point(fields["point"], fields["at"]) for _, fields in entries]
 
     def events(self, job_id: str, after: str = BEFORE_ALL_EVENTS) -> list[Event]:
         """What happened to the job since the event `after`."""
@@ -169,7 +200,8 @@ class Jobs:
         IllegalTransition
             It has already ended otherwise.
         """
-        return self._move(JobState.CANCELLED, "end", job_id, "", JobState.CANCELLED, reason, "", "")
+        target = JobState.CANCELLED
+        return self._move(target, job_id, End(job=job_id, target=target, reason=reason))
 
     def pause(self, job_id: str, reason: str = "paused by a user") -> Job:
         """Pause the job: no slice of it is leased any more; pausing it again is harmless.
@@ -182,7 +214,7 @@ class Jobs:
         JobNotFound, IllegalTransition
             There is no such job, or it is not rendering.
         """
-        return self._move(JobState.PAUSED, "pause", job_id, reason)
+        return self._move(JobState.PAUSED, job_id, Pause(job=job_id, reason=reason))
 
     def resume(self, job_id: str, reason: str = "resumed by a user") -> Job:
         """Let a paused job go on; resuming one that is rendering is harmless.
@@ -192,7 +224,7 @@ class Jobs:
         JobNotFound, IllegalTransition
             There is no such job, or it is not paused.
         """
-        return self._move(JobState.RENDERING, "resume", job_id, reason)
+        return self._move(JobState.RENDERING, job_id, Resume(job=job_id, reason=reason))
 
     def set_priority(self, job_id: str, priority: int) -> Job:
         """Give the job another priority, by which the next lease goes.
@@ -202,11 +234,11 @@ class Jobs:
         JobNotFound, JobEnded
             There is no such job, or it has ended.
         """
-        outcome, *state = self._scripts.run("reprioritise", job_id, priority)
-        if outcome == "illegal":
-            if state == ["missing"]:
+        moved = self._scripts.run(Reprioritise(job=job_id, priority=priority))
+        if moved.outcome == "illegal":
+            if moved.state == "missing":
                 raise JobNotFound(job_id)
-            raise JobEnded(job_id, state[0], self.story(job_id))
+            raise JobEnded(job_id, moved.state, self.story(job_id))
         return self.get(job_id)
 
     def results(self, job_id: str) -> str:
@@ -284,11 +316,11 @@ class Jobs:
         with unavailable_as_farm_error():
             self._redis.ping()
 
-    def _move(self, target: JobState, script: str, job_id: str, *arguments: str) -> Job:
-        """The job, moved by a script that a user may run."""
-        outcome, *state = self._scripts.run(script, job_id, *arguments)
-        if outcome == "illegal":
-            if state == ["missing"]:
+    def _move(self, target: JobState, job_id: str, command: Command[Moved]) -> Job:
+        """The job, moved by a command that a user may give."""
+        moved = self._scripts.run(command)
+        if moved.outcome == "illegal":
+            if moved.state == "missing":
                 raise JobNotFound(job_id)
-            raise IllegalTransition(job_id, state[0], target.value, self.story(job_id))
+            raise IllegalTransition(job_id, moved.state, target.value, self.story(job_id))
         return self.get(job_id)

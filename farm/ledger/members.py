@@ -20,6 +20,8 @@ from plateau.farm.model import versions
 from plateau.farm.model.errors import Refused
 from plateau.farm.model.job import ProcessRole, RefusedProcess, moment
 from plateau.farm.redis import keys
+from plateau.farm.redis.commands import workers as commands
+from plateau.farm.redis.commands.members import ApiHeartbeat
 from plateau.farm.redis.link import now_ms, unavailable_as_farm_error
 from plateau.farm.redis.scripts import Scripts
 
@@ -55,12 +57,15 @@ class Membership:
             "pid": os.getpid(),
             "started_at": self._started_at.isoformat(),
         }
-        self._scripts.run("api_heartbeat", self.id, json.dumps(about), self._life_ms)
+        self._say(json.dumps(about))
         self._scripts.load()
 
     def sign_off(self) -> None:
         """Say that it stops."""
-        self._scripts.run("api_heartbeat", self.id, "", self._life_ms)
+        self._say(None)
+
+    def _say(self, about: str | None) -> None:
+        self._scripts.run(ApiHeartbeat(api=self.id, about=about, life_ms=self._life_ms))
 
 
 def process_id() -> str:
@@ -113,7 +118,7 @@ def note_refused(client: redis.Redis, role: ProcessRole, why: Refused) -> None:
         "plateau": versions.plateau(),
         "why": str(why),
     }
-    Scripts(client).run("refused", f"{role} {host}", json.dumps(about))
+    Scripts(client).run(commands.Refused(who=f"{role} {host}", about=json.dumps(about)))
 
 
 def refused_within(client: redis.Redis, seconds: float) -> list[RefusedProcess]:
@@ -122,7 +127,8 @@ def refused_within(client: redis.Redis, seconds: float) -> list[RefusedProcess]:
         texts = client.hvals(keys.REFUSED)
         now = moment(now_ms(client))
     found = [
-        RefusedProcess(**{**said, "at": moment(said["at"])}) for said in map(json.loads, texts)
+        RefusedProcess(**json.loads(noted["about"]), at=moment(noted["at"]))
+        for noted in map(json.loads, texts)
     ]
     recent = [one for one in found if (now - one.at).total_seconds() < seconds]
     return sorted(recent, key=lambda one: one.at, reverse=True)

@@ -13,7 +13,7 @@ import secrets
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from datetime import datetime
-from typing import Any, Final, Literal
+from typing import Any, Final
 
 import redis
 
@@ -22,6 +22,14 @@ from plateau.farm.model.deliveries import Delivery, DeliveryTry
 from plateau.farm.model.job import Job, moment
 from plateau.farm.model.webhook_spec import SECRET_PREFIX, WebhookEvent
 from plateau.farm.redis import keys
+from plateau.farm.redis.commands.webhooks import (
+    FarmSecrets,
+    Redeliver,
+    RenewFarmSecret,
+    SettleDelivery,
+    TakeDelivery,
+    TryEnd,
+)
 from plateau.farm.redis.link import unavailable_as_farm_error
 from plateau.farm.redis.scripts import Scripts
 
@@ -34,8 +42,6 @@ _LONGEST_DELAY_S: Final = 4 * 3600.0
 #: For how long messages are signed with the farm's former secret too.
 _OLD_SECRET_MS: Final = 86_400_000
 _OLD_SECRETS: Final = 3
-
-TryEnd = Literal["delivered", "failed", "given-up"]
 
 
 def retry_delay_s(tries: int, asked_s: float = 0.0) -> float:
@@ -100,24 +106,24 @@ class Outbox:
         what happened as long as none fails.
         """
         token = secrets.token_hex(8)
-        answer = self._scripts.run("take_delivery", token, round(lease_s * 1000), *busy)
-        if answer is None:
+        lease_ms = round(lease_s * 1000)
+        due = self._scripts.run(TakeDelivery(token=token, lease_ms=lease_ms, busy=tuple(busy)))
+        if due is None:
             return None
-        found = json.loads(answer)
-        message = json.loads(found["delivery"])
+        message = json.loads(due.delivery)
         return Taken(
-            job_id=found["job"],
-            number=found["number"],
+            job_id=due.job,
+            number=due.number,
             event=message["event"],
             at=moment(message["at"]),
-            now=moment(found["now"]),
-            tries=found["tries"],
-            receiver=found["receiver"],
-            url=found["url"],
-            secrets=(found["secret"],) if found["secret"] else self.farm_secrets(),
+            now=moment(due.now),
+            tries=due.tries,
+            receiver=due.receiver,
+            url=due.url,
+            secrets=(due.secret,) if due.secret else self.farm_secrets(),
             token=token,
-            fields={**message["job"], "spec": found["spec"]},
-            sealed=found["sealed"],
+            fields={**message["job"], "spec": due.spec},
+            sealed=due.sealed,
         )
 
     def settle(
@@ -144,17 +150,18 @@ class Outbox:
             Seconds until the next try.
         """
         answer = self._scripts.run(
-            "settle_delivery",
-            taken.job_id,
-            taken.number,
-            taken.token,
-            end,
-            round(delay_s * 1000),
-            "" if status is None else status,
-            error,
-            round(took_s * 1000),
+            SettleDelivery(
+                job=taken.job_id,
+                number=taken.number,
+                token=taken.token,
+                end=end,
+                delay_ms=round(delay_s * 1000),
+                status=status,
+                error=error,
+                ms=round(took_s * 1000),
+            )
         )
-        return bool(answer == "settled")
+        return answer == "settled"
 
     def deliveries(self, job_id: str) -> list[Delivery]:
         """The job's messages, by number: the newest hundred, with their newest tries."""
@@ -176,13 +183,13 @@ class Outbox:
 
     def redeliver(self, job_id: str, number: int) -> Delivery | None:
         """Have a message tried now, whatever became of it; None where the job has none such."""
-        if self._scripts.run("redeliver", job_id, number) == "unknown":
+        if self._scripts.run(Redeliver(job=job_id, number=number)) == "unknown":
             return None
         return next((one for one in self.deliveries(job_id) if one.number == number), None)
 
     def farm_secrets(self) -> tuple[str, ...]:
         """The secret that signs where a job brings none, and for a day those before it."""
-        return tuple(" ".join(self._scripts.run("farm_secrets", new_secret())).split())
+        return tuple(self._scripts.run(FarmSecrets(secret=new_secret())).split())
 
     def renew_farm_secret(self) -> str:
         """Another secret for the farm; for a day messages are signed with the former one too.
@@ -191,7 +198,9 @@ class Outbox:
         seen the secret between.
         """
         renewed = new_secret()
-        self._scripts.run("renew_farm_secret", renewed, _OLD_SECRET_MS, _OLD_SECRETS)
+        self._scripts.run(
+            RenewFarmSecret(secret=renewed, signs_for_ms=_OLD_SECRET_MS, most=_OLD_SECRETS)
+        )
         return renewed
 
 

@@ -7,16 +7,34 @@ the token and is refused, with `FenceLost`, once another monitor has taken over.
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import redis
 from pydantic import BaseModel, ConfigDict
 
 from plateau.farm.blobs import store as blobs
 from plateau.farm.ledger.queue import SliceRecord
+from plateau.farm.ledger.records import slice_record
 from plateau.farm.model.errors import FenceLost, IllegalTransition
 from plateau.farm.model.states import JobState
 from plateau.farm.redis import keys
+from plateau.farm.redis.commands.command import Answer
+from plateau.farm.redis.commands.jobs import End
+from plateau.farm.redis.commands.owners import (
+    Abandon,
+    AppendPoint,
+    Conclude,
+    Disown,
+    Finish,
+    NoteBlob,
+    Own,
+    OwnedJob,
+    OwnerCommand,
+    Plan,
+    Reject,
+    Renew,
+    Save,
+    Show,
+)
 from plateau.farm.redis.link import unavailable_as_farm_error
 from plateau.farm.redis.scripts import Scripts
 
@@ -70,16 +88,17 @@ class Ownerships:
 
     def acquire(self, job_id: str) -> Ownership | None:
         """Own the job, unless another monitor does."""
-        token = self._scripts.run("own", job_id, self._lease_ms)
+        token = self._scripts.run(Own(job=job_id, lease_ms=self._lease_ms))
         return Ownership(job_id, token) if token else None
 
     def renew(self, owned: tuple[Ownership, ...]) -> set[str]:
         """Keep owning these jobs; returns those that were lost."""
-        return set(self._scripts.run("renew", self._lease_ms, *_flat(owned)))
+        lost = self._scripts.run(Renew(lease_ms=self._lease_ms, owned=_named(owned)))
+        return set(lost)
 
     def disown(self, owned: tuple[Ownership, ...]) -> None:
         """Give the jobs to whichever monitor comes next."""
-        self._scripts.run("disown", *_flat(owned))
+        self._scripts.run(Disown(owned=_named(owned)))
 
     def committed(self, job_id: str, indices: range) -> list[SliceRecord]:
         """The ledger's records from the first index on, up to the first that is missing."""
@@ -91,7 +110,7 @@ class Ownerships:
         for text in texts:
             if text is None:
                 break
-            records.append(SliceRecord.model_validate_json(text))
+            records.append(SliceRecord.model_validate(slice_record(text)))
         return records
 
     def state(self, job_id: str) -> JobState | None:
@@ -106,7 +125,8 @@ class Ownerships:
 
     def save_checkpoint(self, owned: Ownership, checkpoint: Checkpoint) -> None:
         """Note the job's last checkpoint."""
-        self._checked("save", owned, "checkpoint", checkpoint.model_dump_json())
+        known = checkpoint.model_dump_json()
+        self._checked(Save(job=owned.job_id, token=owned.token, checkpoint=known))
 
     def glimpse(self, job_id: str) -> str | None:
         """Where the first pass of the job's first slice is, while there is nothing else to see."""
@@ -121,11 +141,15 @@ class Ownerships:
 
         `sha256` has the digest of each file of the set by its name.
         """
-        self._checked("show", owned, results, spp, _digests(results, sha256))
+        digests = _digests(results, sha256)
+        self._checked(
+            Show(job=owned.job_id, token=owned.token, results=results, spp=spp, digests=digests)
+        )
 
     def note_blob(self, owned: Ownership, blob: str, sha256: str | None) -> None:
         """Note what a blob of the job has to be, before it is put; None forgets one that went."""
-        self._checked("note_blob", owned, blobs.in_job(blob)[1], sha256 or "")
+        name = blobs.in_job(blob)[1]
+        self._checked(NoteBlob(job=owned.job_id, token=owned.token, blob=name, sha256=sha256))
 
     def reject(self, owned: Ownership, record: SliceRecord, cause: str) -> int:
         """Have a slice rendered again whose partial is lost or spoiled.
@@ -133,7 +157,16 @@ class Ownerships:
         Returns how often that has happened to the slice; 0 where it is not in the ledger so, or
         where the job has ended, and nothing was done.
         """
-        return int(self._checked("reject", owned, record.index, record.blob, cause))
+        times = self._checked(
+            Reject(
+                job=owned.job_id,
+                token=owned.token,
+                index=record.index,
+                blob=record.blob,
+                cause=cause,
+            )
+        )
+        return times or 0
 
     def plan(self, owned: Ownership, slices: range, expected_spp: int | None = None) -> None:
         """Let these slices be leased; those planned before are left alone.
@@ -141,11 +174,19 @@ class Ownerships:
         Planned are always the slices from the first on, so those before these are planned too.
         Where the job is expected to end tells the census how much work is left.
         """
-        self._checked("plan", owned, slices.stop, "" if expected_spp is None else expected_spp)
+        self._checked(
+            Plan(
+                job=owned.job_id,
+                token=owned.token,
+                stop=slices.stop,
+                expected_spp=expected_spp,
+            )
+        )
 
     def append_point(self, owned: Ownership, spp: int, point: dict[str, object]) -> None:
         """Append a point to the curve, once for each spp."""
-        self._checked("append_point", owned, spp, json.dumps(point))
+        text = json.dumps(point)
+        self._checked(AppendPoint(job=owned.job_id, token=owned.token, spp=spp, point=text))
 
     def end(
         self,
@@ -177,20 +218,21 @@ class Ownerships:
         IllegalTransition
             The job has ended otherwise in the meantime: it was cancelled, or it failed.
         """
-        outcome, *state = self._scripts.run(
-            "end",
-            owned.job_id,
-            owned.token,
-            target,
-            reason,
-            "" if verdict is None else json.dumps(verdict),
-            results,
-            _digests(results, sha256),
+        moved = self._scripts.run(
+            End(
+                job=owned.job_id,
+                token=owned.token,
+                target=target,
+                reason=reason,
+                verdict=None if verdict is None else json.dumps(verdict),
+                results=results,
+                digests=_digests(results, sha256),
+            )
         )
-        if outcome == "fenced":
+        if moved.outcome == "fenced":
             raise FenceLost(owned.job_id)
-        if outcome == "illegal":
-            raise IllegalTransition(owned.job_id, state[0], target)
+        if moved.outcome == "illegal":
+            raise IllegalTransition(owned.job_id, moved.state, target)
 
     def conclude(
         self,
@@ -216,8 +258,16 @@ class Ownerships:
         notes
             All that is to be known of how it was rendered.
         """
-        digests = _digests(results, sha256)
-        self._checked("conclude", owned, spp, results, digests, json.dumps(notes))
+        self._checked(
+            Conclude(
+                job=owned.job_id,
+                token=owned.token,
+                spp=spp,
+                results=results,
+                digests=_digests(results, sha256),
+                notes=json.dumps(notes),
+            )
+        )
 
     def concluded(self, job_id: str) -> bool:
         """Whether the job's last results are written."""
@@ -229,26 +279,26 @@ class Ownerships:
 
         `keeps_sums` leaves its last checkpoint for another job to go on from.
         """
-        self._checked("finish", owned, "1" if keeps_sums else "")
+        self._checked(Finish(job=owned.job_id, token=owned.token, keeps_sums=keeps_sums))
 
     def abandon(self, owned: Ownership) -> None:
         """Say that Redis has lost the job: no monitor has work with it any more."""
-        self._checked("abandon", owned)
+        self._checked(Abandon(job=owned.job_id, token=owned.token))
 
-    def _checked(self, script: str, owned: Ownership, *arguments: str | int) -> Any:
-        answer = self._scripts.run(script, owned.job_id, owned.token, *arguments)
-        if answer == "fenced":
-            raise FenceLost(owned.job_id)
+    def _checked(self, command: OwnerCommand[Answer]) -> Answer:
+        answer = self._scripts.run(command)
+        if answer in {"fenced", None}:
+            raise FenceLost(command.job)
         return answer
 
 
-def _digests(results: str, sha256: Mapping[str, str] | None) -> str:
-    """The digests of a set of results by blob, as the scripts take them."""
+def _digests(results: str, sha256: Mapping[str, str] | None) -> dict[str, str] | None:
+    """The digests of a set of results by blob; None where there are none."""
     if not sha256:
-        return ""
+        return None
     _, folder = blobs.in_job(results)
-    return json.dumps({f"{folder}/{name}": digest for name, digest in sha256.items()})
+    return {f"{folder}/{name}": digest for name, digest in sha256.items()}
 
 
-def _flat(owned: tuple[Ownership, ...]) -> list[str]:
-    return [item for one in owned for item in (one.job_id, one.token)]
+def _named(owned: tuple[Ownership, ...]) -> tuple[OwnedJob, ...]:
+    return tuple(OwnedJob(one.job_id, one.token) for one in owned)

@@ -13,6 +13,7 @@ from plateau.farm.blobs.probe import check_create_once
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.model.errors import NotPermitted, StoreUnavailable, WrongStore
 from plateau.farm.redis import keys
+from plateau.farm.redis.commands.members import Pair
 from plateau.farm.redis.link import unavailable_as_farm_error
 from plateau.farm.redis.scripts import Scripts
 
@@ -50,12 +51,12 @@ def _check_pair(client: redis.Redis, store: Blobs) -> None:
             raise WrongStore(_refusal(store, None, None))
         if not store.in_folder:
             check_create_once(store)
-        ours = Scripts(client).run("pair", secrets.token_hex(8), "")
+        ours = Scripts(client).run(Pair(id=secrets.token_hex(8), is_marked=False))
         theirs = store.make_mark(ours)
     if theirs is None or theirs != ours:
         raise WrongStore(_refusal(store, ours, theirs))
     if paired is None:
-        Scripts(client).run("pair", ours, "1")
+        Scripts(client).run(Pair(id=ours, is_marked=True))
 
 
 def farm_id(client: redis.Redis) -> str:

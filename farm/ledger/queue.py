@@ -12,6 +12,9 @@ from plateau.farm.model.place_names import DEFAULT_POOL
 from plateau.farm.model.spec import JobSpec, stored_spec
 from plateau.farm.model.states import MAX_TRIES
 from plateau.farm.redis import keys
+from plateau.farm.redis.commands import slices as commands
+from plateau.farm.redis.commands.slices import Commit, Died, Fail, Glimpse, HandBack, Offer
+from plateau.farm.redis.commands.workers import Heartbeat, LeaseName, Leave
 from plateau.farm.redis.link import unavailable_as_farm_error
 from plateau.farm.redis.scripts import Scripts
 
@@ -99,30 +102,30 @@ class SliceQueue:
         `variants` are what it can render with, best first. While `in_turn`, it keeps to the job
         whose scene it has loaded.
         """
-        answer = "again"
-        while answer == "again":
-            answer = self._scripts.run(
-                "lease",
-                self._worker,
-                Kind(variants, self._pool, self._tags).text,
-                loaded_job or "",
-                int(in_turn),
-                self._lease_ms,
-                MAX_TRIES,
+        offer = Offer(again=True)
+        while offer.again:
+            offer = self._scripts.run(
+                commands.Lease(
+                    worker=self._worker,
+                    kind=Kind(variants, self._pool, self._tags).text,
+                    loaded=loaded_job or "",
+                    in_turn=in_turn,
+                    lease_ms=self._lease_ms,
+                    most_tries=MAX_TRIES,
+                )
             )
-        if answer.startswith("none"):
-            wait_ms = answer.removeprefix("none")
-            self._look_again_s = float(wait_ms) / 1000 if wait_ms else float("inf")
+        found = offer.slice
+        if found is None:
+            self._look_again_s = float("inf") if offer.wait_ms is None else offer.wait_ms / 1000
             return None
-        found = json.loads(answer)
         return Lease(
-            job_id=found["job"],
-            entry=found["entry"],
-            index=found["index"],
-            tries=found["tries"],
-            variant=found["variant"],
-            spec=stored_spec(found["spec"]),
-            scene_sha256=found["scene"],
+            job_id=found.job,
+            entry=found.entry,
+            index=found.index,
+            tries=found.tries,
+            variant=found.variant,
+            spec=stored_spec(found.spec),
+            scene_sha256=found.scene,
         )
 
     def glimpse(self, lease: Lease, blob: str) -> bool:
@@ -130,8 +133,10 @@ class SliceQueue:
 
         Returns whether anyone will look: the lease may be lost, or there is an image already.
         """
-        answer = self._scripts.run("glimpse", lease.job_id, lease.entry, self._worker, blob)
-        return bool(answer == "noted")
+        answer = self._scripts.run(
+            Glimpse(job=lease.job_id, entry=lease.entry, worker=self._worker, blob=blob)
+        )
+        return answer == "noted"
 
     def commit(
         self,
@@ -150,37 +155,36 @@ class SliceQueue:
         """
         return Committed(
             self._scripts.run(
-                "commit",
-                lease.job_id,
-                lease.entry,
-                self._worker,
-                lease.index,
-                record.model_dump_json(),
-                record.first_seed,
-                record.last_seed,
-                round(record.render_s * 1000),
-                width,
-                height,
-                json.dumps(notes),
-                lease.variant,
-                said,
+                Commit(
+                    job=lease.job_id,
+                    entry=lease.entry,
+                    worker=self._worker,
+                    index=lease.index,
+                    record=record.model_dump_json(),
+                    machine_ms=round(record.render_s * 1000),
+                    width=width,
+                    height=height,
+                    notes=json.dumps(notes),
+                    variant=lease.variant,
+                    said=said,
+                )
             )
         )
 
     def died(self, lease: Lease, cause: str, machine_s: float, said: str = "") -> str:
         """Say that the render child died on the slice; the third death fails the job."""
-        answer: str = self._scripts.run(
-            "died",
-            lease.job_id,
-            lease.entry,
-            self._worker,
-            lease.index,
-            cause,
-            MAX_TRIES,
-            round(machine_s * 1000),
-            said,
+        return self._scripts.run(
+            Died(
+                job=lease.job_id,
+                entry=lease.entry,
+                worker=self._worker,
+                index=lease.index,
+                cause=cause,
+                most_tries=MAX_TRIES,
+                machine_ms=round(machine_s * 1000),
+                said=said,
+            )
         )
-        return answer
 
     def hand_back(
         self,
@@ -196,42 +200,48 @@ class SliceQueue:
         `unfit`: because this worker can render nothing.
         """
         self._scripts.run(
-            "hand_back",
-            lease.job_id,
-            lease.entry,
-            self._worker,
-            round(machine_s * 1000),
-            lease.index,
-            "unfit" if unfit else "handed-back",
-            cause,
-            said,
+            HandBack(
+                job=lease.job_id,
+                entry=lease.entry,
+                worker=self._worker,
+                index=lease.index,
+                what="unfit" if unfit else "handed-back",
+                cause=cause,
+                machine_ms=round(machine_s * 1000),
+                said=said,
+            )
         )
 
     def fail(self, lease: Lease, reason: str, machine_s: float = 0.0, said: str = "") -> None:
         """Fail the job: its scene cannot be rendered by anyone."""
         self._scripts.run(
-            "fail",
-            lease.job_id,
-            lease.entry,
-            self._worker,
-            reason,
-            lease.index,
-            round(machine_s * 1000),
-            said,
+            Fail(
+                job=lease.job_id,
+                entry=lease.entry,
+                worker=self._worker,
+                index=lease.index,
+                reason=reason,
+                machine_ms=round(machine_s * 1000),
+                said=said,
+            )
         )
 
     def heartbeat(self, about: dict[str, object], leases: tuple[Lease, ...]) -> tuple[Lease, ...]:
         """Say that the worker lives and renew its leases; returns those that it has no more."""
-        pairs = [item for lease in leases for item in (lease.job_id, lease.entry)]
-        gone = iter(
-            self._scripts.run("heartbeat", self._worker, json.dumps(about), self._lease_ms, *pairs)
+        held = {LeaseName(lease.job_id, lease.entry): lease for lease in leases}
+        lost = self._scripts.run(
+            Heartbeat(
+                worker=self._worker,
+                about=json.dumps(about),
+                lease_ms=self._lease_ms,
+                leases=tuple(held),
+            )
         )
-        lost = set(zip(gone, gone, strict=True))
-        return tuple(lease for lease in leases if (lease.job_id, lease.entry) in lost)
+        return tuple(held[name] for name in lost)
 
     def leave(self) -> None:
         """Sign off."""
-        self._scripts.run("leave", self._worker)
+        self._scripts.run(Leave(worker=self._worker))
 
     def ended(self, job_id: str) -> bool:
         """Whether the job has ended, or is not known at all."""

@@ -2,6 +2,7 @@
 
 import json
 import logging
+import secrets
 from collections.abc import Container, Iterator
 from contextlib import contextmanager
 from itertools import count
@@ -16,27 +17,33 @@ from plateau.farm.model.job import CurvePoint, Event, Job, Worker, moment
 from plateau.farm.model.spec import JobSpec, stored_spec
 from plateau.farm.model.states import JobState
 from plateau.farm.redis import keys
+from plateau.farm.redis.commands.jobs import NewJob
 
 _LOG = logging.getLogger(__name__)
 
 
-def curve_point(text: str) -> CurvePoint:
+def curve_point(text: str, at: str) -> CurvePoint:
     """A point as `append_point` stored it; what a newer Plateau has added is left out."""
-    point = json.loads(text)
-    return CurvePoint.model_validate({**point, "at": moment(point["at"])}, extra="ignore")
+    return CurvePoint.model_validate({**json.loads(text), "at": moment(at)}, extra="ignore")
 
 
 def event(event_id: str, fields: dict[str, str]) -> Event:
-    """An event as the scripts' `announce` stored it."""
+    """An event as `Outbox.announce` stored it."""
     data = json.loads(fields["data"])
     if fields["type"] == "point":
-        data = curve_point(fields["data"]).model_dump(mode="json")
+        data = curve_point(fields["data"], fields["at"]).model_dump(mode="json")
     return Event(id=event_id, type=fields["type"], data=data, at=moment(fields["at"]))
 
 
+def slice_record(text: str) -> dict[str, Any]:
+    """A slice's record as `commit` stored it, and when that was (``at``, in ms)."""
+    stored = json.loads(text)
+    return {**json.loads(stored["record"]), "at": float(stored["at"])}
+
+
 def ledger(records: dict[str, str]) -> dict[int, dict[str, Any]]:
-    """Each slice's record by index, in order, as `commit` stored them."""
-    return {int(index): json.loads(records[index]) for index in sorted(records, key=int)}
+    """Each slice's record by index, in order."""
+    return {int(index): slice_record(records[index]) for index in sorted(records, key=int)}
 
 
 def worker(fields: dict[str, str]) -> Worker:
@@ -134,8 +141,8 @@ def _job(fields: dict[str, str], sealed: dict[str, str]) -> Job:
     )
 
 
-def new_job(spec: JobSpec, *, name: str, scene_sha256: str, owner: str = "") -> list[str | int]:
-    """The fields and values of a new job's hash, one after the other."""
+def new_job(spec: JobSpec, *, name: str, scene_sha256: str, owner: str = "") -> NewJob:
+    """A new job, with an id of its own."""
     fields: dict[str, str | int] = {
         "name": name,
         "spec": spec.model_dump_json(),
@@ -161,7 +168,7 @@ def new_job(spec: JobSpec, *, name: str, scene_sha256: str, owner: str = "") -> 
         fields["webhook_events"] = f" {' '.join(spec.webhook.events)} "
         fields["webhook_url"] = spec.webhook.url
         fields["webhook_secret"] = "" if secret is None else secret.get_secret_value()
-    return [item for pair in fields.items() for item in pair]
+    return NewJob(secrets.token_hex(6), fields)
 
 
 def _spec(fields: dict[str, str]) -> JobSpec:
@@ -183,7 +190,7 @@ def _seconds_to_forecast(latest: dict[str, Any], fields: dict[str, str]) -> floa
     if latest.get("forecast_spp") is None or "started_at" not in fields:
         return None
     paused_ms = int(fields.get("latest_paused_ms", 0))  # before the last point
-    rendering_ms = latest["at"] - float(fields["started_at"]) - paused_ms
+    rendering_ms = float(fields["latest_at"]) - float(fields["started_at"]) - paused_ms
     rendered = latest["spp"] - int(fields.get("continued_spp", 0))
     if rendered <= 0:  # the points are those of the job that this one goes on with
         return None

@@ -9,6 +9,7 @@ import redis
 
 from plateau.farm.model.errors import StoreUnavailable
 from plateau.farm.redis import keys
+from plateau.farm.redis.commands.scenes import DisuseScene, RememberScene, UseScene
 from plateau.farm.redis.link import unavailable_as_farm_error
 from plateau.farm.redis.scripts import Scripts
 
@@ -35,21 +36,21 @@ class SceneIndex:
             That takes long: call again later.
         """
         patience = time.monotonic() + _SCENE_GOES_S
-        is_going = self._scripts.run("use_scene", sha256)
+        is_going = self._scripts.run(UseScene(sha256=sha256))
         while is_going:
             if time.monotonic() > patience:
                 raise StoreUnavailable(f"scene {sha256} is being removed; send it again soon")
             time.sleep(0.05)
             with unavailable_as_farm_error():
-                is_going = self._redis.exists(keys.scene_going(sha256))
+                is_going = bool(self._redis.exists(keys.scene_going(sha256)))
 
     def disuse(self, sha256: str) -> None:
         """Take the note of `use` back: the blob store has no such scene."""
-        self._scripts.run("disuse_scene", sha256)
+        self._scripts.run(DisuseScene(sha256=sha256))
 
     def remember(self, sha256: str, summary: dict[str, Any]) -> None:
         """Note that the blob store holds this scene."""
-        self._scripts.run("remember_scene", sha256, json.dumps(summary))
+        self._scripts.run(RememberScene(sha256=sha256, summary=json.dumps(summary)))
 
     def bytes_of(self, owner: str) -> int:
         """How many bytes the stored scenes have that this key, by its id, was the first to send."""

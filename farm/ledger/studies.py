@@ -22,6 +22,13 @@ from plateau.farm.model.job import moment
 from plateau.farm.model.study import MOST_OBSERVERS, MOST_STUDIES, Answer, Observer, Screen, Study
 from plateau.farm.model.study_order import Pair
 from plateau.farm.redis import keys
+from plateau.farm.redis.commands.studies import (
+    AnswerStudy,
+    BeginStudy,
+    CreateStudy,
+    ForgetStudy,
+    JoinStudy,
+)
 from plateau.farm.redis.link import unavailable_as_farm_error
 from plateau.farm.redis.scripts import Scripts
 
@@ -39,7 +46,7 @@ class Studies:
     def begin(self) -> str:
         """The id of a study that is to be made: from now on its pictures may be put."""
         study_id = secrets.token_hex(6)
-        self._scripts.run("begin_study", study_id, round(_MAKING_S * 1000))
+        self._scripts.run(BeginStudy(study=study_id, making_ms=round(_MAKING_S * 1000)))
         return study_id
 
     def made(self, request: dict[str, Any], owner: str) -> Study | None:
@@ -57,20 +64,26 @@ class Studies:
             There are too many, or it took too long to make.
         """
         digest = _digest(request, owner)
-        outcome, *found = self._scripts.run(
-            "create_study", study_id, digest, owner, json.dumps(about), MOST_STUDIES
+        made = self._scripts.run(
+            CreateStudy(
+                study=study_id,
+                digest=digest,
+                owner=owner,
+                about=json.dumps(about),
+                most=MOST_STUDIES,
+            )
         )
-        if outcome == "late":
+        if made.outcome == "late":
             raise CannotStudy(
                 f"the study was not made: its pictures took more than {_MAKING_S / 60:g} min; ask "
                 "for fewer levels"
             )
-        if outcome == "too many":
+        if made.outcome == "too many":
             raise CannotStudy(
                 f"the farm has {MOST_STUDIES} studies, as many as it may have; delete one that is "
                 "done"
             )
-        return self.get(found[0])
+        return self.get(made.study)
 
     def get(self, study_id: str) -> Study:
         """The study, or `StudyNotFound`."""
@@ -103,8 +116,9 @@ class Studies:
         StudyNotFound, CannotStudy
             It is forgotten; it has as many observers as it may.
         """
+        shown = screen.model_dump_json()
         outcome = self._scripts.run(
-            "join_study", study.id, name, screen.model_dump_json(), MOST_OBSERVERS
+            JoinStudy(study=study.id, name=name, screen=shown, most=MOST_OBSERVERS)
         )
         if outcome == "missing":
             raise StudyNotFound(study.id)
@@ -157,8 +171,10 @@ class Studies:
         if trial >= len(shown):
             raise TrialNotFound(study.id, trial, len(shown))
         given = json.dumps({"seen": seen, "seconds": seconds})
-        stored = self._scripts.run("answer_study", study.id, observer.name, trial, given)
-        if stored == "missing":
+        stored = self._scripts.run(
+            AnswerStudy(study=study.id, name=observer.name, trial=trial, given=given)
+        )
+        if stored is None:
             raise StudyNotFound(study.id)
         return _answer(observer, trial, shown[trial], stored)
 
@@ -178,7 +194,7 @@ class Studies:
 
     def forget(self, study_id: str, store: Blobs) -> None:
         """Remove the study with all its answers and pictures; one that is not there is fine."""
-        self._scripts.run("forget_study", study_id)
+        self._scripts.run(ForgetStudy(study=study_id))
         store.delete(*store.names(blobs.of_study(study_id)))
 
 

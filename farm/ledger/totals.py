@@ -19,6 +19,9 @@ import redis
 from plateau.farm.model.durations import Durations, Histogram, histogram
 from plateau.farm.model.fit import ANY
 from plateau.farm.model.states import JobState
+from plateau.farm.redis.commands import census as commands
+from plateau.farm.redis.commands.members import MonitorHeartbeat
+from plateau.farm.redis.commands.sweeps import NoteSweep
 from plateau.farm.redis.scripts import Scripts
 
 #: How tries of slices end, as the totals have them: as in a job's log
@@ -138,24 +141,22 @@ def take_census(
 
     Jobs of a priority below `from_priority` are counted, but are no demand.
     """
-    least = "" if from_priority is None else from_priority
-    found = json.loads(scripts.run("census", round(within_s * 1000), least))
-    pairs = iter(found["totals"])
-    totals = {name: int(number) for name, number in zip(pairs, pairs, strict=True)}
-    oldest = found.get("oldest")
+    found = scripts.run(
+        commands.Census(alive_ms=round(within_s * 1000), least_priority=from_priority)
+    )
+    totals, oldest = found.totals, found.oldest
     return Census(
-        jobs=found["jobs"],
-        jobs_stored=found["stored"],
-        jobs_unserved=found["unserved"],
-        queue_age_s=0.0 if oldest is None else (float(found["now"]) - float(oldest)) / 1000,
+        jobs=found.jobs,
+        jobs_stored=found.stored,
+        jobs_unserved=found.unserved,
+        queue_age_s=0.0 if oldest is None else (float(found.now) - float(oldest)) / 1000,
         demand={
-            needed: _demand(slices, _mean_slice_ms(totals))
-            for needed, slices in found["demand"].items()
+            needed: _demand(work, _mean_slice_ms(totals)) for needed, work in found.demand.items()
         },
-        workers=found["workers"],
-        monitors=found["monitors"],
-        jobs_owned=found["owned"],
-        jobs_created=int(found["created"]),
+        workers=found.workers,
+        monitors=found.monitors,
+        jobs_owned=found.owned,
+        jobs_created=found.created,
         jobs_ended={state: totals.get(f"ended {state}", 0) for state in ENDS},
         tries={end: totals.get(f"tries {end}", 0) for end in TRY_ENDS},
         samples=totals.get("samples", 0),
@@ -165,19 +166,19 @@ def take_census(
         wasted_s=totals.get("wasted ms", 0) / 1000,
         merges=histogram(totals, "merge", MERGE_BOUNDS_S),
         evaluations=histogram(totals, "evaluation", EVALUATION_BOUNDS_S),
-        webhooks_waiting=found["webhooks"],
+        webhooks_waiting=found.webhooks,
         webhook_tries={end: totals.get(f"webhook tries {end}", 0) for end in DELIVERY_TRY_ENDS},
         webhooks_dropped=totals.get("webhooks dropped", 0),
         swept_at=totals["swept at"] / 1000 if "swept at" in totals else None,
     )
 
 
-def _demand(slices: dict[str, float], unmeasured_ms: float) -> Demand:
+def _demand(work: commands.Work, unmeasured_ms: float) -> Demand:
     return Demand(
-        waiting=int(slices["waiting"]),
-        leased=int(slices["leased"]),
-        left=math.ceil(slices["left"]),
-        work_s=(slices["work_ms"] + slices["unmeasured"] * unmeasured_ms) / 1000,
+        waiting=work.waiting,
+        leased=work.leased,
+        left=math.ceil(work.left),
+        work_s=(work.work_ms + work.unmeasured * unmeasured_ms) / 1000,
     )
 
 
@@ -232,14 +233,15 @@ class MonitorWork:
 
     def sign_off(self) -> None:
         """Report for the last time."""
-        self._report("")
+        self._report(None)
 
-    def _report(self, about: str) -> None:
+    def _report(self, about: str | None) -> None:
         done = self.merges.numbers("merge") | self.evaluations.numbers("evaluation")
-        flat = [item for pair in done.items() for item in pair]
-        self._scripts.run("monitor_heartbeat", self._id, about, self._lease_ms, *flat)
+        self._scripts.run(
+            MonitorHeartbeat(monitor=self._id, about=about, life_ms=self._lease_ms, done=done)
+        )
 
 
 def note_sweep(client: redis.Redis) -> None:
     """Note that a sweep was done just now."""
-    Scripts(client).run("note_sweep")
+    Scripts(client).run(NoteSweep())

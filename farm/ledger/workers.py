@@ -9,6 +9,7 @@ import redis
 from plateau.farm.ledger.members import refused_within
 from plateau.farm.model.errors import WorkerNotFound
 from plateau.farm.model.job import RefusedProcess, Worker
+from plateau.farm.redis.commands.members import Drain
 from plateau.farm.redis.scripts import Scripts
 
 #: A worker lives whose heartbeat was heard within so many seconds.
@@ -33,11 +34,11 @@ class Workers:
         WorkerNotFound
             No such worker lives.
         """
-        self._tell(worker_id, "1")
+        self._tell(worker_id, drains=True)
 
     def resume(self, worker_id: str) -> None:
         """Let a drained worker take work again; raises `WorkerNotFound` as `drain` does."""
-        self._tell(worker_id, "0")
+        self._tell(worker_id, drains=False)
 
     def refused(self, alive: Iterable[Worker]) -> list[RefusedProcess]:
         """Who was not let into the farm in the last hour, the newest first.
@@ -54,6 +55,7 @@ class Workers:
             if one.role != "worker" or one.host not in let_in or let_in[one.host] < one.at
         ]
 
-    def _tell(self, worker_id: str, drains: str) -> None:
-        if self._scripts.run("drain", worker_id, drains, round(ALIVE_S * 1000)) == "missing":
+    def _tell(self, worker_id: str, *, drains: bool) -> None:
+        drain = Drain(worker=worker_id, drains=drains, alive_ms=round(ALIVE_S * 1000))
+        if self._scripts.run(drain) == "missing":
             raise WorkerNotFound(worker_id)

@@ -25,6 +25,7 @@ from plateau.farm.model import versions
 from plateau.farm.model.errors import NotPermitted, Refused, StoreUnavailable, WrongLayout
 from plateau.farm.model.states import JOB_MOVES
 from plateau.farm.redis import keys
+from plateau.farm.redis.commands.command import Answer, Command
 from plateau.farm.redis.link import unavailable_as_farm_error
 
 _LUA: Final = files("plateau.farm.redis") / "lua"
@@ -103,7 +104,7 @@ def text() -> str:
 
 def commands(whose: str = "workers|farm") -> set[str]:
     """The names of the commands for ``workers``, for the rest of the ``farm``, or of all."""
-    return set(re.findall(rf"^for_(?:{whose})\W+(\w+)", text(), re.MULTILINE))
+    return set(re.findall(rf"^(?:function )?for_(?:{whose})\W+(\w+)", text(), re.MULTILINE))
 
 
 @contextmanager
@@ -132,8 +133,8 @@ class Scripts:
         self._text = text()
         self._sha1 = hashlib.sha1(self._text.encode(), usedforsecurity=False).hexdigest()
 
-    def run(self, command: str, *arguments: str | int | float) -> Any:
-        """What the command returns; its first comment says what that may be.
+    def run(self, command: Command[Answer]) -> Answer:
+        """What is answered to the command.
 
         Raises
         ------
@@ -147,23 +148,28 @@ class Scripts:
         """
         with unavailable_as_farm_error(), _answers_as_farm_errors():
             try:
-                return self._redis.evalsha(self._sha1, 0, command, *arguments)
+                text = self._ask(self._redis, command)
             except redis.exceptions.NoScriptError:
                 self._load()
-                return self._redis.evalsha(self._sha1, 0, command, *arguments)
+                text = self._ask(self._redis, command)
+        return command.read_answer(text)
 
-    def run_each(self, command: str, arguments: Sequence[Sequence[str | int | float]]) -> list[Any]:
-        """What the command returns for each of these arguments, in one round trip.
+    def run_each(self, commands: Sequence[Command[Answer]]) -> list[Answer]:
+        """What is answered to each of the commands, in one round trip.
 
         Others may come in between two of them. Raises what `run` does.
         """
         self.load()
         with unavailable_as_farm_error(), _answers_as_farm_errors():
             pipe = self._redis.pipeline(transaction=False)
-            for one in arguments:
-                pipe.evalsha(self._sha1, 0, command, *one)
-            answers: list[Any] = pipe.execute()
-        return answers
+            for command in commands:
+                self._ask(pipe, command)
+            texts: list[str] = pipe.execute()
+        return [command.read_answer(text) for command, text in zip(commands, texts, strict=True)]
+
+    def _ask(self, client: redis.Redis, command: Command[Any]) -> str:
+        text: str = client.evalsha(self._sha1, 0, command.lua_name(), command.as_json())
+        return text
 
     def load(self) -> None:
         """See to it that Redis knows the script, also for workers; raises what `run` does."""

@@ -16,6 +16,7 @@ import redis
 
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.pairing import check_pair
+from plateau.farm.redis.commands.sweeps import BeginSweep
 from plateau.farm.redis.link import unavailable_as_farm_error
 from plateau.farm.redis.scripts import Scripts
 from plateau.farm.sweep.finished_jobs import FinishedJobs
@@ -96,4 +97,4 @@ def sweep(
 
 def is_due(client: redis.Redis, every_s: float) -> bool:
     """Whether no sweep was begun by this call for so long; then the caller's begins now."""
-    return bool(Scripts(client).run("begin_sweep", round(every_s * 1000)))
+    return Scripts(client).run(BeginSweep(every_ms=round(every_s * 1000)))

@@ -18,6 +18,7 @@ from plateau.farm.blobs import store as blobs
 from plateau.farm.blobs.store import StoredBlob
 from plateau.farm.ledger.ownership import Checkpoint
 from plateau.farm.redis import keys
+from plateau.farm.redis.commands.sweeps import DropSums, Forget
 from plateau.farm.redis.link import now_ms
 from plateau.farm.redis.scripts import Scripts
 from plateau.farm.sweep.removal import Removal
@@ -43,7 +44,8 @@ class FinishedJobs:
             if self._removal.dry_run:
                 goes = self.forgotten.issuperset(continuing[job_id])
             else:
-                goes = self._scripts.run("forget", job_id, older_than_ms) == "forgotten"
+                forget = Forget(job=job_id, finished_for_ms=older_than_ms)
+                goes = self._scripts.run(forget) == "forgotten"
             if goes:
                 self.forgotten.add(job_id)
                 stored = self._removal.store.listing(blobs.of_job(job_id))
@@ -62,7 +64,10 @@ class FinishedJobs:
             if self._removal.dry_run:
                 goes = all(left.get(other) != checkpoint for other in others)
             else:
-                goes = self._scripts.run("drop_sums", job_id, older_than_ms, *others) == "dropped"
+                drop = DropSums(
+                    job=job_id, finished_for_ms=older_than_ms, continued_by=tuple(others)
+                )
+                goes = self._scripts.run(drop) == "dropped"
             if goes:
                 left[job_id] = None
                 blob = Checkpoint.model_validate_json(checkpoint).blob

@@ -29,6 +29,7 @@ import redis
 
 from plateau.farm.blobs import store as blobs
 from plateau.farm.redis import keys
+from plateau.farm.redis.commands.scenes import ForgetScene, NoteScenes, SceneGone
 from plateau.farm.redis.link import now_ms
 from plateau.farm.redis.scripts import Scripts
 from plateau.farm.sweep.finished_jobs import field_of_all
@@ -66,7 +67,7 @@ def remove_scenes(
     scripts, removed = Scripts(client), 0
     if not removal.dry_run:
         for start in range(0, len(unnoted), _AT_ONCE):
-            scripts.run("note_scenes", *unnoted[start : start + _AT_ONCE])
+            scripts.run(NoteScenes(scenes=tuple(unnoted[start : start + _AT_ONCE])))
     wanted = {
         scene for job_id, scene in field_of_all(client, "scene_sha256") if job_id not in forgotten
     }
@@ -74,12 +75,13 @@ def remove_scenes(
     for sha256 in unused:
         asked = time.monotonic()
         if not removal.dry_run:
-            arguments = (sha256, before, round(_GOING_S * 1000))
-            if scripts.run("forget_scene", *arguments) != "forgotten":
+            going_ms = round(_GOING_S * 1000)
+            forget = ForgetScene(sha256=sha256, before_ms=before, going_ms=going_ms)
+            if scripts.run(forget) != "forgotten":
                 continue
         if time.monotonic() - asked > _BEGINS_WITHIN_S:
             continue  # we were suspended, and by now the API may count on the blob
         removed += removal.remove([stored[sha256]] if sha256 in stored else [])
         if not removal.dry_run:
-            scripts.run("scene_gone", sha256)
+            scripts.run(SceneGone(sha256=sha256))
     return removed

@@ -24,6 +24,11 @@ from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
 from plateau.farm.model.study import Screen
 from plateau.farm.redis import keys
+from plateau.farm.redis.commands.members import ApiHeartbeat, Pair
+from plateau.farm.redis.commands.scenes import ForgetScene, NoteScenes, SceneGone
+from plateau.farm.redis.commands.studies import BeginStudy, ForgetStudy
+from plateau.farm.redis.commands.sweeps import DropSums, Forget
+from plateau.farm.redis.commands.workers import Refused
 from plateau.farm.redis.scripts import Scripts
 from plateau.farm.sweep import is_due
 
@@ -145,12 +150,12 @@ class Case:
 
 CASES: dict[str, Case] = {}
 
-#: Scripts that do something more when they are repeated: each has a test of its own.
+#: Commands that do something more when they are repeated: each has a test of its own.
 REPEATS_DIFFER: Final = frozenset({"lease", "own", "take_delivery", "take", "renew_farm_secret"})
 
 
 def written_by(name: str) -> str:
-    """The script that does the write of a case."""
+    """The command that does the write of a case."""
     return name.partition(":")[0]
 
 
@@ -337,12 +342,12 @@ def _(world: World) -> Callable[[], object]:
 
 @case("api_heartbeat")
 def _(world: World) -> Callable[[], object]:
-    return lambda: Scripts(world.lossy).run("api_heartbeat", "api-1", "{}", 60_000)
+    return lambda: Scripts(world.lossy).run(ApiHeartbeat(api="api-1", about="{}", life_ms=60_000))
 
 
 @case("refused", writes_only_times=True)
 def _(world: World) -> Callable[[], object]:
-    return lambda: Scripts(world.lossy).run("refused", "worker a-host", '{"pid": 1}')
+    return lambda: Scripts(world.lossy).run(Refused(who="worker a-host", about='{"pid": 1}'))
 
 
 @case("settle_delivery: delivered", again=True)
@@ -366,19 +371,21 @@ def _(world: World) -> Callable[[], object]:
 @case("forget", "missing")
 def _(world: World) -> Callable[[], object]:
     job = world.finished()
-    return lambda: Scripts(world.lossy).run("forget", job, 0)
+    return lambda: Scripts(world.lossy).run(Forget(job=job, finished_for_ms=0))
 
 
 @case("drop_sums", "kept")
 def _(world: World) -> Callable[[], object]:
     job = world.finished()
-    return lambda: Scripts(world.lossy).run("drop_sums", job, 0)
+    drop = DropSums(job=job, finished_for_ms=0, continued_by=())
+    return lambda: Scripts(world.lossy).run(drop)
 
 
 @case("forget_scene", "kept")
 def _(world: World) -> Callable[[], object]:
     SceneIndex(world.direct).use("c" * 64)
-    return lambda: Scripts(world.lossy).run("forget_scene", "c" * 64, 2**52, 60_000)
+    forget = ForgetScene(sha256="c" * 64, before_ms=2**52, going_ms=60_000)
+    return lambda: Scripts(world.lossy).run(forget)
 
 
 # What APIs write.
@@ -457,14 +464,15 @@ def _(world: World) -> Callable[[], object]:
 
 @case("note_scenes")
 def _(world: World) -> Callable[[], object]:
-    return lambda: Scripts(world.lossy).run("note_scenes", "c" * 64, "d" * 64)
+    return lambda: Scripts(world.lossy).run(NoteScenes(scenes=("c" * 64, "d" * 64)))
 
 
 @case("scene_gone")
 def _(world: World) -> Callable[[], object]:
     SceneIndex(world.direct).use("c" * 64)
-    Scripts(world.direct).run("forget_scene", "c" * 64, 10**14, 60_000)
-    return lambda: Scripts(world.lossy).run("scene_gone", "c" * 64)
+    forget = ForgetScene(sha256="c" * 64, before_ms=10**14, going_ms=60_000)
+    Scripts(world.direct).run(forget)
+    return lambda: Scripts(world.lossy).run(SceneGone(sha256="c" * 64))
 
 
 @case("begin_sweep", False, writes_only_times=True)  # as if the first one had been begun
@@ -479,7 +487,7 @@ def _(world: World) -> Callable[[], object]:
 
 @case("pair", "an id")
 def _(world: World) -> Callable[[], object]:
-    return lambda: Scripts(world.lossy).run("pair", "an id", "1")
+    return lambda: Scripts(world.lossy).run(Pair(id="an id", is_marked=True))
 
 
 @case("put_key: of another's making", lambda key: key.usable, answers_before=1)
@@ -518,7 +526,7 @@ def _(world: World) -> Callable[[], object]:
 
 @case("begin_study")
 def _(world: World) -> Callable[[], object]:
-    return lambda: Scripts(world.lossy).run("begin_study", "a" * 12, 60_000)
+    return lambda: Scripts(world.lossy).run(BeginStudy(study="a" * 12, making_ms=60_000))
 
 
 @case("create_study", lambda study: study.levels == (50, 100))
@@ -542,7 +550,7 @@ def _(world: World) -> Callable[[], object]:
     return lambda: world.studies.answer(study, ada, 0, seen=True, seconds=1.0)
 
 
-@case("forget_study", "forgotten")
+@case("forget_study")
 def _(world: World) -> Callable[[], object]:
     study = world.study()
-    return lambda: Scripts(world.lossy).run("forget_study", study)
+    return lambda: Scripts(world.lossy).run(ForgetStudy(study=study))

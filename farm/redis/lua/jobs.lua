@@ -10,16 +10,16 @@ end
 function Job.has_image(id) return (redis.call('HGET', job_key(id), 'results') or '') ~= '' end
 
 -- The job has a set of results, of so many spp: there is an image to be looked at, from the first on.
--- What its bytes are is noted by blob (JSON); with '' the set is one that is shown already, or another
+-- The SHA-256 of its bytes is noted by blob; without any the set is one that is shown already, or another
 -- job's.
 function Job.show(id, results, spp, digests)
-  if not Job.has_image(id) then Outbox.announce(id, 'image', cjson.encode({spp = tonumber(spp)})) end
+  if not Job.has_image(id) then Outbox.announce(id, 'image', {spp = tonumber(spp)}) end
   redis.call('HSET', job_key(id), 'results', results)
-  if digests == '' then return end
+  if not digests then return end
   for _, blob in ipairs(redis.call('HKEYS', job_key(id, 'digests'))) do
     if string.sub(blob, 1, 8) == 'results/' then redis.call('HDEL', job_key(id, 'digests'), blob) end
   end
-  for blob, sha256 in pairs(cjson.decode(digests)) do
+  for blob, sha256 in pairs(digests) do
     redis.call('HSET', job_key(id, 'digests'), blob, sha256)
   end
 end
@@ -29,6 +29,15 @@ function Job.paused_ms(id)
   local paused = redis.call('HMGET', job_key(id), 'paused_ms', 'paused_at')
   local lasts = paused[2] and math.max(0, now() - paused[2]) or 0
   return string.format('%.0f', (paused[1] or 0) + lasts)
+end
+
+-- The job's curve has another point (JSON).
+function Job.append_point(id, spp, at, point)
+  redis.call('XADD', job_key(id, 'curve'), spp .. '-0', 'at', at, 'point', point)
+  redis.call('HSET', job_key(id), 'latest', point, 'latest_at', at, 'spp', spp, 'latest_paused_ms',
+             Job.paused_ms(id))
+  redis.call('HINCRBY', job_key(id), 'points', 1)
+  Outbox.announce(id, 'point', point, at)
 end
 
 -- Move a job along the table. Returns true, or false and the state that forbids it.
@@ -46,7 +55,7 @@ function Job.move(id, target, reason)
   redis.call('ZREM', in_state_key(state), id)
   redis.call('ZADD', in_state_key(target), redis.call('HGET', job_key(id), 'number'), id)
   changed[id] = true
-  Outbox.announce(id, 'state', cjson.encode({from = state, to = target, reason = reason}))
+  Outbox.announce(id, 'state', {from = state, to = target, reason = reason})
   return true, state
 end
 

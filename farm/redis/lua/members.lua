@@ -26,8 +26,8 @@ local function spoken_by_all(without)
   return oldest, newest, plateau
 end
 
--- Why whoever runs this cannot work with those who speak these versions, as an error, which a script
--- is to return; nil where it can.
+-- Why whoever runs this cannot work with those who speak these versions, as an error, which a command
+-- is to return after its answer; nil where it can.
 local function refusal(oldest, newest, plateau)
   if not oldest or OLDEST <= tonumber(newest) and tonumber(oldest) <= NEWEST then return nil end
   return redis.error_reply('REFUSED ' .. oldest .. ' ' .. newest .. ' ' .. plateau)
@@ -38,12 +38,12 @@ function Member.refusal_of_worker()
   return refusal(unpack(redis.call('HMGET', PROTOCOL, 'oldest', 'newest', 'plateau')))
 end
 
--- A monitor or an API lives, or signs off where `about` is ''; the farm then speaks what all do that
+-- A monitor or an API lives, or signs off where there is no `about`; the farm then speaks what all do that
 -- are left. Returns the refusal where it does not speak what the others do: it is then no member.
 function Member.note(members, key, id, about, life_ms)
-  local refused = about ~= '' and refusal(spoken_by_all(key))
+  local refused = about and refusal(spoken_by_all(key))
   if refused then return refused end
-  if about == '' then
+  if not about then
     redis.call('ZREM', members, id)
   else
     redis.call('HSET', key, 'about', about, 'seen_at', now(), 'oldest', OLDEST, 'newest', NEWEST,

@@ -1,45 +1,37 @@
 -- New jobs: whether they may be, and what is written of them.
 
--- Of a new job with these fields and values: how many different needs open jobs have, where there is no
--- room for another. A lease may look at each.
-function New.needs_too_much(...)
-  local fields = {...}
-  for i = 1, #fields, 2 do
-    if fields[i] == 'need' and redis.call('HEXISTS', NEEDS, fields[i + 1]) == 0 then
-      local needs = redis.call('HLEN', NEEDS)
-      return needs >= MOST_NEEDS and needs or nil
-    end
-  end
+-- Of a new job with these fields: how many different needs open jobs have, where there is no room for
+-- another. A lease may look at each.
+function New.needs_too_much(fields)
+  if redis.call('HEXISTS', NEEDS, fields.need or DEFAULT_POOL) == 1 then return nil end
+  local needs = redis.call('HLEN', NEEDS)
+  if needs >= MOST_NEEDS then return {outcome = 'too varied', has = needs} end
 end
 
--- The API key that a new job with these fields and values belongs to: its id and what is known of it.
-local function owner_among(...)
-  local fields = {...}
-  for i = 1, #fields, 2 do
-    if fields[i] == 'owner' and fields[i + 1] ~= '' then
-      return fields[i + 1], cjson.decode(redis.call('HGET', API_KEYS, fields[i + 1]) or '{}')
-    end
-  end
+-- The API key that a new job with these fields belongs to: its id and what is known of it.
+local function owner_among(fields)
+  if (fields.owner or '') == '' then return nil end
+  return fields.owner, cjson.decode(redis.call('HGET', API_KEYS, fields.owner) or '{}')
 end
 
 -- How many open jobs the owner has and how many it may have, where so many more would be too many.
-function New.too_many_jobs(more, ...)
-  local owner, key = owner_among(...)
+function New.too_many_jobs(more, fields)
+  local owner, key = owner_among(fields)
   local most = owner and key.limits and tonumber(key.limits.open_jobs)  -- null is no number
   if not most then return nil end
   local open = redis.call('SCARD', api_key_key(owner, 'open'))
-  if open + more > most then return open, most end
+  if open + more > most then return {outcome = 'too many', has = open, most = most} end
 end
 
 -- Whether a request with this idempotency key was there before: 'repeated' or, where it was another,
--- 'conflict', and the id that it was answered with. '' is no key, and one whose job was forgotten since
+-- 'conflict', and the job that it was answered with. '' is no key, and one whose job was forgotten since
 -- is a new one.
 function New.made_before(idempotency, digest)
   local known = idempotency ~= '' and redis.call('GET', PREFIX .. 'idempotency:' .. idempotency)
   if not known then return nil end
   known = cjson.decode(known)
   if redis.call('EXISTS', job_key(known.id)) == 0 then return nil end
-  return known.digest == digest and 'repeated' or 'conflict', known.id
+  return {outcome = known.digest == digest and 'repeated' or 'conflict', job = known.id}
 end
 
 function New.remember_request(idempotency, digest, id)
@@ -48,11 +40,11 @@ function New.remember_request(idempotency, digest, id)
              cjson.encode({id = id, digest = digest}), 'EX', 86400)
 end
 
--- Would a job join a guarded batch with whose newest job it was not compared? `guarded` is '1' where
--- the job itself guards the batch, `compared` the number of the newest job that it was compared with.
+-- Would a job join a guarded batch with whose newest job it was not compared? `guarded` says whether the
+-- job itself guards the batch, `compared` the number of the newest job that it was compared with.
 function New.joins_unseen(batch, guarded, compared)
   if batch == '' then return false end
-  if guarded ~= '1' and redis.call('SISMEMBER', GUARDED, batch) == 0 then return false end
+  if not guarded and redis.call('SISMEMBER', GUARDED, batch) == 0 then return false end
   return (redis.call('ZSCORE', BATCHES, batch) or '') ~= compared
 end
 
@@ -72,13 +64,14 @@ local function seal_owner(id, owner, key)
   redis.call('HSET', job_key(id), 'party', owner)
 end
 
--- A new job, queued; what follows `reason` are fields and values of its hash.
-function New.job(id, priority, reason, ...)
-  local number = redis.call('INCR', PREFIX .. 'created')
+-- A new job, queued, with its id and the fields of its hash.
+function New.job(job, priority, reason)
+  local id, number = job.id, redis.call('INCR', PREFIX .. 'created')
   redis.call('HSET', job_key(id), 'id', id, 'state', 'queued', 'reason', 'waiting for a worker',
-             'created_at', now(), 'number', number, ...)
+             'created_at', now(), 'number', number)
+  for field, value in pairs(job.fields) do redis.call('HSET', job_key(id), field, value) end
   seal_webhook(id)
-  local owner, key = owner_among(...)
+  local owner, key = owner_among(job.fields)
   seal_owner(id, owner, key)
   redis.call('ZADD', JOBS, number, id)
   redis.call('ZADD', in_state_key('queued'), number, id)
@@ -96,6 +89,6 @@ function New.job(id, priority, reason, ...)
     redis.call('ZADD', api_key_key(owner, 'jobs'), number, id)
   end
   redis.call('XGROUP', 'CREATE', job_key(id, 'slices'), GROUP, '0', 'MKSTREAM')
-  Outbox.announce(id, 'state', cjson.encode({to = 'queued', reason = reason}))
+  Outbox.announce(id, 'state', {to = 'queued', reason = reason})
   redis.call('PUBLISH', WAKE_MONITORS, id)
 end

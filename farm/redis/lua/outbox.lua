@@ -1,15 +1,17 @@
 -- The outbox: what happened to jobs that have a webhook, waiting to be told to their receivers. The
 -- command that changes a job fills it in the same step, so no change is lost and none is made up.
 
--- What webhooks may want to be told when the script is done: job, event, job, event, …
+-- What webhooks may want to be told when the command is done: job, event, job, event, …
 local happened = {}
 
-function Outbox.announce(id, type, data)
-  redis.call('XADD', job_key(id, 'events'), '*', 'type', type, 'at', now(), 'data', data)
-  local event = type == 'state' and cjson.decode(data).to or type == 'finished' and type
-  if event then
+-- Note an event of a job for those who follow it, with a table, or JSON already, that says more of it.
+function Outbox.announce(id, event, data, at)
+  local text = type(data) == 'string' and data or cjson.encode(data)
+  redis.call('XADD', job_key(id, 'events'), '*', 'type', event, 'at', at or now(), 'data', text)
+  local told = event == 'state' and data.to or event == 'finished' and event
+  if told then
     happened[#happened + 1] = id
-    happened[#happened + 1] = event
+    happened[#happened + 1] = told
   end
 end
 
@@ -86,7 +88,7 @@ local function put_into_outbox(id, event)
   redis.call('PUBLISH', WAKE_WEBHOOKS, id)
 end
 
--- Called when a script is done: so a message shows the job as the script left it.
+-- Called when a command is done: so a message shows the job as the command left it.
 function Outbox.fill()
   for i = 1, #happened, 2 do put_into_outbox(happened[i], happened[i + 1]) end
 end

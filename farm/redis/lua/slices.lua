@@ -1,5 +1,16 @@
 -- The slices of a job: who has which, and how tries of them end.
 
+-- What the ledger has of a slice; false where it is not there.
+function Slice.record(id, index)
+  local entry = redis.call('HGET', job_key(id, 'ledger'), index)
+  return entry and cjson.decode(cjson.decode(entry).record or '{}')
+end
+
+-- The seeds of a slice that is in the ledger, as text.
+function Slice.seeds(record)
+  return string.format('%.0f-%.0f', record.first_seed, record.last_seed)
+end
+
 -- The slice of this entry needs nobody any more.
 function Slice.drop(id, entry)
   if redis.call('XACK', job_key(id, 'slices'), GROUP, entry) == 1 then
@@ -136,7 +147,8 @@ function Slice.settle(id, index, entry, worker)
     end
   end
   Slice.drop(id, entry)
-  local prefix, committed = redis.call('HGET', job_key(id), 'prefix'), redis.call('HLEN', job_key(id, 'ledger'))
+  local prefix = redis.call('HGET', job_key(id), 'prefix')
+  local committed = redis.call('HLEN', job_key(id, 'ledger'))
   prefix = prefix and string.match(prefix, '^%d+$') and tonumber(prefix) or 0
   if prefix > committed then prefix = 0 end
   for index = prefix, committed - 1 do
@@ -153,7 +165,7 @@ function Slice.note_death(id, index, worker, cause, ms, said)
   local causes = cjson.decode(redis.call('HGET', job_key(id, 'deaths'), index) or '[]')
   causes[#causes + 1] = cause
   redis.call('HSET', job_key(id, 'deaths'), index, cjson.encode(causes))
-  Outbox.announce(id, 'trouble', cjson.encode({index = tonumber(index), worker = worker, cause = cause}))
+  Outbox.announce(id, 'trouble', {index = tonumber(index), worker = worker, cause = cause})
   Slice.note_try(id, index, worker, 'died', cause, ms or '', said or '')
   return causes
 end
@@ -194,6 +206,6 @@ function Slice.forgive(worker)
 end
 
 function Slice.poison(id, index, causes)
-  Job.end_with(id, 'failed', string.format('slice %s failed %d times; each time the process that rendered it ended: %s',
-                                      index, #causes, table.concat(causes, '; ')))
+  local why = 'slice %s failed %d times; each time the process that rendered it ended: %s'
+  Job.end_with(id, 'failed', string.format(why, index, #causes, table.concat(causes, '; ')))
 end

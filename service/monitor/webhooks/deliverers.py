@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Final
 
-from plateau.farm.ledger.outbox import MOST_TRIES, Outbox, Taken, TryEnd, retry_delay_s
+from plateau.farm.ledger.outbox import MOST_TRIES, Outbox, Taken, retry_delay_s
 from plateau.farm.model.errors import StoreUnavailable
 from plateau.farm.process import log
 from plateau.farm.process.addresses import Receivers
@@ -21,6 +21,7 @@ from plateau.farm.process.backoff import Backoff
 from plateau.farm.process.settings import Settings
 from plateau.farm.process.stop import Stop
 from plateau.farm.redis import keys
+from plateau.farm.redis.commands.webhooks import TryEnd
 from plateau.farm.redis.link import connect
 from plateau.farm.redis.wake import Wake
 from plateau.farm.wire.webhook_views import message

@@ -16,6 +16,7 @@ from plateau.farm.model.errors import BatchNotFound, UnevenBatch
 from plateau.farm.model.spec import BatchSpec, JobSpec
 from plateau.farm.model.states import JobState
 from plateau.farm.redis import keys
+from plateau.farm.redis.commands.sweeps import Forget
 from plateau.farm.redis.link import connect
 from plateau.farm.redis.scripts import Scripts
 from tests.support.staged_job import StagedJob
@@ -144,17 +145,17 @@ class TestTheIndex:
             finish(client, job_id, JobState.CONVERGED)
         # When its newest job is forgotten, it is as new as the one before
         scripts = Scripts(client)
-        assert scripts.run("forget", ids[2], 0) == "forgotten"
+        assert scripts.run(Forget(job=ids[2], finished_for_ms=0)) == "forgotten"
         assert client.zscore(keys.BATCHES, "b") == jobs_number(client, ids[1])
         assert batches.get("b").job_ids == ids[:2]
         for job_id in ids[:2]:
-            assert scripts.run("forget", job_id, 0) == "forgotten"
+            assert scripts.run(Forget(job=job_id, finished_for_ms=0)) == "forgotten"
         with pytest.raises(BatchNotFound, match="'b'"):
             batches.get("b")
         assert [line.name for line in batches.page()[0]] == ["newer"]
         [other] = jobs.search()[0]
         finish(client, other.id, JobState.FAILED)
-        scripts.run("forget", other.id, 0)
+        scripts.run(Forget(job=other.id, finished_for_ms=0))
         left = set(client.keys("*")) - before
         assert left <= {"plateau:created", "plateau:totals", "plateau:heard"}
 
@@ -396,7 +397,7 @@ class TestAGuardedBatch:
     ) -> None:
         [only] = create(jobs, 1, flicker_guard=True)
         finish(client, only, JobState.CONVERGED)
-        Scripts(client).run("forget", only, 0)
+        Scripts(client).run(Forget(job=only, finished_for_ms=0))
         assert create(jobs, 1, step=50)
 
     def test_has_to_be_named(self) -> None:

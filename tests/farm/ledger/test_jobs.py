@@ -7,6 +7,7 @@ from plateau.farm.ledger.jobs import Created, Jobs
 from plateau.farm.model.errors import JobNotFound, StoreUnavailable
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
+from plateau.farm.redis.commands.sweeps import Forget
 from plateau.farm.redis.link import connect
 from plateau.farm.redis.scripts import Scripts
 from tests.support.staged_job import StagedJob
@@ -57,7 +58,7 @@ def test_the_idempotency_key_of_a_job_that_was_forgotten_makes_another(
     job.commit()
     job.end()
     job.finish()
-    assert Scripts(client).run("forget", job.id, 0) == "forgotten"
+    assert Scripts(client).run(Forget(job=job.id, finished_for_ms=0)) == "forgotten"
     # When the request is repeated, then it makes a new job, once
     new = create_once()
     assert (new.repeated, new.conflict, new.job.state) == (False, False, JobState.QUEUED)

@@ -15,6 +15,7 @@ from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
 from plateau.farm.model.webhook_spec import DEFAULT_EVENTS, WebhookSpec
 from plateau.farm.redis import keys
+from plateau.farm.redis.commands.sweeps import Forget
 from plateau.farm.redis.scripts import Scripts
 from tests.support.staged_job import StagedJob
 
@@ -213,7 +214,7 @@ def test_nothing_stays_of_a_job_that_is_forgotten(client: redis.Redis, outbox: O
     job.point(100, visible=1)
     job.end()
     job.finish()
-    assert Scripts(client).run("forget", job.id, 0) == "forgotten"
+    assert Scripts(client).run(Forget(job=job.id, finished_for_ms=0)) == "forgotten"
     assert not list(client.scan_iter(f"*{job.id}*"))
     assert set(client.scan_iter(f"{keys.RECEIVERS}*")) <= {keys.WEBHOOK_SECRET}
     # Who was delivering is told that nobody asks any more

@@ -13,6 +13,7 @@ from plateau.farm.model.job import Job
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
 from plateau.farm.redis import keys
+from plateau.farm.redis.commands.sweeps import Forget
 from plateau.farm.redis.scripts import Scripts
 
 LEASE_S = 0.5
@@ -229,7 +230,7 @@ class TestJobs:
         assert census.jobs_ended == {"converged": 0, "exhausted": 0, "cancelled": 1, "failed": 0}
         assert sum(census.jobs.values()) == 0
         # And that is remembered when the job itself is forgotten
-        assert Scripts(farm.client).run("forget", job.id, 0) == "forgotten"
+        assert Scripts(farm.client).run(Forget(job=job.id, finished_for_ms=0)) == "forgotten"
         assert farm.jobs.census().jobs_ended["cancelled"] == 1
         assert farm.jobs.census().jobs_stored == 0
 

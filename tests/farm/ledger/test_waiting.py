@@ -1,6 +1,5 @@
 """A lease finds its job by an index; here it is held against a look at every open job."""
 
-import json
 from collections import Counter, defaultdict
 from collections.abc import Iterator
 from itertools import count
@@ -21,6 +20,8 @@ from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import MAX_TRIES, JobState
 from plateau.farm.process.stop import Stop
 from plateau.farm.redis import keys
+from plateau.farm.redis.commands import slices as commands
+from plateau.farm.redis.commands.jobs import End, Pause, Reprioritise, Resume
 from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.farm.redis.link import connect
 from plateau.farm.redis.scripts import Scripts
@@ -103,42 +104,50 @@ class History:
         scripts = Scripts(self.client)
         way = b % 6
         if way == 0:
-            scripts.run("pause", owned.job_id, "held", "1")
+            scripts.run(Pause(job=owned.job_id, reason="held", holds_back=True))
         elif way in {1, 2}:
-            scripts.run("resume", owned.job_id, "resumed")
+            scripts.run(Resume(job=owned.job_id, reason="resumed"))
         elif way in {3, 4}:
-            scripts.run("reprioritise", owned.job_id, b // 6 % 3 - 1)
+            scripts.run(Reprioritise(job=owned.job_id, priority=b // 6 % 3 - 1))
         else:
-            scripts.run("end", owned.job_id, "", "cancelled", "cancelled", "", "")
+            scripts.run(End(job=owned.job_id, target="cancelled", reason="cancelled"))
 
     # Slices
 
     def lease(self, a: int, b: int) -> None:
         worker = sorted(WORKERS)[a % len(WORKERS)]
         kind = WORKERS[worker]
-        arguments = (self.loaded[worker], b % 2, LEASE_S * 1000, MAX_TRIES)
-        answer = "again"
-        while answer == "again":
+        lease = commands.Lease(
+            worker=worker,
+            kind=kind.text,
+            loaded=self.loaded[worker] or "",
+            in_turn=b % 2 == 1,
+            lease_ms=LEASE_S * 1000,
+            most_tries=MAX_TRIES,
+        )
+        offer = commands.Offer(again=True)
+        while offer.again:
             self.stop_the_clock()
             late = late_slices(self.client, kind, worker, {job_id for job_id, _ in self.late})
             expected = scan(self.client, kind, self.loaded[worker], in_turn=b % 2 == 1)
             if expected is None:  # then the slice that holds up another job's image
                 expected = min(late, default=None)
-            answer = Scripts(self.client).run("lease", worker, kind.text, *arguments)
+            offer = Scripts(self.client).run(lease)
+        found = offer.slice
         if expected is None:
-            assert answer.startswith("none")
+            assert found is None
             return
-        found = json.loads(answer)
-        assert found["job"] == expected
+        assert found is not None
+        assert found.job == expected
         if expected in late:
-            assert found["index"] == late[expected]
+            assert found.index == late[expected]
         spec = next(spec for owned, spec in self.made if owned.job_id == expected)
         held = Lease(
-            job_id=found["job"],
-            entry=found["entry"],
-            index=found["index"],
-            tries=found["tries"],
-            variant=found["variant"],
+            job_id=found.job,
+            entry=found.entry,
+            index=found.index,
+            tries=found.tries,
+            variant=found.variant,
             spec=spec,
             scene_sha256="00",
         )

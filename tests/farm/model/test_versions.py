@@ -20,6 +20,7 @@ from plateau.farm.model.spec import JobSpec
 from plateau.farm.redis import keys, scripts
 from plateau.farm.redis.scripts import Scripts
 from tests.farm.ledger.test_workers import about
+from tests.support.redis_commands import named
 
 
 class Version:
@@ -161,12 +162,12 @@ class TestLayout:
         # And nothing is changed
         assert {key: client.dump(key) for key in client.keys("*")} == before
 
-    def test_every_script_looks_first(self, client: redis.Redis) -> None:
+    def test_every_command_looks_first(self, client: redis.Redis) -> None:
         client.set(keys.SCHEMA, "0")
         runner = Scripts(client)
         for name in scripts.commands():
             with pytest.raises(WrongLayout, match="start a monitor or an API of this Plateau"):
-                runner.run(name)
+                runner.run(named(name))
         assert client.keys("*") == [keys.SCHEMA]
 
     def test_an_older_layout_waits_for_those_who_work_with_it(

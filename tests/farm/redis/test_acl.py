@@ -1,6 +1,5 @@
 """Each kind of process has a user in Redis that can do its work, and nothing beside it."""
 
-import re
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -26,10 +25,12 @@ from plateau.farm.model.states import MAX_TRIES, JobState
 from plateau.farm.process.stop import Stop
 from plateau.farm.redis import keys
 from plateau.farm.redis.acl import QUEUE_PARTS, acl_file
+from plateau.farm.redis.commands.command import Command
 from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.farm.redis.link import connect, unavailable_as_farm_error
 from plateau.farm.redis.scripts import Scripts, commands
 from plateau.farm.redis.wake import Wake
+from tests.support.redis_commands import named
 from tests.support.redis_users import LEASE_S, Login, monitor_comes, users
 from tests.support.until import until
 
@@ -187,11 +188,11 @@ def test_a_worker_runs_no_command_that_is_not_for_workers(
     # Though it may run the script in which they all are, and whatever it says with them
     for command in commands("farm"):
         with pytest.raises(NotPermitted):
-            worker.run(command)
+            worker.run(named(command))
         with pytest.raises(NotPermitted):
-            worker.run(command, job.id, "", JobState.CANCELLED, "a worker says so", "", "", "")
+            worker.run(named(command, job=job.id, target="cancelled", reason="it says so"))
     with pytest.raises(redis.exceptions.ResponseError, match="has no command"):
-        Scripts(login("monitor")).run("no such command")
+        Scripts(login("monitor")).run(named("no such command"))
     assert {key: client.dump(key) for key in client.keys("*")} == before
 
 
@@ -273,10 +274,11 @@ def test_a_wrong_password_is_not_repeated(login: Login, embedded_redis: Embedded
 
 
 def test_the_queue_asks_for_the_commands_of_workers_alone() -> None:
-    source = Path(plateau.farm.ledger.queue.__file__).read_text()
-    ran = set(re.findall(r'_scripts\.run\(\s*"(\w+)"', source))
-    assert ran
-    assert ran <= commands("workers")
+    known = vars(plateau.farm.ledger.queue)
+    kinds = [*known.values(), *vars(known["commands"]).values()]
+    asked = {kind for kind in kinds if isinstance(kind, type) and issubclass(kind, Command)}
+    ran = {kind.lua_name() for kind in asked - {Command}}
+    assert ran == commands("workers") - {"refused"}  # which others run, too
     assert set(QUEUE_PARTS) <= set(keys.JOB_PARTS)
 
 

@@ -17,6 +17,8 @@ from plateau.farm.model.errors import NotPermitted
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
 from plateau.farm.redis import keys
+from plateau.farm.redis.commands.jobs import Continue, NewJob
+from plateau.farm.redis.commands.sweeps import Forget
 from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.farm.redis.link import connect
 from plateau.farm.redis.scripts import Scripts
@@ -87,7 +89,7 @@ def test_a_job_with_a_wrong_count_of_messages_can_be_forgotten(
     jobs.cancel(job.job_id)
     owners.finish(job, keeps_sums=False)
     login("worker").hset(keys.job(job.job_id), "webhook_count", number)
-    assert Scripts(login("monitor")).run("forget", job.job_id, 0) == "forgotten"
+    assert Scripts(login("monitor")).run(Forget(job=job.job_id, finished_for_ms=0)) == "forgotten"
     assert jobs.search() == ([], None)
     assert login("monitor").zcard(keys.RECEIVERS) == 0
 
@@ -104,10 +106,22 @@ def test_a_job_with_a_wrong_count_of_slices_can_be_gone_on_with(
     owners.end(job, JobState.CONVERGED, "levelled off", None, "")
     owners.finish(job, keeps_sums=False)
     worker.hset(keys.job(job.job_id), "planned", number)
-    fields = ["name", "box", "spec", "{}", "scene_sha256", "00", "slice_spp", 50, "committed", 0]
-    fields += ["asked_variant", "auto", "planned", 0, "issued", 0, "ready", 0, "leased", 0]
-    arguments = ("b" * 12, job.job_id, "", "", 1, "", 50, 0, "", "", "", *fields)
-    assert Scripts(login("api")).run("continue", *arguments)[0] == "created"
+    fields = {"name": "box", "spec": "{}", "scene_sha256": "00", "slice_spp": 50, "committed": 0}
+    fields |= {"asked_variant": "auto", "planned": 0, "issued": 0, "ready": 0, "leased": 0}
+    goes_on = Continue(
+        job=NewJob("b" * 12, fields),
+        old=job.job_id,
+        slices=1,
+        checkpoint="",
+        judged_spp=50,
+        idempotency="",
+        digest="",
+        priority=0,
+        batch="",
+        guarded=False,
+        compared="",
+    )
+    assert Scripts(login("api")).run(goes_on).outcome == "created"
     assert login("api").hkeys(keys.job("b" * 12, "ledger")) == ["0"]
 
 

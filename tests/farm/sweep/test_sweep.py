@@ -25,6 +25,7 @@ from plateau.farm.ledger.scene_index import SceneIndex
 from plateau.farm.model.errors import FenceLost, JobNotFound, StoreUnavailable, WrongStore
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.redis import keys
+from plateau.farm.redis.commands.scenes import ForgetScene
 from plateau.farm.sweep import Swept, sweep
 from tests.support.staged_job import StagedJob
 
@@ -69,13 +70,13 @@ def dies_at_call(monkeypatch: pytest.MonkeyPatch, store: Blobs, method: str, num
 
 
 def just_before(
-    monkeypatch: pytest.MonkeyPatch, method: str, argument: str, do: Callable[[], None]
+    monkeypatch: pytest.MonkeyPatch, method: str, argument: str | type, do: Callable[[], None]
 ) -> None:
-    """Do something once, just before a method is called with this first argument."""
+    """Do something once, just before a method is called with this, or such a, first argument."""
     original, done = pkgutil.resolve_name(method), threading.Event()
 
     def with_more(self: Any, *arguments: Any) -> Any:
-        if arguments[0] == argument and not done.is_set():
+        if argument in (arguments[0], type(arguments[0])) and not done.is_set():
             done.set()
             do()
         return original(self, *arguments)
@@ -230,7 +231,8 @@ class TestOrphans:
         job = finished(client, store, keep_slices=True)
         for index, record in Jobs(client).ledger(job.id).items():
             record["blob"] = blobs.partial(job.id, index, "counts")
-            client.hset(keys.job(job.id, "ledger"), str(index), json.dumps(record))
+            stored = json.dumps({"at": record["at"], "record": json.dumps(record)})
+            client.hset(keys.job(job.id, "ledger"), str(index), stored)
             store.put(record["blob"], b"slice")
         kept = store.names(f"jobs/{job.id}/")
         assert len(kept) == 3 + 4
@@ -411,7 +413,7 @@ class TestScenes:
             if then == "the job is created":
                 jobs.create(JobSpec(), name="a", scene_sha256=SCENE)
 
-        just_before(monkeypatch, "plateau.farm.redis.scripts.Scripts.run", "forget_scene", submit)
+        just_before(monkeypatch, "plateau.farm.redis.scripts.Scripts.run", ForgetScene, submit)
         # Then the script sees the use, and the scene stays
         assert sweep(client, store, scenes_unused_for_s=7 * DAY_S) == NOTHING
         assert store.exists(blobs.scene(SCENE))

@@ -8,6 +8,7 @@ import redis
 from playwright.sync_api import Locator, Page, Request, expect
 
 from plateau.farm.model.states import JobState
+from plateau.farm.redis.commands.sweeps import Forget
 from plateau.farm.redis.scripts import Scripts
 from tests.page.conftest import Visit
 from tests.support.noise_farm import NoiseFarm
@@ -126,7 +127,7 @@ def test_rows_far_down_are_not_forgotten(
     expect(row(page, queued[0])).to_contain_text("cancelled")
     # And one that is forgotten goes
     ended.finish(100)
-    assert Scripts(client).run("forget", ended.id, 0) == "forgotten"
+    assert Scripts(client).run(Forget(job=ended.id, finished_for_ms=0)) == "forgotten"
     expect(row(page, ended.id)).to_have_count(0)
     expect(page.locator(".job")).to_have_count(JOBS - 1)
     # A new one comes on top

@@ -12,6 +12,7 @@ import redis
 from plateau.client.watching import parse_events
 from plateau.farm.blobs import store as blobs
 from plateau.farm.blobs.store import Blobs
+from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.model.errors import CorruptPartial
 from plateau.farm.model.job import Event
 from plateau.farm.model.states import JobState
@@ -80,8 +81,9 @@ def test_a_slice_is_a_partial_whatever_its_worker_said(
     job, secret = StagedJob(client, keep_slices=True), blobs.scene("0" * 64)
     job.commit()
     store.put(secret, b"a scene")
-    record = {**json.loads(client.hget(keys.job(job.id, "ledger"), "0") or ""), "blob": secret}
-    client.hset(keys.job(job.id, "ledger"), "0", json.dumps(record))
+    record = {**Jobs(client).ledger(job.id)[0], "blob": secret}
+    stored = json.dumps({"at": record["at"], "record": json.dumps(record)})
+    client.hset(keys.job(job.id, "ledger"), "0", stored)
     # Then neither the API nor a monitor reads it
     problem(http.get(f"/v1/jobs/{job.id}/slices/0.exr"), 404, "unknown-slice")
     with pytest.raises(CorruptPartial, match="no partial's name"):

@@ -1,9 +1,8 @@
 -- Count the farm: what it has to do now, and what it has done since it began.
--- ARGV: ms after which a worker that was not heard of is gone, least priority of jobs that are demand
--- Returns JSON. Times (ms) and totals are text in it, for JSON from Lua has 14 digits only.
-for_farm.census = function(ARGV)
+-- Returns what `CensusRow` has. Times (ms) and totals are text, for JSON from Lua has 14 digits only.
+function for_farm.census(it)
   local jobs, demand, oldest = {queued = 0, rendering = 0, paused = 0}, {}, nil
-  local least = tonumber(ARGV[2])
+  local least = it.least_priority
   local classes = {}  -- how many jobs there are of each that workers may render now
 
   -- What a job has to give, as far as its monitor can see, and how long one worker takes for it: by what
@@ -50,7 +49,7 @@ for_farm.census = function(ARGV)
   end
 
   -- Jobs for which no worker lives that takes work.
-  local kinds = redis.call('ZRANGEBYSCORE', KINDS, now() - ARGV[1], '+inf')
+  local kinds = redis.call('ZRANGEBYSCORE', KINDS, now() - it.alive_ms, '+inf')
   local unserved = 0
   for class, jobs_of_it in pairs(classes) do
     local is_served = false
@@ -59,7 +58,7 @@ for_farm.census = function(ARGV)
   end
 
   local workers = {idle = 0, rendering = 0, out_of_service = 0}
-  for _, id in ipairs(redis.call('ZRANGEBYSCORE', WORKERS, now() - ARGV[1], '+inf')) do
+  for _, id in ipairs(redis.call('ZRANGEBYSCORE', WORKERS, now() - it.alive_ms, '+inf')) do
     local about = cjson.decode(redis.call('HGET', worker_key(id), 'about') or '{}')
     local state = given(about.trouble) and 'out_of_service' or given(about.job) and 'rendering' or 'idle'
     workers[state] = workers[state] + 1
@@ -76,10 +75,13 @@ for_farm.census = function(ARGV)
     webhooks = webhooks + redis.call('ZCARD', Outbox.due_key(receiver))
   end
 
-  return cjson.encode({
+  local totals, flat = {}, redis.call('HGETALL', TOTALS)
+  for i = 1, #flat, 2 do totals[flat[i]] = flat[i + 1] end
+
+  return {
     now = now(), jobs = jobs, unserved = unserved, demand = demand, oldest = oldest,
     webhooks = webhooks,
     workers = workers, monitors = monitors, owned = owned, stored = redis.call('ZCARD', JOBS),
-    created = redis.call('GET', PREFIX .. 'created') or '0', totals = redis.call('HGETALL', TOTALS),
-  })
+    created = redis.call('GET', PREFIX .. 'created') or '0', totals = totals,
+  }
 end

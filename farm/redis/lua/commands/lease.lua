@@ -4,14 +4,12 @@
 -- A worker keeps to the scene that it has loaded while its turn lasts. Of its job it is given the slice
 -- that holds up the image, where another worker has had that for long; and where there is nothing else
 -- for it to do, such a slice of any job.
--- ARGV: worker, its kind (see waiting.lua), loaded job or '', '1' while its turn lasts, lease in ms,
---       most tries
--- Returns JSON {job, entry, index, tries, variant, spec, scene}, 'again' (what it came upon needed no
--- rendering), 'none', or 'none MS' (in so many ms a slice of another worker may be late); an error where
--- the worker does not speak what the farm does.
-for_workers.lease = function(ARGV)
-  local worker, kind, loaded, in_turn = ARGV[1], ARGV[2], ARGV[3], ARGV[4] == '1'
-  local lease_ms, most_tries = tonumber(ARGV[5]), tonumber(ARGV[6])
+-- Returns the slice; `again` where what it came upon needed no rendering; else, where it is known, in how
+-- many ms a slice of another worker may be late. An error where the worker does not speak what the farm
+-- does.
+function for_workers.lease(it)
+  local worker, kind, loaded, in_turn = it.worker, it.kind, it.loaded, it.in_turn
+  local lease_ms, most_tries = it.lease_ms, it.most_tries
   -- So many leases that have run out are taken note of at once, so that nobody waits long for this.
   local MOST_LOST = 100
   -- So many late jobs a worker looks at that has nothing else to do.
@@ -23,8 +21,8 @@ for_workers.lease = function(ARGV)
     Waiting.file_changed()
   end
   local refused = Member.refusal_of_worker()
-  if refused then return refused end
-  if redis.call('HEXISTS', worker_key(worker), 'drained') == 1 then return 'none' end
+  if refused then return nil, refused end
+  if redis.call('HEXISTS', worker_key(worker), 'drained') == 1 then return {} end
 
   -- The next job, and the variant to render it with: of the first priority at which one waits that this
   -- worker can render, the first entry of all its queues, or the job that is loaded.
@@ -97,7 +95,7 @@ for_workers.lease = function(ARGV)
     local state, late_at = unpack(redis.call('HMGET', job_key(id), 'state', 'late'))
     if not state or not MOVES[state]['cancelled'] then
       Waiting.file_all_anew()
-      return 'again'
+      return {again = true}
     end
     if late_at and now() - string.match(late_at, '^%S+') > 0 then late = late_slice(id) end
   else
@@ -105,7 +103,7 @@ for_workers.lease = function(ARGV)
     id, variant, late, wait_ms = late_job()
     if not id then
       Waiting.note_idle(worker, kind)
-      return wait_ms and string.format('none %.0f', wait_ms) or 'none'
+      return {wait_ms = wait_ms}
     end
   end
   redis.call('HDEL', IDLE, worker)
@@ -125,7 +123,7 @@ for_workers.lease = function(ARGV)
     entry = redis.call('XCLAIM', slices, GROUP, worker, 0, lost)[1]
     if not entry then  -- it is pending and yet not in the stream any more, as Redis 6.2 can leave one
       Slice.drop(id, lost)
-      return 'again'
+      return {again = true}
     end
     Slice.note_lease(id, lost)
     local holder = pending[2]
@@ -135,7 +133,7 @@ for_workers.lease = function(ARGV)
       local causes = Slice.note_lost_worker(id, entry[2][2], holder)
       if #causes >= most_tries then
         Slice.poison(id, entry[2][2], causes)
-        return 'again'
+        return {again = true}
       end
     end
   else
@@ -151,7 +149,7 @@ for_workers.lease = function(ARGV)
   end
   if redis.call('HEXISTS', job_key(id, 'ledger'), entry[2][2]) == 1 then  -- a late commit came first
     Slice.drop(id, entry[1])
-    return 'again'
+    return {again = true}
   end
   if redis.call('HSETNX', job_key(id), 'variant', variant) == 1 then
     redis.call('HSET', job_key(id), 'started_at', now(), 'paused_ms', 0)
@@ -162,6 +160,6 @@ for_workers.lease = function(ARGV)
   Slice.note_holder(id, entry[2][2], entry[1], worker)
   local _, tries = Slice.holds(id, entry[1], worker)
   if late then tries = late.tries + 1 end
-  return cjson.encode({job = id, entry = entry[1], index = tonumber(entry[2][2]), tries = tries,
-                       variant = variant, spec = job[2], scene = job[3]})
+  return {slice = {job = id, entry = entry[1], index = tonumber(entry[2][2]), tries = tries,
+                   variant = variant, spec = job[2], scene = job[3]}}
 end

@@ -1,24 +1,22 @@
 -- Begin a sweep of the farm, unless one was begun less than so long ago.
--- ARGV: ms
--- Returns 1, or nil.
-for_farm.begin_sweep = function(ARGV)
-  return redis.call('SET', SWEPT, '1', 'NX', 'PX', ARGV[1]) and 1
+-- Returns whether it is begun.
+function for_farm.begin_sweep(it)
+  return redis.call('SET', SWEPT, '1', 'NX', 'PX', it.every_ms) ~= false
 end
 
 -- Note that a sweep was done just now.
-for_farm.note_sweep = function(ARGV)
+function for_farm.note_sweep()
   redis.call('HSET', TOTALS, 'swept at', string.format('%.0f', now()))
 end
 
 -- Forget a job that has been finished for so long: all that Redis has of it.
--- ARGV: job, ms
 -- Returns 'forgotten', 'kept' (it is not finished, or not for so long yet, or another job goes on
 -- with its slices) or 'missing'.
-for_farm.forget = function(ARGV)
-  local id = ARGV[1]
+function for_farm.forget(it)
+  local id = it.job
   if redis.call('EXISTS', job_key(id)) == 0 then return 'missing' end
   local job = redis.call('HMGET', job_key(id), 'finished_at', 'continued', 'continues')
-  if not job[1] or now() - job[1] < tonumber(ARGV[2]) then return 'kept' end
+  if not job[1] or now() - job[1] < it.finished_for_ms then return 'kept' end
   if tonumber(job[2] or 0) > 0 then return 'kept' end
   if job[3] then redis.call('HINCRBY', job_key(job[3]), 'continued', -1) end
   redis.call('ZREM', JOBS, id)
@@ -43,16 +41,15 @@ for_farm.forget = function(ARGV)
 end
 
 -- Let the sums go that a job was left with when it was finished, so long ago.
--- ARGV: job, ms, then the jobs that go on with it, as far as they are known
 -- Returns 'dropped' or 'kept' (it has none, is not finished, or not for so long, or a job that goes on
 -- with it still stands on the same sums, or is not known).
-for_farm.drop_sums = function(ARGV)
-  local id = ARGV[1]
+function for_farm.drop_sums(it)
+  local id = it.job
   local job = redis.call('HMGET', job_key(id), 'finished_at', 'checkpoint', 'continued')
-  if not job[1] or not job[2] or now() - job[1] < tonumber(ARGV[2]) then return 'kept' end
+  if not job[1] or not job[2] or now() - job[1] < it.finished_for_ms then return 'kept' end
   local stand_on_it = tonumber(job[3] or 0)
-  for i = 3, #ARGV do
-    local other = redis.call('HMGET', job_key(ARGV[i]), 'continues', 'checkpoint')
+  for _, continuing in ipairs(it.continued_by) do
+    local other = redis.call('HMGET', job_key(continuing), 'continues', 'checkpoint')
     if other[1] == id and other[2] ~= job[2] then stand_on_it = stand_on_it - 1 end
   end
   if stand_on_it > 0 then return 'kept' end

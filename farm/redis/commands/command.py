@@ -1,0 +1,46 @@
+"""What all commands have in common."""
+
+import json
+import re
+from dataclasses import asdict, dataclass
+from functools import cache
+from typing import Annotated, Any, Generic, TypeVar, get_args
+
+from pydantic import BeforeValidator, TypeAdapter
+
+Answer = TypeVar("Answer")
+Item = TypeVar("Item")
+
+#: A list in an answer: Lua has one kind of table, so one without items comes as an object.
+Items = Annotated[tuple[Item, ...], BeforeValidator(lambda found: found or ())]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Command(Generic[Answer]):
+    """A command of the script; its fields are what Lua finds in its table, but for those None.
+
+    JSON from Lua has 14 digits, so what must come back to the bit passes as text.
+    """
+
+    @classmethod
+    def lua_name(cls) -> str:
+        """Its name in Lua."""
+        return re.sub(r"(?<!^)(?=[A-Z])", "_", cls.__name__).lower()
+
+    def as_json(self) -> str:
+        """Its fields, as the script takes them."""
+        given = {name: value for name, value in asdict(self).items() if value is not None}
+        return json.dumps(given, ensure_ascii=False, allow_nan=False)
+
+    def read_answer(self, text: str) -> Answer:
+        """What the script answers to it."""
+        kind: Any = type(self)
+        found: Answer = _adapter(kind).validate_json(text)
+        return found
+
+
+@cache
+def _adapter(command: Any) -> TypeAdapter[Any]:
+    """Reads what a command of this class is answered: the type in the brackets behind its base."""
+    (base,) = command.__orig_bases__
+    return TypeAdapter(get_args(base)[0])

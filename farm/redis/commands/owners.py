@@ -1,0 +1,117 @@
+"""What the owner of a job does: a monitor, by the fencing token of its ownership."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+from plateau.farm.redis.commands.command import Answer, Command, Items
+
+
+@dataclass(frozen=True)
+class OwnedJob:
+    """A job, and the token under which it is owned."""
+
+    job: str
+    token: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Own(Command[str | None]):
+    """Take a job that nobody owns; the token is answered."""
+
+    job: str
+    lease_ms: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class Renew(Command[Items[str]]):
+    """Keep owning jobs; those that were lost are answered."""
+
+    lease_ms: int
+    owned: tuple[OwnedJob, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Disown(Command[None]):
+    """Give jobs back."""
+
+    owned: tuple[OwnedJob, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class OwnerCommand(Command[Answer]):
+    """A command of the owner's; ``fenced``, or None, is answered to who is not."""
+
+    job: str
+    token: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plan(OwnerCommand[Literal["planned", "fenced", "ended"]]):
+    """Let the slices before this one be leased."""
+
+    stop: int
+    expected_spp: int | None  #: where the job is expected to end
+
+
+@dataclass(frozen=True, kw_only=True)
+class AppendPoint(OwnerCommand[Literal["appended", "known", "fenced"]]):
+    """Append a point to the curve."""
+
+    spp: int
+    point: str  #: JSON
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reject(OwnerCommand[int | None]):
+    """Have a slice rendered again; how often that has happened to it is answered."""
+
+    index: int
+    blob: str
+    cause: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Show(OwnerCommand[Literal["shown", "fenced"]]):
+    """Show a set of results."""
+
+    results: str  #: where they lie in the blob store
+    spp: int
+    digests: Mapping[str, str] | None  #: their SHA-256 by blob
+
+
+@dataclass(frozen=True, kw_only=True)
+class NoteBlob(OwnerCommand[Literal["noted", "fenced"]]):
+    """Note what a blob of the job has to be."""
+
+    blob: str  #: without jobs/ID/
+    sha256: str | None  #: None where it has gone
+
+
+@dataclass(frozen=True, kw_only=True)
+class Save(OwnerCommand[Literal["saved", "fenced"]]):
+    """Note the job's last checkpoint."""
+
+    checkpoint: str  #: JSON
+
+
+@dataclass(frozen=True, kw_only=True)
+class Conclude(OwnerCommand[Literal["concluded", "fenced"]]):
+    """Say that the results of an ended job are written."""
+
+    spp: int
+    results: str  #: "" where it has none
+    digests: Mapping[str, str] | None  #: None where they were shown before
+    notes: str  #: JSON
+
+
+@dataclass(frozen=True, kw_only=True)
+class Finish(OwnerCommand[Literal["finished", "fenced"]]):
+    """Say that all else of an ended job is cleared."""
+
+    keeps_sums: bool
+
+
+@dataclass(frozen=True, kw_only=True)
+class Abandon(OwnerCommand[Literal["abandoned", "kept", "fenced"]]):
+    """Say that Redis has lost the job."""

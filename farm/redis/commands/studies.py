@@ -1,0 +1,60 @@
+"""Observer studies are made, taken part in, answered and forgotten."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from plateau.farm.redis.commands.command import Command
+
+
+@dataclass(frozen=True, kw_only=True)
+class BeginStudy(Command[None]):
+    """Let the pictures of a study be put."""
+
+    study: str
+    making_ms: int  #: for so long
+
+
+@dataclass(frozen=True, kw_only=True)
+class MadeStudy:
+    """How a request for a study went."""
+
+    outcome: Literal["created", "repeated", "late", "too many"]
+    study: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CreateStudy(Command[MadeStudy]):
+    """Show a study whose pictures have been put."""
+
+    study: str
+    digest: str  #: of the request and its owner
+    owner: str  #: or ""
+    about: str  #: JSON
+    most: int  #: studies that there may be
+
+
+@dataclass(frozen=True, kw_only=True)
+class JoinStudy(Command[Literal["joined", "known", "full", "missing"]]):
+    """Take part in a study."""
+
+    study: str
+    name: str  #: a pseudonym
+    screen: str  #: JSON
+    most: int  #: observers that there may be
+
+
+@dataclass(frozen=True, kw_only=True)
+class AnswerStudy(Command[str | None]):
+    """Note an observer's answer to a pair; the one that counts is answered, as it is stored."""
+
+    study: str
+    name: str
+    trial: int  #: the pair's number
+    given: str  #: JSON
+
+
+@dataclass(frozen=True, kw_only=True)
+class ForgetStudy(Command[None]):
+    """Forget a study with its observers and answers."""
+
+    study: str
