@@ -106,9 +106,9 @@ def test_a_farm_of_what_the_images_hold_renders_a_job(form: str, tool: Find) -> 
         pythons = {part: build.part(part) for part in PARTS}
         sizes = {part: _megabytes(python.parents[1]) for part, python in pythons.items()}
         print(f"MB in /opt/plateau: {sizes}")
-        assert sizes["api"] < 250
-        assert sizes["monitor"] < 450
-        assert sizes["worker"] < 450
+        assert sizes["api"] < 170
+        assert sizes["monitor"] < 360
+        assert sizes["worker"] < 380
         found = chart.manifests(chart.recorded("gpu"))
         machine = Path(folder) / "node"
         machine.mkdir()
