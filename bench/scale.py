@@ -166,7 +166,7 @@ def tables(report: dict[str, Any]) -> dict[str, str]:
     requests = [name[: -len(_LOG)] for name in found if name.endswith(_LOG)]
     return {
         "scale-machine": markdown.table(
-            ["machine", "cores", "a slice renders for", "looked at for", "other work on the cores"],
+            ["machine", "cores", "a slice renders for", "measured for", "other work on the cores"],
             [
                 [
                     f"{machine['cpu']}, {machine['os']}",

@@ -117,7 +117,7 @@ def _row(spent: Spending, rule: str) -> list[str]:
 
 def _fixed_row(spent: Spending) -> list[str]:
     left = spent.left_by(Stop(spent.cap, True, 0, spent.truth[-1]))
-    words = f"{FIXED_SPP:,}" + ("" if spent.cap == FIXED_SPP else f" (looked at {spent.cap:,})")
+    words = f"{FIXED_SPP:,}" + ("" if spent.cap == FIXED_SPP else f" (evaluated at {spent.cap:,})")
     return [words, "100%", *_wrong(spent, left)]
 
 
