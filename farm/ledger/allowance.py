@@ -12,9 +12,8 @@ import time
 from dataclasses import dataclass
 from typing import Final
 
-import redis
-
 from plateau.farm.ledger.api_keys import ApiKey
+from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.commands.api_keys import Take
 from plateau.farm.redis.scripts import Scripts
 
@@ -31,7 +30,7 @@ class _Handful:
 class Allowance:
     """Grants the requests of all keys, in one API process; may be used from several threads."""
 
-    def __init__(self, client: redis.Redis) -> None:
+    def __init__(self, client: RedisClient) -> None:
         self._scripts = Scripts(client)
         self._lock = threading.Lock()
         self._in_hand: dict[str, _Handful] = {}

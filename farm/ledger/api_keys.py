@@ -16,12 +16,12 @@ from datetime import datetime
 from enum import Enum
 from typing import Final
 
-import redis
 from pydantic import BaseModel, ConfigDict, Field
 
 from plateau.farm.model.errors import UnknownKey
 from plateau.farm.model.job import moment
 from plateau.farm.redis import keys
+from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.commands.api_keys import PutKey
 from plateau.farm.redis.link import now_ms, unavailable_as_farm_error
 from plateau.farm.redis.scripts import Scripts
@@ -85,7 +85,7 @@ class ApiKey(BaseModel):
 class ApiKeys:
     """All keys. Every method raises `StoreUnavailable` when Redis is away."""
 
-    def __init__(self, client: redis.Redis) -> None:
+    def __init__(self, client: RedisClient) -> None:
         self._redis = client
         self._scripts = Scripts(client)
 

@@ -8,8 +8,6 @@ from collections.abc import Callable
 from enum import Enum
 from typing import Final
 
-import redis
-
 from plateau.farm.ledger import guarded_batches, records
 from plateau.farm.model.batch import Batch, BatchLine, Member, Steered, summarise
 from plateau.farm.model.errors import BatchNotFound, UnevenBatch
@@ -17,6 +15,7 @@ from plateau.farm.model.job import moment
 from plateau.farm.model.spec import JobSpec, stored_spec
 from plateau.farm.model.states import JobState
 from plateau.farm.redis import keys
+from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.commands import batches as commands
 from plateau.farm.redis.commands.command import Command
 from plateau.farm.redis.commands.jobs import End, Moved, Outcome, Pause, Resume
@@ -44,7 +43,7 @@ class Steer(Enum):
 class Batches:
     """All batches. Every method raises `StoreUnavailable` when Redis is away."""
 
-    def __init__(self, client: redis.Redis) -> None:
+    def __init__(self, client: RedisClient) -> None:
         self._redis = client
         self._scripts = Scripts(client)
 

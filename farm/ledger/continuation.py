@@ -20,8 +20,6 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Any, Final
 
-import redis
-
 from plateau.farm.ledger import guarded_batches, records
 from plateau.farm.ledger.jobs import Created, Jobs, request_key
 from plateau.farm.ledger.ownership import Checkpoint
@@ -31,6 +29,7 @@ from plateau.farm.model.seeds import SeedRange, SeedsExhausted
 from plateau.farm.model.spec import MOST_SPP, JobSpec
 from plateau.farm.model.webhook_spec import WebhookSpec
 from plateau.farm.redis import keys
+from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.commands.jobs import Continue
 from plateau.farm.redis.link import unavailable_as_farm_error
 from plateau.farm.redis.scripts import Scripts
@@ -62,7 +61,7 @@ class Remains:
 class Continuations:
     """Goes on with jobs that have ended. Methods raise `StoreUnavailable` when Redis is away."""
 
-    def __init__(self, client: redis.Redis) -> None:
+    def __init__(self, client: RedisClient) -> None:
         self._redis = client
         self._scripts = Scripts(client)
         self._jobs = Jobs(client)

@@ -1,15 +1,14 @@
 """Guarded batches in Redis: they take only jobs that stop at the same visible noise."""
 
-import redis
-
 from plateau.farm.model.errors import UnevenBatch
 from plateau.farm.model.flicker import differences, stops_by
 from plateau.farm.model.spec import JobSpec, stored_spec
 from plateau.farm.redis import keys
+from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.link import unavailable_as_farm_error
 
 
-def compared(client: redis.Redis, batch: str, spec: JobSpec) -> str:
+def compared(client: RedisClient, batch: str, spec: JobSpec) -> str:
     """The number of the batch's newest job, if new ones of this spec had to be even with its jobs.
 
     "" where nothing guards the batch, or where it has no jobs yet.

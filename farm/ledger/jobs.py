@@ -3,8 +3,6 @@
 from dataclasses import dataclass
 from typing import Any
 
-import redis
-
 from plateau.farm.blobs import store as blobs
 from plateau.farm.ledger import guarded_batches, records
 from plateau.farm.ledger.listing import jobs_before
@@ -24,6 +22,7 @@ from plateau.farm.model.job import BEFORE_ALL_EVENTS, CurvePoint, Event, Job, Lo
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
 from plateau.farm.redis import keys
+from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.commands.command import Command
 from plateau.farm.redis.commands.jobs import (
     Create,
@@ -55,7 +54,7 @@ def request_key(idempotency_key: str, owner: str) -> str:
 class Jobs:
     """All jobs. Every method raises `StoreUnavailable` when Redis is away."""
 
-    def __init__(self, client: redis.Redis) -> None:
+    def __init__(self, client: RedisClient) -> None:
         self._redis = client
         self._scripts = Scripts(client)
 

@@ -5,12 +5,11 @@ Each of the four has an index, so a page costs what is on it and not what is sto
 
 from typing import Final
 
-import redis
-
 from plateau.farm.ledger import records
 from plateau.farm.model.job import Job
 from plateau.farm.model.states import JobState
 from plateau.farm.redis import keys
+from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.link import unavailable_as_farm_error
 
 #: Of a batch's jobs, so many states are looked at together.
@@ -18,7 +17,7 @@ _LOOKED_AT: Final = 500
 
 
 def jobs_before(
-    client: redis.Redis,
+    client: RedisClient,
     *,
     state: JobState | None = None,
     batch: str | None = None,
@@ -87,7 +86,7 @@ def _index(
 
 
 def _matching(
-    client: redis.Redis, rows: list[tuple[str, float]], wanted: dict[str, str]
+    client: RedisClient, rows: list[tuple[str, float]], wanted: dict[str, str]
 ) -> list[tuple[str, float]]:
     pipe = client.pipeline(transaction=False)
     for job_id, _ in rows:
@@ -97,7 +96,7 @@ def _matching(
     return [row for row in rows if [next(found) for _ in wanted] == list(wanted.values())]
 
 
-def _jobs(client: redis.Redis, job_ids: list[str]) -> list[Job]:
+def _jobs(client: RedisClient, job_ids: list[str]) -> list[Job]:
     """These jobs, but for those that were forgotten a moment ago, or cannot be read."""
     pipe = client.pipeline(transaction=False)
     for job_id in job_ids:

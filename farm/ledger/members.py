@@ -14,12 +14,11 @@ from collections.abc import Callable
 from datetime import datetime, timezone
 from typing import Final
 
-import redis
-
 from plateau.farm.model import versions
 from plateau.farm.model.errors import Refused
 from plateau.farm.model.job import ProcessRole, RefusedProcess, moment
 from plateau.farm.redis import keys
+from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.commands import workers as commands
 from plateau.farm.redis.commands.members import ApiHeartbeat
 from plateau.farm.redis.link import now_ms, unavailable_as_farm_error
@@ -33,7 +32,7 @@ _UPGRADE_S: Final = 30.0  #: between two looks whether the farm speaks what this
 class Membership:
     """One API's: said with each heartbeat, until it signs off."""
 
-    def __init__(self, client: redis.Redis, lease_s: float) -> None:
+    def __init__(self, client: RedisClient, lease_s: float) -> None:
         self.id = process_id()
         self._scripts = Scripts(client)
         self._life_ms = round(lease_s * 1000)
@@ -74,7 +73,7 @@ def process_id() -> str:
 
 
 def sign_on(
-    client: redis.Redis,
+    client: RedisClient,
     role: ProcessRole,
     heartbeat: Callable[[], None],
     stop: threading.Event,
@@ -108,7 +107,7 @@ def wait_for_upgrade(stop: threading.Event) -> None:
     stop.wait(_UPGRADE_S * random.uniform(0.5, 1.5))
 
 
-def note_refused(client: redis.Redis, role: ProcessRole, why: Refused) -> None:
+def note_refused(client: RedisClient, role: ProcessRole, why: Refused) -> None:
     """Note that this process was refused, for those who look for it; they see it for an hour."""
     host = socket.gethostname()
     about = {
@@ -121,7 +120,7 @@ def note_refused(client: redis.Redis, role: ProcessRole, why: Refused) -> None:
     Scripts(client).run(commands.Refused(who=f"{role} {host}", about=json.dumps(about)))
 
 
-def refused_within(client: redis.Redis, seconds: float) -> list[RefusedProcess]:
+def refused_within(client: RedisClient, seconds: float) -> list[RefusedProcess]:
     """Who was refused in the last so many seconds, the newest first."""
     with unavailable_as_farm_error():
         texts = client.hvals(keys.REFUSED)

@@ -15,13 +15,12 @@ from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Any, Final
 
-import redis
-
 from plateau.farm.ledger import records
 from plateau.farm.model.deliveries import Delivery, DeliveryTry
 from plateau.farm.model.job import Job, moment
 from plateau.farm.model.webhook_spec import SECRET_PREFIX, WebhookEvent
 from plateau.farm.redis import keys
+from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.commands.webhooks import (
     FarmSecrets,
     Redeliver,
@@ -95,7 +94,7 @@ class Taken:
 class Outbox:
     """All messages to webhooks. Every method raises `StoreUnavailable` when Redis is away."""
 
-    def __init__(self, client: redis.Redis) -> None:
+    def __init__(self, client: RedisClient) -> None:
         self._redis = client
         self._scripts = Scripts(client)
 

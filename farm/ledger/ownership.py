@@ -8,7 +8,6 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-import redis
 from pydantic import BaseModel, ConfigDict
 
 from plateau.farm.blobs import store as blobs
@@ -17,6 +16,7 @@ from plateau.farm.ledger.records import slice_record
 from plateau.farm.model.errors import FenceLost, IllegalTransition
 from plateau.farm.model.states import JobState
 from plateau.farm.redis import keys
+from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.commands.command import Answer
 from plateau.farm.redis.commands.jobs import End
 from plateau.farm.redis.commands.owners import (
@@ -49,7 +49,7 @@ class Checkpoint(BaseModel):
     slices: int  #: how many are in the sums
 
 
-def checkpoint_of(client: redis.Redis, job_id: str) -> Checkpoint | None:
+def checkpoint_of(client: RedisClient, job_id: str) -> Checkpoint | None:
     """The job's last checkpoint, if it has one."""
     with unavailable_as_farm_error():
         text = client.hget(keys.job(job_id), "checkpoint")
@@ -67,7 +67,7 @@ class Ownership:
 class Ownerships:
     """What a monitor may do with jobs. Methods raise `StoreUnavailable` and `FenceLost`."""
 
-    def __init__(self, client: redis.Redis, lease_s: float) -> None:
+    def __init__(self, client: RedisClient, lease_s: float) -> None:
         self._redis = client
         self._scripts = Scripts(client)
         self._lease_ms = round(lease_s * 1000)

@@ -6,19 +6,18 @@ no blob; a Redis that lost its data knows no job, and all results would look lik
 
 import secrets
 
-import redis
-
 from plateau.farm.blobs import store as blobs
 from plateau.farm.blobs.probe import check_create_once
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.model.errors import NotPermitted, StoreUnavailable, WrongStore
 from plateau.farm.redis import keys
+from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.commands.members import Pair
 from plateau.farm.redis.link import unavailable_as_farm_error
 from plateau.farm.redis.scripts import Scripts
 
 
-def check_pair(client: redis.Redis, store: Blobs) -> None:
+def check_pair(client: RedisClient, store: Blobs) -> None:
     """Return where Redis and the blob store belong together; the first time, pair them.
 
     From then on `store` also knows its folder from an empty one.
@@ -40,7 +39,7 @@ def check_pair(client: redis.Redis, store: Blobs) -> None:
         ) from None
 
 
-def _check_pair(client: redis.Redis, store: Blobs) -> None:
+def _check_pair(client: RedisClient, store: Blobs) -> None:
     # In this order: while another process pairs them, the id is there before the mark is.
     theirs = store.mark()
     ours, paired = client.hmget(keys.STORE, "id", "paired")
@@ -51,17 +50,18 @@ def _check_pair(client: redis.Redis, store: Blobs) -> None:
             raise WrongStore(_refusal(store, None, None))
         if not store.in_folder:
             check_create_once(store)
-        ours = Scripts(client).run(Pair(id=secrets.token_hex(8), is_marked=False))
-        theirs = store.make_mark(ours)
+        made = Scripts(client).run(Pair(id=secrets.token_hex(8), is_marked=False))
+        ours, theirs = made, store.make_mark(made)
     if theirs is None or theirs != ours:
         raise WrongStore(_refusal(store, ours, theirs))
     if paired is None:
         Scripts(client).run(Pair(id=ours, is_marked=True))
 
 
-def farm_id(client: redis.Redis) -> str:
+def farm_id(client: RedisClient) -> str:
     """The id that Redis and the blob store share, once `check_pair` has returned."""
-    found: str = client.hget(keys.STORE, "id")
+    found = client.hget(keys.STORE, "id")
+    assert found is not None
     return found
 
 

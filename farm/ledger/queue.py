@@ -4,7 +4,6 @@ import json
 from dataclasses import dataclass
 from enum import Enum
 
-import redis
 from pydantic import BaseModel, ConfigDict
 
 from plateau.farm.model.fit import Kind
@@ -12,6 +11,7 @@ from plateau.farm.model.place_names import DEFAULT_POOL
 from plateau.farm.model.spec import JobSpec, stored_spec
 from plateau.farm.model.states import MAX_TRIES
 from plateau.farm.redis import keys
+from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.commands import slices as commands
 from plateau.farm.redis.commands.slices import Commit, Died, Fail, Glimpse, HandBack, Offer
 from plateau.farm.redis.commands.workers import Heartbeat, LeaseName, Leave
@@ -72,7 +72,7 @@ class SliceQueue:
 
     def __init__(
         self,
-        client: redis.Redis,
+        client: RedisClient,
         worker_id: str,
         lease_s: float,
         *,

@@ -8,8 +8,6 @@ from contextlib import contextmanager
 from itertools import count
 from typing import Any
 
-from redis.client import Pipeline
-
 from plateau.farm.blobs import store as blobs
 from plateau.farm.model import fit
 from plateau.farm.model.errors import UnreadableJob
@@ -17,6 +15,7 @@ from plateau.farm.model.job import CurvePoint, Event, Job, Worker, moment
 from plateau.farm.model.spec import JobSpec, stored_spec
 from plateau.farm.model.states import JobState
 from plateau.farm.redis import keys
+from plateau.farm.redis.client import Pipeline
 from plateau.farm.redis.commands.jobs import NewJob
 
 _LOG = logging.getLogger(__name__)

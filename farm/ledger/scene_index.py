@@ -5,10 +5,9 @@ import time
 from collections.abc import Iterator
 from typing import Any, Final
 
-import redis
-
 from plateau.farm.model.errors import StoreUnavailable
 from plateau.farm.redis import keys
+from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.commands.scenes import DisuseScene, RememberScene, UseScene
 from plateau.farm.redis.link import unavailable_as_farm_error
 from plateau.farm.redis.scripts import Scripts
@@ -20,7 +19,7 @@ _SCENE_GOES_S: Final = 5.0
 class SceneIndex:
     """The stored scenes, by SHA-256. Every method raises `StoreUnavailable` when Redis is away."""
 
-    def __init__(self, client: redis.Redis) -> None:
+    def __init__(self, client: RedisClient) -> None:
         self._redis = client
         self._scripts = Scripts(client)
 

@@ -7,8 +7,6 @@ import threading
 import time
 from typing import Any, Final
 
-import redis
-
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.pairing import check_pair
 from plateau.farm.ledger.workers import ALIVE_S
@@ -22,6 +20,7 @@ from plateau.farm.model.errors import (
     needs_other_layout,
 )
 from plateau.farm.redis import keys
+from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.link import unavailable_as_farm_error
 from plateau.farm.redis.scripts import library
 
@@ -72,7 +71,7 @@ return {ARGV[1]}
 """
 
 
-def check_schema(client: redis.Redis) -> None:
+def check_schema(client: RedisClient) -> None:
     """Return once Redis holds this Plateau's layout: its own, none yet, or an older one migrated.
 
     Any number of processes may call it at once: it is one atomic script.
@@ -100,7 +99,7 @@ def check_schema(client: redis.Redis) -> None:
         raise SchemaMismatch(_refusal(found))
 
 
-def _brought_forward(client: redis.Redis) -> list[str]:
+def _brought_forward(client: RedisClient) -> list[str]:
     """What the script answers that brings the layout to this version where it can."""
     with unavailable_as_farm_error():
         life_ms = round(ALIVE_S * 1000)
@@ -108,7 +107,7 @@ def _brought_forward(client: redis.Redis) -> list[str]:
     return answer
 
 
-def await_schema(client: redis.Redis, stop: threading.Event, *, patient: bool = False) -> None:
+def await_schema(client: RedisClient, stop: threading.Event, *, patient: bool = False) -> None:
     """As `check_schema`, but wait for who may just have stopped; unchecked where `stop` is set.
 
     Who was killed is taken for alive for a while, so `OldProcesses` is raised only where some are
@@ -126,7 +125,7 @@ def await_schema(client: redis.Redis, stop: threading.Event, *, patient: bool = 
 
 
 def await_checks(
-    client: redis.Redis, store: Blobs, stop: threading.Event, *, patient: bool = False
+    client: RedisClient, store: Blobs, stop: threading.Event, *, patient: bool = False
 ) -> None:
     """As `await_schema` and `check_pair`, once all answer; unchecked where `stop` is set before."""
     while not stop.is_set():

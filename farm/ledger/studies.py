@@ -13,8 +13,6 @@ import json
 import secrets
 from typing import Any, Final
 
-import redis
-
 from plateau.farm.blobs import store as blobs
 from plateau.farm.blobs.store import Blobs, StoredBlob
 from plateau.farm.model.errors import CannotStudy, ObserverNotFound, StudyNotFound, TrialNotFound
@@ -22,6 +20,7 @@ from plateau.farm.model.job import moment
 from plateau.farm.model.study import MOST_OBSERVERS, MOST_STUDIES, Answer, Observer, Screen, Study
 from plateau.farm.model.study_order import Pair
 from plateau.farm.redis import keys
+from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.commands.studies import (
     AnswerStudy,
     BeginStudy,
@@ -39,7 +38,7 @@ _MAKING_S: Final = 1800.0
 class Studies:
     """All studies. Every method raises `StoreUnavailable` when Redis is away."""
 
-    def __init__(self, client: redis.Redis) -> None:
+    def __init__(self, client: RedisClient) -> None:
         self._redis = client
         self._scripts = Scripts(client)
 
@@ -198,7 +197,7 @@ class Studies:
         store.delete(*store.names(blobs.of_study(study_id)))
 
 
-def orphans(client: redis.Redis, store: Blobs) -> list[StoredBlob]:
+def orphans(client: RedisClient, store: Blobs) -> list[StoredBlob]:
     """The pictures of what is neither a study nor being made into one."""
     found: dict[str, list[StoredBlob]] = {}
     for blob in store.listing(blobs.STUDIES):

@@ -14,11 +14,10 @@ from dataclasses import dataclass, field
 from datetime import datetime, timezone
 from typing import Final
 
-import redis
-
 from plateau.farm.model.durations import Durations, Histogram, histogram
 from plateau.farm.model.fit import ANY
 from plateau.farm.model.states import JobState
+from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.commands import census as commands
 from plateau.farm.redis.commands.members import MonitorHeartbeat
 from plateau.farm.redis.commands.sweeps import NoteSweep
@@ -205,7 +204,7 @@ class MonitorWork:
     takes with it what it has done since then.
     """
 
-    def __init__(self, client: redis.Redis, monitor_id: str, lease_s: float) -> None:
+    def __init__(self, client: RedisClient, monitor_id: str, lease_s: float) -> None:
         self.merges = Durations(MERGE_BOUNDS_S)
         self.evaluations = Durations(EVALUATION_BOUNDS_S)
         self._scripts = Scripts(client)
@@ -242,6 +241,6 @@ class MonitorWork:
         )
 
 
-def note_sweep(client: redis.Redis) -> None:
+def note_sweep(client: RedisClient) -> None:
     """Note that a sweep was done just now."""
     Scripts(client).run(NoteSweep())

@@ -4,11 +4,10 @@ from collections.abc import Iterable
 from datetime import datetime
 from typing import Final
 
-import redis
-
 from plateau.farm.ledger.members import refused_within
 from plateau.farm.model.errors import WorkerNotFound
 from plateau.farm.model.job import RefusedProcess, Worker
+from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.commands.members import Drain
 from plateau.farm.redis.scripts import Scripts
 
@@ -20,7 +19,7 @@ _REMEMBERED_S: Final = 3600.0
 class Workers:
     """The workers that live. Every method raises `StoreUnavailable` when Redis is away."""
 
-    def __init__(self, client: redis.Redis) -> None:
+    def __init__(self, client: RedisClient) -> None:
         self._redis = client
         self._scripts = Scripts(client)
 

@@ -4,7 +4,7 @@ import re
 import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any, Final, TypeAlias
+from typing import Any, Final
 
 import redis
 from redis.backoff import NoBackoff
@@ -12,6 +12,7 @@ from redis.retry import Retry
 
 from plateau.farm.model.errors import NotPermitted, StoreUnavailable
 from plateau.farm.redis import url as redis_url
+from plateau.farm.redis.client import RedisClient
 
 #: Longer than any blocking read, so that none is taken for a dead connection.
 SOCKET_TIMEOUT_S = 10.0
@@ -34,9 +35,6 @@ _SILENCE: Final = {
     if hasattr(socket, name)
 }
 
-#: What `connect` returns, for those who hand it on.
-RedisClient: TypeAlias = redis.Redis
-
 
 def connect(url: str, answer_s: float = SOCKET_TIMEOUT_S) -> RedisClient:
     """A client of the Redis at `url` that never sends a command twice by itself.
@@ -52,7 +50,8 @@ def connect(url: str, answer_s: float = SOCKET_TIMEOUT_S) -> RedisClient:
         It is no such URL; see `plateau.farm.redis.url`.
     """
     options = {"retry": Retry(NoBackoff(), 0), **link_options(url, answer_s)}
-    return open_link(url, redis.Redis, redis.Sentinel, options)
+    opened: RedisClient = open_link(url, redis.Redis, redis.Sentinel, options)
+    return opened
 
 
 def connect_to_renew(url: str, lease_s: float) -> RedisClient:

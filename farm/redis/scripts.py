@@ -25,6 +25,7 @@ from plateau.farm.model import versions
 from plateau.farm.model.errors import NotPermitted, Refused, StoreUnavailable, WrongLayout
 from plateau.farm.model.states import JOB_MOVES
 from plateau.farm.redis import keys
+from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.commands.command import Answer, Command
 from plateau.farm.redis.link import unavailable_as_farm_error
 
@@ -128,7 +129,7 @@ def _answers_as_farm_errors() -> Iterator[None]:
 class Scripts:
     """Runs commands of the script on one Redis client."""
 
-    def __init__(self, client: redis.Redis) -> None:
+    def __init__(self, client: RedisClient) -> None:
         self._redis = client
         self._text = text()
         self._sha1 = hashlib.sha1(self._text.encode(), usedforsecurity=False).hexdigest()
@@ -148,10 +149,10 @@ class Scripts:
         """
         with unavailable_as_farm_error(), _answers_as_farm_errors():
             try:
-                text = self._ask(self._redis, command)
+                text = self._redis.evalsha(*self._said(command))
             except redis.exceptions.NoScriptError:
                 self._load()
-                text = self._ask(self._redis, command)
+                text = self._redis.evalsha(*self._said(command))
         return command.read_answer(text)
 
     def run_each(self, commands: Sequence[Command[Answer]]) -> list[Answer]:
@@ -163,13 +164,12 @@ class Scripts:
         with unavailable_as_farm_error(), _answers_as_farm_errors():
             pipe = self._redis.pipeline(transaction=False)
             for command in commands:
-                self._ask(pipe, command)
+                pipe.evalsha(*self._said(command))
             texts: list[str] = pipe.execute()
         return [command.read_answer(text) for command, text in zip(commands, texts, strict=True)]
 
-    def _ask(self, client: redis.Redis, command: Command[Any]) -> str:
-        text: str = client.evalsha(self._sha1, 0, command.lua_name(), command.as_json())
-        return text
+    def _said(self, command: Command[Any]) -> tuple[str, int, str, str]:
+        return self._sha1, 0, command.lua_name(), command.as_json()
 
     def load(self) -> None:
         """See to it that Redis knows the script, also for workers; raises what `run` does."""

@@ -3,10 +3,9 @@
 import time
 from typing import Any, Final
 
-import redis
-
 from plateau.farm.model.errors import StoreUnavailable
 from plateau.farm.process.stop import Stop, await_any
+from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.link import unavailable_as_farm_error
 
 #: So long nothing is heard before Redis is asked whether it is still there, and so long its answer
@@ -20,7 +19,7 @@ class Wake:
 
     def __init__(
         self,
-        client: redis.Redis,
+        client: RedisClient,
         channel: str,
         *,
         quiet_s: float = _QUIET_S,

@@ -12,10 +12,9 @@ two do not belong together.
 
 from dataclasses import dataclass
 
-import redis
-
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.pairing import check_pair
+from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.commands.sweeps import BeginSweep
 from plateau.farm.redis.link import unavailable_as_farm_error
 from plateau.farm.redis.scripts import Scripts
@@ -40,7 +39,7 @@ class Swept:
 
 
 def sweep(
-    client: redis.Redis,
+    client: RedisClient,
     store: Blobs,
     *,
     results_older_than_s: float | None = None,
@@ -95,6 +94,6 @@ def sweep(
     )
 
 
-def is_due(client: redis.Redis, every_s: float) -> bool:
+def is_due(client: RedisClient, every_s: float) -> bool:
     """Whether no sweep was begun by this call for so long; then the caller's begins now."""
     return Scripts(client).run(BeginSweep(every_ms=round(every_s * 1000)))

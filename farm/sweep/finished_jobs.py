@@ -12,12 +12,11 @@ from collections import defaultdict
 from collections.abc import Iterator
 from typing import Final
 
-import redis
-
 from plateau.farm.blobs import store as blobs
 from plateau.farm.blobs.store import StoredBlob
 from plateau.farm.ledger.ownership import Checkpoint
 from plateau.farm.redis import keys
+from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.commands.sweeps import DropSums, Forget
 from plateau.farm.redis.link import now_ms
 from plateau.farm.redis.scripts import Scripts
@@ -29,7 +28,7 @@ _PAGE: Final = 500  #: jobs that are read at once
 class FinishedJobs:
     """The finished jobs, as one sweep finds them."""
 
-    def __init__(self, client: redis.Redis, removal: Removal) -> None:
+    def __init__(self, client: RedisClient, removal: Removal) -> None:
         self._redis = client
         self._scripts = Scripts(client)
         self._removal = removal
@@ -93,7 +92,7 @@ class FinishedJobs:
         return [job_id for job_id, at in newest_first if at is not None and float(at) <= before]
 
 
-def field_of_all(client: redis.Redis, field: str) -> Iterator[tuple[str, str | None]]:
+def field_of_all(client: RedisClient, field: str) -> Iterator[tuple[str, str | None]]:
     """Yield the id of every job, the oldest first, with one of its fields as Redis has it."""
     ids = client.zrange(keys.JOBS, 0, -1)
     for start in range(0, len(ids), _PAGE):

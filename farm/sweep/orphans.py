@@ -13,18 +13,17 @@ go.
 from collections.abc import Callable, Collection
 from itertools import groupby
 
-import redis
-
 from plateau.farm.blobs import store as blobs
 from plateau.farm.blobs.store import StoredBlob
 from plateau.farm.ledger import records, studies
 from plateau.farm.ledger.ownership import Checkpoint
 from plateau.farm.model.spec import stored_spec
 from plateau.farm.redis import keys
+from plateau.farm.redis.client import RedisClient
 from plateau.farm.sweep.removal import Removal
 
 
-def remove_orphans(client: redis.Redis, removal: Removal, forgotten: Collection[str]) -> int:
+def remove_orphans(client: RedisClient, removal: Removal, forgotten: Collection[str]) -> int:
     """Remove blobs of unknown jobs, and what finished ones do not need; returns how many.
 
     Parameters
@@ -49,7 +48,7 @@ def remove_orphans(client: redis.Redis, removal: Removal, forgotten: Collection[
     return removed + removal.remove(studies.orphans(client, removal.store))
 
 
-def _keeps(client: redis.Redis, job_id: str) -> Callable[[str], bool]:
+def _keeps(client: RedisClient, job_id: str) -> Callable[[str], bool]:
     """Whether the job, as Redis knows it now, keeps the blob of a name."""
     spec, finished_at, results, checkpoint = client.hmget(
         keys.job(job_id), "spec", "finished_at", "results", "checkpoint"

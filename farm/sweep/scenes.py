@@ -25,10 +25,9 @@ import time
 from collections.abc import Collection
 from typing import Final
 
-import redis
-
 from plateau.farm.blobs import store as blobs
 from plateau.farm.redis import keys
+from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.commands.scenes import ForgetScene, NoteScenes, SceneGone
 from plateau.farm.redis.link import now_ms
 from plateau.farm.redis.scripts import Scripts
@@ -45,7 +44,7 @@ _AT_ONCE: Final = 1000  #: scenes that a script is given
 
 
 def remove_scenes(
-    client: redis.Redis, removal: Removal, unused_for_s: float, forgotten: Collection[str]
+    client: RedisClient, removal: Removal, unused_for_s: float, forgotten: Collection[str]
 ) -> int:
     """Remove scenes of no job that were not used for so long; returns how many.
 

@@ -17,7 +17,7 @@ from plateau.farm.ledger.scene_index import SceneIndex
 from plateau.farm.ledger.studies import Studies
 from plateau.farm.ledger.workers import Workers
 from plateau.farm.process.addresses import Receivers
-from plateau.farm.redis.link import RedisClient
+from plateau.farm.redis.client import RedisClient
 from plateau.service.api.access.guards import ENVELOPE_BYTES, BodyLimit, OneLength
 from plateau.service.api.access.key_guard import Access, KeyGuard
 from plateau.service.api.events.hub import EventHub

@@ -22,11 +22,10 @@ from plateau.farm.redis.wake import Wake
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    import redis
-
     from bench.support.farms.synthetic_noise import Render
     from plateau.farm.blobs.store import Blobs
     from plateau.farm.ledger.queue import Lease
+    from plateau.farm.redis.client import RedisClient
 
 #: As `plateau.worker.supervisor.supervisor` has it.
 _IDLE_S = 0.5
@@ -73,7 +72,7 @@ class NoiseCrew:
 
     def __init__(
         self,
-        client: redis.Redis,
+        client: RedisClient,
         store: Blobs,
         pass_s: float,
         slowness: Mapping[str, float] = MappingProxyType({}),
@@ -150,7 +149,7 @@ class NoiseCrew:
 
 @contextmanager
 def working(
-    client: redis.Redis,
+    client: RedisClient,
     store: Blobs,
     workers: int,
     pass_s: float,

@@ -89,7 +89,8 @@ class ControlPlane:
             starting.callback(self._server.stop)
             self.client = starting.enter_context(connect(self._server.url))
             if not self._fsync:
-                self.client.config_set("appendfsync", "no")
+                server: Any = self.client
+                server.config_set("appendfsync", "no")
             check_schema(self.client)
             check_pair(self.client, Blobs(self._blobs))
             self.jobs = Jobs(self.client)
@@ -134,7 +135,7 @@ class ControlPlane:
         return self.jobs.create(SPEC, name="box.zip", scene_sha256="0" * 64).job.id
 
     def _planned(self, job_id: str) -> bool:
-        return int(self.client.hget(keys.job(job_id), "planned")) > 0
+        return int(self.client.hget(keys.job(job_id), "planned") or 0) > 0
 
     @contextmanager
     def workers(self, count: int, *, render_s: float, size: int) -> Iterator[list[Slice]]:

@@ -15,7 +15,7 @@ class DueDelivery:
     job: str
     number: int
     receiver: str
-    url: str = field(repr=False)
+    url: str = field(repr=False)  #: "" where Redis has lost it, as for the next two
     secret: str = field(repr=False)
     spec: str  #: JSON
     sealed: dict[str, str]  #: what workers cannot change of the job

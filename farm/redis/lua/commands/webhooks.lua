@@ -9,8 +9,8 @@ local function lease(id, number, receiver, it)
   local hook = redis.call('HMGET', job_key(id, 'webhook'), 'url', 'secret')
   local sealed = redis.call('HMGET', job_key(id, 'sealed'), 'owner', 'owner_name')
   return {
-    job = id, number = tonumber(number), receiver = receiver, url = hook[1], secret = hook[2],
-    spec = redis.call('HGET', job_key(id), 'spec'),
+    job = id, number = tonumber(number), receiver = receiver, url = hook[1] or '', secret = hook[2] or '',
+    spec = redis.call('HGET', job_key(id), 'spec') or '',  -- as where Redis has lost the job
     sealed = {owner = sealed[1] or nil, owner_name = sealed[2] or nil},
     tries = redis.call('HINCRBY', deliveries, number .. ' tries', 1), now = now(),
     delivery = redis.call('HGET', deliveries, number),
