@@ -1,8 +1,9 @@
 """Scenes as they are uploaded: checked without Mitsuba, and unpacked.
 
-An upload is a Mitsuba XML file, or a zip of one with its meshes and textures. It is guilty until
-checked. The API checks it before it stores it, and a worker checks the archive again as it unpacks
-it; neither runs Mitsuba for that, and neither reads a mesh.
+An upload is a file of one of the formats of `plateau.farm.bundle.formats`: a Mitsuba XML, or a zip
+of one with its meshes and textures, or an analytic scene. It is guilty until checked. The API
+checks it before it stores it, and a worker checks the archive again as it unpacks it; neither runs
+a renderer for that, and neither reads a mesh.
 
 What a plugin makes of its values is Mitsuba's business, in a child process. What is refused is a
 plugin that there is not, where the limits say which there are, and what reaches beyond the bundle
@@ -18,10 +19,10 @@ from pathlib import Path
 from typing import IO, BinaryIO, Literal
 
 from plateau.farm.bundle.archive import Archive
-from plateau.farm.bundle.entry import SCENE_XML, find_entry
+from plateau.farm.bundle.entry import find_entry
+from plateau.farm.bundle.formats import FORMATS, MITSUBA_XML, SceneFormat
 from plateau.farm.bundle.limits import BundleError, BundleLimits
 from plateau.farm.bundle.tree import Kind, Parts
-from plateau.farm.bundle.walk import read_scene
 
 _ZIP_MAGIC = b"PK"
 #: Space, and the bytes of a byte order mark or of half an ASCII character in UTF-16.
@@ -34,9 +35,11 @@ _DEFAULT_LIMITS = BundleLimits()
 class SceneSummary:
     """What a check learned of an upload."""
 
-    #: a single XML file, or a zip
-    kind: Literal["xml", "zip"]
-    #: the scene's XML, by its name in the bundle
+    #: a single file of XML or JSON, or a zip
+    kind: Literal["xml", "json", "zip"]
+    #: the renderer whose format it is
+    renderer: str
+    #: the scene's own file, by its name in the bundle
     entry: str
     #: number of files in the bundle, and their size in bytes when unpacked
     files: int
@@ -91,29 +94,29 @@ def inspect_each(
     with _opened(source) as stream:
         bundle = _bundle(stream, limits)
         entry = _entry(bundle, limits)
+        scene_format = MITSUBA_XML if isinstance(bundle, Archive) else bundle.format
         for parameters, sensor in asked:
-            scene = read_scene(bundle, entry, parameters, limits)
-            scene.parameters.check_all_used()
-            width, height = scene.cast.image_size(sensor, limits)
+            found = scene_format.check(bundle, entry, parameters, sensor, limits)
             yield SceneSummary(
-                kind="zip" if isinstance(bundle, Archive) else "xml",
+                kind="zip" if isinstance(bundle, Archive) else bundle.format.kind,
+                renderer=scene_format.renderer,
                 entry=bundle.label(entry),
                 files=len(bundle.files),
                 bytes_unpacked=sum(bundle.files.values()),
-                width=width,
-                height=height,
-                sensors=len(scene.cast.sensors),
-                parameters=scene.parameters.defaults,
+                width=found.width,
+                height=found.height,
+                sensors=found.sensors,
+                parameters=found.parameters,
             )
 
 
 def unpack_bundle(
     source: Path | BinaryIO, folder: Path, limits: BundleLimits = _DEFAULT_LIMITS
 ) -> str:
-    """Return the name of the scene's XML below `folder`, having unpacked an upload there.
+    """Return the name of the scene's own file below `folder`, having unpacked an upload there.
 
     The archive's directory is checked as `inspect_bundle` does, and what is read is checked
-    against what it declared. The scene's XML is not read: call `inspect_bundle` for that.
+    against what it declared. The scene itself is not read: call `inspect_bundle` for that.
 
     Parameters
     ----------
@@ -153,17 +156,18 @@ def unpack_bundle(
     return bundle.label(entry)
 
 
-class _LoneXml:
-    """A bundle that is one XML file."""
+class _LoneFile:
+    """A bundle that is one file."""
 
     remedy = (
         "is not in the upload, which is a single XML file; send a zip of the scene and its files "
         "(`plateau render` and `plateau submit` make one)"
     )
 
-    def __init__(self, stream: BinaryIO, size: int) -> None:
+    def __init__(self, stream: BinaryIO, size: int, scene_format: SceneFormat) -> None:
         self._stream = stream
-        self.files: dict[Parts, int] = {(SCENE_XML,): size}
+        self.format = scene_format
+        self.files: dict[Parts, int] = {(scene_format.entry,): size}
         self.folders: set[Parts] = {()}
 
     def kind(self, path: Parts) -> Kind | None:
@@ -181,7 +185,7 @@ class _LoneXml:
         yield self._stream
 
 
-def _bundle(stream: BinaryIO, limits: BundleLimits) -> Archive | _LoneXml:
+def _bundle(stream: BinaryIO, limits: BundleLimits) -> Archive | _LoneFile:
     """Return the upload as files and folders, having checked its size and its directory."""
     size = stream.seek(0, os.SEEK_END)
     stream.seek(0)
@@ -191,13 +195,19 @@ def _bundle(stream: BinaryIO, limits: BundleLimits) -> Archive | _LoneXml:
         raise BundleError(
             "too-large", f"the upload has {size} bytes; {limits.max_bytes} are allowed"
         )
-    if kind_of(stream) == "zip":
+    scene_format = format_of(stream)
+    if scene_format is None:
         return Archive(stream, size, limits)
-    return _LoneXml(stream, size)
+    return _LoneFile(stream, size, scene_format)
 
 
-def kind_of(stream: BinaryIO, file: str | None = None) -> Literal["xml", "zip"]:
-    """Return what a file that is open at its start is meant to be, by its first characters.
+def format_of(stream: BinaryIO, file: str | None = None) -> SceneFormat | None:
+    """Return the format of a file that is open at its start, by its first characters.
+
+    Returns
+    -------
+    SceneFormat or None
+        None for a zip.
 
     Raises
     ------
@@ -206,10 +216,11 @@ def kind_of(stream: BinaryIO, file: str | None = None) -> Literal["xml", "zip"]:
     """
     beginning = stream.read(1024)
     if beginning.startswith(_ZIP_MAGIC):
-        return "zip"
-    # With or without a mark of its encoding, in one byte or two: XML starts with a bracket.
-    if beginning.translate(None, _NOT_TEXT).startswith(b"<"):
-        return "xml"
+        return None
+    text = beginning.translate(None, _NOT_TEXT)
+    for one in FORMATS:
+        if text.startswith(one.begins):
+            return one
     raise BundleError(
         "not-a-scene",
         "it is neither XML nor a zip archive, or it is damaged; give a Mitsuba XML, or a zip of "
@@ -218,8 +229,8 @@ def kind_of(stream: BinaryIO, file: str | None = None) -> Literal["xml", "zip"]:
     )
 
 
-def _entry(bundle: Archive | _LoneXml, limits: BundleLimits) -> Parts:
-    return find_entry(bundle, limits) if isinstance(bundle, Archive) else (SCENE_XML,)
+def _entry(bundle: Archive | _LoneFile, limits: BundleLimits) -> Parts:
+    return find_entry(bundle, limits) if isinstance(bundle, Archive) else (bundle.format.entry,)
 
 
 def _write(packed: IO[bytes], path: Path, declared_bytes: int) -> int:

@@ -8,6 +8,7 @@ _MAX_SHOWN = 100
 
 #: Every code that a `BundleError` may carry, and what it stands for. Clients switch on these.
 CODES = {
+    "analytic-field": "an analytic scene has an unknown field, or a value that it cannot have",
     "ambiguous-scene": "several XML files of the bundle could be the scene",
     "bad-parameter": "a job parameter's name or value is malformed",
     "duplicate-entry": "two entries have one name, or names that differ in case alone",

@@ -17,11 +17,12 @@ from typing import Final, Literal
 from plateau.farm.model.passes import LARGEST_PASS_SAMPLES, LLVM_LARGEST_SPP
 
 MITSUBA: Final = "mitsuba"
+ANALYTIC: Final = "analytic"
 
 #: Every variant, as it is stored and shown.
-RenderVariant = Literal["scalar_rgb", "llvm_ad_rgb", "cuda_ad_rgb"]
+RenderVariant = Literal["scalar_rgb", "llvm_ad_rgb", "cuda_ad_rgb", "analytic:numpy"]
 #: And what a job may ask for: in one list, so that a mistyped name is answered with all of them.
-AnyVariant = Literal["auto", "scalar_rgb", "llvm_ad_rgb", "cuda_ad_rgb"]
+AnyVariant = Literal["auto", "scalar_rgb", "llvm_ad_rgb", "cuda_ad_rgb", "analytic:numpy"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,6 +62,13 @@ VARIANTS: Final[dict[RenderVariant, VariantFacts]] = {
         renderer=MITSUBA, own_name="llvm_ad_rgb", largest_spp=LLVM_LARGEST_SPP
     ),
     "cuda_ad_rgb": VariantFacts(renderer=MITSUBA, own_name="cuda_ad_rgb", on_gpu=True),
+    # Its passes are as large as LLVM's: it stands in for that where a farm is simulated.
+    "analytic:numpy": VariantFacts(
+        renderer=ANALYTIC,
+        own_name="numpy",
+        largest_spp=LLVM_LARGEST_SPP,
+        works_everywhere=True,
+    ),
 }
 
 
@@ -87,3 +95,27 @@ def variant_named(name: str) -> VariantFacts:
         if known == name:
             return facts
     raise ValueError(f"there is no variant {name!r}; there are {', '.join(VARIANTS)}")
+
+
+def variant_for(asked: str, renderer: str) -> RenderVariant | Literal["auto"]:
+    """Return the variant that a job of this renderer's scene has, by the one that was asked for.
+
+    Mitsuba's ``auto`` stays: the first worker decides. Of other renderers it is the first variant.
+
+    Raises
+    ------
+    ValueError
+        It is a variant of another renderer; the message says what to do.
+    """
+    own: list[RenderVariant] = [
+        name for name, known in VARIANTS.items() if known.renderer == renderer
+    ]
+    if asked == "auto":
+        return "auto" if renderer == MITSUBA else own[0]
+    for name in own:
+        if name == asked:
+            return name
+    raise ValueError(
+        f"the scene is one for the renderer {renderer}, which has no variant {asked}; leave the "
+        f"variant out, or name {' or '.join(own)}"
+    )

@@ -164,7 +164,9 @@ class SceneFound(SceneView):
 
     model_config = ConfigDict(json_schema_extra=_shows(examples.SCENE_FOUND))
 
-    kind: Literal["xml", "zip"] = Field(description="a single XML file, or a zip")
+    kind: Literal["xml", "json", "zip"] = Field(
+        description="a single file of XML or JSON (an analytic scene), or a zip"
+    )
     entry: str = Field(description="the scene's XML, by its name in the bundle")
     files: int = Field(description="how many files there are")
     bytes_unpacked: int = Field(description="and their size when unpacked")

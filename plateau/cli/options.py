@@ -30,8 +30,8 @@ Scene = Annotated[
     typer.Argument(
         callback=_scene,
         autocompletion=complete.scene_files,
-        help=f"A Mitsuba XML, a zip, a folder with a scene.xml, or an example scene: "
-        f"scenes:NAME, where NAME is {', '.join(scenes.NAMES)}.",
+        help=f"A Mitsuba XML, a zip, a folder with a scene.xml, an analytic scene (JSON), or an "
+        f"example scene: scenes:NAME, where NAME is {', '.join(scenes.NAMES)}.",
     ),
 ]
 JobId = Annotated[
@@ -151,7 +151,7 @@ def spec_from_options(
     variant: Annotated[
         str | None,
         typer.Option(
-            help="auto, scalar_rgb, llvm_ad_rgb or cuda_ad_rgb.",
+            help="auto, scalar_rgb, llvm_ad_rgb, cuda_ad_rgb or analytic:numpy.",
             show_default="auto",
             autocompletion=complete.variants,
         ),

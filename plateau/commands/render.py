@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Final
 from plateau.errors import CommandFailed
 from plateau.exit_codes import EXIT_CODES
 from plateau.farm.bundle import inspect_bundle
+from plateau.farm.model.renderers import variant_for
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
 from plateau.files.out_folder import make_ready
@@ -46,7 +47,11 @@ def render(
     """Render the scene until its job has ended, and write its results; returns the exit code."""
     # What can be refused is refused before anything is started.
     with pack(scene, spec.parameter_strings()) as packed:
-        inspect_bundle(packed.file, parameters=spec.parameter_strings(), sensor=spec.sensor)
+        found = inspect_bundle(packed.file, parameters=spec.parameter_strings(), sensor=spec.sensor)
+    try:
+        variant_for(spec.variant, found.renderer)
+    except ValueError as error:
+        raise CommandFailed(str(error)) from error
     asked = read_settings()
     _check_variant(spec.variant, asked.cache)
     make_ready(out)
@@ -118,7 +123,7 @@ def _check_variant(variant: str, cache: Path) -> None:
     raise CommandFailed(
         f"this machine cannot render with {variant}"
         + (f" ({tried[0]})" if tried else "")
-        + f", only with {' and '.join(choice.variants)}: leave --variant out, or see what "
+        + f", only with {' and '.join(choice.of_mitsuba)}: leave --variant out, or see what "
         "`plateau doctor` says of it"
     )
 

@@ -21,8 +21,9 @@ from typing import IO, BinaryIO, cast
 
 from plateau.farm.bundle import BundleError, BundleLimits
 from plateau.farm.bundle.archive import Archive
-from plateau.farm.bundle.check import kind_of
+from plateau.farm.bundle.check import format_of
 from plateau.farm.bundle.entry import SCENE_XML, find_entry
+from plateau.farm.bundle.formats import MITSUBA_XML
 from plateau.farm.bundle.references import Reference
 from plateau.farm.bundle.tree import Kind, Parts
 from plateau.farm.bundle.walk import read_scene
@@ -71,7 +72,8 @@ def pack(path: Path, *parameters: Mapping[str, str]) -> Packed:
     Parameters
     ----------
     path : Path
-        A Mitsuba XML; a folder with a `scene.xml`; or a zip, which is taken as it is.
+        A Mitsuba XML; a folder with a `scene.xml`; or a zip or an analytic scene, each of which
+        is taken as it is.
     parameters : mappings of str to str
         Values of the scene's `$parameters`, since these can choose files. Of several, as the jobs
         of a batch have them, all files go in that any of them chooses.
@@ -94,9 +96,10 @@ def pack(path: Path, *parameters: Mapping[str, str]) -> Packed:
     if not path.is_file():
         raise BundleError("missing-file", missing, file=str(path))
     with path.open("rb") as file:
-        kind = kind_of(file, str(path))
-    if kind == "zip":
-        return Packed(path.open("rb"), _ZIP, path.name, (path,))
+        scene_format = format_of(file, str(path))
+    if scene_format is not MITSUBA_XML:
+        media_type = _ZIP if scene_format is None else f"application/{scene_format.kind}"
+        return Packed(path.open("rb"), media_type, path.name, (path,))
     disk = _Disk()
     entry = disk.parts(path)
     references: dict[Reference, None] = {}

@@ -23,7 +23,7 @@ from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
-from plateau.farm.model.renderers import VARIANTS
+from plateau.farm.model.renderers import MITSUBA, VARIANTS, variant_named
 from plateau.farm.process.lifecycle import die_with_parent
 from plateau.worker.confinement import landlock
 from plateau.worker.supervisor import needed_libraries
@@ -93,6 +93,11 @@ class VariantChoice:
         """All variants known to work here, the best first."""
         working = (probe.variant for probe in self.tried if probe.ok)
         return tuple(dict.fromkeys((*working, *_EVERYWHERE)))
+
+    @property
+    def of_mitsuba(self) -> tuple[str, ...]:
+        """Those among them that are Mitsuba's."""
+        return tuple(one for one in self.variants if variant_named(one).renderer == MITSUBA)
 
 
 def choose(cache: Path, *, every: bool = False) -> VariantChoice:

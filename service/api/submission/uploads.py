@@ -24,6 +24,7 @@ from plateau.farm.blobs import store as blob_names
 from plateau.farm.bundle import BundleError, SceneSummary
 from plateau.farm.ledger.jobs import Created
 from plateau.farm.ledger.scene_index import SceneIndex
+from plateau.farm.model.renderers import variant_for
 from plateau.farm.model.spec import BatchSpec, JobSpec
 from plateau.service.api.access.callers import Caller, CallerOf
 from plateau.service.api.parts import Parts, parts, parts_of
@@ -202,8 +203,10 @@ def create_job(asked: Submission, scene: StoredScene, farm: Parts, *, owner: str
     """
     sha256, name = scene.sha256, scene.name
     digest = hashlib.sha256(f"{sha256} {asked.spec.as_request()}".encode()).hexdigest()
+    variant = variant_for(asked.spec.variant, scene.summary.renderer)
+    specs = _job_specs(asked.spec, name)
     return farm.jobs.create_all(
-        _job_specs(asked.spec, name),
+        [one.model_copy(update={"variant": variant}) for one in specs],
         name=name,
         scene_sha256=sha256,
         idempotency_key=asked.idempotency_key,
@@ -283,6 +286,10 @@ async def _checked(turn: Turn, file: BinaryIO, spec: JobSpec | BatchSpec) -> Sce
         message += "send fewer at once, each time with the same batch"
         raise invalid_field(problems.INVALID_SPEC, "spec.parameters", message)
     assert found.summary is not None  # a spec has an entry at least
+    try:
+        variant_for(spec.variant, found.summary.renderer)
+    except ValueError as error:
+        raise invalid_field(problems.INVALID_SPEC, "spec.variant", str(error)) from error
     return found.summary
 
 

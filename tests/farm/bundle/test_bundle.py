@@ -45,6 +45,7 @@ def test_a_single_xml_is_a_scene(tmp_path: Path):
     summary = inspect_bundle(path)
     assert summary == SceneSummary(
         kind="xml",
+        renderer="mitsuba",
         entry="scene.xml",
         files=1,
         bytes_unpacked=path.stat().st_size,
@@ -606,7 +607,8 @@ def test_a_bad_upload_is_refused_with_its_reason(bad: Bad):
 
 
 def test_every_code_is_tested():
-    elsewhere = {"unpackable-path"}  # tests/plateau/files/test_packing.py
+    # In tests/plateau/files/test_packing.py and tests/farm/bundle/test_analytic.py.
+    elsewhere = {"unpackable-path", "analytic-field"}
     assert {bad.code for bad in BAD} | elsewhere == set(CODES)
 
 

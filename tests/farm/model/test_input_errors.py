@@ -41,7 +41,7 @@ RULES = "fixed, successive, multiple, reverse, myszkowski, visible"
         ("batch", "", "must not be empty"),
         ("batch", "x" * 101, "must have at most 100 characters"),
         ("batch", 1, "must be text"),
-        ("variant", "cuda", "must be auto, scalar_rgb, llvm_ad_rgb or cuda_ad_rgb"),
+        ("variant", "cuda", "must be auto, scalar_rgb, llvm_ad_rgb, cuda_ad_rgb or analytic:numpy"),
         ("pool", "a b", input_errors.PATTERNS[PLACE]),
         ("requires", ("a",) * 17, "must have at most 16 entries"),
         ("zones", (1,), "is missing"),

@@ -164,7 +164,7 @@ class TestOptions:
             (["--rule", "fixed", "--window", "3"], "--window is not an option of the rule fixed"),
             (
                 ["--variant", "cuda"],
-                "--variant: must be auto, scalar_rgb, llvm_ad_rgb or cuda_ad_rgb",
+                "--variant: must be auto, scalar_rgb, llvm_ad_rgb, cuda_ad_rgb or analytic:numpy",
             ),
             (["-D", "width"], "NAME=VALUE"),
             (["-D", "=3"], "NAME=VALUE"),

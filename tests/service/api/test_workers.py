@@ -63,6 +63,8 @@ def test_demand_is_counted_for_the_variants_of_a_pool(
     assert demand() == {"slices": 5, "waiting": 4, "leased": 1}
     assert demand(variant="cuda_ad_rgb") == {"slices": 2, "waiting": 2, "leased": 0}
     assert demand(variant=["llvm_ad_rgb", "scalar_rgb"]) == {"slices": 3, "waiting": 2, "leased": 1}
+    assert demand(variant="mitsuba:cuda_ad_rgb") == demand(variant="cuda_ad_rgb")
+    assert demand(variant="analytic:numpy")["slices"] == 0
     assert demand(pool="default", tag="") == demand()
     assert demand(pool="night")["slices"] == 0
     assert http.get("/v1/demand", params={"variant": "vulkan"}).status_code == 422

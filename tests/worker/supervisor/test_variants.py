@@ -154,7 +154,7 @@ class TestChoice:
         monkeypatch.setattr(variants, "llvm_libraries", lambda: ())
         choice = choose(tmp_path)
         assert choice.variant == SCALAR
-        assert choice.variants == (SCALAR,)
+        assert choice.variants == (SCALAR, "analytic:numpy")
         assert choice.why == "scalar_rgb: neither a CUDA driver nor an LLVM library was found"
 
     def test_a_library_that_fails_is_passed_over_and_named(self, tmp_path, broken_library):
@@ -175,7 +175,7 @@ class TestChoice:
         monkeypatch.setattr(variants, "_identity", lambda _: {})
         choice = choose(tmp_path)
         assert (choice.variant, choice.llvm_library) == (LLVM, good)
-        assert choice.variants == (LLVM, SCALAR)
+        assert choice.variants == (LLVM, SCALAR, "analytic:numpy")
         assert [one.library for one in choice.tried] == [str(broken_library), good]
 
     def test_every_candidate_is_tried_on_demand(self, tmp_path, broken_library):

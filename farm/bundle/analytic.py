@@ -1,0 +1,168 @@
+"""The format of analytic scenes: one JSON file that says what is seen, and how noisy a sample is.
+
+::
+
+    {"analytic": 1, "width": 64, "height": 48, "light": "checks", "noise": "gaussian", "level": 0.5}
+
+``analytic`` is the version of the format. All other fields have defaults, which are those of
+`AnalyticScene`. A job's parameter takes the place of the field of its name. What the fields mean in
+pixels is in `plateau.worker.renderers.analytic`.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields
+from typing import IO, Any, Final
+
+from plateau.farm.bundle.limits import BundleError, BundleLimits, shown
+
+#: What is seen, and the noise upon it.
+LIGHTS: Final = ("grey", "ramp", "checks", "texture")
+NOISES: Final = ("gaussian", "heavy-tailed", "filtered", "fireflies")
+
+_VERSION: Final = 1
+_MOST_BYTES: Final = 2**16
+_MOST_LEVEL: Final = 1e6
+
+
+@dataclass(frozen=True, kw_only=True)
+class AnalyticScene:
+    """An image that is known, and noise of known statistics upon it.
+
+    Attributes
+    ----------
+    width, height : int
+        Size of the film in pixels.
+    light : str
+        One of `LIGHTS`: the converged image (with the noise ``fireflies``, these come on top).
+    noise : str
+        One of `NOISES`: the distribution of a sample about that image.
+    level : float
+        Standard deviation of one sample, 0 or more: as a multiple of the pixel's own light, or
+        where `additive`, in radiance. The fireflies have a brightness of their own.
+    additive : bool
+        Whether the noise is as strong in dark pixels as in bright ones.
+    """
+
+    width: int = 64
+    height: int = 64
+    light: str = "checks"
+    noise: str = "gaussian"
+    level: float = 0.5
+    additive: bool = False
+
+    def as_text(self) -> dict[str, str]:
+        """Return each field as a job's parameter may have it."""
+        return {
+            name: value if isinstance(value, str) else json.dumps(value)
+            for name, value in asdict(self).items()
+        }
+
+
+_FIELDS: Final = {one.name: type(one.default) for one in fields(AnalyticScene)}
+
+
+def read_analytic_scene(
+    stream: IO[bytes], parameters: Mapping[str, str], limits: BundleLimits
+) -> tuple[AnalyticScene, dict[str, str]]:
+    """Return the scene that a file describes with a job's parameters, and the file's own fields.
+
+    Parameters
+    ----------
+    stream : binary file
+        The scene, from its start.
+    parameters : mapping of str to str
+        The job's values, each for the field of its name.
+    limits : BundleLimits
+        Bounds on the film.
+
+    Raises
+    ------
+    BundleError
+        Where the file is no analytic scene, or a field has a value that it cannot have.
+    """
+    stated = _object(stream.read(_MOST_BYTES + 1))
+    if stated.pop("analytic", None) != _VERSION:
+        raise BundleError(
+            "not-a-scene",
+            f'the file is JSON, and no analytic scene: such a one has "analytic": {_VERSION}',
+        )
+    for name in stated:
+        if name not in _FIELDS:
+            raise BundleError("analytic-field", f"there is no field {shown(name)}; {_known()}")
+    own = _scene(stated, limits)
+    for name in parameters:
+        if name not in _FIELDS:
+            raise BundleError(
+                "unknown-parameter", f"the scene does not use a parameter {shown(name)}; {_known()}"
+            )
+    given = {name: _from_text(name, text) for name, text in parameters.items()}
+    return _scene({**stated, **given}, limits), own.as_text()
+
+
+def _object(content: bytes) -> dict[str, Any]:
+    if len(content) > _MOST_BYTES:
+        raise BundleError("too-large", f"an analytic scene has at most {_MOST_BYTES} bytes")
+    try:
+        document = json.loads(content)
+    except (ValueError, RecursionError) as error:
+        raise BundleError(
+            "not-a-scene", f"the file begins as JSON does, and is none: {error}"[:300]
+        ) from error
+    return document if isinstance(document, dict) else {}
+
+
+def _from_text(name: str, text: str) -> Any:
+    """Return a job's parameter as its field has it; text that fits none is left to the check."""
+    if _FIELDS[name] is str:
+        return text
+    try:
+        return json.loads(text)
+    except (ValueError, RecursionError):
+        return text
+
+
+def _scene(values: Mapping[str, Any], limits: BundleLimits) -> AnalyticScene:
+    for name, value in values.items():
+        if not _fits(name, value):
+            raise BundleError("analytic-field", f"{name} {_WANTED[name]}, not {shown(str(value))}")
+    scene = AnalyticScene(**{**values, **_level(values)})
+    if scene.width * scene.height > limits.max_pixels:
+        raise BundleError(
+            "film-size",
+            f"a film of {scene.width}×{scene.height} pixels is too large: {limits.max_pixels} "
+            "pixels are allowed",
+        )
+    return scene
+
+
+def _level(values: Mapping[str, Any]) -> dict[str, float]:
+    return {"level": float(values["level"])} if "level" in values else {}
+
+
+def _fits(name: str, value: Any) -> bool:
+    if name in ("width", "height"):
+        return type(value) is int and value >= 1
+    if name == "level":
+        is_number = type(value) in (int, float) and math.isfinite(value)
+        return is_number and 0 <= value <= _MOST_LEVEL
+    if name == "additive":
+        return type(value) is bool
+    return value in {"light": LIGHTS, "noise": NOISES}[name]
+
+
+_WANTED: Final = {
+    "width": "must be a whole number of at least 1",
+    "height": "must be a whole number of at least 1",
+    "light": f"must be one of {', '.join(LIGHTS)}",
+    "noise": f"must be one of {', '.join(NOISES)}",
+    "level": f"must be a number from 0 to {_MOST_LEVEL:g}",
+    "additive": "must be true or false",
+}
+
+
+def _known() -> str:
+    return f"an analytic scene has {', '.join(_FIELDS)}"

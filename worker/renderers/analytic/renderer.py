@@ -1,0 +1,62 @@
+"""Renders analytic scenes, in a render child."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from plateau.farm.bundle import BundleError, BundleLimits
+from plateau.farm.bundle.analytic import AnalyticScene, read_analytic_scene
+from plateau.worker.renderers.analytic.picture import Picture
+from plateau.worker.renderers.contract import Loaded, SceneError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Iterator
+
+    from numpy.typing import NDArray
+
+    from plateau.worker.renderers.contract import Load
+
+
+class Renderer:
+    """Analytic scenes, as `plateau.worker.renderers.contract.Renderer` has them.
+
+    It cannot render more than one sensor, and one thread does all: the number has no effect.
+    """
+
+    def __init__(self, variant: str, threads: int) -> None:  # noqa: ARG002  (see above)
+        if variant != "numpy":
+            raise ValueError(f"analytic scenes have no variant {variant!r}, but numpy alone")
+        self._picture: Picture | None = None
+
+    def probe(self) -> None:
+        """Render a small image; raise where it is none."""
+        film = Picture(AnalyticScene(width=16, height=16)).film(4, 1)
+        if not (np.isfinite(film).all() and film.mean() > 0):
+            raise ArithmeticError("the image is black or not finite")
+
+    def load(self, request: Load) -> Loaded:
+        """Read a scene's file, in the place of the one before."""
+        self._picture = None
+        try:
+            with (Path(request.folder) / request.entry).open("rb") as file:
+                scene, _ = read_analytic_scene(file, request.parameters, BundleLimits())
+        except BundleError as error:
+            raise SceneError(str(error)) from error
+        if request.sensor != 0:
+            raise SceneError("an analytic scene has sensor 0 alone")
+        self._picture = Picture(scene)
+        return Loaded(width=scene.width, height=scene.height)
+
+    def render(
+        self, passes: Iterable[tuple[int, int]], *, is_cancelled: Callable[[], bool]
+    ) -> Iterator[NDArray[np.float32]]:
+        """Yield the film of each pass, in order."""
+        if self._picture is None:
+            raise RuntimeError("no scene is loaded")
+        for spp, seed in passes:
+            if is_cancelled():
+                return
+            yield self._picture.film(spp, seed)
