@@ -26,7 +26,7 @@ class Case:
 
 
 def _family(name: str) -> list[Case]:
-    build = import_module(f"scenes.{name}.build")
+    build = import_module(f"plateau.scenes.{name}.build")
     return [
         Case(f"{name.upper()} {number}", name, intensity, (2 * number - 2, 2 * number - 1))
         for number, intensity in ((1, build.BRIGHT), (2, build.DIM))

@@ -68,6 +68,6 @@ def _render_children(root: psutil.Process) -> list[psutil.Process]:
     found = []
     for process in root.children(recursive=True):
         with suppress(psutil.NoSuchProcess):
-            if "plateau.worker.child.__main__" in process.cmdline():
+            if "plateau.worker.child" in process.cmdline():
                 found.append(process)
     return found

@@ -16,7 +16,7 @@ MOST_BYTES = 2_000_000
 
 
 def build(family: str) -> Any:
-    return import_module(f"scenes.{family}.build")
+    return import_module(f"plateau.scenes.{family}.build")
 
 
 @cache

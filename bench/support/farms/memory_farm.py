@@ -29,7 +29,7 @@ _ROLES = {
     "API": "api",
     "monitor": "monitor",
     "worker": "worker",
-    "render child": "plateau.worker.child.__main__",
+    "render child": "plateau.worker.child",
 }
 #: No worker here has it: so its slices are left to `made_up`.
 MADE_UP = "cuda_ad_rgb"
