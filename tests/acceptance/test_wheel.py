@@ -6,9 +6,11 @@ import subprocess
 import sys
 import tarfile
 import zipfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from importlib.metadata import metadata
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import pytest
 
@@ -40,6 +42,21 @@ NEEDS = {
     "redis-acl": "farm",
     "scale slurm --max 1": "farm",
     "webhooks secret": "farm",
+}
+#: What can be imported with each extra: whole packages, and modules.
+BRINGS = {
+    "farm": (
+        "farm.blobs",
+        "farm.ledger",
+        "farm.redis",
+        "farm.sweep",
+        "commands.gc",
+        "commands.keys",
+    ),
+    "images": ("farm.images", "files.image_diff"),
+    "api": ("service.api", "commands.serve"),
+    "monitor": ("service.judging", "service.monitor", "metric", "files.image_series"),
+    "worker": ("worker", "commands.doctor"),
 }
 
 
@@ -75,17 +92,20 @@ def wheel(built: Path) -> Path:
 
 
 @pytest.fixture(scope="module")
-def install(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
+def install(wheel: Path) -> Iterator[Callable[[str], Path]]:
     """Installs the wheel with these extras into an empty environment; returns its programs."""
+    with ExitStack() as environments:
 
-    def install(extras: str) -> Path:
-        folder = tmp_path_factory.mktemp("environment")
-        uv("venv", "--clear", "--python", sys.executable, folder)
-        constraints = ("--constraint", ROOT / "constraints.txt")
-        uv("pip", "install", "--python", folder, *constraints, f"{wheel}{extras}")
-        return folder / "bin"
+        def install(extras: str) -> Path:
+            # Some have 600 MB, so they do not stay as pytest's own folders do.
+            made = environments.enter_context(TemporaryDirectory(prefix="plateau-wheel-"))
+            folder = Path(made) / "environment"
+            uv("venv", "--python", sys.executable, folder)
+            constraints = ("--constraint", ROOT / "constraints.txt")
+            uv("pip", "install", "--python", folder, *constraints, f"{wheel}{extras}")
+            return folder / "bin"
 
-    return install
+        yield install
 
 
 @pytest.fixture(scope="module")
@@ -166,6 +186,25 @@ def test_the_whole_of_it_renders_a_scene_outside_the_repository(
     }
     found = run(programs / "python", "-c", "import plateau.worker; print(plateau.worker.__file__)")
     assert found.stdout.startswith(str(programs.parent))
+
+
+@pytest.mark.parametrize("extra", BRINGS)
+def test_an_extra_brings_what_its_part_imports(
+    extra: str,
+    install: Callable[[str], Path],
+    run: Callable[..., subprocess.CompletedProcess[str]],
+) -> None:
+    program = f"""
+from importlib import import_module
+from pkgutil import walk_packages
+for name in {BRINGS[extra]}:
+    found = import_module(f"plateau.{{name}}")
+    for module in walk_packages(getattr(found, "__path__", ()), f"{{found.__name__}}."):
+        if not module.name.endswith(".__main__"):
+            import_module(module.name)
+"""
+    done = run(install(f"[{extra}]") / "python", "-c", program)
+    assert (done.returncode, done.stderr) == (0, "")
 
 
 def test_the_base_lacks_what_a_farm_is_made_of(
