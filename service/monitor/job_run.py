@@ -79,14 +79,12 @@ class JobRun:
             A slice cannot be merged, now or later.
         """
         job = self._jobs.get(self.owned.job_id)
-        self._known = self._known.turn(job, crew.enough(job))
-        while True:
-            step = next_step(replace(self._known, at_s=time.monotonic()))
-            if isinstance(step, steps.Wait):
-                return False
+        self._known = self._known.turn(job, crew.enough(job), time.monotonic())
+        while not isinstance(step := next_step(self._known), steps.Wait):
             self._known = self._after(step)
             if isinstance(step, steps.FinishJob):
                 return True
+        return False
 
     def _after(self, step: steps.Step) -> Known:
         """Take the step; returns what is known then."""
@@ -155,7 +153,8 @@ class JobRun:
                 numbers=verdict.numbers,
                 flaw=judgement.flaw,
                 expected_spp=judgement.expected_spp,
-            )
+            ),
+            time.monotonic(),
         )
 
     def _show_and_save(self, *, show: bool, save: bool) -> Known:

@@ -46,7 +46,9 @@ class Known:
     job: Job  #: as it was when the turn began, or when it was read again since
     ahead: LookAhead
     keeps_sums: bool  #: whether the sums of ended jobs are kept
-    at_s: float = 0.0  #: now, by this machine's clock, which never goes back
+    at_s: float = (
+        0.0  #: when the turn began, or the rules answered, by a clock that never goes back
+    )
 
     merged: int = 0  #: slices in the sums: 0 … merged − 1
     judged: int = 0  #: slices in the sums when the rules judged them last
@@ -159,15 +161,13 @@ class Known:
 
     # What comes of a step, where that is more than a field or two
 
-    def turn(self, job: Job, enough: int) -> "Known":
-        """The job has its turn; it was read, and so were the workers."""
-        return replace(self.read_again(job), enough=enough)
-
-    def read_again(self, job: Job) -> "Known":
-        """The job was read; all that was read before of it counts no more."""
+    def turn(self, job: Job, enough: int, at_s: float) -> "Known":
+        """The job was read and has its turn: nothing that was read before counts any more."""
         return replace(
             self,
             job=job,
+            enough=enough,
+            at_s=at_s,
             ledger=Ledger.UNREAD,
             in_hand=0,
             lost=False,
@@ -175,6 +175,10 @@ class Known:
             redis_s=None,
             concluded=None,
         )
+
+    def read_again(self, job: Job) -> "Known":
+        """The job was read once more, as it ended: its turn goes on as if it began."""
+        return self.turn(job, self.enough, self.at_s)
 
     def with_time(self, job: Job, redis_s: float) -> "Known":
         """The clock was read, and the job with it, which may have ended meanwhile."""
@@ -194,10 +198,16 @@ class Known:
         """The partial of the next slice is lost or spoiled, so no slice after it can be merged."""
         return replace(self, in_hand=0, ledger=Ledger.READ, lost=True)
 
-    def with_answer(self, answer: Answer) -> "Known":
+    def with_answer(self, answer: Answer, at_s: float) -> "Known":
         """The rules have judged the merged image."""
-        ahead = self.ahead.expecting(answer.expected_spp)
-        return replace(self, judged=self.merged, answer=answer, recorded=False, ahead=ahead)
+        return replace(
+            self,
+            judged=self.merged,
+            answer=answer,
+            recorded=False,
+            ahead=self.ahead.expecting(answer.expected_spp),
+            at_s=at_s,
+        )
 
     def with_glimpse(self, spp: int | None) -> "Known":
         """The first pass was shown, or cannot be (0 spp), or is not there yet (None)."""

@@ -265,7 +265,7 @@ def happen(story: Story) -> DecidedJob:
     raise AssertionError(f"the job is {job.state.value} for good")
 
 
-MANY = settings(max_examples=5000 if WANTED else 300, deadline=None)
+MANY = settings(max_examples=2000 if WANTED else 300, deadline=None)
 
 
 @MANY
@@ -278,7 +278,7 @@ def test_whatever_happens_a_job_comes_to_one_end(story: Story) -> None:
     assert job.state.ended
     if job.state in {JobState.CONVERGED, JobState.EXHAUSTED}:
         assert job.image_spp == job.spp
-    if not job.notes:  # else what was rendered has been lost since
+    if not job.notes and not job.lost_sums:  # else what was rendered has been lost since
         assert job.spp >= max(job.curve, default=0)
 
 
@@ -294,5 +294,5 @@ def test_trouble_changes_nothing_of_what_a_user_gets(story: Story) -> None:
     )
     assert (job.spp, job.image_spp) == (undisturbed.spp, undisturbed.image_spp)
     # And its sums are there to go on from, where they are kept
-    if job.keeps_sums and not job.spec.keep_slices:
+    if job.keeps_sums and not job.spec.keep_slices and not job.lost_sums:
         assert job.checkpoint.slices * job.spec.slice_spp == job.spp
