@@ -96,8 +96,13 @@ def text() -> str:
     return "".join(
         (
             library(),
-            "local for_workers, for_farm = {}, {}\n",
-            _commands((*_FOR_WORKERS, *_FOR_FARM)),
+            "local for_workers, for_farm, subjects = {}, {}, {}\n",
+            _commands(_FOR_WORKERS),
+            # Defined where one of them is asked for: a worker's commands do not wait for that.
+            *(
+                f"subjects[#subjects + 1] = function()\n{_commands([one])}end\n"
+                for one in _FOR_FARM
+            ),
             (_LUA / "dispatch.lua").read_text(),
         )
     )

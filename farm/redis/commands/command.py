@@ -2,7 +2,7 @@
 
 import json
 import re
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import cache
 from typing import Annotated, Any, Generic, TypeVar, get_args
 
@@ -23,14 +23,15 @@ class Command(Generic[Answer]):
     """
 
     @classmethod
+    @cache
     def lua_name(cls) -> str:
         """Its name in Lua."""
         return re.sub(r"(?<!^)(?=[A-Z])", "_", cls.__name__).lower()
 
     def as_json(self) -> str:
         """Its fields, as the script takes them."""
-        given = {name: value for name, value in asdict(self).items() if value is not None}
-        return json.dumps(given, ensure_ascii=False, allow_nan=False)
+        given = {name: value for name, value in vars(self).items() if value is not None}
+        return json.dumps(given, ensure_ascii=False, allow_nan=False, default=vars)
 
     def read_answer(self, text: str) -> Answer:
         """What the script answers to it."""

@@ -7,6 +7,7 @@ local command = for_workers[ARGV[1]]
 if not command then
   -- Workers may not touch this key, so Redis refuses a worker here, whatever the command is.
   redis.call('EXISTS', MONITORS)
+  for _, define in ipairs(subjects) do define() end
   command = for_farm[ARGV[1]]
 end
 if not command then return redis.error_reply('ERR Plateau has no command ' .. tostring(ARGV[1])) end
