@@ -50,7 +50,7 @@ class KeyLimits(BaseModel):
 
     requests_per_minute: float = Field(gt=0, le=1e6)
     burst: int = Field(
-        ge=1, le=1_000_000, description="so many requests may come at once, after a pause"
+        ge=1, le=1_000_000, description="requests that may come at once, after a pause"
     )
     upload_bytes: int | None = Field(
         ge=1, le=2**50, description="largest upload; null: the farm's limit"

@@ -61,7 +61,7 @@ class Guard(_Record):
         None,
         description="of the rule visible: the noise that may be left, as a fraction of the pixels",
     )
-    min_spp: int = Field(description="no job converges before so many spp; 0 without a minimum")
+    min_spp: int = Field(description="fewest spp at which a job may converge; 0 without a minimum")
     differs: list[Differs] = Field(description="where jobs differ from most others: at most 100")
     missed_jobs: int = Field(
         description="how many have ended otherwise than by their rule: exhausted, cancelled, failed"
@@ -82,7 +82,7 @@ class Batch(_Record):
     jobs: int = Field(description="how many it has")
     job_ids: list[str] = Field(description="in the order in which they were made")
     states: dict[JobState, int] = Field(description="how many are in each state that any is in")
-    held: int = Field(description="how many of the queued ones are held back till it is resumed")
+    held: int = Field(description="how many of the queued jobs are held until the batch is resumed")
     finished: int = Field(description="how many have ended and have their results written")
     spp: Extent | None = Field(None, description="spp merged, of all jobs")
     estimate_fraction: Extent | None = Field(

@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 PATTERNS: Final = {
     r"^[0-9a-f]{12}$": "must be an id: 12 characters, each a digit or a letter from a to f",
     r"^([0-9a-f]{64})?$": "must be a SHA-256: 64 characters, each a digit or a letter from a to f",
-    r"^[A-Za-z0-9][A-Za-z0-9_.-]*$": "must begin with a letter or a digit, and may go on with "
-    "letters, digits, and the characters _ . -",
+    r"^[A-Za-z0-9][A-Za-z0-9_.-]*$": "must begin with a letter or a digit, followed by letters, "
+    "digits, and the characters _ . -",
     r"^[A-Za-z0-9][A-Za-z0-9_-]{0,31}$": "must begin with a letter or a digit, and have letters, "
     "digits, _ and - only, 32 at most",
     r"^[0-9]{1,15}$": "must be the next_cursor of an earlier page",

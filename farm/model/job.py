@@ -231,10 +231,10 @@ class Worker(_Record):
         None, description="why it takes no work: it found that it can render nothing"
     )
     label: str | None = Field(
-        None, description="what it was started as elsewhere, where it was told: slurm:1234_5"
+        None, description="its name in the system that started it, such as slurm:1234_5"
     )
     drained: bool = Field(
-        False, description="it was told to take no more work; what it has in hand it finishes"
+        False, description="it takes no more slices, and finishes the one that it has"
     )
     started_at: datetime
     seen_at: datetime

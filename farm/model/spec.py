@@ -129,7 +129,9 @@ class VisibleSpec(_Spec):
         le=0.99,
         description="noise that may be left, as a fraction of the pixels",
     )
-    min_spp: Spp = Field(default=200, description="not before so many samples per pixel")
+    min_spp: Spp = Field(
+        default=200, description="fewest samples per pixel at which the rule may stop"
+    )
 
 
 RuleSpec = Annotated[
@@ -191,7 +193,7 @@ class SharedSpec(_Spec):
         max_length=16,
         description="rules that are evaluated and reported, and stop nothing",
     )
-    view: ViewSpec = Field(default_factory=ViewSpec, description="how the image is looked at")
+    view: ViewSpec = Field(default_factory=ViewSpec, description="how the image is viewed")
     zones: tuple[ZoneCount, ZoneCount] = Field(
         default=(4, 4), description="rows and columns of zones that are judged apart"
     )
@@ -199,7 +201,7 @@ class SharedSpec(_Spec):
         default=False, description="keep every slice, to be judged again by other rules and views"
     )
     webhook: WebhookSpec | None = Field(
-        default=None, description="who is told of the job's changes, by signed requests"
+        default=None, description="receiver of the job's events, by signed requests"
     )
 
     @model_validator(mode="after")

@@ -45,7 +45,7 @@ class WebhookSpec(BaseModel):
     events: tuple[WebhookEvent, ...] = Field(
         default=DEFAULT_EVENTS,
         max_length=len(DEFAULT_EVENTS) + 1,
-        description="the states of which it is told, and `finished`: all results are written",
+        description="the states to report, and `finished`: all results are written",
         json_schema_extra={"minItems": 1},
     )
     # Never shown again: it is left out wherever a spec is written, but for `JobSpec.as_request`.

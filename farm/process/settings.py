@@ -112,7 +112,7 @@ class Settings(BaseSettings):
         description="a pass that takes longer is killed with its process group",
     )
     load_timeout_s: float = Field(
-        300.0, gt=0, le=_DAY_S, description="a scene that takes longer to load is given up"
+        300.0, gt=0, le=_DAY_S, description="loading of a scene that takes longer is aborted"
     )
     child_memory_gb: float | None = Field(
         None,
@@ -147,22 +147,22 @@ class Settings(BaseSettings):
         ge=0,
         le=_MOST_DAYS,
         allow_inf_nan=False,
-        description="finished jobs go after so many days; unset, they stay",
+        description="days after which finished jobs are removed; unset, they stay",
     )
     keep_sums_days: float = Field(
         3.0,
         ge=0,
         le=_MOST_DAYS,
         allow_inf_nan=False,
-        description="for so many days after its end a job can be gone on with, though its slices "
-        "are not kept; 0 keeps no sums",
+        description="days for which an ended job without kept slices can be continued; "
+        "0 keeps no sums",
     )
     keep_scenes_days: float | None = Field(
         None,
         ge=0,
         le=_MOST_DAYS,
         allow_inf_nan=False,
-        description="scenes of no job go after so many days without use; unset, they stay",
+        description="days without use after which scenes of no job are removed; unset, they stay",
     )
     plugins: Annotated[tuple[str, ...], NoDecode] = Field(
         (),

@@ -74,7 +74,9 @@ class BatchView(Batch):
 
     model_config = ConfigDict(frozen=True, extra="ignore", json_schema_extra={"examples": [BATCH]})
 
-    links: dict[str, str] = Field(description="paths of the batch, its jobs, and what steers it")
+    links: dict[str, str] = Field(
+        description="paths of the batch, its jobs, and the calls that control it"
+    )
 
 
 class BatchLineView(BaseModel):
@@ -86,7 +88,9 @@ class BatchLineView(BaseModel):
     jobs: int = Field(description="how many it has")
     states: dict[JobState, int] = Field(description="how many are in each state that any is in")
     newest_at: datetime = Field(description="when its newest job was made")
-    links: dict[str, str] = Field(description="paths of the batch, its jobs, and what steers it")
+    links: dict[str, str] = Field(
+        description="paths of the batch, its jobs, and the calls that control it"
+    )
 
 
 class BatchPage(BaseModel):

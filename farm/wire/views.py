@@ -108,7 +108,7 @@ class SliceLog(BaseModel):
         json_schema_extra=_shows({"slice": examples.SLICE, "entries": [examples.LOG_ENTRY]})
     )
 
-    slice: SliceView | None = Field(description="its line in the ledger; null till it has one")
+    slice: SliceView | None = Field(description="its line in the ledger; null until it has one")
     entries: list[LogEntry] = Field(description="how each try of it ended, by time")
 
 

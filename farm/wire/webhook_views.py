@@ -42,7 +42,7 @@ class Deliveries(BaseModel):
     model_config = ConfigDict(extra="ignore", json_schema_extra={"examples": [examples.DELIVERIES]})
 
     url: str | None = Field(description="where messages go; null where the job has no webhook")
-    events: tuple[WebhookEvent, ...] = Field(description="what is told")
+    events: tuple[WebhookEvent, ...] = Field(description="the message")
     deliveries: tuple[Delivery, ...] = Field(description="by number: the newest hundred")
 
 

@@ -111,7 +111,7 @@ def _variants(choice: VariantChoice) -> Iterator[Check]:
 
 def _confinement() -> Iterator[Check]:
     for one in try_here():
-        detail = one.holds if one.error is None else f"not shut in: {one.error}"
+        detail = one.holds if one.error is None else f"not confined: {one.error}"
         yield Check(f"a render child's {one.name}", detail, ok=one.error is None)
 
 

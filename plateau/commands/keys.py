@@ -99,7 +99,7 @@ def revoke(given: str, *, as_json: bool) -> None:
         left = any(one.usable for one in keys.all())
     if as_json:
         print(json.dumps(_document(key, None), indent=2))
-    _say(f"key {key.id} ({key.name}) is refused from now on; its jobs go on")
+    _say(f"key {key.id} ({key.name}) is refused from now on; its jobs continue")
     if not left:
         _say(
             "that was the last key, and the service still wants one: `plateau keys create NAME` "

@@ -152,7 +152,9 @@ def _run(
             raise KeyboardInterrupt
         if interrupts.asked.is_set() and not cancelled:
             cancelled = True
-            shown.note("cancelling; what is rendered is still written; Ctrl-C again leaves at once")
+            shown.note(
+                "cancelling; the results so far are still written; Ctrl-C again exits at once"
+            )
             try:
                 client.cancel(job.id)
             except ApiError as error:

@@ -116,7 +116,7 @@ def _greet(tree: Tree, data: DataFolder, door: Door, workers: int) -> None:
         f"plateau worker\n"
         f"Submit a scene:\n"
         f"  plateau submit scenes:box{_url_option(tree.url)}\n"
-        f"Ctrl-C stops; jobs go on at the next start.",
+        f"Ctrl-C stops the service; jobs continue at the next start.",
         flush=True,
     )
 

@@ -71,7 +71,7 @@ class Scaler:
             try:
                 self.step()
             except (SlurmFailed, StoreUnavailable) as error:
-                _LOG.error("%s; nothing changes until the next look at the queue", error)
+                _LOG.error("%s; nothing changes until the next check of the queue", error)
             stop.wait(every_s)
 
     def step(self) -> None:

@@ -160,7 +160,7 @@ class Monitor:
         except (Incompatible, StoreUnavailable):
             raise
         except Exception:  # noqa: BLE001  (one job's trouble must not hurt the others)
-            _LOG.exception("the job waits: it can neither go on nor be given up")
+            _LOG.exception("the job waits: it can neither continue nor fail")
             self._turns.put_off(job_id)
             return
         self._turns.note_success(job_id)
@@ -189,8 +189,8 @@ class Monitor:
         except (Incompatible, StoreUnavailable):
             raise
         except Exception as error:  # noqa: BLE001  (one job's trouble must not hurt the others)
-            _LOG.exception("the job cannot go on")
-            return give_up(owned, self._owners, f"the merge cannot go on: {error}")
+            _LOG.exception("the job cannot continue")
+            return give_up(owned, self._owners, f"the merge cannot continue: {error}")
 
     def _living(self) -> Crew:
         """The workers that live, as of a moment ago."""

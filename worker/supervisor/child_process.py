@@ -151,7 +151,7 @@ class RenderChild:
             return
         ready = self._expect(START_TIMEOUT_S, "starting", contract.Ready)
         for what in ready.stays_open:
-            _LOG.warning("the render child is not shut in: %s", what)
+            _LOG.warning("the render child is not confined: %s", what)
         self._is_ready = True
 
     def load(self, folder: Path, entry: str, parameters: dict[str, str], sensor: int) -> Loaded:

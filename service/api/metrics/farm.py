@@ -169,7 +169,7 @@ def _work_done(census: Census) -> Iterator[Metric]:
     yield _counter(
         "plateau_slice_tries_total",
         "Tries of slices, by how they ended; only committed ones count for an image. rejected: "
-        "committed, but the partial was lost or spoiled afterwards; late: the job had ended; "
+        "committed, but the partial was lost or damaged afterwards; late: the job had ended; "
         "lost: the worker fell silent.",
         census.tries,
         "outcome",

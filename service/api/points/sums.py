@@ -96,4 +96,4 @@ class PointSums:
         except FileNotFoundError as error:
             raise SliceLost(f"slice {index} is gone") from error
         except CorruptPartial as error:
-            raise SliceLost(f"slice {index} is spoiled: {error}") from error
+            raise SliceLost(f"slice {index} is damaged: {error}") from error

@@ -136,7 +136,7 @@ async def get_events(
     last_event_id: Annotated[
         str | None,
         Header(
-            pattern=_EVENT_ID, description="go on after this event", examples=[examples.EVENT_ID]
+            pattern=_EVENT_ID, description="resume after this event", examples=[examples.EVENT_ID]
         ),
     ] = None,
     after: Annotated[
