@@ -1,4 +1,7 @@
-"""Perception: what a screen shows, which differences an eye sees, and when to stop rendering."""
+"""Perception: what a screen shows, which differences an eye sees, and when to stop rendering.
+
+The reasons are in docs/decisions/metric.md.
+"""
 
 from plateau.metric.answers import AnswersFit, fit_answers
 from plateau.metric.display import Image, Mask, Primaries, View, encode_srgb

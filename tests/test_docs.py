@@ -122,3 +122,21 @@ def test_every_page_of_decisions_is_in_their_index() -> None:
     pages = {page.name for page in (ROOT / "docs" / "decisions").glob("*.md")} - {"README.md"}
     index = (ROOT / "docs" / "decisions" / "README.md").read_text()
     assert set(re.findall(r"\]\(([^)]+)\)", index)) == pages
+
+
+def test_the_pages_that_code_names_are_there() -> None:
+    packages = (
+        "bench",
+        "deploy",
+        "farm",
+        "metric",
+        "plateau",
+        "scenes",
+        "service",
+        "tests",
+        "worker",
+    )
+    texts = [path.read_text() for name in packages for path in (ROOT / name).rglob("*.py")]
+    named = {page for text in texts for page in re.findall(r"\bdocs/[\w/-]+\.md", text)}
+    assert named
+    assert {page for page in named if not (ROOT / page).exists()} == set()

@@ -1,4 +1,7 @@
-"""Stopping rules, by name, on one interface."""
+"""Stopping rules, by name, on one interface.
+
+The reasons are in docs/decisions/stopping.md.
+"""
 
 from __future__ import annotations
 

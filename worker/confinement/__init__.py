@@ -1,4 +1,6 @@
-"""How a process shuts itself in before a scene is in it: files, system calls, capabilities.
+"""How a process confines itself before it reads a scene: files, system calls, capabilities.
 
 The render child and the probes of renderers use it; it knows neither.
+
+The reasons are in docs/decisions/worker-and-confinement.md.
 """

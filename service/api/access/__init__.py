@@ -1,1 +1,4 @@
-"""Who may make a request: where it comes from, its key, and how often the key may be used."""
+"""Who may make a request: where it comes from, its key, and how often the key may be used.
+
+The reasons are in docs/decisions/access.md.
+"""
