@@ -3,14 +3,12 @@
 The reasons are in docs/decisions/metric.md.
 """
 
-from plateau.metric.answers import AnswersFit, fit_answers
 from plateau.metric.display import Image, Mask, Primaries, View, encode_srgb
 from plateau.metric.estimate import Estimate, half_buffer_estimate
 from plateau.metric.forecasts import Forecast, forecast
 from plateau.metric.noise_model import Half
 from plateau.metric.non_finite import NonFinite, allowed_non_finite, non_finite_pixels
 from plateau.metric.pictures import MAP_PALETTE, difference_map, non_finite_map
-from plateau.metric.psychometrics import LogitFit, fit_logit
 from plateau.metric.rules import (
     RULES,
     Evidence,
@@ -32,7 +30,6 @@ from plateau.metric.zones import zone_edges, zone_fractions
 __all__ = [
     "MAP_PALETTE",
     "RULES",
-    "AnswersFit",
     "Difference",
     "Estimate",
     "Evidence",
@@ -41,7 +38,6 @@ __all__ = [
     "Half",
     "Image",
     "Json",
-    "LogitFit",
     "Mask",
     "Memory",
     "Multiple",
@@ -60,8 +56,6 @@ __all__ = [
     "create_rule",
     "difference_map",
     "encode_srgb",
-    "fit_answers",
-    "fit_logit",
     "forecast",
     "half_buffer_estimate",
     "non_finite_map",

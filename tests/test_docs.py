@@ -18,8 +18,8 @@ from plateau.service.api.routes.jobs import router as jobs_router
 from plateau.service.api.routes.report import router as report_router
 from plateau.service.api.routes.results import router as results_router
 from plateau.service.api.routes.scenes import router as scenes_router
-from plateau.service.api.routes.studies import router as studies_router
 from plateau.service.api.routes.webhooks import router as webhooks_router
+from plateau.study.routes import router as studies_router
 from tests import cli_manual
 
 ROOT = Path(__file__).parents[1]
@@ -113,7 +113,7 @@ def test_every_link_leads_somewhere(document: Path) -> None:
 def test_every_file_that_a_document_names_is_there(document: Path) -> None:
     if document.name == "CHANGELOG.md":
         return  # what it says was so then
-    folders = "bench|deploy|docs|farm|metric|plateau|scenes|service|tests|worker"
+    folders = "bench|deploy|docs|farm|metric|plateau|scenes|service|study|tests|worker"
     for name in re.findall(rf"`((?:{folders})/[\w./-]+\.\w+)`", document.read_text()):
         assert "NAME" in name or (ROOT / name).exists(), name
 
@@ -133,6 +133,7 @@ def test_the_pages_that_code_names_are_there() -> None:
         "plateau",
         "scenes",
         "service",
+        "study",
         "tests",
         "worker",
     )

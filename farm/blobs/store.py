@@ -22,7 +22,6 @@ MARK: Final = "plateau-store"
 #: What the names of all scenes begin with, and of all that belongs to jobs.
 SCENES: Final = "scenes/"
 JOBS: Final = "jobs/"
-STUDIES: Final = "studies/"
 _PARTIAL: Final = re.compile(rf"{JOBS}[0-9a-f]{{12}}/partials/[^/]+\.exr")
 
 
@@ -107,21 +106,6 @@ def preview(job_id: str, spp: int) -> str:
 def spp_of_preview(name: str) -> int:
     """The spp in the name that `preview` gave."""
     return int(name.rpartition("/")[2].removesuffix(".png"))
-
-
-def of_study(study_id: str) -> str:
-    """What the names of all pictures of an observer study begin with."""
-    return f"{STUDIES}{study_id}/"
-
-
-def study_reference(study_id: str) -> str:
-    """Where the picture of the reference of a study is kept."""
-    return f"{of_study(study_id)}reference.png"
-
-
-def study_level(study_id: str, spp: int) -> str:
-    """Where the test picture of `spp` samples per pixel of a study is kept."""
-    return f"{of_study(study_id)}{spp:07d}.png"
 
 
 class StoredBlob(NamedTuple):

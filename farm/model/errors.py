@@ -15,10 +15,6 @@
     ├── TooManyJobs        the key that asks for a job has as many open ones as it may
     ├── TooManyNeeds       open jobs need too many different pools and tags for another
     ├── UnknownKey         no API key of that id that could be changed so
-    ├── StudyNotFound      no observer study of that id
-    ├── ObserverNotFound   nobody takes part in the study under that name
-    ├── TrialNotFound      the observer is shown no pair of that number
-    ├── CannotStudy        no study can be made so, or taken part in
     ├── StoreUnavailable   Redis or the blob store cannot be reached, or refuses
     │   ├── BlobsUnavailable   of the two, the blob store
     │   └── NotPermitted       Redis does not let this process's user do what it asks
@@ -177,38 +173,6 @@ class TooManyNeeds(FarmError):
 
 class UnknownKey(FarmError):
     """There is no API key of this id, or it was revoked."""
-
-
-class StudyNotFound(FarmError):
-    """There is no observer study of this id."""
-
-    def __init__(self, study_id: str) -> None:
-        super().__init__(f"there is no study {study_id!r}")
-        self.study_id = study_id
-
-
-class ObserverNotFound(FarmError):
-    """Nobody takes part in the study under this name."""
-
-    def __init__(self, study_id: str, name: str) -> None:
-        super().__init__(f"nobody takes part in study {study_id} as {name!r}")
-        self.study_id = study_id
-        self.name = name
-
-
-class TrialNotFound(FarmError):
-    """The observer is shown no pair of this number."""
-
-    def __init__(self, study_id: str, trial: int, trials: int) -> None:
-        super().__init__(
-            f"study {study_id} shows each observer {trials} pairs, numbered from 0: there is no "
-            f"pair {trial}"
-        )
-        self.trial = trial
-
-
-class CannotStudy(FarmError):
-    """No study can be made so, or taken part in."""
 
 
 class StoreUnavailable(FarmError):

@@ -60,7 +60,7 @@ plateau:webhooks:before   string  those before it, which sign too               
 plateau:idempotency:KEY   string  JSON of job id and request digest                    24 h
 plateau:studies           zset    observer study, scored by its creation (ms)          the study's
 plateau:studies:asked     hash    digest of a request → the study that it made         the study's
-plateau:study:ID          hash    the study; see `ledger.studies`                      till DELETE
+plateau:study:ID          hash    the study; see `study.ledger`                        till DELETE
 plateau:study:ID:making   string  set while its pictures are put                       30 min
 plateau:study:ID:observers hash   pseudonym → JSON of number and screen                the study's
 plateau:study:ID:answers  hash    pseudonym:number of a pair → JSON of the answer      the study's

@@ -6,16 +6,16 @@ for good. Of a finished job the set of results and the ledger change no more, so
 has in these places is what a process left that was killed, or came too late. Of an unfinished job
 nothing is touched, and neither is a kind of blob that this module does not know.
 
-Studies have pictures of their own, see `plateau.farm.ledger.studies`; only those of unfinished ones
-go.
+Extensions have blobs of their own, and say themselves which nobody needs.
 """
 
 from collections.abc import Callable, Collection
 from itertools import groupby
 
+from plateau.extensions import extensions
 from plateau.farm.blobs import store as blobs
 from plateau.farm.blobs.store import StoredBlob
-from plateau.farm.ledger import records, studies
+from plateau.farm.ledger import records
 from plateau.farm.ledger.ownership import Checkpoint
 from plateau.farm.model.spec import stored_spec
 from plateau.farm.redis import keys
@@ -45,7 +45,9 @@ def remove_orphans(client: RedisClient, removal: Removal, forgotten: Collection[
     for job_id, orphans in found.items():
         keeps = _keeps(client, job_id)
         removed += removal.remove(blob for blob in orphans if not keeps(blob.name))
-    return removed + removal.remove(studies.orphans(client, removal.store))
+    for extension in extensions("ledger"):
+        removed += removal.remove(extension.orphans(client, removal.store))
+    return removed
 
 
 def _keeps(client: RedisClient, job_id: str) -> Callable[[str], bool]:

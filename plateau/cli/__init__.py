@@ -15,11 +15,11 @@ from plateau.cli import (  # isort: skip  # in the order in which help lists the
     results,
     webhooks,
     images,
-    studies,
     keys,
 )
 from plateau.cli.app import app
 from plateau.cli.bash_completion import completing_in_bash, with_whole_words
+from plateau.extensions import extensions
 
 __all__ = [
     "app",
@@ -32,9 +32,10 @@ __all__ = [
     "results",
     "scaling",
     "serving",
-    "studies",
     "webhooks",
 ]
+
+list(extensions("cli"))  # each adds its commands
 
 
 #: Python looks for cycles of garbage whenever so many more objects were made than freed; not 700

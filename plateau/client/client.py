@@ -1,17 +1,20 @@
 """The client: all groups of calls over one transport."""
 
 from collections.abc import Callable
+from functools import cached_property
 from types import TracebackType
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from plateau.client.batches import BatchCalls
 from plateau.client.continuing import ContinuingCalls
 from plateau.client.farm_calls import FarmCalls, WebhookCalls
 from plateau.client.jobs import JobCalls
 from plateau.client.results import ResultCalls
-from plateau.client.studies import StudyCalls
 from plateau.client.transport import Transport
 from plateau.client.watching import WatchingCalls
+
+if TYPE_CHECKING:
+    from plateau.study.client import StudyCalls
 
 DEFAULT_URL: Final = "http://127.0.0.1:8713"
 
@@ -22,7 +25,6 @@ class Client(
     BatchCalls,
     WatchingCalls,
     ResultCalls,
-    StudyCalls,
     WebhookCalls,
     FarmCalls,
 ):
@@ -73,6 +75,13 @@ class Client(
             once_heard_s=once_heard_s,
             on_version=on_version,
         )
+
+    @cached_property
+    def studies(self) -> "StudyCalls":
+        """Calls about observer studies, over the same connections."""
+        from plateau.study.client import StudyCalls
+
+        return StudyCalls(self._transport)
 
     @property
     def url(self) -> str:

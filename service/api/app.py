@@ -6,6 +6,7 @@ from typing import Final
 
 from fastapi import Depends, FastAPI
 
+from plateau.extensions import extensions
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.allowance import Allowance
 from plateau.farm.ledger.api_keys import ApiKeys
@@ -14,7 +15,6 @@ from plateau.farm.ledger.continuation import Continuations
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.outbox import Outbox
 from plateau.farm.ledger.scene_index import SceneIndex
-from plateau.farm.ledger.studies import Studies
 from plateau.farm.ledger.workers import Workers
 from plateau.farm.process.addresses import Receivers
 from plateau.farm.redis.client import RedisClient
@@ -69,13 +69,9 @@ from plateau.service.api.routes import (
     scenes as routes_scenes,
 )
 from plateau.service.api.routes import (
-    studies as routes_studies,
-)
-from plateau.service.api.routes import (
     webhooks as routes_webhooks,
 )
 from plateau.service.api.scene_checks.pool import SceneChecks
-from plateau.service.api.study.results import StudyResults
 
 _DESCRIPTION: Final = """
 Renders Mitsuba 3 scenes until the eye can no longer tell that more samples were added.
@@ -132,14 +128,12 @@ def create_app(
         # A job shows the spec that it was given, so one description serves both ways.
         separate_input_output_schemas=False,
     )
-    jobs, studies, points = Jobs(client), Studies(client), PointImages(blobs)
+    jobs, points = Jobs(client), PointImages(blobs)
     parts = Parts(
         jobs=jobs,
         scenes=SceneIndex(client),
         batches=Batches(client),
         continuations=Continuations(client),
-        studies=studies,
-        study_results=StudyResults(studies),
         blobs=blobs,
         files=StoredFiles(blobs, jobs),
         points=points,
@@ -161,13 +155,14 @@ def create_app(
         routes_previews,
         routes_report,
         routes_scenes,
-        routes_studies,
         routes_webhooks,
         routes_farm,
         routes_page,
         routes_docs,
     ):
         app.include_router(routes.router)
+    for extension in extensions("routes"):
+        extension.mount(app, client)
     app.webhooks.include_router(routes_webhooks.sent)
     app.add_middleware(KeepSlashes)
     app.add_middleware(HeadAsGet)

@@ -12,7 +12,6 @@ from plateau.farm.ledger.continuation import Continuations
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.outbox import Outbox
 from plateau.farm.ledger.scene_index import SceneIndex
-from plateau.farm.ledger.studies import Studies
 from plateau.farm.ledger.workers import Workers
 from plateau.farm.model.errors import JobNotFound
 from plateau.farm.model.job import Job
@@ -21,7 +20,6 @@ from plateau.service.api.events.hub import EventHub
 from plateau.service.api.points.images import PointImages
 from plateau.service.api.points.stored_files import StoredFiles
 from plateau.service.api.scene_checks.pool import SceneChecks
-from plateau.service.api.study.results import StudyResults
 
 _JOB_ID: Final = re.compile(r"[0-9a-f]{12}")
 
@@ -34,8 +32,6 @@ class Parts:
     scenes: SceneIndex
     batches: Batches
     continuations: Continuations
-    studies: Studies
-    study_results: StudyResults
     blobs: Blobs
     files: StoredFiles
     points: PointImages

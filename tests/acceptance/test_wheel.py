@@ -137,7 +137,7 @@ def test_the_wheel_holds_the_package_and_nothing_else(sources: Path, wheel: Path
     package = sources / "plateau"
     links = {path for path in package.iterdir() if path.is_symlink()}
     assert {path.resolve().name for path in links} == {
-        *("farm", "metric", "scenes", "service", "worker")
+        *("farm", "metric", "scenes", "service", "study", "worker")
     }
     files = {
         path.relative_to(sources).as_posix()

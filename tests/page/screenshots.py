@@ -10,7 +10,7 @@ from typing import Final
 from PIL import Image
 from playwright.sync_api import Browser, Page
 
-from plateau.farm.model.study import Screen
+from plateau.study.model import Screen
 from tests.support.browser import Visitor, chromium
 from tests.support.real_farm import BOX, RealFarm
 from tests.support.studies import SCREEN, sees
@@ -84,25 +84,25 @@ def take_all(browser: Browser, farm: RealFarm, *, converged: str, rendering: str
 
 def take_study(browser: Browser, farm: RealFarm, *, job: str, reference: str) -> None:
     """Take pictures of a pair of a study, and of what simulated observers have found."""
-    study = farm.client.create_study(job, reference_job_id=reference, name="Box, by lamp light")
+    study = farm.client.studies.create(job, reference_job_id=reference, name="Box, by lamp light")
     threshold = study.levels[len(study.levels) // 2]
     for number in range(OBSERVERS):
         name = f"o-{number + 1}"
-        observer = farm.client.take_part(study.id, name, Screen.model_validate(SCREEN))
+        observer = farm.client.studies.take_part(study.id, name, Screen.model_validate(SCREEN))
         for trial in observer.trials:
             spp = study.levels[0]
             for side in (trial.left, trial.right):
                 if "levels" in side:
                     spp = int(Path(side).stem)
             seen = sees(name, spp, trial.reference, threshold=threshold, spread=threshold / 5)
-            farm.client.answer_trial(study.id, name, trial.trial, seen=seen, seconds=4.0)
+            farm.client.studies.answer(study.id, name, trial.trial, seen=seen, seconds=4.0)
     visitor = Visitor(
         browser, farm.url, viewport={"width": 1280, "height": 860}, color_scheme="light"
     )
     page = visitor.page
     page.goto(f"/studies/{study.id}")
     take(page, "study")
-    farm.client.take_part(study.id, "you", Screen.model_validate(SCREEN))
+    farm.client.studies.take_part(study.id, "you", Screen.model_validate(SCREEN))
     page.set_viewport_size({"width": 900, "height": 480})
     page.goto(f"/studies/{study.id}/observe?as=you")
     page.get_by_role("button", name="Begin").click()

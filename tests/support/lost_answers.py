@@ -16,13 +16,11 @@ from plateau.farm.ledger.outbox import Outbox
 from plateau.farm.ledger.ownership import Checkpoint, Ownership, Ownerships
 from plateau.farm.ledger.queue import Committed, Lease, SliceQueue, SliceRecord
 from plateau.farm.ledger.scene_index import SceneIndex
-from plateau.farm.ledger.studies import Studies
 from plateau.farm.ledger.totals import MonitorWork, note_sweep
 from plateau.farm.ledger.workers import Workers
 from plateau.farm.model.errors import FenceLost
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
-from plateau.farm.model.study import Screen
 from plateau.farm.redis import keys
 from plateau.farm.redis.commands.members import ApiHeartbeat, Pair
 from plateau.farm.redis.commands.scenes import ForgetScene, NoteScenes, SceneGone
@@ -31,6 +29,8 @@ from plateau.farm.redis.commands.sweeps import DropSums, Forget
 from plateau.farm.redis.commands.workers import Refused
 from plateau.farm.redis.scripts import Scripts
 from plateau.farm.sweep import is_due
+from plateau.study.ledger import Studies
+from plateau.study.model import Screen
 
 WORKER, OTHER = "worker-1", "worker-2"
 LEASE_S = 60.0

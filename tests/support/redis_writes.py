@@ -16,7 +16,7 @@ import redis.asyncio.client
 import redis.client
 
 ROOT: Final = Path(__file__).parents[2]
-PACKAGES: Final = ("farm", "metric", "worker", "service", "plateau")
+PACKAGES: Final = ("farm", "metric", "worker", "service", "study", "plateau")
 
 #: What any module may send; by the server's own word none of it writes.
 READS: Final = {

@@ -1,5 +1,6 @@
 """What becomes of an error: every one that a route lets out is answered with a problem."""
 
+from collections.abc import Mapping
 from typing import Final
 
 from fastapi import FastAPI, Request
@@ -11,17 +12,13 @@ from starlette.routing import compile_path
 from plateau.farm.model.errors import (
     BatchNotFound,
     CannotContinue,
-    CannotStudy,
     IllegalTransition,
     Incompatible,
     JobEnded,
     JobNotFound,
-    ObserverNotFound,
     StoreUnavailable,
-    StudyNotFound,
     TooManyJobs,
     TooManyNeeds,
-    TrialNotFound,
     UnevenBatch,
     UnreadableJob,
     WorkerNotFound,
@@ -50,10 +47,7 @@ _AS_THEY_ARE: Final[dict[type[Exception], tuple[ProblemType, str]]] = {
     UnreadableJob: (problems.UNREADABLE_JOB, ""),
     BatchNotFound: (problems.UNKNOWN_BATCH, "; GET /v1/batches lists those there are"),
     WorkerNotFound: (problems.UNKNOWN_WORKER, "; GET /v1/workers lists those there are"),
-    StudyNotFound: (problems.UNKNOWN_STUDY, "; GET /v1/studies lists those there are"),
-    TrialNotFound: (problems.UNKNOWN_TRIAL, ""),
     CannotContinue: (problems.CANNOT_CONTINUE, ""),
-    CannotStudy: (problems.CANNOT_STUDY, ""),
     SpoiledBlob: (problems.SPOILED_FILE, ""),
 }
 
@@ -65,15 +59,22 @@ _BY_STATUS: Final = {
 }
 
 
-def add_problem_handlers(app: FastAPI) -> None:
-    """Answer every error with a problem: our own, the framework's and the unexpected."""
+def answer_as_they_are(
+    app: FastAPI, errors: Mapping[type[Exception], tuple[ProblemType, str]]
+) -> None:
+    """Answer these errors with these problems, in their own words and what to do about each."""
 
     def answer_as_it_is(request: Request, error: Exception) -> JSONResponse:
-        kind, what_to_do = _AS_THEY_ARE[type(error)]
+        kind, what_to_do = errors[type(error)]
         return Problem(kind, f"{error}{what_to_do}").response(request.url.path)
 
-    for expected in _AS_THEY_ARE:
+    for expected in errors:
         app.add_exception_handler(expected, answer_as_it_is)
+
+
+def add_problem_handlers(app: FastAPI) -> None:
+    """Answer every error with a problem: our own, the framework's and the unexpected."""
+    answer_as_they_are(app, _AS_THEY_ARE)
 
     @app.exception_handler(HTTPException)
     def answer_http(request: Request, error: HTTPException) -> JSONResponse:
@@ -112,12 +113,6 @@ def add_problem_handlers(app: FastAPI) -> None:
         )
         problem = Problem(problems.JOB_ENDED, detail, state=error.state, story=error.story)
         return problem.response(request.url.path)
-
-    @app.exception_handler(ObserverNotFound)
-    def answer_unknown_observer(request: Request, error: ObserverNotFound) -> JSONResponse:
-        path = f"/v1/studies/{error.study_id}/observers/{error.name}"
-        detail = f"{error}; PUT {path} takes part"
-        return Problem(problems.UNKNOWN_OBSERVER, detail).response(request.url.path)
 
     @app.exception_handler(Incompatible)  # this API is about to end; another one may answer
     @app.exception_handler(StoreUnavailable)

@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 from plateau.cli import app
 from plateau.client import Client
 from plateau.farm.model.job import Job
-from plateau.farm.model.study import Screen
+from plateau.study.model import Screen
 from tests.page.conftest import Visit
 from tests.page.job.test_job import is_shown, png
 from tests.page.test_access import violations
@@ -48,15 +48,15 @@ def answers(observer: str, shown: dict[str, Any]) -> bool:
 
 def observe(client: Client, study_id: str, name: str) -> None:
     """Take part as the page does, without one."""
-    observer = client.take_part(study_id, name, Screen.model_validate(SCREEN))
+    observer = client.studies.take_part(study_id, name, Screen.model_validate(SCREEN))
     for trial in observer.trials:
         seen = answers(name, trial.model_dump())
-        client.answer_trial(study_id, name, trial.trial, seen=seen, seconds=1.0)
+        client.studies.answer(study_id, name, trial.trial, seen=seen, seconds=1.0)
 
 
 def look_at(page: Page, client: Client, study_id: str, name: str, trials: range) -> None:
     """Answer to these pairs by the keyboard and the mouse in turn."""
-    observer = client.take_part(study_id, name, Screen.model_validate(SCREEN))
+    observer = client.studies.take_part(study_id, name, Screen.model_validate(SCREEN))
     yes, no = page.get_by_role("button", name="I see"), page.get_by_role("button", name="I don't")
     for number in trials:
         expect(page.locator(".pair-count")).to_have_text(f"{number + 1} of {len(observer.trials)}")
@@ -85,7 +85,7 @@ def test_a_known_threshold_comes_back(
     page.get_by_label("Reference", exact=True).select_option(reference.id)
     page.get_by_role("button", name="Make the study").click()
     expect(page.get_by_role("heading", name="BOX 1")).to_be_visible()
-    [study] = api.studies()
+    [study] = api.studies.all()
     assert study.levels == (100, 500, 900, 1300, 1700, 2100, 2500)
     assert (study.reference_spp, study.independent) == (10_000, True)
 
@@ -103,7 +103,7 @@ def test_a_known_threshold_comes_back(
     page.get_by_role("button", name="Begin").click()
 
     # Then two pictures are shown, pixel by pixel, and the first answers are given
-    [first, *_] = api.take_part(study.id, "o-1", Screen.model_validate(SCREEN)).trials
+    [first, *_] = api.studies.take_part(study.id, "o-1", Screen.model_validate(SCREEN)).trials
     left, right = (page.get_by_alt_text(f"The {side} picture") for side in ("left", "right"))
     expect(left).to_be_visible()
     for shown, path in ((left, first.left), (right, first.right)):
@@ -130,7 +130,7 @@ def test_a_known_threshold_comes_back(
     page.goto(f"/studies/{study.id}")
     expect(page.get_by_role("heading", name="12 observers finished · 168 answers")).to_be_visible()
     expect(page.locator(".study-plot .dot")).to_have_count(7)
-    half, _ = api.study(study.id).result.thresholds
+    half, _ = api.studies.get(study.id).result.thresholds
     expect(page.locator(".threshold").first).to_contain_text(f"{half.spp:,.0f} spp")
 
     trials, plot = tmp_path / "trials.csv", tmp_path / "fit.png"
@@ -145,7 +145,7 @@ def test_a_known_threshold_comes_back(
     assert found["threshold_spp"]["0.5"] == pytest.approx(half.spp)
     assert plot.stat().st_size > 10_000
     # The screen was kept with the answers
-    assert api.take_part(study.id, "o-1", Screen.model_validate(SCREEN)).screen == Screen(
+    assert api.studies.take_part(study.id, "o-1", Screen.model_validate(SCREEN)).screen == Screen(
         viewing_distance_cm=70.0, pixel_pitch_mm=0.2, gamma_matches=True
     )
 
@@ -164,15 +164,15 @@ def test_making_one_says_how_long_it_takes(visit: Visit, job: Job, reference: Jo
 
 
 def test_the_first_stage_leads_to_the_second(visit: Visit, api: Client, job: Job) -> None:
-    study = api.create_study(job.id, method="limits", levels=[100, 500, 1000, 1500, 2000, 2500])
+    study = api.studies.create(job.id, method="limits", levels=[100, 500, 1000, 1500, 2000, 2500])
     for name in ("o-1", "o-2"):
         observe(api, study.id, name)
     page = visit(f"/studies/{study.id}").page
     expect(page.get_by_text("The reference contains the samples")).to_be_visible()
-    suggested = api.study(study.id).result.suggested_levels
+    suggested = api.studies.get(study.id).result.suggested_levels
     page.get_by_role("button", name="Make the second stage").click()
     expect(page.get_by_text("constant stimuli")).to_be_visible()
-    [second, _] = api.studies()
+    [second, _] = api.studies.all()
     assert (second.method, second.levels) == ("constant", tuple(suggested))
     # What is done with can be deleted
     page.get_by_role("button", name="Delete").click()
@@ -183,8 +183,8 @@ def test_the_first_stage_leads_to_the_second(visit: Visit, api: Client, job: Job
 
 
 def test_pictures_that_do_not_fit_are_not_made_smaller(visit: Visit, api: Client, job: Job) -> None:
-    study = api.create_study(job.id)
-    api.take_part(study.id, "o-1", Screen.model_validate(SCREEN))
+    study = api.studies.create(job.id)
+    api.studies.take_part(study.id, "o-1", Screen.model_validate(SCREEN))
     options = {"viewport": {"width": 120, "height": 740}}
     page = visit(f"/studies/{study.id}/observe?as=o-1", **options).page
     expect(page.get_by_text("Both pictures side by side need a window of")).to_be_visible()
@@ -195,7 +195,7 @@ def test_pictures_that_do_not_fit_are_not_made_smaller(visit: Visit, api: Client
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_anybody_can_take_part(visit: Visit, api: Client, job: Job, scheme: str) -> None:
-    study = api.create_study(job.id)
+    study = api.studies.create(job.id)
     for name in ("o-1", "o-2"):
         observe(api, study.id, name)
     page = visit(color_scheme=scheme, bypass_csp=True, reduced_motion="reduce").page

@@ -15,17 +15,18 @@ from openapi_spec_validator import OpenAPIV31SpecValidator, validate
 
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.bundle import BundleLimits
-from plateau.farm.ledger.studies import Studies
 from plateau.farm.model import input_errors
-from plateau.farm.model.study import Screen, Study
 from plateau.farm.redis.link import connect
-from plateau.farm.wire import examples, study_examples
+from plateau.farm.wire import examples
 from plateau.service.api.access.key_guard import needs_key
 from plateau.service.api.app import create_app
 from plateau.service.api.events.hub import EventHub
 from plateau.service.api.problems.problem import TYPES
 from plateau.service.api.scene_checks.pool import SceneChecks
 from plateau.service.api.submission import idempotency
+from plateau.study import examples as study_examples
+from plateau.study.ledger import Studies
+from plateau.study.model import Screen, Study
 from tests.service.api.test_jobs import submit
 from tests.support.live_api import LARGEST_UPLOAD
 from tests.support.staged_job import StagedJob

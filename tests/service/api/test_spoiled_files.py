@@ -14,6 +14,7 @@ import redis
 from plateau.farm.blobs import store as blobs
 from plateau.farm.model.job import Job
 from plateau.farm.redis import keys
+from plateau.study.ledger import study_level
 from tests.support.live_api import live_api
 from tests.support.noise_farm import NoiseFarm, noise_film
 from tests.support.studies import ended_job
@@ -230,7 +231,7 @@ def test_studies_are_made_of_whole_slices_and_show_whole_pictures(
     study = api.post("/v1/studies", json=asked).json()
     picture = f"{study['links']['self']}/levels/20.png"
     assert api.get(picture).status_code == 200
-    spoil(farm, blob := blobs.study_level(study["id"], 20))
+    spoil(farm, blob := study_level(study["id"], 20))
     is_refused(api.get(picture), blob)
     spoil(farm, farm.jobs.ledger(job.id)[1]["blob"])
     answer = api.post("/v1/studies", json={**asked, "name": "another"})

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from plateau.metric import AnswersFit, fit_answers
+from plateau.study.answers import AnswersFit, fit_answers
 
 LEVELS = (100.0, 500.0, 900.0, 1300.0, 1700.0, 2100.0, 2500.0)
 THRESHOLD, SPREAD = 1400.0, 300.0

@@ -8,10 +8,10 @@ from typing import Any
 
 from plateau.commands.connect import connect, whole_id
 from plateau.exit_codes import ExitCode
-from plateau.farm.model.study_order import Method
-from plateau.farm.wire.study_views import StudyView
-from plateau.files.answers_table import PROBABILITIES, FittedScene, fit_table, plot_study
-from plateau.metric import AnswersFit
+from plateau.study.answers import AnswersFit
+from plateau.study.answers_table import PROBABILITIES, FittedScene, fit_table, plot_study
+from plateau.study.order import Method
+from plateau.study.views import StudyView
 from plateau.terminal.tables import print_rows
 
 _NO_INTERVALS = (
@@ -33,7 +33,7 @@ def create(
 ) -> None:
     """Make a study of a job; prints its id, and says where observers take part."""
     with connect(url) as client:
-        study = client.create_study(
+        study = client.studies.create(
             whole_id(client, job_id),
             reference_job_id=None if reference is None else whole_id(client, reference),
             method=method,
@@ -55,7 +55,7 @@ def create(
 def list_studies(*, url: str | None, as_json: bool) -> None:
     """Print all studies."""
     with connect(url) as client:
-        studies = client.studies()
+        studies = client.studies.all()
     if as_json:
         print(json.dumps([study.model_dump(mode="json") for study in studies], indent=2))
         return
@@ -67,9 +67,9 @@ def export(study_id: str, *, table: bool, out: Path | None, url: str | None, as_
     """Write the answers of a study, or its table, to a file or to standard output."""
     with connect(url) as client:
         if as_json:
-            text = client.study(study_id).model_dump_json(indent=2) + "\n"
+            text = client.studies.get(study_id).model_dump_json(indent=2) + "\n"
         else:
-            text = client.study_csv(study_id, "answers" if table else "trials")
+            text = client.studies.csv(study_id, "answers" if table else "trials")
     if out is None:
         sys.stdout.write(text)
     else:
@@ -79,7 +79,7 @@ def export(study_id: str, *, table: bool, out: Path | None, url: str | None, as_
 def delete(study_id: str, *, url: str | None) -> None:
     """Remove a study with its answers."""
     with connect(url) as client:
-        client.delete_study(study_id)
+        client.studies.delete(study_id)
 
 
 def fit(table: Path, *, plot: Path | None, as_json: bool) -> int:

@@ -57,7 +57,7 @@ def create(
     The job must have kept its slices (--keep-slices). Observers take part on the web page, at the
     URL printed to standard error. docs/study.md explains how to run a study.
     """
-    from plateau.commands.study import create as run
+    from plateau.study.commands import create as run
 
     run(
         job_id,
@@ -77,7 +77,7 @@ def list_studies(url: o.Url = None, as_json: o.Json = False) -> None:
     For example:
       plateau study list
     """
-    from plateau.commands.study import list_studies as run
+    from plateau.study.commands import list_studies as run
 
     run(url=url, as_json=as_json)
 
@@ -102,7 +102,7 @@ def export(
       plateau study export 9c1f47be02d8 -o trials.csv
       plateau study fit trials.csv --plot thresholds.png
     """
-    from plateau.commands.study import export as run
+    from plateau.study.commands import export as run
 
     run(study_id, table=table, out=out, url=url, as_json=as_json)
 
@@ -114,7 +114,7 @@ def delete(study_id: _StudyId, url: o.Url = None) -> None:
     For example:
       plateau study delete 9c1f47be02d8
     """
-    from plateau.commands.study import delete as run
+    from plateau.study.commands import delete as run
 
     run(study_id, url=url)
 
@@ -144,6 +144,6 @@ def fit(
     For example:
       plateau study fit trials.csv --plot thresholds.png
     """
-    from plateau.commands.study import fit as run
+    from plateau.study.commands import fit as run
 
     raise typer.Exit(run(table, plot=plot, as_json=as_json))

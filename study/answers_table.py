@@ -17,8 +17,8 @@ from typing import Final
 import numpy as np
 
 from plateau.errors import PlateauError
-from plateau.metric import AnswersFit, LogitFit, fit_answers, fit_logit
-from plateau.metric.answers import NOT_LESS_OFTEN
+from plateau.study.answers import NOT_LESS_OFTEN, AnswersFit, fit_answers
+from plateau.study.psychometrics import LogitFit, fit_logit
 
 #: The paper's thresholds: a difference is perceived by half of the observers, and by a tenth.
 PROBABILITIES: Final = (0.5, 0.1)

@@ -4,10 +4,10 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints
 
-from plateau.farm.model.study import MOST_LEVELS, MOST_STUDIES, Answer, Observer, Screen, Study
-from plateau.farm.model.study_order import Method, Side
-from plateau.farm.wire import study_examples as examples
 from plateau.farm.wire.json_numbers import WithWholeNumbers
+from plateau.study import examples
+from plateau.study.model import MOST_LEVELS, MOST_STUDIES, Answer, Observer, Screen, Study
+from plateau.study.order import Method, Side
 
 _JobId = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{12}$")]
 

@@ -11,17 +11,16 @@ import numpy as np
 import pytest
 import redis
 
-from plateau.farm.blobs import store as blobs
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.images.png import encode_png
 from plateau.farm.ledger.api_keys import ApiKeys, Role
 from plateau.farm.ledger.pairing import check_pair
-from plateau.farm.ledger.studies import Studies
 from plateau.farm.model.job import Job
 from plateau.farm.redis import keys
 from plateau.farm.sweep import sweep
-from plateau.files.answers_table import CannotFit, fit_table
 from plateau.metric import encode_srgb
+from plateau.study.answers_table import CannotFit, fit_table
+from plateau.study.ledger import Studies, of_study, study_level
 from tests.service.api.test_keys import PLENTY
 from tests.support.noise_farm import NoiseFarm, noise_film
 from tests.support.studies import SCREEN, ended_job
@@ -118,24 +117,24 @@ class TestPictures:
         studies = Studies(client)
         begun = studies.begin()
         for study_id in (begun, "0123456789ab"):
-            farm.store.put(blobs.study_level(study_id, 10), b"half a study")
+            farm.store.put(study_level(study_id, 10), b"half a study")
         sweep(client, farm.store)
-        assert not farm.store.names(blobs.of_study("0123456789ab"))
-        assert len(farm.store.names(blobs.of_study(begun))) == 1
-        assert len(farm.store.names(blobs.of_study(study["id"]))) == 4
+        assert not farm.store.names(of_study("0123456789ab"))
+        assert len(farm.store.names(of_study(begun))) == 1
+        assert len(farm.store.names(of_study(study["id"]))) == 4
         # And it can no longer be shown once its time is over
         client.delete(keys.study(begun, "making"))
         sweep(client, farm.store)
-        assert not farm.store.names(blobs.of_study(begun))
+        assert not farm.store.names(of_study(begun))
 
     def test_are_made_once_for_a_request_however_often_it_is_sent(
         self, http: httpx.Client, farm: NoiseFarm, job: Job
     ) -> None:
-        before = len(farm.store.names(blobs.STUDIES))
+        before = len(farm.store.names("studies/"))
         with ThreadPoolExecutor(4) as pool:
             ids = {study["id"] for study in pool.map(lambda _: made(http, job), range(4))}
         assert len(ids) == 1
-        assert len(farm.store.names(blobs.STUDIES)) == before + 4
+        assert len(farm.store.names("studies/")) == before + 4
         assert made(http, job, name="in the dark")["id"] not in ids
 
 
@@ -260,11 +259,11 @@ class TestRefused:
     def test_a_slice_that_is_gone_leaves_nothing(
         self, http: httpx.Client, farm: NoiseFarm, job: Job
     ) -> None:
-        before = farm.store.names(blobs.STUDIES)
+        before = farm.store.names("studies/")
         farm.store.delete(farm.jobs.ledger(job.id)[5]["blob"])
         refused = http.post("/v1/studies", json={"job_id": job.id, "levels": LEVELS})
         assert (refused.status_code, "slice 5" in refused.text) == (409, True)
-        assert farm.store.names(blobs.STUDIES) == before
+        assert farm.store.names("studies/") == before
 
     def test_what_is_no_answer(self, http: httpx.Client, job: Job) -> None:
         study = made(http, job)
@@ -304,7 +303,7 @@ def test_only_who_made_a_study_removes_it(
     assert refused.json()["type"] == "/problems/not-your-study"
     assert http.delete(path, headers=mine).status_code == 204
     assert http.get(path, headers=looks).status_code == 404
-    assert not farm.store.names(blobs.of_study(study["id"]))
+    assert not farm.store.names(of_study(study["id"]))
     assert not client.exists(
         *(keys.study(study["id"], part) for part in ("", "observers", "answers", "making"))
     )

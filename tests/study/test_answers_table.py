@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from plateau.commands.study import fit
-from plateau.files.answers_table import CannotFit, fit_table, plot_study
+from plateau.study.answers_table import CannotFit, fit_table, plot_study
+from plateau.study.commands import fit
 
-PAPER = Path(__file__).parents[2] / "reference" / "paper"
+PAPER = Path(__file__).parents[1] / "reference" / "paper"
 TABLE_1 = PAPER / "table1-probability-to-perceive.csv"
 #: Rows whose a is printed otherwise: −0.00178 and −0.00173 stand where the data give −0.00177 and
 #: −0.00172; the last digit was rounded.

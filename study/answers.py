@@ -1,6 +1,6 @@
 """What an observer study tells of its thresholds, and how well: a logistic fit to single answers.
 
-`plateau.metric.psychometrics` fits the paper's curve to shares, all points alike. Here each answer
+`plateau.study.psychometrics` fits the paper's curve to shares, all points alike. Here each answer
 counts once, so shares of 0 and 1 have their due, and the thresholds come with an interval.
 
 References

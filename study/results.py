@@ -6,12 +6,12 @@ from collections import Counter
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Final
 
-from plateau.farm.ledger.studies import Studies
-from plateau.farm.model.study import MOST_STUDIES, Answer, Observer, Study
-from plateau.farm.wire.study_views import LevelResult, StudyResult, Threshold
+from plateau.study.ledger import Studies
+from plateau.study.model import MOST_STUDIES, Answer, Observer, Study
+from plateau.study.views import LevelResult, StudyResult, Threshold
 
 if TYPE_CHECKING:
-    from plateau.metric import AnswersFit
+    from plateau.study.answers import AnswersFit
 
 _THRESHOLDS: Final = (0.5, 0.1)
 _FORMULA: Final = ("=", "+", "-", "@", "\t", "\r")
@@ -117,7 +117,7 @@ def _levels(study: Study, answers: list[Answer]) -> list[LevelResult]:
 def _fit(answers: list[Answer]) -> "AnswersFit | None":
     if len({one.spp for one in answers}) < 2:
         return None
-    from plateau.metric import fit_answers  # here, since clients import this module for its models
+    from plateau.study.answers import fit_answers  # numpy: loaded when there are answers
 
     fit = fit_answers(
         [one.spp for one in answers],

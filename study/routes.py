@@ -1,14 +1,31 @@
 """Routes of observer studies: made from kept slices, taken part in, exported."""
 
+from dataclasses import dataclass
 from typing import Annotated, Any, Final
 
-from fastapi import APIRouter, Depends, Path, Response
+from fastapi import APIRouter, Depends, FastAPI, Path, Request, Response
 
-from plateau.farm.blobs import store as blobs
-from plateau.farm.model.errors import CannotStudy
-from plateau.farm.model.study import PSEUDONYM, Observer, Study
-from plateau.farm.wire import study_examples as examples
-from plateau.farm.wire.study_views import (
+from plateau.farm.redis.client import RedisClient
+from plateau.service.api.access.callers import CallerOf, not_yours
+from plateau.service.api.http.etags import FINAL
+from plateau.service.api.parts import Parts
+from plateau.service.api.problems import problem as problems
+from plateau.service.api.problems.handlers import answer_as_they_are
+from plateau.service.api.problems.problem import Problem, documented
+from plateau.study import examples
+from plateau.study.ledger import Studies, study_level, study_reference
+from plateau.study.levels import check_levels, default_levels, kept_slices
+from plateau.study.model import (
+    PSEUDONYM,
+    CannotStudy,
+    Observer,
+    ObserverNotFound,
+    Study,
+    StudyNotFound,
+    TrialNotFound,
+)
+from plateau.study.results import StudyResults, table_csv, trials_csv
+from plateau.study.views import (
     AnswerView,
     NewAnswer,
     NewStudy,
@@ -19,17 +36,41 @@ from plateau.farm.wire.study_views import (
     observer_view,
     study_view,
 )
-from plateau.service.api.access.callers import CallerOf, not_yours
-from plateau.service.api.http.etags import FINAL
-from plateau.service.api.parts import Parts, parts
-from plateau.service.api.problems import problem as problems
-from plateau.service.api.problems.problem import Problem, documented
-from plateau.service.api.study.levels import check_levels, default_levels, kept_slices
-from plateau.service.api.study.results import table_csv, trials_csv
 
 router = APIRouter(prefix="/v1/studies", tags=["studies"])
 
-_Farm = Annotated[Parts, Depends(parts)]
+
+@dataclass(frozen=True)
+class _Parts:
+    """What the routes work with."""
+
+    api: Parts
+    studies: Studies
+    results: StudyResults
+
+
+async def _parts(request: Request) -> _Parts:
+    found: _Parts = request.app.state.study
+    return found
+
+
+def mount(app: FastAPI, client: RedisClient) -> None:
+    """Add the routes to the API, and what becomes of their errors."""
+    studies = Studies(client)
+    app.state.study = _Parts(app.state.parts, studies, StudyResults(studies))
+    app.include_router(router)
+    answer_as_they_are(
+        app,
+        {
+            StudyNotFound: (problems.UNKNOWN_STUDY, "; GET /v1/studies lists those there are"),
+            ObserverNotFound: (problems.UNKNOWN_OBSERVER, ""),
+            TrialNotFound: (problems.UNKNOWN_TRIAL, ""),
+            CannotStudy: (problems.CANNOT_STUDY, ""),
+        },
+    )
+
+
+_Farm = Annotated[_Parts, Depends(_parts)]
 _StudyId = Annotated[
     str,
     Path(pattern=r"^[0-9a-f]{12}$", description="the study's id", examples=[examples.STUDY_ID]),
@@ -107,13 +148,13 @@ def delete_study(study_id: _StudyId, farm: _Farm, who: CallerOf) -> None:
     study = farm.studies.get(study_id)
     if not who.may_steer(study.owner):
         raise Problem(problems.NOT_YOUR_STUDY, f"study {study.id} {not_yours(study.owner)}")
-    farm.studies.forget(study.id, farm.blobs)
+    farm.studies.forget(study.id, farm.api.blobs)
 
 
 @router.get("/{study_id}/reference.png", response_class=Response, responses=_PNG)
 def get_study_reference(study_id: _StudyId, farm: _Farm) -> Response:
     """Show the reference."""
-    return _picture(farm, study_id, blobs.study_reference(study_id))
+    return _picture(farm, study_id, study_reference(study_id))
 
 
 @router.get("/{study_id}/levels/{spp}.png", response_class=Response, responses=_PNG)
@@ -123,7 +164,7 @@ def get_study_level(
     farm: _Farm,
 ) -> Response:
     """Show a test image."""
-    return _picture(farm, study_id, blobs.study_level(study_id, spp))
+    return _picture(farm, study_id, study_level(study_id, spp))
 
 
 @router.get(
@@ -197,14 +238,14 @@ def answer_trial(
     return AnswerView(**counts.model_dump())
 
 
-def _made(asked: NewStudy, request: dict[str, Any], farm: Parts, owner: str) -> Study:
+def _made(asked: NewStudy, request: dict[str, Any], farm: _Parts, owner: str) -> Study:
     """A study of this request, its pictures merged and put."""
     # Imported when the first is made: numpy and the metric take a fifth of an API's start.
-    from plateau.service.api.study.pictures import put_pictures
+    from plateau.study.pictures import put_pictures
 
-    job = farm.job(asked.job_id)
-    other = farm.job(asked.reference_job_id or asked.job_id)
-    slices, reference = kept_slices(farm.jobs, job), kept_slices(farm.jobs, other)
+    job = farm.api.job(asked.job_id)
+    other = farm.api.job(asked.reference_job_id or asked.job_id)
+    slices, reference = kept_slices(farm.api.jobs, job), kept_slices(farm.api.jobs, other)
     if (other.width, other.height) != (job.width, job.height):
         raise CannotStudy(
             f"job {job.id} has {job.width}×{job.height} pixels, and the reference, job {other.id}, "
@@ -229,28 +270,28 @@ def _made(asked: NewStudy, request: dict[str, Any], farm: Parts, owner: str) -> 
     study_id = farm.studies.begin()
     try:
         digests = put_pictures(
-            farm.blobs, study_id, job=job, slices=slices, levels=levels, reference=reference
+            farm.api.blobs, study_id, job=job, slices=slices, levels=levels, reference=reference
         )
         study = farm.studies.create(study_id, request, owner, {**about, "sha256": digests})
     except CannotStudy:
-        farm.studies.forget(study_id, farm.blobs)
+        farm.studies.forget(study_id, farm.api.blobs)
         raise
     if study.id != study_id:  # the same request was faster elsewhere
-        farm.studies.forget(study_id, farm.blobs)
+        farm.studies.forget(study_id, farm.api.blobs)
     return study
 
 
-def _shown(farm: Parts, study: Study) -> StudyView:
-    return study_view(study, farm.study_results.of(study))
+def _shown(farm: _Parts, study: Study) -> StudyView:
+    return study_view(study, farm.results.of(study))
 
 
-def _observer(farm: Parts, study: Study, who: Observer) -> ObserverView:
+def _observer(farm: _Parts, study: Study, who: Observer) -> ObserverView:
     return observer_view(study, who, farm.studies.answers(study))
 
 
-def _picture(farm: Parts, study_id: str, blob: str) -> Response:
+def _picture(farm: _Parts, study_id: str, blob: str) -> Response:
     try:
-        content = farm.files.content(blob, farm.studies.sha256(study_id, blob))
+        content = farm.api.files.content(blob, farm.studies.sha256(study_id, blob))
     except FileNotFoundError as error:
         raise Problem(
             problems.UNKNOWN_STUDY,

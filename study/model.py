@@ -7,7 +7,8 @@ from typing import Final
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from plateau.farm.model.study_order import Method, Pair, Side, pairs
+from plateau.farm.model.errors import FarmError
+from plateau.study.order import Method, Pair, Side, pairs
 
 #: A farm has so many studies at most, so that their pictures stay bounded.
 MOST_STUDIES: Final = 200
@@ -26,6 +27,39 @@ _PSEUDONYM: Final = re.compile(PSEUDONYM)
 def is_pseudonym(text: str) -> bool:
     """Whether an observer may be called so."""
     return _PSEUDONYM.fullmatch(text) is not None
+
+
+class StudyNotFound(FarmError):
+    """There is no observer study of this id."""
+
+    def __init__(self, study_id: str) -> None:
+        super().__init__(f"there is no study {study_id!r}")
+        self.study_id = study_id
+
+
+class ObserverNotFound(FarmError):
+    """Nobody takes part in the study under this name."""
+
+    def __init__(self, study_id: str, name: str) -> None:
+        super().__init__(
+            f"nobody takes part in study {study_id} as {name!r}; PUT "
+            f"/v1/studies/{study_id}/observers/{name} takes part"
+        )
+
+
+class TrialNotFound(FarmError):
+    """The observer is shown no pair of this number."""
+
+    def __init__(self, study_id: str, trial: int, trials: int) -> None:
+        super().__init__(
+            f"study {study_id} shows each observer {trials} pairs, numbered from 0: there is no "
+            f"pair {trial}"
+        )
+        self.trial = trial
+
+
+class CannotStudy(FarmError):
+    """No study can be made so, or taken part in."""
 
 
 class Study(BaseModel):

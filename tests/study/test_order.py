@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import pytest
 
-from plateau.farm.model.study_order import Pair, pairs
+from plateau.study.order import Pair, pairs
 
 #: The paper's.
 SEVEN = (100, 500, 900, 1300, 1700, 2100, 2500)

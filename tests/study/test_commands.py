@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 
 from plateau.cli import app
 from plateau.client import ApiError, Client
-from plateau.farm.model.study import Screen
+from plateau.study.model import Screen
 from tests.support.live_api import live_api
 from tests.support.noise_farm import NoiseFarm
 from tests.support.studies import SCREEN, ended_job, sees
@@ -40,12 +40,12 @@ def test_a_study_from_the_command_line(
         assert "name a job with another seed" in plateau("create", job.id, *levels)[2]
 
         for name in ("o-1", "o-2", "o-3", "o-4", "o-5"):
-            observer = service.take_part(study_id, name, Screen.model_validate(SCREEN))
+            observer = service.studies.take_part(study_id, name, Screen.model_validate(SCREEN))
             for trial in observer.trials:
                 test = trial.left if trial.reference == "right" else trial.right
                 spp = int(test.rpartition("/")[2].removesuffix(".png"))
                 seen = sees(name, spp, trial.reference, threshold=40, spread=12)
-                service.answer_trial(study_id, name, trial.trial, seen=seen, seconds=1)
+                service.studies.answer(study_id, name, trial.trial, seen=seen, seconds=1)
         listed = plateau("list")[1].splitlines()
         assert len(listed) == 3
         row = [study_id, "noise", "constant", "10–80 spp", "5 of 5", "30"]
@@ -66,4 +66,4 @@ def test_a_study_from_the_command_line(
         code, _, said = plateau("export", study_id)
         assert (code, said.count("\n")) == (1, 1)
         with pytest.raises(ApiError, match="there is no study"):
-            service.study(study_id)
+            service.studies.get(study_id)

@@ -9,15 +9,16 @@ import threading
 from collections.abc import Iterator
 from typing import Final
 
-from plateau.farm.blobs import store as blobs
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.images.png import encode_png
-from plateau.farm.model.errors import CannotStudy, CorruptPartial
+from plateau.farm.model.errors import CorruptPartial
 from plateau.farm.model.job import Job
 from plateau.metric import encode_srgb
 from plateau.service.api.points import KeptSlice
 from plateau.service.judging.films import checked_film
 from plateau.service.judging.merge import Merge
+from plateau.study.ledger import study_level, study_reference
+from plateau.study.model import CannotStudy
 
 #: Merging takes a few hundred MB, so one process makes one study at a time.
 _ONE_AT_A_TIME: Final = threading.Lock()
@@ -51,7 +52,7 @@ def put_pictures(
     CannotStudy
         A slice is gone, spoiled or of another size.
     """
-    places = {spp: blobs.study_level(study_id, spp) for spp in levels}
+    places = {spp: study_level(study_id, spp) for spp in levels}
     same = slices == reference
     wanted = slices if same else slices[: levels[-1] // job.spec.slice_spp]
     digests = {}
@@ -61,7 +62,7 @@ def put_pictures(
                 digests[places[merge.spp]] = _put(store, places[merge.spp], merge, job)
         if not same:
             *_, merge = _merges(store, reference, slice_spp=1)  # one object that grows
-        place = blobs.study_reference(study_id)
+        place = study_reference(study_id)
         digests[place] = _put(store, place, merge, job)
     return digests
 

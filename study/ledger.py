@@ -13,12 +13,8 @@ import json
 import secrets
 from typing import Any, Final
 
-from plateau.farm.blobs import store as blobs
 from plateau.farm.blobs.store import Blobs, StoredBlob
-from plateau.farm.model.errors import CannotStudy, ObserverNotFound, StudyNotFound, TrialNotFound
 from plateau.farm.model.job import moment
-from plateau.farm.model.study import MOST_OBSERVERS, MOST_STUDIES, Answer, Observer, Screen, Study
-from plateau.farm.model.study_order import Pair
 from plateau.farm.redis import keys
 from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.commands.studies import (
@@ -30,9 +26,24 @@ from plateau.farm.redis.commands.studies import (
 )
 from plateau.farm.redis.link import unavailable_as_farm_error
 from plateau.farm.redis.scripts import Scripts
+from plateau.study.model import (
+    MOST_OBSERVERS,
+    MOST_STUDIES,
+    Answer,
+    CannotStudy,
+    Observer,
+    ObserverNotFound,
+    Screen,
+    Study,
+    StudyNotFound,
+    TrialNotFound,
+)
+from plateau.study.order import Pair
 
 #: No study takes so long to make.
 _MAKING_S: Final = 1800.0
+#: Where the pictures of studies are kept, each in a folder of its own.
+_STUDIES: Final = "studies/"
 
 
 class Studies:
@@ -194,13 +205,13 @@ class Studies:
     def forget(self, study_id: str, store: Blobs) -> None:
         """Remove the study with all its answers and pictures; one that is not there is fine."""
         self._scripts.run(ForgetStudy(study=study_id))
-        store.delete(*store.names(blobs.of_study(study_id)))
+        store.delete(*store.names(of_study(study_id)))
 
 
 def orphans(client: RedisClient, store: Blobs) -> list[StoredBlob]:
     """The pictures of what is neither a study nor being made into one."""
     found: dict[str, list[StoredBlob]] = {}
-    for blob in store.listing(blobs.STUDIES):
+    for blob in store.listing(_STUDIES):
         found.setdefault(blob.name.split("/")[1], []).append(blob)
     return [
         blob
@@ -208,6 +219,21 @@ def orphans(client: RedisClient, store: Blobs) -> list[StoredBlob]:
         if not client.exists(keys.study(study_id), keys.study(study_id, "making"))
         for blob in stored
     ]
+
+
+def of_study(study_id: str) -> str:
+    """What the names of all pictures of an observer study begin with."""
+    return f"{_STUDIES}{study_id}/"
+
+
+def study_reference(study_id: str) -> str:
+    """Where the picture of the reference of a study is kept."""
+    return f"{of_study(study_id)}reference.png"
+
+
+def study_level(study_id: str, spp: int) -> str:
+    """Where the test picture of `spp` samples per pixel of a study is kept."""
+    return f"{of_study(study_id)}{spp:07d}.png"
 
 
 def _digest(request: dict[str, Any], owner: str) -> str:

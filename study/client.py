@@ -3,19 +3,25 @@
 from collections.abc import Sequence
 from typing import Any, Final, Literal
 
-from plateau.client.transport import Calls
-from plateau.farm.model.study import Screen
-from plateau.farm.model.study_order import Method
-from plateau.farm.wire.study_views import AnswerView, ObserverView, StudyList, StudyView
+from plateau.client.transport import Calls, Transport
+from plateau.study.model import Screen
+from plateau.study.order import Method
+from plateau.study.views import AnswerView, ObserverView, StudyList, StudyView
 
 #: Hundreds of slices are merged before the answer comes.
 _MAKING_S: Final = 600.0
 
 
 class StudyCalls(Calls):
-    """Observer studies: made from kept slices, taken part in, exported."""
+    """Observer studies: made from kept slices, taken part in, exported.
 
-    def create_study(
+    `plateau.Client.studies` is one over the client's connections.
+    """
+
+    def __init__(self, transport: Transport) -> None:
+        self._transport = transport
+
+    def create(
         self,
         job_id: str,
         *,
@@ -54,15 +60,15 @@ class StudyCalls(Calls):
         answer = self._transport.send("POST", "/v1/studies", json=asked, timeout=_MAKING_S)
         return self._transport.understood(StudyView, answer)
 
-    def studies(self) -> list[StudyView]:
+    def all(self) -> list[StudyView]:
         """All studies, newest first."""
         return self._transport.read(StudyList, "/v1/studies").studies
 
-    def study(self, study_id: str) -> StudyView:
+    def get(self, study_id: str) -> StudyView:
         """A study, with what it has found so far; ``unknown-study`` where there is none."""
         return self._transport.read(StudyView, f"/v1/studies/{study_id}")
 
-    def delete_study(self, study_id: str) -> None:
+    def delete(self, study_id: str) -> None:
         """Remove a study with all its answers and pictures.
 
         Raises
@@ -86,7 +92,7 @@ class StudyCalls(Calls):
             ObserverView, self._transport.send("PUT", path, json=asked)
         )
 
-    def answer_trial(
+    def answer(
         self, study_id: str, observer: str, trial: int, *, seen: bool, seconds: float
     ) -> AnswerView:
         """Answer to a pair; returns the answer that counts, which is the first.
@@ -100,6 +106,6 @@ class StudyCalls(Calls):
         asked = {"seen": seen, "seconds": seconds}
         return self._transport.understood(AnswerView, self._transport.send("PUT", path, json=asked))
 
-    def study_csv(self, study_id: str, what: Literal["answers", "trials"]) -> str:
+    def csv(self, study_id: str, what: Literal["answers", "trials"]) -> str:
         """The answers in the form of the paper's table 1, or every answer a line each."""
         return self._transport.send("GET", f"/v1/studies/{study_id}/{what}.csv").text
