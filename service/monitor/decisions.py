@@ -92,7 +92,7 @@ def _reach_the_cap(known: Known) -> Step:
 
 def _run_out_of_time(known: Known) -> Step:
     limit = f"time limit of {known.job.spec.time_limit_s:g} s"
-    if not known.merged:  # no user should have to look whether an end without rule has an image
+    if not known.merged:  # so every job that is exhausted has an image
         return EndJob(JobState.FAILED, f"no slice of it was rendered within its {limit}")
     reason = f"reached its {limit} at {known.spp} spp"
     if known.flaw:  # no point of the curve has shown it yet

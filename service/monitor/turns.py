@@ -34,7 +34,7 @@ class Turns:
 
     def __init__(self, clock: Callable[[], float]) -> None:
         self._clock = clock
-        self._fresh: deque[str] = deque()  # jobs just taken, of which no hint may come
+        self._fresh: deque[str] = deque()  # just taken; perhaps no hint comes
         self._round: deque[str] = deque()  # jobs still to be looked at in this round
         self._round_due = float("-inf")  # when the next one begins
         self._round_s = 0.0  # spent in this one
