@@ -1,6 +1,6 @@
 """The outbox of webhooks: messages that wait for their receivers, and how their tries ended.
 
-The scripts that change a job put a message into the outbox in the same step (``lua/outbox.lua``),
+The commands that change a job put a message into the outbox in the same step (``lua/outbox.lua``),
 with the job as it was then. From there any number of monitors deliver it: one at a time, by a
 lease, at least once, always under the same id. What is due is kept for each receiver apart, so that
 one who does not answer is in nobody's way.

@@ -1,6 +1,6 @@
 """A job's log: how each try of a slice ended, and what the render child printed meanwhile.
 
-The scripts write an entry in the same step in which they decide, so that log and ledger never
+The commands write an entry in the same step in which they decide, so that log and ledger never
 disagree. A slice that was committed without a word has no entry: its line in the ledger is one.
 """
 

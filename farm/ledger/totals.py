@@ -1,6 +1,6 @@
 """What the whole farm has done and has to do: counted in Redis, read in one round trip.
 
-Totals only grow. The scripts that end a job or commit a slice count it in the same atomic step, and
+Totals only grow. The commands that end a job or commit a slice count it in the same step, and
 monitors report what they did, so a restart of any process loses nothing, and any process can answer
 for all. What there is to do now is counted afresh over the jobs that have not ended.
 """

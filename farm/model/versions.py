@@ -8,7 +8,7 @@ past a migration can do nothing any more; and a migration waits for those that i
 The **protocol** is what processes that share a layout expect of each other: what is in a slice's
 spec, what a partial holds, how its seeds are drawn. Each process speaks some versions of it, from
 `OLDEST` to `NEWEST`. What all living monitors and APIs speak is what the farm speaks, kept in
-Redis; a worker that speaks none of it is given no slice, by the script that gives them.
+Redis; a worker that speaks none of it is given no slice, by the command that gives them.
 
 To change either:
 
@@ -47,7 +47,7 @@ def spoken(oldest: int, newest: int) -> str:
 
 
 def in_lua() -> str:
-    """The same numbers for the scripts: a script says what the process speaks that runs it."""
+    """The same numbers for the script: it says what the process speaks that runs it."""
     return (
         f"local LAYOUT, OLDEST, NEWEST, PLATEAU = '{LAYOUT}', {OLDEST}, {NEWEST}, '{plateau()}'\n"
     )

@@ -228,7 +228,7 @@ def scene_going(sha256: str) -> str:
     return f"{PREFIX}scene:{sha256}:going"
 
 
-#: The same names for the scripts, which find jobs by themselves. (So Plateau needs one Redis
+#: The same names for the script, which finds jobs by itself. (So Plateau needs one Redis
 #: with one keyspace: standalone, Sentinel or managed; not a cluster.)
 LUA: Final = f"""
 local PREFIX, GROUP = '{PREFIX}', '{GROUP}'
