@@ -92,6 +92,20 @@ DOCUMENTS = sorted(
 )
 
 
+#: Words of this house alone; docs/glossary.md has those that we keep.
+HOUSE_WORDS = re.compile(
+    r"\b(gone on with|go(es|ing)? on with|(?<!`)outr[au]n|spoil(s|ed)? |(?<!third-)party\b|told of)"
+)
+
+
+def test_help_and_docs_use_standard_words() -> None:
+    texts = {str(path.relative_to(ROOT)): path.read_text() for path in DOCUMENTS}
+    texts["the help of the commands"] = help_of_all_commands()
+    del texts["CHANGELOG.md"]
+    found = {name: HOUSE_WORDS.search(text) for name, text in texts.items()}
+    assert {name: match[0] for name, match in found.items() if match} == {}
+
+
 def anchors(document: Path) -> set[str]:
     """The anchors that a renderer of Markdown makes of the document's headings."""
     headings = re.findall(r"^#+ (.+)$", document.read_text(), re.MULTILINE)
