@@ -13,8 +13,9 @@ from typing import Any
 import numpy as np
 
 from bench.support import markdown
-from bench.support.farms.synthetic_noise import SCENES, Render
+from bench.support.farms.synthetic_noise import Render
 from bench.support.report import Figure, write_report
+from plateau.farm.bundle.analytic import LIGHTS
 from plateau.metric import Evidence, View
 from plateau.metric.compiled import CompiledVisibleDifferences
 
@@ -49,7 +50,7 @@ def main() -> None:
     options = parser.parse_args()
     figures: list[Figure] = []
     for noise in ("Gaussian", "heavy-tailed"):
-        for scene in SCENES:
+        for scene in LIGHTS:
             for spp, row in _rows(scene, noise, options.size, options.seeds).items():
                 figures += _figures(f"{scene}, {noise}, {spp} spp", row, options)
     settings = {"seeds": options.seeds, "size": options.size, "level": 0.3, "target": TARGET}

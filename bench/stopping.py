@@ -17,16 +17,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from bench.support import markdown, report
-from bench.support.farms.synthetic_noise import (
-    FIREFLY_BRIGHTNESS,
-    FIREFLY_PROBABILITY,
-    GAMMA_SHAPE,
-    Render,
-)
+from bench.support.farms.synthetic_noise import Render
 from bench.support.report import Figure, Spread, write_report
 from plateau.metric import Evidence, View, create_rule
 from plateau.metric.compiled import CompiledVisibleDifferences
 from plateau.metric.estimate import allowed_pixels
+from plateau.worker.renderers.analytic.picture import (
+    FIREFLY_BRIGHTNESS,
+    FIREFLY_PROBABILITY,
+    GAMMA_SHAPE,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

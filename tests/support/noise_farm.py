@@ -1,20 +1,21 @@
-"""A farm without Mitsuba: real Redis, real blobs, real EXRs, slices of synthetic noise.
+"""A farm without workers: real Redis, real blobs, real EXRs, slices of an analytic scene.
 
 The monitor cannot tell: it sees partials in the ledger. Every slice is a pure function of its
-index, as a rendered one is.
+index, and a single pass of the analytic renderer.
 """
 
 import hashlib
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 
-import numpy as np
 import redis
 
 from plateau.farm.blobs import store as blobs
 from plateau.farm.blobs.store import Blobs
+from plateau.farm.bundle.analytic import AnalyticScene
 from plateau.farm.images.exr import Partial, Pixels, encode_partial
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.queue import Committed, Lease, SliceQueue, SliceRecord
@@ -24,6 +25,7 @@ from plateau.farm.model.spec import JobSpec
 from plateau.farm.process.settings import Settings
 from plateau.farm.process.stop import Stop
 from plateau.service.monitor.monitor import Monitor
+from plateau.worker.renderers.analytic.picture import Picture
 from tests.support.until import until
 
 SIZE = (24, 32)  # height, width
@@ -31,14 +33,18 @@ SIZE = (24, 32)  # height, width
 
 def noise_film(index: int, spp: int, sigma: float) -> Pixels:
     """A slice of a grey ramp with noise of standard deviation `sigma` per sample."""
-    rng = np.random.default_rng(index)
-    ramp = np.linspace(0.2, 0.8, SIZE[1], dtype=np.float32)[None, :, None]
-    colour = ramp + rng.normal(0, sigma / spp**0.5, (*SIZE, 3))
-    return np.concatenate([colour * spp, np.full((*SIZE, 1), spp)], axis=-1).astype(np.float32)
+    return _ramp(sigma).film(spp, seed=index)
+
+
+@cache
+def _ramp(sigma: float) -> Picture:
+    return Picture(
+        AnalyticScene(width=SIZE[1], height=SIZE[0], light="ramp", level=sigma, additive=True)
+    )
 
 
 class NoiseFarm:
-    """Everything of a farm but Mitsuba."""
+    """Everything of a farm but workers."""
 
     def __init__(self, client: redis.Redis, url: str, folder: Path, sigma: float = 1.0) -> None:
         self.jobs = Jobs(client)

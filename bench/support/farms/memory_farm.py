@@ -10,16 +10,17 @@ from datetime import datetime, timezone
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
 import psutil
 
 from bench.support.farms.service_farm import ServiceFarm
 from bench.support.farms.simulated import about, made_up_record
 from plateau.farm.blobs import store as blobs
 from plateau.farm.blobs.store import Blobs
+from plateau.farm.bundle.analytic import AnalyticScene
 from plateau.farm.images.exr import Partial, encode_partial
 from plateau.farm.ledger.queue import Committed, Lease, SliceQueue
 from plateau.farm.redis.link import connect
+from plateau.worker.renderers.analytic.picture import Picture
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator
@@ -116,9 +117,8 @@ def _alive(redis_url: str, leases: list[Lease]) -> Iterator[None]:
 
 
 def _partial(job_id: str, index: int, spp: int, shape: tuple[int, int]) -> bytes:
-    random = np.random.default_rng(index)
-    film = np.full((*shape, 4), spp, np.float32)
-    film[..., :3] *= random.random((*shape, 3), np.float32)
+    height, width = shape
+    picture = Picture(AnalyticScene(width=width, height=height, light="grey"))
     return encode_partial(
         Partial(
             job_id=job_id,
@@ -128,6 +128,6 @@ def _partial(job_id: str, index: int, spp: int, shape: tuple[int, int]) -> bytes
             spp=spp,
             variant=MADE_UP,
             scene_sha256="0" * 64,
-            pixels=film,
+            pixels=picture.film(spp, seed=index),
         )
     )

@@ -1,4 +1,4 @@
-"""Simulated workers whose slices are synthetic noise, and what they spend."""
+"""Simulated workers that render analytic scenes, and what they spend."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 #: As `plateau.worker.supervisor.supervisor` has it.
 _IDLE_S = 0.5
 _LEASE_S = 15.0
-_VARIANT = "llvm_ad_rgb"
+_VARIANT = "analytic:numpy"
 
 
 @dataclass
@@ -113,7 +113,8 @@ class NoiseCrew:
         pass_s = self._pass_s * self._slowness.get(worker, 1.0)
         over = {lease.job_id, f"{lease.job_id} {lease.entry}"}  # as the news of it has it
         schedule = spec.seed_schedule(lease.variant, size, size)
-        for one in schedule.passes(lease.index):
+        passes = schedule.passes(lease.index)
+        for one in passes:
             if self._ended & over or stop.wait(pass_s):
                 queue.hand_back(lease, time.monotonic() - started, cause="it was cancelled")
                 return
@@ -127,7 +128,7 @@ class NoiseCrew:
             spp=spec.slice_spp,
             variant=lease.variant,
             scene_sha256=lease.scene_sha256,
-            pixels=self.render.film(lease.index, spec.slice_spp),
+            pixels=self.render.picture.slice_film(passes),
         )
         content = encode_partial(partial)
         name = blobs.partial(lease.job_id, lease.index, f"{worker}-{lease.tries}")

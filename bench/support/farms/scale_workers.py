@@ -17,11 +17,10 @@ from dataclasses import asdict, dataclass
 from datetime import datetime, timezone
 from itertools import cycle
 
-import numpy as np
-
 from bench.support.farms.simulated import about, made_up_record
 from plateau.farm.blobs import store as blobs
 from plateau.farm.blobs.store import Blobs
+from plateau.farm.bundle.analytic import AnalyticScene
 from plateau.farm.images.exr import Partial, encode_partial
 from plateau.farm.ledger.queue import Committed, Lease, SliceQueue
 from plateau.farm.process.backoff import Backoff
@@ -29,6 +28,7 @@ from plateau.farm.process.stop import Stop
 from plateau.farm.redis import keys
 from plateau.farm.redis.link import connect
 from plateau.farm.redis.wake import Wake
+from plateau.worker.renderers.analytic.picture import Picture
 
 #: As `plateau.worker.supervisor.supervisor` has them.
 _IDLE_S, _TURN_S, _HEARTBEAT_S, _LEASE_S = (0.5, 5.0), 20.0, 5.0, 15.0
@@ -135,8 +135,7 @@ class _Worker:
 
 def _partial(size: int) -> bytes:
     """A partial of grey noise; the same for every slice, for no rule is to be satisfied."""
-    pixels = np.random.default_rng(0).uniform(0.2, 0.8, (size, size, 4)).astype(np.float32)
-    pixels[..., 3] = 1.0
+    scene = AnalyticScene(width=size, height=size, light="grey")
     return encode_partial(
         Partial(
             job_id="simulated",
@@ -146,7 +145,7 @@ def _partial(size: int) -> bytes:
             spp=25,
             variant=_VARIANTS[0],
             scene_sha256="0" * 64,
-            pixels=pixels,
+            pixels=Picture(scene).film(25, seed=0),
         )
     )
 

@@ -137,7 +137,7 @@ def test_a_few_are_left_out_and_every_figure_says_so(
         film[0, 0, 1] = np.inf
         return film
 
-    job = farm.submit(**QUICK, rule=rule)
+    job = farm.submit(**{**QUICK, "max_spp": 1000}, rule=rule)
     with farm.monitor():
         done = render(farm, job, film)
     # Then it converges as ever

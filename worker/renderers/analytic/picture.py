@@ -114,7 +114,7 @@ class Picture:
         """
         scene, light = self.scene, self._light
         noise = scene.level * NOISES[scene.noise](rng, light.shape, spp)
-        total = spp * (light + noise if scene.additive else light * (1 + noise))
+        total = spp * (light + noise) if scene.additive else spp * light * (1 + noise)
         if self._has_fireflies:
             hits = rng.poisson(FIREFLY_PROBABILITY * spp, light.shape[:2])
             total += (FIREFLY_BRIGHTNESS * rng.standard_gamma(hits))[..., None]
