@@ -46,8 +46,9 @@ bench-%: setup  ## Run one benchmark, bench/NAME.py
 screenshots: setup  ## Take the README's pictures of the web page (minutes; needs Chromium)
 	$(BIN)/python -m tests.page.screenshots
 
-manual: setup  ## Write docs/cli.md from the help of the commands
+manual: setup  ## Write docs/cli.md from the help of the commands, and what repeats the rules
 	$(BIN)/python -m tests.cli_manual
+	$(BIN)/python -m tests.rule_files
 
 clean:  ## Remove .venv and caches
 	rm -rf .venv .mypy_cache .ruff_cache .pytest_cache .import_linter_cache demo

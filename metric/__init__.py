@@ -1,35 +1,33 @@
 """Perception: what a screen shows, which differences an eye sees, and when to stop rendering.
 
+Names are looked up when they are asked for, so that the rules can be listed without numerics.
 The reasons are in docs/decisions/metric.md.
 """
 
-from plateau.metric.display import Image, Mask, Primaries, View, encode_srgb
-from plateau.metric.estimate import Estimate, half_buffer_estimate
-from plateau.metric.forecasts import Forecast, forecast
-from plateau.metric.noise_model import Half
-from plateau.metric.non_finite import NonFinite, allowed_non_finite, non_finite_pixels
-from plateau.metric.pictures import MAP_PALETTE, difference_map, non_finite_map
-from plateau.metric.rules import (
-    RULES,
-    Evidence,
-    Fixed,
-    Json,
-    Memory,
-    Multiple,
-    Myszkowski,
-    Reverse,
-    Rule,
-    Successive,
-    Verdict,
-    Visible,
-    create_rule,
-)
-from plateau.metric.vdp import Difference, Percept, VisibleDifferences, visible_differences
-from plateau.metric.zones import zone_edges, zone_fractions
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, Final
+
+if TYPE_CHECKING:
+    from plateau.metric.display import Image, Mask, Primaries, View, encode_srgb
+    from plateau.metric.estimate import Estimate, half_buffer_estimate
+    from plateau.metric.forecasts import Forecast, forecast
+    from plateau.metric.noise_model import Half
+    from plateau.metric.non_finite import NonFinite, allowed_non_finite, non_finite_pixels
+    from plateau.metric.pictures import MAP_PALETTE, difference_map, non_finite_map
+    from plateau.metric.rules import create_rule
+    from plateau.metric.rules.base import Json, Memory, Rule, Verdict
+    from plateau.metric.rules.evidence import Evidence
+    from plateau.metric.rules.fixed import Fixed
+    from plateau.metric.rules.multiple import Multiple
+    from plateau.metric.rules.myszkowski import Myszkowski
+    from plateau.metric.rules.reverse import Reverse
+    from plateau.metric.rules.successive import Successive
+    from plateau.metric.rules.visible import Visible
+    from plateau.metric.vdp import Difference, Percept, VisibleDifferences, visible_differences
+    from plateau.metric.zones import zone_edges, zone_fractions
 
 __all__ = [
     "MAP_PALETTE",
-    "RULES",
     "Difference",
     "Estimate",
     "Evidence",
@@ -64,3 +62,67 @@ __all__ = [
     "zone_edges",
     "zone_fractions",
 ]
+
+_HOMES: Final = {
+    "display": (
+        "Image",
+        "Mask",
+        "Primaries",
+        "View",
+        "encode_srgb",
+    ),
+    "estimate": (
+        "Estimate",
+        "half_buffer_estimate",
+    ),
+    "forecasts": (
+        "Forecast",
+        "forecast",
+    ),
+    "noise_model": ("Half",),
+    "non_finite": (
+        "NonFinite",
+        "allowed_non_finite",
+        "non_finite_pixels",
+    ),
+    "pictures": (
+        "MAP_PALETTE",
+        "difference_map",
+        "non_finite_map",
+    ),
+    "rules": ("create_rule",),
+    "rules.base": (
+        "Json",
+        "Memory",
+        "Rule",
+        "Verdict",
+    ),
+    "rules.evidence": ("Evidence",),
+    "rules.fixed": ("Fixed",),
+    "rules.multiple": ("Multiple",),
+    "rules.myszkowski": ("Myszkowski",),
+    "rules.reverse": ("Reverse",),
+    "rules.successive": ("Successive",),
+    "rules.visible": ("Visible",),
+    "vdp": (
+        "Difference",
+        "Percept",
+        "VisibleDifferences",
+        "visible_differences",
+    ),
+    "zones": (
+        "zone_edges",
+        "zone_fractions",
+    ),
+}
+_HOME_OF: Final = {name: home for home, names in _HOMES.items() for name in names}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME_OF:
+        raise AttributeError(f"module 'plateau.metric' has no attribute {name!r}")
+    return getattr(import_module(f"plateau.metric.{_HOME_OF[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return __all__

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from plateau.metric.bounds import bounded, require_bounds
+from plateau.bounds import bounded, require_bounds
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

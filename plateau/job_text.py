@@ -4,9 +4,9 @@ from datetime import datetime
 from typing import Final
 
 from plateau.farm.model.job import CurvePoint, Job
-from plateau.farm.model.spec import ReverseSpec, VisibleSpec
 from plateau.farm.model.states import JobState
 from plateau.farm.wire.figures import duration, percent, pixels, roughly, share, significant
+from plateau.rules import CURVE, create
 
 #: What stands before each line of a summary has so much room.
 _NAME_COLUMNS: Final = 12
@@ -59,22 +59,22 @@ def point_line(job: Job, point: CurvePoint, *more: str) -> str:
 
 def rule_window(job: Job) -> int:
     """How many points of the curve the slope is taken over."""
-    reverse = [rule for rule in (job.spec.rule, *job.spec.watch) if isinstance(rule, ReverseSpec)]
-    return (reverse[0] if reverse else ReverseSpec()).window
+    limit = job.spec.slope_limit or create(CURVE).slope_limit
+    assert limit is not None  # the curve has a slope
+    return limit.window
 
 
 def stop_slope(job: Job) -> float | None:
     """The slope at which the job's rule stops, in changed pixels per spp of its own image."""
-    if not isinstance(job.spec.rule, ReverseSpec) or job.width is None or job.height is None:
+    limit = job.spec.rule.behaviour.slope_limit
+    if limit is None or job.width is None or job.height is None:
         return None
-    from plateau.metric.rules.reverse import EPSILON_PIXELS  # with numpy: for those alone who ask
-
-    return job.spec.rule.epsilon * job.width * job.height / EPSILON_PIXELS
+    return limit.of(job.width * job.height)
 
 
 def stop_fraction(job: Job) -> float | None:
     """The noise left at which the job's rule stops, as a share of the pixels."""
-    return job.spec.rule.target if isinstance(job.spec.rule, VisibleSpec) else None
+    return job.spec.rule.behaviour.noise_target
 
 
 def time_left(job: Job, now: datetime) -> str:
@@ -84,7 +84,7 @@ def time_left(job: Job, now: datetime) -> str:
     rendered = job.committed_spp - job.continued_spp
     forecast = job.forecast_spp
     if (
-        isinstance(job.spec.rule, VisibleSpec)
+        stop_fraction(job) is not None
         and job.forecast_s is not None
         and forecast is not None
         and forecast <= job.spec.max_spp
@@ -137,7 +137,7 @@ def summary(job: Job, now: datetime, waits_for: str | None = None) -> str:
         ("time", f"{duration(job.duration_s(now))}; machine time {duration(job.machine_s)}")
     )
     if to_come := time_left(job, now):
-        aims = isinstance(job.spec.rule, VisibleSpec) and job.forecast_spp is not None
+        aims = stop_fraction(job) is not None and job.forecast_spp is not None
         forecast = f", forecast {job.forecast_spp:,} spp" if aims else ""
         rows.append(("to come", f"{to_come}{forecast}"))
     if job.paused_at is not None or job.paused_s:

@@ -9,9 +9,10 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
 
+import typer
 import typer.main
 
-from plateau.cli import app
+from plateau.cli import app, rule_options
 from plateau.cli.options import spec_from_options
 
 PAGE: Final = Path(__file__).parents[1] / "docs" / "cli.md"
@@ -91,7 +92,10 @@ Every command has `--help`. With `--json`, commands print JSON for scripts. `pla
 """
 
 #: Options that many commands share, and what stands in each command's table in their place.
-_OF_A_SPEC: Final = frozenset(inspect.signature(spec_from_options).parameters)
+_OF_A_SPEC: Final = (
+    *inspect.signature(spec_from_options).parameters,
+    *rule_options.owners(),
+)
 _SHORTEST_LIST: Final = 8  #: of a spec's options, from which on a command refers to their table
 
 
@@ -115,6 +119,7 @@ def _commands(group: Any, prefix: str) -> Iterator[tuple[str, Any]]:
         if hasattr(command, "commands"):
             yield from _commands(command, f"{name} ")
         else:
+            command.get_params(typer.Context(command))  # adds the options of the stopping rules
             yield prefix + name, command
 
 
@@ -156,14 +161,10 @@ def _command(name: str, command: Any) -> str:
         parts.append("| option | default | meaning |\n|---|---|---|\n" + "".join(rows) + "\n")
     if shared:
         names = {one.name for one in shared}
-        lacking = [f"`--{one.replace('_', '-')}`" for one in _ordered() if one not in names]
+        lacking = [f"`--{one.replace('_', '-')}`" for one in _OF_A_SPEC if one not in names]
         but = f", except {', '.join(lacking)}" if lacking else ""
         parts.append(f"It also takes the [options of a job](#options-of-a-job){but}.\n\n")
     return "".join(parts)
-
-
-def _ordered() -> list[str]:
-    return list(inspect.signature(spec_from_options).parameters)
 
 
 def _help(command: Any) -> tuple[str, list[str]]:

@@ -33,6 +33,7 @@ from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.commands.jobs import Continue
 from plateau.farm.redis.link import unavailable_as_farm_error
 from plateau.farm.redis.scripts import Scripts
+from plateau.rules import as_offered
 
 #: What determines the samples.
 _SAMPLING: Final = ("slice_spp", "variant", "seed", "sensor", "parameters")
@@ -40,8 +41,6 @@ _SAMPLING: Final = ("slice_spp", "variant", "seed", "sensor", "parameters")
 _OWN: Final = ("batch", "flicker_guard", "webhook")
 #: What the points of a curve have in common.
 _JUDGING: Final = ("view", "step", "zones")
-#: Rules that remember no more than every job's judge does.
-_ALWAYS_READY: Final = frozenset({"fixed", "reverse", "visible"})
 
 
 @dataclass(frozen=True)
@@ -271,13 +270,14 @@ def _check_sums(job: Job, remains: Remains, spec: JobSpec) -> None:
         raise CannotContinue(
             job.id, f"its first {spp} spp were not kept, so the slices would have a gap"
         )
-    seen = {rule for rule in (job.spec.rule, *job.spec.watch) if rule.name not in _ALWAYS_READY}
+    seen = (job.spec.rule, *job.spec.watch)
     for rule in (spec.rule, *spec.watch):
-        if rule.name not in _ALWAYS_READY and rule not in seen:
+        if not rule.behaviour.continues and rule not in seen:
+            *others, last = (one.name for one in as_offered() if one.continues)
             raise CannotContinue(
                 job.id,
                 f"the rule {rule.name} compares with earlier images, which were not kept: leave "
-                "the rule as it was, or name visible, reverse or fixed",
+                f"the rule as it was, or name {', '.join(others)} or {last}",
             )
     if spec.max_spp <= spp:
         raise CannotContinue(

@@ -10,7 +10,7 @@ from typing import Final
 from pydantic import BaseModel, ConfigDict, Field
 
 from plateau.farm.model.flicker import Value, differences, stops_by
-from plateau.farm.model.spec import FixedSpec, JobSpec, VisibleSpec
+from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
 
 #: So many differences, or jobs that missed their target, are named.
@@ -169,6 +169,8 @@ def summarise(name: str, members: list[Member], *, guarded: bool, now: datetime)
 def _guard(members: list[Member], *, guarded: bool) -> Guard:
     stops = [_stops(member) for member in members]
     usual = dict(Counter(tuple(values.items()) for values in stops).most_common(1)[0][0])
+    usual_spec = members[stops.index(usual)].spec
+    rule = usual_spec.rule.behaviour
     differs = [
         Differs(job=member.id, field=found.field, value=found.value, others=found.others)
         for member, values in zip(members, stops, strict=True)
@@ -187,13 +189,12 @@ def _guard(members: list[Member], *, guarded: bool) -> Guard:
         for member in members
         if member.state.ended and member.state is not JobState.CONVERGED
     ]
-    target, own_min = usual.get("rule.target"), usual.get("rule.min_spp")
     return Guard(
         guarded=guarded,
         even=not differs,
-        rule=str(usual["rule.name"]),
-        target=target if isinstance(target, float) else None,
-        min_spp=max(_whole(usual["min_spp"]), _whole(own_min)),
+        rule=rule.name,
+        target=rule.noise_target,
+        min_spp=max(usual_spec.min_spp or 0, rule.least_spp),
         differs=differs[:_NAMED],
         missed_jobs=len(missed),
         missed=missed[:_NAMED],
@@ -205,10 +206,6 @@ def _guard(members: list[Member], *, guarded: bool) -> Guard:
 
 def _stops(member: Member) -> dict[str, Value]:
     return stops_by(member.spec)
-
-
-def _whole(value: Value) -> int:
-    return value if isinstance(value, int) else 0
 
 
 def _size(film: tuple[int, int]) -> str:
@@ -272,11 +269,8 @@ def _forecast(members: list[Member], now: datetime) -> datetime | None:
 
 def _last_spp(member: Member, usual: float | None) -> float | None:
     spec = member.spec
-    if isinstance(spec.rule, FixedSpec):
-        last: float | None = spec.rule.spp
-    elif isinstance(spec.rule, VisibleSpec) and member.forecast_spp is not None:
-        last = max(member.forecast_spp, spec.rule.min_spp)
-    else:
+    last: float | None = spec.rule.behaviour.expected_end_spp(member.forecast_spp)
+    if last is None:
         last = usual if usual is None or usual > member.spp else None
     return None if last is None else min(max(last, spec.min_spp or 0), spec.max_spp)
 

@@ -3,12 +3,45 @@
 import json
 from typing import Annotated, Final, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from plateau.farm.model import renderers
 from plateau.farm.model.place_names import DEFAULT_POOL, PlaceName, Tags
+from plateau.farm.model.rule_model import Strict
+from plateau.farm.model.rule_specs import (
+    FixedSpec,
+    MultipleSpec,
+    MyszkowskiSpec,
+    ReverseSpec,
+    RuleSpec,
+    SuccessiveSpec,
+    VisibleSpec,
+)
 from plateau.farm.model.seeds import SeedSchedule
 from plateau.farm.model.webhook_spec import WebhookSpec
+from plateau.rules import MOST_SPP, SlopeLimit
+
+__all__ = [
+    "MAX_ENTRIES",
+    "MOST_S",
+    "MOST_SPP",
+    "BatchSpec",
+    "FixedSpec",
+    "JobSpec",
+    "MultipleSpec",
+    "MyszkowskiSpec",
+    "Parameters",
+    "RenderVariant",
+    "ReverseSpec",
+    "RuleSpec",
+    "SharedSpec",
+    "SuccessiveSpec",
+    "Variant",
+    "ViewSpec",
+    "VisibleSpec",
+    "parameter_strings",
+    "stored_spec",
+]
 
 ZoneCount = Annotated[int, Field(ge=1, le=64)]
 Priority = Annotated[int, Field(ge=-1000, le=1000)]
@@ -18,37 +51,16 @@ _FROM_FULL_NAME: Final = BeforeValidator(
 RenderVariant = Annotated[renderers.RenderVariant, _FROM_FULL_NAME]
 Variant = Annotated[renderers.AnyVariant, _FROM_FULL_NAME]
 
-#: The highest cap, in spp.
-MOST_SPP: Final = 1_000_000
 #: The longest time limit: a year.
 MOST_S: Final = 366 * 86_400
-#: Thresholds and slopes are in pixels at 512×512, and that has no more.
-PIXELS_AT_512: Final = 512 * 512
 
-#: Visible pixels at 512×512.
-Threshold = Annotated[float, Field(ge=0, le=PIXELS_AT_512)]
 #: Samples per pixel.
 Spp = Annotated[int, Field(ge=1, le=MOST_SPP)]
 #: A list of parameters makes at most so many jobs.
 MAX_ENTRIES: Final = 1000
 
 
-class _Spec(BaseModel):
-    """Frozen, and unknown fields are refused.
-
-    Each number has a least and a greatest value, both allowed: so a form, a schema and the metric
-    can have the very same, and what is out of bounds is refused before anything is rendered.
-    `tests/farm/model/test_rules_agree.py` holds the metric to them, `tests/page/test_submit.py` the
-    page.
-
-    Defaults are given by name (``Field(default=…)``): from one by position, a user's type checker
-    would not learn that the field may be left out.
-    """
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
-
-class ViewSpec(_Spec):
+class ViewSpec(Strict):
     """The display and the distance at which the image is judged."""
 
     exposure_ev: float = Field(
@@ -68,79 +80,7 @@ class ViewSpec(_Spec):
     )
 
 
-class FixedSpec(_Spec):
-    """Stop at a number of samples, whatever the image looks like (algorithm 4.1)."""
-
-    name: Literal["fixed"] = "fixed"
-    spp: Spp = Field(default=10_000, description="samples per pixel at which to stop")
-
-
-class ReverseSpec(_Spec):
-    """Stop when the difference to the first image has reached its plateau (algorithm 4.4)."""
-
-    name: Literal["reverse"] = "reverse"
-    window: int = Field(
-        default=5, ge=2, le=1000, description="points of the curve in the regression"
-    )
-    epsilon: float = Field(
-        default=0.1,
-        ge=0,
-        le=PIXELS_AT_512,
-        description="slope, in changed pixels per spp at 512×512, at which to stop",
-    )
-
-
-class SuccessiveSpec(_Spec):
-    """Stop when an image hardly differs from the one before it (algorithm 4.2)."""
-
-    name: Literal["successive"] = "successive"
-    threshold: Threshold = Field(
-        default=1.0, description="differing pixels at 512×512 at which to stop"
-    )
-
-
-class MultipleSpec(_Spec):
-    """Stop when the last images hardly differ from the newest (algorithm 4.3)."""
-
-    name: Literal["multiple"] = "multiple"
-    window: int = Field(default=5, ge=1, le=1000, description="earlier images that are compared")
-    threshold: Threshold = Field(
-        default=1.0, description="differing pixels at 512×512 at which to stop"
-    )
-
-
-class MyszkowskiSpec(_Spec):
-    """Stop when the image hardly differs from the one at a share of its samples (1998)."""
-
-    name: Literal["myszkowski"] = "myszkowski"
-    alpha: float = Field(default=0.5, ge=0.01, le=0.99, description="the share of the samples")
-    threshold: Threshold = Field(
-        default=1.0, description="differing pixels at 512×512 at which to stop"
-    )
-
-
-class VisibleSpec(_Spec):
-    """Stop when hardly any noise is left: pixels that differ visibly from the converged image."""
-
-    name: Literal["visible"] = "visible"
-    target: float = Field(
-        default=0.0002,
-        ge=1e-9,
-        le=0.99,
-        description="noise that may be left, as a fraction of the pixels",
-    )
-    min_spp: Spp = Field(
-        default=200, description="fewest samples per pixel at which the rule may stop"
-    )
-
-
-RuleSpec = Annotated[
-    FixedSpec | SuccessiveSpec | MultipleSpec | ReverseSpec | MyszkowskiSpec | VisibleSpec,
-    Field(discriminator="name"),
-]
-
-
-class SharedSpec(_Spec):
+class SharedSpec(Strict):
     """How an image is sampled, judged and stopped, whatever the scene's parameters are."""
 
     step: Spp = Field(default=100, description="spp between two evaluations of the rule")
@@ -224,6 +164,18 @@ class SharedSpec(_Spec):
         if len(set(names)) < len(names):
             raise ValueError("each rule may be named once, as the rule or under watch")
         return self
+
+    @property
+    def noise_target(self) -> float | None:
+        """The noise left, as a share of the pixels, for which the first of its rules waits."""
+        targets = (one.behaviour.noise_target for one in (self.rule, *self.watch))
+        return next((target for target in targets if target is not None), None)
+
+    @property
+    def slope_limit(self) -> SlopeLimit | None:
+        """The slope of the curve for which the first of its rules waits."""
+        limits = (one.behaviour.slope_limit for one in (self.rule, *self.watch))
+        return next((limit for limit in limits if limit is not None), None)
 
     @property
     def max_slices(self) -> int:

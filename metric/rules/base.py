@@ -1,114 +1,29 @@
-"""What every stopping rule is given, what it answers, and what it keeps.
+"""What every stopping rule answers, and what it keeps.
 
 A rule is told the story one evaluation at a time. It may keep earlier images and counts; all that
 it keeps is in its `Memory`, so that a monitor that takes over a job goes on to the same verdicts.
+
+The files of rules import numerics only where they judge: the command line, the API and the page's
+form read what they say of themselves (`plateau.rules`), and wait for no more.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
-from functools import cached_property
-from typing import TYPE_CHECKING, ClassVar, TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
-from plateau.metric.bounds import require_bounds
-from plateau.metric.display import as_image, finite_pixels
-from plateau.metric.estimate import Estimate, estimate_from
-from plateau.metric.forecasts import Forecast, forecast_from
-from plateau.metric.noise_model import Half, NoiseModel, noise_model
+from plateau.rules import StoppingRule
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from plateau.metric.display import Image, Mask
-    from plateau.metric.vdp import Percept, VisibleDifferences
+    from plateau.metric.display import Mask
+    from plateau.metric.rules.evidence import Evidence
 
 #: What json can write and read back without loss.
 Json: TypeAlias = "dict[str, Json] | list[Json] | str | int | float | bool | None"
-
-#: The paper's image size, for which thresholds and slopes in pixels are taken to hold.
-PAPER_PIXELS = 512 * 512
-
-#: The most samples per pixel that anybody can ask for.
-MOST_SPP = 1_000_000
-
-
-@dataclass(frozen=True, eq=False)
-class Evidence:
-    """What is known at one evaluation. Work that several rules need is done once, when asked for.
-
-    Raises
-    ------
-    ValueError
-        If there is no sample, or the halves do not add up to the whole.
-    """
-
-    #: Samples per pixel in the merged image.
-    spp: int
-    #: The merged image: (H, W, 3) float32 linear radiance.
-    image: Image
-    #: The even- and the odd-indexed slices apart; None while there are not two of them.
-    halves: tuple[Half, Half] | None
-    #: The predictor, under the view in which to judge.
-    metric: VisibleDifferences
-
-    def __post_init__(self) -> None:
-        if self.spp < 1:
-            raise ValueError(f"an evaluation needs at least 1 spp, not {self.spp}")
-        if self.halves is not None and sum(half.spp for half in self.halves) != self.spp:
-            even, odd = self.halves
-            raise ValueError(f"halves of {even.spp} and {odd.spp} spp do not make {self.spp} spp")
-
-    @property
-    def pixels(self) -> int:
-        """How many pixels the image has."""
-        height, width = self.percept.shape
-        return height * width
-
-    @cached_property
-    def finite(self) -> Mask:
-        """Which pixels of the merged image are neither NaN nor infinite, (H, W) bool."""
-        return finite_pixels(as_image(self.image))
-
-    @cached_property
-    def percept(self) -> Percept:
-        """The merged image, prepared for comparison."""
-        return self.metric.percept(self.image)
-
-    @cached_property
-    def _model(self) -> tuple[NoiseModel, Percept] | None:
-        """The merged image taken apart, and the percept of what is left without its noise."""
-        if self.halves is None:
-            return None
-        model = noise_model(self.metric, self.image, self.halves)
-        return model, self.metric.percept(model.clean)
-
-    @cached_property
-    def estimate(self) -> Estimate | None:
-        """The half-buffer estimate; None where there are no halves."""
-        return None if self._model is None else estimate_from(self.metric, *self._model)
-
-    @cached_property
-    def kept_image(self) -> Image:
-        """A copy of the merged image for rules to keep, one for all of them; it cannot be changed.
-
-        A copy, for the monitor may go on adding to its own.
-        """
-        image: Image = as_image(self.image).copy()
-        image.flags.writeable = False
-        return image
-
-    def forecast(self, target: float, *, guess: int | None = None) -> Forecast | None:
-        """Return where the estimate will fall to this share of the pixels; None without halves.
-
-        `guess` is the spp of an earlier forecast for this target, which saves work.
-        """
-        if self._model is None or self.estimate is None:
-            return None
-        return forecast_from(
-            self.metric, *self._model, self.estimate, target, spp=self.spp, guess=guess
-        )
 
 
 @dataclass(frozen=True)
@@ -140,14 +55,8 @@ class Memory:
 
 
 @dataclass(kw_only=True)
-class Rule(ABC):
+class Rule(StoppingRule, ABC):
     """A stopping rule: a dataclass whose fields are its parameters, checked on construction."""
-
-    #: How a job names the rule.
-    name: ClassVar[str]
-
-    def __post_init__(self) -> None:
-        require_bounds(self)
 
     @abstractmethod
     def judge(self, evidence: Evidence) -> Verdict:

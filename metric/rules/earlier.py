@@ -5,12 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from plateau.metric.display import Image, as_image
-from plateau.metric.rules.base import PAPER_PIXELS, Memory, Verdict, require_later
+from plateau.metric.rules.base import Memory, Verdict, require_later
 from plateau.metric.rules.reasons import counted, darkness, left_out
+from plateau.rules import PAPER_PIXELS, parameter
 
 if TYPE_CHECKING:
-    from plateau.metric.rules.base import Evidence, Json
+    from plateau.metric.display import Image
+    from plateau.metric.rules.base import Json
+    from plateau.metric.rules.evidence import Evidence
     from plateau.metric.vdp import Difference
 
 
@@ -32,6 +34,8 @@ class EarlierImages:
         """Raise ValueError unless this evaluation comes after all of them and is of their size."""
         if not self._images:
             return
+        from plateau.metric.display import as_image
+
         newest = self.spps[-1]
         require_later(evidence.spp, newest)
         ours, theirs = self._images[newest].shape[:2], as_image(evidence.image).shape[:2]
@@ -62,6 +66,8 @@ class EarlierImages:
         """Return what a memory holds; None where it is not one of such images."""
         if not memory.numbers and not memory.images:
             return cls()
+        from plateau.metric.display import as_image
+
         match memory.numbers:
             case {"spp": list(rows), **others} if not others:
                 spps = [row for row in rows if isinstance(row, int)]
@@ -69,6 +75,19 @@ class EarlierImages:
                 if len(spps) == len(rows) and ascending and {*map(str, spps)} == {*memory.images}:
                     return cls({spp: as_image(memory.images[str(spp)]).copy() for spp in spps})
         return None
+
+
+def differing_pixels() -> float:
+    """Return the field for the visible pixels at 512×512 by which images may differ."""
+    return parameter(
+        1.0,
+        0,
+        PAPER_PIXELS,
+        description="differing pixels at 512×512 at which to stop",
+        label="Pixels that may differ",
+        unit="at 512²",
+        help="Smaller is stricter.",
+    )
 
 
 def allowed_pixels(threshold: float, pixels: int) -> float:

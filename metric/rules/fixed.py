@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
-from plateau.metric.bounds import bounded
-from plateau.metric.rules.base import MOST_SPP, Memory, Rule, Verdict
+from plateau.metric.rules.base import Memory, Rule, Verdict
+from plateau.rules import MOST_SPP, ParameterRole, parameter
 
 if TYPE_CHECKING:
-    from plateau.metric.rules.base import Evidence
+    from plateau.metric.rules.evidence import Evidence
 
 
 @dataclass(kw_only=True)
@@ -23,9 +23,27 @@ class Fixed(Rule):
     """
 
     name: ClassVar[str] = "fixed"
+    summary: ClassVar[str] = (
+        "Stop at a number of samples, whatever the image looks like (algorithm 4.1)."
+    )
+    title: ClassVar[str] = "A number of samples"
+    help: ClassVar[str] = "Stops there, whatever the image looks like."
+    criterion: ClassVar[str] = "n reaches `spp`"
+    order: ClassVar[int] = 1
+    continues: ClassVar[bool] = True
 
     #: The cap, in samples per pixel.
-    spp: int = bounded(10_000, 1, MOST_SPP)
+    spp: int = parameter(
+        10_000,
+        1,
+        MOST_SPP,
+        description="samples per pixel at which to stop",
+        label="Stop at",
+        unit="spp",
+        help="Samples per pixel.",
+        role=ParameterRole.END_SPP,
+        option=True,
+    )
 
     def judge(self, evidence: Evidence) -> Verdict:
         """Return whether the cap is reached; the value is the spp."""

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -18,6 +16,8 @@ def least_squares_slope(points: Sequence[tuple[float, float]]) -> float:
     >>> least_squares_slope([(100, 10), (200, 30), (300, 20)])
     0.05
     """
+    import numpy as np
+
     x, y = np.asarray(points, dtype=np.float64).T
     x -= x.mean()
     return float(x @ (y - y.mean()) / (x @ x))
@@ -33,6 +33,8 @@ def power_law_at_the_end(points: Sequence[tuple[int, float]]) -> float:
     >>> round(power_law_at_the_end([(100, 399.5), (200, 99.5), (400, 24.5)]), 3)
     24.5
     """
+    import numpy as np
+
     logarithms = [(np.log(spp), np.log(count + 0.5)) for spp, count in points]
     x, y = np.mean(logarithms, axis=0)
     return float(np.exp(y + least_squares_slope(logarithms) * (logarithms[-1][0] - x)) - 0.5)

@@ -5,12 +5,18 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar
 
-from plateau.metric.bounds import bounded
-from plateau.metric.rules.base import PAPER_PIXELS, Memory, Rule, Verdict
-from plateau.metric.rules.earlier import EarlierImages, allowed_pixels, first_verdict, verdict_on
+from plateau.metric.rules.base import Memory, Rule, Verdict
+from plateau.metric.rules.earlier import (
+    EarlierImages,
+    allowed_pixels,
+    differing_pixels,
+    first_verdict,
+    verdict_on,
+)
+from plateau.rules import parameter
 
 if TYPE_CHECKING:
-    from plateau.metric.rules.base import Evidence
+    from plateau.metric.rules.evidence import Evidence
     from plateau.metric.vdp import Difference
 
 
@@ -39,11 +45,28 @@ class Multiple(Rule):
     """
 
     name: ClassVar[str] = "multiple"
+    summary: ClassVar[str] = (
+        "Stop when the last images hardly differ from the newest (algorithm 4.3)."
+    )
+    title: ClassVar[str] = "Several steps back"
+    help: ClassVar[str] = "Stops when the last few images hardly differ from the newest."
+    criterion: ClassVar[str] = (
+        "all of D(I_m, R), …, D(I_m+w−1, R) ≤ `threshold`, R the image after the window"
+    )
+    stores: ClassVar[str] = "`window` images"
+    order: ClassVar[int] = 3
 
     #: w: how many images the window holds.
-    window: int = bounded(5, 1, 1000)
+    window: int = parameter(
+        5,
+        1,
+        1000,
+        description="earlier images that are compared",
+        label="Images compared",
+        help="How many earlier ones.",
+    )
     #: Visible pixels at 512×512 by which any of them may still differ.
-    threshold: float = bounded(1.0, 0, PAPER_PIXELS)
+    threshold: float = differing_pixels()
 
     _earlier: EarlierImages = field(
         default_factory=EarlierImages, init=False, repr=False, compare=False

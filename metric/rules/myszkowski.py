@@ -6,12 +6,12 @@ import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar
 
-from plateau.metric.bounds import bounded
-from plateau.metric.rules.base import PAPER_PIXELS, Memory, Rule, Verdict
-from plateau.metric.rules.earlier import EarlierImages, first_verdict, verdict_on
+from plateau.metric.rules.base import Memory, Rule, Verdict
+from plateau.metric.rules.earlier import EarlierImages, differing_pixels, first_verdict, verdict_on
+from plateau.rules import parameter
 
 if TYPE_CHECKING:
-    from plateau.metric.rules.base import Evidence
+    from plateau.metric.rules.evidence import Evidence
 
 
 @dataclass(kw_only=True)
@@ -42,11 +42,28 @@ class Myszkowski(Rule):
     """
 
     name: ClassVar[str] = "myszkowski"
+    summary: ClassVar[str] = (
+        "Stop when the image hardly differs from the one at a share of its samples (1998)."
+    )
+    title: ClassVar[str] = "Half against whole"
+    help: ClassVar[str] = (
+        "Stops when the image hardly differs from the one at a share of its samples."
+    )
+    criterion: ClassVar[str] = "D(I_αn, I_n) ≤ `threshold`"
+    stores: ClassVar[str] = "images back to αn"
+    order: ClassVar[int] = 5
 
     #: α: the earlier image's share of the samples.
-    alpha: float = bounded(0.5, 0.01, 0.99)
+    alpha: float = parameter(
+        0.5,
+        0.01,
+        0.99,
+        description="the share of the samples",
+        label="Share of the samples",
+        help="0.5 compares with half of them.",
+    )
     #: Visible pixels at 512×512 by which the two may differ.
-    threshold: float = bounded(1.0, 0, PAPER_PIXELS)
+    threshold: float = differing_pixels()
 
     _earlier: EarlierImages = field(
         default_factory=EarlierImages, init=False, repr=False, compare=False

@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from plateau.metric.vdp import COLOUR_LUMINANCE
-
 if TYPE_CHECKING:
-    from plateau.metric.rules.base import Evidence
+    from plateau.metric.rules.evidence import Evidence
 
 
 def darkness(evidence: Evidence) -> str | None:
     """Return, in words, that the image is too dark for its noise to show; None where it is not."""
+    from plateau.metric.vdp import COLOUR_LUMINANCE
+
     brightest = float(evidence.percept.levels[evidence.metric.adaptation_level].max())
     if brightest >= COLOUR_LUMINANCE:
         return None

@@ -13,18 +13,16 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar
 
-from plateau.metric.bounds import bounded
-from plateau.metric.display import Image, as_image
-from plateau.metric.rules.base import PAPER_PIXELS, Memory, Rule, Verdict, require_later
+from plateau.metric.rules.base import Memory, Rule, Verdict, require_later
 from plateau.metric.rules.line import least_squares_slope
 from plateau.metric.rules.reasons import darkness
+from plateau.rules import PAPER_PIXELS, ParameterRole, parameter
 
 if TYPE_CHECKING:
-    from plateau.metric.rules.base import Evidence, Json
+    from plateau.metric.display import Image
+    from plateau.metric.rules.base import Json
+    from plateau.metric.rules.evidence import Evidence
     from plateau.metric.vdp import Percept
-
-#: The image size for which the paper's ε is taken to hold.
-EPSILON_PIXELS = PAPER_PIXELS
 
 
 @dataclass(kw_only=True)
@@ -51,11 +49,46 @@ class Reverse(Rule):
     """
 
     name: ClassVar[str] = "reverse"
+    summary: ClassVar[str] = (
+        "Stop when the difference to the first image has reached its plateau (algorithm 4.4)."
+    )
+    title: ClassVar[str] = "The paper's plateau"
+    help: ClassVar[str] = (
+        "Stops when the count of pixels that have changed since the first image no longer rises."
+    )
+    criterion: ClassVar[str] = "the slope of D(I_first, I_n) over n on the last `window` points ≤ ε"
+    stores: ClassVar[str] = "one image"
+    order: ClassVar[int] = 4
+    featured: ClassVar[bool] = True
+    continues: ClassVar[bool] = True  # it makes the curve, so every job's judge keeps one
+    stopped: ClassVar[str] = (
+        "compared with the first image hardly anything changes any more. The curve rises by "
+        "{slope} pixels per spp; you asked for less than {slope_limit}."
+    )
 
     #: N: how many points the line is laid through.
-    window: int = bounded(5, 2, 1000)
+    window: int = parameter(
+        5,
+        2,
+        1000,
+        description="points of the curve in the regression",
+        label="Points in the line",
+        help="How many points of the curve the slope is taken over.",
+        role=ParameterRole.WINDOW,
+        option=True,
+    )
     #: ε: visible pixels per spp at 512×512; at 0 the curve must not rise at all.
-    epsilon: float = bounded(0.1, 0, EPSILON_PIXELS)
+    epsilon: float = parameter(
+        0.1,
+        0,
+        PAPER_PIXELS,
+        description="slope, in changed pixels per spp at 512×512, at which to stop",
+        label="Slope to stop at",
+        unit="px/spp at 512²",
+        help="Smaller is stricter.",
+        role=ParameterRole.SLOPE,
+        option=True,
+    )
 
     _first_spp: int | None = field(default=None, init=False, repr=False, compare=False)
     _first_image: Image | None = field(default=None, init=False, repr=False, compare=False)
@@ -78,7 +111,7 @@ class Reverse(Rule):
 
         # The line, as soon as there are points enough.
         slope = least_squares_slope(self._points) if len(self._points) == self.window else None
-        epsilon = self.epsilon * evidence.pixels / EPSILON_PIXELS
+        epsilon = self.epsilon * evidence.pixels / PAPER_PIXELS
         return Verdict(
             stop=slope is not None and slope <= epsilon,
             value=slope,
@@ -128,6 +161,8 @@ class Reverse(Rule):
         return self._first_percept, self._first_spp
 
     def _parse(self, memory: Memory) -> tuple[int, Image, list[tuple[int, int]]]:
+        from plateau.metric.display import as_image
+
         match memory.numbers:
             case {"first_spp": int(first_spp), "points": list(rows)} if "first" in memory.images:
                 points = [(spp, pixels) for row in rows for spp, pixels in _point(row)]

@@ -5,12 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar
 
-from plateau.metric.bounds import bounded
-from plateau.metric.rules.base import PAPER_PIXELS, Memory, Rule, Verdict
-from plateau.metric.rules.earlier import EarlierImages, first_verdict, verdict_on
+from plateau.metric.rules.base import Memory, Rule, Verdict
+from plateau.metric.rules.earlier import EarlierImages, differing_pixels, first_verdict, verdict_on
 
 if TYPE_CHECKING:
-    from plateau.metric.rules.base import Evidence
+    from plateau.metric.rules.evidence import Evidence
 
 
 @dataclass(kw_only=True)
@@ -35,9 +34,20 @@ class Successive(Rule):
     """
 
     name: ClassVar[str] = "successive"
+    summary: ClassVar[str] = (
+        "Stop when an image hardly differs from the one before it (algorithm 4.2)."
+    )
+    title: ClassVar[str] = "One step to the next"
+    help: ClassVar[str] = (
+        "Stops when an image hardly differs from the one a step before; easily fooled by small "
+        "steps."
+    )
+    criterion: ClassVar[str] = "D(I_n−step, I_n) ≤ `threshold`"
+    stores: ClassVar[str] = "one image"
+    order: ClassVar[int] = 2
 
     #: Visible pixels at 512×512 that may still change.
-    threshold: float = bounded(1.0, 0, PAPER_PIXELS)
+    threshold: float = differing_pixels()
 
     _earlier: EarlierImages = field(
         default_factory=EarlierImages, init=False, repr=False, compare=False

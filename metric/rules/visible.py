@@ -5,14 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar
 
-from plateau.metric.bounds import bounded
-from plateau.metric.estimate import allowed_pixels
-from plateau.metric.rules.base import MOST_SPP, Memory, Rule, Verdict, require_later
+from plateau.metric.rules.base import Memory, Rule, Verdict, require_later
 from plateau.metric.rules.line import power_law_at_the_end
 from plateau.metric.rules.reasons import counted, darkness, left_out
+from plateau.rules import MOST_SPP, ParameterRole, parameter
 
 if TYPE_CHECKING:
-    from plateau.metric.rules.base import Evidence, Json
+    from plateau.metric.rules.base import Json
+    from plateau.metric.rules.evidence import Evidence
 
 #: A line through fewer would go through all of them.
 LEAST_POINTS = 3
@@ -39,11 +39,45 @@ class Visible(Rule):
     """
 
     name: ClassVar[str] = "visible"
+    summary: ClassVar[str] = (
+        "Stop when hardly any noise is left: pixels that differ visibly from the converged image."
+    )
+    title: ClassVar[str] = "No noise left to see"
+    help: ClassVar[str] = (
+        "Stops when hardly any noise is left: pixels that would still change visibly if it went "
+        "on, estimated from two halves of the samples."
+    )
+    criterion: ClassVar[str] = "the half-buffer estimate and its trend ≤ `target`, n ≥ `min_spp`"
+    order: ClassVar[int] = 6
+    featured: ClassVar[bool] = True
+    continues: ClassVar[bool] = True  # it is the default, and every job's judge keeps one
+    stopped: ClassVar[str] = (
+        "the noise left is {noise_left}, by its own estimate, and you allowed {target}."
+    )
 
     #: Share of the pixels that may still differ visibly.
-    target: float = bounded(0.0002, 1e-9, 0.99)
+    target: float = parameter(
+        0.0002,
+        1e-9,
+        0.99,
+        description="noise that may be left, as a fraction of the pixels",
+        label="Noise that may be left",
+        unit="%",
+        scale=0.01,
+        help="The share of the image that a person might still see change.",
+        role=ParameterRole.NOISE_TARGET,
+    )
     #: Samples per pixel before which it does not stop.
-    min_spp: int = bounded(200, 1, MOST_SPP)
+    min_spp: int = parameter(
+        200,
+        1,
+        MOST_SPP,
+        description="fewest samples per pixel at which the rule may stop",
+        label="Not before",
+        unit="spp",
+        help="Guards against an estimate that is low by chance.",
+        role=ParameterRole.LEAST_SPP,
+    )
 
     _newest_spp: int | None = field(default=None, init=False, repr=False, compare=False)
     #: The evaluations that the trend is of: spp, and the estimate in pixels.
@@ -53,6 +87,8 @@ class Visible(Rule):
 
     def judge(self, evidence: Evidence) -> Verdict:
         """Return whether the target is reached; the value is the estimate's fraction."""
+        from plateau.metric.estimate import allowed_pixels
+
         require_later(evidence.spp, self._newest_spp)
         estimate, allowed = evidence.estimate, allowed_pixels(self.target, evidence.pixels)
         pixels = None if estimate is None else estimate.pixels

@@ -66,10 +66,24 @@ class Command(typer.core.TyperCommand):
 
     def __init__(self, *args: Any, help: str = "", **kwargs: Any) -> None:  # noqa: A002
         super().__init__(*args, help=help.replace("For example:", "\b\nFor example:"), **kwargs)
+        self._takes_rule = any(one.name == "rule" for one in self.params)
+        self._of_rules: list[str] | None = None
+
+    def get_params(self, ctx: Any) -> Any:
+        """The options, with those of the stopping rules where it takes a rule."""
+        if self._takes_rule and self._of_rules is None:
+            from plateau.cli import rule_options
+
+            self._of_rules = rule_options.add(self.params)
+        return super().get_params(ctx)
 
     def invoke(self, ctx: Any) -> Any:
         """Run the command; an expected error is one line on standard error and an exit code."""
         try:
+            if self._of_rules:
+                from plateau.cli import rule_options
+
+                rule_options.fold(ctx.params, self._of_rules)
             result = self._run(ctx)
             sys.stdout.flush()
         except KeyboardInterrupt:

@@ -75,10 +75,9 @@ def states(incomplete: str) -> Offered:
 
 def rules(incomplete: str) -> Offered:
     """The stopping rules."""
-    from plateau.farm.model.spec import RuleSpec
+    from plateau.rules import rules as known
 
-    kinds = get_args(get_args(RuleSpec)[0])
-    named = [(kind.model_fields["name"].default, kind.__doc__ or "") for kind in kinds]
+    named = [(name, rule.summary) for name, rule in known().items()]
     return [(name, about.rstrip(".")) for name, about in named if name.startswith(incomplete)]
 
 

@@ -115,10 +115,8 @@ def spec_from_options(
     rule: Annotated[
         str | None,
         typer.Option(
-            help="Rule that ends the job: visible, reverse, fixed, successive, multiple or "
-            "myszkowski, with "
-            "its parameters as in visible:target=0.001,min_spp=300. --window and --epsilon alone "
-            "mean reverse, --spp alone means fixed.",
+            help="Rule that ends the job, with its parameters as in "
+            "visible:target=0.001,min_spp=300.",
             show_default="visible",
             autocompletion=complete.rules,
         ),
@@ -130,19 +128,6 @@ def spec_from_options(
             "repeatable.",
             autocompletion=complete.rules,
         ),
-    ] = None,
-    window: Annotated[
-        int | None, typer.Option(help="reverse: points in the regression.", show_default="5")
-    ] = None,
-    epsilon: Annotated[
-        float | None,
-        typer.Option(
-            help="reverse: slope at which to stop, in changed pixels per spp at 512×512.",
-            show_default="0.1",
-        ),
-    ] = None,
-    spp: Annotated[
-        int | None, typer.Option(help="fixed: spp at which to stop.", show_default="10000")
     ] = None,
     seed: Annotated[
         int | None,

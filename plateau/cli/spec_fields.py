@@ -5,15 +5,14 @@ from typing import Any, Final
 
 import typer
 
+from plateau.cli import rule_options
+
 
 def spec_fields(
     *,
     define: list[str] | None = None,
     rule: str | None = None,
     watch: list[str] | None = None,
-    window: int | None = None,
-    epsilon: float | None = None,
-    spp: int | None = None,
     exposure: float | None = None,
     white_luminance: float | None = None,
     field_of_view: float | None = None,
@@ -29,7 +28,6 @@ def spec_fields(
     typer.BadParameter
         A value cannot be read.
     """
-    of_the_rule = _given(window=window, epsilon=epsilon, spp=spp)
     view = _given(
         exposure_ev=exposure,
         white_luminance=white_luminance,
@@ -41,9 +39,7 @@ def spec_fields(
         time_limit_s=time_limit,
         requires=require or None,
         parameters=dict(map(_definition, define)) if define else None,
-        rule={**_rule(rule or _rule_with(of_the_rule)), **of_the_rule}
-        if rule or of_the_rule
-        else None,
+        rule=_rule(rule) if rule else None,
         watch=list(map(_rule, watch)) if watch else None,
         view=view or None,
     )
@@ -69,11 +65,6 @@ def checked(fields: dict[str, Any]) -> Any:
             _message(one["loc"], one["type"], input_errors.message(one)) for one in error.errors()
         ]
         raise typer.BadParameter("; ".join(messages)) from error
-
-
-def _rule_with(options: dict[str, object]) -> str:
-    """The rule that options mean which only it has."""
-    return "reverse" if options.keys() & {"window", "epsilon"} else "fixed"
 
 
 def _given(**options: object) -> dict[str, object]:
@@ -116,9 +107,6 @@ _OPTIONS: Final = {
     "requires": "require",
 }
 
-#: Parameters of a rule that have an option of their own.
-_OF_ONE_RULE: Final = frozenset({"window", "epsilon", "spp"})
-
 
 def _message(location: tuple[int | str, ...], kind: str, message: str) -> str:
     """What is wrong with the option that the field was made of."""
@@ -129,7 +117,7 @@ def _message(location: tuple[int | str, ...], kind: str, message: str) -> str:
     name = str(location[-1])
     option = f"--{_OPTIONS.get(name, name).replace('_', '-')}"
     rule = next((str(one) for one in location[1:-1] if isinstance(one, str)), "")
-    if location[0] in {"rule", "watch"} and name not in _OF_ONE_RULE:
+    if location[0] in {"rule", "watch"} and name not in rule_options.owners():
         what = "the rule has no such parameter" if kind == "extra_forbidden" else message
         return f"--{location[0]} {rule}:{name}: {what}"
     if kind == "extra_forbidden":

@@ -4,13 +4,13 @@ import json
 from pathlib import Path
 
 from plateau.errors import CommandFailed
-from plateau.farm.model.spec import JobSpec, ReverseSpec, VisibleSpec
+from plateau.farm.model.spec import JobSpec
 from plateau.farm.wire.curve_csv import curve_csv
 from plateau.files.image_series import BrokenSeries, CannotJudge, Judged, find_series, judge_series
 from plateau.files.job_folder import owner
 from plateau.files.out_folder import make
 from plateau.files.plot import Marks, plot_curve
-from plateau.metric.rules.reverse import EPSILON_PIXELS
+from plateau.rules import CURVE, create
 
 
 def judge(
@@ -55,21 +55,17 @@ def judge(
 
 def _write(judged: Judged, spec: JobSpec, name: str, out: Path) -> None:
     (out / "curve.csv").write_text(curve_csv(judged.points))
-    reverse = next(
-        (rule for rule in (spec.rule, *spec.watch) if isinstance(rule, ReverseSpec)), ReverseSpec()
-    )
+    limit = spec.slope_limit or create(CURVE).slope_limit
+    assert limit is not None  # the curve has a slope
     plot_curve(
         name,
         f"judged to {judged.points[-1].spp:,} spp",
         judged.points,
         out / "curve.png",
         Marks(
-            window=reverse.window,
-            stop_slope=reverse.epsilon * judged.width * judged.height / EPSILON_PIXELS,
-            target=next(
-                (rule.target for rule in (spec.rule, *spec.watch) if isinstance(rule, VisibleSpec)),
-                None,
-            ),
+            window=limit.window,
+            stop_slope=limit.of(judged.width * judged.height),
+            target=spec.noise_target,
             stops={name: spp for name, spp in judged.stops.items() if spp is not None},
         ),
     )

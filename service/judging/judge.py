@@ -7,7 +7,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from plateau.farm.model.spec import FixedSpec, JobSpec, VisibleSpec
+from plateau.farm.model.spec import JobSpec
 from plateau.metric import (
     Estimate,
     Evidence,
@@ -22,6 +22,7 @@ from plateau.metric import (
 )
 from plateau.metric.compiled import CompiledVisibleDifferences
 from plateau.metric.compiled.predictor import COMPARISONS_BEFORE_KEEPING
+from plateau.rules import CURVE, DEFAULT
 from plateau.service.judging.merge import Merge
 from plateau.service.judging.result_files import flaw_of
 
@@ -39,7 +40,7 @@ def warm_up() -> None:
 
 
 #: Rules of which every job's judge has the memory, whichever rules the job names.
-REMEMBERED_ANYWAY: Final = ("reverse", "visible")
+REMEMBERED_ANYWAY: Final = (CURVE, DEFAULT)
 
 
 @dataclass(frozen=True)
@@ -65,7 +66,6 @@ class Judge:
     def __init__(self, spec: JobSpec) -> None:
         self._metric = CompiledVisibleDifferences(View(**spec.view.model_dump()))
         self._own = spec.rule.name
-        self._fixed_spp = spec.rule.spp if isinstance(spec.rule, FixedSpec) else None
         self._before: tuple[int, float] | None = None  # where its value was one evaluation ago
         self._min_spp, self._step = spec.min_spp or 0, spec.step
         self._rules: dict[str, Rule] = {
@@ -74,10 +74,7 @@ class Judge:
         self._shown = tuple(self._rules)
         self._zones = spec.zones
         self._curve_map: tuple[int, NDArray[np.bool_]] | None = None  # of the last evaluation
-        self._target = next(
-            (rule.target for rule in (spec.rule, *spec.watch) if isinstance(rule, VisibleSpec)),
-            VisibleSpec().target,
-        )
+        self._target = spec.noise_target or create_rule(DEFAULT).noise_target
         for name in REMEMBERED_ANYWAY:
             if name not in self._rules:
                 self._rules[name] = create_rule(name)
@@ -92,14 +89,14 @@ class Judge:
             metric=self._metric,
         )
         verdicts = {name: rule.judge(evidence) for name, rule in self._rules.items()}
-        visible = verdicts["reverse"].visible
+        visible = verdicts[CURVE].visible
         assert visible is not None  # it always judges a map
         self._curve_map = (merge.spp, visible)
-        curve = _curve(verdicts["reverse"])
+        curve = _curve(verdicts[CURVE])
         flaw = flaw_of(evidence.image) if curve["non_finite_pixels"] else None
         # Of an image that is no result, nothing is said that was judged of the rest of its pixels.
         estimate = None if flaw else evidence.estimate
-        forecast = None if flaw else evidence.forecast(self._target)
+        forecast = evidence.forecast(self._target) if self._target and not flaw else None
         point = {
             "spp": merge.spp,
             **curve,
@@ -118,13 +115,11 @@ class Judge:
     def _expected_spp(self, own: Verdict, forecast: Forecast | None, spp: int) -> int | None:
         """Where the rule is likely to be satisfied: by the forecast, or by where its value goes."""
         before, self._before = self._before, None if own.value is None else (spp, own.value)
-        if self._fixed_spp is not None:
-            return self._fixed_spp
-        if self._own == "visible":
-            return None if forecast is None else forecast.spp
-        if before is None or own.value is None or own.limit is None:
-            return None
-        return _crossing(before, (spp, own.value), own.limit)
+        forecast_spp = None if forecast is None else forecast.spp
+        crossing = None
+        if before is not None and own.value is not None and own.limit is not None:
+            crossing = _crossing(before, (spp, own.value), own.limit)
+        return self._rules[self._own].expected_end_spp(forecast_spp, crossing)
 
     def _not_too_early(self, verdict: Verdict, spp: int) -> Verdict:
         """The rule's verdict, which ends no job before its `min_spp`."""
@@ -140,7 +135,7 @@ class Judge:
         """Where the merged image differs visibly from the first one of the curve."""
         if self._curve_map is not None and self._curve_map[0] == merge.spp:
             return self._curve_map[1]
-        first = self._rules["reverse"].memory().images.get("first")
+        first = self._rules[CURVE].memory().images.get("first")
         if first is None:
             return None
         evidence = Evidence(spp=merge.spp, image=merge.image(), halves=None, metric=self._metric)

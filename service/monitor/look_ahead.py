@@ -7,14 +7,11 @@ from typing import Final
 
 from plateau.farm.model.fit import Kind
 from plateau.farm.model.job import Job, Worker
-from plateau.farm.model.spec import FixedSpec, JobSpec, VisibleSpec
+from plateau.farm.model.spec import JobSpec
 
 #: Beyond an evaluation that may end the job, so many slices are planned for each merged one: they
 #: keep workers busy while it is merged and judged, and are rendered for nothing where it ends.
 SPARE: Final = 0.04
-
-#: The rule `visible` ends no job earlier, and until the first it has no forecast.
-_EVALUATIONS_BEFORE_AN_END: Final = 2
 
 
 class Crew:
@@ -46,25 +43,22 @@ class LookAhead:
     """
 
     spec: JobSpec
-    least_spp: int = 0  #: the rule ends no job earlier
     expected_spp: int | None = None  #: where the rule is likely to end it; None while nothing tells
 
     @classmethod
     def of(cls, job: Job) -> "LookAhead":
         """Return the look-ahead of a job as its rule and its curve so far have it."""
-        spec, rule = job.spec, job.spec.rule
-        ahead = cls(spec=spec, least_spp=spec.min_spp or 0)
-        if isinstance(rule, FixedSpec):
-            return ahead.expecting(rule.spp)
-        if isinstance(rule, VisibleSpec):
-            soonest_spp = _EVALUATIONS_BEFORE_AN_END * spec.step
-            ahead = cls(spec=spec, least_spp=max(ahead.least_spp, rule.min_spp))
-            return ahead.expecting(job.forecast_spp if job.points else soonest_spp)
-        return ahead
+        rule = job.spec.rule.behaviour
+        return cls(spec=job.spec).expecting(
+            rule.expected_end_spp(job.forecast_spp)
+            if job.points
+            else rule.soonest_end_spp(job.spec.step)
+        )
 
     def expecting(self, spp: int | None) -> "LookAhead":
         """Return it as an evaluation leaves it that expects the job to end at this spp."""
-        return replace(self, expected_spp=None if spp is None else max(spp, self.least_spp))
+        least_spp = self.spec.min_spp or 0  # the rule ends no job earlier
+        return replace(self, expected_spp=None if spp is None else max(spp, least_spp))
 
     def expected_end_spp(self, merged: int) -> int:
         """Where the job is expected to end, after so many merged slices: a guess, never a promise.

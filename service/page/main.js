@@ -4,6 +4,7 @@ import { forgetKey, hasKey } from "./shared/api_key.js";
 import { setAttribute } from "./shared/dom.js";
 import { complain } from "./shared/notices.js";
 import { maySubmit, meetMe } from "./shared/permissions.js";
+import { meetRules } from "./shared/rules.js";
 import * as job from "./job/job_screen.js";
 import * as jobs from "./jobs/jobs_screen.js";
 import * as observe from "./study/observe_screen.js";
@@ -25,9 +26,10 @@ const SCREENS = [
 const main = document.getElementById("main");
 let leaving = new AbortController();
 
-function open({ focus }) {
+async function open({ focus }) {
   leaving.abort();
   leaving = new AbortController();
+  const { signal } = leaving;
   complain("");
   main.replaceChildren();
   const [match, name, screen] =
@@ -37,7 +39,9 @@ function open({ focus }) {
   for (const link of document.querySelectorAll("a[data-screen]")) {
     setAttribute(link, "aria-current", link.dataset.screen === name ? "page" : null);
   }
-  screen.open(main, { id: match[1], signal: leaving.signal, go });
+  await meetRules(signal).catch(() => {}); // which fails only where another screen is opened
+  if (signal.aborted) return;
+  screen.open(main, { id: match[1], signal, go });
   if (focus) {
     scrollTo(0, 0);
     main.focus({ preventScroll: true });

@@ -6,8 +6,9 @@ from types import FunctionType, ModuleType
 import numpy as np
 import pytest
 
-from plateau.metric import RULES, Evidence, Half, View, VisibleDifferences, create_rule
+from plateau.metric import Evidence, Half, View, VisibleDifferences, create_rule
 from plateau.metric.compiled import CompiledVisibleDifferences
+from plateau.rules import rules
 
 SIDE = 96
 PIXELS = SIDE * SIDE
@@ -16,7 +17,7 @@ IMAGE, PERCEPT = 12, 41
 EVALUATIONS = 12
 
 MAKERS = {
-    **{name: lambda name=name: create_rule(name) for name in RULES},
+    **{name: lambda name=name: create_rule(name) for name in rules()},
     "multiple, window 8": lambda: create_rule("multiple", window=8),
     "myszkowski, alpha 0.3": lambda: create_rule("myszkowski", alpha=0.3),
 }

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from plateau.metric import (
-    RULES,
     Evidence,
     Fixed,
     Half,
@@ -17,6 +16,7 @@ from plateau.metric import (
     create_rule,
 )
 from plateau.metric.compiled import CompiledVisibleDifferences
+from plateau.rules import rules
 
 METRIC = VisibleDifferences(View())
 GREY = np.full((8, 8, 3), 0.35, np.float32)
@@ -66,11 +66,11 @@ class TestCreateRule:
             create_rule(name, **{parameter: value})
 
 
-@pytest.mark.parametrize("name", RULES)
+@pytest.mark.parametrize("name", rules())
 class TestEveryRule:
     def test_it_goes_by_its_name(self, name):
-        assert RULES[name].name == name
-        assert type(create_rule(name)) is RULES[name]
+        assert rules()[name].name == name
+        assert type(create_rule(name)) is rules()[name]
 
     def test_a_rule_that_was_told_nothing_remembers_nothing(self, name):
         memory = create_rule(name).memory()

@@ -12,6 +12,7 @@ from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.model.errors import CorruptPartial, JobNotFound
 from plateau.farm.model.job import Job
 from plateau.metric import Mask
+from plateau.rules import CURVE
 from plateau.service.judging.checkpoints import read_sums
 from plateau.service.judging.films import checked_film
 from plateau.service.judging.merge import Merge
@@ -70,7 +71,7 @@ def _merged(job: Job, spp: int, jobs: Jobs, store: Blobs) -> tuple[Merge, _Memor
         merge.add(checked_film(store, ledger[index]["blob"], ledger[index]["sha256"]))
         if job.spec.evaluates_at(merge.spp) and not memory[0]:
             numbers = {"first_spp": merge.spp, "points": []}
-            memory = ({"reverse": numbers}, {"reverse:first": merge.image()})
+            memory = ({CURVE: numbers}, {f"{CURVE}:first": merge.image()})
     return merge, memory
 
 

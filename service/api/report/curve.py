@@ -7,7 +7,6 @@ from html import escape
 from typing import Final
 
 from plateau.farm.model.job import CurvePoint, Job
-from plateau.farm.model.spec import VisibleSpec
 from plateau.farm.wire.figures import significant
 
 _WIDTH: Final = 760
@@ -69,15 +68,7 @@ def _above(points: list[CurvePoint], spp: _Axis) -> Iterable[str]:
 
 def _below(job: Job, points: list[CurvePoint], spp: _Axis) -> Iterable[str]:
     known = [point for point in points if point.estimate_pixels]
-    rules = (job.spec.rule, *job.spec.watch)
-    target = next(
-        (
-            rule.target * job.width * job.height
-            for rule in rules
-            if isinstance(rule, VisibleSpec) and job.width and job.height
-        ),
-        None,
-    )
+    target = (job.spec.noise_target or 0.0) * (job.width or 0) * (job.height or 0)
     counts = [point.estimate_pixels or 1.0 for point in known] + ([target] if target else [])
     if not counts:
         return

@@ -1,4 +1,4 @@
-"""Routes for the farm itself: workers, scenes, health, and what a problem's type means."""
+"""Routes for the farm itself: workers, scenes, rules, health, and what a problem's type means."""
 
 from typing import Annotated, Final, Literal
 
@@ -11,6 +11,7 @@ from plateau.farm.ledger.api_keys import KeyLimits, Role
 from plateau.farm.model.place_names import PlaceName
 from plateau.farm.model.spec import RenderVariant
 from plateau.farm.wire import examples
+from plateau.farm.wire.rule_views import Rules, rules_view
 from plateau.farm.wire.views import DemandView, Health, ProblemTypeView, Scenes, SceneView, Workers
 from plateau.service.api.access.callers import CallerOf
 from plateau.service.api.metrics import farm as metrics
@@ -97,6 +98,12 @@ def resume_worker(
 def list_scenes(farm: Annotated[Parts, Depends(parts)]) -> Scenes:
     """List the stored scenes; a job can be made from one by its SHA-256."""
     return Scenes(scenes=[SceneView(**scene) for scene in farm.scenes.all()])
+
+
+@router.get("/v1/rules", responses=documented(store=False))
+def list_rules() -> Rules:
+    """List the stopping rules that a job can name, with what a form needs to ask for them."""
+    return rules_view()
 
 
 @router.get("/healthz")

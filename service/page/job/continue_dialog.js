@@ -7,7 +7,8 @@ import { fieldsOf } from "../shared/form_fields.js";
 import { OneJob } from "../shared/job_request.js";
 import { ENDED, title } from "../shared/job_summary.js";
 import { maySubmit } from "../shared/permissions.js";
-import { LIMITS, RULES } from "../shared/spec_fields.js";
+import { fieldIn } from "../shared/rules.js";
+import { LIMITS } from "../shared/spec_fields.js";
 
 /** A button that asks how far; null where there is nothing to go on with. */
 export function goOnButton(job, go) {
@@ -22,10 +23,10 @@ function ask(job, go) {
     ...most, value: Math.min(most.max, Math.max(cap, 2 * job.spp)), min: Math.min(most.max, job.spp + 1),
     help: `It has ${whole(job.spp)} by now, and keeps them all.`,
   }]);
-  const asked = RULES.find(({ name }) => name === "visible").fields.find(({ name }) => name === "target");
-  const stricter = fieldsOf("spec.rule", rule.name !== "visible" ? [] : [{
+  const asked = fieldIn("noise_target", rule);
+  const stricter = fieldsOf("spec.rule", !asked ? [] : [{
     ...asked, help: "The smaller, the stricter.",
-    value: Number(Math.max(asked.min, job.state === "converged" ? rule.target / 2 : rule.target).toPrecision(3)),
+    value: Number(Math.max(asked.min, rule[asked.name] / (job.state === "converged" ? 2 : 1)).toPrecision(3)),
   }]);
   const wanted = new OneJob();
   const wrong = h("p", { class: "bad", role: "alert" });
@@ -41,8 +42,7 @@ function ask(job, go) {
     event.preventDefault();
     start.disabled = true;
     try {
-      const target = stricter.values();
-      const changes = { ...limits.values(), ...("target" in target ? { rule: target } : {}) };
+      const changes = { ...limits.values(), ...(asked ? { rule: stricter.values() } : {}) };
       const next = await wanted.make((headers) => send("POST", job.links.continue, changes, headers));
       dialog.close();
       go(`/jobs/${next.id}`);

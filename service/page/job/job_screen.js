@@ -4,7 +4,7 @@ import { follow, get } from "../shared/api.js";
 import { h, setAttribute, setText } from "../shared/dom.js";
 import { ago, whole } from "../shared/figures.js";
 import { controls } from "../shared/job_controls.js";
-import { ENDED, timeLeft, title, took } from "../shared/job_summary.js";
+import { ENDED, noiseTarget, timeLeft, title, took } from "../shared/job_summary.js";
 import { complain } from "../shared/notices.js";
 import { maySteer } from "../shared/permissions.js";
 import { repeat } from "../shared/polling.js";
@@ -94,7 +94,7 @@ export function open(main, { id, signal, go }) {
     setText(reason, reasonInWords(job));
     progress.hidden = ENDED.has(job.state);
     // Of what is ahead, the forecast is what counts, where there is one.
-    const goal = job.spec.rule.name === "visible" && job.forecast_spp ? Math.min(job.forecast_spp, job.spec.max_spp) : job.spec.max_spp;
+    const goal = noiseTarget(job) != null && job.forecast_spp ? Math.min(job.forecast_spp, job.spec.max_spp) : job.spec.max_spp;
     progress.value = Math.min(1, job.spp / goal);
     setAttribute(progress, "title", `${whole(job.spp)} of ${whole(goal)} spp`);
     const kind = `${job.state} ${job.spec.priority} ${job.finished_at ?? ""} ${maySteer(job)}`;

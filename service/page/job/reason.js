@@ -1,7 +1,8 @@
 // Why a job is in its state, in words for somebody who has not read the papers.
 
 import { percent, pixels, sentence, three, whole } from "../shared/figures.js";
-import { stopSlope } from "../shared/job_summary.js";
+import { noiseTarget, stopSlope } from "../shared/job_summary.js";
+import { ruleNamed } from "../shared/rules.js";
 
 /** A sentence or two: what happened, and what it means. */
 export function reasonInWords(job) {
@@ -23,15 +24,24 @@ export function reasonInWords(job) {
 }
 
 function converged(job) {
+  return `It stopped by itself at ${whole(job.spp)} spp: ${inItsRulesWords(job) ?? sentence(job.reason)}`;
+}
+
+/** What the rule says of a job that it has stopped; null where it has no words, or a figure is not known. */
+function inItsRulesWords(job) {
   const { rule } = job.spec;
-  const at = `It stopped by itself at ${whole(job.spp)} spp`;
-  if (rule.name === "visible" && job.estimate_pixels != null) {
-    return `${at}: the noise left is ${seen(job)}, by its own estimate, and you allowed ${percent(rule.target)}.`;
-  }
-  if (rule.name === "reverse" && job.slope != null && job.width) {
-    return `${at}: compared with the first image hardly anything changes any more. The curve rises by ${three(job.slope)} pixels per spp; you asked for less than ${three(stopSlope(job, rule))}.`;
-  }
-  return `${at}: ${sentence(job.reason)}`;
+  const known = ruleNamed(rule.name);
+  if (!known?.stopped) return null;
+  const limit = job.width ? stopSlope(job, rule) : null;
+  const figures = {
+    noise_left: job.estimate_pixels == null ? null : seen(job),
+    slope: job.slope == null ? null : three(job.slope),
+    slope_limit: limit == null ? null : three(limit),
+    ...Object.fromEntries(known.fields.map(({ name, role }) => [name, (role === "noise_target" ? percent : three)(rule[name])])),
+  };
+  const names = [...known.stopped.matchAll(/\{(\w+)\}/g)].map(([, name]) => name);
+  if (names.some((name) => figures[name] == null)) return null;
+  return known.stopped.replace(/\{(\w+)\}/g, (_, name) => figures[name]);
 }
 
 function leftToSee(job) {
@@ -45,10 +55,11 @@ function seen(job) {
 
 function aim(job) {
   const { rule, max_spp: cap } = job.spec;
-  if (rule.name === "visible") {
-    if (job.forecast_spp == null) return `It goes on until that is ${percent(rule.target)}, or to ${whole(cap)} spp.`;
+  const target = noiseTarget(job);
+  if (target != null) {
+    if (job.forecast_spp == null) return `It goes on until that is ${percent(target)}, or to ${whole(cap)} spp.`;
     const far = job.forecast_spp > cap ? `, which is beyond its cap of ${whole(cap)}` : "";
-    return `It goes on until that is ${percent(rule.target)}, which is expected at ${whole(job.forecast_spp)} spp${far}.`;
+    return `It goes on until that is ${percent(target)}, which is expected at ${whole(job.forecast_spp)} spp${far}.`;
   }
   return `It goes on until the rule ${rule.name} stops it, or to ${whole(cap)} spp.`;
 }

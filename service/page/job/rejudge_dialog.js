@@ -7,7 +7,8 @@ import { fieldsOf } from "../shared/form_fields.js";
 import { OneJob } from "../shared/job_request.js";
 import { ENDED, title } from "../shared/job_summary.js";
 import { maySubmit } from "../shared/permissions.js";
-import { LIMITS, RULES, VIEW } from "../shared/spec_fields.js";
+import { RULES, ruleNamed, watchable } from "../shared/rules.js";
+import { LIMITS, VIEW } from "../shared/spec_fields.js";
 
 const STEP = LIMITS.filter(({ name }) => name === "step");
 
@@ -27,7 +28,7 @@ function ask(job, go) {
     RULES.map(({ name, title: text }) => h("option", { value: name, selected: name === spec.rule.name }, text)));
   const help = h("p", { class: "help", id: "rejudge-help" });
   const ofRule = h("div", { class: "fields small" });
-  const watched = RULES.filter(({ name }) => name !== "fixed").map(({ name, title: text }) => {
+  const watched = watchable().map(({ name, title: text }) => {
     const box = h("input", { type: "checkbox", checked: spec.watch.some((one) => one.name === name) });
     return { name, box, label: h("label", { class: "toggle" }, box, text) };
   });
@@ -45,7 +46,7 @@ function ask(job, go) {
         h("button", { type: "button", onclick: () => dialog.close() }, "Leave it"), start)));
 
   function turn() {
-    const { name, help: text } = RULES.find((rule) => rule.name === choice.value);
+    const { name, help: text } = ruleNamed(choice.value);
     setText(help, text);
     ofRule.replaceChildren(...rules.get(name).elements);
     for (const one of watched) one.box.disabled = one.name === name;

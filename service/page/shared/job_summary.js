@@ -1,6 +1,7 @@
 // What follows from a job's JSON: its title, its rules, how long it took, what it saved.
 
 import { duration, roughly } from "./figures.js";
+import { valueIn } from "./rules.js";
 
 export const ENDED = new Set(["converged", "exhausted", "cancelled", "failed"]);
 
@@ -9,9 +10,20 @@ export function title(job) {
   return job.name.replace(/\.(zip|xml)$/i, "") || job.name;
 }
 
-/** The slope at which the reverse rule stops, in changed pixels per spp of this job's image. */
+/** The slope of the curve at which a rule stops, in changed pixels per spp of this job's image; null where it has none. */
 export function stopSlope(job, rule) {
-  return (rule.epsilon * job.width * job.height) / (512 * 512);
+  const slope = valueIn("slope", rule);
+  return slope == null ? null : (slope * job.width * job.height) / (512 * 512);
+}
+
+/** The first rule of the job that has a value in this role; undefined where none has. */
+export function ruleWith(role, job) {
+  return rulesOf(job).find((rule) => valueIn(role, rule) != null);
+}
+
+/** The noise left, as a share of the pixels, at which the job ends; null where its rule looks at something else. */
+export function noiseTarget(job) {
+  return valueIn("noise_target", job.spec.rule);
 }
 
 /** Every rule of the job: the one that ends it first. */
@@ -28,7 +40,7 @@ export function durationSeconds(job) {
 export function timeLeft(job) {
   if (job.state !== "rendering") return "";
   const { forecast_spp: forecast, committed_spp: committed } = job;
-  if (job.spec.rule.name === "visible" && job.forecast_s != null && forecast <= job.spec.max_spp) {
+  if (noiseTarget(job) != null && job.forecast_s != null && forecast <= job.spec.max_spp) {
     // The forecast is of the last point, and slices have come since.
     const ahead = Math.max(0, forecast - committed) / Math.max(1, forecast - job.spp);
     const seconds = ahead * job.forecast_s;

@@ -1,57 +1,7 @@
-// The stopping rules and the rest of a spec, as a form explains them: a sentence for each.
+// A spec but for its rules, as a form explains it: a sentence for each field.
 // Values, `min` and `max` are the spec's own (farm/model/spec.py), and a test compares them; a form shows them over `scale`.
 
-const pixelsAt512 = { type: "number", min: 0, max: 512 * 512, step: "any" };
 const spp = { min: 1, max: 1_000_000, step: 1 };
-
-export const RULES = [
-  {
-    name: "visible", title: "No noise left to see",
-    help: "Stops when hardly any noise is left: pixels that would still change visibly if it went on, estimated from two halves of the samples.",
-    fields: [
-      { name: "target", label: "Noise that may be left", unit: "%", value: 0.0002, scale: 0.01, min: 1e-9, max: 0.99, step: "any",
-        help: "The share of the image that a person might still see change." },
-      { name: "min_spp", label: "Not before", unit: "spp", value: 200, ...spp,
-        help: "Guards against an estimate that is low by chance." },
-    ],
-  },
-  {
-    name: "reverse", title: "The paper's plateau",
-    help: "Stops when the count of pixels that have changed since the first image no longer rises.",
-    fields: [
-      { name: "window", label: "Points in the line", value: 5, min: 2, max: 1000, step: 1,
-        help: "How many points of the curve the slope is taken over." },
-      { name: "epsilon", label: "Slope to stop at", unit: "px/spp at 512²", value: 0.1, min: 0, max: 512 * 512, step: "any",
-        help: "Smaller is stricter." },
-    ],
-  },
-  {
-    name: "myszkowski", title: "Half against whole",
-    help: "Stops when the image hardly differs from the one at a share of its samples.",
-    fields: [
-      { name: "alpha", label: "Share of the samples", value: 0.5, min: 0.01, max: 0.99, step: "any", help: "0.5 compares with half of them." },
-      { name: "threshold", label: "Pixels that may differ", unit: "at 512²", value: 1, help: "Smaller is stricter.", ...pixelsAt512 },
-    ],
-  },
-  {
-    name: "successive", title: "One step to the next",
-    help: "Stops when an image hardly differs from the one a step before; easily fooled by small steps.",
-    fields: [{ name: "threshold", label: "Pixels that may differ", unit: "at 512²", value: 1, help: "Smaller is stricter.", ...pixelsAt512 }],
-  },
-  {
-    name: "multiple", title: "Several steps back",
-    help: "Stops when the last few images hardly differ from the newest.",
-    fields: [
-      { name: "window", label: "Images compared", value: 5, min: 1, max: 1000, step: 1, help: "How many earlier ones." },
-      { name: "threshold", label: "Pixels that may differ", unit: "at 512²", value: 1, help: "Smaller is stricter.", ...pixelsAt512 },
-    ],
-  },
-  {
-    name: "fixed", title: "A number of samples",
-    help: "Stops there, whatever the image looks like.",
-    fields: [{ name: "spp", label: "Stop at", unit: "spp", value: 10000, ...spp, help: "Samples per pixel." }],
-  },
-];
 
 export const VIEW = [
   { name: "exposure_ev", label: "Exposure", unit: "EV", value: 0, min: -100, max: 100, step: "any",

@@ -6,10 +6,8 @@ import { bytes, several, share } from "../shared/figures.js";
 import { Field, fieldsOf } from "../shared/form_fields.js";
 import { OneJob } from "../shared/job_request.js";
 import { say } from "../shared/notices.js";
-import { LIMITS, MORE, RULES, VIEW } from "../shared/spec_fields.js";
-
-/** So many rules are offered before one asks for more. */
-const FIRST = 2;
+import { fieldIn, RULES, watchable } from "../shared/rules.js";
+import { LIMITS, MORE, VIEW } from "../shared/spec_fields.js";
 
 export function open(main, { signal, go }) {
   document.title = "Submit a scene · Plateau";
@@ -25,7 +23,7 @@ class Submission {
   #sending = null;
   #wanted = new OneJob();
   #parameters = [];
-  #chosen = "visible";
+  #chosen = RULES.find((rule) => rule.default).name;
   #rules = new Map(RULES.map((rule) => [rule.name, fieldsOf("spec.rule", rule.fields)]));
   #watched = new Map();
   #view = fieldsOf("spec.view", VIEW);
@@ -63,8 +61,8 @@ class Submission {
     this.#rest = h("div", { class: "rest", hidden: true },
       this.#parameterBox,
       h("fieldset", {}, h("legend", {}, "When is it done?"),
-        h("div", { class: "choices", role: "radiogroup", "aria-label": "The rule that ends it" }, RULES.slice(0, FIRST).map((rule) => this.#choice(rule)),
-          h("details", {}, h("summary", {}, "Other rules"), h("div", { class: "choices" }, RULES.slice(FIRST).map((rule) => this.#choice(rule)))))),
+        h("div", { class: "choices", role: "radiogroup", "aria-label": "The rule that ends it" }, RULES.filter((rule) => rule.featured).map((rule) => this.#choice(rule)),
+          h("details", {}, h("summary", {}, "Other rules"), h("div", { class: "choices" }, RULES.filter((rule) => !rule.featured).map((rule) => this.#choice(rule)))))),
       h("fieldset", {}, h("legend", {}, "How is it looked at?"), h("div", { class: "fields" }, this.#view.elements)),
       h("fieldset", {}, h("legend", {}, "And no further than"), h("div", { class: "fields" }, this.#limits.elements)),
       h("details", {}, h("summary", {}, "More"),
@@ -74,7 +72,7 @@ class Submission {
         h("p", { class: "check" }, this.#guard, h("label", { for: "flicker-guard" },
           "Guard it against flicker: only jobs that stop alike may join")),
         h("fieldset", { class: "watch" }, h("legend", {}, "Rules to watch beside it: they stop nothing, and mark the curve where they would have"),
-          RULES.filter(({ name }) => name !== "fixed").map((rule) => this.#watch(rule)))),
+          watchable().map((rule) => this.#watch(rule)))),
       h("p", { class: "send" }, this.#button, h("span", { class: "hint" }, "The job can be cancelled at any time; what is rendered by then is kept.")));
     this.element = h("form", { class: "submit", novalidate: true, onsubmit: (event) => { event.preventDefault(); this.#submit(); } },
       h("h1", {}, "Submit a scene"), this.#picker, this.#drop, this.#stored, this.#wrong, this.#summary, this.#rest);
@@ -212,7 +210,7 @@ class Submission {
   }
 
   #watch(rule) {
-    const box = h("input", { type: "checkbox", checked: rule.name === "reverse", disabled: rule.name === this.#chosen });
+    const box = h("input", { type: "checkbox", checked: Boolean(fieldIn("slope", rule)), disabled: rule.name === this.#chosen });
     this.#watched.set(rule.name, box);
     return h("label", { class: "toggle" }, box, rule.title);
   }

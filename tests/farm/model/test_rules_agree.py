@@ -1,36 +1,48 @@
-"""The rules and views of a job are the metric's: the same parameters, defaults and bounds.
-
-`farm` and `metric` do not know each other; this is where their agreement is held.
-"""
+"""What repeats the rules and the view says the same: specs, type checkers' stub, documentation."""
 
 import math
+import subprocess
+import sys
 from collections.abc import Callable, Iterator
 from dataclasses import fields
-from typing import Any, get_args
+from typing import Any
 
 import pytest
 from annotated_types import Ge, Le
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
-from plateau.farm.model.spec import RuleSpec, ViewSpec
-from plateau.metric import RULES, View
-
-SPECIFIED: dict[str, type[BaseModel]] = {
-    model.model_fields["name"].default: model for model in get_args(get_args(RuleSpec)[0])
-}
+from plateau.farm.model.rule_specs import SPECS
+from plateau.farm.model.spec import JobSpec, ViewSpec
+from plateau.metric import View
+from plateau.rules import DEFAULT, rules
+from tests import rule_files
 
 
 def test_rules_and_their_defaults_agree() -> None:
     specified = {
         rule: {name: one.default for name, one in model.model_fields.items() if name != "name"}
-        for rule, model in SPECIFIED.items()
+        for rule, model in SPECS.items()
     }
     existing = {
         name: {field.name: field.default for field in fields(rule) if field.init}
-        for name, rule in RULES.items()
+        for name, rule in rules().items()
     }
     assert specified == existing
+    assert JobSpec().rule.name == DEFAULT
+
+
+def test_type_checkers_and_readers_are_told_the_same() -> None:
+    assert rule_files.STUB.read_text() == rule_files.stub(), "`make manual` writes it"
+    page = rule_files.DOCS.read_text()
+    assert page == rule_files.documented(page), "`make manual` writes its table"
+
+
+def test_rules_are_listed_without_numerics() -> None:
+    program = "import sys, plateau.rules as r; r.as_offered(); print(*sys.modules)"
+    loaded = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert "plateau.metric.rules.visible" in loaded.stdout, loaded.stderr
+    assert {"numpy", "numba", "pydantic"}.isdisjoint(loaded.stdout.split())
 
 
 def test_views_and_their_defaults_agree() -> None:
@@ -41,7 +53,10 @@ def test_views_and_their_defaults_agree() -> None:
 
 def numbers() -> Iterator[Any]:
     """Each number of a rule or a view: who specifies it, who judges by it, its name and field."""
-    both = [(SPECIFIED[name], RULES[name], name) for name in RULES] + [(ViewSpec, View, "view")]
+    both: list[tuple[type[BaseModel], type, str]] = [
+        *((SPECS[name], rule, name) for name, rule in rules().items()),
+        (ViewSpec, View, "view"),
+    ]
     for model, judge, whose in both:
         for name, field in model.model_fields.items():
             if field.annotation in {int, float}:

@@ -129,18 +129,26 @@ class TestOptions:
         }
         assert "default: (http://127.0.0.1:8713)" in " ".join(out.split())
 
+    @pytest.mark.usefixtures("_service")
     @pytest.mark.parametrize(
-        ("given", "rule"),
-        [({"window": 8}, "reverse"), ({"epsilon": 0.2}, "reverse"), ({"spp": 50}, "fixed")],
+        ("options", "rule"),
+        [
+            ("--window 8", {"name": "reverse", "window": 8, "epsilon": 0.1}),
+            ("--epsilon 0.2", {"name": "reverse", "window": 5, "epsilon": 0.2}),
+            ("--spp 50", {"name": "fixed", "spp": 50}),
+            ("--rule fixed --spp 50", {"name": "fixed", "spp": 50}),
+            ("--rule reverse:window=9 --epsilon 1", {"name": "reverse", "window": 9, "epsilon": 1}),
+            ("--rule multiple --window 8", {"name": "multiple", "window": 8, "threshold": 1}),
+        ],
     )
-    def test_of_one_rule_mean_that_rule(self, given: dict[str, float], rule: str) -> None:
-        assert spec_from_options(**given).rule.name == rule
+    def test_of_one_rule_mean_that_rule(self, box: str, options: str, rule: dict) -> None:
+        _, out, _ = plateau("submit", box, *options.split(), "--json")
+        assert json.loads(out)["spec"]["rule"] == rule
 
     def test_make_the_spec(self) -> None:
         spec = spec_from_options(
             define=["width=64", "text=a=b"],
-            rule="fixed",
-            spp=50,
+            rule="fixed:spp=50",
             exposure=-1.5,
             primaries="adobe1998",
             time_limit=60,

@@ -9,18 +9,21 @@ _RENDERERS = frozenset({"mitsuba", "drjit"})
 #: What only the processes of a farm need.
 _FARMS = frozenset({"redis", "obstore", "numba", "matplotlib", "OpenEXR", "PIL", *_RENDERERS})
 
+#: What only judges need; the files of rules say what they are without it.
+_JUDGING = frozenset({"plateau.metric.vdp", "plateau.metric.rules.evidence"})
+
 #: What each process starts with, and what has no business in it.
 STARTS = {
     "import plateau.cli": {"pydantic", "redis", "numpy", "rich.console", "httpx"},
     "import plateau.commands.render": {"redis", "numpy", "httpx", "fastapi", *_RENDERERS},
     "import plateau.processes.process, plateau.worker.supervisor.supervisor": {
-        *("rich", "numba", "plateau.metric", "fastapi", *_RENDERERS),
+        *("rich", "numba", *_JUDGING, "fastapi", *_RENDERERS),
     },
     "import plateau.commands.serve, plateau.service.monitor.monitor": {
         *("rich", "httpx", "fastapi", "matplotlib", *_RENDERERS),
     },
     "import plateau.commands.serve, plateau.service.api.process": {
-        *("rich", "numpy", "PIL", "OpenEXR", "plateau.metric", "numba", "httpx", "matplotlib"),
+        *("rich", "numpy", "PIL", "OpenEXR", *_JUDGING, "numba", "httpx", "matplotlib"),
         *_RENDERERS,
     },
     "from plateau import Client": {"numpy", "fastapi", "plateau.farm.ledger", *_FARMS},

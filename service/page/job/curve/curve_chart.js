@@ -2,7 +2,8 @@
 
 import { h, setText } from "../../shared/dom.js";
 import { three, whole } from "../../shared/figures.js";
-import { rulesOf, stopSlope } from "../../shared/job_summary.js";
+import { ruleWith, stopSlope } from "../../shared/job_summary.js";
+import { valueIn } from "../../shared/rules.js";
 import { say } from "../../shared/notices.js";
 import { colours, compact, decades, fromZero } from "./axes.js";
 import { drawForecast, drawLevel, drawStops, forecastOf, stopsOf } from "./marks.js";
@@ -151,8 +152,8 @@ export class CurveChart {
 
   #dataAbove() {
     const points = this.#points;
-    const rule = rulesOf(this.#job).find(({ name }) => name === "reverse");
-    const window = points.slice(-(rule?.window ?? 5));
+    const rule = ruleWith("slope", this.#job);
+    const window = points.slice(-((rule && valueIn("window", rule)) ?? 5));
     const slope = points[points.length - 1].slope;
     const mean = (of) => window.reduce((sum, point) => sum + of(point), 0) / window.length;
     const [spp, visible] = [mean((point) => point.spp), mean((point) => point.visible_pixels)];
@@ -173,8 +174,8 @@ export class CurveChart {
   }
 
   #target() {
-    const rule = rulesOf(this.#job).find(({ name }) => name === "visible");
-    return rule ? rule.target * this.#job.width * this.#job.height : null;
+    const rule = ruleWith("noise_target", this.#job);
+    return rule ? valueIn("noise_target", rule) * this.#job.width * this.#job.height : null;
   }
 
   #update() {
@@ -225,8 +226,8 @@ export class CurveChart {
 
   #words() {
     const { slope } = this.#points[this.#points.length - 1];
-    const rule = rulesOf(this.#job).find(({ name }) => name === "reverse");
-    const aim = rule ? `; reverse waits for ${three(stopSlope(this.#job, rule))}` : "";
+    const rule = ruleWith("slope", this.#job);
+    const aim = rule ? `; ${rule.name} waits for ${three(stopSlope(this.#job, rule))}` : "";
     setText(this.#slope, slope == null ? "" : `, rising by ${three(slope)} px/spp${aim}`);
     if (this.#at == null) this.#read(null);
     this.#table.show(this.#points);

@@ -55,7 +55,7 @@ export function drawStops(plot, stops, theme, named) {
   });
 }
 
-/** The horizontal line that the rule `visible` waits for. */
+/** The horizontal line for which a rule waits: the noise that may be left, in pixels. */
 export function drawLevel(plot, target, theme) {
   if (target == null) return;
   onPlot(plot, (ctx, bbox, unit, to) => {

@@ -2,12 +2,11 @@
 
 import { setText, svg } from "../../shared/dom.js";
 import { percent } from "../../shared/figures.js";
-import { rulesOf } from "../../shared/job_summary.js";
+import { ruleWith } from "../../shared/job_summary.js";
+import { fieldIn, RULES, valueIn } from "../../shared/rules.js";
 
 const BLOCK = 16;
 const STRONGEST = 0.75;
-/** What the rule `visible` allows where a job has none. */
-const USUAL_TARGET = 0.0002;
 const WORDS = {
   estimate_fraction: "noise left in each zone; the colour says how it compares with the target of the whole image",
   visible_fraction: "share of each zone's pixels that have changed since the first image",
@@ -50,8 +49,10 @@ export class ZoneMap {
   #strength() {
     if (this.#measure === "visible_fraction") return (fraction) => STRONGEST * Math.sqrt(fraction);
     const { width, height } = this.#job;
-    const rule = rulesOf(this.#job).find(({ name }) => name === "visible");
-    const allowed = (rule?.target ?? USUAL_TARGET) * width * height;
+    const rule = ruleWith("noise_target", this.#job);
+    // A job without such a rule is measured by what the default rule allows.
+    const target = rule ? valueIn("noise_target", rule) : fieldIn("noise_target", RULES.find((one) => one.default)).value;
+    const allowed = target * width * height;
     return (fraction, pixels) => {
       const decades = Math.log10((fraction * pixels) / allowed);
       return STRONGEST * Math.min(1, Math.max(0, (decades + 1) / 2));

@@ -1,7 +1,6 @@
 """Parameters between two bounds, both allowed; what lies beyond them, or is no number, is refused.
 
-A parameter's bounds stand beside its default, as those of a job's specification do in
-`plateau.farm.model.spec`.
+A parameter's bounds stand beside its default.
 """
 
 from __future__ import annotations
@@ -17,12 +16,12 @@ _Number = TypeVar("_Number", int, float)
 _BOUNDS = "bounds"
 
 
-def bounded(default: _Number, least: _Number, most: _Number) -> _Number:
+def bounded(default: _Number, least: _Number, most: _Number, **about: object) -> _Number:
     """Return the field of a dataclass that has this default and these bounds.
 
-    Where the default is whole, so is every value.
+    Where the default is whole, so is every value. What else is given becomes the field's metadata.
     """
-    number: _Number = field(default=default, metadata={_BOUNDS: (least, most)})
+    number: _Number = field(default=default, metadata={_BOUNDS: (least, most), **about})
     return number
 
 

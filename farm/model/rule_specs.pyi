@@ -1,0 +1,41 @@
+# Written by `make manual` from the rules.
+from typing import Annotated, Final, Literal
+
+from pydantic import Field
+
+from plateau.farm.model.rule_model import RuleModel
+
+SPECS: Final[dict[str, type[RuleModel]]]
+
+class FixedSpec(RuleModel):
+    name: Literal["fixed"] = "fixed"
+    spp: int = 10000
+
+class SuccessiveSpec(RuleModel):
+    name: Literal["successive"] = "successive"
+    threshold: float = 1.0
+
+class MultipleSpec(RuleModel):
+    name: Literal["multiple"] = "multiple"
+    window: int = 5
+    threshold: float = 1.0
+
+class ReverseSpec(RuleModel):
+    name: Literal["reverse"] = "reverse"
+    window: int = 5
+    epsilon: float = 0.1
+
+class MyszkowskiSpec(RuleModel):
+    name: Literal["myszkowski"] = "myszkowski"
+    alpha: float = 0.5
+    threshold: float = 1.0
+
+class VisibleSpec(RuleModel):
+    name: Literal["visible"] = "visible"
+    target: float = 0.0002
+    min_spp: int = 200
+
+RuleSpec = Annotated[
+    FixedSpec | SuccessiveSpec | MultipleSpec | ReverseSpec | MyszkowskiSpec | VisibleSpec,
+    Field(discriminator="name"),
+]

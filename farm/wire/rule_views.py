@@ -1,0 +1,107 @@
+"""What the API says of the stopping rules, for forms."""
+
+from typing import Final
+
+from pydantic import BaseModel, ConfigDict, Field
+from pydantic.config import JsonDict
+
+from plateau.rules import DEFAULT, ParameterRole, as_offered
+
+_EXAMPLE: Final[JsonDict] = {
+    "name": "fixed",
+    "title": "A number of samples",
+    "help": "Stops there, whatever the image looks like.",
+    "default": False,
+    "featured": False,
+    "stopped": "",
+    "parameters": [
+        {
+            "name": "spp",
+            "label": "Stop at",
+            "unit": "spp",
+            "help": "Samples per pixel.",
+            "default": 10_000,
+            "least": 1,
+            "most": 1_000_000,
+            "whole": True,
+            "scale": 1,
+            "role": "end_spp",
+        }
+    ],
+}
+
+
+class ParameterView(BaseModel):
+    """A parameter of a stopping rule, as a form asks for it."""
+
+    name: str
+    label: str
+    unit: str = Field(description="what stands behind its field; empty for none")
+    help: str = Field(description="a sentence below its field")
+    default: int | float
+    least: int | float = Field(description="the least value, which is allowed")
+    most: int | float = Field(description="the greatest value, which is allowed")
+    whole: bool = Field(description="whether it takes whole numbers only")
+    scale: float = Field(description="a form shows the value divided by this: 0.01 for percent")
+    role: ParameterRole | None = Field(
+        description="what it means beyond the rule: it stops at this many spp (`end_spp`), or not "
+        "before (`least_spp`); at this share of noise left (`noise_target`); at this slope of the "
+        "curve (`slope`), in changed pixels per spp at 512×512, over so many points (`window`)"
+    )
+
+
+class RuleView(BaseModel):
+    """A stopping rule, as a form offers it."""
+
+    model_config = ConfigDict(json_schema_extra={"examples": [_EXAMPLE]})
+
+    name: str = Field(description="how a job's `rule` names it")
+    title: str
+    help: str = Field(description="a sentence or two below the title")
+    default: bool = Field(description="whether a job has it that names none")
+    featured: bool = Field(description="whether it is among the first to be offered")
+    stopped: str = Field(
+        description="what follows 'It stopped by itself at N spp', where it says more than the "
+        "job's reason; {noise_left}, {slope}, {slope_limit} and {PARAMETER} stand for figures"
+    )
+    parameters: list[ParameterView]
+
+
+class Rules(BaseModel):
+    """The stopping rules that this service has, in the order in which to offer them."""
+
+    model_config = ConfigDict(json_schema_extra={"examples": [{"rules": [_EXAMPLE]}]})
+
+    rules: list[RuleView]
+
+
+def rules_view() -> Rules:
+    """Every rule that is installed."""
+    return Rules(
+        rules=[
+            RuleView(
+                name=rule.name,
+                title=rule.title,
+                help=rule.help,
+                default=rule.name == DEFAULT,
+                featured=rule.featured,
+                stopped=rule.stopped,
+                parameters=[
+                    ParameterView(
+                        name=name,
+                        label=one.label,
+                        unit=one.unit,
+                        help=one.help,
+                        default=one.default,
+                        least=one.least,
+                        most=one.most,
+                        whole=one.is_whole,
+                        scale=one.scale,
+                        role=one.role,
+                    )
+                    for name, one in rule.parameters().items()
+                ],
+            )
+            for rule in as_offered()
+        ]
+    )

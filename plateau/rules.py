@@ -1,0 +1,267 @@
+"""What a stopping rule tells the rest of Plateau about itself, and which rules there are.
+
+A rule is one class in one file: its parameters, its judgement, its memory, and what follows here.
+The API's schema, the options and the help of the command line, the page's form and the table in
+docs/stopping.md are made of it. Whoever has a rule of their own names its class in the entry point
+group `plateau.rules` of an installed distribution; Plateau's own rules come in the same way.
+
+This module lies below `plateau.farm` and `plateau.metric`, which do not know each other, and loads
+no numerics.
+"""
+
+from dataclasses import dataclass, fields
+from enum import Enum
+from functools import cache
+from importlib.metadata import entry_points
+from types import MappingProxyType
+from typing import TYPE_CHECKING, ClassVar, Final, TypeVar
+
+from plateau.bounds import bounded, require_bounds
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+#: The entry point group of rules.
+GROUP: Final = "plateau.rules"
+#: The rule of a job that names none.
+DEFAULT: Final = "visible"
+#: The rule that makes the curve of every job, whichever rule ends it.
+CURVE: Final = "reverse"
+
+#: The most samples per pixel that anybody can ask for.
+MOST_SPP: Final = 1_000_000
+#: The paper's image size, for which thresholds and slopes in pixels are taken to hold.
+PAPER_PIXELS: Final = 512 * 512
+#: The default rule ends no job at an earlier evaluation, and has no forecast until the first.
+_EVALUATIONS_BEFORE_AN_END: Final = 2
+
+_Number = TypeVar("_Number", int, float)
+
+
+class ParameterRole(str, Enum):
+    """What a parameter means to those who do not judge: plans, forecasts, plots and words."""
+
+    #: The rule stops at this many spp, whatever the image looks like.
+    END_SPP = "end_spp"
+    #: The rule does not stop before this many spp.
+    LEAST_SPP = "least_spp"
+    #: The rule stops when the noise left is at most this share of the pixels.
+    NOISE_TARGET = "noise_target"
+    #: The rule stops when the curve rises by at most this, in changed pixels per spp at 512×512.
+    SLOPE = "slope"
+    #: How many points of the curve that slope is taken over.
+    WINDOW = "window"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Parameter:
+    """A parameter of a rule, a number between two bounds; where the default is whole, so is it."""
+
+    default: float
+    least: float
+    most: float
+    description: str  #: what it means, for the API's schema and the command line
+    label: str  #: what a form calls it
+    help: str  #: a sentence below its field in a form
+    unit: str = ""  #: what stands behind its field
+    scale: float = 1  #: a form shows the value divided by this, such as 0.01 for percent
+    role: ParameterRole | None = None
+    option: bool = False  #: whether the command line has an option of its name
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether it takes whole numbers only."""
+        return isinstance(self.default, int)
+
+
+def parameter(
+    default: _Number,
+    least: _Number,
+    most: _Number,
+    *,
+    description: str,
+    label: str,
+    help: str,  # noqa: A002
+    unit: str = "",
+    scale: float = 1,
+    role: ParameterRole | None = None,
+    option: bool = False,
+) -> _Number:
+    """Return the field of a rule that is a `Parameter`."""
+    about = Parameter(
+        default=default,
+        least=least,
+        most=most,
+        description=description,
+        label=label,
+        help=help,
+        unit=unit,
+        scale=scale,
+        role=role,
+        option=option,
+    )
+    return bounded(default, least, most, parameter=about)
+
+
+@dataclass(frozen=True)
+class SlopeLimit:
+    """A slope of the curve at which a rule stops."""
+
+    window: int  #: how many points of the curve the slope is taken over
+    at_paper_size: float  #: in changed pixels per spp of an image of 512×512
+
+    def of(self, pixels: int) -> float:
+        """Return the slope for an image of this many pixels."""
+        return self.at_paper_size * pixels / PAPER_PIXELS
+
+
+@dataclass(kw_only=True)
+class StoppingRule:
+    """A rule as others know it: a dataclass whose fields are its parameters.
+
+    `plateau.metric.rules.base.Rule` adds the judgement and the memory.
+
+    Raises
+    ------
+    ValueError
+        If a parameter is out of its bounds.
+    """
+
+    #: How a job names the rule, and how its entry point is called.
+    name: ClassVar[str]
+    #: When it stops, in a sentence: for the API's schema and the shell.
+    summary: ClassVar[str]
+    #: What a form calls the rule.
+    title: ClassVar[str]
+    #: A sentence or two below the title in a form.
+    help: ClassVar[str]
+    #: The same as a formula, for the table in the documentation.
+    criterion: ClassVar[str]
+    #: What images it stores, for that table.
+    stores: ClassVar[str] = "–"
+    #: Rules are listed by rising order.
+    order: ClassVar[int] = 100
+    #: Whether a form offers it among the first.
+    featured: ClassVar[bool] = False
+    #: Whether it needs no image that an ended job has not kept: then any job can go on with it.
+    continues: ClassVar[bool] = False
+    #: What follows "It stopped by itself at N spp" on the page; where it is empty, or a figure is
+    #: not known, the verdict's reason does. In it, {noise_left}, {slope}, {slope_limit} and the
+    #: name of any parameter stand for figures.
+    stopped: ClassVar[str] = ""
+
+    def __post_init__(self) -> None:
+        require_bounds(self)
+
+    @classmethod
+    def parameters(cls) -> dict[str, Parameter]:
+        """Return the parameters by name."""
+        return {
+            one.name: one.metadata["parameter"]
+            for one in fields(cls)
+            if one.init and "parameter" in one.metadata
+        }
+
+    def value_of(self, role: ParameterRole) -> float | None:
+        """Return the value of the parameter with this role; None where the rule has none."""
+        return next(
+            (getattr(self, name) for name, one in self.parameters().items() if one.role is role),
+            None,
+        )
+
+    @property
+    def noise_target(self) -> float | None:
+        """The noise left, as a share of the pixels, at which it stops."""
+        return self.value_of(ParameterRole.NOISE_TARGET)
+
+    @property
+    def slope_limit(self) -> SlopeLimit | None:
+        """The slope of the curve at which it stops."""
+        window, slope = self.value_of(ParameterRole.WINDOW), self.value_of(ParameterRole.SLOPE)
+        return None if window is None or slope is None else SlopeLimit(int(window), slope)
+
+    @property
+    def least_spp(self) -> int:
+        """The spp before which it does not stop."""
+        return int(self.value_of(ParameterRole.LEAST_SPP) or 0)
+
+    def soonest_end_spp(self, step: int) -> int | None:
+        """Return where it may end a job that has not been judged yet; None where nothing tells.
+
+        `step` is the spp between two evaluations.
+        """
+        if self.noise_target is None:
+            return self.expected_end_spp(None)
+        return max(_EVALUATIONS_BEFORE_AN_END * step, self.least_spp)
+
+    def expected_end_spp(
+        self, forecast_spp: int | None, crossing_spp: int | None = None
+    ) -> int | None:
+        """Return where it is likely to end a job; None where nothing tells.
+
+        Parameters
+        ----------
+        forecast_spp
+            Where the noise left is expected to be at the rule's target.
+        crossing_spp
+            Where the line through the rule's last two values comes down to its limit.
+        """
+        end_spp = self.value_of(ParameterRole.END_SPP)
+        if end_spp is not None:
+            return int(end_spp)
+        expected = crossing_spp if self.noise_target is None else forecast_spp
+        return None if expected is None else max(expected, self.least_spp)
+
+
+@cache
+def rules() -> "Mapping[str, type[StoppingRule]]":
+    """Return every rule that is installed, by name and in their order.
+
+    Raises
+    ------
+    ImportError
+        If a rule cannot be loaded, is no rule, or has the name of another.
+    """
+    found: dict[str, type[StoppingRule]] = {}
+    for entry in entry_points(group=GROUP):
+        try:
+            rule = entry.load()
+        except Exception as error:
+            raise ImportError(f"the rule {entry.name} ({entry.value}) fails: {error}") from error
+        if not (isinstance(rule, type) and issubclass(rule, StoppingRule)):
+            raise ImportError(f"the rule {entry.name} ({entry.value}) is no StoppingRule")
+        if rule.name != entry.name:
+            raise ImportError(f"the rule {entry.name} ({entry.value}) calls itself {rule.name}")
+        if found.setdefault(rule.name, rule) is not rule:
+            raise ImportError(f"two rules are called {rule.name}; uninstall one of them")
+    if DEFAULT not in found or CURVE not in found:
+        raise ImportError("Plateau's own rules are not installed: install the package again")
+    return MappingProxyType(dict(sorted(found.items(), key=lambda one: (one[1].order, one[0]))))
+
+
+def as_offered() -> "list[type[StoppingRule]]":
+    """Return every rule as people are offered them: the default first, then the featured ones."""
+    return sorted(rules().values(), key=lambda rule: (rule.name != DEFAULT, not rule.featured))
+
+
+def create(name: str, **parameters: object) -> StoppingRule:
+    """Return a rule of this name; parameters left out have their defaults.
+
+    Raises
+    ------
+    ValueError
+        If there is no such rule, or it has no such parameter, or a value is out of its bounds.
+    """
+    if name not in rules():
+        raise ValueError(f"there is no rule {name!r}; the rules are {', '.join(sorted(rules()))}")
+    rule = rules()[name]
+    known = list(rule.parameters())
+    for given in parameters:
+        if given not in known:
+            raise ValueError(
+                f"the rule {name!r} has no parameter {given!r}; it has {', '.join(known)}"
+            )
+    try:
+        return rule(**parameters)
+    except TypeError as error:
+        raise ValueError(f"the rule {name!r}: {error}") from error
