@@ -35,6 +35,8 @@ _METRICS_PATIENCE_S: Final = 2.0
 
 _READING: Final = frozenset({"GET", "HEAD", "OPTIONS"})
 _METRICS: Final = "/metrics"
+#: They are in the API's description too, which is open; and the page's forms come without a key.
+_RULES: Final = "/v1/rules"
 _JOB: Final = re.compile(r"/v1/jobs/([0-9a-f]{12})(?:/|$)")
 _BEARER: Final = re.compile(r"bearer +([^ ].*)", re.IGNORECASE)
 
@@ -146,7 +148,7 @@ class KeyGuard(Layer):
 
 def needs_key(path: str) -> bool:
     """Whether what is served at the path is the farm's, and not the same for everybody."""
-    return path.startswith("/v1/") or path == _METRICS
+    return (path.startswith("/v1/") and path != _RULES) or path == _METRICS
 
 
 def _shown_key(scope: Scope) -> str | None:
