@@ -143,7 +143,7 @@ class StoppingRule:
     order: ClassVar[int] = 100
     #: Whether a form offers it among the first.
     featured: ClassVar[bool] = False
-    #: Whether it needs no image that an ended job has not kept: then any job can be continued with it.
+    #: Whether any ended job can be continued with it: it needs no image that was not kept.
     continues: ClassVar[bool] = False
     #: What follows "It stopped by itself at N spp" on the page; where it is empty, or a figure is
     #: not known, the verdict's reason does. In it, {noise_left}, {slope}, {slope_limit} and the
