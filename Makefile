@@ -31,11 +31,15 @@ test-faults: setup  ## The long fault suite; FAULT_MINUTES=30 FAULT_SEED=7 for t
 	  $(BIN)/python -m pytest -s tests/faults tests/farm/bundle/test_bundle_fuzz.py tests/service/api/test_hostile_uploads.py \
 	  tests/service/api/test_api_fuzz.py
 
+check: export DENO_NO_UPDATE_CHECK = 1
 check: setup  ## Style, types and the import law: what CI runs before the tests
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+	$(BIN)/python -m tests.page.api_types service/page/api_types.d.ts
+	$(BIN)/deno check --quiet service/page
+	$(BIN)/deno lint --quiet service/page
 
 bench: setup  ## Run every benchmark; results in bench/results
 	@for file in bench/[!_]*.py; do $(BIN)/python -m bench.$$(basename $$file .py) || exit 1; done

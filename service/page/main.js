@@ -1,7 +1,7 @@
 // Which screen is shown: the path says, and going from one to another loads no page.
 
 import { forgetKey, hasKey } from "./shared/api_key.js";
-import { setAttribute } from "./shared/dom.js";
+import { byId, setAttribute } from "./shared/dom.js";
 import { complain } from "./shared/notices.js";
 import { maySubmit, meetMe } from "./shared/permissions.js";
 import { meetRules } from "./shared/rules.js";
@@ -13,6 +13,11 @@ import * as study from "./study/study_screen.js";
 import * as submit from "./submit/submit_screen.js";
 import * as workers from "./workers/workers_screen.js";
 
+/** @typedef {(main: HTMLElement, context: ScreenContext) => void | Promise<void>} Screen  shows a screen in an empty place */
+/** @typedef {{ id: string, signal: AbortSignal, go: (path: string) => void }} ScreenContext
+ *   the id that the path has, what aborts when the screen is left, and what goes to another */
+
+/** @type {[path: RegExp, name: string, screen: { open: Screen }][]} */
 const SCREENS = [
   [/^\/$/, "jobs", jobs],
   [/^\/submit$/, "submit", submit],
@@ -23,40 +28,43 @@ const SCREENS = [
   [/^\/studies\/([^/]+)\/observe$/, "observe", observe],
 ];
 
-const main = document.getElementById("main");
+const main = byId("main");
 let leaving = new AbortController();
 
+/** @param {{ focus: boolean }} how */
 async function open({ focus }) {
   leaving.abort();
   leaving = new AbortController();
   const { signal } = leaving;
   complain("");
   main.replaceChildren();
-  const [match, name, screen] =
-    SCREENS.map(([path, ...rest]) => [path.exec(location.pathname), ...rest]).find(([match]) => match) ??
-    [[], "jobs", jobs];
+  const [path, name, screen] = SCREENS.find(([path]) => path.test(location.pathname)) ?? SCREENS[0];
   main.dataset.screen = name;
   for (const link of document.querySelectorAll("a[data-screen]")) {
-    setAttribute(link, "aria-current", link.dataset.screen === name ? "page" : null);
+    setAttribute(link, "aria-current", link.getAttribute("data-screen") === name ? "page" : null);
   }
+  const id = path.exec(location.pathname)?.[1] ?? "";
   await meetRules(signal).catch(() => {}); // which fails only where another screen is opened
   if (signal.aborted) return;
-  screen.open(main, { id: match[1], signal, go });
+  screen.open(main, { id, signal, go });
   if (focus) {
     scrollTo(0, 0);
     main.focus({ preventScroll: true });
   }
 }
 
-/** Goes to another screen. */
+/**
+ * Goes to another screen.
+ * @param {string} path
+ */
 function go(path) {
   history.pushState(null, "", path);
   open({ focus: true });
 }
 
 document.addEventListener("click", (event) => {
-  const link = event.target.closest?.("a[href]");
-  if (!link || event.defaultPrevented || event.button || event.metaKey || event.ctrlKey || event.shiftKey) return;
+  const link = event.target instanceof Element ? event.target.closest("a") : null;
+  if (!link?.href || event.defaultPrevented || event.button || event.metaKey || event.ctrlKey || event.shiftKey) return;
   const there = new URL(link.href, location.href);
   const ours = SCREENS.some(([path]) => path.test(there.pathname));
   if (there.origin !== location.origin || !ours || there.hash || link.hasAttribute("download")) return;
@@ -68,7 +76,7 @@ addEventListener("popstate", () => open({ focus: true }));
 // A file that is dropped beside its place would take the page away.
 for (const type of ["dragover", "drop"]) addEventListener(type, (event) => event.preventDefault());
 
-const forget = document.getElementById("forget-key");
+const forget = byId("forget-key");
 forget.addEventListener("click", () => {
   forgetKey();
   location.reload();
@@ -79,7 +87,7 @@ showForget();
 
 async function meet() {
   await meetMe();
-  document.querySelector('.top [data-screen="submit"]').hidden = !maySubmit();
+  byId("submit").hidden = !maySubmit();
 }
 
 document.addEventListener("plateau-key", meet);

@@ -1,16 +1,16 @@
 // A job: is it there yet, what does it look like, and why did it stop?
 
-import { follow, get } from "../shared/api.js";
+import { follow, get, isProblem } from "../shared/api.js";
 import { h, setAttribute, setText } from "../shared/dom.js";
 import { ago, whole } from "../shared/figures.js";
 import { controls } from "../shared/job_controls.js";
 import { ENDED, noiseTarget, timeLeft, title, took } from "../shared/job_summary.js";
-import { complain } from "../shared/notices.js";
+import { complain, messageOf } from "../shared/notices.js";
 import { maySteer } from "../shared/permissions.js";
 import { repeat } from "../shared/polling.js";
 import { studyButton } from "../study/make_study_dialog.js";
 import { goOnButton } from "./continue_dialog.js";
-import { Facts } from "./cost_figures.js";
+import { CostFigures } from "./cost_figures.js";
 import { CurveChart } from "./curve/curve_chart.js";
 import { reasonInWords } from "./reason.js";
 import { rejudgeButton } from "./rejudge_dialog.js";
@@ -20,6 +20,9 @@ import { Viewer } from "./viewer/viewer.js";
 const LOOK_MS = 1500;
 const CALM_MS = 10_000;
 
+/** @import { Screen } from "../main.js" */
+
+/** @type {Screen} */
 export function open(main, { id, signal, go }) {
   document.title = "Plateau";
   const path = `/v1/jobs/${encodeURIComponent(id)}`;
@@ -28,14 +31,15 @@ export function open(main, { id, signal, go }) {
   const about = h("p", { class: "summary" });
   const reason = h("p", { class: "reason" });
   const progress = h("progress", { max: 1, "aria-label": "Samples merged of the cap" });
-  const before = h("p", { class: "summary", hidden: true }, "It goes on from ", h("a"), ".");
+  const earlier = h("a");
+  const before = h("p", { class: "summary", hidden: true }, "It goes on from ", earlier, ".");
   const actions = h("div", { class: "job-actions", role: "group", "aria-label": "What you can do" });
   const chart = new CurveChart(signal);
   const viewer = new Viewer(signal);
-  const facts = new Facts();
+  const facts = new CostFigures();
   const records = new Records(signal);
+  /** @type {Api.CurvePoint[]} */
   const points = [];
-  let newest = null;
   let shown = "";
 
   const screen = h("article", { class: "one-job", hidden: true },
@@ -52,17 +56,19 @@ export function open(main, { id, signal, go }) {
   main.append(screen, absent);
 
   async function look() {
+    /** @type {Api.JobView} */
     let job;
     try {
       job = await get(path, signal);
     } catch (error) {
-      if (error.slug !== "unknown-job") throw error;
+      if (!isProblem(error, "unknown-job")) throw error;
       screen.hidden = true;
       absent.hidden = false;
-      absent.replaceChildren(h("h1", {}, "There is no such job"), h("p", {}, error.message), h("a", { href: "/" }, "All jobs"));
+      absent.replaceChildren(h("h1", {}, "There is no such job"), h("p", {}, messageOf(error)), h("a", { href: "/" }, "All jobs"));
       return null;
     }
     if (job.points > points.length) {
+      /** @type {Api.Curve} */
       const curve = await get(job.links.curve, signal);
       points.splice(0, points.length, ...curve.points);
     }
@@ -71,6 +77,9 @@ export function open(main, { id, signal, go }) {
     return job;
   }
 
+  /** @type {Api.JobView} */
+  let newest;
+  /** @param {Api.JobView} job */
   function show(job) {
     newest = job;
     screen.hidden = false;
@@ -88,8 +97,8 @@ export function open(main, { id, signal, go }) {
     ].filter(Boolean).join(" · "));
     before.hidden = !job.continues;
     if (job.continues) {
-      setAttribute(before.children[0], "href", `/jobs/${job.continues}`);
-      setText(before.children[0], `an earlier job, at ${whole(job.continued_spp)} spp`);
+      setAttribute(earlier, "href", `/jobs/${job.continues}`);
+      setText(earlier, `an earlier job, at ${whole(job.continued_spp)} spp`);
     }
     setText(reason, reasonInWords(job));
     progress.hidden = ENDED.has(job.state);
@@ -100,13 +109,15 @@ export function open(main, { id, signal, go }) {
     const kind = `${job.state} ${job.spec.priority} ${job.finished_at ?? ""} ${maySteer(job)}`;
     if (kind !== shown) {
       shown = kind;
-      actions.replaceChildren(...[goOnButton(job, go), rejudgeButton(job, go), studyButton(job, go), ...controls(() => newest, look)].filter(Boolean));
+      const buttons = [goOnButton(job, go), rejudgeButton(job, go), studyButton(job, go)].filter((one) => one !== null);
+      actions.replaceChildren(...buttons, ...controls(() => newest, look));
     }
     chart.show(job, points);
     facts.show(job);
     records.show(job);
   }
 
+  /** @type {Api.JobView | null} */
   let last = null;
   let wanted = false;
   async function lookSoon() {
@@ -119,7 +130,7 @@ export function open(main, { id, signal, go }) {
   follow(`${path}/events`, (events) => {
     records.tell(events);
     if (events.some(({ type }) => type !== "slice")) lookSoon();
-  }, signal).catch((error) => complain(error.message));
+  }, signal).catch(complain);
   // Events say that something is new; images come a little later, and rates change in between.
   repeat(async () => (last = await look()), () => (last && !last.finished_at ? LOOK_MS : CALM_MS), signal);
 }

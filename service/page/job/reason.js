@@ -2,9 +2,12 @@
 
 import { percent, pixels, sentence, three, whole } from "../shared/figures.js";
 import { noiseTarget, stopSlope } from "../shared/job_summary.js";
-import { ruleNamed } from "../shared/rules.js";
+import { parametersOf, ruleNamed } from "../shared/rules.js";
 
-/** A sentence or two: what happened, and what it means. */
+/**
+ * A sentence or two: what happened, and what it means.
+ * @param {Api.JobView} job
+ */
 export function reasonInWords(job) {
   const { state, spec } = job;
   if (state === "converged") return converged(job);
@@ -23,36 +26,45 @@ export function reasonInWords(job) {
   return `${leftToSee(job)} ${aim(job)}`.trim();
 }
 
+/** @param {Api.JobView} job */
 function converged(job) {
   return `It stopped by itself at ${whole(job.spp)} spp: ${inItsRulesWords(job) ?? sentence(job.reason)}`;
 }
 
-/** What the rule says of a job that it has stopped; null where it has no words, or a figure is not known. */
+/**
+ * What the rule says of a job that it has stopped; null where it has no words, or a figure is not known.
+ * @param {Api.JobView} job
+ */
 function inItsRulesWords(job) {
   const { rule } = job.spec;
   const known = ruleNamed(rule.name);
   if (!known?.stopped) return null;
-  const limit = job.width ? stopSlope(job, rule) : null;
+  const limit = stopSlope(job, rule);
+  const parameters = parametersOf(rule);
+  /** @type {Record<string, string | null>} */
   const figures = {
     noise_left: job.estimate_pixels == null ? null : seen(job),
     slope: job.slope == null ? null : three(job.slope),
     slope_limit: limit == null ? null : three(limit),
-    ...Object.fromEntries(known.fields.map(({ name, role }) => [name, (role === "noise_target" ? percent : three)(rule[name])])),
+    ...Object.fromEntries(known.fields.map(({ name, role }) => [name, (role === "noise_target" ? percent : three)(parameters[name])])),
   };
   const names = [...known.stopped.matchAll(/\{(\w+)\}/g)].map(([, name]) => name);
   if (names.some((name) => figures[name] == null)) return null;
-  return known.stopped.replace(/\{(\w+)\}/g, (_, name) => figures[name]);
+  return known.stopped.replace(/\{(\w+)\}/g, (_, name) => figures[name] ?? "");
 }
 
+/** @param {Api.JobView} job */
 function leftToSee(job) {
   if (job.estimate_pixels == null) return "";
   return `The noise left is ${seen(job)}: what more samples would still change so that a person could see it.`;
 }
 
+/** @param {Api.JobView} job */
 function seen(job) {
-  return `${pixels(job.estimate_pixels)} pixels (${percent(job.estimate_fraction)})`;
+  return `${pixels(job.estimate_pixels ?? 0)} pixels (${percent(job.estimate_fraction ?? 0)})`;
 }
 
+/** @param {Api.JobView} job */
 function aim(job) {
   const { rule, max_spp: cap } = job.spec;
   const target = noiseTarget(job);

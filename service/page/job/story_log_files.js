@@ -1,16 +1,22 @@
 // What is on record of a job: its story, who rendered its slices, its log, what was asked, its files.
 
-import { download, get } from "../shared/api.js";
+import { downloadLink, get } from "../shared/api.js";
 import { h, setText } from "../shared/dom.js";
 import { clock, duration, several, sharesOf, whole } from "../shared/figures.js";
 import { complain } from "../shared/notices.js";
 
 const EVERY_MS = 4000;
 
+/** @import { Child } from "../shared/dom.js" */
+/** @import { JobEvent } from "../shared/api.js" */
+
 export class Records {
   #signal;
+  /** @type {Api.JobView | null} */
   #job = null;
+  /** @type {JobEvent[]} */
   #events = [];
+  /** @type {Map<string, { state: string, at: number }>} */
   #fetchedAt = new Map();
   #story = h("ol", { class: "story" });
   #notes = h("ul", { class: "notes" });
@@ -22,9 +28,10 @@ export class Records {
   #slices;
   #logBox;
 
+  /** @param {AbortSignal} signal */
   constructor(signal) {
     this.#signal = signal;
-    const box = (name, ...inside) => h("details", {}, h("summary", {}, name), ...inside);
+    const box = (/** @type {string} */ name, /** @type {Child} */ inside) => h("details", {}, h("summary", {}, name), inside);
     this.#slices = box("Who rendered it",
       h("div", { class: "scroll", tabindex: 0, role: "group", "aria-label": "The slices of each worker" }, h("table", {}, h("thead", {}, h("tr", {},
         ...["worker", "slices", "spp", "rendering", "a slice", "share"].map((name) => h("th", { scope: "col" }, name)))),
@@ -37,24 +44,28 @@ export class Records {
       this.#slices, this.#logBox, box("What was asked", this.#spec));
   }
 
-  /** Takes in events of the job's stream. */
+  /**
+   * Takes in events of the job's stream.
+   * @param {JobEvent[]} events
+   */
   tell(events) {
     this.#events.push(...events.filter(({ type }) => ["state", "image", "trouble", "finished"].includes(type)));
-    this.#story.replaceChildren(...this.#events.map(({ type, data }) => h("li", { "data-type": type },
-      h("time", { datetime: data.at }, clock(data.at)), " ", ...told(type, data))));
+    this.#story.replaceChildren(...this.#events.map((event) => h("li", { "data-type": event.type },
+      h("time", { datetime: event.data.at }, clock(event.data.at)), " ", ...told(event))));
   }
 
+  /** @param {Api.JobView} job */
   show(job) {
     this.#job = job;
-    this.#showFiles();
+    this.#showFiles(job);
     this.#notes.replaceChildren(...job.notes.map((note) => h("li", {}, note)));
     this.#notes.hidden = !job.notes.length;
     setText(this.#spec, JSON.stringify(job.spec, null, 2));
     this.#fetch();
   }
 
-  #showFiles() {
-    const { id, links, points, image_spp: image, finished_at: finished, non_finite_pixels: broken } = this.#job;
+  /** @param {Api.JobView} job */
+  #showFiles({ id, links, points, image_spp: image, finished_at: finished, non_finite_pixels: broken }) {
     const kind = [image, points, finished, broken].map(Boolean).join();
     if (kind === this.#filesShown) return;
     this.#filesShown = kind;
@@ -69,32 +80,36 @@ export class Records {
     const ofBroken = [["non-finite.png", "Broken", "where the image is NaN or infinite", links.non_finite_png]];
     const report = ["report.html", "Report", "all of it on one page that stands alone", links.report];
     const files = [...(image ? ofImage : []), ...(points ? ofPoints : []), ...(broken ? ofBroken : [])];
-    const save = (name, path) => async (event) => {
-      event.preventDefault();
-      await download(path, `${id}-${name}`).catch((error) => complain(error.message, true));
-    };
     this.#files.replaceChildren(...(files.length ? [...files, report].map(([name, short, what, path]) => h("li", {},
-      h("a", { href: path, download: `${id}-${name}`, onclick: save(name, path) }, short), " ", h("span", {}, what)))
+      downloadLink(path, `${id}-${name}`, short), " ", h("span", {}, what)))
       : [h("li", {}, finished ? "It ended without any." : "They come with its first samples.")]));
   }
 
   /** Fetches what is open, now and then while the job runs. */
   #fetch() {
-    if (!this.#job) return;
-    if (this.#slices.open && this.#due("slices")) this.#fetchSlices().catch((error) => complain(error.message));
-    if (this.#logBox.open && this.#due("log")) this.#fetchLog().catch((error) => complain(error.message));
+    const job = this.#job;
+    if (!job) return;
+    const state = job.finished_at ?? "";
+    if (this.#slices.open && this.#due("slices", state)) this.#fetchSlices(job).catch(complain);
+    if (this.#logBox.open && this.#due("log", state)) this.#fetchLog(job).catch(complain);
   }
 
-  #due(what) {
-    const state = this.#job.finished_at ?? "";
+  /**
+   * @param {string} what
+   * @param {string} state
+   */
+  #due(what, state) {
     const before = this.#fetchedAt.get(what);
     if (before && before.state === state && (state || Date.now() < before.at + EVERY_MS)) return false;
     this.#fetchedAt.set(what, { state, at: Date.now() });
     return true;
   }
 
-  async #fetchSlices() {
-    const { slices } = await get(this.#job.links.slices, this.#signal);
+  /** @param {Api.JobView} job */
+  async #fetchSlices(job) {
+    /** @type {Api.Slices} */
+    const { slices } = await get(job.links.slices, this.#signal);
+    /** @type {Map<string, { slices: number, spp: number, seconds: number }>} */
     const workers = new Map();
     for (const { worker, spp, render_s: seconds } of slices) {
       const sum = workers.get(worker) ?? { slices: 0, spp: 0, seconds: 0 };
@@ -107,11 +122,13 @@ export class Records {
       h("tr", {}, h("th", { scope: "row" }, name),
         ...[whole(sum.slices), whole(sum.spp), duration(sum.seconds), duration(sum.seconds / sum.slices)].map((text) => h("td", {}, text)),
         h("td", {}, h("meter", { min: 0, max: 1, value: sum.spp / all, "aria-label": `Share of ${name}` }), ` ${shares[at]}`))));
-    setText(this.#slices.querySelector("summary"), `Who rendered it: ${several(workers.size, "worker")}, ${several(slices.length, "slice")}`);
+    setText(this.#slices.children[0], `Who rendered it: ${several(workers.size, "worker")}, ${several(slices.length, "slice")}`);
   }
 
-  async #fetchLog() {
-    const { entries } = await get(this.#job.links.log, this.#signal);
+  /** @param {Api.JobView} job */
+  async #fetchLog(job) {
+    /** @type {Api.Log} */
+    const { entries } = await get(job.links.log, this.#signal);
     const shown = entries.filter(({ what, text }) => what !== "committed" || text);
     const quiet = entries.length - shown.length;
     this.#log.replaceChildren(
@@ -123,7 +140,8 @@ export class Records {
   }
 }
 
-function told(type, data) {
+/** @param {JobEvent} event */
+function told({ type, data }) {
   if (type === "image") return [`The first image is there, of ${whole(data.spp)} spp.`];
   if (type === "finished") return ["The final images are written."];
   if (type === "trouble") return [`Slice ${data.index}, worker ${data.worker}: ${data.cause}`];

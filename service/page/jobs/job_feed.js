@@ -1,24 +1,37 @@
-// Which jobs the list knows, newest first, and how they are kept up to date however many there are:
-// with every look the newest page, those that render, and one of the older pages in turn.
+// Which jobs the list knows, newest first, and how it keeps them up to date. Each look asks for the
+// newest page, for the jobs that render, and for one of the older pages in turn.
 
 import { get } from "../shared/api.js";
 import { ENDED } from "../shared/job_summary.js";
 
 const PAGE = 50;
-/** So many jobs are asked for by themselves with a look. */
+/** At most this number of jobs is asked for one by one in each look. */
 const SINGLE = 20;
 
 export class JobFeed {
   #asked;
   #signal;
+  /**
+   * The older page whose turn is next, and the job that comes before it.
+   * @type {{ cursor: string | null, after: string } | null}
+   */
   #turn = null;
   #wantsOlder = false;
-  /** The jobs, newest first. */
+  /**
+   * The jobs, newest first.
+   * @type {Api.JobView[]}
+   */
   jobs = [];
-  /** From where older ones would come; null where there are none. */
+  /**
+   * The cursor of older jobs; null where there are none.
+   * @type {string | null}
+   */
   next = null;
 
-  /** `asked` has the `state` and the `batch` that are wanted, where any are. */
+  /**
+   * @param {URLSearchParams} asked - the `state` and the `batch` that are wanted, where any are
+   * @param {AbortSignal} signal
+   */
   constructor(asked, signal) {
     this.#asked = asked;
     this.#signal = signal;
@@ -53,40 +66,52 @@ export class JobFeed {
     this.#wantsOlder = true;
   }
 
-  async #page(query) {
-    const wanted = ["state", "batch"].filter((name) => this.#asked.get(name)).map((name) => [name, this.#asked.get(name)]);
-    return get(`/v1/jobs?${new URLSearchParams([...wanted, ...Object.entries(query)])}`, this.#signal);
+  /**
+   * A page of the jobs that are wanted.
+   * @param {{ cursor?: string | null, limit: number, state?: string | null }} query
+   * @returns {Promise<Api.JobPage>}
+   */
+  #page(query) {
+    const asked = { state: this.#asked.get("state"), batch: this.#asked.get("batch"), ...query };
+    const given = Object.entries(asked).filter(([, value]) => value).map(([name, value]) => [name, String(value)]);
+    return get(`/v1/jobs?${new URLSearchParams(given)}`, this.#signal);
   }
 
   /** What renders, among all that is wanted: it changes with every look. */
   async #rendering() {
-    const state = this.#asked.get("state");
-    if (state && state !== "rendering") return [];
-    const query = new URLSearchParams({ state: "rendering", limit: 200 });
-    if (this.#asked.get("batch")) query.set("batch", this.#asked.get("batch"));
-    return (await get(`/v1/jobs?${query}`, this.#signal)).jobs;
+    const state = this.#asked.get("state") || "rendering";
+    return state === "rendering" ? (await this.#page({ state, limit: 200 })).jobs : [];
   }
 
-  /** Looks at the next of the older pages; what is gone from it is left out. */
+  /**
+   * Looks at the next of the older pages; what is gone from it is left out.
+   * @param {Api.JobPage} first
+   */
   async #inTurn(first) {
-    const turn = this.#turn ?? { cursor: first.next_cursor, after: first.jobs.at(-1).id };
+    const turn = this.#turn ?? { cursor: first.next_cursor, after: first.jobs[first.jobs.length - 1].id };
     const { jobs: found, next_cursor: next } = await this.#page({ limit: PAGE, cursor: turn.cursor });
     // Of a page that reaches further back than the list only what the list has.
-    const end = found.findIndex(({ id }) => id === this.jobs.at(-1).id);
+    const end = found.findIndex(({ id }) => id === this.jobs.at(-1)?.id);
     const jobs = end < 0 ? found : found.slice(0, end + 1);
     const start = this.jobs.findIndex(({ id }) => id === turn.after) + 1;
-    const last = jobs.length ? this.jobs.findIndex(({ id }) => id === jobs.at(-1).id) : -1;
+    const oldest = jobs.at(-1);
+    const last = oldest ? this.jobs.findIndex(({ id }) => id === oldest.id) : -1;
     this.#turn = null;
     if (!start) return [];  // that one has gone meanwhile: it begins anew with the next look
     const rest = last < 0 || !next ? [] : this.jobs.slice(last + 1);  // after the last page there is nothing
     this.jobs = [...this.jobs.slice(0, start), ...jobs, ...rest];
-    if (rest.length) this.#turn = { cursor: next, after: jobs.at(-1).id };
+    if (oldest && rest.length) this.#turn = { cursor: next, after: oldest.id };
     else if (end < 0) this.next = next;
     return jobs;
   }
 
-  /** Those that have just stopped rendering, or whose images were still being written. */
-  async #single(before, seen) {
+  /**
+   * The jobs that have just stopped rendering, or whose images were still being written.
+   * @param {Map<string, Api.JobView>} before
+   * @param {Set<string>} seen
+   * @returns {Promise<Api.JobView[]>}
+   */
+  #single(before, seen) {
     const open = [...before.values()].filter(({ id, state, finished_at: finished }) =>
       !seen.has(id) && !finished && (state === "rendering" || ENDED.has(state)));
     return Promise.all(open.slice(0, SINGLE).map((job) => get(job.links.self, this.#signal).catch(() => job)));

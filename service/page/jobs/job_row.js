@@ -1,6 +1,6 @@
 // A job as a row of the list.
 
-import { get } from "../shared/api.js";
+import { get, isProblem } from "../shared/api.js";
 import { h, setAttribute, setText } from "../shared/dom.js";
 import { ago, percent, several, share, whole } from "../shared/figures.js";
 import { ENDED, savings, timeLeft, title, took } from "../shared/job_summary.js";
@@ -10,9 +10,16 @@ import { Sparkline } from "./sparkline.js";
 
 const PICTURE_EVERY_MS = 4000;
 
-/** So many rows fetch at once. */
+/** A job of the list: how many workers serve it, and what tells it from the others of its batch. */
+/** @typedef {Api.JobView & { serving?: number, told?: string }} ListedJob */
+/** @typedef {(element: Element, tell: (seen: boolean) => void) => void} Visible  tells when an element comes into sight */
+/** @typedef {{ signal: AbortSignal, refresh: () => unknown, visible: Visible }} RowContext */
+
+/** How many more rows may fetch at once. */
 let free = 4;
+/** @type {((value?: unknown) => void)[]} */
 const waiting = [];
+/** @param {() => Promise<unknown>} work */
 async function inTurn(work) {
   if (free > 0) free -= 1;
   else await new Promise((resolve) => waiting.push(resolve));
@@ -28,7 +35,7 @@ async function inTurn(work) {
 export class JobRow {
   #signal;
   #seen = false;
-  #job = null;
+  #job;
   #shownPoints = -1;
   #shownPicture = "";
   #picturedAt = 0;
@@ -47,7 +54,12 @@ export class JobRow {
   #who = h("span");
   #menu;
 
-  constructor({ signal, refresh, visible }) {
+  /**
+   * @param {ListedJob} job
+   * @param {RowContext} context
+   */
+  constructor(job, { signal, refresh, visible }) {
+    this.#job = job;
     this.#signal = signal;
     this.#menu = jobMenu(() => this.#job, refresh);
     this.element = h("li", { class: "job" },
@@ -66,6 +78,7 @@ export class JobRow {
     });
   }
 
+  /** @param {ListedJob} job */
   update(job) {
     this.#job = job;
     const { spec, state } = job;
@@ -97,7 +110,6 @@ export class JobRow {
 
   #fetch() {
     const job = this.#job;
-    if (!job) return;
     const stamp = `${job.image_spp} ${job.finished_at ?? ""}`;
     const due = Boolean(job.finished_at) || Date.now() > this.#picturedAt + PICTURE_EVERY_MS;
     if (job.image_spp && stamp !== this.#shownPicture && due) {
@@ -112,23 +124,28 @@ export class JobRow {
     }
   }
 
+  /** @param {ListedJob} job */
   async #fetchPicture(job) {
     try {
       await this.#picture.show(job.links.thumbnail_png, this.#signal);
     } catch (error) {
       // Jobs of an older Plateau have none.
-      if (error.slug !== "no-image-yet" || !job.finished_at) throw error;
+      if (!isProblem(error, "no-image-yet") || !job.finished_at) throw error;
       await this.#picture.show(job.links.image_png, this.#signal);
     }
     this.#image.hidden = false;
   }
 }
 
-/** What a job is called in a list: with what tells it from the others of its batch. */
+/**
+ * What a job is called in a list: with what tells it from the others of its batch.
+ * @param {ListedJob} job
+ */
 export function nameOf(job) {
   return [title(job), job.told].filter(Boolean).join(", ");
 }
 
+/** @param {ListedJob} job */
 function who(job) {
   if (ENDED.has(job.state)) return ago(job.ended_at);
   if (job.serving) return several(job.serving, "worker");

@@ -11,17 +11,25 @@ import { JobRow } from "./job_row.js";
 
 const BUSY_MS = 2000;
 const CALM_MS = 3000;
+/** @type {Api.JobState[]} */
 const STATES = ["rendering", "queued", "paused", "converged", "exhausted", "cancelled", "failed"];
 
+/** @import { Screen } from "../main.js" */
+/** @import { Group } from "./batch_group.js" */
+/** @import { ListedJob } from "./job_row.js" */
+
+/** @type {Screen} */
 export function open(main, { signal, go }) {
   document.title = "Jobs · Plateau";
   const asked = new URLSearchParams(location.search);
   const feed = new JobFeed(asked, signal);
+  /** @type {Api.Worker[]} */
   let workers = [];
 
   const summary = h("p", { class: "summary", "aria-live": "polite" });
-  const states = filter("State", "state", [["", "any state"], ...STATES.map((one) => [one, one])]);
-  const batches = filter("Batch", "batch", [["", "any batch"]]);
+  const states = filter("State", "state", "any state");
+  states.offer(STATES);
+  const batches = filter("Batch", "batch", "any batch");
   const list = h("ul", { class: "jobs", "aria-label": "Jobs" });
   const more = h("button", { class: "more", hidden: true, onclick: () => older().catch(() => {}) }, "Older jobs");
   const nothing = h("div", { class: "nothing", hidden: true });
@@ -31,38 +39,48 @@ export function open(main, { signal, go }) {
       h("div", { class: "filters" }, states.label, batches.label)),
     list, nothing, more);
 
-  const rows = new KeyedList(list, (item) =>
-    item.batch ? new BatchGroup(item, { signal, refresh, visible }) : new JobRow({ signal, refresh, visible }));
+  const context = { signal, refresh, visible };
+  const rows = new KeyedList(list, (/** @type {ListedJob | Group} */ item) =>
+    /** @type {{ element: Element, update(item: ListedJob | Group): void }} */
+    ("batch" in item ? new BatchGroup(item, context) : new JobRow(item, context)));
 
   // Only rows in sight ask for pictures and curves.
+  /** @type {WeakMap<Element, (seen: boolean) => void>} */
   const inSight = new WeakMap();
   const observer = new IntersectionObserver((entries) => {
     for (const entry of entries) inSight.get(entry.target)?.(entry.isIntersecting);
   }, { rootMargin: "200px" });
   signal.addEventListener("abort", () => observer.disconnect());
+  /**
+   * @param {Element} element
+   * @param {(seen: boolean) => void} tell
+   */
   function visible(element, tell) {
     inSight.set(element, tell);
     observer.observe(element);
   }
 
-  function filter(name, field, options) {
-    const select = h("select", { onchange: () => {
+  /**
+   * @param {string} name
+   * @param {string} field
+   * @param {string} any
+   */
+  function filter(name, field, any) {
+    const select = h("select", {}, h("option", { value: "" }, any));
+    select.addEventListener("change", () => {
       if (select.value) asked.set(field, select.value);
       else asked.delete(field);
       go(`/${asked.size ? `?${asked}` : ""}`);
-    } });
+    });
     const label = h("label", {}, h("span", {}, name), select);
-    const offer = (values) => {
-      for (const [value, text] of values) {
-        if (![...select.options].some((option) => option.value === value)) {
-          select.append(h("option", { value }, text));
-        }
+    const wanted = asked.get(field) ?? "";
+    const offer = (/** @type {string[]} */ values) => {
+      for (const value of values) {
+        if (![...select.options].some((option) => option.value === value)) select.append(h("option", { value }, value));
       }
-      select.value = asked.get(field) ?? "";
+      select.value = wanted;
     };
-    offer(options);
-    const wanted = asked.get(field);
-    if (wanted) offer([[wanted, wanted]]);
+    offer([wanted]);
     return { label, offer };
   }
 
@@ -78,11 +96,9 @@ export function open(main, { signal, go }) {
   }
 
   function show() {
-    const serving = new Map();
-    for (const { job } of workers) if (job) serving.set(job, (serving.get(job) ?? 0) + 1);
-    for (const job of feed.jobs) job.serving = serving.get(job.id) ?? 0;
-    rows.show(grouped(feed.jobs), (item) => (item.batch ? `batch ${item.batch}` : item.id));
-    batches.offer([...new Set(feed.jobs.map((job) => job.spec.batch).filter(Boolean))].map((one) => [one, one]));
+    const jobs = feed.jobs.map((job) => ({ ...job, serving: workers.filter((worker) => worker.job === job.id).length }));
+    rows.show(grouped(jobs), (item) => ("batch" in item ? `batch ${item.batch}` : item.id));
+    batches.offer([...new Set(jobs.flatMap((job) => job.spec.batch ?? []))]);
     setText(summary, summed(feed, workers));
     more.hidden = !feed.next;
     nothing.hidden = feed.jobs.length > 0;
@@ -92,22 +108,33 @@ export function open(main, { signal, go }) {
   repeat(refresh, () => (feed.jobs.some((job) => !job.finished_at) ? BUSY_MS : CALM_MS), signal);
 }
 
-/** The jobs in their order, those of one batch together where its newest one is. */
+/**
+ * The jobs in their order, those of one batch together where its newest one is.
+ * @param {ListedJob[]} jobs
+ */
 function grouped(jobs) {
+  /** @type {Map<string, Group>} */
   const groups = new Map();
+  /** @type {(ListedJob | Group)[]} */
   const items = [];
   for (const job of jobs) {
     const batch = job.spec.batch;
+    const group = groups.get(batch ?? "");
     if (!batch) items.push(job);
-    else if (groups.has(batch)) groups.get(batch).jobs.push(job);
+    else if (group) group.jobs.push(job);
     else {
-      groups.set(batch, { batch, jobs: [job] });
-      items.push(groups.get(batch));
+      const first = { batch, jobs: [job] };
+      groups.set(batch, first);
+      items.push(first);
     }
   }
   return items;
 }
 
+/**
+ * @param {JobFeed} feed
+ * @param {Api.Worker[]} workers
+ */
 function summed({ jobs, next }, workers) {
   const counts = STATES.slice(0, 3)
     .map((state) => [state, jobs.filter((job) => job.state === state).length])
@@ -119,6 +146,7 @@ function summed({ jobs, next }, workers) {
   return [counts.join(", "), alive].filter(Boolean).join(" · ");
 }
 
+/** @param {boolean} filtered */
 function emptiness(filtered) {
   if (filtered) return [h("p", {}, "No job matches these filters. "), h("a", { href: "/" }, "Show all jobs")];
   return [

@@ -9,7 +9,11 @@ import { attempt } from "../shared/notices.js";
 import { maySubmit } from "../shared/permissions.js";
 import { showGuard } from "./flicker_guard.js";
 
-/** A menu of what can be done to a job of the list. */
+/**
+ * A menu of what can be done to a job of the list.
+ * @param {() => Api.JobView} jobNow
+ * @param {() => unknown} refresh
+ */
 export function jobMenu(jobNow, refresh) {
   return menuButton(
     (close) => {
@@ -20,7 +24,13 @@ export function jobMenu(jobNow, refresh) {
     });
 }
 
-/** A menu of what can be done to a whole batch; `nameOf(id)` is what its jobs are called. */
+/**
+ * A menu of what can be done to a whole batch.
+ * @param {string} batch
+ * @param {() => Api.JobView[]} jobsNow
+ * @param {(id: string) => string} nameOf - what a job is called
+ * @param {() => unknown} refresh
+ */
 export function batchMenu(batch, jobsNow, nameOf, refresh) {
   const menu = menuButton(
     (close) => {
@@ -28,8 +38,8 @@ export function batchMenu(batch, jobsNow, nameOf, refresh) {
       const guard = h("button", { onclick: () => { close(); showGuard(batch, nameOf); } }, "Will it flicker?");
       if (!states.size) return [h("p", {}, "All its jobs have ended."), guard];
       if (!maySubmit()) return [guard];
-      const all = (what) => send("POST", `/v1/batches/${encodeURIComponent(batch)}/${what}`);
-      const button = (text, what, done) => h("button", { onclick: () => {
+      const all = (/** @type {string} */ what) => send("POST", `/v1/batches/${encodeURIComponent(batch)}/${what}`);
+      const button = (/** @type {string} */ text, /** @type {string} */ what, /** @type {string} */ done) => h("button", { onclick: () => {
         close();
         return attempt(() => all(what), done, refresh);
       } }, text);
@@ -50,7 +60,10 @@ export function batchMenu(batch, jobsNow, nameOf, refresh) {
   return menu;
 }
 
-/** A button with a menu that is filled when it opens: its `element`, and `name(text)` to say whose it is. */
+/**
+ * A button with a menu that is filled when it opens: its `element`, and `name(text)` to say whose it is.
+ * @param {(close: () => void) => (HTMLElement | false)[]} fill - makes what the menu holds
+ */
 function menuButton(fill) {
   const menu = h("div", { class: "menu", popover: "auto" });
   const button = h("button", { class: "quiet dots", "aria-haspopup": "true", "aria-expanded": "false" }, "⋯");
@@ -58,13 +71,13 @@ function menuButton(fill) {
   menu.addEventListener("beforetoggle", (event) => {
     button.setAttribute("aria-expanded", String(event.newState === "open"));
     if (event.newState !== "open") return;
-    menu.replaceChildren(...fill(() => menu.hidePopover()).filter(Boolean));
+    menu.replaceChildren(...fill(() => menu.hidePopover()).filter((one) => one !== false));
     const place = button.getBoundingClientRect();
     menu.style.top = `${place.bottom + scrollY + 4}px`;
     menu.style.right = `${Math.max(8, document.documentElement.clientWidth - place.right)}px`;
   });
   return {
     element: h("div", { class: "actions" }, button, menu),
-    name: (text) => setAttribute(button, "aria-label", text),
+    name: (/** @type {string} */ text) => setAttribute(button, "aria-label", text),
   };
 }

@@ -18,19 +18,22 @@ export class Sparkline {
       this.#area, this.#left, this.#line, this.#end);
   }
 
-  /** Shows the points from 0 spp to the last one. */
+  /**
+   * Shows the points from 0 spp to the last one.
+   * @param {Api.CurvePoint[]} points
+   */
   show(points) {
     if (!points.length) return;
     const last = points[points.length - 1];
-    const x = (spp) => PAD + (WIDTH - 2 * PAD) * (spp / last.spp);
+    const x = (/** @type {number} */ spp) => PAD + (WIDTH - 2 * PAD) * (spp / last.spp);
     const most = Math.max(1, ...points.map((point) => point.visible_pixels));
-    const y = (value) => HEIGHT - PAD - (HEIGHT - 2 * PAD) * (value / most);
+    const y = (/** @type {number} */ value) => HEIGHT - PAD - (HEIGHT - 2 * PAD) * (value / most);
     const curve = [[0, 0], ...points.map((point) => [point.spp, point.visible_pixels])];
     const line = curve.map(([spp, value]) => `${x(spp).toFixed(1)} ${y(value).toFixed(1)}`).join("L");
     setAttribute(this.#line, "d", `M${line}`);
     setAttribute(this.#area, "d", `M${line}V${HEIGHT - PAD}H${x(0)}Z`);
-    const estimated = points.filter((point) => point.estimate_pixels != null);
-    const left = estimated.map((point) => `${x(point.spp).toFixed(1)} ${y(Math.min(most, point.estimate_pixels)).toFixed(1)}`);
+    const left = points.flatMap(({ spp, estimate_pixels: estimate }) =>
+      (estimate == null ? [] : [`${x(spp).toFixed(1)} ${y(Math.min(most, estimate)).toFixed(1)}`]));
     setAttribute(this.#left, "d", left.length > 1 ? `M${left.join("L")}` : null);
     setAttribute(this.#end, "cx", x(last.spp));
     setAttribute(this.#end, "cy", y(last.visible_pixels));

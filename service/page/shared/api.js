@@ -1,21 +1,52 @@
 // The API, as the page calls it. Where it answers 401, a key is asked for once and the call repeated.
 
 import { askForKey, authorization } from "./api_key.js";
+import { h } from "./dom.js";
+import { complain } from "./notices.js";
 import { sleep } from "./polling.js";
+
+/** @typedef {{ type?: string, title?: string, detail?: string, code?: string, job_id?: string,
+ *   errors?: { field: string, message: string }[] }} Details */
 
 /** An error that the API explained (RFC 9457). */
 export class Problem extends Error {
+  /**
+   * @param {number} status
+   * @param {Details} details
+   */
   constructor(status, details) {
     super(details.detail || details.title || `the service answered ${status}`);
     this.status = status;
-    this.slug = String(details.type ?? "").split("/").pop();
+    this.slug = String(details.type ?? "").split("/").pop() ?? "";
     this.details = details;
   }
+}
+
+/**
+ * Whether the API refused with the problem of this name, the last part of its type.
+ * @param {unknown} error
+ * @param {string[]} slugs
+ */
+export function isProblem(error, ...slugs) {
+  return error instanceof Problem && slugs.includes(error.slug);
+}
+
+/**
+ * Whether a request was given up because nobody wants its answer any more.
+ * @param {unknown} error
+ */
+export function isAbort(error) {
+  return error instanceof DOMException && error.name === "AbortError";
 }
 
 /** What is said where no answer to a change came. */
 const NO_ANSWER = "The service did not answer, so it is not known whether this arrived. Try again.";
 
+/**
+ * @param {string} path
+ * @param {RequestInit & { headers?: Record<string, string> }} options
+ * @returns {Promise<Response>}
+ */
 async function fetched(path, options = {}) {
   for (;;) {
     const used = authorization();
@@ -32,44 +63,80 @@ async function fetched(path, options = {}) {
   }
 }
 
+/** @param {Response} answer */
 async function problemOf(answer) {
   return new Problem(answer.status, await answer.json().catch(() => ({})));
 }
 
-/** GETs JSON. */
+/**
+ * GETs JSON.
+ * @param {string} path
+ * @param {AbortSignal} [signal]
+ */
 export async function get(path, signal) {
   return (await fetched(path, { signal })).json();
 }
 
-/** Sends a change; resolves to what it is answered. */
+/**
+ * Sends a change; resolves to what it is answered.
+ * @param {string} method
+ * @param {string} path
+ * @param {unknown} [body]
+ * @param {Record<string, string>} headers
+ */
 export async function send(method, path, body, headers = {}) {
-  const options = { method, headers };
-  if (body !== undefined) {
-    options.body = JSON.stringify(body);
-    options.headers = { "Content-Type": "application/json", ...headers };
-  }
-  const answer = await fetched(path, options);
+  const json = body !== undefined && { "Content-Type": "application/json" };
+  const answer = await fetched(path, { method, body: JSON.stringify(body), headers: { ...json, ...headers } });
   return answer.status === 204 ? null : answer.json();
 }
 
-/** GETs bytes, with the tag that says whether they are new, and the spp of an image. */
+/**
+ * GETs bytes, with the tag that says whether they are new, and the spp of an image.
+ * @param {string} path
+ * @param {AbortSignal} [signal]
+ */
 export async function bytes(path, signal) {
   const answer = await fetched(path, { signal });
   const spp = answer.headers.get("Plateau-Spp");
-  return { blob: await answer.blob(), tag: answer.headers.get("ETag"), spp: spp && Number(spp) };
+  return { blob: await answer.blob(), tag: answer.headers.get("ETag"), spp: spp ? Number(spp) : null };
 }
 
-/** Saves a file. A link alone would not send the key. */
-export async function download(path, name) {
-  const { blob } = await bytes(path);
-  const link = document.createElement("a");
-  link.href = URL.createObjectURL(blob);
-  link.download = name;
-  link.click();
-  setTimeout(() => URL.revokeObjectURL(link.href), 10_000);
+/**
+ * A link that saves a file with the key; the browser would not send it.
+ * @param {string} path
+ * @param {string} name - of the file that is saved
+ * @param {string} text
+ */
+export function downloadLink(path, name, text) {
+  return h("a", { href: path, download: name, onclick: save }, text);
+
+  /** @param {MouseEvent} event */
+  async function save(event) {
+    event.preventDefault();
+    try {
+      const { blob } = await bytes(path);
+      const link = h("a", { href: URL.createObjectURL(blob), download: name });
+      link.click();
+      setTimeout(() => URL.revokeObjectURL(link.href), 10_000);
+    } catch (error) {
+      complain(error, true);
+    }
+  }
 }
 
-/** Sends a form, saying how much of it has gone; `send` can tell, `fetch` cannot. */
+/**
+ * @typedef {object} UploadOptions
+ * @property {AbortSignal} signal
+ * @property {(sent: number, all: number) => void} [onProgress]
+ * @property {Record<string, string>} [headers]
+ */
+
+/**
+ * Sends a form, saying how much of it has gone; `send` can tell, `fetch` cannot.
+ * @param {string} path
+ * @param {FormData} form
+ * @param {UploadOptions} options
+ */
 export async function upload(path, form, { onProgress, signal, headers = {} }) {
   for (;;) {
     const used = authorization();
@@ -80,41 +147,52 @@ export async function upload(path, form, { onProgress, signal, headers = {} }) {
   }
 }
 
+/**
+ * @param {string} path
+ * @param {FormData} form
+ * @param {UploadOptions} options
+ * @returns {Promise<{ status: number, body: any }>}
+ */
 function uploaded(path, form, { onProgress, signal, headers }) {
   return new Promise((resolve, reject) => {
     const request = new XMLHttpRequest();
     request.open("POST", path);
     request.responseType = "json";
-    for (const [name, value] of Object.entries(headers)) request.setRequestHeader(name, value);
+    for (const [name, value] of Object.entries(headers ?? {})) request.setRequestHeader(name, value);
     request.upload.onprogress = ({ loaded, total }) => onProgress?.(loaded, total);
     request.onload = () => resolve({ status: request.status, body: request.response ?? {} });
     request.onerror = () => reject(new Error(NO_ANSWER));
     request.onabort = () => reject(new DOMException("stopped", "AbortError"));
-    signal?.addEventListener("abort", () => request.abort(), { once: true });
+    signal.addEventListener("abort", () => request.abort(), { once: true });
     request.send(form);
   });
 }
 
 const RETRY_MS = 1000;
 
+/** @typedef {{ id: string, type: string, data: any }} JobEvent */
+
 /**
  * Reads a job's events from its beginning until they end, through outages.
  * (EventSource cannot send a key.)
+ * @param {string} path
+ * @param {(events: JobEvent[]) => void} onEvents
+ * @param {AbortSignal} signal
  */
 export async function follow(path, onEvents, signal) {
-  let last = null;
+  let last = "";
   while (!signal.aborted) {
     try {
       const headers = { Accept: "text/event-stream", ...(last && { "Last-Event-ID": last }) };
       const answer = await fetched(path, { headers, signal });
-      if (answer.status === 204) return;
+      if (answer.status === 204 || !answer.body) return;
       const reader = answer.body.pipeThrough(new TextDecoderStream()).getReader();
       let rest = "";
       for (;;) {
         const { value, done } = await reader.read();
         if (done) break;
         const frames = (rest + value).split("\n\n");
-        rest = frames.pop();
+        rest = frames.pop() ?? "";
         const events = frames.map(parsed).filter((event) => event.type);
         if (!events.length) continue;
         last = events[events.length - 1].id;
@@ -129,8 +207,10 @@ export async function follow(path, onEvents, signal) {
   }
 }
 
+/** @param {string} frame */
 function parsed(frame) {
-  const event = {};
+  /** @type {JobEvent} */
+  const event = { id: "", type: "", data: null };
   for (const line of frame.split("\n")) {
     const [name, ...rest] = line.split(": ");
     const value = rest.join(": ");

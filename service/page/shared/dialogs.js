@@ -1,25 +1,76 @@
-// Questions in a dialog.
+// Dialogs: a question with two answers, and a form whose request may be refused.
 
-import { h } from "./dom.js";
+import { h, setText } from "./dom.js";
+import { messageOf } from "./notices.js";
 
-/** Asks a question with two answers; resolves to whether it was confirmed. */
+/** @import { Attributes, Child } from "./dom.js" */
+
+let count = 0;
+
+/**
+ * Opens a dialog that holds a form; it is removed when it closes.
+ * @param {string} title
+ * @param {Attributes} attributes - of the form
+ * @param {(Child | Child[])[]} inside
+ */
+export function openDialog(title, attributes, ...inside) {
+  const id = `dialog-${(count += 1)}`;
+  const dialog = h("dialog", { class: "ask", "aria-labelledby": id, onclose: () => { dialog.remove(); } },
+    h("form", attributes, h("h2", { id }, title), ...inside));
+  document.body.append(dialog);
+  dialog.showModal();
+  return dialog;
+}
+
+/**
+ * Asks a question with two answers; resolves to whether it was confirmed.
+ * @param {string} question
+ * @param {string} explanation
+ * @param {string} yes
+ * @returns {Promise<boolean>}
+ */
 export function confirmed(question, explanation, yes, no = "Keep it") {
+  const dialog = openDialog(question, { method: "dialog" },
+    h("p", {}, explanation),
+    h("div", { class: "answers" },
+      h("button", { value: "no", autofocus: true }, no),
+      h("button", { value: "yes", class: "primary" }, yes)));
   return new Promise((resolve) => {
-    const dialog = h(
-      "dialog",
-      { class: "ask", "aria-labelledby": "question", onclose: close },
-      h("form", { method: "dialog" },
-        h("h2", { id: "question" }, question),
-        h("p", {}, explanation),
-        h("div", { class: "answers" },
-          h("button", { value: "no", autofocus: true }, no),
-          h("button", { value: "yes", class: "primary" }, yes))),
-    );
-    function close() {
-      dialog.remove();
-      resolve(dialog.returnValue === "yes");
-    }
-    document.body.append(dialog);
-    dialog.showModal();
+    dialog.addEventListener("close", () => resolve(dialog.returnValue === "yes"));
   });
+}
+
+/**
+ * Opens a form whose request may be refused. It closes when `send` resolves; an error is shown in it.
+ * @param {string} title
+ * @param {string} yes - what the button that sends says
+ * @param {(Child | Child[])[]} inside
+ * @param {{ send: () => Promise<() => unknown>, refused?: (error: unknown) => void, wait?: (waits: boolean, button: HTMLElement) => void }} doing
+ *   `send` resolves to what follows when the dialog is closed; `wait` is told when a request begins and ends
+ */
+export function openForm(title, yes, inside, { send, refused, wait }) {
+  const wrong = h("p", { class: "bad", role: "alert" });
+  const button = h("button", { type: "submit", class: "primary" }, yes);
+  const dialog = openDialog(title, { onsubmit: submit }, ...inside, wrong,
+    h("div", { class: "answers" },
+      h("button", { type: "button", onclick: () => dialog.close() }, "Leave it"), button));
+
+  /** @param {SubmitEvent} event */
+  async function submit(event) {
+    event.preventDefault();
+    button.disabled = true;
+    setText(wrong, "");
+    wait?.(true, button);
+    try {
+      const next = await send();
+      dialog.close();
+      next();
+    } catch (error) {
+      setText(wrong, messageOf(error));
+      refused?.(error);
+      button.disabled = false;
+    }
+    wait?.(false, button);
+  }
+  return dialog;
 }

@@ -1,50 +1,115 @@
 // Elements from data. Text is always set as text: nothing here can turn a string into markup.
 
+/** @typedef {Node | string | null | undefined | false} Child  what is absent is left out */
+/** @typedef {{ [Name in keyof GlobalEventHandlersEventMap as `on${Name}`]?:
+ *   (event: GlobalEventHandlersEventMap[Name]) => unknown }} Listeners */
+/** @typedef {Listeners & Record<string,
+ *   string | number | boolean | null | undefined | ((event: any) => unknown)>} Attributes */
+
 const SVG = "http://www.w3.org/2000/svg";
 
-/** An element with attributes, listeners (`onclick: …`) and children; null children are left out. */
+/**
+ * An element with attributes, listeners (`onclick: …`) and children.
+ * @template {keyof HTMLElementTagNameMap} Tag
+ * @param {Tag} tag
+ * @param {Attributes} attributes
+ * @param {(Child | Child[])[]} children
+ */
 export function h(tag, attributes = {}, ...children) {
   return dressed(document.createElement(tag), attributes, children);
 }
 
-/** The same for SVG. */
+/**
+ * The same for SVG.
+ * @template {keyof SVGElementTagNameMap} Tag
+ * @param {Tag} tag
+ * @param {Attributes} attributes
+ * @param {(Child | Child[])[]} children
+ */
 export function svg(tag, attributes = {}, ...children) {
   return dressed(document.createElementNS(SVG, tag), attributes, children);
 }
 
+/**
+ * @template {Element} Dressed
+ * @param {Dressed} element
+ * @param {Attributes} attributes
+ * @param {(Child | Child[])[]} children
+ */
 function dressed(element, attributes, children) {
   for (const [name, value] of Object.entries(attributes)) {
-    if (name.startsWith("on")) element.addEventListener(name.slice(2), value);
-    else if (value === true) element.setAttribute(name, "");
-    else if (value !== false && value != null) element.setAttribute(name, value);
+    if (typeof value === "function") element.addEventListener(name.slice(2), /** @type {EventListener} */ (value));
+    else setAttribute(element, name, value === true ? "" : value);
   }
   element.append(...children.flat().filter((child) => child != null && child !== false));
   return element;
 }
 
-/** Sets an element's text where it has another: what is not touched does not flicker. */
+/**
+ * An element of index.html.
+ * @param {string} id
+ */
+export function byId(id) {
+  return /** @type {HTMLElement} */ (document.getElementById(id));
+}
+
+/**
+ * What draws on a canvas.
+ * @param {HTMLCanvasElement} canvas
+ * @param {CanvasRenderingContext2DSettings} [settings]
+ */
+export function drawing(canvas, settings) {
+  return /** @type {CanvasRenderingContext2D} */ (canvas.getContext("2d", settings));
+}
+
+/**
+ * Sets an element's text if it has another: an element that is not touched does not flicker.
+ * @param {Element} element
+ * @param {string} text
+ */
 export function setText(element, text) {
   if (element.textContent !== text) element.textContent = text;
 }
 
-/** Sets or, where the value is null or false, removes an attribute. */
+/**
+ * Sets an attribute, or removes it if the value is null or false.
+ * @param {Element} element
+ * @param {string} name
+ * @param {string | number | false | null | undefined} value
+ */
 export function setAttribute(element, name, value) {
   if (value == null || value === false) element.removeAttribute(name);
-  else if (element.getAttribute(name) !== String(value)) element.setAttribute(name, value);
+  else if (element.getAttribute(name) !== String(value)) element.setAttribute(name, String(value));
 }
 
-/** Makes a container's children those of the items, in order, moving and making only what differs. */
+/**
+ * Makes a container's children those of the items, in order, moving and making only what differs.
+ * @template Item
+ */
 export class KeyedList {
   #container;
   #make;
+  /** @type {Map<string, Row<Item>>} */
   #shown = new Map();
 
-  /** `make(item)` returns an object with `element` and `update(item)`, and perhaps `remove()`. */
+  /**
+   * @template Item
+   * @typedef {{ element: Element, update(item: Item): void, remove?(): void }} Row
+   */
+
+  /**
+   * @param {Element} container
+   * @param {(item: Item) => Row<Item>} make
+   */
   constructor(container, make) {
     this.#container = container;
     this.#make = make;
   }
 
+  /**
+   * @param {Item[]} items
+   * @param {(item: Item) => string} keyOf
+   */
   show(items, keyOf) {
     const wanted = new Set(items.map(keyOf));
     for (const [key, row] of this.#shown) {
@@ -53,6 +118,7 @@ export class KeyedList {
       row.element.remove();
       this.#shown.delete(key);
     }
+    /** @type {Node | null} */
     let before = this.#container.firstChild;
     for (const item of items) {
       const key = keyOf(item);

@@ -1,46 +1,72 @@
-// Figures and states in words, as farm/wire/figures.py and the command line say them; a test compares them.
+// Figures in words, as farm/wire/figures.py and the command line say them; a test compares them.
 
 const WHOLE = new Intl.NumberFormat("en-GB", { maximumFractionDigits: 0 });
 const THREE = new Intl.NumberFormat("en-GB", { maximumSignificantDigits: 3 });
 const TWO = new Intl.NumberFormat("en-GB", { maximumSignificantDigits: 2 });
 
+/** @type {[number, string][]} */
+const LARGE = [[1e12, "trillion"], [1e9, "billion"], [1e6, "million"]];
+/** @type {[number, string][]} */
+const BYTES = [[2 ** 30, "GB"], [2 ** 20, "MB"], [2 ** 10, "kB"]];
+
 /** A space that keeps a figure and its unit together. */
 const NB = "\u00a0";
 
-/** A whole number with its thousands apart. */
+/**
+ * A whole number with its thousands apart.
+ * @param {number} number
+ */
 export function whole(number) {
   return WHOLE.format(number);
 }
 
-/** A number with three digits that count, or all of its whole ones. */
+/**
+ * A number with three digits that count, or all of its whole ones.
+ * @param {number} number
+ */
 export function three(number) {
   return (Math.abs(number) >= 100 ? WHOLE : THREE).format(number);
 }
 
-/** A number of pixels: whole ones, or two digits where there are fewer than ten. */
+/**
+ * A number of pixels: whole ones, or two digits where there are fewer than ten.
+ * @param {number} count
+ */
 export function pixels(count) {
   return count >= 10 ? WHOLE.format(count) : TWO.format(count);
 }
 
-/** A fraction as a percentage with two or three digits. */
+/**
+ * A fraction as a percentage with two or three digits.
+ * @param {number} fraction
+ */
 export function percent(fraction) {
   return `${(fraction >= 0.1 ? THREE : TWO).format(100 * fraction)}${NB}%`;
 }
 
-/** A share of a cap, rounded down: it says 100 only where it is. */
+/**
+ * A share of a cap, rounded down: it says 100 only where it is.
+ * @param {number} fraction
+ */
 export function share(fraction) {
   return `${THREE.format(Math.floor(fraction * 1000 + 1e-9) / 10)}${NB}%`;
 }
 
-/** Large numbers in words: 563 million. */
+/**
+ * Large numbers in words: 563 million.
+ * @param {number} number
+ */
 export function large(number) {
-  for (const [size, name] of [[1e12, "trillion"], [1e9, "billion"], [1e6, "million"]]) {
+  for (const [size, name] of LARGE) {
     if (number >= size) return `${THREE.format(number / size)} ${name}`;
   }
   return WHOLE.format(number);
 }
 
-/** Seconds as people say them: 4.2 s, 3 min 20 s, 2 h 05 min. */
+/**
+ * Seconds as people say them: 4.2 s, 3 min 20 s, 2 h 05 min.
+ * @param {number} seconds
+ */
 export function duration(seconds) {
   if (seconds < 59.95) return `${seconds.toFixed(1)}${NB}s`;
   const rounded = Math.round(seconds);
@@ -49,27 +75,40 @@ export function duration(seconds) {
   return [Math.floor(rounded / 3600), "h", String(minutes).padStart(2, "0"), "min"].join(NB);
 }
 
-/** A duration that is only an expectation: to the minute, or to five seconds below two. */
+/**
+ * A duration that is only an expectation: to the minute, or to five seconds below two.
+ * @param {number} seconds
+ */
 export function roughly(seconds) {
   if (seconds < 120) return `${Math.max(5, Math.round(seconds / 5) * 5)}${NB}s`;
   if (seconds < 5400) return `${Math.round(seconds / 60)}${NB}min`;
   return `${TWO.format(seconds / 3600)}${NB}h`;
 }
 
-/** Bytes as people say them. */
+/**
+ * Bytes as people say them.
+ * @param {number} count
+ */
 export function bytes(count) {
-  for (const [size, name] of [[2 ** 30, "GB"], [2 ** 20, "MB"], [2 ** 10, "kB"]]) {
+  for (const [size, name] of BYTES) {
     if (count >= size) return `${THREE.format(count / size)} ${name}`;
   }
   return `${count} bytes`;
 }
 
-/** One thing, or several: 1 slice, 3 slices. */
-export function several(count, one, many = `${one}s`) {
-  return `${WHOLE.format(count)} ${count === 1 ? one : many}`;
+/**
+ * One thing, or several: 1 slice, 3 slices.
+ * @param {number} count
+ * @param {string} one
+ */
+export function several(count, one) {
+  return `${WHOLE.format(count)} ${one}${count === 1 ? "" : "s"}`;
 }
 
-/** A time in this place's clock: only its hours today, with its date before. */
+/**
+ * A time in this place's clock: only its hours today, with its date before.
+ * @param {string} iso
+ */
 export function clock(iso) {
   const time = new Date(iso);
   const hours = time.toLocaleTimeString("en-GB");
@@ -77,23 +116,32 @@ export function clock(iso) {
   return today ? hours : `${time.toLocaleDateString("en-GB", { day: "numeric", month: "short" })} ${hours}`;
 }
 
-/** The farm's own words as a sentence. */
+/**
+ * The farm's own words as a sentence.
+ * @param {string} text
+ */
 export function sentence(text) {
   const trimmed = text.trim();
   if (!trimmed) return "";
   return `${trimmed[0].toUpperCase()}${trimmed.slice(1)}${/[.!?]$/.test(trimmed) ? "" : "."}`;
 }
 
-/** How long ago a time was. */
+/**
+ * How long ago a time was.
+ * @param {string | null} iso
+ */
 export function ago(iso) {
-  const seconds = Math.max(0, (Date.now() - Date.parse(iso)) / 1000);
+  const seconds = Math.max(0, (Date.now() - Date.parse(iso ?? "")) / 1000);
   if (seconds < 60) return "just now";
   if (seconds < 5400) return `${Math.round(seconds / 60)} min ago`;
   if (seconds < 129_600) return `${Math.round(seconds / 3600)} h ago`;
   return `${Math.round(seconds / 86_400)} days ago`;
 }
 
-/** The shares of a whole in percent, to a tenth, which add up to 100. */
+/**
+ * The shares of a whole in percent, to a tenth, which add up to 100.
+ * @param {number[]} counts
+ */
 export function sharesOf(counts) {
   const whole = counts.reduce((sum, count) => sum + count, 0);
   const exact = counts.map((count) => (1000 * count) / whole);

@@ -9,15 +9,20 @@ import { attempt } from "./notices.js";
 import { maySteer } from "./permissions.js";
 import { PRIORITY } from "./spec_fields.js";
 
-/** The buttons for a job in its state, `jobNow()` how it is when one is pressed; none where it has ended. */
+/**
+ * The controls for a job in its state; none where it has ended.
+ * @param {() => Api.JobView} jobNow - the job as it is when one is pressed
+ * @param {() => unknown} refresh
+ */
 export function controls(jobNow, refresh, close = () => {}) {
   const job = jobNow();
   if (ENDED.has(job.state) || !maySteer(job)) return [];
-  const move = (path, done) => () => {
+  const move = (/** @type {string} */ path, /** @type {string} */ done) => () => {
     close();
     return attempt(() => send("POST", path), done, refresh);
   };
   const name = title(job);
+  /** @type {HTMLElement[]} */
   const found = [];
   if (job.state === "rendering") {
     found.push(h("button", { onclick: move(job.links.pause, `${name} is paused`) }, "Pause"));
@@ -41,6 +46,7 @@ export function controls(jobNow, refresh, close = () => {}) {
   });
   found.push(h("form", { class: "priority", onsubmit: prioritise },
     h("label", {}, "Priority ", input), h("button", {}, "Set")));
+  /** @param {SubmitEvent} event */
   function prioritise(event) {
     event.preventDefault();
     close();

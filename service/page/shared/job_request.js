@@ -1,20 +1,22 @@
 // A request that makes a job: sent again after its answer was lost, it makes no second one.
 
-import { Problem } from "./api.js";
+import { isAbort, Problem } from "./api.js";
 import { sentence } from "./figures.js";
 
 export class OneJob {
   #key = newKey();
 
   /**
-   * Resolves to the job that `send(headers)` is answered. The key stays until it has made a job: one
-   * that was refused has made none, and of one without an answer nobody knows.
+   * Resolves to the job that `send(headers)` is answered. The key stays until it has made a job: a
+   * request that was refused has made none, and of a request without an answer nobody knows.
+   * @param {(headers: Record<string, string>) => Promise<Api.JobView>} send
+   * @returns {Promise<Api.JobView>}
    */
   async make(send) {
     try {
       return await send({ "Idempotency-Key": this.#key });
     } catch (error) {
-      if (error.name === "AbortError") throw error;
+      if (isAbort(error)) throw error;
       if (!(error instanceof Problem) || error.status >= 500) throw new Error(notKnown(error), { cause: error });
       if (error.slug === "idempotency-key-reused") {
         this.#key = newKey();
@@ -25,6 +27,7 @@ export class OneJob {
   }
 }
 
+/** @param {unknown} error */
 function notKnown(error) {
   const said = error instanceof Problem ? sentence(error.message) : "The service did not answer.";
   return `${said} It is not known whether the request arrived; try again: nothing is made twice.`;

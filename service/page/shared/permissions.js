@@ -2,7 +2,10 @@
 
 import { get } from "./api.js";
 
-/** Until the API has said otherwise everything is offered: it is the API that decides. */
+/**
+ * Until the API has said otherwise everything is offered: it is the API that decides.
+ * @type {{ id: string | null, role: Api.Role }}
+ */
 let known = { id: null, role: "admin" };
 
 /** Asks the API whose key it is; resolves when that is known. */
@@ -15,9 +18,12 @@ export function maySubmit() {
   return known.role !== "viewer";
 }
 
-/** Whether a job may be changed: one's own, or all as admin. */
-export function maySteer(job) {
-  return known.role === "admin" || (known.role === "submitter" && job.owner === known.id);
+/**
+ * Whether a job or a study may be changed: one's own, or all as admin.
+ * @param {{ owner: string | null }} thing
+ */
+export function maySteer(thing) {
+  return known.role === "admin" || (known.role === "submitter" && thing.owner === known.id);
 }
 
 /** Whether workers may be told what to do. */

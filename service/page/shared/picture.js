@@ -5,12 +5,18 @@ import { bytes } from "./api.js";
 /** Shows in an <img> what is at a path; resolves to whether it has changed. */
 export class Picture {
   #image;
+  /** @type {string | null} */
   #tag = null;
+  /** @type {string | null} */
   #path = null;
-  #wanted = null;
-  /** Samples per pixel of the merged image that is shown, where the API says so. */
+  #wanted = "";
+  /**
+   * Samples per pixel of the merged image that is shown, if the API says so.
+   * @type {number | null}
+   */
   spp = null;
 
+  /** @param {HTMLImageElement} image */
   constructor(image) {
     this.#image = image;
   }
@@ -20,7 +26,11 @@ export class Picture {
     return this.#path;
   }
 
-  /** Fetches it and shows it where it is new; the old one stays until the new one is decoded. */
+  /**
+   * Fetches it and shows it if it is new; the old one stays until the new one is decoded.
+   * @param {string} path
+   * @param {AbortSignal} signal
+   */
   async show(path, signal) {
     this.#wanted = path;
     const { blob, tag, spp } = await bytes(path, signal);
@@ -36,7 +46,9 @@ export class Picture {
     }
     this.letGo();
     this.#image.src = url;
-    [this.#path, this.#tag, this.spp] = [path, tag, spp];
+    this.spp = spp;
+    this.#path = path;
+    this.#tag = tag;
     return true;
   }
 

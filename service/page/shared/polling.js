@@ -2,7 +2,12 @@
 
 import { complain, recovered } from "./notices.js";
 
-/** Resolves after `ms` milliseconds; rejects when the signal aborts. */
+/**
+ * Resolves after `ms` milliseconds; rejects when the signal aborts.
+ * @param {number} ms
+ * @param {AbortSignal} signal
+ * @returns {Promise<void>}
+ */
 export function sleep(ms, signal) {
   return new Promise((resolve, reject) => {
     if (signal.aborted) { reject(signal.reason); return; }
@@ -11,7 +16,12 @@ export function sleep(ms, signal) {
   });
 }
 
-/** Calls `work` again and again, `everyMs()` apart, while the page can be seen. */
+/**
+ * Calls `work` again and again, `everyMs()` apart, while the page can be seen.
+ * @param {() => Promise<unknown>} work
+ * @param {() => number} everyMs
+ * @param {AbortSignal} signal
+ */
 export async function repeat(work, everyMs, signal) {
   while (!signal.aborted) {
     try {
@@ -19,7 +29,7 @@ export async function repeat(work, everyMs, signal) {
       recovered();
     } catch (error) {
       if (signal.aborted) return;
-      complain(error.message);
+      complain(error);
     }
     try {
       await sleep(everyMs(), signal);

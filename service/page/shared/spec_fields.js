@@ -1,8 +1,12 @@
 // A spec but for its rules, as a form explains it: a sentence for each field.
 // Values, `min` and `max` are the spec's own (farm/model/spec.py), and a test compares them; a form shows them over `scale`.
 
+/** @import { FieldAbout } from "./form_fields.js" */
+
+/** @type {Partial<FieldAbout>} */
 const spp = { min: 1, max: 1_000_000, step: 1 };
 
+/** @type {FieldAbout[]} */
 export const VIEW = [
   { name: "exposure_ev", label: "Exposure", unit: "EV", value: 0, min: -100, max: 100, step: "any",
     help: "In powers of two; noise is judged as bright as it is shown." },
@@ -12,6 +16,7 @@ export const VIEW = [
     help: "The nearer the eye, the larger the angle, and the finer the noise that it sees." },
 ];
 
+/** @type {FieldAbout[]} */
 export const LIMITS = [
   { name: "max_spp", label: "At most", unit: "spp", value: 10000, ...spp,
     help: "The cap: the job ends there, converged or not." },
@@ -23,6 +28,7 @@ export const LIMITS = [
 
 export const PRIORITY = { min: -1000, max: 1000, step: 1 };
 
+/** @type {FieldAbout[]} */
 export const MORE = [
   { name: "batch", label: "Batch", value: "", type: "text", maxlength: 100, optional: true, help: "A name that groups jobs." },
   { name: "min_spp", label: "No sooner than", unit: "spp", value: "", ...spp, optional: true,

@@ -3,26 +3,38 @@
 import { get, send } from "../shared/api.js";
 import { h, setText } from "../shared/dom.js";
 import { several } from "../shared/figures.js";
-import { complain } from "../shared/notices.js";
+import { complain, messageOf } from "../shared/notices.js";
 import { Calibration } from "./calibration.js";
 import { missingRoom, runTrials } from "./trials.js";
 
+/** @import { ScreenContext } from "../main.js" */
+
+/**
+ * @param {HTMLElement} main
+ * @param {ScreenContext} context
+ */
 export async function open(main, { id, signal }) {
   document.title = "Take part · Plateau";
   const root = `/v1/studies/${encodeURIComponent(id)}`;
   const screen = h("article", { class: "observe" }, h("h1", { class: "unseen" }, "Take part"));
   main.append(screen);
   try {
+    /** @type {Api.StudyView} */
     const study = await get(root, signal);
     const name = new URLSearchParams(location.search).get("as");
+    /** @type {Api.ObserverView | "" | null} */
     const known = name && (await get(`${root}/observers/${encodeURIComponent(name)}`, signal).catch(() => null));
     if (known) ready(study, known);
     else welcome(study, name);
   } catch (error) {
     if (signal.aborted) return;
-    screen.replaceChildren(h("div", { class: "nothing" }, h("h1", {}, "This study cannot be opened"), h("p", {}, error.message)));
+    screen.replaceChildren(h("div", { class: "nothing" }, h("h1", {}, "This study cannot be opened"), h("p", {}, messageOf(error))));
   }
 
+  /**
+   * @param {Api.StudyView} study
+   * @param {string | null} name
+   */
   function welcome(study, name) {
     const calibration = new Calibration();
     const pseudonym = h("input", {
@@ -42,6 +54,7 @@ export async function open(main, { id, signal }) {
         calibration.element, wrong,
         h("div", { class: "send" }, h("button", { type: "submit", class: "primary large" }, "Go on"))));
 
+    /** @param {SubmitEvent} event */
     async function submit(event) {
       event.preventDefault();
       try {
@@ -49,11 +62,15 @@ export async function open(main, { id, signal }) {
         history.replaceState(null, "", `${location.pathname}?as=${encodeURIComponent(observer.name)}`);
         ready(study, observer);
       } catch (error) {
-        setText(wrong, error.message);
+        setText(wrong, messageOf(error));
       }
     }
   }
 
+  /**
+   * @param {Api.StudyView} study
+   * @param {Api.ObserverView} observer
+   */
   function ready(study, observer) {
     const left = observer.trials.length - observer.answered.length;
     if (!left) {
@@ -77,7 +94,7 @@ export async function open(main, { id, signal }) {
         await runTrials(study, observer, signal);
       } catch (error) {
         if (signal.aborted) return;
-        complain(error.message);
+        complain(error);
       }
       const now = await get(`${root}/observers/${encodeURIComponent(observer.name)}`, signal).catch(() => observer);
       ready(study, now);

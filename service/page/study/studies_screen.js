@@ -7,6 +7,9 @@ import { repeat } from "../shared/polling.js";
 
 const EVERY_MS = 10_000;
 
+/** @import { Screen } from "../main.js" */
+
+/** @type {Screen} */
 export function open(main, { signal }) {
   document.title = "Studies · Plateau";
   const list = h("ul", { class: "studies", "aria-label": "Studies" });
@@ -16,29 +19,37 @@ export function open(main, { signal }) {
       h("b", {}, "Study…"), "."));
   main.append(h("div", { class: "head" }, h("h1", {}, "Observer studies")), list, nothing);
   repeat(async () => {
+    /** @type {Api.StudyList} */
     const { studies } = await get("/v1/studies", signal);
     list.replaceChildren(...studies.map(row));
     nothing.hidden = studies.length > 0;
   }, () => EVERY_MS, signal);
 }
 
+/** @param {Api.StudyView} study */
 function row(study) {
-  const { result } = study;
+  const { result, levels } = study;
   return h("li", { class: "study-row" },
     h("div", {},
       h("h2", {}, h("a", { href: study.links.page }, study.name)),
-      h("p", { class: "summary" }, `${methodInWords(study)} · ${several(study.levels.length, "level")}, ${whole(study.levels[0])} to ${whole(study.levels.at(-1))} spp · made ${ago(study.created_at)}`)),
+      h("p", { class: "summary" }, `${methodInWords(study)} · ${several(levels.length, "level")}, ${whole(levels[0])} to ${whole(levels[levels.length - 1])} spp · made ${ago(study.created_at)}`)),
     h("p", {}, `${several(result.observers, "observer")}, ${several(result.answers, "answer")}`),
     h("p", {}, halfInWords(result)));
 }
 
-/** What kind of study it is. */
+/**
+ * What kind of study it is.
+ * @param {Api.StudyView} study
+ */
 export function methodInWords({ method }) {
   return method === "limits" ? "first stage, rising and falling" : "constant stimuli";
 }
 
-/** Where half of the answers see no difference any more. */
-export function halfInWords({ thresholds }) {
+/**
+ * Where half of the answers see no difference any more.
+ * @param {Api.StudyResult} result
+ */
+function halfInWords({ thresholds }) {
   const half = thresholds.find(({ probability, low_spp: low }) => probability === 0.5 && low != null);
   return half ? `half see a difference at ${whole(half.spp)} spp` : "no threshold yet";
 }

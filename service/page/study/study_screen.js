@@ -1,6 +1,6 @@
 // A study, for who runs it: what it compares, what was answered, and what follows from that.
 
-import { download, get, send } from "../shared/api.js";
+import { downloadLink, get, isProblem, send } from "../shared/api.js";
 import { confirmed } from "../shared/dialogs.js";
 import { h } from "../shared/dom.js";
 import { percent, several, whole } from "../shared/figures.js";
@@ -8,10 +8,13 @@ import { attempt } from "../shared/notices.js";
 import { maySteer, maySubmit } from "../shared/permissions.js";
 import { repeat } from "../shared/polling.js";
 import { methodInWords } from "./studies_screen.js";
-import { studyPlot } from "./threshold_plot.js";
+import { boundedOf, studyPlot } from "./threshold_plot.js";
 
 const EVERY_MS = 5000;
 
+/** @import { Screen } from "../main.js" */
+
+/** @type {Screen} */
 export function open(main, { id, signal, go }) {
   document.title = "Study · Plateau";
   const path = `/v1/studies/${encodeURIComponent(id)}`;
@@ -20,11 +23,12 @@ export function open(main, { id, signal, go }) {
   let shown = "";
 
   repeat(async () => {
+    /** @type {Api.StudyView} */
     let study;
     try {
       study = await get(path, signal);
     } catch (error) {
-      if (!["unknown-study", "invalid-request"].includes(error.slug)) throw error;
+      if (!isProblem(error, "unknown-study", "invalid-request")) throw error;
       screen.replaceChildren(h("div", { class: "nothing" },
         h("h1", {}, "There is no such study"), h("a", { href: "/studies" }, "All studies")));
       return;
@@ -36,6 +40,7 @@ export function open(main, { id, signal, go }) {
     screen.replaceChildren(...parts(study));
   }, () => EVERY_MS, signal);
 
+  /** @param {Api.StudyView} study */
   function parts(study) {
     const { result } = study;
     return [
@@ -57,28 +62,32 @@ export function open(main, { id, signal, go }) {
       result.answers > 0 && studyPlot(result),
       h("div", { class: "scroll", tabindex: 0, role: "group", "aria-label": "The answers at each level" }, table(result)),
       h("div", { class: "files" },
-        file(study.links.trials_csv, `${study.id}-trials.csv`, "Every answer (CSV)"),
-        file(study.links.answers_csv, `${study.id}-answers.csv`, "The paper's table 1 (CSV)"),
+        downloadLink(study.links.trials_csv, `${study.id}-trials.csv`, "Every answer (CSV)"),
+        downloadLink(study.links.answers_csv, `${study.id}-answers.csv`, "The paper's table 1 (CSV)"),
         h("span", {}, h("code", {}, "plateau study fit"), " reads and plots both")),
-    ].filter(Boolean);
+    ].filter((one) => one !== false);
   }
 
+  /** @param {Api.StudyView} study */
   function actions(study) {
+    /** @type {HTMLElement[]} */
     const found = [];
     if (maySubmit()) found.push(h("a", { class: "button primary", href: study.links.observe }, "Take part"));
     if (study.method === "limits" && study.result.suggested_levels.length > 1 && maySubmit()) {
-      found.unshift(h("button", { onclick: () => attempt(() => secondStage(study), "The second stage is ready", async () => {}) }, "Make the second stage"));
+      found.unshift(h("button", { onclick: () => attempt(() => secondStage(study), "The second stage is ready", () => {}) }, "Make the second stage"));
     }
     if (maySteer(study)) found.push(h("button", { class: "danger", onclick: remove }, "Delete"));
     async function remove() {
       if (await confirmed(`Delete ${study.name}?`, `Its ${several(study.result.answers, "answer")} will be gone for good. Save them first.`, "Delete it")) {
-        await attempt(() => send("DELETE", path), "The study is deleted", async () => go("/studies"));
+        await attempt(() => send("DELETE", path), "The study is deleted", () => go("/studies"));
       }
     }
     return found;
   }
 
+  /** @param {Api.StudyView} study */
   async function secondStage(study) {
+    /** @type {Api.StudyView} */
     const next = await send("POST", "/v1/studies", {
       job_id: study.job_id, reference_job_id: study.reference_job_id, name: study.name,
       method: "constant", levels: study.result.suggested_levels,
@@ -87,25 +96,25 @@ export function open(main, { id, signal, go }) {
   }
 }
 
-/** The thresholds that the answers bound; one that they do not would be a guess. */
+/**
+ * The thresholds that the answers bound; one that they do not would be a guess.
+ * @param {Api.StudyResult} result
+ */
 function thresholds({ thresholds: found, answers }) {
-  const bounded = found.filter(({ low_spp: low }) => low != null);
+  const bounded = boundedOf(found);
   if (!bounded.length && answers) {
     return [h("p", { class: "note" }, "The answers do not bound a threshold yet. Collect more of them, or show levels at which some see a difference and others do not.")];
   }
-  return bounded.map(({ probability, spp, low_spp: low, high_spp: high }) =>
+  return bounded.map(({ probability, spp, low, high }) =>
     h("p", { class: "threshold" }, h("strong", {}, `${whole(spp)} spp`),
       `a difference is seen in ${100 * probability} % of the answers here (95 % interval: ${whole(Math.max(0, low))} to ${whole(high)} spp).`));
 }
 
+/** @param {Api.StudyResult} result */
 function table({ levels }) {
   return h("table", {},
     h("caption", { class: "unseen" }, "Answers at each level"),
     h("thead", {}, h("tr", {}, ...["spp", "shown", "difference seen", "share"].map((name) => h("th", { scope: "col" }, name)))),
     h("tbody", {}, ...levels.map(({ spp, shown, seen }) =>
       h("tr", {}, h("td", {}, whole(spp)), h("td", {}, whole(shown)), h("td", {}, whole(seen)), h("td", {}, shown ? percent(seen / shown) : "–")))));
-}
-
-function file(path, name, words) {
-  return h("a", { href: path, download: name, onclick: (event) => { event.preventDefault(); attempt(() => download(path, name), "", async () => {}); } }, words);
 }

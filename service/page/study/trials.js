@@ -1,8 +1,8 @@
 // The pairs of a study, one after the other: two pictures, one question.
 
-import { bytes, send } from "../shared/api.js";
+import { bytes, Problem, send } from "../shared/api.js";
 import { h, setText } from "../shared/dom.js";
-import { complain, say } from "../shared/notices.js";
+import { complain, messageOf, say } from "../shared/notices.js";
 import { sleep } from "../shared/polling.js";
 
 /** Between two pairs the screen is empty, so that nothing is told by what flickers. */
@@ -11,38 +11,51 @@ const AGAIN_MS = 1500;
 const GAP_PX = 32;
 const CONTROLS_PX = 195;
 
-/** Shows the pairs that have no answer yet; resolves when all have one, or the observer stops for now. */
+/**
+ * Shows the pairs that have no answer yet; resolves when all have one, or the observer stops for now.
+ * @param {Api.StudyView} study
+ * @param {Api.ObserverView} observer
+ * @param {AbortSignal} signal
+ */
 export async function runTrials(study, observer, signal) {
   const left = observer.trials.filter(({ trial }) => !observer.answered.includes(trial));
   const pictures = await fetchAll(left, signal);
-  const stage = new Stage(study, signal);
+  const stage = new Pairs(study, signal);
   const rest = document.querySelectorAll(".top, #main");
-  for (const one of rest) one.inert = true;
+  for (const one of rest) one.toggleAttribute("inert", true);
   document.body.append(stage.element);
   try {
     for (const trial of left) {
       stage.empty(`${trial.trial + 1} of ${observer.trials.length}`);
       await sleep(EMPTY_MS, signal);
-      const answer = await stage.show(pictures.get(trial.left), pictures.get(trial.right));
+      const answer = await stage.show(pictures.get(trial.left) ?? "", pictures.get(trial.right) ?? "");
       if (!answer) return;
       await keep(`/v1/studies/${study.id}/observers/${observer.name}/answers/${trial.trial}`, answer, signal);
     }
   } finally {
     stage.element.remove();
-    for (const one of rest) one.inert = false;
+    for (const one of rest) one.toggleAttribute("inert", false);
     for (const url of pictures.values()) URL.revokeObjectURL(url);
   }
 }
 
-/** Whether both pictures fit into the window pixel by pixel; else what is missing, in words. */
+/**
+ * What is missing, in words, for both pictures to fit into the window pixel by pixel; "" if they fit.
+ * @param {Api.StudyView} study
+ */
 export function missingRoom({ width, height }) {
   const needs = [(2 * width) / devicePixelRatio + 3 * GAP_PX, height / devicePixelRatio + CONTROLS_PX].map(Math.ceil);
   if (needs[0] <= innerWidth && needs[1] <= innerHeight) return "";
   return `Both pictures side by side need a window of ${needs[0]} × ${needs[1]}, and this one has ${innerWidth} × ${innerHeight}. Make the window larger, or use a larger screen: smaller pictures would hide the differences.`;
 }
 
+/**
+ * @param {Api.Trial[]} trials
+ * @param {AbortSignal} signal
+ */
 async function fetchAll(trials, signal) {
   const paths = [...new Set(trials.flatMap(({ left, right }) => [left, right]))];
+  /** @type {Map<string, string>} */
   const found = new Map();
   for (const path of paths) {
     const { blob } = await bytes(path, signal);
@@ -55,7 +68,12 @@ async function fetchAll(trials, signal) {
   return found;
 }
 
-/** Sends an answer until it is kept: to send it twice is harmless. */
+/**
+ * Sends an answer until it is kept: to send it twice is harmless.
+ * @param {string} path
+ * @param {Api.NewAnswer} answer
+ * @param {AbortSignal} signal
+ */
 async function keep(path, answer, signal) {
   for (;;) {
     try {
@@ -64,14 +82,14 @@ async function keep(path, answer, signal) {
       return;
     } catch (error) {
       if (signal.aborted) throw error;
-      if (error.status && error.status < 500 && error.status !== 429) throw error;
-      complain(`Your answer is not saved yet, and is sent again. ${error.message}`);
+      if (error instanceof Problem && error.status < 500 && error.status !== 429) throw error;
+      complain(`Your answer is not saved yet, and is sent again. ${messageOf(error)}`);
     }
     await sleep(AGAIN_MS, signal);
   }
 }
 
-class Stage {
+class Pairs {
   #left = h("img", { alt: "The left picture" });
   #right = h("img", { alt: "The right picture" });
   #pair = h("div", { class: "pair-shown" }, this.#left, this.#right);
@@ -82,6 +100,10 @@ class Stage {
   #signal;
   element;
 
+  /**
+   * @param {Api.StudyView} study
+   * @param {AbortSignal} signal
+   */
   constructor({ width, height }, signal) {
     this.#signal = signal;
     for (const image of [this.#left, this.#right]) {
@@ -93,13 +115,19 @@ class Stage {
       this.#pair, h("div", { class: "pair-answers" }, this.#seen, this.#same), this.#count, this.#stop);
   }
 
+  /** @param {string} count */
   empty(count) {
     setText(this.#count, count);
     this.#pair.classList.add("empty");
     for (const button of [this.#seen, this.#same, this.#stop]) button.disabled = true;
   }
 
-  /** Shows a pair; resolves to what is answered, or to null where the observer stops for now. */
+  /**
+   * Shows a pair; resolves to what is answered, or to null where the observer stops for now.
+   * @param {string} left
+   * @param {string} right
+   * @returns {Promise<Api.NewAnswer | null>}
+   */
   async show(left, right) {
     this.#left.src = left;
     this.#right.src = right;
@@ -110,9 +138,9 @@ class Stage {
     const started = performance.now();
     return new Promise((resolve, reject) => {
       const over = new AbortController();
-      const answered = (seen) => {
+      const answered = (/** @type {boolean} */ seen) => {
         over.abort();
-        this.empty(this.#count.textContent);
+        this.empty(this.#count.textContent ?? "");
         resolve({ seen, seconds: Math.round(performance.now() - started) / 1000 });
       };
       const options = { signal: over.signal };

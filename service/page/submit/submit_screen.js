@@ -1,31 +1,37 @@
 // Submit a scene: bring it, see what was found in it, say when to stop.
 
-import { get, upload } from "../shared/api.js";
+import { get, isAbort, isProblem, Problem, upload } from "../shared/api.js";
 import { h, setText } from "../shared/dom.js";
 import { bytes, several, share } from "../shared/figures.js";
-import { Field, fieldsOf } from "../shared/form_fields.js";
+import { blame, Field, fieldsOf, valuesOf } from "../shared/form_fields.js";
 import { OneJob } from "../shared/job_request.js";
-import { say } from "../shared/notices.js";
+import { messageOf, say } from "../shared/notices.js";
 import { fieldIn, RULES, watchable } from "../shared/rules.js";
 import { LIMITS, MORE, VIEW } from "../shared/spec_fields.js";
 
+/** @import { Screen } from "../main.js" */
+/** @import { RuleAbout } from "../shared/rules.js" */
+
+/** @type {Screen} */
 export function open(main, { signal, go }) {
   document.title = "Submit a scene · Plateau";
-  const screen = new Submission(signal, go);
-  main.append(screen.element);
+  main.append(new Submission(signal, go).element);
 }
 
 class Submission {
   #signal;
   #go;
+  /** @type {File | null} */
   #file = null;
-  #found = null;
+  /** The SHA-256 of the scene, once the API has it. */
+  #sha256 = "";
+  /** @type {AbortController | null} */
   #sending = null;
   #wanted = new OneJob();
+  /** @type {Field[]} */
   #parameters = [];
-  #chosen = RULES.find((rule) => rule.default).name;
-  #rules = new Map(RULES.map((rule) => [rule.name, fieldsOf("spec.rule", rule.fields)]));
-  #watched = new Map();
+  #rules = RULES.map((rule) => this.#choice(rule));
+  #chosen = this.#rules.find((rule) => rule.default) ?? this.#rules[0];
   #view = fieldsOf("spec.view", VIEW);
   #limits = fieldsOf("spec", LIMITS);
   #more = fieldsOf("spec", MORE);
@@ -33,9 +39,8 @@ class Submission {
   #guard = h("input", { type: "checkbox", id: "flicker-guard" });
 
   #picker = h("input", { type: "file", accept: ".zip,.xml,application/zip,text/xml", id: "scene-file", class: "unseen",
-    onchange: () => { this.#bring(this.#picker.files[0]); this.#picker.value = ""; } }); // so that the same may be brought again
-  #drop;
-  #stored = h("select", { class: "stored", "aria-label": "A stored scene", hidden: true, onchange: () => this.#takeStored() }, h("option", { value: "" }, "or take one that is stored…"));
+    onchange: () => { this.#bring(this.#picker.files); this.#picker.value = ""; } }); // so that the same may be brought again
+  #stored = h("select", { class: "stored", "aria-label": "A stored scene", hidden: true, onchange: () => { this.#takeStored(); } }, h("option", { value: "" }, "or take one that is stored…"));
   #progress = h("progress", { max: 1, value: 0, "aria-label": "Upload", hidden: true });
   #said = h("p", { class: "drop-said" }, "A Mitsuba XML, or a zip of one with its meshes and textures");
   #wrong = h("p", { class: "bad wrong", role: "alert", tabindex: -1, hidden: true });
@@ -43,26 +48,29 @@ class Submission {
   #parameterBox = h("fieldset", { hidden: true });
   #rest;
   #button = h("button", { class: "primary large", type: "submit" }, "Render it");
-  element;
 
+  /**
+   * @param {AbortSignal} signal
+   * @param {(path: string) => void} go
+   */
   constructor(signal, go) {
     this.#signal = signal;
     this.#go = go;
-    this.#drop = h("label", {
+    const drop = h("label", {
       class: "drop", for: "scene-file",
-      ondragover: (event) => { event.preventDefault(); this.#drop.classList.add("over"); },
-      ondragleave: () => this.#drop.classList.remove("over"),
+      ondragover: (event) => { event.preventDefault(); drop.classList.add("over"); },
+      ondragleave: () => { drop.classList.remove("over"); },
       ondrop: (event) => {
         event.preventDefault();
-        this.#drop.classList.remove("over");
-        this.#bring(event.dataTransfer.files[0]);
+        drop.classList.remove("over");
+        this.#bring(event.dataTransfer?.files);
       },
     }, h("span", { class: "drop-call" }, "Drop a scene here, or ", h("u", {}, "choose a file")), this.#said, this.#progress);
     this.#rest = h("div", { class: "rest", hidden: true },
       this.#parameterBox,
       h("fieldset", {}, h("legend", {}, "When is it done?"),
-        h("div", { class: "choices", role: "radiogroup", "aria-label": "The rule that ends it" }, RULES.filter((rule) => rule.featured).map((rule) => this.#choice(rule)),
-          h("details", {}, h("summary", {}, "Other rules"), h("div", { class: "choices" }, RULES.filter((rule) => !rule.featured).map((rule) => this.#choice(rule)))))),
+        h("div", { class: "choices", role: "radiogroup", "aria-label": "The rule that ends it" }, this.#rules.filter(({ featured }) => featured).map(({ element }) => element),
+          h("details", {}, h("summary", {}, "Other rules"), h("div", { class: "choices" }, this.#rules.filter(({ featured }) => !featured).map(({ element }) => element))))),
       h("fieldset", {}, h("legend", {}, "How is it looked at?"), h("div", { class: "fields" }, this.#view.elements)),
       h("fieldset", {}, h("legend", {}, "And no further than"), h("div", { class: "fields" }, this.#limits.elements)),
       h("details", {}, h("summary", {}, "More"),
@@ -72,16 +80,18 @@ class Submission {
         h("p", { class: "check" }, this.#guard, h("label", { for: "flicker-guard" },
           "Guard it against flicker: only jobs that stop alike may join")),
         h("fieldset", { class: "watch" }, h("legend", {}, "Rules to watch beside it: they stop nothing, and mark the curve where they would have"),
-          watchable().map((rule) => this.#watch(rule)))),
+          watchable(this.#rules).map(({ watch, title }) => h("label", { class: "toggle" }, watch, title)))),
       h("p", { class: "send" }, this.#button, h("span", { class: "hint" }, "The job can be cancelled at any time; what is rendered by then is kept.")));
     this.element = h("form", { class: "submit", novalidate: true, onsubmit: (event) => { event.preventDefault(); this.#submit(); } },
-      h("h1", {}, "Submit a scene"), this.#picker, this.#drop, this.#stored, this.#wrong, this.#summary, this.#rest);
+      h("h1", {}, "Submit a scene"), this.#picker, drop, this.#stored, this.#wrong, this.#summary, this.#rest);
+    this.#choose(this.#chosen.name);
     this.#listStored();
   }
 
   // The scene.
 
   async #listStored() {
+    /** @type {Api.Scenes} */
     const { scenes } = await get("/v1/scenes", this.#signal).catch(() => ({ scenes: [] }));
     this.#stored.hidden = !scenes.length;
     for (const { sha256, name, bytes: size } of scenes) {
@@ -91,18 +101,25 @@ class Submission {
 
   #takeStored() {
     if (!this.#stored.value) return;
-    this.#file = null;
-    this.#parameters = [];
-    this.#found = { sha256: this.#stored.value };
-    this.#check();
+    this.#take(null, this.#stored.value);
   }
 
-  #bring(file) {
-    if (!file) return;
-    this.#file = file;
-    this.#found = null;
-    this.#parameters = [];
+  /** @param {FileList | null | undefined} files */
+  #bring(files) {
+    if (!files?.length) return;
     this.#stored.value = "";
+    this.#take(files[0], "");
+  }
+
+  /**
+   * @param {File | null} file
+   * @param {string} sha256
+   */
+  #take(file, sha256) {
+    this.#file = file;
+    this.#sha256 = sha256;
+    this.#parameters = [];
+    this.#summary.replaceChildren();
     this.#check();
   }
 
@@ -114,144 +131,154 @@ class Submission {
     this.#blame(null);
     const name = this.#file?.name ?? "the stored scene";
     setText(this.#said, `Checking ${name} …`);
-    const form = this.#form({ parameters: this.#values(), sensor: this.#sensor() });
+    const form = this.#form({ parameters: valuesOf(this.#parameters), sensor: this.#more.values().sensor ?? 0 });
     this.#progress.hidden = !form.has("scene");
     try {
-      this.#found = await upload("/v1/scenes", form, {
+      this.#showFound(await upload("/v1/scenes", form, {
         signal: sending.signal,
         onProgress: (done, all) => {
           this.#progress.value = done / all;
           setText(this.#said, done < all ? `Sending ${name}: ${share(done / all)} of ${bytes(all)}` : `Checking ${name} …`);
         },
-      });
-      this.#showFound();
+      }));
     } catch (error) {
-      if (error.name === "AbortError") return;
+      if (isAbort(error)) return;
       // It may have gone while this page lay open.
-      if (error.slug === "unknown-scene" && this.#file) { this.#found = null; await this.#check(); return; }
+      if (isProblem(error, "unknown-scene") && this.#file) { this.#sha256 = ""; await this.#check(); return; }
       this.#showRefused(error);
     } finally {
       if (this.#sending === sending) this.#progress.hidden = true;
     }
   }
 
+  /** @param {object} spec */
   #form(spec) {
     const form = new FormData();
-    if (this.#found?.sha256) form.set("scene_sha256", this.#found.sha256);
-    else form.set("scene", this.#file);
+    if (this.#sha256) form.set("scene_sha256", this.#sha256);
+    else if (this.#file) form.set("scene", this.#file);
     form.set("spec", new Blob([JSON.stringify(spec)], { type: "application/json" }));
     return form;
   }
 
-  #sensor() {
-    return this.#more.values().sensor ?? 0;
-  }
-
-  #showFound() {
-    const found = this.#found;
+  /** @param {Api.SceneFound} found */
+  #showFound(found) {
+    this.#sha256 = found.sha256;
     setText(this.#said, "Another one? Drop it here.");
     const rows = [
       ["Scene", found.name],
       ["Image", `${found.width} × ${found.height} pixels`],
-      ["Holds", found.kind === "zip" ? `${several(found.files, "file")}, ${bytes(found.bytes_unpacked)} unpacked; the scene is ${found.entry}` : bytes(found.bytes)],
+      ["Holds", found.kind === "zip" ? `${several(found.files, "file")}, ${bytes(found.bytes_unpacked ?? 0)} unpacked; the scene is ${found.entry}` : bytes(found.bytes)],
       ["Cameras", found.sensors > 1 ? String(found.sensors) : ""],
     ];
     this.#summary.replaceChildren(...rows.filter(([, text]) => text).map(([name, text]) => h("div", {}, h("dt", {}, name), h("dd", {}, text))));
-    if (!this.#parameters.length) this.#showParameters(found.parameters);
+    if (!this.#parameters.length) {
+      for (const [name, value] of Object.entries(found.parameters)) this.#addParameter(name, value);
+      this.#showParameters("The scene's parameters with their defaults; what you write replaces them.");
+    }
     this.#rest.hidden = false;
     say(`${found.name} is checked: ${found.width} by ${found.height} pixels.`);
   }
 
-  #showParameters(defaults) {
-    this.#parameters = Object.entries(defaults).map(([name, value]) =>
-      [name, new Field(`spec.parameters.${name}`, { label: name, type: "text", optional: true, value: "", placeholder: value, maxlength: 200 })]);
-    for (const [, field] of this.#parameters) field.input.addEventListener("change", () => this.#check());
-    this.#parameterBox.hidden = !this.#parameters.length;
-    this.#parameterBox.replaceChildren(h("legend", {}, "Its parameters"),
-      h("p", { class: "help" }, "The scene's parameters with their defaults; what you write replaces them."),
-      h("div", { class: "fields small" }, this.#parameters.map(([, field]) => field.element)));
+  /**
+   * @param {string} name
+   * @param {string} placeholder
+   */
+  #addParameter(name, placeholder) {
+    const field = new Field("spec.parameters", { name, label: name, type: "text", optional: true, value: "", placeholder, maxlength: 200 });
+    field.input.addEventListener("change", () => this.#check());
+    this.#parameters.push(field);
   }
 
-  /** The scene was refused: says why, and asks for a parameter's value where that is what is missing. */
+  /** @param {string} help */
+  #showParameters(help) {
+    this.#parameterBox.hidden = !this.#parameters.length;
+    this.#parameterBox.replaceChildren(h("legend", {}, "Its parameters"), h("p", { class: "help" }, help),
+      h("div", { class: "fields small" }, this.#parameters.map(({ element }) => element)));
+  }
+
+  /**
+   * The scene was refused: says why, and asks for a parameter's value where that is what is missing.
+   * @param {unknown} error
+   */
   #showRefused(error) {
     setText(this.#said, "Drop another one here, or choose a file.");
-    const missing = error.details?.code === "undefined-parameter" && /\$(\w+)/.exec(error.message);
     this.#blame(error);
-    if (missing && !this.#parameters.some(([name]) => name === missing[1])) {
-      const field = new Field(`spec.parameters.${missing[1]}`, { label: missing[1], type: "text", optional: true, value: "", maxlength: 200 });
-      field.input.addEventListener("change", () => this.#check());
-      this.#parameters.push([missing[1], field]);
-      this.#parameterBox.hidden = false;
-      this.#parameterBox.replaceChildren(h("legend", {}, "Its parameters"),
-        h("div", { class: "fields small" }, this.#parameters.map(([, one]) => one.element)));
-      this.#rest.hidden = false;
-    }
-    if (!this.#found?.name) this.#summary.replaceChildren();
-  }
-
-  #values() {
-    return Object.fromEntries(this.#parameters.map(([name, field]) => [name, field.value]).filter(([, value]) => value !== undefined));
+    const undefinedOne = error instanceof Problem && error.details.code === "undefined-parameter";
+    const name = undefinedOne ? /\$(\w+)/.exec(error.message)?.[1] : "";
+    if (!name || this.#parameters.some((field) => field.name === name)) return;
+    this.#addParameter(name, "");
+    this.#showParameters("");
+    this.#rest.hidden = false;
   }
 
   // When it is done.
 
+  /**
+   * A rule with its place among the choices, and the box that has it watched.
+   * @param {RuleAbout} rule
+   */
   #choice(rule) {
-    const fields = this.#rules.get(rule.name);
-    const inside = h("div", { class: "fields small", hidden: rule.name !== this.#chosen }, fields.elements);
-    const radio = h("input", { type: "radio", name: "rule", value: rule.name, checked: rule.name === this.#chosen, onchange: () => {
-      this.#chosen = rule.name;
-      for (const choice of this.element.querySelectorAll(".choice")) {
-        choice.querySelector(".fields").hidden = choice.dataset.rule !== rule.name;
-      }
-      for (const [name, box] of this.#watched) box.disabled = name === rule.name;
-    } });
-    return h("div", { class: "choice", "data-rule": rule.name },
-      h("label", {}, radio, h("span", {}, h("b", {}, rule.title), h("span", { class: "help" }, rule.help))), inside);
+    const { name, title, help } = rule;
+    const { fields, elements, values } = fieldsOf("spec.rule", rule.fields);
+    const inside = h("div", { class: "fields small" }, elements);
+    const radio = h("input", { type: "radio", name: "rule", value: name, onchange: () => this.#choose(name) });
+    const watch = h("input", { type: "checkbox", checked: Boolean(fieldIn("slope", rule)) });
+    const element = h("div", { class: "choice", "data-rule": name },
+      h("label", {}, radio, h("span", {}, h("b", {}, title), h("span", { class: "help" }, help))), inside);
+    return { ...rule, fields, values, inside, radio, watch, element };
   }
 
-  #watch(rule) {
-    const box = h("input", { type: "checkbox", checked: Boolean(fieldIn("slope", rule)), disabled: rule.name === this.#chosen });
-    this.#watched.set(rule.name, box);
-    return h("label", { class: "toggle" }, box, rule.title);
+  /** @param {string} name */
+  #choose(name) {
+    for (const choice of this.#rules) {
+      const isChosen = choice.name === name;
+      if (isChosen) this.#chosen = choice;
+      choice.radio.checked = isChosen;
+      choice.inside.hidden = !isChosen;
+      choice.watch.disabled = isChosen;
+    }
   }
 
   #spec() {
-    const watch = [...this.#watched].filter(([name, box]) => box.checked && name !== this.#chosen).map(([name]) => ({ name }));
+    const { name, values } = this.#chosen;
+    const watched = this.#rules.filter(({ watch }) => watch.checked && !watch.disabled);
     return {
       ...this.#limits.values(), ...this.#more.values(),
-      rule: { name: this.#chosen, ...this.#rules.get(this.#chosen).values() },
-      watch, view: this.#view.values(), parameters: this.#values(), keep_slices: this.#keep.checked, flicker_guard: this.#guard.checked,
+      rule: { name, ...values() }, watch: watched.map(({ name }) => ({ name })),
+      view: this.#view.values(), parameters: valuesOf(this.#parameters), keep_slices: this.#keep.checked, flicker_guard: this.#guard.checked,
     };
   }
 
   async #submit() {
-    if (!this.#found?.sha256 || this.#button.disabled) return;
-    const invalid = [...this.element.elements].find((one) => one.offsetParent && !one.checkValidity());
-    if (invalid) { invalid.reportValidity(); return; }
+    if (!this.#sha256 || this.#button.disabled) return;
+    const shown = this.#fields().filter(({ input }) => input.offsetParent);
+    if (!shown.every(({ input }) => input.reportValidity())) return;
     this.#blame(null);
     this.#button.disabled = true;
     try {
       const job = await this.#wanted.make((headers) => upload("/v1/jobs", this.#form(this.#spec()), { signal: this.#signal, headers }));
       this.#go(`/jobs/${job.id}`);
     } catch (error) {
-      if (error.name === "AbortError") return;
+      if (isAbort(error)) return;
       this.#blame(error);
     } finally {
       this.#button.disabled = false;
     }
   }
 
-  /** Shows what the API refused, at the fields that it names, and goes there. */
+  #fields() {
+    return [...this.#chosen.fields, ...this.#view.fields, ...this.#limits.fields, ...this.#more.fields, ...this.#parameters];
+  }
+
+  /**
+   * Shows what the API refused, at the fields that it names, and goes there.
+   * @param {unknown} error - null where nothing was refused
+   */
   #blame(error) {
-    const fields = [...this.#rules.get(this.#chosen).fields, ...this.#view.fields, ...this.#limits.fields, ...this.#more.fields,
-      ...this.#parameters.map(([, field]) => field)];
-    for (const field of fields) field.blame("");
+    const blamed = blame(this.#fields(), error);
     this.#wrong.hidden = !error;
-    setText(this.#wrong, error?.message ?? "");
+    setText(this.#wrong, error ? messageOf(error) : "");
     if (!error) return;
-    const named = new Map((error.details?.errors ?? []).map(({ field, message }) => [field, message]));
-    const blamed = fields.filter(({ path }) => named.has(path));
-    for (const field of blamed) field.blame(named.get(field.path));
     const place = blamed[0]?.input ?? this.#wrong;
     place.closest("details")?.setAttribute("open", "");
     place.focus();

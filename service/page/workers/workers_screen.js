@@ -11,6 +11,10 @@ import { repeat } from "../shared/polling.js";
 
 const EVERY_MS = 2000;
 
+/** @import { Screen } from "../main.js" */
+/** @typedef {Api.Worker & { jobName?: string }} NamedWorker  with what its job is called */
+
+/** @type {Screen} */
 export function open(main, { signal }) {
   document.title = "Workers · Plateau";
   const summary = h("p", { class: "summary", "aria-live": "polite" });
@@ -21,17 +25,19 @@ export function open(main, { signal }) {
   main.append(h("div", { class: "head" }, h("div", {}, h("h1", {}, "Workers"), summary)), list, nothing);
   const refusals = h("ul", { class: "refused", "aria-label": "Refused", hidden: true });
   main.append(refusals);
-  const rows = new KeyedList(list, () => new WorkerRow(refresh));
+  const rows = new KeyedList(list, (/** @type {NamedWorker} */ worker) => new WorkerRow(worker, refresh));
+  /** @type {Map<string, string>} */
   const names = new Map();
 
   async function refresh() {
+    /** @type {Api.Workers} */
     const { workers, refused } = await get("/v1/workers", signal);
-    const unknown = [...new Set(workers.map(({ job }) => job))].filter((id) => id && !names.has(id));
-    await Promise.all(unknown.map(async (id) => {
+    const unknown = new Set(workers.flatMap(({ job }) => (job && !names.has(job) ? job : [])));
+    await Promise.all([...unknown].map(async (id) => {
       names.set(id, await get(`/v1/jobs/${id}`, signal).then(title, () => id));
     }));
     workers.sort((a, b) => a.id.localeCompare(b.id));
-    rows.show(workers.map((worker) => ({ ...worker, jobName: names.get(worker.job) })), ({ id }) => id);
+    rows.show(workers.map((worker) => ({ ...worker, jobName: names.get(worker.job ?? "") })), ({ id }) => id);
     const busy = workers.filter(({ job }) => job).length;
     const rate = workers.reduce((sum, worker) => sum + (worker.job ? worker.samples_per_s ?? 0 : 0), 0);
     setText(summary, workers.length
@@ -51,19 +57,25 @@ class WorkerRow {
   #name = h("h2");
   #where = h("p", { class: "summary" });
   #job = h("a");
+  #rest = h("span");
   #does = h("p", { class: "does" });
   #rate = h("p", { class: "figure" });
   #done = h("p", { class: "figure" });
   #trouble = h("p", { class: "bad" });
   #drain = h("button");
-  #worker = null;
+  #worker;
   element = h("li", { class: "worker" },
     h("div", {}, this.#name, this.#where), this.#does, this.#rate, this.#done, this.#drain, this.#trouble);
 
-  constructor(refresh) {
+  /**
+   * @param {NamedWorker} worker
+   * @param {() => Promise<void>} refresh
+   */
+  constructor(worker, refresh) {
+    this.#worker = worker;
     this.#drain.addEventListener("click", async () => {
       const { id, drained } = this.#worker;
-      const tell = (what, done) => attempt(() => send("POST", `/v1/workers/${encodeURIComponent(id)}/${what}`), done, refresh);
+      const tell = (/** @type {string} */ what, /** @type {string} */ done) => attempt(() => send("POST", `/v1/workers/${encodeURIComponent(id)}/${what}`), done, refresh);
       if (drained) await tell("resume", `${id} takes work again`);
       else if (await confirmed(`Drain ${id}?`,
         "It finishes the slice that it has in hand and takes no more, so that it can be stopped without a loss.", "Drain it", "Let it work")) {
@@ -72,6 +84,7 @@ class WorkerRow {
     });
   }
 
+  /** @param {NamedWorker} worker */
   update(worker) {
     this.#worker = worker;
     this.#drain.hidden = !maySteerWorkers();
@@ -86,8 +99,8 @@ class WorkerRow {
       setAttribute(this.#job, "href", `/jobs/${job}`);
       setText(this.#job, worker.jobName ?? job);
       const text = [slice == null ? "" : `, slice ${slice}`, worker.drained ? ", its last" : ""].join("");
-      if (this.#does.firstChild !== this.#job) this.#does.replaceChildren(this.#job, document.createTextNode(""));
-      if (this.#does.lastChild.data !== text) this.#does.lastChild.data = text;
+      if (this.#does.firstChild !== this.#job) this.#does.replaceChildren(this.#job, this.#rest);
+      setText(this.#rest, text);
     } else {
       setText(this.#does, worker.drained ? "drained: it may be stopped" : trouble ? "takes no work" : "idle");
     }
@@ -98,19 +111,30 @@ class WorkerRow {
   }
 }
 
-/** Its version, where it says so. */
+/**
+ * Its version, if it says so.
+ * @param {Api.Worker} worker
+ */
 function version({ plateau }) {
   return plateau ? `Plateau ${plateau} · ` : "";
 }
 
-/** Its pool and tags, where it has any of its own. */
+/**
+ * Its pool and tags, if it has any of its own.
+ * @param {Api.Worker} worker
+ */
 function placed({ pool, tags }) {
   const words = [pool === "default" ? "" : `pool ${pool}`, tags.length ? `tags ${tags.join(", ")}` : ""];
   return words.filter(Boolean).map((word) => `${word} · `).join("");
 }
 
+/**
+ * @param {Element} place
+ * @param {string} figure
+ * @param {string} name
+ */
 function show(place, figure, name) {
   if (!place.firstChild) place.append(h("strong"), h("span"));
-  setText(place.firstChild, figure);
-  setText(place.lastChild, name);
+  setText(place.children[0], figure);
+  setText(place.children[1], name);
 }

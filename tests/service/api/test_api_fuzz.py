@@ -18,10 +18,9 @@ FUZZ_SEED sets the seed, LONG_TESTS=1 asks for many more requests.
 import copy
 import inspect
 import os
-import tempfile
 import zlib
 from collections.abc import Callable
-from typing import Any, Final
+from typing import Final
 
 import pytest
 import redis
@@ -40,16 +39,11 @@ from schemathesis.core.parameters import ParameterLocation
 from schemathesis.pytest.lazy import get_all_tests
 
 from plateau.farm.blobs.store import Blobs
-from plateau.farm.bundle import BundleLimits
 from plateau.farm.ledger.api_keys import ApiKeys, KeyLimits, Role
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.model.states import JobState
-from plateau.farm.redis.link import connect
-from plateau.service.api.app import create_app
-from plateau.service.api.events.hub import EventHub
-from plateau.service.api.scene_checks.pool import SceneChecks
 from tests.support import long_tests
-from tests.support.live_api import LARGEST_UPLOAD
+from tests.support.api_document import api_document
 from tests.support.staged_job import PARTIAL, StagedJob
 
 SEED = int(os.environ.get("FUZZ_SEED", "20261121"))
@@ -85,20 +79,7 @@ def key(client: redis.Redis) -> str:
     return ApiKeys(client).create("fuzz", Role.ADMIN, limits)[1]
 
 
-def the_document() -> dict[str, Any]:
-    """What the API says of itself; for that it needs no Redis."""
-    nowhere = "redis://127.0.0.1:1"
-    with tempfile.TemporaryDirectory() as folder:
-        app = create_app(
-            client=connect(nowhere),
-            blobs=Blobs(folder),
-            hub=EventHub(nowhere),
-            checks=SceneChecks(BundleLimits(max_bytes=LARGEST_UPLOAD)),
-        )
-    return app.openapi()
-
-
-DOCUMENT = the_document()
+DOCUMENT = api_document()
 OPERATIONS = [
     f"{method.upper()} {path}" for path, item in DOCUMENT["paths"].items() for method in item
 ]

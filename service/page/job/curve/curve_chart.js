@@ -2,23 +2,31 @@
 
 import { h, setText } from "../../shared/dom.js";
 import { three, whole } from "../../shared/figures.js";
-import { ruleWith, stopSlope } from "../../shared/job_summary.js";
-import { valueIn } from "../../shared/rules.js";
+import { imagePixels, ruleWith, stopSlope } from "../../shared/job_summary.js";
 import { say } from "../../shared/notices.js";
+import { valueIn } from "../../shared/rules.js";
 import { colours, compact, decades, fromZero } from "./axes.js";
 import { drawForecast, drawLevel, drawStops, forecastOf, stopsOf } from "./marks.js";
 import { PointTable, told } from "./point_table.js";
+// @ts-types="../../vendor/uPlot.d.ts"
 import uPlot from "../../vendor/uPlot.esm.js";
+
+/** @import { Theme } from "./axes.js" */
 
 const HEIGHT_ABOVE = 250;
 const HEIGHT_BELOW = 200;
 const AXIS_PX = 58;
 
 export class CurveChart {
-  #job = null;
+  // `show` sets it before anything else is called.
+  #job = /** @type {Api.JobView} */ (/** @type {unknown} */ (null));
+  /** @type {Api.CurvePoint[]} */
   #points = [];
+  /** @type {uPlot[]} */
   #plots = [];
+  /** @type {{ min: number, max: number } | null} */
   #zoom = null;
+  /** @type {number | null} */
   #at = null;
   #above = h("div", { class: "plot" });
   #below = h("div", { class: "plot" });
@@ -33,8 +41,9 @@ export class CurveChart {
   #empty = h("p", { class: "lead" });
   #full;
 
+  /** @param {AbortSignal} signal */
   constructor(signal) {
-    const button = (text, label, act) => h("button", { class: "quiet", "aria-label": label, title: label, onclick: act }, text);
+    const button = (/** @type {string} */ text, /** @type {string} */ label, /** @type {() => void} */ act) => h("button", { class: "quiet", "aria-label": label, title: label, onclick: act }, text);
     this.#host = h("div", {
       class: "plots", tabindex: 0, role: "group",
       "aria-label": "Convergence curve. Left and right walk along its points, plus and minus zoom, 0 shows all.",
@@ -65,6 +74,10 @@ export class CurveChart {
     });
   }
 
+  /**
+   * @param {Api.JobView} job
+   * @param {Api.CurvePoint[]} points
+   */
   show(job, points) {
     const rebuild = !this.#plots.length || this.#job?.width !== job.width;
     this.#job = job;
@@ -94,30 +107,38 @@ export class CurveChart {
     const sync = uPlot.sync(`curve ${this.#job.id}`);
     this.#plots = [
       new uPlot(this.#options(HEIGHT_ABOVE, theme, sync, this.#seriesAbove(theme), {
-        log: this.#logAbove.input.checked, bands: [], draw: (plot) => drawStops(plot, stopsOf(this.#job, this.#points), theme, true),
+        log: this.#logAbove.input.checked, bands: [], draw: (/** @type {uPlot} */ plot) => drawStops(plot, stopsOf(this.#job, this.#points), theme, true),
       }), this.#dataAbove(), this.#above),
       new uPlot(this.#options(HEIGHT_BELOW, theme, sync, this.#seriesBelow(theme), {
         log: this.#logBelow.input.checked, bands: [{ series: [3, 2], fill: theme.band }],
-        draw: (plot) => {
+        draw: (/** @type {uPlot} */ plot) => {
           drawStops(plot, stopsOf(this.#job, this.#points), theme, false);
           drawLevel(plot, this.#target(), theme);
           drawForecast(plot, this.#points, this.#target(), theme);
         },
       }), this.#dataBelow(), this.#below),
     ];
-    this.#plots[1].target = this.#target();
     this.#update();
   }
 
+  /**
+   * @param {number} height
+   * @param {Theme} theme
+   * @param {uPlot.SyncPubSub} sync
+   * @param {uPlot.Series[]} series
+   * @param {{ log: boolean, bands: uPlot.Band[], draw: (plot: uPlot) => void }} more
+   * @returns {uPlot.Options}
+   */
   #options(height, theme, sync, series, { log, bands, draw }) {
     const axis = { stroke: theme.ink, grid: { stroke: theme.grid, width: 1 }, ticks: { show: false }, font: theme.font };
+    /** @type {uPlot.Axis.DynamicValues} */
     const short = (_, values) => values.map((value) => (value == null ? "" : compact(value)));
     return {
       width: Math.max(200, this.#above.clientWidth), height, series, bands,
       legend: { show: false },
       scales: {
         x: { time: false, auto: false, distr: this.#logX.input.checked ? 3 : 1 },
-        y: log ? { distr: 3, range: decades } : { range: fromZero },
+        y: log ? { distr: 3, range: decades(this.#target()) } : { range: fromZero },
       },
       axes: [
         { ...axis, values: short, space: 60, size: 30 },
@@ -126,7 +147,7 @@ export class CurveChart {
       cursor: {
         sync: { key: sync.key, setSeries: false }, drag: { x: true, y: false }, focus: { prox: 1e6 },
         points: { size: 9 },
-        bind: { dblclick: () => () => this.#zoomTo(null) },
+        bind: { dblclick: () => () => { this.#zoomTo(null); return null; } },
       },
       hooks: {
         draw: [draw],
@@ -140,24 +161,33 @@ export class CurveChart {
     };
   }
 
+  /**
+   * @param {Theme} theme
+   * @returns {uPlot.Series[]}
+   */
   #seriesAbove(theme) {
     return [{}, line(theme.curve), { stroke: theme.stopFaint, width: 5, points: { show: false } },
       { stroke: theme.stop, width: 1.5, dash: [5, 4], points: { show: false } }];
   }
 
+  /**
+   * @param {Theme} theme
+   * @returns {uPlot.Series[]}
+   */
   #seriesBelow(theme) {
     const edge = { stroke: "transparent", points: { show: false } };
     return [{}, line(theme.estimate), edge, edge];
   }
 
+  /** @returns {uPlot.AlignedData} */
   #dataAbove() {
     const points = this.#points;
     const rule = ruleWith("slope", this.#job);
     const window = points.slice(-((rule && valueIn("window", rule)) ?? 5));
     const slope = points[points.length - 1].slope;
-    const mean = (of) => window.reduce((sum, point) => sum + of(point), 0) / window.length;
+    const mean = (/** @type {(point: Api.CurvePoint) => number} */ of) => window.reduce((sum, point) => sum + of(point), 0) / window.length;
     const [spp, visible] = [mean((point) => point.spp), mean((point) => point.visible_pixels)];
-    const laid = (steepness) => points.map((point) =>
+    const laid = (/** @type {number | null} */ steepness) => points.map((point) =>
       steepness != null && window.includes(point) ? visible + steepness * (point.spp - spp) : null);
     return [
       points.map((point) => point.spp),
@@ -167,15 +197,17 @@ export class CurveChart {
     ];
   }
 
+  /** @returns {uPlot.AlignedData} */
   #dataBelow() {
-    const column = (name) => this.#points.map((point) => drawable(point[name], this.#logBelow));
+    const column = (/** @type {"estimate_pixels" | "estimate_low_pixels" | "estimate_high_pixels"} */ name) => this.#points.map((point) => drawable(point[name], this.#logBelow));
     return [this.#points.map((point) => point.spp), column("estimate_pixels"),
       column("estimate_low_pixels"), column("estimate_high_pixels")];
   }
 
   #target() {
     const rule = ruleWith("noise_target", this.#job);
-    return rule ? valueIn("noise_target", rule) * this.#job.width * this.#job.height : null;
+    const target = rule ? valueIn("noise_target", rule) : null;
+    return target === null ? null : target * imagePixels(this.#job);
   }
 
   #update() {
@@ -196,6 +228,7 @@ export class CurveChart {
     return { min, max: max * 1.03 };
   }
 
+  /** @param {number} factor */
   #zoomBy(factor) {
     const { min, max } = this.#zoom ?? this.#whole();
     const middle = this.#at == null ? (min + max) / 2 : this.#points[this.#at].spp;
@@ -204,6 +237,7 @@ export class CurveChart {
     this.#zoomTo(factor > 1 && next.min <= all.min && next.max >= all.max ? null : next);
   }
 
+  /** @param {{ min: number, max: number } | null} zoom */
   #zoomTo(zoom) {
     if (zoom && zoom.max - zoom.min < this.#job.spec.step / 2) return;
     this.#zoom = zoom;
@@ -227,21 +261,24 @@ export class CurveChart {
   #words() {
     const { slope } = this.#points[this.#points.length - 1];
     const rule = ruleWith("slope", this.#job);
-    const aim = rule ? `; ${rule.name} waits for ${three(stopSlope(this.#job, rule))}` : "";
+    const limit = rule ? stopSlope(this.#job, rule) : null;
+    const aim = rule && limit !== null ? `; ${rule.name} waits for ${three(limit)}` : "";
     setText(this.#slope, slope == null ? "" : `, rising by ${three(slope)} px/spp${aim}`);
     if (this.#at == null) this.#read(null);
     this.#table.show(this.#points);
   }
 
+  /** @param {number | null | undefined} index */
   #read(index) {
     this.#at = index ?? null;
     const point = this.#points[index ?? this.#points.length - 1];
     if (point) setText(this.#readout, told(point));
   }
 
+  /** @param {KeyboardEvent} event */
   #key(event) {
     const last = this.#points.length - 1;
-    const step = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
+    const step = event.key === "ArrowLeft" ? -1 : event.key === "ArrowRight" ? 1 : 0;
     if (step) this.#walk(Math.min(last, Math.max(0, (this.#at ?? (step > 0 ? -1 : last + 1)) + step)));
     else if (event.key === "Home") this.#walk(0);
     else if (event.key === "End") this.#walk(last);
@@ -252,6 +289,7 @@ export class CurveChart {
     event.preventDefault();
   }
 
+  /** @param {number} index */
   #walk(index) {
     const point = this.#points[index];
     for (const plot of this.#plots) {
@@ -263,16 +301,29 @@ export class CurveChart {
   }
 }
 
-/** On a logarithmic axis there is no place for zero. */
+/**
+ * On a logarithmic axis there is no place for zero.
+ * @param {number | null} value
+ * @param {{ input: HTMLInputElement }} toggle
+ */
 function drawable(value, { input: { checked: logarithmic } }) {
   return value == null || (logarithmic && value <= 0) ? null : value;
 }
 
+/**
+ * @param {string} name
+ * @param {boolean} checked
+ * @param {() => void} act
+ */
 function toggle(name, checked, act) {
   const input = h("input", { type: "checkbox", checked, onchange: act });
   return { input, label: h("label", { class: "toggle" }, input, name) };
 }
 
+/**
+ * @param {string} stroke
+ * @returns {uPlot.Series}
+ */
 function line(stroke) {
   return { stroke, width: 2, points: { show: true, size: 6, fill: stroke } };
 }

@@ -2,7 +2,16 @@
 
 import { rulesOf } from "../../shared/job_summary.js";
 
-/** Where each rule stopped, or would have: `{ name, spp, own }`, the job's own one first. */
+/** @import uPlot from "../../vendor/uPlot.d.ts" */
+/** @import { Theme } from "./axes.js" */
+/** @typedef {{ name: string, spp: number, own: boolean }} Stop */
+
+/**
+ * Where each rule stopped, or would have, the job's own one first.
+ * @param {Api.JobView} job
+ * @param {Api.CurvePoint[]} points
+ * @returns {Stop[]}
+ */
 export function stopsOf(job, points) {
   return rulesOf(job).flatMap(({ name }, index) => {
     const first = points.find((point) => point.rules[name]?.stop);
@@ -10,14 +19,22 @@ export function stopsOf(job, points) {
   });
 }
 
-/** Where the last estimate that has one says that the target is reached: `{ spp, low, high }`. */
+/**
+ * Where the last point says that the target is reached.
+ * @param {Api.CurvePoint[]} points
+ */
 export function forecastOf(points) {
   const last = points[points.length - 1];
   if (last?.forecast_spp == null || last.forecast_spp <= last.spp) return null;
   return { spp: last.forecast_spp, low: last.forecast_low_spp, high: last.forecast_high_spp };
 }
 
-/** Draws on a plot's canvas, whose units are device pixels, clipped to the plot. */
+/**
+ * Draws on a plot's canvas, whose units are device pixels, clipped to the plot.
+ * @param {uPlot} plot
+ * @param {(ctx: CanvasRenderingContext2D, bbox: uPlot.BBox, unit: number,
+ *   to: { x: (value: number) => number, y: (value: number) => number }) => void} draw
+ */
 function onPlot(plot, draw) {
   const { ctx, bbox } = plot;
   const unit = devicePixelRatio;
@@ -32,7 +49,13 @@ function onPlot(plot, draw) {
   ctx.restore();
 }
 
-/** Vertical lines where rules stop, with their names where `named`. */
+/**
+ * Vertical lines where rules stop.
+ * @param {uPlot} plot
+ * @param {Stop[]} stops
+ * @param {Theme} theme
+ * @param {boolean} named - whether their names are written beside them
+ */
 export function drawStops(plot, stops, theme, named) {
   onPlot(plot, (ctx, bbox, unit, to) => {
     ctx.font = theme.font.replace("12px", `${12 * unit}px`);
@@ -55,7 +78,12 @@ export function drawStops(plot, stops, theme, named) {
   });
 }
 
-/** The horizontal line for which a rule waits: the noise that may be left, in pixels. */
+/**
+ * The horizontal line for which a rule waits: the noise that may be left, in pixels.
+ * @param {uPlot} plot
+ * @param {number | null} target
+ * @param {Theme} theme
+ */
 export function drawLevel(plot, target, theme) {
   if (target == null) return;
   onPlot(plot, (ctx, bbox, unit, to) => {
@@ -74,22 +102,29 @@ export function drawLevel(plot, target, theme) {
   });
 }
 
-/** From the last estimate to the target, with the band in which it will be met. */
+/**
+ * From the last estimate to the target, with the band in which it will be met.
+ * @param {uPlot} plot
+ * @param {Api.CurvePoint[]} points
+ * @param {number | null} target
+ * @param {Theme} theme
+ */
 export function drawForecast(plot, points, target, theme) {
   const forecast = forecastOf(points);
   const last = points[points.length - 1];
-  if (!forecast || target == null || last.estimate_pixels == null) return;
-  onPlot(plot, (ctx, bbox, unit, to) => {
+  const noise = last?.estimate_pixels;
+  if (!forecast || target == null || noise == null) return;
+  onPlot(plot, (ctx, _bbox, unit, to) => {
     const [x, y] = [to.x(forecast.spp), to.y(target)];
     ctx.strokeStyle = ctx.fillStyle = theme.estimate;
     ctx.lineWidth = 1.5 * unit;
     ctx.setLineDash([2 * unit, 4 * unit]);
     ctx.beginPath();
     // The estimate falls by a power law: a straight line on two logarithmic axes.
-    const power = Math.log(target / last.estimate_pixels) / Math.log(forecast.spp / last.spp);
+    const power = Math.log(target / noise) / Math.log(forecast.spp / last.spp);
     for (let part = 0; part <= 24; part += 1) {
       const spp = last.spp * (forecast.spp / last.spp) ** (part / 24);
-      ctx.lineTo(to.x(spp), to.y(last.estimate_pixels * (spp / last.spp) ** power));
+      ctx.lineTo(to.x(spp), to.y(noise * (spp / last.spp) ** power));
     }
     ctx.stroke();
     ctx.setLineDash([]);

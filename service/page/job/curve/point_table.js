@@ -5,14 +5,17 @@ import { percent, pixels, three, whole } from "../../shared/figures.js";
 
 const COLUMNS = ["spp", "changed", "slope", "noise left", "between", "forecast"];
 
-/** A point in a line. */
+/**
+ * A point in a line.
+ * @param {Api.CurvePoint} point
+ */
 export function told(point) {
   const parts = [`${whole(point.spp)} spp`,
     `${pixels(point.visible_pixels)} px (${percent(point.visible_fraction)}) changed since the first image`];
   if (point.slope != null) parts.push(`slope ${three(point.slope)} px/spp`);
   if (point.estimate_pixels != null) {
-    const band = point.estimate_low_pixels == null ? "" : ` (${pixels(point.estimate_low_pixels)} to ${pixels(point.estimate_high_pixels)})`;
-    parts.push(`${pixels(point.estimate_pixels)} px${band} of noise left`);
+    const band = bandOf(point, " to ");
+    parts.push(`${pixels(point.estimate_pixels)} px${band && ` (${band})`} of noise left`);
   }
   return parts.join(" · ");
 }
@@ -24,19 +27,32 @@ export class PointTable {
     h("div", { class: "scroll", tabindex: 0, role: "group", "aria-label": "The points of the curve" },
       h("table", {}, h("thead", {}, h("tr", {}, COLUMNS.map((name) => h("th", { scope: "col" }, name)))), this.#rows)));
 
-  /** Adds the points that it has not shown yet: those that it has never change. */
+  /**
+   * Adds the points that it has not shown yet: a point never changes.
+   * @param {Api.CurvePoint[]} points
+   */
   show(points) {
     if (points.length < this.#rows.children.length) this.#rows.replaceChildren();
     this.#rows.append(...points.slice(this.#rows.children.length).map(row));
   }
 }
 
+/**
+ * Between which counts the noise left is; "" where that is not known.
+ * @param {Api.CurvePoint} point
+ * @param {string} to
+ */
+function bandOf({ estimate_low_pixels: low, estimate_high_pixels: high }, to) {
+  return low == null || high == null ? "" : `${pixels(low)}${to}${pixels(high)}`;
+}
+
+/** @param {Api.CurvePoint} point */
 function row(point) {
   const cells = [
     whole(point.visible_pixels),
     point.slope == null ? "–" : three(point.slope),
     point.estimate_pixels == null ? "–" : pixels(point.estimate_pixels),
-    point.estimate_low_pixels == null ? "–" : `${pixels(point.estimate_low_pixels)} – ${pixels(point.estimate_high_pixels)}`,
+    bandOf(point, " – ") || "–",
     point.forecast_spp == null ? "–" : `${whole(point.forecast_spp)} spp`,
   ];
   return h("tr", {}, h("th", { scope: "row" }, whole(point.spp)), cells.map((text) => h("td", {}, text)));

@@ -4,22 +4,27 @@ import { get } from "../../shared/api.js";
 import { h, setText } from "../../shared/dom.js";
 import { several, whole } from "../../shared/figures.js";
 
+/** @import { Source } from "./image_layer.js" */
+
 const NEWEST = "newest";
 
 export class Comparison {
+  /** @type {Api.Preview[]} */
   #previews = [];
+  /** @type {Api.JobView | null} */
   #job = null;
-  #left;
-  #right;
+  #left = h("select");
+  #right = h("select");
   #wipe;
   #hint = h("p", { class: "hint" });
-  element;
 
-  /** `choose()` is called when another image was chosen, `wipe()` when the wipe was moved. */
+  /**
+   * @param {() => unknown} choose - called when another image was chosen
+   * @param {() => unknown} wipe - called when the wipe was moved
+   */
   constructor(choose, wipe) {
-    const select = () => h("select", { onchange: choose });
-    const label = (name, one) => h("label", {}, h("span", {}, name), one);
-    [this.#left, this.#right] = [select(), select()];
+    const label = (/** @type {string} */ name, /** @type {Element} */ one) => h("label", {}, h("span", {}, name), one);
+    for (const select of [this.#left, this.#right]) select.addEventListener("change", choose);
     this.#wipe = h("input", { type: "range", min: 0, max: 100, step: 0.5, value: 50, oninput: wipe });
     this.element = h("div", { class: "panel" },
       h("label", { class: "slider" }, h("span", {}, "Wipe"), this.#wipe, h("output")),
@@ -31,38 +36,45 @@ export class Comparison {
     return Number(this.#wipe.value);
   }
 
+  /** @param {number} share */
   wipeTo(share) {
-    this.#wipe.value = 100 * share;
+    this.#wipe.value = String(100 * share);
   }
 
-  /** What lies at the left and at the right, as sources of a `Side`, with their names. */
+  /**
+   * What lies at the left and at the right.
+   * @returns {Source[]}
+   */
   sides() {
-    if (!this.#job) return [];
-    return [this.#left, this.#right].map((select) => this.#source(select));
+    const job = this.#job;
+    if (!job) return [];
+    return [this.#left, this.#right].map((select) => {
+      const preview = this.#previews.find(({ spp }) => String(spp) === select.value);
+      if (!preview) return newestOf(job);
+      const name = `${whole(preview.spp)} spp`;
+      return { name, png: preview.link, exr: preview.linear, ev: job.spec.view.exposure_ev, version: "" };
+    });
   }
 
-  #source(select) {
-    const preview = this.#previews.find(({ spp }) => String(spp) === select.value);
-    if (!preview) return newestOf(this.#job);
-    return {
-      name: `${whole(preview.spp)} spp`, png: preview.link, exr: preview.linear,
-      ev: this.#job.spec.view.exposure_ev, version: "",
-    };
-  }
-
-  /** Asks which images there are, and offers them. */
+  /**
+   * Asks which images there are, and offers them.
+   * @param {Api.JobView} job
+   * @param {Api.CurvePoint[]} points
+   * @param {AbortSignal} signal
+   */
   async list(job, points, signal) {
     this.#job = job;
+    /** @type {Api.PreviewList} */
     const { previews } = await get(job.links.previews, signal);
     const same = previews.length === this.#previews.length && previews.every(({ spp }, at) => spp === this.#previews[at].spp);
     this.#previews = previews;
-    const final = newestOf(job).name;
-    for (const [select, start] of [[this.#left, previews[0]?.spp], [this.#right, NEWEST]]) {
+    const final = nameOfNewest(job);
+    for (const select of [this.#left, this.#right]) {
       if (same && select.options.length) {
         setText(select.options[select.options.length - 1], final);
         continue;
       }
-      const value = select.value || String(start ?? NEWEST);
+      const value = select.value || String(select === this.#left && previews.length ? previews[0].spp : NEWEST);
       select.replaceChildren(...previews.map(({ spp }) => h("option", { value: spp }, `${whole(spp)} spp`)),
         h("option", { value: NEWEST }, final));
       select.value = value;
@@ -71,7 +83,10 @@ export class Comparison {
     setText(this.#hint, kept(previews, points));
   }
 
-  /** What has to be known of the exposure of these two; "" where it is exact. */
+  /**
+   * What has to be known of the exposure of these two; "" where it is exact.
+   * @param {Source[]} sides
+   */
   static doubt(sides) {
     const rough = sides.filter(({ exr }) => !exr).map(({ name }) => name);
     if (!rough.length) return "";
@@ -79,15 +94,28 @@ export class Comparison {
   }
 }
 
-/** The newest image of a job as a source of a `Side`. */
+/**
+ * The newest image of a job.
+ * @param {Api.JobView} job
+ * @returns {Source}
+ */
 export function newestOf(job) {
   return {
-    name: job.finished_at ? "final image" : "newest image",
+    name: nameOfNewest(job),
     png: job.links.image_png, exr: job.links.image_exr,
     ev: job.spec.view.exposure_ev, version: job.finished_at,
   };
 }
 
+/** @param {Api.JobView} job */
+function nameOfNewest(job) {
+  return job.finished_at ? "final image" : "newest image";
+}
+
+/**
+ * @param {Api.Preview[]} previews
+ * @param {Api.CurvePoint[]} points
+ */
 function kept(previews, points) {
   const missing = points.filter(({ spp }) => !previews.some((one) => one.spp === spp)).length;
   if (previews.length && previews[0].linear) return "Every point of the curve, merged from the slices that the job keeps.";

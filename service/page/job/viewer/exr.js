@@ -1,27 +1,35 @@
 // Reads the EXR files that Plateau writes: one part, scan lines, float32 R, G and B, zip or none.
 // See "OpenEXR File Layout" (openexr.com): what is needed of it is little.
 
+const UNKNOWN_KIND = "not an EXR file of this kind";
 const MAGIC = 20000630;
 const MULTIPART_OR_TILES = 0x1a00;
 const FLOAT = 2;
 /** Lines in a chunk, by compression. */
 const LINES = new Map([[0, 1], [2, 1], [3, 16]]);
 
-/** A file's pixels: `{ width, height, planes: { R, G, B } }` of Float32Array, linear radiance. */
+/** @typedef {{ width: number, height: number, planes: Record<string, Float32Array> }} LinearImage
+ *   linear radiance; the planes are R, G and B */
+
+/**
+ * A file's pixels.
+ * @param {ArrayBuffer} buffer
+ * @returns {Promise<LinearImage>}
+ */
 export async function readExr(buffer) {
   const view = new DataView(buffer);
   const flags = view.getUint32(4, true);
-  if (view.getUint32(0, true) !== MAGIC || flags & MULTIPART_OR_TILES) throw new Error("not an EXR file of this kind");
-  const { attributes, end } = header(view, 8);
-  const channels = channelList(attributes.get("channels"));
-  const lines = LINES.get(attributes.get("compression").getUint8(0));
-  if (!lines || channels.some(({ type }) => type !== FLOAT)) throw new Error("not an EXR file of this kind");
-  const box = attributes.get("dataWindow");
+  if (view.getUint32(0, true) !== MAGIC || flags & MULTIPART_OR_TILES) throw new Error(UNKNOWN_KIND);
+  const { attribute, end } = header(view, 8);
+  const channels = channelList(attribute("channels"));
+  const lines = LINES.get(attribute("compression").getUint8(0));
+  if (!lines || channels.some(({ type }) => type !== FLOAT)) throw new Error(UNKNOWN_KIND);
+  const box = attribute("dataWindow");
   const [left, top, right, bottom] = [0, 4, 8, 12].map((offset) => box.getInt32(offset, true));
   const [width, height] = [right - left + 1, bottom - top + 1];
   const planes = Object.fromEntries(channels.map(({ name }) => [name, new Float32Array(width * height)]));
 
-  const chunk = async (number) => {
+  const chunk = async (/** @type {number} */ number) => {
     const start = Number(view.getBigUint64(end + 8 * number, true));
     const first = view.getInt32(start, true) - top;
     const size = view.getInt32(start + 4, true);
@@ -43,7 +51,12 @@ export async function readExr(buffer) {
   return { width, height, planes };
 }
 
+/**
+ * @param {DataView} view
+ * @param {number} offset
+ */
 function header(view, offset) {
+  /** @type {Map<string, DataView>} */
   const attributes = new Map();
   let at = offset;
   const text = () => {
@@ -54,14 +67,21 @@ function header(view, offset) {
   };
   for (;;) {
     const name = text();
-    if (name === "") return { attributes, end: at };
+    if (name === "") break;
     text();  // its type
     const size = view.getInt32(at, true);
     attributes.set(name, new DataView(view.buffer, at + 4, size));
     at += 4 + size;
   }
+  const attribute = (/** @type {string} */ name) => {
+    const found = attributes.get(name);
+    if (!found) throw new Error(UNKNOWN_KIND);
+    return found;
+  };
+  return { attribute, end: at };
 }
 
+/** @param {DataView} view */
 function channelList(view) {
   const found = [];
   let at = 0;
@@ -74,12 +94,16 @@ function channelList(view) {
   return found;
 }
 
+/** @param {Uint8Array<ArrayBuffer>} packed */
 async function inflated(packed) {
   const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("deflate"));
   return new Uint8Array(await new Response(stream).arrayBuffer());
 }
 
-/** Undoes what precedes the zip: differences of neighbours, and the halves of all bytes interleaved. */
+/**
+ * Undoes what precedes the zip: differences of neighbours, and the halves of all bytes interleaved.
+ * @param {Uint8Array} bytes
+ */
 function unpredicted(bytes) {
   for (let at = 1; at < bytes.length; at += 1) bytes[at] = (bytes[at - 1] + bytes[at] - 128) & 255;
   const found = new Uint8Array(bytes.length);

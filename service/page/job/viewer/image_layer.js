@@ -1,19 +1,33 @@
 // One of the two images that can be seen at once: as its display shows it, or at another exposure.
 
 import { bytes } from "../../shared/api.js";
-import { h } from "../../shared/dom.js";
+import { drawing, h } from "../../shared/dom.js";
 import { Picture } from "../../shared/picture.js";
 import { readExr } from "./exr.js";
 import { linearised, toned } from "./tone_mapping.js";
 
-/** The linear image of a job that still renders is fetched again so often. */
+/** How long the linear image of a job that still renders is shown before it is fetched again. */
 const LINEAR_EVERY_MS = 4000;
 
-export class Side {
+/** @import { LinearImage } from "./exr.js" */
+
+/**
+ * What an image layer can show.
+ * @typedef {object} Source
+ * @property {string} [name] - what it is called
+ * @property {string} png
+ * @property {string | null} exr - the same in linear light; without it the light is that of the picture's 8 bits
+ * @property {number} ev - the exposure of the picture
+ * @property {string | null} version - tells contents at one path apart; null where they change all the time
+ */
+
+export class ImageLayer {
   #image = h("img", { alt: "", class: "layer", draggable: "false" });
   #canvas = h("canvas", { class: "layer", hidden: true });
   #picture = new Picture(this.#image);
+  /** @type {{ png: string, version: string | null, at: number, shown: number | null, ev: number, image: LinearImage } | null} */
   #linear = null;
+  /** @type {{ key: string, stop: AbortController, promise: Promise<void> } | null} */
   #under = null;
   element = h("div", { class: "side" }, this.#image, this.#canvas);
 
@@ -26,7 +40,10 @@ export class Side {
     return this.#picture.spp;
   }
 
-  /** Says in words what it shows. */
+  /**
+   * Says in words what it shows.
+   * @param {string} text
+   */
   describe(text) {
     this.#image.alt = text;
     this.#canvas.setAttribute("aria-label", text);
@@ -34,13 +51,12 @@ export class Side {
   }
 
   /**
-   * Shows a source `{ png, exr, ev, version }` with its light times 2^more.
+   * Shows a source with its light times 2^more.
    *
-   * `exr` is the path of the same in linear light, or null where there is none: then the light is
-   * that of the picture's 8 bits. `ev` is the exposure of the picture. `version` tells contents at
-   * one path apart; null where they change all the time.
-   *
-   * What was asked for before and has not come yet is given up; the same again is waited for.
+   * A request for another source that is still under way is given up; one for the same is waited for.
+   * @param {Source} source
+   * @param {number} more
+   * @param {AbortSignal} signal
    */
   show(source, more, signal) {
     const key = JSON.stringify([source.png, source.version, more !== 0]);
@@ -55,7 +71,10 @@ export class Side {
     return promise;
   }
 
-  /** Draws it with its light times 2^more; with none, or before its light has come, as a picture. */
+  /**
+   * Draws it with its light times 2^more; with none, or before its light has come, as a picture.
+   * @param {number} more
+   */
   expose(more) {
     const linear = more !== 0 && this.#linear?.png === this.#picture.path ? this.#linear : null;
     this.#canvas.hidden = !linear;
@@ -63,7 +82,7 @@ export class Side {
     if (!linear || (linear.shown === more)) return;
     const { width, height } = linear.image;
     if (this.#canvas.width !== width || this.#canvas.height !== height) Object.assign(this.#canvas, { width, height });
-    this.#canvas.getContext("2d").putImageData(toned(linear.image, linear.ev + more), 0, 0);
+    drawing(this.#canvas).putImageData(toned(linear.image, linear.ev + more), 0, 0);
     linear.shown = more;
   }
 
@@ -73,6 +92,11 @@ export class Side {
     this.#picture.letGo();
   }
 
+  /**
+   * @param {Source} source
+   * @param {boolean} inLight
+   * @param {AbortSignal} signal
+   */
   async #load(source, inLight, signal) {
     const isNew = await this.#picture.show(source.png, signal);
     if (!inLight) return;
@@ -88,6 +112,10 @@ export class Side {
   }
 }
 
+/**
+ * @param {string} path
+ * @param {AbortSignal} signal
+ */
 async function linearOf(path, signal) {
   const { blob } = await bytes(path, signal);
   return readExr(await blob.arrayBuffer());

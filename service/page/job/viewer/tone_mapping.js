@@ -1,5 +1,7 @@
 // Linear radiance as the job's display shows it, at any exposure: what metric.encode_srgb does.
 
+import { drawing, h } from "../../shared/dom.js";
+
 const SHIFT = 12;
 /** The code of every 2¹²th positive float32 up to 1, by its bits. */
 const TABLE = table();
@@ -10,8 +12,11 @@ const LIGHT = Float32Array.from({ length: 256 }, (_, code) => {
   return encoded <= 0.04045 ? encoded / 12.92 : ((encoded + 0.055) / 1.055) ** 2.4;
 });
 
-/** The sRGB code, 0 to 255, of a linear value (IEC 61966-2-1). */
-export function code(linear) {
+/**
+ * The sRGB code, 0 to 255, of a linear value (IEC 61966-2-1).
+ * @param {number} linear
+ */
+function code(linear) {
   if (!(linear > 0)) return 0;
   if (linear >= 1) return 255;
   const encoded = linear <= 0.0031308 ? 12.92 * linear : 1.055 * linear ** (1 / 2.4) - 0.055;
@@ -30,7 +35,13 @@ function table() {
   return codes;
 }
 
-/** An ImageData of the image `{ width, height, planes }` with its light times 2^ev. */
+/** @import { LinearImage } from "./exr.js" */
+
+/**
+ * The image with its light times 2^ev.
+ * @param {LinearImage} image
+ * @param {number} ev
+ */
 export function toned({ width, height, planes: { R, G, B } }, ev) {
   const data = new ImageData(width, height);
   const out = data.data;
@@ -57,11 +68,15 @@ export function toned({ width, height, planes: { R, G, B } }, ev) {
   return data;
 }
 
-/** The linear light of an <img>, as far as its 8 bits tell: `{ width, height, planes }`. */
+/**
+ * The linear light of an <img>, as far as its 8 bits tell.
+ * @param {HTMLImageElement} image
+ * @returns {LinearImage}
+ */
 export function linearised(image) {
   const { naturalWidth: width, naturalHeight: height } = image;
-  const canvas = new OffscreenCanvas(width, height);
-  const context = canvas.getContext("2d", { willReadFrequently: true });
+  const canvas = h("canvas", { width, height });
+  const context = drawing(canvas, { willReadFrequently: true });
   context.drawImage(image, 0, 0);
   const { data } = context.getImageData(0, 0, width, height);
   const planes = [0, 1, 2].map((channel) => {

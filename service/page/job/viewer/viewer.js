@@ -1,14 +1,20 @@
 // A job's image: as it improves, at any exposure, against earlier ones, and where it differs.
 
+import { isAbort, isProblem } from "../../shared/api.js";
 import { h, setAttribute, setText } from "../../shared/dom.js";
 import { several, whole } from "../../shared/figures.js";
+import { messageOf } from "../../shared/notices.js";
 import { Comparison, newestOf } from "./comparison.js";
-import { Side } from "./image_layer.js";
+import { ImageLayer } from "./image_layer.js";
 import { ZoneMap } from "./zone_map.js";
 import { Stage } from "./zoom_pan.js";
 
+/** @import { Source } from "./image_layer.js" */
+
 /** What takes longer than this is said to be under way. */
 const SOON_MS = 400;
+/** @typedef {"image" | "compare" | "difference" | "broken" | "zones"} Mode */
+/** @type {[Mode, string][]} */
 const MODES = [
   ["image", "Image"],
   ["compare", "Compare"],
@@ -17,7 +23,10 @@ const MODES = [
   ["zones", "Zones"],
 ];
 
-/** Maps that lie over the image, by mode: their link, and the figure without which there is none. */
+/**
+ * Maps that lie over the image, by mode: their link, and the figure without which there is none.
+ * @type {Partial<Record<Mode, { link: string, where: "points" | "non_finite_pixels" }>>}
+ */
 const MAPS = {
   difference: { link: "difference_png", where: "points" },
   broken: { link: "non_finite_png", where: "non_finite_pixels" },
@@ -25,14 +34,20 @@ const MAPS = {
 
 export class Viewer {
   #signal;
+  /** @type {Api.JobView | null} */
   #job = null;
+  /** @type {Api.CurvePoint[]} */
   #points = [];
+  /** @type {Mode} */
   #mode = "image";
-  #lower = new Side();
-  #upper = new Side();
+  #lower = new ImageLayer();
+  #upper = new ImageLayer();
   #zones = new ZoneMap();
   #stage = new Stage([this.#lower.element, this.#upper.element, this.#zones.element], (at) => this.#wipeTo(at));
-  /** The mode whose picture lies above; null before there is one. */
+  /**
+   * The mode whose picture lies above; null before there is one.
+   * @type {Mode | null}
+   */
   #aboveOf = null;
   #listed = "";
   #busy = false;
@@ -45,14 +60,21 @@ export class Viewer {
   #light;
   #doubt = h("p", { class: "hint" });
   #panels;
+  #modes;
 
+  /** @param {AbortSignal} signal */
   constructor(signal) {
     this.#signal = signal;
-    const zones = h("select", { onchange: () => { this.#zones.measure(zones.value); this.#words(); } },
+    const zones = h("select", {},
       h("option", { value: "estimate_fraction" }, "noise left"),
       h("option", { value: "visible_fraction" }, "changed since the first image"));
-    const reset = h("button", { class: "quiet", onclick: () => { this.#exposure.input.value = 0; this.#expose(); } }, "As judged");
+    zones.addEventListener("change", () => {
+      this.#zones.measure(zones.value === "estimate_fraction" ? "estimate_fraction" : "visible_fraction");
+      this.#words();
+    });
+    const reset = h("button", { class: "quiet", onclick: () => { this.#exposure.input.value = "0"; this.#expose(); } }, "As judged");
     this.#light = h("div", { class: "panel" }, this.#exposure.label, reset, this.#doubt);
+    /** @type {Partial<Record<Mode, HTMLElement>>} */
     this.#panels = {
       compare: this.#compare.element,
       difference: h("div", { class: "panel" }, this.#overlay.label,
@@ -61,10 +83,9 @@ export class Viewer {
         h("span", { class: "hint" }, "Magenta: NaN. Blue: infinite. No sample repairs such a pixel; look for its emitter, texture or material.")),
       zones: h("div", { class: "panel" }, h("label", {}, h("span", {}, "By zones"), zones)),
     };
-    const modes = h("div", { class: "modes", role: "group", "aria-label": "What is shown" },
-      MODES.map(([value, text]) => h("button", {
-        "aria-pressed": String(value === this.#mode), "data-mode": value, hidden: value === "broken", onclick: () => this.#turn(value),
-      }, text)));
+    this.#modes = new Map(MODES.map(([mode, text]) =>
+      [mode, h("button", { "data-mode": mode, hidden: mode === "broken", onclick: () => this.#turn(mode) }, text)]));
+    const modes = h("div", { class: "modes", role: "group", "aria-label": "What is shown" }, [...this.#modes.values()]);
     this.#stage.element.hidden = true;
     this.element = h("section", { class: "viewer", "aria-labelledby": "image-title" },
       h("div", { class: "viewer-head" }, h("h2", { id: "image-title" }, "Its image"), modes),
@@ -77,12 +98,16 @@ export class Viewer {
     });
   }
 
-  /** Shows the job's newest image and its newest point; at most one look is under way. */
+  /**
+   * Shows the job's newest image and its newest point; at most one look is under way.
+   * @param {Api.JobView} job
+   * @param {Api.CurvePoint[]} points
+   */
   async show(job, points) {
     this.#job = job;
     this.#points = points;
     this.#zones.show(job, points[points.length - 1]);
-    this.element.querySelector("[data-mode=broken]").hidden = !job.non_finite_pixels;
+    this.#modes.get("broken")?.toggleAttribute("hidden", !job.non_finite_pixels);
     if (!job.image_spp) {
       setText(this.#nothing, job.finished_at ? "The job ended without an image." : "Its first image comes with its first samples.");
       return;
@@ -90,26 +115,28 @@ export class Viewer {
     if (this.#busy) return;
     this.#busy = true;
     try {
-      await this.#look();
+      await this.#look(job);
     } catch (error) {
-      if (error.name === "AbortError") return;
-      if (error.slug !== "no-image-yet") throw error;
-      if (job.finished_at) setText(this.#nothing, error.message);
+      if (isAbort(error)) return;
+      if (!isProblem(error, "no-image-yet")) throw error;
+      if (job.finished_at) setText(this.#nothing, messageOf(error));
     } finally {
       this.#busy = false;
     }
   }
 
-  /** Fetches what the chosen mode shows; what has not changed is not shown again. */
-  async #look() {
-    const { points, finished_at: finished } = this.#job;
-    const stamp = `${points} ${finished ?? ""}`;
+  /**
+   * Fetches what the chosen mode shows; what has not changed is not shown again.
+   * @param {Api.JobView} job
+   */
+  async #look(job) {
+    const stamp = `${job.points} ${job.finished_at ?? ""}`;
     if (this.#mode === "compare" && stamp !== this.#listed) {
-      await this.#compare.list(this.#job, this.#points, this.#signal);
+      await this.#compare.list(job, this.#points, this.#signal);
       this.#listed = stamp;
     }
     const mode = this.#mode;
-    const [base, over] = this.#sources();
+    const [base, over] = this.#sources(job);
     await Promise.all([
       this.#lower.show(base, this.#ev(), this.#signal),
       over && this.#upper.show(over, this.#ev(), this.#signal),
@@ -118,24 +145,27 @@ export class Viewer {
     this.#nothing.hidden = true;
     this.#stage.element.hidden = false;
     this.#stage.fit(this.#lower.size.width, this.#lower.size.height);
-    this.#lower.describe(`The image of ${this.#job.name} at ${whole(this.#lower.spp ?? this.#job.spp)} spp`);
-    this.#upper.describe(this.#mode === "compare" ? `The same at ${whole(this.#upper.spp ?? this.#job.spp)} spp, at the right` : "");
+    this.#lower.describe(`The image of ${job.name} at ${whole(this.#lower.spp ?? job.spp)} spp`);
+    this.#upper.describe(this.#mode === "compare" ? `The same at ${whole(this.#upper.spp ?? job.spp)} spp, at the right` : "");
     this.#paint();
   }
 
-  /** What lies below and, where there is something, above. */
-  #sources() {
+  /**
+   * What lies below and, where there is something, above.
+   * @param {Api.JobView} job
+   * @returns {Source[]}
+   */
+  #sources(job) {
     if (this.#mode === "compare") return this.#compare.sides();
-    const newest = newestOf(this.#job);
-    const map = this.#job[MAPS[this.#mode]?.where] && this.#job.links[MAPS[this.#mode].link];
-    return [newest, map ? { png: map, exr: null, ev: 0, version: newest.version } : null];
+    const newest = newestOf(job);
+    const map = MAPS[this.#mode];
+    return map && job[map.where] ? [newest, { png: job.links[map.link], exr: null, ev: 0, version: newest.version }] : [newest];
   }
 
+  /** @param {Mode} mode */
   #turn(mode) {
     this.#mode = mode;
-    for (const button of this.element.querySelectorAll("[data-mode]")) {
-      setAttribute(button, "aria-pressed", String(button.dataset.mode === mode));
-    }
+    for (const [name, button] of this.#modes) setAttribute(button, "aria-pressed", String(name === mode));
     for (const [name, panel] of Object.entries(this.#panels)) panel.hidden = name !== mode;
     this.#light.hidden = !["image", "compare"].includes(mode);
     this.#zones.element.toggleAttribute("hidden", mode !== "zones");
@@ -145,19 +175,20 @@ export class Viewer {
 
   /** Shows what was just chosen; a look that is under way would show what was chosen before. */
   async #choose() {
-    if (!this.#job?.image_spp) return;
+    const job = this.#job;
+    if (!job?.image_spp) return;
     const asked = (this.#asked += 1);
     const patience = setTimeout(() => {
-      const names = this.#sources().map((one) => one?.name).filter(Boolean);
+      const names = this.#sources(job).map(({ name }) => name).filter(Boolean);
       setText(this.#caption, `Getting ${names.join(" and ")} …`);
     }, SOON_MS);
     try {
-      await this.#look();
+      await this.#look(job);
     } catch (error) {
-      if (error.name !== "AbortError") setText(this.#caption, error.message);
+      if (!isAbort(error)) setText(this.#caption, messageOf(error));
     } finally {
       clearTimeout(patience);
-      if (asked === this.#asked && this.#caption.textContent.endsWith("…")) this.#words();
+      if (asked === this.#asked && this.#caption.textContent?.endsWith("…")) this.#words();
     }
   }
 
@@ -166,11 +197,12 @@ export class Viewer {
   #layers() {
     const [mode, above] = [this.#mode, this.#upper.element];
     above.hidden = mode !== this.#aboveOf;
-    above.style.opacity = mode === "difference" ? this.#overlay.input.value / 100 : 1;
+    above.style.opacity = mode === "difference" ? `${this.#overlay.input.value}%` : "1";
     setText(this.#overlay.output, `${this.#overlay.input.value} %`);
     this.#stage.wipe(mode === "compare" ? this.#compare.percent : null, above);
   }
 
+  /** @param {number} share */
   #wipeTo(share) {
     if (this.#mode !== "compare") return;
     this.#compare.wipeTo(share);
@@ -217,6 +249,11 @@ export class Viewer {
   }
 }
 
+/**
+ * @param {string} name
+ * @param {{ min: number, max: number, step: number, value: number }} attributes
+ * @param {() => void} act
+ */
 function slider(name, attributes, act) {
   const input = h("input", { type: "range", ...attributes, oninput: act });
   const output = h("output");

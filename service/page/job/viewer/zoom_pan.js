@@ -2,7 +2,11 @@
 
 import { h } from "../../shared/dom.js";
 
+/** @typedef {{ x: number, y: number }} Place  in shares of the frame, from its middle */
+
 const MOST = 64;
+/** @type {Record<string, Place>} */
+const ARROWS = { ArrowLeft: { x: 0.1, y: 0 }, ArrowRight: { x: -0.1, y: 0 }, ArrowUp: { x: 0, y: 0.1 }, ArrowDown: { x: 0, y: -0.1 } };
 
 export class Stage {
   #sheet;
@@ -12,10 +16,15 @@ export class Stage {
   #view = { scale: 1, x: 0, y: 0 };
   #onWipe;
   #wiping = false;
+  /** @type {HTMLElement} */
   #frame;
+  /** @type {Map<number, PointerEvent>} */
   #pointers = new Map();
 
-  /** `layers` lie on each other, the last one on top; `onWipe(share)` is told where the pointer wipes. */
+  /**
+   * @param {Element[]} layers - lie on each other, the last one on top
+   * @param {(share: number) => void} onWipe - told where the pointer wipes
+   */
   constructor(layers, onWipe) {
     this.#onWipe = onWipe;
     this.#sheet = h("div", { class: "sheet" }, layers, this.#line);
@@ -30,7 +39,7 @@ export class Stage {
       onpointerup: (event) => this.#pointers.delete(event.pointerId),
       onpointercancel: (event) => this.#pointers.delete(event.pointerId),
     }, this.#sheet);
-    const button = (text, label, act) => h("button", { class: "quiet", "aria-label": label, title: label, onclick: act }, text);
+    const button = (/** @type {string} */ text, /** @type {string} */ label, /** @type {() => void} */ act) => h("button", { class: "quiet", "aria-label": label, title: label, onclick: act }, text);
     this.element = h("div", { class: "stage" }, this.#frame,
       h("div", { class: "zooms" },
         button("−", "Zoom out of the image", () => this.#zoom(1 / 1.5)), this.#zoomText,
@@ -40,7 +49,11 @@ export class Stage {
     new ResizeObserver(() => this.#set(this.#view)).observe(this.#frame);
   }
 
-  /** Says how large the image is. */
+  /**
+   * Says how large the image is.
+   * @param {number} width
+   * @param {number} height
+   */
   fit(width, height) {
     if (width === this.#size.width && height === this.#size.height) return;
     this.#size = { width, height };
@@ -49,7 +62,11 @@ export class Stage {
     this.#set({ scale: 1, x: 0, y: 0 });
   }
 
-  /** Shows a layer from so many percent of the width on to the right; all of it with null. */
+  /**
+   * Shows a layer from this percentage of the width on to the right; all of it with null.
+   * @param {number | null} percent
+   * @param {HTMLElement} layer
+   */
   wipe(percent, layer) {
     this.#wiping = percent !== null;
     this.#line.hidden = !this.#wiping;
@@ -60,9 +77,10 @@ export class Stage {
 
   // The view: how much larger than fitted, and where its middle is, in shares of the frame.
 
+  /** @param {Place & { scale: number }} view */
   #set({ scale, x, y }) {
     const most = Math.max(0, (scale - 1) / 2);
-    const bound = (value) => Math.min(most, Math.max(-most, value));
+    const bound = (/** @type {number} */ value) => Math.min(most, Math.max(-most, value));
     this.#view = { scale, x: bound(x), y: bound(y) };
     const { clientWidth: width, clientHeight: height } = this.#frame;
     this.#sheet.style.transform = `translate(${this.#view.x * width}px, ${this.#view.y * height}px) scale(${scale})`;
@@ -73,6 +91,7 @@ export class Stage {
     this.#zoomText.value = width ? `${Math.round(shown * 100)} %` : "";
   }
 
+  /** @param {number} factor */
   #zoom(factor, at = { x: 0, y: 0 }) {
     const { scale, x, y } = this.#view;
     const next = Math.min(MOST, Math.max(1, scale * factor));
@@ -80,16 +99,20 @@ export class Stage {
     this.#set({ scale: next, x: at.x - (at.x - x) * grown, y: at.y - (at.y - y) * grown });
   }
 
-  #own(at) {
-    this.#zoom(this.#size.width / this.#frame.clientWidth / this.#view.scale, at);
+  #own() {
+    this.#zoom(this.#size.width / this.#frame.clientWidth / this.#view.scale);
   }
 
-  /** Where an event is, in shares of the frame from its middle. */
+  /**
+   * Where an event is.
+   * @param {MouseEvent} event
+   */
   #place(event) {
     const box = this.#frame.getBoundingClientRect();
     return { x: (event.clientX - box.left) / box.width - 0.5, y: (event.clientY - box.top) / box.height - 0.5 };
   }
 
+  /** @param {WheelEvent} event */
   #wheel(event) {
     // The page still scrolls over an image that fits.
     if (!event.ctrlKey && this.#view.scale === 1) return;
@@ -97,11 +120,13 @@ export class Stage {
     this.#zoom(2 ** (-event.deltaY / 200), this.#place(event));
   }
 
+  /** @param {MouseEvent} event */
   #toggle(event) {
     if (this.#view.scale > 1) this.#set({ scale: 1, x: 0, y: 0 });
     else this.#zoom(Math.max(2, (2 * this.#size.width) / this.#frame.clientWidth), this.#place(event));
   }
 
+  /** @param {PointerEvent} event */
   #down(event) {
     if (event.button) return;
     this.#pointers.set(event.pointerId, event);
@@ -109,6 +134,7 @@ export class Stage {
     this.#drag(event, event);
   }
 
+  /** @param {PointerEvent} event */
   #move(event) {
     const before = this.#pointers.get(event.pointerId);
     if (!before) return;
@@ -118,6 +144,10 @@ export class Stage {
     this.#pointers.set(event.pointerId, event);
   }
 
+  /**
+   * @param {PointerEvent} before
+   * @param {PointerEvent} event
+   */
   #drag(before, event) {
     const { scale, x, y } = this.#view;
     const [from, to] = [this.#place(before), this.#place(event)];
@@ -125,16 +155,22 @@ export class Stage {
     else this.#set({ scale, x: x + to.x - from.x, y: y + to.y - from.y });
   }
 
+  /**
+   * @param {PointerEvent} before
+   * @param {PointerEvent} event
+   * @param {PointerEvent} other
+   */
   #pinch(before, event, other) {
-    const apart = (one) => Math.hypot(one.clientX - other.clientX, one.clientY - other.clientY);
+    const apart = (/** @type {PointerEvent} */ one) => Math.hypot(one.clientX - other.clientX, one.clientY - other.clientY);
     const [here, there] = [this.#place(event), this.#place(other)];
     this.#zoom(apart(event) / Math.max(1, apart(before)), { x: (here.x + there.x) / 2, y: (here.y + there.y) / 2 });
   }
 
+  /** @param {KeyboardEvent} event */
   #key(event) {
     const { scale, x, y } = this.#view;
-    const moved = { ArrowLeft: [0.1, 0], ArrowRight: [-0.1, 0], ArrowUp: [0, 0.1], ArrowDown: [0, -0.1] }[event.key];
-    if (moved && scale > 1) this.#set({ scale, x: x + moved[0], y: y + moved[1] });
+    const moved = ARROWS[event.key];
+    if (moved && scale > 1) this.#set({ scale, x: x + moved.x, y: y + moved.y });
     else if (event.key === "+" || event.key === "=") this.#zoom(1.5);
     else if (event.key === "-") this.#zoom(1 / 1.5);
     else if (event.key === "0") this.#set({ scale: 1, x: 0, y: 0 });

@@ -1,0 +1,34 @@
+"""The page's files: every export is imported, and every style sheet linked."""
+
+import re
+from pathlib import Path
+
+PAGE = Path(__file__).parents[2] / "service" / "page"
+OWN = [path for path in PAGE.rglob("*.js") if "vendor" not in path.parts]
+EXPORT = re.compile(r"^export (?:async )?(?:function|class|const|let) (\w+)", re.MULTILINE)
+IMPORT = re.compile(r"^import \{ ([^}]*) \} from \"([^\"]*)\"", re.MULTILINE)
+#: What main.js calls of each screen.
+SCREEN = "open"
+
+
+def test_every_export_is_imported_somewhere() -> None:
+    exported = {
+        (path, name)
+        for path in OWN
+        for name in EXPORT.findall(path.read_text("utf-8"))
+        if name != SCREEN
+    }
+    imported = {
+        ((path.parent / source).resolve(), name)
+        for path in OWN
+        for names, source in IMPORT.findall(path.read_text("utf-8"))
+        for name in names.split(", ")
+    }
+    assert exported, "nothing was read"
+    assert {(path.relative_to(PAGE), name) for path, name in exported - imported} == set()
+
+
+def test_every_style_sheet_is_linked() -> None:
+    index = (PAGE / "index.html").read_text("utf-8")
+    linked = set(re.findall(r'rel="stylesheet" href="/page/([^"]*)"', index))
+    assert linked == {path.relative_to(PAGE).as_posix() for path in PAGE.rglob("*.css")}
