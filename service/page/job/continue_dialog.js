@@ -1,11 +1,10 @@
 // Going on with a job that has ended: to a stricter rule or a higher cap, as a new job.
 
-import { send } from "../shared/api.js";
 import { openForm } from "../shared/dialogs.js";
 import { h } from "../shared/dom.js";
 import { whole } from "../shared/figures.js";
 import { fieldsOf } from "../shared/form_fields.js";
-import { OneJob } from "../shared/job_request.js";
+import { jobMaker } from "../shared/job_request.js";
 import { ENDED, noiseTarget, title } from "../shared/job_summary.js";
 import { maySubmit } from "../shared/permissions.js";
 import { fieldIn } from "../shared/rules.js";
@@ -40,14 +39,8 @@ function ask(job, go) {
     ...asked, help: "The smaller, the stricter.",
     value: Number(Math.max(asked.min, job.state === "converged" ? target / 2 : target).toPrecision(3)),
   }]);
-  const wanted = new OneJob();
+  const changes = () => ({ ...limits.values(), ...(asked && { rule: stricter.values() }) });
   openForm(`Go on with ${title(job)}`, "Go on",
     [h("p", {}, "A new job takes over its samples; this one stays as it is."), ...limits.elements, ...stricter.elements],
-    {
-      async send() {
-        const changes = { ...limits.values(), ...(asked && { rule: stricter.values() }) };
-        const next = await wanted.make((headers) => send("POST", job.links.continue, changes, headers));
-        return () => go(`/jobs/${next.id}`);
-      },
-    });
+    { send: jobMaker(job.links.continue, changes, go) });
 }

@@ -1,11 +1,10 @@
 // Judging the kept slices of an ended job again: by other rules, or as another display shows them.
 
-import { send } from "../shared/api.js";
 import { openForm } from "../shared/dialogs.js";
 import { h, setText } from "../shared/dom.js";
 import { whole } from "../shared/figures.js";
 import { blame, fieldsOf } from "../shared/form_fields.js";
-import { OneJob } from "../shared/job_request.js";
+import { jobMaker } from "../shared/job_request.js";
 import { ENDED, title } from "../shared/job_summary.js";
 import { maySubmit } from "../shared/permissions.js";
 import { RULES, watchable } from "../shared/rules.js";
@@ -45,7 +44,6 @@ function ask(job, go) {
     const box = h("input", { type: "checkbox", checked: spec.watch.some((one) => one.name === name) });
     return { name, box, label: h("label", { class: "toggle" }, box, text) };
   });
-  const wanted = new OneJob();
 
   function turn() {
     chosen = rules.find(({ name }) => name === choice.value) ?? chosen;
@@ -70,10 +68,7 @@ function ask(job, go) {
     h("fieldset", { class: "watch" }, h("legend", {}, "Rules to watch beside it"), watched.map(({ label }) => label)),
     h("div", { class: "fields small" }, view.elements, step.elements),
   ], {
-    async send() {
-      const next = await wanted.make((headers) => send("POST", job.links.rejudge, changes(), headers));
-      return () => go(`/jobs/${next.id}`);
-    },
+    send: jobMaker(job.links.rejudge, changes, go),
     refused: (error) => blame([...chosen.fields, ...view.fields, ...step.fields], error)[0]?.input.focus(),
   });
   dialog.classList.add("wide");

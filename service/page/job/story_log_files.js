@@ -1,7 +1,7 @@
 // What is on record of a job: its story, who rendered its slices, its log, what was asked, its files.
 
 import { downloadLink, get } from "../shared/api.js";
-import { h, setText } from "../shared/dom.js";
+import { h, setText, table } from "../shared/dom.js";
 import { clock, duration, several, sharesOf, whole } from "../shared/figures.js";
 import { complain } from "../shared/notices.js";
 
@@ -32,10 +32,8 @@ export class Records {
   constructor(signal) {
     this.#signal = signal;
     const box = (/** @type {string} */ name, /** @type {Child} */ inside) => h("details", {}, h("summary", {}, name), inside);
-    this.#slices = box("Who rendered it",
-      h("div", { class: "scroll", tabindex: 0, role: "group", "aria-label": "The slices of each worker" }, h("table", {}, h("thead", {}, h("tr", {},
-        ...["worker", "slices", "spp", "rendering", "a slice", "share"].map((name) => h("th", { scope: "col" }, name)))),
-      this.#workers)));
+    const columns = ["worker", "slices", "spp", "rendering", "a slice", "share"];
+    this.#slices = box("Who rendered it", table("The slices of each worker", columns, this.#workers));
     this.#logBox = box("Log", this.#log);
     for (const one of [this.#slices, this.#logBox]) one.addEventListener("toggle", () => this.#fetch());
     this.element = h("section", { class: "records", "aria-label": "Records" },

@@ -43,29 +43,32 @@ export function isAbort(error) {
 const NO_ANSWER = "The service did not answer, so it is not known whether this arrived. Try again.";
 
 /**
- * @param {string} path
- * @param {RequestInit & { headers?: Record<string, string> }} options
- * @returns {Promise<Response>}
+ * Calls with the key that is known, and again with another one where that is refused.
+ * @param {(key: Record<string, string>) => Promise<Response>} call
  */
-async function fetched(path, options = {}) {
+async function withKey(call) {
   for (;;) {
     const used = authorization();
-    let answer;
-    try {
-      answer = await fetch(path, { ...options, headers: { ...options.headers, ...used } });
-    } catch (error) {
-      if (options.signal?.aborted) throw error;
-      throw new Error(options.method ? NO_ANSWER : "The service cannot be reached; trying again.");
-    }
+    const answer = await call(used);
     if (answer.status === 401 && (await askForKey(used))) continue;
-    if (!answer.ok && answer.status !== 304) throw await problemOf(answer);
+    if (!answer.ok && answer.status !== 304) throw new Problem(answer.status, await answer.json().catch(() => ({})));
     return answer;
   }
 }
 
-/** @param {Response} answer */
-async function problemOf(answer) {
-  return new Problem(answer.status, await answer.json().catch(() => ({})));
+/**
+ * @param {string} path
+ * @param {RequestInit & { headers?: Record<string, string> }} options
+ */
+function fetched(path, options = {}) {
+  return withKey(async (key) => {
+    try {
+      return await fetch(path, { ...options, headers: { ...options.headers, ...key } });
+    } catch (error) {
+      if (options.signal?.aborted) throw error;
+      throw new Error(options.method ? NO_ANSWER : "The service cannot be reached; trying again.");
+    }
+  });
 }
 
 /**
@@ -125,47 +128,24 @@ export function downloadLink(path, name, text) {
 }
 
 /**
- * @typedef {object} UploadOptions
- * @property {AbortSignal} signal
- * @property {(sent: number, all: number) => void} [onProgress]
- * @property {Record<string, string>} [headers]
- */
-
-/**
- * Sends a form, saying how much of it has gone; `send` can tell, `fetch` cannot.
+ * Sends a form, saying how much of it has gone, which `fetch` cannot.
  * @param {string} path
  * @param {FormData} form
- * @param {UploadOptions} options
+ * @param {{ signal: AbortSignal, onProgress?: (sent: number, all: number) => void, headers?: Record<string, string> }} options
  */
 export async function upload(path, form, { onProgress, signal, headers = {} }) {
-  for (;;) {
-    const used = authorization();
-    const answer = await uploaded(path, form, { onProgress, signal, headers: { ...headers, ...used } });
-    if (answer.status === 401 && (await askForKey(used))) continue;
-    if (answer.status >= 400) throw new Problem(answer.status, answer.body);
-    return answer.body;
-  }
-}
-
-/**
- * @param {string} path
- * @param {FormData} form
- * @param {UploadOptions} options
- * @returns {Promise<{ status: number, body: any }>}
- */
-function uploaded(path, form, { onProgress, signal, headers }) {
-  return new Promise((resolve, reject) => {
+  const answer = await withKey((key) => new Promise((resolve, reject) => {
     const request = new XMLHttpRequest();
     request.open("POST", path);
-    request.responseType = "json";
-    for (const [name, value] of Object.entries(headers ?? {})) request.setRequestHeader(name, value);
+    for (const [name, value] of Object.entries({ ...headers, ...key })) request.setRequestHeader(name, value);
     request.upload.onprogress = ({ loaded, total }) => onProgress?.(loaded, total);
-    request.onload = () => resolve({ status: request.status, body: request.response ?? {} });
+    request.onload = () => resolve(new Response(request.response, { status: request.status }));
     request.onerror = () => reject(new Error(NO_ANSWER));
     request.onabort = () => reject(new DOMException("stopped", "AbortError"));
     signal.addEventListener("abort", () => request.abort(), { once: true });
     request.send(form);
-  });
+  }));
+  return answer.json();
 }
 
 const RETRY_MS = 1000;

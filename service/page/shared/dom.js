@@ -46,6 +46,27 @@ function dressed(element, attributes, children) {
 }
 
 /**
+ * A button whose text is a sign, with its meaning for screen readers and the pointer.
+ * @param {string} sign
+ * @param {string} meaning
+ * @param {() => void} act
+ */
+export function signButton(sign, meaning, act) {
+  return h("button", { class: "quiet", "aria-label": meaning, title: meaning, onclick: act }, sign);
+}
+
+/**
+ * A table that scrolls in its place.
+ * @param {string} label
+ * @param {string[]} columns
+ * @param {HTMLElement} body
+ */
+export function table(label, columns, body) {
+  const head = h("thead", {}, h("tr", {}, columns.map((name) => h("th", { scope: "col" }, name))));
+  return h("div", { class: "scroll", tabindex: 0, role: "group", "aria-label": label }, h("table", {}, head, body));
+}
+
+/**
  * An element of index.html.
  * @param {string} id
  */

@@ -14,13 +14,11 @@ import { PRIORITY } from "./spec_fields.js";
  * @param {() => Api.JobView} jobNow - the job as it is when one is pressed
  * @param {() => unknown} refresh
  */
-export function controls(jobNow, refresh, close = () => {}) {
+export function controls(jobNow, refresh) {
   const job = jobNow();
   if (ENDED.has(job.state) || !maySteer(job)) return [];
-  const move = (/** @type {string} */ path, /** @type {string} */ done) => () => {
-    close();
-    return attempt(() => send("POST", path), done, refresh);
-  };
+  const move = (/** @type {string} */ path, /** @type {string} */ done) => () =>
+    attempt(() => send("POST", path), done, refresh);
   const name = title(job);
   /** @type {HTMLElement[]} */
   const found = [];
@@ -32,7 +30,6 @@ export function controls(jobNow, refresh, close = () => {}) {
   }
   found.push(h("button", { class: "danger", onclick: cancel }, "Cancel"));
   async function cancel() {
-    close();
     const { committed_spp: spp } = jobNow();
     const kept = spp
       ? `It keeps the image that it has by then, at ${whole(spp)} spp or a little more.`
@@ -41,15 +38,12 @@ export function controls(jobNow, refresh, close = () => {}) {
       await attempt(() => send("POST", job.links.cancel), `${name} is cancelled`, refresh);
     }
   }
-  const input = h("input", {
-    type: "number", ...PRIORITY, value: job.spec.priority, "aria-label": "Priority",
-  });
+  const input = h("input", { type: "number", ...PRIORITY, value: job.spec.priority, "aria-label": "Priority" });
   found.push(h("form", { class: "priority", onsubmit: prioritise },
     h("label", {}, "Priority ", input), h("button", {}, "Set")));
   /** @param {SubmitEvent} event */
   function prioritise(event) {
     event.preventDefault();
-    close();
     const priority = Number(input.value);
     attempt(() => send("PATCH", job.links.self, { priority }), `${name} has priority ${priority}`, refresh);
   }

@@ -1,6 +1,17 @@
 // Pictures of the API in <img> elements: fetched with the key, shown as blobs, let go afterwards.
 
 import { bytes } from "./api.js";
+import { h } from "./dom.js";
+
+/**
+ * The URL of a picture that is ready to be shown; whoever shows it revokes it.
+ * @param {Blob} blob
+ */
+export async function decoded(blob) {
+  const image = h("img", { src: URL.createObjectURL(blob) });
+  await image.decode();
+  return image.src;
+}
 
 /** Shows in an <img> what is at a path; resolves to whether it has changed. */
 export class Picture {
@@ -35,10 +46,7 @@ export class Picture {
     this.#wanted = path;
     const { blob, tag, spp } = await bytes(path, signal);
     if (path === this.#path && tag && tag === this.#tag) return false;
-    const url = URL.createObjectURL(blob);
-    const next = new Image();
-    next.src = url;
-    await next.decode();
+    const url = await decoded(blob);
     // Another was asked for meanwhile.
     if (this.#wanted !== path) {
       URL.revokeObjectURL(url);

@@ -2,7 +2,7 @@
 
 import { downloadLink, get, isProblem, send } from "../shared/api.js";
 import { confirmed } from "../shared/dialogs.js";
-import { h } from "../shared/dom.js";
+import { h, table } from "../shared/dom.js";
 import { percent, several, whole } from "../shared/figures.js";
 import { attempt } from "../shared/notices.js";
 import { maySteer, maySubmit } from "../shared/permissions.js";
@@ -60,7 +60,7 @@ export function open(main, { id, signal, go }) {
       h("h2", {}, `${several(result.finished, "observer")} finished${result.observers > result.finished ? `, ${result.observers - result.finished} under way` : ""} · ${several(result.answers, "answer")}`),
       ...thresholds(result),
       result.answers > 0 && studyPlot(result),
-      h("div", { class: "scroll", tabindex: 0, role: "group", "aria-label": "The answers at each level" }, table(result)),
+      table("The answers at each level", ["spp", "shown", "difference seen", "share"], h("tbody", {}, result.levels.map(row))),
       h("div", { class: "files" },
         downloadLink(study.links.trials_csv, `${study.id}-trials.csv`, "Every answer (CSV)"),
         downloadLink(study.links.answers_csv, `${study.id}-answers.csv`, "The paper's table 1 (CSV)"),
@@ -110,11 +110,8 @@ function thresholds({ thresholds: found, answers }) {
       `a difference is seen in ${100 * probability} % of the answers here (95 % interval: ${whole(Math.max(0, low))} to ${whole(high)} spp).`));
 }
 
-/** @param {Api.StudyResult} result */
-function table({ levels }) {
-  return h("table", {},
-    h("caption", { class: "unseen" }, "Answers at each level"),
-    h("thead", {}, h("tr", {}, ...["spp", "shown", "difference seen", "share"].map((name) => h("th", { scope: "col" }, name)))),
-    h("tbody", {}, ...levels.map(({ spp, shown, seen }) =>
-      h("tr", {}, h("td", {}, whole(spp)), h("td", {}, whole(shown)), h("td", {}, whole(seen)), h("td", {}, shown ? percent(seen / shown) : "–")))));
+/** @param {Api.LevelResult} level */
+function row({ spp, shown, seen }) {
+  const share = shown ? percent(seen / shown) : "–";
+  return h("tr", {}, [whole(spp), whole(shown), whole(seen), share].map((text) => h("td", {}, text)));
 }

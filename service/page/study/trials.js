@@ -3,6 +3,7 @@
 import { bytes, Problem, send } from "../shared/api.js";
 import { h, setText } from "../shared/dom.js";
 import { complain, messageOf, say } from "../shared/notices.js";
+import { decoded } from "../shared/picture.js";
 import { sleep } from "../shared/polling.js";
 
 /** Between two pairs the screen is empty, so that nothing is told by what flickers. */
@@ -59,11 +60,7 @@ async function fetchAll(trials, signal) {
   const found = new Map();
   for (const path of paths) {
     const { blob } = await bytes(path, signal);
-    const url = URL.createObjectURL(blob);
-    const image = new Image();
-    image.src = url;
-    await image.decode();
-    found.set(path, url);
+    found.set(path, await decoded(blob));
   }
   return found;
 }

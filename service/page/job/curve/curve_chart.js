@@ -1,6 +1,6 @@
 // A job's convergence: what has changed since the first image, and the noise left.
 
-import { h, setText } from "../../shared/dom.js";
+import { h, setText, signButton } from "../../shared/dom.js";
 import { three, whole } from "../../shared/figures.js";
 import { imagePixels, ruleWith, stopSlope } from "../../shared/job_summary.js";
 import { say } from "../../shared/notices.js";
@@ -43,7 +43,6 @@ export class CurveChart {
 
   /** @param {AbortSignal} signal */
   constructor(signal) {
-    const button = (/** @type {string} */ text, /** @type {string} */ label, /** @type {() => void} */ act) => h("button", { class: "quiet", "aria-label": label, title: label, onclick: act }, text);
     this.#host = h("div", {
       class: "plots", tabindex: 0, role: "group",
       "aria-label": "Convergence curve. Left and right walk along its points, plus and minus zoom, 0 shows all.",
@@ -58,8 +57,8 @@ export class CurveChart {
         h("span", { class: "toggles", role: "group", "aria-label": "Logarithmic axes" },
           "Logarithmic", this.#logX.label, this.#logAbove.label, this.#logBelow.label),
         h("span", { class: "push" },
-          button("−", "Zoom out", () => this.#zoomBy(2)), button("+", "Zoom in", () => this.#zoomBy(0.5)),
-          button("All", "Show all of the curve", () => this.#zoomTo(null)))),
+          signButton("−", "Zoom out", () => this.#zoomBy(2)), signButton("+", "Zoom in", () => this.#zoomBy(0.5)),
+          signButton("All", "Show all of the curve", () => this.#zoomTo(null)))),
       this.#host, this.#readout,
       this.#table.element);
     this.element = h("section", { class: "curve", "aria-labelledby": "curve-title" },

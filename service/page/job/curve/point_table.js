@@ -1,6 +1,6 @@
 // The points of a curve in words: one of them in a line, all of them as a table.
 
-import { h } from "../../shared/dom.js";
+import { h, table } from "../../shared/dom.js";
 import { percent, pixels, three, whole } from "../../shared/figures.js";
 
 const COLUMNS = ["spp", "changed", "slope", "noise left", "between", "forecast"];
@@ -24,8 +24,7 @@ export function told(point) {
 export class PointTable {
   #rows = h("tbody");
   element = h("details", { class: "points" }, h("summary", {}, "The points as a table"),
-    h("div", { class: "scroll", tabindex: 0, role: "group", "aria-label": "The points of the curve" },
-      h("table", {}, h("thead", {}, h("tr", {}, COLUMNS.map((name) => h("th", { scope: "col" }, name)))), this.#rows)));
+    table("The points of the curve", COLUMNS, this.#rows));
 
   /**
    * Adds the points that it has not shown yet: a point never changes.

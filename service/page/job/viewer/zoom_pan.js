@@ -1,6 +1,6 @@
 // Where images lie on each other: zoom, pan, and a wipe between the two upper ones.
 
-import { h } from "../../shared/dom.js";
+import { h, signButton } from "../../shared/dom.js";
 
 /** @typedef {{ x: number, y: number }} Place  in shares of the frame, from its middle */
 
@@ -39,13 +39,12 @@ export class Stage {
       onpointerup: (event) => this.#pointers.delete(event.pointerId),
       onpointercancel: (event) => this.#pointers.delete(event.pointerId),
     }, this.#sheet);
-    const button = (/** @type {string} */ text, /** @type {string} */ label, /** @type {() => void} */ act) => h("button", { class: "quiet", "aria-label": label, title: label, onclick: act }, text);
     this.element = h("div", { class: "stage" }, this.#frame,
       h("div", { class: "zooms" },
-        button("−", "Zoom out of the image", () => this.#zoom(1 / 1.5)), this.#zoomText,
-        button("+", "Zoom into the image", () => this.#zoom(1.5)),
-        button("Fit", "Fit the image", () => this.#set({ scale: 1, x: 0, y: 0 })),
-        button("1:1", "Show the image's own pixels", () => this.#own())));
+        signButton("−", "Zoom out of the image", () => this.#zoom(1 / 1.5)), this.#zoomText,
+        signButton("+", "Zoom into the image", () => this.#zoom(1.5)),
+        signButton("Fit", "Fit the image", () => this.#set({ scale: 1, x: 0, y: 0 })),
+        signButton("1:1", "Show the image's own pixels", () => this.#own())));
     new ResizeObserver(() => this.#set(this.#view)).observe(this.#frame);
   }
 
