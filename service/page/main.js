@@ -4,7 +4,6 @@ import { forgetKey, hasKey } from "./shared/api_key.js";
 import { byId, setAttribute } from "./shared/dom.js";
 import { complain } from "./shared/notices.js";
 import { maySubmit, meetMe } from "./shared/permissions.js";
-import { meetRules } from "./shared/rules.js";
 import * as job from "./job/job_screen.js";
 import * as jobs from "./jobs/jobs_screen.js";
 import * as observe from "./study/observe_screen.js";
@@ -32,10 +31,9 @@ const main = byId("main");
 let leaving = new AbortController();
 
 /** @param {{ focus: boolean }} how */
-async function open({ focus }) {
+function open({ focus }) {
   leaving.abort();
   leaving = new AbortController();
-  const { signal } = leaving;
   complain("");
   main.replaceChildren();
   const [path, name, screen] = SCREENS.find(([path]) => path.test(location.pathname)) ?? SCREENS[0];
@@ -44,9 +42,7 @@ async function open({ focus }) {
     setAttribute(link, "aria-current", link.getAttribute("data-screen") === name ? "page" : null);
   }
   const id = path.exec(location.pathname)?.[1] ?? "";
-  await meetRules(signal).catch(() => {}); // which fails only where another screen is opened
-  if (signal.aborted) return;
-  screen.open(main, { id, signal, go });
+  screen.open(main, { id, signal: leaving.signal, go });
   if (focus) {
     scrollTo(0, 0);
     main.focus({ preventScroll: true });

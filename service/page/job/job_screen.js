@@ -8,6 +8,7 @@ import { ENDED, noiseTarget, timeLeft, title, took } from "../shared/job_summary
 import { complain, messageOf } from "../shared/notices.js";
 import { maySteer } from "../shared/permissions.js";
 import { repeat } from "../shared/polling.js";
+import { meetRules } from "../shared/rules.js";
 import { studyButton } from "../study/make_study_dialog.js";
 import { goOnButton } from "./continue_dialog.js";
 import { CostFigures } from "./cost_figures.js";
@@ -59,7 +60,7 @@ export function open(main, { id, signal, go }) {
     /** @type {Api.JobView} */
     let job;
     try {
-      job = await get(path, signal);
+      [job] = await Promise.all([get(path, signal), meetRules(signal)]);
     } catch (error) {
       if (!isProblem(error, "unknown-job")) throw error;
       screen.hidden = true;

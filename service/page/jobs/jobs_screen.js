@@ -5,6 +5,7 @@ import { h, KeyedList, setText } from "../shared/dom.js";
 import { several } from "../shared/figures.js";
 import { ENDED } from "../shared/job_summary.js";
 import { repeat } from "../shared/polling.js";
+import { meetRules } from "../shared/rules.js";
 import { BatchGroup } from "./batch_group.js";
 import { JobFeed } from "./job_feed.js";
 import { JobRow } from "./job_row.js";
@@ -85,7 +86,7 @@ export function open(main, { signal, go }) {
   }
 
   async function refresh() {
-    const [, { workers: alive }] = await Promise.all([feed.refresh(), get("/v1/workers", signal)]);
+    const [, { workers: alive }] = await Promise.all([feed.refresh(), get("/v1/workers", signal), meetRules(signal)]);
     workers = alive;
     show();
   }

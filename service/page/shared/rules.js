@@ -18,7 +18,7 @@ const RETRY_MS = 1000;
 export const RULES = [];
 
 /**
- * Asks the service for its rules, until it has answered; once for all screens.
+ * Asks the service for its rules, until it has answered; once for all screens; rejects when the signal aborts.
  * @param {AbortSignal} signal
  */
 export async function meetRules(signal) {

@@ -6,16 +6,22 @@ import { bytes, several, share } from "../shared/figures.js";
 import { blame, Field, fieldsOf, valuesOf } from "../shared/form_fields.js";
 import { OneJob } from "../shared/job_request.js";
 import { messageOf, say } from "../shared/notices.js";
-import { fieldIn, RULES, watchable } from "../shared/rules.js";
+import { fieldIn, meetRules, RULES, watchable } from "../shared/rules.js";
 import { LIMITS, MORE, VIEW } from "../shared/spec_fields.js";
 
-/** @import { Screen } from "../main.js" */
+/** @import { ScreenContext } from "../main.js" */
 /** @import { RuleAbout } from "../shared/rules.js" */
 
-/** @type {Screen} */
-export function open(main, { signal, go }) {
+/**
+ * @param {HTMLElement} main
+ * @param {ScreenContext} context
+ */
+export async function open(main, { signal, go }) {
   document.title = "Submit a scene · Plateau";
-  main.append(new Submission(signal, go).element);
+  const waiting = h("div", { class: "submit" }, h("h1", {}, "Submit a scene"));
+  main.append(waiting);
+  const scenes = get("/v1/scenes", signal).catch(() => ({ scenes: [] }));
+  await meetRules(signal).then(() => waiting.replaceWith(new Submission(signal, go, scenes).element), () => {});
 }
 
 class Submission {
@@ -52,8 +58,9 @@ class Submission {
   /**
    * @param {AbortSignal} signal
    * @param {(path: string) => void} go
+   * @param {Promise<Api.Scenes>} scenes - those that are stored
    */
-  constructor(signal, go) {
+  constructor(signal, go, scenes) {
     this.#signal = signal;
     this.#go = go;
     const drop = h("label", {
@@ -85,14 +92,14 @@ class Submission {
     this.element = h("form", { class: "submit", novalidate: true, onsubmit: (event) => { event.preventDefault(); this.#submit(); } },
       h("h1", {}, "Submit a scene"), this.#picker, drop, this.#stored, this.#wrong, this.#summary, this.#rest);
     this.#choose(this.#chosen.name);
-    this.#listStored();
+    this.#listStored(scenes);
   }
 
   // The scene.
 
-  async #listStored() {
-    /** @type {Api.Scenes} */
-    const { scenes } = await get("/v1/scenes", this.#signal).catch(() => ({ scenes: [] }));
+  /** @param {Promise<Api.Scenes>} stored */
+  async #listStored(stored) {
+    const { scenes } = await stored;
     this.#stored.hidden = !scenes.length;
     for (const { sha256, name, bytes: size } of scenes) {
       this.#stored.append(h("option", { value: sha256 }, `${name} (${bytes(size)}, ${sha256.slice(0, 6)})`));
