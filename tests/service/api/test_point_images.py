@@ -128,7 +128,7 @@ class TestOverHttp:
             return str(answer.json()["detail"])
 
         farm.store.put(second, farm.store.get(second)[:-1] + b"?")
-        assert "slice 1 is spoiled" in refused()
+        assert "slice 1 is damaged" in refused()
         farm.store.delete(second)
         assert "slice 1 is gone" in refused()
         assert http.get(f"/v1/jobs/{job.id}/previews/25.exr").status_code == 200

@@ -85,7 +85,7 @@ def test_one_that_cannot_even_be_given_up_waits_and_the_others_go_on(
     client.hset(keys.job(odd.id), "state", "resting")
     with farm.monitor():
         assert farm.finish(other).state is JobState.CONVERGED
-        until(lambda: "neither go on nor be given up" in caplog.text)
+        until(lambda: "neither continue nor fail" in caplog.text)
         # When it can be read again, it goes on too
         client.hset(keys.job(odd.id), "state", "queued")
         assert farm.finish(odd).state is JobState.CONVERGED
