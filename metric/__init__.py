@@ -64,39 +64,14 @@ __all__ = [
 ]
 
 _HOMES: Final = {
-    "display": (
-        "Image",
-        "Mask",
-        "Primaries",
-        "View",
-        "encode_srgb",
-    ),
-    "estimate": (
-        "Estimate",
-        "half_buffer_estimate",
-    ),
-    "forecasts": (
-        "Forecast",
-        "forecast",
-    ),
+    "display": ("Image", "Mask", "Primaries", "View", "encode_srgb"),
+    "estimate": ("Estimate", "half_buffer_estimate"),
+    "forecasts": ("Forecast", "forecast"),
     "noise_model": ("Half",),
-    "non_finite": (
-        "NonFinite",
-        "allowed_non_finite",
-        "non_finite_pixels",
-    ),
-    "pictures": (
-        "MAP_PALETTE",
-        "difference_map",
-        "non_finite_map",
-    ),
+    "non_finite": ("NonFinite", "allowed_non_finite", "non_finite_pixels"),
+    "pictures": ("MAP_PALETTE", "difference_map", "non_finite_map"),
     "rules": ("create_rule",),
-    "rules.base": (
-        "Json",
-        "Memory",
-        "Rule",
-        "Verdict",
-    ),
+    "rules.base": ("Json", "Memory", "Rule", "Verdict"),
     "rules.evidence": ("Evidence",),
     "rules.fixed": ("Fixed",),
     "rules.multiple": ("Multiple",),
@@ -104,16 +79,8 @@ _HOMES: Final = {
     "rules.reverse": ("Reverse",),
     "rules.successive": ("Successive",),
     "rules.visible": ("Visible",),
-    "vdp": (
-        "Difference",
-        "Percept",
-        "VisibleDifferences",
-        "visible_differences",
-    ),
-    "zones": (
-        "zone_edges",
-        "zone_fractions",
-    ),
+    "vdp": ("Difference", "Percept", "VisibleDifferences", "visible_differences"),
+    "zones": ("zone_edges", "zone_fractions"),
 }
 _HOME_OF: Final = {name: home for home, names in _HOMES.items() for name in names}
 

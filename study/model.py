@@ -1,7 +1,6 @@
 """Observer studies as the API shows them: what is compared, who took part, what was answered."""
 
 import math
-import re
 from datetime import datetime
 from typing import Final
 
@@ -21,12 +20,6 @@ MOST_PIXELS: Final = 2560 * 1440
 
 #: What an observer may be called: nothing that a spreadsheet takes for a formula.
 PSEUDONYM: Final = r"^[A-Za-z0-9][A-Za-z0-9_-]{0,31}$"
-_PSEUDONYM: Final = re.compile(PSEUDONYM)
-
-
-def is_pseudonym(text: str) -> bool:
-    """Whether an observer may be called so."""
-    return _PSEUDONYM.fullmatch(text) is not None
 
 
 class StudyNotFound(FarmError):

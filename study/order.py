@@ -22,13 +22,10 @@ Australian Journal of Scientific Research A 2, 1949. doi:10.1071/CH9490149
 import hashlib
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Final, Literal, TypeVar
+from typing import Literal, TypeVar
 
 Method = Literal["constant", "limits"]
 Side = Literal["left", "right"]
-
-#: How often each level is shown to an observer.
-TIMES: Final = 2
 
 _Item = TypeVar("_Item")
 
