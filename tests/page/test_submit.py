@@ -30,9 +30,15 @@ def scene(tmp_path: Path) -> Path:
     return path
 
 
+def opened(page: Page) -> Page:
+    """The form, once it is there: it comes after the service's rules."""
+    expect(page.locator("#scene-file")).to_be_attached()
+    return page
+
+
 @pytest.fixture
 def form(visit: Visit) -> Page:
-    return visit("/submit").page
+    return opened(visit("/submit").page)
 
 
 def choose(form: Page, scene: Path) -> None:
@@ -142,7 +148,7 @@ def test_it_works_by_keyboard_alone(form: Page, scene: Path) -> None:
 def test_a_stored_scene_is_used_again(visit: Visit, form: Page, scene: Path) -> None:
     choose(form, scene)
     expect(form.locator(".found")).to_contain_text("sphere.xml")
-    again = visit("/submit").page
+    again = opened(visit("/submit").page)
     stored = again.get_by_label("A stored scene")
     expect(stored).to_be_visible()
     stored.select_option(label=stored.locator("option").last.inner_text())
@@ -152,8 +158,7 @@ def test_a_stored_scene_is_used_again(visit: Visit, form: Page, scene: Path) -> 
 class TestWhatIsRefused:
     @pytest.fixture
     def form(self, visit: Visit) -> Page:
-        visitor = visit("/submit", expected={413, 422})
-        return visitor.page
+        return opened(visit("/submit", expected={413, 422}).page)
 
     def test_a_broken_scene_says_where(self, form: Page, tmp_path: Path) -> None:
         (tmp_path / "broken.xml").write_text("<scene version='3.0.0'>\n<shape></scene>")
