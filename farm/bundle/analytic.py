@@ -45,6 +45,9 @@ class AnalyticScene:
         where `additive`, in radiance. The fireflies have a brightness of their own.
     additive : bool
         Whether the noise is as strong in dark pixels as in bright ones.
+    alpha : bool
+        Whether the film has alpha: opaque in the middle, half transparent about it, and empty at
+        the edge.
     """
 
     width: int = 64
@@ -53,6 +56,7 @@ class AnalyticScene:
     noise: str = "gaussian"
     level: float = 0.5
     additive: bool = False
+    alpha: bool = False
 
     def as_text(self) -> dict[str, str]:
         """Return each field as a job's parameter may have it."""
@@ -149,7 +153,7 @@ def _fits(name: str, value: Any) -> bool:
     if name == "level":
         is_number = type(value) in (int, float) and math.isfinite(value)
         return is_number and 0 <= value <= _MOST_LEVEL
-    if name == "additive":
+    if name in ("additive", "alpha"):
         return type(value) is bool
     return value in {"light": LIGHTS, "noise": NOISES}[name]
 
@@ -161,6 +165,7 @@ _WANTED: Final = {
     "noise": f"must be one of {', '.join(NOISES)}",
     "level": f"must be a number from 0 to {_MOST_LEVEL:g}",
     "additive": "must be true or false",
+    "alpha": "must be true or false",
 }
 
 

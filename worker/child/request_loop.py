@@ -14,7 +14,9 @@ from collections.abc import Callable, Iterator
 from typing import Final, TextIO
 
 import numpy as np
+from numpy.typing import NDArray
 
+from plateau.farm.images.channels import Channels
 from plateau.worker.child.films import Films, FilmsNotWritten
 from plateau.worker.renderers.contract import (
     Answer,
@@ -22,6 +24,7 @@ from plateau.worker.renderers.contract import (
     DiskFull,
     FirstPass,
     Load,
+    Loaded,
     PassDone,
     Ready,
     Render,
@@ -91,23 +94,33 @@ def serve(
     # Here, where the supervisor's death is noticed: to import a renderer may take a second.
     renderer = renderer_for(variant, threads)
     answer(Ready(stays_open=stays_open))
+    channels = Channels()
     for request in requests:
         try:
             if isinstance(request, Load):
                 os.chdir(request.folder)
                 scene = renderer.load(request)
-                films.make_room(scene.width, scene.height, len(scene.channels))
+                channels = _channels(scene)
+                films.make_room(scene.width, scene.height, len(channels.names))
                 answer(scene)
             else:
-                _render(renderer, request, requests, answer, films)
+                _render(renderer, channels, request, requests, answer, films)
         except SceneError as error:
             answer(SceneRefused(message=str(error)))
         except FilmsNotWritten as error:
             answer(DiskFull(message=str(error)))
 
 
+def _channels(scene: Loaded) -> Channels:
+    try:
+        return Channels(scene.channels, scene.ids)
+    except ValueError as error:  # an AOV integrator takes whatever names its scene gives it
+        raise SceneError(f"the film cannot be stored: {error}") from error
+
+
 def _render(
     renderer: Renderer,
+    channels: Channels,
     request: Render,
     requests: Requests,
     answer: Callable[[Answer], None],
@@ -115,11 +128,12 @@ def _render(
 ) -> None:
     """Sum the passes, in order, in float64, into the file of films; say so, or of a cancel."""
     started = time.monotonic()
-    total, summed = np.zeros(1), 0
+    total: NDArray[np.float64] | None = None
+    summed = 0
     passes = request.passes
     films.drop_glimpse()
     for film in renderer.render(passes, is_cancelled=lambda: requests.cancelled_id == request.id):
-        total = np.add(total, film, out=total if total.shape == film.shape else None)
+        total = channels.add(total, film)
         summed += 1
         answer(PassDone())
         if summed == 1 and request.glimpse:
@@ -127,7 +141,7 @@ def _render(
             takes_a_while = first_s / spp * sum(spp for spp, _ in passes[1:]) > _GLIMPSE_S
             if takes_a_while and (at := films.write_glimpse(film)) is not None:
                 answer(FirstPass(at=at, spp=spp))
-    if summed < len(passes):
+    if total is None or summed < len(passes):
         answer(Stopped())
     else:
         at = films.write_sum(total.astype(np.float32))

@@ -4,14 +4,14 @@ A supervisor and its render child speak JSON lines over a socket that the child 
 supervisor knows a renderer by these lines alone. Each request is one object, whose ``"do"`` names
 its kind::
 
-    {"do": "load", "id": 1, "folder": …, "entry": …, "parameters": {…}, "sensor": 0, "threads": 1}
+    {"do": "load", "id": 1, "folder": …, "entry": …, "parameters": {…}, "aovs": ["depth"]}
     {"do": "render", "id": 2, "passes": [[spp, seed], …], "glimpse": false}
     {"do": "cancel", "id": 2}
 
 and each answer is one object, whose ``"is"`` names its kind::
 
     {"is": "ready", "stays_open": […]}
-    {"is": "loaded", "width": …, "height": …, "channels": ["R", "G", "B", "W"], "notes": […]}
+    {"is": "loaded", "width": …, "height": …, "channels": ["R", "G", "B", "W", "Z"], "notes": […]}
     {"is": "pass"}
     {"is": "glimpse", "at": …, "spp": …}
     {"is": "rendered", "at": …, "render_s": …}
@@ -44,8 +44,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-#: The channels of a film, in their order: sums of red, green and blue radiance, each weighted by
-#: the reconstruction filter, and the sum of the weights. Partials store no others yet.
+#: The channels with which every film begins, see `plateau.farm.images.channels`.
 CHANNELS: Final = ("R", "G", "B", "W")
 
 
@@ -73,6 +72,8 @@ class Load:
         The job's values for the scene's parameters.
     sensor : int
         Index of the sensor to render.
+    aovs : tuple of str
+        What the film is to have beside colour, of `plateau.farm.model.aovs.AOVS`.
     threads : int
         How many load the scene, see `plateau.worker.supervisor.scene_cache.loading_threads`.
     """
@@ -83,6 +84,7 @@ class Load:
     entry: str
     parameters: Mapping[str, str]
     sensor: int = 0
+    aovs: tuple[str, ...] = ()
     threads: int = 1
 
 
@@ -126,7 +128,12 @@ class Loaded:
     notes : tuple of str
         What the renderer changed in the scene, a sentence each.
     channels : tuple of str
-        The names of the film's channels, in the order of their values.
+        The names of the film's channels, in the order of their values: R, G, B, W, then A where
+        the scene's film has alpha, then the AOVs that were asked for, under the names of
+        `plateau.farm.model.aovs.AOVS`, and those that the scene itself has.
+    ids : tuple of str
+        The channels whose values are the numbers of things, which must not be averaged. There, a
+        film has the value of the pixel's first sample, and not a sum.
     """
 
     kind: ClassVar = "loaded"
@@ -134,6 +141,7 @@ class Loaded:
     height: int
     notes: tuple[str, ...] = ()
     channels: tuple[str, ...] = CHANNELS
+    ids: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -257,7 +265,8 @@ class Renderer(Protocol):
         Raises
         ------
         SceneError
-            The scene is wrong, or asks for what the renderer cannot do. No scene is loaded then.
+            The scene is wrong, or asks for what the renderer cannot do; of an AOV that it does not
+            know, the message names those that it has. No scene is loaded then.
         MemoryError
             This machine has too little memory: another try may go better.
         """
@@ -278,13 +287,22 @@ class Renderer(Protocol):
         Yields
         ------
         ndarray, shape (height, width, channels), float32
-            The sums of `Loaded.channels`. To be read, and not kept: the next pass may overwrite it.
+            The sums of `Loaded.channels`, and the values of `Loaded.ids`. To be read, and not kept:
+            the next pass may overwrite it.
 
         Raises
         ------
         SceneError
             The scene fails while it renders.
         """
+
+
+def check_aovs(asked: Iterable[str], known: Iterable[str]) -> None:
+    """Raise `SceneError` where a job asks for an AOV that its renderer does not have."""
+    has = tuple(known)
+    for name in asked:
+        if name not in has:
+            raise SceneError(f"the renderer has no AOV {name!r}; it has {', '.join(has)}")
 
 
 def renderer_for(variant: str, threads: int) -> Renderer:

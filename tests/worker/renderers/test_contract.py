@@ -15,7 +15,13 @@ from plateau.worker.renderers.contract import (
 
 REQUESTS = [
     contract.Load(
-        id=1, folder="/a", entry="scene.xml", parameters={"width": "8"}, sensor=2, threads=2
+        id=1,
+        folder="/a",
+        entry="scene.xml",
+        parameters={"width": "8"},
+        sensor=2,
+        aovs=("depth", "shape_id"),
+        threads=2,
     ),
     contract.Render(id=2, passes=((4, 7), (1, 8)), glimpse=True),
     contract.Cancel(id=2),
@@ -23,6 +29,9 @@ REQUESTS = [
 ANSWERS = [
     contract.Ready(stays_open=("the kernel has no Landlock",)),
     contract.Loaded(width=3, height=2, notes=("a note",)),
+    contract.Loaded(
+        width=3, height=2, channels=(*contract.CHANNELS, "Z", "id.shape"), ids=("id.shape",)
+    ),
     contract.PassDone(),
     contract.FirstPass(at=96, spp=4),
     contract.SumDone(at=0, render_s=0.5),

@@ -6,8 +6,12 @@ from typing import TYPE_CHECKING, Final, TypeAlias
 
 import numpy as np
 
+from plateau.farm.images.channels import Channels
+from plateau.farm.model.aovs import AOVS
+from plateau.worker.renderers.analytic import aovs as geometry
+
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping
+    from collections.abc import Callable, Iterable, Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -95,17 +99,32 @@ class Picture:
     ----------
     scene : AnalyticScene
         What is seen, and how noisy a sample is.
+    aovs : sequence of str
+        What the film has beside colour, of `plateau.worker.renderers.analytic.aovs.GEOMETRY`. They
+        have no noise, but that the first sample of a pixel lies anywhere in it.
     """
 
-    def __init__(self, scene: AnalyticScene) -> None:
+    def __init__(self, scene: AnalyticScene, aovs: Sequence[str] = ()) -> None:
         self.scene = scene
         self._light = LIGHTS[scene.light](scene.width, scene.height)
+        self._alpha = geometry.alpha(scene.width, scene.height) if scene.alpha else None
+        self._aovs = [
+            (AOVS[name], values) for name, values in geometry.GEOMETRY.items() if name in aovs
+        ]
+        self.channels = Channels(
+            (
+                *("R", "G", "B", "W"),
+                *("A" for _ in range(scene.alpha)),
+                *(channel for aov, _ in self._aovs for channel in aov.channels),
+            ),
+            tuple(channel for aov, _ in self._aovs if aov.is_id for channel in aov.channels),
+        )
 
     @property
     def truth(self) -> NDArray[np.float32]:
-        """The converged image, (height, width, 3) float32."""
+        """The converged image, (height, width, 3) float32, premultiplied where it has alpha."""
         fireflies = FIREFLY_PROBABILITY * FIREFLY_BRIGHTNESS * self._has_fireflies
-        return (self._light + fireflies).astype(np.float32)
+        return self._premultiplied(self._light + fireflies).astype(np.float32)
 
     def sum_of(self, rng: np.random.Generator, spp: int) -> Array:
         """Return the sum of so many samples of every pixel, (height, width, 3) float64.
@@ -118,24 +137,47 @@ class Picture:
         if self._has_fireflies:
             hits = rng.poisson(FIREFLY_PROBABILITY * spp, light.shape[:2])
             total += (FIREFLY_BRIGHTNESS * rng.standard_gamma(hits))[..., None]
-        return total
+        return self._premultiplied(total)
 
     def film(self, spp: int, seed: int) -> NDArray[np.float32]:
-        """Return the film of a pass, (height, width, 4): a pure function of its spp and seed.
+        """Return the film of a pass, of `channels`: a pure function of its spp and seed.
 
         Philox takes the seed as its key, so that distinct seeds give independent samples.
         """
         rng = np.random.Generator(np.random.Philox(key=seed))
-        film = np.full((self.scene.height, self.scene.width, 4), spp, np.float32)
+        scene = self.scene
+        film = np.full((scene.height, scene.width, len(self.channels.names)), spp, np.float32)
         film[..., :3] = self.sum_of(rng, spp)
+        if self._alpha is not None:
+            film[..., 4] = spp * self._alpha
+        if self._aovs:
+            film[..., self.channels.judged :] = self._aov_sums(rng, spp)
         return film
 
     def slice_film(self, passes: Iterable[tuple[int, int]]) -> NDArray[np.float32]:
         """Return the film of a slice: its passes in their order, added as a render child adds."""
-        total = np.zeros((self.scene.height, self.scene.width, 4))
+        total: Array | None = None
         for spp, seed in passes:
-            total += self.film(spp, seed)
+            total = self.channels.add(total, self.film(spp, seed))
+        assert total is not None  # a slice has a pass
         return total.astype(np.float32)
+
+    def _aov_sums(self, rng: np.random.Generator, spp: int) -> Array:
+        """Return the sums of the AOVs, and the ids at the first sample of each pixel."""
+        width, height = self.scene.width, self.scene.height
+        x, y = geometry.pixel_centres(width, height)
+        # Drawn after colour, which is the same with AOVs and without.
+        first_x, first_y = rng.uniform(-0.5, 0.5, (2, height, width))
+        planes = [
+            values(x + first_x / width, y + first_y / height, self._light)
+            if aov.is_id
+            else spp * values(x, y, self._light)
+            for aov, values in self._aovs
+        ]
+        return np.concatenate(planes, axis=-1)
+
+    def _premultiplied(self, light: Array) -> Array:
+        return light if self._alpha is None else light * self._alpha[..., None]
 
     @property
     def _has_fireflies(self) -> bool:

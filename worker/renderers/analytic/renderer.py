@@ -9,8 +9,9 @@ import numpy as np
 
 from plateau.farm.bundle import BundleError, BundleLimits
 from plateau.farm.bundle.analytic import AnalyticScene, read_analytic_scene
+from plateau.worker.renderers.analytic.aovs import GEOMETRY
 from plateau.worker.renderers.analytic.picture import Picture
-from plateau.worker.renderers.contract import Loaded, SceneError
+from plateau.worker.renderers.contract import Loaded, SceneError, check_aovs
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
@@ -47,8 +48,14 @@ class Renderer:
             raise SceneError(str(error)) from error
         if request.sensor != 0:
             raise SceneError("an analytic scene has sensor 0 alone")
-        self._picture = Picture(scene)
-        return Loaded(width=scene.width, height=scene.height)
+        check_aovs(request.aovs, GEOMETRY)
+        self._picture = Picture(scene, request.aovs)
+        return Loaded(
+            width=scene.width,
+            height=scene.height,
+            channels=tuple(self._picture.channels.names),
+            ids=tuple(self._picture.channels.ids),
+        )
 
     def render(
         self, passes: Iterable[tuple[int, int]], *, is_cancelled: Callable[[], bool]

@@ -1,0 +1,129 @@
+"""The named channels of a film, and how films are added.
+
+A film is (height, width, channels). Its first channels are R, G, B and W: sums of radiance, each
+sample weighted by the reconstruction filter, and the sums of the weights. A film with alpha has A
+next, weighted alike. AOVs follow. They are weighted sums too, but for ids (numbers of objects and
+primitives): there a pixel has the value of its first sample, and a sum of films that of its first.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+_COLOUR: Final = ("R", "G", "B")
+_WEIGHT: Final = 3  #: where W is
+_ALPHA: Final = 4  #: where A is, in a film that has it
+
+#: A film has at most so many channels, whose names have at most so many characters.
+MOST_CHANNELS: Final = 64
+_LONGEST_NAME: Final = 64
+
+
+@dataclass(frozen=True)
+class Channels:
+    """The channels of a film, in the order of their values.
+
+    Parameters
+    ----------
+    names : sequence of str
+        R, G, B, W; then A, where the film has alpha; then AOVs.
+    ids : sequence of str
+        Those AOVs that must not be averaged.
+
+    Raises
+    ------
+    ValueError
+        These are no channels of a film; the message says why.
+    """
+
+    names: Sequence[str] = (*_COLOUR, "W")
+    ids: Sequence[str] = ()
+
+    def __post_init__(self) -> None:
+        for field in ("names", "ids"):
+            given = getattr(self, field)
+            if not isinstance(given, (list, tuple)) or not all(isinstance(n, str) for n in given):
+                raise ValueError(f"the channels' {field} are no list of names")
+            object.__setattr__(self, field, tuple(given))
+        if self.names[:_ALPHA] != (*_COLOUR, "W"):
+            raise ValueError("a film's channels begin with R, G, B and W")
+        if len(self.names) > MOST_CHANNELS:
+            raise ValueError(
+                f"a film has at most {MOST_CHANNELS} channels, and this one {len(self.names)}"
+            )
+        for name in self.names:
+            if not (0 < len(name) <= _LONGEST_NAME and name.isascii() and name.isprintable()):
+                raise ValueError(
+                    f"{name[:_LONGEST_NAME]!r} is no name of a channel: it has 1 to "
+                    f"{_LONGEST_NAME} printable ASCII characters"
+                )
+        if len(set(self.names)) < len(self.names):
+            raise ValueError(f"two channels have one name: {', '.join(self.names)}")
+        if "A" in self.names[_ALPHA + 1 :]:
+            raise ValueError("the channel A follows W")
+        if not set(self.ids) <= set(self.aovs):
+            raise ValueError("ids are AOVs, and one of these is no channel of the film")
+
+    @property
+    def has_alpha(self) -> bool:
+        """Whether there is A."""
+        return "A" in self.names
+
+    @property
+    def aovs(self) -> tuple[str, ...]:
+        """The channels beside colour, weight and alpha."""
+        return tuple(self.names[self.judged :])
+
+    @property
+    def judged(self) -> int:
+        """How many channels, from the first on, say what is seen: R, G, B, W and, if any, A."""
+        return _ALPHA + self.has_alpha
+
+    def add(
+        self, total: NDArray[np.float64] | None, film: NDArray[np.float32]
+    ) -> NDArray[np.float64]:
+        """Return a sum of films with the next one added, in place; ids stay those of the first.
+
+        Parameters
+        ----------
+        total : ndarray, shape (height, width, channels), float64, or None
+            The sum so far; None where this film is the first.
+        film : ndarray, shape (height, width, channels), float32
+            A film, or sum of films, of these channels.
+        """
+        with np.errstate(invalid="ignore", over="ignore"):  # a scene may have infinite pixels
+            if total is None:
+                return np.add(0.0, film, dtype=np.float64)
+            if not self.ids:
+                return np.add(total, film, out=total)
+            planes = [self.names.index(name) for name in self.ids]
+            first = total[..., planes]
+            np.add(total, film, out=total)
+            total[..., planes] = first
+            return total
+
+    def normalised(self, total: NDArray[np.float64]) -> dict[str, NDArray[np.float32]]:
+        """Return the image that a sum of films is: (height, width) float32 by channel, without W.
+
+        A pixel that no sample has reached is 0 everywhere. Ids are as they are.
+        """
+        weights = total[..., _WEIGHT]
+        reached = weights != 0
+        where: Any = True if reached.all() else reached
+        image = {}
+        with np.errstate(invalid="ignore", over="ignore"):
+            for plane, name in enumerate(self.names[: total.shape[-1]]):
+                if plane == _WEIGHT:
+                    continue
+                values = np.zeros(weights.shape, np.float32)
+                divisor = 1 if name in self.ids else weights
+                np.divide(total[..., plane], divisor, out=values, where=where, casting="same_kind")
+                image[name] = values
+        return image

@@ -1,0 +1,70 @@
+"""Films of named channels: what is added, what stays that of the first film, what is divided."""
+
+import numpy as np
+import pytest
+
+from plateau.farm.images.channels import MOST_CHANNELS, Channels
+
+NAMES = ("R", "G", "B", "W", "A", "Z", "id.shape")
+CHANNELS = Channels(NAMES, ("id.shape",))
+
+
+def film(*values):
+    """A film of one pixel."""
+    return np.array([[values]], np.float32)
+
+
+def test_sums_are_added_and_ids_stay_those_of_the_first_film():
+    total = CHANNELS.add(None, film(1, 2, 3, 2, 1, 8, 5))
+    total = CHANNELS.add(total, film(3, 2, 1, 2, 3, 4, 7))
+    assert total.tolist() == [[[4, 4, 4, 4, 4, 12, 5]]]
+    image = {name: values.item() for name, values in CHANNELS.normalised(total).items()}
+    assert image == {"R": 1, "G": 1, "B": 1, "A": 1, "Z": 3, "id.shape": 5}
+
+
+def test_a_sum_in_float64_does_not_lose_small_films():
+    channels, total = Channels(), None
+    for value in (1.0, *[2.0**-30] * 64):
+        total = channels.add(total, film(value, value, value, 1))
+    assert total[0, 0, 0] == 1 + 2.0**-24
+
+
+def test_a_pixel_that_no_sample_has_reached_is_0():
+    image = Channels().normalised(np.zeros((2, 3, 4)))
+    assert set(image) == {"R", "G", "B"}
+    assert not any(values.any() for values in image.values())
+
+
+def test_a_pixel_that_is_not_finite_stays_so_in_its_channel_alone():
+    total = CHANNELS.add(None, film(1, 1, 1, 1, np.nan, np.inf, 5))
+    total = CHANNELS.add(total, film(1, 1, 1, 1, 1, -np.inf, 5))
+    image = CHANNELS.normalised(total)
+    assert np.isnan(image["A"]).all()
+    assert np.isnan(image["Z"]).all()
+    assert image["R"] == 1
+
+
+def test_alpha_is_judged_and_aovs_are_not():
+    assert (Channels().judged, Channels().aovs) == (4, ())
+    assert (CHANNELS.judged, CHANNELS.aovs) == (5, ("Z", "id.shape"))
+
+
+@pytest.mark.parametrize(
+    ("names", "ids", "why"),
+    [
+        (("R", "G", "B"), (), "begin with R, G, B and W"),
+        (("R", "G", "B", "W", "Z", "A"), (), "A follows W"),
+        (("R", "G", "B", "W", "Z", "Z"), (), "two channels have one name"),
+        (("R", "G", "B", "W", ""), (), "is no name of a channel"),
+        (("R", "G", "B", "W", "a\nb"), (), "is no name of a channel"),
+        (("R", "G", "B", "W", "x" * 65), (), "is no name of a channel"),
+        (("R", "G", "B", "W", *map(str, range(MOST_CHANNELS))), (), "at most 64 channels"),
+        (("R", "G", "B", "W", "Z"), ("id.shape",), "ids are AOVs"),
+        (("R", "G", "B", "W"), ("R",), "ids are AOVs"),
+        ("RGBW", (), "no list of names"),
+        (("R", "G", "B", 4), (), "no list of names"),
+    ],
+)
+def test_what_is_no_film_is_refused(names, ids, why):
+    with pytest.raises(ValueError, match=why):
+        Channels(names, ids)
