@@ -86,8 +86,7 @@ def list_studies(url: o.Url = None, as_json: o.Json = False) -> None:
 def export(
     study_id: _StudyId,
     table: Annotated[
-        bool,
-        typer.Option("--table", help="Export shares, in the form of the paper's table 1."),
+        bool, typer.Option("--table", help="Export shares, in the form of the paper's table 1.")
     ] = False,
     out: Annotated[
         Path | None,

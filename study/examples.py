@@ -48,10 +48,7 @@ STUDY: Final[dict[str, Any]] = {
         "observers": 24,
         "finished": 24,
         "answers": 336,
-        "levels": [
-            {"spp": 100, "shown": 48, "seen": 48},
-            {"spp": 500, "shown": 48, "seen": 46},
-        ],
+        "levels": [{"spp": 100, "shown": 48, "seen": 48}, {"spp": 500, "shown": 48, "seen": 46}],
         "a": -0.0018,
         "b": 3.61,
         "thresholds": [

@@ -72,8 +72,7 @@ def mount(app: FastAPI, client: RedisClient) -> None:
 
 _Farm = Annotated[_Parts, Depends(_parts)]
 _StudyId = Annotated[
-    str,
-    Path(pattern=r"^[0-9a-f]{12}$", description="the study's id", examples=[examples.STUDY_ID]),
+    str, Path(pattern=r"^[0-9a-f]{12}$", description="the study's id", examples=[examples.STUDY_ID])
 ]
 _Name = Annotated[
     str,
@@ -139,9 +138,7 @@ def get_study(study_id: _StudyId, farm: _Farm) -> StudyView:
 
 
 @router.delete(
-    "/{study_id}",
-    status_code=204,
-    responses=documented(problems.NOT_YOUR_STUDY, *_INVALID),
+    "/{study_id}", status_code=204, responses=documented(problems.NOT_YOUR_STUDY, *_INVALID)
 )
 def delete_study(study_id: _StudyId, farm: _Farm, who: CallerOf) -> None:
     """Remove a study with all its answers and pictures. It takes the key that made it."""
@@ -179,11 +176,7 @@ def get_study_answers(study_id: _StudyId, farm: _Farm) -> Response:
     return _as_csv(f"{study.id}-answers.csv", table_csv(study, farm.studies.answers(study)))
 
 
-@router.get(
-    "/{study_id}/trials.csv",
-    response_class=Response,
-    responses=_csv(examples.TRIALS_CSV),
-)
+@router.get("/{study_id}/trials.csv", response_class=Response, responses=_csv(examples.TRIALS_CSV))
 def get_study_trials(study_id: _StudyId, farm: _Farm) -> Response:
     """Export every answer, a line each: who, to what, what, and at which screen.
 
@@ -208,8 +201,7 @@ def join_study(study_id: _StudyId, observer: _Name, asked: TakingPart, farm: _Fa
 
 
 @router.get(
-    "/{study_id}/observers/{observer}",
-    responses=documented(problems.UNKNOWN_OBSERVER, *_INVALID),
+    "/{study_id}/observers/{observer}", responses=documented(problems.UNKNOWN_OBSERVER, *_INVALID)
 )
 def get_observer(study_id: _StudyId, observer: _Name, farm: _Farm) -> ObserverView:
     """Show what an observer is shown, in order, and what of it has an answer."""
@@ -303,8 +295,5 @@ def _picture(farm: _Parts, study_id: str, blob: str) -> Response:
 
 
 def _as_csv(name: str, text: str) -> Response:
-    headers = {
-        "Content-Disposition": f'attachment; filename="{name}"',
-        "Cache-Control": "no-cache",
-    }
+    headers = {"Content-Disposition": f'attachment; filename="{name}"', "Cache-Control": "no-cache"}
     return Response(text, media_type="text/csv; charset=utf-8", headers=headers)

@@ -35,42 +35,18 @@ from plateau.service.api.parts import Parts
 from plateau.service.api.points.images import PointImages
 from plateau.service.api.points.stored_files import StoredFiles
 from plateau.service.api.problems.handlers import add_problem_handlers
-from plateau.service.api.routes import (
-    batches as routes_batches,
-)
-from plateau.service.api.routes import (
-    continuing as routes_continue,
-)
-from plateau.service.api.routes import (
-    docs as routes_docs,
-)
-from plateau.service.api.routes import (
-    farm as routes_farm,
-)
-from plateau.service.api.routes import (
-    images as routes_images,
-)
-from plateau.service.api.routes import (
-    jobs as routes_jobs,
-)
-from plateau.service.api.routes import (
-    page as routes_page,
-)
-from plateau.service.api.routes import (
-    previews as routes_previews,
-)
-from plateau.service.api.routes import (
-    report as routes_report,
-)
-from plateau.service.api.routes import (
-    results as routes_results,
-)
-from plateau.service.api.routes import (
-    scenes as routes_scenes,
-)
-from plateau.service.api.routes import (
-    webhooks as routes_webhooks,
-)
+from plateau.service.api.routes import batches as routes_batches
+from plateau.service.api.routes import continuing as routes_continue
+from plateau.service.api.routes import docs as routes_docs
+from plateau.service.api.routes import farm as routes_farm
+from plateau.service.api.routes import images as routes_images
+from plateau.service.api.routes import jobs as routes_jobs
+from plateau.service.api.routes import page as routes_page
+from plateau.service.api.routes import previews as routes_previews
+from plateau.service.api.routes import report as routes_report
+from plateau.service.api.routes import results as routes_results
+from plateau.service.api.routes import scenes as routes_scenes
+from plateau.service.api.routes import webhooks as routes_webhooks
 from plateau.service.api.scene_checks.pool import SceneChecks
 
 _DESCRIPTION: Final = """
@@ -90,19 +66,16 @@ def create_app(
     access: Access = Access.UNTIL_KEYS,
     webhook_allow: tuple[str, ...] = (),
 ) -> FastAPI:
-    """The API over this queue and this blob store.
+    """Make the API over this Redis and this blob store.
 
     Parameters
     ----------
-    client, blobs
-        Redis and the blob store.
     hub, checks
-        The fan-out of events and the checks of scenes, whose limits are the API's; they are closed
-        with the app.
+        The fan-out of events, and the checks of scenes; both are closed with the app.
     access
-        Whether requests need keys.
+        When requests need keys.
     webhook_allow
-        Networks and host names that are private and may be sent webhooks all the same.
+        Private networks and host names that may still receive webhooks.
     """
 
     @asynccontextmanager
@@ -118,24 +91,24 @@ def create_app(
         version="1",
         lifespan=lifespan,
         dependencies=[Depends(refuse_unknown_parameters)],
-        # What a route is called is the operation's id, and so a method of a generated client.
+        # A route's name is its operation's id, and so a method's name in a generated client.
         generate_unique_id_function=lambda route: route.name,
-        # A path has one form: a redirect would end an upload by curl in silence.
+        # A redirect would silently end an upload by curl.
         redirect_slashes=False,
-        # The framework's pages are fetched from elsewhere: see `plateau.service.api.routes.docs`.
+        # The framework's pages load files from elsewhere; `routes.docs` serves its own.
         docs_url=None,
         redoc_url=None,
-        # A job shows the spec that it was given, so one description serves both ways.
+        # A job shows the spec that it was given, so one schema describes both.
         separate_input_output_schemas=False,
     )
-    jobs, points = Jobs(client), PointImages(blobs)
+    ledger, points = Jobs(client), PointImages(blobs)
     parts = Parts(
-        jobs=jobs,
+        jobs=ledger,
         scenes=SceneIndex(client),
         batches=Batches(client),
         continuations=Continuations(client),
         blobs=blobs,
-        files=StoredFiles(blobs, jobs),
+        files=StoredFiles(blobs, ledger),
         points=points,
         checks=checks,
         hub=hub,

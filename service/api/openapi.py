@@ -1,4 +1,4 @@
-"""The API's description of itself, corrected where the framework's differs from what is served."""
+"""The API's OpenAPI document, corrected where the framework's differs from what is served."""
 
 from collections.abc import Iterator
 from copy import deepcopy
@@ -13,11 +13,11 @@ from plateau.service.api.access.key_guard import needs_key
 from plateau.service.api.problems import problem as problems
 from plateau.service.api.problems.problem import MEDIA_TYPE, Problem, ProblemDetails, documented
 
-#: What any request may be answered, whatever its route.
+#: Problems of every route.
 _ANYWHERE: Final = documented(
     problems.MALFORMED_REQUEST, problems.INTERNAL_ERROR, problems.UNREADABLE_JOB, store=False
 )
-#: What one may be answered that may need a key.
+#: Problems of routes that may need a key.
 _GUARDED: Final = documented(
     problems.NO_KEY,
     problems.BAD_KEY,
@@ -36,14 +36,14 @@ _KEYS: Final[dict[str, Any]] = {
         "`viewer`, to submit jobs and to change one's own `submitter`, to change others' `admin`.",
     }
 }
-#: And a request with a body.
+#: Problems of routes that take a body.
 _WITH_BODY: Final = documented(problems.UPLOAD_TOO_LARGE, store=False)
-#: What the framework says that it answers to an invalid request, where a route says nothing.
+#: The framework's schemas for invalid requests, which this API never answers with.
 _FOREIGN: Final = ("HTTPValidationError", "ValidationError")
 
 
 class DescribedAPI(FastAPI):
-    """An application whose OpenAPI document says what is served, and no more."""
+    """An application whose OpenAPI document describes exactly what is served."""
 
     def openapi(self) -> dict[str, Any]:
         """The document, made once."""
@@ -82,7 +82,7 @@ def _corrected(document: dict[str, Any]) -> dict[str, Any]:
 
 
 def _add(answers: dict[str, Any], status: str, answer: dict[str, Any]) -> None:
-    """Add an answer of this status to those that are there."""
+    """Add the problems of an answer to those that an operation documents for this status."""
     there = answers.get(status)
     if there is None:
         answers[status] = deepcopy(answer)
@@ -99,7 +99,7 @@ def _add(answers: dict[str, Any], status: str, answer: dict[str, Any]) -> None:
 
 
 def _own_answers(operation: dict[str, Any]) -> dict[str, Any]:
-    """The answers of an operation, without those that the framework would give."""
+    """An operation's answers, from which those of the framework are removed."""
     answers: dict[str, Any] = operation["responses"]
     for status, answer in list(answers.items()):
         if _FOREIGN[0] in str(answer.get("content")):
@@ -108,12 +108,12 @@ def _own_answers(operation: dict[str, Any]) -> dict[str, Any]:
 
 
 async def refuse_unknown_parameters(request: Request) -> None:
-    """Refuse a query parameter that the route does not have, where it has some.
+    """Refuse an unknown query parameter of a route that has some.
 
-    A filter with a slip in its name would be no filter. Where there are none, pages may add what
-    makes a URL new to a cache.
+    A filter with a misspelt name would filter nothing. On a route without parameters a page may add
+    one to bypass a cache.
     """
-    # Of the route itself: the document, which says the same, takes half a second to make.
+    # From the route, because the OpenAPI document takes half a second to make.
     known = list(_query_parameters(request.scope["route"].dependant))
     unknown = sorted(set(request.query_params) - set(known)) if known else []
     if unknown:
@@ -126,6 +126,6 @@ async def refuse_unknown_parameters(request: Request) -> None:
 
 
 def _query_parameters(dependant: Dependant) -> Iterator[str]:
-    """The names of what a route, or what it depends on, reads from the query."""
+    """The names of the query parameters of a route and of its dependencies."""
     yield from (field.alias for field in dependant.query_params)
     yield from chain.from_iterable(map(_query_parameters, dependant.dependencies))

@@ -2,9 +2,9 @@
 
 import re
 from dataclasses import dataclass
-from typing import Final
+from typing import Annotated, Final
 
-from fastapi import Request
+from fastapi import Depends, Request
 
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.batches import Batches
@@ -26,7 +26,7 @@ _JOB_ID: Final = re.compile(r"[0-9a-f]{12}")
 
 @dataclass(frozen=True)
 class Parts:
-    """The queue, the blob store, and the checks of what comes in."""
+    """Redis by subject, the blob store, and what the routes build on them."""
 
     jobs: Jobs
     scenes: SceneIndex
@@ -42,7 +42,7 @@ class Parts:
     receivers: Receivers  #: of webhooks
 
     def job(self, job_id: str) -> Job:
-        """The job, or `JobNotFound`; what cannot be an id is not looked up."""
+        """The job, or `JobNotFound`; Redis is not asked for what cannot be an id."""
         if not _JOB_ID.fullmatch(job_id):
             raise JobNotFound(job_id)
         return self.jobs.get(job_id)
@@ -54,6 +54,10 @@ def parts_of(request: Request) -> Parts:
     return found
 
 
-async def parts(request: Request) -> Parts:
-    """As `parts_of`, as a route takes them: no function, for which FastAPI would fetch a thread."""
+async def _parts(request: Request) -> Parts:
+    # A coroutine: FastAPI would run a plain function in a thread.
     return parts_of(request)
+
+
+#: The parts of the app, as a route takes them.
+Farm = Annotated[Parts, Depends(_parts)]

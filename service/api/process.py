@@ -1,4 +1,4 @@
-"""The API as a process: checks where it may listen, and serves until it is told to stop."""
+"""The API as a process: checks that it may listen, and serves until it is told to stop."""
 
 import asyncio
 import logging
@@ -33,11 +33,11 @@ from plateau.service.api.http.server import (
 )
 from plateau.service.api.scene_checks.pool import SceneChecks
 
-#: How long a request may take to end when the API stops; streams of events end at once.
+#: How long requests may take to end when the API stops, in seconds; streams end at once.
 _GRACE_S: Final = 5
-_TICK_S: Final = 1.0  #: between two looks at the clock, for the date of answers
+_TICK_S: Final = 1.0  #: between two updates of the answers' date
 
-#: How to keep keys from being read on their way.
+#: How to keep others from reading keys on the network.
 _TLS: Final = (
     "give the API a certificate (--tls-certificate, --tls-key), or put a proxy with TLS in front"
 )
@@ -51,13 +51,13 @@ class CannotListen(Exception):
 
 @dataclass(frozen=True)
 class Tls:
-    """A certificate, with those that it rests on, and its private key: PEM files."""
+    """The PEM files of a certificate chain and of its private key."""
 
     certificate: Path
     private_key: Path
 
     def check(self) -> None:
-        """Return where the two can be used together, or raise `CannotListen`."""
+        """Raise `CannotListen` unless the two can be used together."""
         try:
             ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER).load_cert_chain(
                 self.certificate, self.private_key
@@ -85,19 +85,19 @@ def run(
     settings
         With `redis_url` and `blobs` set.
     host, port
-        Where to listen; port 0 takes a free one.
+        The address to listen on; port 0 takes a free one.
     open_to_all
-        Want no keys, though there are some; for a loopback address alone.
+        Demand no keys even if some exist; for loopback addresses only.
     tls
-        The certificate to show, for https.
+        The certificate for https; None for plain HTTP.
     ready
         Called with the API's URL once it answers.
 
     Raises
     ------
     CannotListen
-        The host is not this machine's loopback and there is no key, the port is taken, or the
-        certificate cannot be used.
+        The host is not loopback and no key exists, the port is taken, or the certificate cannot be
+        used.
     """
     if settings.redis_url is None or settings.blobs is None:
         raise ValueError("the API needs redis_url and blobs")
@@ -113,7 +113,7 @@ def run(
     elif access is Access.KEYS:
         _LOG.warning("keys come over plain HTTP, which others on the network can read: %s", _TLS)
     listener = listen(host, port)
-    checks.warm_up()  # before the app is made, which takes as long
+    checks.warm_up()  # in parallel with making the app, which takes as long
     hub = EventHub(settings.redis_url)
     app = create_app(
         client=client,
@@ -138,10 +138,10 @@ def run(
 
 
 def spool_in(folder: Path) -> None:
-    """Have this process's temporary files lie in this folder, unless ``TMPDIR`` names another.
+    """Keep this process's temporary files in this folder, unless ``TMPDIR`` names another.
 
     On many systems ``/tmp`` is memory, which a few bundles of 2 GB would fill. The files have no
-    names, so nothing is left of them whoever dies.
+    names, so nothing is left of them if the process is killed.
     """
     if "TMPDIR" in os.environ:
         return
@@ -151,19 +151,19 @@ def spool_in(folder: Path) -> None:
             pass
     except OSError as error:
         _LOG.warning(
-            "uploads lie in %s, since %s cannot be used: %s", tempfile.gettempdir(), folder, error
+            "uploads go to %s, because %s cannot be used: %s", tempfile.gettempdir(), folder, error
         )
     else:
         tempfile.tempdir = str(folder)
 
 
 def access_at(host: str, keys: ApiKeys, *, open_to_all: bool) -> Access:
-    """Where an API that listens on this host wants keys.
+    """When an API that listens on this host demands keys.
 
     Raises
     ------
     CannotListen
-        Other machines could reach it, and it would be open, or nobody has a key to it.
+        Other machines could reach it, and it would be open, or no usable key exists.
     """
     if is_loopback(host):
         return Access.OPEN if open_to_all else Access.UNTIL_KEYS
@@ -175,7 +175,7 @@ def access_at(host: str, keys: ApiKeys, *, open_to_all: bool) -> Access:
     try:
         usable = any(key.usable for key in keys.all())
     except StoreUnavailable as error:
-        _LOG.warning("%s; whether there are keys is not known, and each request needs one", error)
+        _LOG.warning("%s; it is not known whether keys exist, and each request needs one", error)
         return Access.KEYS
     if not usable:
         raise CannotListen(
@@ -189,7 +189,7 @@ def access_at(host: str, keys: ApiKeys, *, open_to_all: bool) -> Access:
 def listen(host: str, port: int) -> socket.socket:
     """A socket bound to the address, or `CannotListen`."""
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
-    # By its name: asyncio looks for it before it sends small answers at once (TCP_NODELAY).
+    # With IPPROTO_TCP: asyncio sets TCP_NODELAY, which sends small answers at once, only with it.
     listener = socket.socket(family, socket.SOCK_STREAM, socket.IPPROTO_TCP)
     try:
         listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -220,20 +220,20 @@ class _Server(uvicorn.Server):
         self._loop: asyncio.AbstractEventLoop | None = None
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
-        # The first request may be there before the first tick, which adds the date.
+        # The first request may come before the first tick, which adds the date.
         self.server_state.default_headers = self.config.encoded_headers
         await super().startup(sockets)
         self._loop = asyncio.get_running_loop()
         self._ready()
 
     async def main_loop(self) -> None:
-        """Wait for the order to stop; uvicorn's own loop looks for it ten times a second."""
-        while not await self.on_tick(0):  # which tells the time in answers, to the second
+        """Wait for the order to stop; uvicorn's own loop polls ten times a second."""
+        while not await self.on_tick(0):  # updates the date of answers
             with suppress(asyncio.TimeoutError):
                 await asyncio.wait_for(self._asked_to_stop.wait(), _TICK_S)
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
-        """Ask the server to stop; any second signal has it wait for nobody."""
+        """Ask the server to stop; after a second signal it waits for no request."""
         if self.should_exit:
             self.force_exit = True
         super().handle_exit(sig, frame)

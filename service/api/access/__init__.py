@@ -1,4 +1,4 @@
-"""Who may make a request: where it comes from, its key, and how often the key may be used.
+"""Who may make a request: its origin, its key, and the key's rate limit.
 
 The reasons are in docs/decisions/access.md.
 """

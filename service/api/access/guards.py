@@ -1,4 +1,4 @@
-"""What is checked of a request before any route sees it: where it comes from, and its size."""
+"""Checks of a request before any route sees it: its origin, and the size of its body."""
 
 import asyncio
 import contextlib
@@ -19,22 +19,25 @@ from plateau.service.api.problems.problem import (
     Problem,
 )
 
-#: ``Host`` as RFC 9110 has it: a name or an address, and perhaps a port.
+#: ``Host`` by RFC 9110: a name or an address, and an optional port.
 _HOST: Final = re.compile(r"(\[[0-9A-Fa-f:.]+\]|[0-9A-Za-z.-]+)(?::[0-9]{1,5})?")
-#: What a browser says of a request for its own user (an address that was typed, a bookmark), and of
-#: one by a page of this very service. Another port of this machine is another's page: "same-site".
+#: ``Sec-Fetch-Site`` of a typed address or bookmark, and of a page of this service. A page served
+#: from another port of this machine is "same-site".
 _OWN: Final = frozenset({"none", "same-origin"})
+#: Headers that a proxy adds to name its client.
+_FROM_A_PROXY: Final = frozenset(
+    {b"forwarded", b"x-forwarded-for", b"x-forwarded-host", b"x-real-ip"}
+)
 
 
 def refuse_foreign(scope: Scope) -> None:
-    """Return where a request names this machine and comes from no other web site; raise otherwise.
+    """Raise the problem unless a request names this machine and comes from no other web site.
 
-    For an API that is open, which listens on loopback only. A web page elsewhere can still make a
-    browser on this machine call it: under a name that it controls and points at 127.0.0.1 (DNS
-    rebinding; seen in ``Host``), by a form that posts across sites (seen in ``Origin``), or by a
-    picture, a frame or a link (seen in ``Sec-Fetch-Site`` alone). And a proxy on this machine can
-    let others in without knowing what it does. Where keys are wanted none of this matters: a
-    browser adds no key by itself to what another page asks for, and the service may have any name.
+    An open API listens on loopback only. A web page elsewhere can still make a browser on this
+    machine call it: under a name that it points at 127.0.0.1 (DNS rebinding; ``Host`` shows it), by
+    a form that posts across sites (``Origin`` shows it), or by an image, a frame or a link (only
+    ``Sec-Fetch-Site`` shows it). A proxy on this machine can let others in unawares. An API with
+    keys needs none of this: a browser adds no key to another page's requests.
     """
     host = header(scope["headers"], b"host") or ""
     named = _HOST.fullmatch(host)
@@ -56,12 +59,6 @@ def refuse_foreign(scope: Scope) -> None:
         )
 
 
-#: Headers that a proxy adds to say for whom it asks.
-_FROM_A_PROXY: Final = frozenset(
-    {b"forwarded", b"x-forwarded-for", b"x-forwarded-host", b"x-real-ip"}
-)
-
-
 def _foreign_host(what: str) -> Problem:
     return Problem(
         FOREIGN_HOST,
@@ -72,33 +69,32 @@ def _foreign_host(what: str) -> Problem:
 
 
 def header(headers: Iterable[tuple[bytes, bytes]], name: bytes) -> str | None:
-    """The first header of this name, which is in lower case."""
+    """The first header of this name, given in lower case."""
     return next((value.decode("latin-1") for key, value in headers if key == name), None)
 
 
-#: So much of a refused body is still read, and for so long, before the connection is closed: closed
-#: on bytes that nobody has read, it would take the answer with it.
-_LINGER_BYTES = 64 * 2**20
-_LINGER_S = 2.0
+#: Limits on reading a refused body. A connection that is closed on unread bytes is reset, and the
+#: client may lose the answer.
+_LINGER_BYTES: Final = 64 * 2**20
+_LINGER_S: Final = 2.0
 
-
-#: What a form may have beyond its scene: the spec and the boundaries.
+#: The size of a form without its scene: the spec and the boundaries.
 ENVELOPE_BYTES: Final = 2 << 20
 
-#: A body that is no upload is read into memory, so it may have so many bytes at most.
-_MOST_OF_A_CHANGE = 2**16
+#: The largest body that is no upload; it is read into memory.
+_MOST_OF_A_CHANGE: Final = 2**16
 
 
 class OneLength(Layer):
-    """Refuses a request that says twice how long its body is, and one of HTTP/1.0 in chunks.
+    """Refuses a request with two body lengths, and a chunked one of HTTP/1.0.
 
-    A proxy in front may believe the other of the two, and take for the next request what is part of
-    this one, or the reverse: request smuggling. RFC 9112, section 6, has both answered so, and the
-    connection closed.
+    A proxy in front may believe the other length and see the next request where this API sees a
+    body, or the reverse: request smuggling. RFC 9112, section 6, asks for a 400 and a closed
+    connection.
     """
 
     async def serve(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Pass the request on where its length is plain."""
+        """Pass on a request with one length."""
         names = {name for name, _ in scope["headers"]}
         in_chunks = b"transfer-encoding" in names
         if in_chunks and (b"content-length" in names or scope["http_version"] == "1.0"):
@@ -119,8 +115,8 @@ _AMBIGUOUS: Final = Problem(
 class BodyLimit(Layer):
     """Refuses a body of more than `most` bytes, by its announced length or while it streams.
 
-    Only a POST of a form may bring so many: any other body is some JSON. A key may have a lower
-    limit than the service; which key a request brings was looked up before.
+    That limit is for forms; any other body is JSON and has a smaller one. A key may have a lower
+    limit than the service.
     """
 
     def __init__(self, app: ASGIApp, most: int) -> None:
@@ -150,7 +146,7 @@ class BodyLimit(Layer):
         await self.app(scope, counted, send)
 
     def _limit(self, scope: Scope) -> tuple[int, str]:
-        """How many bytes the body may have, and what sets that."""
+        """The most bytes of the body, and what sets that limit."""
         kind = (header(scope["headers"], b"content-type") or "").lower()
         if scope["method"] != "POST" or not kind.startswith("multipart/form-data"):
             return _MOST_OF_A_CHANGE, ""
@@ -171,15 +167,15 @@ def _too_large(most: int, setting: str) -> Problem:
 
 
 async def discard_body(scope: Scope, receive: Receive) -> None:
-    """Read the body of a refused request, where one comes, as far and as long as is worth it."""
+    """Read the body of a refused request, if it has one, within the limits on lingering."""
     names = {name for name, _ in scope["headers"]}
-    # Who expects to be told to go on sends no body once it is refused.
+    # A client that expects 100-continue sends no body after a refusal.
     if b"expect" not in names and names & {b"content-length", b"transfer-encoding"}:
         await discard(receive)
 
 
 async def discard(receive: Receive) -> None:
-    """Read the rest of a body, as far and as long as is worth it."""
+    """Read the rest of a body, within the limits on lingering."""
 
     async def read() -> None:
         left, more = _LINGER_BYTES, True

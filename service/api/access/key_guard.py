@@ -1,12 +1,11 @@
-"""The door: which requests need a key, what the key's role allows, and how often it may be used.
+"""Access by key: which requests need a key, what its role allows, and its rate limit.
 
-What a farm knows is under ``/v1/`` and at ``/metrics``; all else (health, the description of the
-API, the web page's own files) is the same for everybody and stays open. Every change of a job is
-checked here by its path, so that no route can forget it.
+The farm's data are under ``/v1/`` and at ``/metrics``. Everything else (health, the description of
+the API, the web page's files) is the same for everybody and stays open. Every change of a job is
+checked here by its path, so that no route can forget the check.
 
-Keys are looked up for each request: the first key that is made closes an open API at once, and a
-revoked one opens nothing from then on. Who is served for long is asked about again (see
-`Caller.is_welcome`).
+Each request looks its key up: the first key that is made closes an open API at once, and a revoked
+key opens nothing from then on. Long-lived streams look it up again (see `Caller.is_welcome`).
 """
 
 import math
@@ -28,29 +27,29 @@ from plateau.service.api.http.layers import Layer
 from plateau.service.api.problems import problem as problems
 from plateau.service.api.problems.problem import Problem
 
-#: More would only wait for each other: a look takes less than a millisecond.
+#: Threads that look up keys; a look-up takes less than a millisecond.
 _THREADS: Final = 16
-#: Prometheus gives a scrape up after 10 s, so a silent Redis may not take them all.
+#: How long a scrape waits for Redis, of the 10 s after which Prometheus gives it up.
 _METRICS_PATIENCE_S: Final = 2.0
 
 _READING: Final = frozenset({"GET", "HEAD", "OPTIONS"})
 _METRICS: Final = "/metrics"
-#: They are in the API's description too, which is open; and the page's forms come without a key.
+#: Open, because the API's description shows the rules too, and the page's forms have no key yet.
 _RULES: Final = "/v1/rules"
 _JOB: Final = re.compile(r"/v1/jobs/([0-9a-f]{12})(?:/|$)")
 _BEARER: Final = re.compile(r"bearer +([^ ].*)", re.IGNORECASE)
 
 
 class Access(Enum):
-    """Where an API wants keys."""
+    """When an API demands keys; without one it answers this machine only."""
 
-    OPEN = "open"  #: nowhere: it was asked to, and answers this machine only
-    UNTIL_KEYS = "until keys"  #: as soon as one was ever made; till then this machine only
-    KEYS = "keys"  #: for every request: other machines reach it
+    OPEN = "open"  #: never, as its user asked
+    UNTIL_KEYS = "until keys"  #: as soon as a key was ever made
+    KEYS = "keys"  #: always, because other machines reach it
 
 
 class KeyGuard(Layer):
-    """Lets through requests that need no key, or bring one that allows them."""
+    """Passes on requests that need no key, or whose key allows them."""
 
     def __init__(
         self, app: ASGIApp, *, keys: ApiKeys, allowance: Allowance, access: Access
@@ -60,12 +59,12 @@ class KeyGuard(Layer):
         self._allowance = allowance
         self._access = access
         self._threads: CapacityLimiter | None = None
-        # For the metrics while Redis is away: what it said when it last answered.
+        # What Redis said last, for the metrics while it is away.
         self._wanted = access is Access.KEYS
         self._seen: dict[str, ApiKey] = {}
 
     async def serve(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Pass the request on with its `Caller`, or answer why not."""
+        """Pass the request on with its `Caller`, or refuse it."""
         if not needs_key(scope["path"]):
             await self.app(scope, receive, send)
             return
@@ -83,7 +82,7 @@ class KeyGuard(Layer):
         if self._access is Access.OPEN:
             refuse_foreign(scope)
             return ANYBODY
-        if self._threads is None:  # it belongs to the loop that serves
+        if self._threads is None:  # made here, since it belongs to the running loop
             self._threads = CapacityLimiter(_THREADS)
         metrics = scope["path"] == _METRICS
         try:
@@ -117,28 +116,28 @@ class KeyGuard(Layer):
         return caller
 
     def _still_opens(self, shown: str) -> bool:
-        """Whether a key that opened the API does so still; it does while Redis is away."""
+        """Whether a key that opened the API still does; assumed while Redis is away."""
         try:
             return self._keys.find(shown) is not None
         except StoreUnavailable:
             return True
 
     def _are_keys_wanted(self) -> bool:
-        # Redis is asked in any case: while it is away, nobody is told that a key is what is wrong.
+        # Redis is asked first: while it is away, the answer is 503 and not 401.
         self._wanted = self._keys.any_made() or self._access is Access.KEYS
         return self._wanted
 
     def _check_job(self, scope: Scope, caller: Caller) -> None:
-        """Raise where the request would change a job that is not the caller's."""
+        """Raise the problem if the request would change another's job."""
         job = _JOB.match(scope["path"])
         if job is None or scope["method"] in _READING or caller.may_steer(None):
             return
         owner = self._keys.owner_of(job[1])
-        if owner is not None:  # there is such a job
+        if owner is not None:  # the job exists
             caller.check_may_steer(job[1], owner)
 
     def _is_remembered(self, scope: Scope) -> bool:
-        """Whether the request would have been let through when Redis last answered."""
+        """Whether the request would have passed when Redis last answered."""
         if not self._wanted:
             refuse_foreign(scope)
             return True
@@ -147,7 +146,7 @@ class KeyGuard(Layer):
 
 
 def needs_key(path: str) -> bool:
-    """Whether what is served at the path is the farm's, and not the same for everybody."""
+    """Whether the path serves the farm's data, and not the same to everybody."""
     return (path.startswith("/v1/") and path != _RULES) or path == _METRICS
 
 
@@ -179,8 +178,7 @@ def _role_too_low(key: ApiKey, needed: Role) -> Problem:
     return Problem(
         problems.ROLE_TOO_LOW,
         f"this needs a key with the role {needed.value}, and the key {key.name!r} has the role "
-        f"{key.role.value}; "
-        f"`plateau keys create NAME --role {needed.value}` makes one",
+        f"{key.role.value}; `plateau keys create NAME --role {needed.value}` makes one",
         headers={"WWW-Authenticate": 'Bearer realm="plateau", error="insufficient_scope"'},
         role=key.role.value,
         needed=needed.value,

@@ -1,1 +1,1 @@
-"""Jobs' events: read from Redis once, and sent to everyone who watches."""
+"""Jobs' events: read from Redis once, and sent to every watcher."""

@@ -1,4 +1,4 @@
-"""The one asyncio client of Redis: it fans the jobs' event streams out to who watches them."""
+"""The one asyncio client of Redis: it fans the jobs' event streams out to their watchers."""
 
 import asyncio
 import contextlib
@@ -17,12 +17,12 @@ from plateau.farm.redis import keys
 from plateau.farm.redis.link import link_options, open_link
 from plateau.service.api.events.feed import Feed, Told, position
 
-#: Shorter than the socket's time-out, so that a quiet job is not taken for a dead connection.
+#: Shorter than the socket's time-out, so that a quiet job does not look like a dead connection.
 _BLOCK_MS: Final = 5000
 _RETRY_S: Final = 1.0
-#: Each job that is watched takes one; redis-py's own limit is 100, Redis's 10,000.
+#: One for each watched job; redis-py's own limit is 100, that of Redis 10,000.
 _CONNECTIONS: Final = 5000
-#: So many read a job's past at a time, each over a connection: hundreds may come at once.
+#: Watchers that read a job's past at once, each over its own connection; the others wait.
 _READERS_OF_THE_PAST: Final = 16
 
 _log = logging.getLogger(__name__)
@@ -31,14 +31,13 @@ _log = logging.getLogger(__name__)
 class EventHub:
     """Events of jobs as they happen, from any point of the past on.
 
-    However many watch a job, one connection reads its news, once for all of them; who comes later
-    first reads on from its own last event. So none is lost or sent twice, through outages of
-    Redis too.
+    One connection reads a job's news for all its watchers. A new watcher first reads the events
+    since its own last one. So no event is lost or sent twice, even through outages of Redis.
     """
 
     def __init__(self, redis_url: str) -> None:
         options = {
-            "retry": Retry(NoBackoff(), 0),  # here we try again, and say so
+            "retry": Retry(NoBackoff(), 0),  # the methods below try again, and log it
             "max_connections": _CONNECTIONS,
             **link_options(redis_url),
         }
@@ -50,9 +49,9 @@ class EventHub:
     async def events(
         self, job_id: str, after: str, *, idle_s: float
     ) -> AsyncIterator[tuple[Told, ...]]:
-        """The job's events since the event `after`, in batches, up to and including `finished`.
+        """Yield the job's events since the event `after`, in batches, up to `finished`.
 
-        An empty batch comes after `idle_s` seconds without news, and when Redis is away.
+        A batch is empty after `idle_s` seconds without news, and while Redis is away.
         """
         known = position(after)
         with self._feed(job_id) as feed, feed.watcher() as watcher:
@@ -60,7 +59,7 @@ class EventHub:
                 feed.check()
                 watcher.has_seen_all()
                 batch = feed.since(known)
-                if batch is None:  # it reaches further back than the feed
+                if batch is None:  # the feed does not reach back so far
                     try:
                         batch = await self._read(job_id, known)
                     except (RedisError, OSError) as error:
@@ -78,13 +77,13 @@ class EventHub:
                     yield ()
 
     def stop_watching(self) -> None:
-        """End every stream of events, so that the server need not wait for its clients."""
+        """End every stream of events, so that a stopping server need not wait for them."""
         self._closing = True
         for feed in self._feeds.values():
             feed.wake_all()
 
     async def close(self) -> None:
-        """Give the connections back."""
+        """End all streams and close the connections."""
         self.stop_watching()
         await asyncio.gather(
             *(feed.stop() for feed in self._feeds.values()), return_exceptions=True
@@ -117,7 +116,7 @@ class EventHub:
                 if newest is None:
                     entries = await self._redis.xrevrange(stream, count=1)
                     newest = entries[0][0] if entries else "0-0"
-                    # Who has read on their own before that may have missed what came since.
+                    # A watcher that read Redis before this may have missed later events.
                     await feed.start(position(newest))
                 answer = await self._redis.xread({stream: newest}, block=_BLOCK_MS)
             except (RedisError, OSError):

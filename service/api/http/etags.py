@@ -1,19 +1,19 @@
-"""Conditional GET: who has a representation already is answered 304, without it."""
+"""Conditional GET: a client that already has a representation is answered 304, without it."""
 
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, Final
 
-from fastapi import Header, Response
+from fastapi import Depends, Header, Response
 from pydantic import WithJsonSchema
 
 from plateau.farm.model.job import Job
 
-#: It changes while the job runs: kept, but asked for again before each use.
+#: For what may change: a cache keeps it, and validates it before each use.
 REVALIDATE: Final = "no-cache"
-#: The images of a finished job change no more. After a day they are asked for again, so that a
-#: browser does not show for ever what the farm has forgotten; and they are for one person's eyes.
+#: For what no longer changes, such as the images of a finished job. The day's limit keeps a browser
+#: from showing for ever what the farm has forgotten. No shared cache may keep it.
 FINAL: Final = "private, max-age=86400"
 
 _TAG: Final = re.compile(r'(?:W/)?("[\x21\x23-\x7e\x80-\xff]*")')
@@ -21,14 +21,14 @@ _LIST: Final = re.compile(rf"[ \t,]*(?:{_TAG.pattern}[ \t]*(?:,[ \t,]*|$))+")
 
 NOT_MODIFIED: Final[dict[int | str, dict[str, Any]]] = {
     304: {
-        "description": "`If-None-Match` names what would be sent",
+        "description": "`If-None-Match` names the representation that would be sent",
         "headers": {"ETag": {"schema": {"type": "string"}}},
     }
 }
 
 
 def strong(*parts: str | int) -> str:
-    """The strong entity tag made of these parts; they have no quotes, spaces or controls."""
+    """The strong entity tag of these parts, which hold no quotes, spaces or control characters."""
     return f'"{"-".join(map(str, parts))}"'
 
 
@@ -36,16 +36,16 @@ def strong(*parts: str | int) -> str:
 class Known:
     """The representations that a request's ``If-None-Match`` names."""
 
-    tags: frozenset[str]  #: opaque tags with their quotes: W/ makes no difference here
-    anything: bool  #: it is ``*``: whatever there is
+    tags: frozenset[str]  #: opaque tags with their quotes, without W/
+    anything: bool  #: whether the header is ``*``, which matches any existing representation
 
     def has(self, tag: str) -> bool:
-        """Whether this representation is named; ``*`` names it only once it is known to exist."""
+        """Whether the header lists this tag; ``*`` lists none."""
         return tag in self.tags
 
 
 def read_if_none_match(lines: list[str]) -> Known:
-    """What the header's lines name: a list, or ``*``; nothing where they are neither.
+    """Parse the header's lines: a list of tags, or ``*``; anything else names nothing.
 
     References
     ----------
@@ -59,25 +59,26 @@ def read_if_none_match(lines: list[str]) -> Known:
     return Known(frozenset(_TAG.findall(text)), anything=False)
 
 
-async def known(
+async def _known(
     if_none_match: Annotated[
-        list[str] | None,  # its lines, which are documented as the one that they mean
+        list[str] | None,  # one entry for each header line; OpenAPI describes them as one string
         WithJsonSchema({"type": "string", "examples": ['"0000400-7-image.png"']}),
-        Header(
-            description="`ETag`s of earlier answers, or `*`: 304 where one is that of this answer"
-        ),
+        Header(description="`ETag`s of earlier answers, or `*`; a match is answered 304"),
     ] = None,
 ) -> Known:
-    """What a request has already; a dependency of routes with an ``ETag``."""
     return read_if_none_match(if_none_match or [])
 
 
+#: What the client already has, as a route with an ``ETag`` takes it.
+IfNoneMatch = Annotated[Known, Depends(_known)]
+
+
 def cache_control(job: Job) -> str:
-    """How long what comes of a job may be used without asking; it must be read before that is."""
+    """The ``Cache-Control`` of a job's files, for a job that was read before the files were."""
     return REVALIDATE if job.finished_at is None else FINAL
 
 
 def not_modified(headers: Mapping[str, str]) -> Response:
-    """A 304 with what the 200 would say of its caching."""
+    """A 304 with the caching headers of the 200."""
     kept = {name: headers[name] for name in ("ETag", "Cache-Control", "Vary") if name in headers}
     return Response(status_code=304, headers=kept)

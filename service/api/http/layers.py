@@ -13,7 +13,7 @@ from plateau.farm.model import versions
 from plateau.farm.process.log import concern
 from plateau.service.api.problems.problem import unavailable
 
-#: In the request's scope: only the headers of the answer are wanted.
+#: The key in a request's scope which says that only the headers of the answer are wanted.
 HEADERS_ONLY: Final = "plateau.headers_only"
 
 _VERSION: Final = b"plateau-version"
@@ -22,13 +22,13 @@ _BATCHES: Final = "/v1/batches/"
 
 
 class Layer(ABC):
-    """A layer of the app; the app's start and end pass it by."""
+    """A layer of the app; it sees requests only, not the app's start and end."""
 
     def __init__(self, app: ASGIApp) -> None:
         self.app = app
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Take what the server has for the app."""
+        """Serve a request; pass anything else on."""
         await (self.serve if scope["type"] == "http" else self.app)(scope, receive, send)
 
     @abstractmethod
@@ -37,14 +37,14 @@ class Layer(ABC):
 
 
 class AnswerWhenCutOff(Layer):
-    """Answers 503 to a request whose task is cancelled before there is an answer.
+    """Answers 503 to a request whose task is cancelled before it was answered.
 
-    A stopping server cancels the requests that take too long, and would answer 500, which tells a
-    client to give up; but every call to Plateau may be repeated.
+    A stopping server cancels slow requests and would answer 500, which tells a client to give up;
+    but every call to Plateau may be repeated.
     """
 
     async def serve(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Pass the request on, and see whether it is answered."""
+        """Pass the request on, and note whether it is answered."""
         has_begun = False
 
         async def seen(message: Message) -> None:
@@ -62,10 +62,10 @@ class AnswerWhenCutOff(Layer):
 
 
 class LogFields(Layer):
-    """Gives the lines that are logged on a request's way the job, and the slice, of its path."""
+    """Adds the job and the slice of a request's path to the log lines of the request."""
 
     async def serve(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Serve the request; a task of its own, so that nobody else's lines are concerned."""
+        """Serve the request; it is a task of its own, so no other request's lines change."""
         found = _JOB.match(scope["path"])
         if found is not None:
             concern(found[1], None if found[2] is None else int(found[2]))
@@ -73,7 +73,7 @@ class LogFields(Layer):
 
 
 class SayVersion(Layer):
-    """Says under ``/v1`` which Plateau answers: a client may have another version."""
+    """Adds Plateau's version to answers under ``/v1``: a client may have another one."""
 
     async def serve(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Pass the request on, and add the header to its answer."""
@@ -88,14 +88,14 @@ class SayVersion(Layer):
 
 
 class _Answered(Exception):
-    """The headers are sent: nothing more of the answer is needed."""
+    """The headers are sent, so the rest of the answer is not needed."""
 
 
 class HeadAsGet(Layer):
-    """Answers HEAD with the headers of the GET, and ends it before its body, however long."""
+    """Answers HEAD with the headers of the GET, which is ended before its body."""
 
     async def serve(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Pass the request on; a HEAD as a GET."""
+        """Pass the request on, a HEAD as a GET."""
         if scope["method"] != "HEAD":
             await self.app(scope, receive, send)
             return
@@ -106,7 +106,7 @@ class HeadAsGet(Layer):
                 raise _Answered
             await send(message)
 
-        # The server goes by its own scope's method, which has to stay.
+        # A copy: the server reads the method from its own scope.
         asked = {**scope, "method": "GET", HEADERS_ONLY: True}
         with suppress(_Answered):
             await self.app(asked, receive, headers_alone)
@@ -114,14 +114,14 @@ class HeadAsGet(Layer):
 
 
 class KeepSlashes(Layer):
-    """Leaves ``/`` and ``%`` encoded in the segments of a batch's path; all else is decoded.
+    """Keeps ``/`` and ``%`` encoded in the segments of a batch's path.
 
-    So a batch's name is one segment of the path, whatever is in it. ASGI hands a path on with its
-    percent-encoding undone, so that a slash in a name cannot be told from one between segments.
+    So a batch's name is one segment of the path, whatever its characters. ASGI decodes paths, after
+    which a slash in a name looks like one between segments.
     """
 
     async def serve(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Pass the request on, to a batch by the path that it came with."""
+        """Pass the request on, with a batch's path made from the raw one."""
         if scope["path"].startswith(_BATCHES) and "raw_path" in scope:
             raw = scope["raw_path"].partition(b"?")[0].decode("ascii", "replace")
             segments = (unquote(segment) for segment in raw.split("/"))

@@ -1,4 +1,4 @@
-"""What a request asks for: a media type, a page of a list, a batch by its name."""
+"""Parameters that several routes share: the media type, the page of a list, a batch's name."""
 
 import re
 from typing import Annotated, Final
@@ -12,14 +12,14 @@ _QUALITY: Final = re.compile(r";[ \t]*q=([01](?:\.[0-9]{0,3})?)[ \t]*(?:;|$)", r
 
 
 def chosen(accept: str, offers: tuple[str, ...]) -> str:
-    """The media type that is preferred of those on offer.
+    """The media type on offer that the client prefers.
 
     Parameters
     ----------
     accept
-        The header's value; empty where there is none, which accepts all.
+        The header's value; empty without the header, which accepts all.
     offers
-        Media types in lower case; of those that are preferred alike the first is taken.
+        Media types in lower case; the first wins a tie.
 
     Raises
     ------
@@ -53,24 +53,20 @@ def _quality(offer: str, ranges: dict[str, float]) -> float:
     return 0.0
 
 
-#: Where a page begins, as a route takes it.
+#: The start of a page, as a route takes it.
 Cursor = Annotated[
     str | None,
-    Query(
-        pattern="^[0-9]{1,15}$",
-        description="`next_cursor` of the page before",
-        examples=["42"],
-    ),
+    Query(pattern="^[0-9]{1,15}$", description="`next_cursor` of the page before", examples=["42"]),
 ]
 
 
 def number_of(cursor: str | None) -> int | None:
-    """The number below which the page begins; None for the first page."""
+    """The number below which the page starts; None for the first page."""
     return None if cursor is None else int(cursor)
 
 
 def cursor_of(number: int | None) -> str | None:
-    """The cursor of a page that begins below the number; None where there is none."""
+    """The cursor of the page that starts below the number; None after the last page."""
     return None if number is None else str(number)
 
 
@@ -86,5 +82,5 @@ def _name(
     return unquote(name)
 
 
-#: The name of a batch, as a route takes it; `layers.KeepSlashes` has left it encoded.
+#: A batch's name, as a route takes it; `layers.KeepSlashes` kept it encoded until here.
 BatchName = Annotated[str, Depends(_name)]

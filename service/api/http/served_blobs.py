@@ -1,7 +1,7 @@
-"""Blobs as answers: streamed, with what a client needs to keep them and to know them again."""
+"""Blobs as answers: streamed, with the headers that let a client cache and verify them."""
 
 import base64
-from collections.abc import Iterator
+from itertools import chain
 from typing import Any, Final
 
 from fastapi import Request, Response
@@ -16,15 +16,14 @@ from plateau.service.api.problems.problem import documented
 
 PNG: Final = "image/png"
 EXR: Final = "image/x-exr"
-#: The header with the SHA-256 of the file, by which a client sees that it has come whole.
-#: RFC 9530, section 3.
+#: The header with the SHA-256 of the file, by which a client verifies it (RFC 9530, section 3).
 REPR_DIGEST: Final = "Repr-Digest"
-#: The header that says how many samples per pixel an image has: a running job's grow on.
+#: The header with an image's samples per pixel.
 SPP: Final = "Plateau-Spp"
 
 
 def described(media_type: str, *kinds: problems.ProblemType) -> dict[int | str, dict[str, Any]]:
-    """The ``responses`` of a route that serves a blob of a job, for OpenAPI."""
+    """The OpenAPI ``responses`` of a route that serves a blob of a job."""
     names = ("ETag", "Cache-Control", "Content-Disposition", REPR_DIGEST, SPP)
     binary = {"schema": {"type": "string", "format": "binary"}}
     return {
@@ -44,7 +43,7 @@ def headers_of(job: Job, tag: str, file_name: str) -> dict[str, str]:
         "ETag": tag,
         "Cache-Control": cache_control(job),
         "Content-Disposition": f'inline; filename="{file_name}"',
-        # A file has some MB and its reader is on this machine: parts of it help nobody.
+        # Files have a few MB, so ranges would help nobody.
         "Accept-Ranges": "none",
     }
 
@@ -58,16 +57,16 @@ def blob_response(
     has: Known,
     request: Request,
 ) -> Response:
-    """The blob, or 304.
+    """Serve the blob, or a 304.
 
-    It is served where it has this SHA-256; unchecked where that was not noted when it was written.
+    Its bytes must have this SHA-256; None skips the check, for blobs older than the digests.
 
     Raises
     ------
     SpoiledBlob
-        Its bytes are others, and cannot be made again.
+        Its bytes are damaged and cannot be made again.
     FileNotFoundError
-        There is none.
+        The blob does not exist.
     """
     if has.has(headers["ETag"]):
         return not_modified(headers)
@@ -83,14 +82,9 @@ def blob_response(
     if HEADERS_ONLY in request.scope:
         return Response(media_type=media_type, headers=headers)
     chunks = farm.blobs.chunks(blob)
-    first = next(chunks, b"")
-    return StreamingResponse(_joined(first, chunks), media_type=media_type, headers=headers)
+    content = chain([next(chunks, b"")], chunks)  # the first is read before the headers are sent
+    return StreamingResponse(content, media_type=media_type, headers=headers)
 
 
 def _repr_digest(sha256: str) -> str:
     return f"sha-256=:{base64.b64encode(bytes.fromhex(sha256)).decode()}:"
-
-
-def _joined(first: bytes, rest: Iterator[bytes]) -> Iterator[bytes]:
-    yield first
-    yield from rest

@@ -1,10 +1,10 @@
-"""The HTTP server below the app: connections, and what the server answers by itself.
+"""The HTTP server below the app: connections, and the server's own answers.
 
-uvicorn closes a connection that is silent after an answer, but waits for ever for a first request,
-and for the rest of one that comes a byte at a time. And asyncio, which can accept nothing while the
-process has no descriptor left, says so thousands of times (python/cpython#151615). So here a
-request's head has ten seconds, and connections end below the limit of descriptors. What follows a
-head, an upload or a stream of events, takes as long as it takes.
+uvicorn closes a connection that is silent after an answer, but waits for ever for a first request
+and for the rest of a slow one. And asyncio, which cannot accept connections while the process has
+no descriptor left, logs that thousands of times (python/cpython#151615). So here a request's head
+has ten seconds, and the number of connections is limited below that of descriptors. A body or a
+stream of events may take any time.
 """
 
 import asyncio
@@ -19,10 +19,9 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from plateau.service.api.problems.problem import BUSY, MALFORMED_REQUEST, Problem
 
-#: On every answer, whoever makes it. A browser takes the body for what its type says and nothing
-#: else, and no page of another site can have it as a picture or as a script. The app could not say
-#: so everywhere: the server refuses some requests itself, and the framework answers an unexpected
-#: error outside all of the app's layers.
+#: Headers of every answer. A browser believes the media type, and no page of another site can load
+#: the answer as an image or a script. The server adds them because not every answer passes the
+#: app's layers: it refuses some requests itself, and the framework answers unexpected errors.
 ON_EVERY_ANSWER: Final = [
     ("X-Content-Type-Options", "nosniff"),
     ("Cross-Origin-Resource-Policy", "same-origin"),
@@ -30,20 +29,20 @@ ON_EVERY_ANSWER: Final = [
 
 _UNREADABLE: Final = Problem(
     MALFORMED_REQUEST,
-    "the request is not HTTP/1.1 as RFC 9112 has it, or its head has more than 64 KiB; check the "
+    "the request is not HTTP/1.1 by RFC 9112, or its head has more than 64 KiB; check the "
     "address (http:// or https://), and send fewer or shorter headers",
     headers={"Connection": "close"},
 )
 
-#: For so long a request's head, or a TLS handshake, may take to come, in seconds.
+#: The longest time of a request's head, or of a TLS handshake, in seconds.
 HEAD_S: Final = 10.0
-#: More are not served by one process anyway.
+#: The most connections that one process can serve well.
 _MOST_CONNECTIONS: Final = 10_000
-#: Descriptors for all else: Redis, the blob store, logs, what is accepted and not yet refused.
+#: Descriptors for other uses: Redis, the blob store, logs, connections about to be refused.
 _OTHERS: Final = 256
-#: A connection may need a second one: a file that is uploaded, a stream of events from Redis.
+#: A connection may need a second descriptor, for an uploaded file or for events from Redis.
 _DESCRIPTORS_EACH: Final = 2
-#: Connections that wait to be accepted; so many are accepted at once.
+#: The most connections that wait to be accepted; asyncio accepts this many at once.
 _LONGEST_BACKLOG: Final = 2048
 _TOO_MANY: Final = Problem(
     BUSY,
@@ -53,34 +52,32 @@ _TOO_MANY: Final = Problem(
 
 
 def raise_descriptor_limit() -> int:
-    """How many descriptors this process may have from now on: as many as it may give itself."""
+    """Raise this process's limit of descriptors as far as it may; returns the new limit."""
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     if soft != hard:
         try:
             resource.setrlimit(resource.RLIMIT_NOFILE, (hard, hard))
         except (OSError, ValueError):
-            return soft  # macOS shows no bound and has one
+            return soft  # macOS reports no limit and has one
     return _MOST_CONNECTIONS * _DESCRIPTORS_EACH if hard == resource.RLIM_INFINITY else hard
 
 
 def most_connections(descriptors: int) -> int:
-    """How many connections a process with so many descriptors may have."""
+    """The most connections of a process with this many descriptors."""
     spare = max(descriptors - _OTHERS, descriptors // 2)
     return max(1, min(_MOST_CONNECTIONS, spare // _DESCRIPTORS_EACH))
 
 
 def backlog(descriptors: int) -> int:
-    """How many connections may wait to be accepted: they have to fit in beside those there are."""
+    """The most connections that may wait to be accepted, beside the open ones."""
     return max(1, min(_LONGEST_BACKLOG, most_connections(descriptors) // 2))
 
 
 class Connection(H11Protocol):
-    """One connection, whose requests' heads have a deadline.
+    """A connection with a deadline for the heads of its requests.
 
-    HTTP/1.1 by h11, whichever parsers are installed: they differ in what they let through.
-
-    A connection that makes them as many as uvicorn's `limit_concurrency` is answered 503 before it
-    asks for anything.
+    It always uses h11, because HTTP parsers differ in what they accept. A connection beyond
+    uvicorn's `limit_concurrency` is answered 503 before it sends a request.
     """
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
@@ -88,7 +85,7 @@ class Connection(H11Protocol):
         self._deadline: asyncio.TimerHandle | None = None
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-        """Take the connection, unless there are too many."""
+        """Accept the connection, or refuse it above the limit."""
         super().connection_made(transport)
         if self.limit_concurrency is not None and len(self.connections) >= self.limit_concurrency:
             self.refuse(_TOO_MANY)
@@ -96,29 +93,29 @@ class Connection(H11Protocol):
             self._watch()
 
     def data_received(self, data: bytes) -> None:
-        """Take in what came."""
+        """Parse the data, then set or clear the deadline."""
         super().data_received(data)
         self._watch()
 
     def on_response_complete(self) -> None:
-        """Go on to the next request."""
+        """Set the deadline for the next request."""
         super().on_response_complete()
         self._watch()
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """Let the connection go."""
+        """Clear the deadline."""
         self._forget_deadline()
         super().connection_lost(exc)
 
     def send_400_response(self, msg: str) -> None:  # noqa: ARG002  (the problem says more)
-        """Answer what cannot be read with a problem, where no answer has begun; hang up."""
-        if self.cycle is not None:  # the app may still answer a request whose body is broken
+        """Refuse an unreadable request with a problem."""
+        if self.cycle is not None:  # the app may still be answering a request with a broken body
             self.cycle.disconnected = True
             self.cycle.message_event.set()
         self.refuse(_UNREADABLE)
 
     def refuse(self, problem: Problem) -> None:
-        """Answer with a problem, where no answer has begun; hang up."""
+        """Answer with a problem, unless an answer has begun, and close the connection."""
         if self.conn.our_state in {h11.IDLE, h11.SEND_RESPONSE}:
             answer = problem.response("")
             headers = [*self.server_state.default_headers, *answer.raw_headers]
@@ -132,7 +129,7 @@ class Connection(H11Protocol):
         self.transport.close()
 
     def _watch(self) -> None:
-        """Give a head its time from when it may begin, and what follows it all the time."""
+        """Set the deadline while a head is awaited; clear it once the head is complete."""
         if self.conn.their_state is not h11.IDLE:
             self._forget_deadline()
         elif self._deadline is None and not self.transport.is_closing():
@@ -145,34 +142,27 @@ class Connection(H11Protocol):
 
 
 class Loop(asyncio.SelectorEventLoop):
-    """The event loop of the API, whose TLS handshakes have a deadline, too."""
+    """The API's event loop, with a deadline for TLS handshakes too."""
 
     async def create_server(self, *arguments: Any, **options: Any) -> Any:
-        """As asyncio's; a handshake may take a minute there."""
+        """Do as asyncio does, with `HEAD_S` for a handshake instead of a minute."""
         if options.get("ssl") is not None:
             options.setdefault("ssl_handshake_timeout", HEAD_S)
         return await super().create_server(*arguments, **options)
 
 
 def server_config(app: ASGIApp, *, grace_s: int, **options: Any) -> uvicorn.Config:
-    """How the app is served.
+    """The server's configuration; `options` are uvicorn's own.
 
-    Parameters
-    ----------
-    app
-        What answers.
-    grace_s
-        For how many seconds a request may go on when the server stops.
-    options
-        More of uvicorn's.
+    A request may take `grace_s` more seconds once the server stops.
     """
     return uvicorn.Config(
         app,
         http=Connection,
         loop=f"{Loop.__module__}:{Loop.__name__}",
-        ws="none",  # nothing here speaks WebSocket, and its parsers answer requests on their own
+        ws="none",  # the API has no WebSockets, and their parsers answer requests by themselves
         headers=ON_EVERY_ANSWER,
-        log_config=None,  # its lines go the way of ours
+        log_config=None,  # the process configures the log
         access_log=False,
         server_header=False,
         timeout_graceful_shutdown=grace_s,

@@ -1,4 +1,4 @@
-"""Files that are served as they lie in a folder, with what a browser may do with them."""
+"""Static files, served from memory with a content-security policy."""
 
 import hashlib
 from collections.abc import Mapping
@@ -38,7 +38,7 @@ class StaticFile:
 
 
 def read_folder(folder: Path) -> dict[str, StaticFile]:
-    """The folder's files by their paths in it, as far as their kind is one that is served."""
+    """The folder's files by their relative paths; only those of known media types."""
     found = {}
     for path in folder.rglob("*"):
         media_type = _MEDIA_TYPES.get(path.suffix)
@@ -49,7 +49,7 @@ def read_folder(folder: Path) -> dict[str, StaticFile]:
     return found
 
 
-#: A page runs its own scripts and talks to this API: what its policy says beside, it adds.
+#: The base of a page's policy: it runs its own scripts and talks to this API only.
 OWN_ONLY: Final = {
     "default-src": "'none'",
     "script-src": "'self'",
@@ -63,7 +63,7 @@ OWN_ONLY: Final = {
 def serve(
     files: Mapping[str, StaticFile], name: str, has: Known, policy: Mapping[str, str]
 ) -> Response:
-    """The file of this name under this content-security policy, or 304 where the client has it."""
+    """Serve a file under this content-security policy, or a 304 if the client has it."""
     found = files.get(name)
     if found is None:
         raise Problem(problems.UNKNOWN_PATH, f"the page has no file {name!r}")

@@ -1,1 +1,1 @@
-"""What ``GET /metrics`` says, in Prometheus's format."""
+"""``GET /metrics``, in Prometheus's format."""

@@ -29,14 +29,14 @@ from plateau.service.api.metrics.requests import Requests
 
 CONTENT_TYPE: Final = CONTENT_TYPE_PLAIN_0_0_4
 
-#: What has not answered by then counts as away; a scrape is given up after 10 s by default.
+#: A store that does not answer within this time counts as away; a scrape has 10 s by default.
 _PATIENCE_S: Final = 2.0
 
 _Answer = TypeVar("_Answer")
 
 
 class Metrics:
-    """All metrics of one API process, in a registry of its own."""
+    """All metrics of one API process, in their own registry."""
 
     def __init__(self, jobs: Jobs, blobs: Blobs) -> None:
         self._registry = CollectorRegistry(auto_describe=False)
@@ -44,22 +44,22 @@ class Metrics:
         self.requests = Requests(self._registry)
 
     def exposition(self) -> bytes:
-        """What Prometheus reads; of content type `CONTENT_TYPE`."""
+        """The metrics as text of type `CONTENT_TYPE`."""
         return generate_latest(self._registry)
 
 
 class _Farm(Collector):
-    """Counts the farm when it is asked to."""
+    """Counts the farm at each scrape."""
 
     def __init__(self, jobs: Jobs, blobs: Blobs) -> None:
         self._census = _Question(jobs.census)
         self._blobs = _Question(lambda: blobs.exists("scenes/none") or True)
 
     def collect(self) -> Iterator[Metric]:
-        """The metrics of the farm; where Redis is away, only that it is."""
+        """Yield the farm's metrics; while Redis is away, only that it is."""
         blobs_answer, census_answer = self._blobs.asked(), self._census.asked()
-        census = _within_reason(census_answer)
-        up = {"redis": census is not None, "blobs": _within_reason(blobs_answer) is not None}
+        census = _in_time(census_answer)
+        up = {"redis": census is not None, "blobs": _in_time(blobs_answer) is not None}
         yield _gauge(
             "plateau_up",
             "1 where this API process reaches Redis, or the blob store; 0 where it is away.",
@@ -72,13 +72,12 @@ class _Farm(Collector):
             {"version": version("plateau"), "python": platform.python_version()},
         )
         if census is not None:
-            yield from _work_there_is(census)
-            yield from _messages_there_are(census)
-            yield from _who_works(census)
-            yield from _work_done(census)
+            yield from _open_work(census)
+            yield from _processes(census)
+            yield from _totals(census)
 
 
-def _work_there_is(census: Census) -> Iterator[Metric]:
+def _open_work(census: Census) -> Iterator[Metric]:
     yield _gauge("plateau_jobs", "Jobs that have not ended, by state.", census.jobs, "state")
     yield _gauge(
         "plateau_jobs_stored",
@@ -119,9 +118,6 @@ def _work_there_is(census: Census) -> Iterator[Metric]:
         {variant: one.work_s for variant, one in demand.items()},
         "variant",
     )
-
-
-def _messages_there_are(census: Census) -> Iterator[Metric]:
     yield _gauge(
         "plateau_webhooks_waiting",
         "Messages to webhooks that wait for their first or next try.",
@@ -129,7 +125,7 @@ def _messages_there_are(census: Census) -> Iterator[Metric]:
     )
 
 
-def _who_works(census: Census) -> Iterator[Metric]:
+def _processes(census: Census) -> Iterator[Metric]:
     yield _gauge(
         "plateau_workers",
         "Workers that are alive, by what they do; out_of_service: it found that it can render "
@@ -157,7 +153,7 @@ def _who_works(census: Census) -> Iterator[Metric]:
         )
 
 
-def _work_done(census: Census) -> Iterator[Metric]:
+def _totals(census: Census) -> Iterator[Metric]:
     yield _counter("plateau_jobs_created_total", "Jobs created.", census.jobs_created)
     yield _counter(
         "plateau_jobs_ended_total",
@@ -230,17 +226,17 @@ def _gauge(
     name: str, help_text: str, value: float | Mapping[str, float], label: str = ""
 ) -> Metric:
     """A gauge: one value, or one for each value of a label."""
-    return _with(GaugeMetricFamily(name, help_text, labels=(label,) if label else ()), value)
+    return _filled(GaugeMetricFamily(name, help_text, labels=(label,) if label else ()), value)
 
 
 def _counter(
     name: str, help_text: str, value: float | Mapping[str, float], label: str = ""
 ) -> Metric:
     """A counter, its name with ``_total``: one value, or one for each value of a label."""
-    return _with(CounterMetricFamily(name, help_text, labels=(label,) if label else ()), value)
+    return _filled(CounterMetricFamily(name, help_text, labels=(label,) if label else ()), value)
 
 
-def _with(
+def _filled(
     family: GaugeMetricFamily | CounterMetricFamily, value: float | Mapping[str, float]
 ) -> Metric:
     if not isinstance(value, Mapping):
@@ -260,7 +256,7 @@ def _histogram(name: str, help_text: str, noted: Histogram) -> Metric:
 
 
 class _Question(Generic[_Answer]):
-    """Asks what may be away, in a thread of its own, one at a time."""
+    """Asks a store that may be away, in its own thread, one call at a time."""
 
     def __init__(self, ask: Callable[[], _Answer]) -> None:
         self._ask = ask
@@ -268,7 +264,7 @@ class _Question(Generic[_Answer]):
         self._asked: Future[_Answer] | None = None
 
     def asked(self) -> "Future[_Answer]":
-        """The answer to come; where one is still awaited, that one."""
+        """The coming answer: that of a new call, or of the one under way."""
         with self._lock:
             if self._asked is None or self._asked.done():
                 self._asked = Future()
@@ -280,12 +276,12 @@ class _Question(Generic[_Answer]):
     def _answer(self, asked: "Future[_Answer]") -> None:
         try:
             asked.set_result(self._ask())
-        except BaseException as error:  # noqa: BLE001  (it is raised where the answer is awaited)
+        except BaseException as error:  # noqa: BLE001  (raised again where the answer is awaited)
             asked.set_exception(error)
 
 
-def _within_reason(answer: "Future[_Answer]") -> _Answer | None:
-    """The answer; None where it does not come, or is that the store is away."""
+def _in_time(answer: "Future[_Answer]") -> _Answer | None:
+    """The answer; None if it does not come, or the store is away."""
     try:
         return answer.result(_PATIENCE_S)
     except (StoreUnavailable, TooLate):

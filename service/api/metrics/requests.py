@@ -1,4 +1,4 @@
-"""How many requests this API process answered, how, and how fast; by route, never by raw path."""
+"""Numbers and durations of this API process's requests, by route and never by raw path."""
 
 import time
 from collections.abc import Iterable
@@ -11,29 +11,23 @@ from plateau.service.api.http.layers import Layer
 
 _BOUNDS_S: Final = (0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 5.0, 10.0, 60.0)
 
-#: Any other method is a client's fancy, and would be a series of its own.
+#: Methods that have a series of their own; all others share one.
 _METHODS: Final = frozenset({"GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS"})
 
-#: The route of a request that no route took: refused before, or nothing is there.
+#: The label of a request that reached no route: refused before, or to an unknown path.
 _NO_ROUTE: Final = "none"
 
 _STREAM: Final = b"text/event-stream"
 
 
 class Requests:
-    """What this process has answered since it started.
+    """The durations of requests since the process started, and the open streams of events.
 
-    Attributes
-    ----------
-    durations
-        Of requests in seconds, by route, method and status.
-    streams
-        How many streams of events are open. A stream has no duration: it lasts as long as somebody
-        watches.
+    A stream lasts as long as somebody watches, so it has no duration here.
     """
 
     def __init__(self, registry: CollectorRegistry) -> None:
-        # Else each series has another that says when it began.
+        # Otherwise each series has a second one with the time of its creation.
         disable_created_metrics()  # type: ignore[no-untyped-call]
         self.durations = Histogram(
             "plateau_http_request_duration_seconds",
@@ -51,14 +45,14 @@ class Requests:
 
 
 class CountRequests(Layer):
-    """Counts every answer; the outermost of the app's layers, so that it sees all."""
+    """Counts every answer; it is the app's outermost layer, so it sees all of them."""
 
     def __init__(self, app: ASGIApp, requests: Requests) -> None:
         super().__init__(app)
         self._requests = requests
 
     async def serve(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Pass the request on, and look at its answer."""
+        """Pass the request on, and measure its answer."""
         started = time.monotonic()
         status, streams = 500, False  # unless an answer begins
 

@@ -4,12 +4,12 @@ from dataclasses import dataclass
 
 
 class SliceLost(Exception):
-    """A slice is gone or spoiled."""
+    """A slice is gone or damaged."""
 
 
 @dataclass(frozen=True)
 class KeptSlice:
-    """Where a slice lies, and what it has to be."""
+    """The blob of a slice, and the digest that it must have."""
 
     blob: str
     sha256: str

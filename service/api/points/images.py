@@ -1,7 +1,7 @@
 """Merged images of points of a curve, made again from the slices that the job kept.
 
-They cost a read of every slice up to the point, so they are bounded: one is made at a time, few may
-be waited for, and none goes on for a client that has gone.
+Each costs a read of every slice up to the point. So one is made at a time, few requests may wait,
+and the work stops when its client disconnects.
 """
 
 from __future__ import annotations
@@ -19,26 +19,20 @@ if TYPE_CHECKING:
     from plateau.farm.images.exr import Pixels
     from plateau.service.api.points.sums import PointSums
 
-#: The largest film: 4K of cinemas. Merging it takes 0.4 GB.
+#: The largest film, cinema's 4K; merging it takes 0.4 GB.
 MOST_PIXELS: Final = 4096 * 2160
-#: So many may be waited for, by all clients of a process together.
+#: Requests of all clients that may wait in one process.
 MOST_WAITING: Final = 8
-#: So often a client is asked whether it is still there, in seconds.
+#: Seconds between two looks at whether a client is still connected.
 _ASKED_EVERY_S: Final = 0.25
 
 
 class TooManyWait(Exception):
-    """So many images are waited for that one more would take too long."""
+    """`MOST_WAITING` requests wait already."""
 
 
 class PointImages:
-    """Makes the merged images of points.
-
-    Parameters
-    ----------
-    store
-        Where the slices are.
-    """
+    """Makes the merged images of points from the slices in the store."""
 
     def __init__(self, store: Blobs) -> None:
         self._blobs = store
@@ -54,25 +48,25 @@ class PointImages:
         encode: Callable[[Pixels], bytes],
         is_gone: Callable[[], Awaitable[bool]],
     ) -> bytes | None:
-        """The image of these slices as a file; None where nobody waits for it any more.
+        """The merged image of these slices as a file; None once the client has disconnected.
 
         Parameters
         ----------
         job_id
-            Whose they are.
+            The job of the slices.
         slices
-            From the first one on, without a gap; one at least.
+            Its first slices, without a gap; at least one.
         encode
-            Makes the file of a (height, width, 3) float32 linear image.
+            Makes a file of a (height, width, 3) float32 linear image.
         is_gone
-            Whether the client has gone.
+            Says whether the client has disconnected.
 
         Raises
         ------
         TooManyWait
-            Eight images are waited for already.
+            `MOST_WAITING` requests wait already.
         SliceLost
-            A slice cannot be used.
+            A slice is gone or damaged.
         """
         if self._waiting >= MOST_WAITING:
             raise TooManyWait
@@ -88,11 +82,11 @@ class PointImages:
                     return None
             return await work
         finally:
-            gone.set()  # whatever ends this ends the work
+            gone.set()  # stops the work, however this ended
             self._waiting -= 1
 
     def close(self) -> None:
-        """Give up what is being made."""
+        """Give up the image that is being made, and all that wait."""
         self._closed.set()
         self._worker.shutdown(wait=False, cancel_futures=True)
 
@@ -103,7 +97,7 @@ class PointImages:
         encode: Callable[[Pixels], bytes],
         gone: threading.Event,
     ) -> bytes | None:
-        # Imported when it is first asked for: numpy and the metric take a fifth of an API's start.
+        # Imported at the first use: numpy and the metric take a fifth of the API's start.
         from plateau.service.api.points.sums import PointSums
 
         if self._sums is None:

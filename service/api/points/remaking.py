@@ -1,4 +1,4 @@
-"""Makes files of finished jobs again that were spoiled or lost: from sums, or from kept slices."""
+"""Restores damaged or lost results of finished jobs, from sums or from kept slices."""
 
 import hashlib
 import logging
@@ -20,17 +20,14 @@ from plateau.service.judging.result_files import result_files
 
 _LOG = logging.getLogger(__name__)
 
-#: The largest film of which it is tried: that takes 0.6 GB.
+#: The largest film that is merged for this; it takes 0.6 GB.
 MOST_PIXELS: Final = 2560 * 1440
 
 _Memory = tuple[dict[str, Any], dict[str, NDArray[Any]]]
 
 
 def remade(blob: str, sha256: str, jobs: Jobs, store: Blobs) -> bytes | None:
-    """The bytes that a result of a finished job had, made again; None where that cannot be.
-
-    Nothing but these very bytes is given, so whoever puts them changes nothing.
-    """
+    """Make a result of a finished job again, to the byte; None if that is impossible."""
     job_id, name = blobs.in_job(blob)
     if not blob.startswith(blobs.results(job_id)):
         return None
@@ -58,7 +55,7 @@ def remade(blob: str, sha256: str, jobs: Jobs, store: Blobs) -> bytes | None:
 
 
 def _merged(job: Job, spp: int, jobs: Jobs, store: Blobs) -> tuple[Merge, _Memory]:
-    """The sum of the job's first slices up to `spp`, and what its rules remember of the first."""
+    """The sum of the job's slices up to `spp`, and the memory of its rules of the first image."""
     slice_spp = job.spec.slice_spp
     if not job.spec.keep_slices:
         checkpoint = jobs.checkpoint(job.id)
@@ -76,8 +73,8 @@ def _merged(job: Job, spp: int, jobs: Jobs, store: Blobs) -> tuple[Merge, _Memor
 
 
 def _visible(job: Job, merge: Merge, memory: _Memory) -> Mask | None:
-    """Where the image differs visibly from the first one."""
-    # Imported here: it loads the compiled metric, which the API needs for nothing else.
+    """The map of visible differences from the first image."""
+    # Imported here, because it loads the compiled metric, which the API needs for nothing else.
     from plateau.service.judging.judge import Judge
 
     judge = Judge(job.spec)

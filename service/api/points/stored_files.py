@@ -1,7 +1,7 @@
-"""Stored files as they may be served: no byte goes out before all of them are known to be whole.
+"""Stored files, verified before the first byte is served.
 
-Each process reads a blob once to see that its bytes have the SHA-256 that was noted when it was
-written. One that was spoiled since is made again where it can be, else nobody is given it.
+Each process reads a blob once and compares it with the SHA-256 that was noted when it was written.
+A damaged blob is made again if possible; otherwise it is not served.
 """
 
 import hashlib
@@ -15,12 +15,12 @@ from plateau.farm.ledger.jobs import Jobs
 
 _LOG = logging.getLogger(__name__)
 
-#: A process remembers of so many blobs that they are whole, or lost for good: 3 MB.
+#: Blobs that a process remembers as whole, or as lost for good; they take 3 MB.
 _REMEMBERED: Final = 10_000
 
 
 class SpoiledBlob(Exception):
-    """What is stored under a name is not what was written, and cannot be made again."""
+    """A stored blob is not what was written, and cannot be made again."""
 
     def __init__(self, name: str) -> None:
         super().__init__(
@@ -30,15 +30,7 @@ class SpoiledBlob(Exception):
 
 
 class StoredFiles:
-    """The files of jobs and studies, checked.
-
-    Parameters
-    ----------
-    store
-        Where they are.
-    jobs
-        Whose they are.
-    """
+    """The files of jobs and studies, verified."""
 
     def __init__(self, store: Blobs, jobs: Jobs) -> None:
         self._blobs = store
@@ -48,14 +40,14 @@ class StoredFiles:
         self._lost = _Remembered()
 
     def require(self, name: str, sha256: str) -> None:
-        """Return where the blob has this SHA-256, perhaps since now.
+        """Make sure that the blob has this SHA-256; a damaged or lost one is made again.
 
         Raises
         ------
         SpoiledBlob
-            It has another one, and cannot be made again.
+            It is damaged and cannot be made again.
         FileNotFoundError
-            There is no such blob, nor can it be made again.
+            It is lost and cannot be made again.
         """
         if (name, sha256) in self._whole:
             return
@@ -65,13 +57,7 @@ class StoredFiles:
         self._whole.add((name, sha256))
 
     def content(self, name: str, sha256: str | None) -> bytes:
-        """The blob's bytes; unchecked where it was written before digests were noted.
-
-        Raises
-        ------
-        SpoiledBlob, FileNotFoundError
-            As `require`.
-        """
+        """The blob's bytes, or an error as by `require`; without a SHA-256 they are not checked."""
         content = self._blobs.get(name)
         if sha256 is None or hashlib.sha256(content).hexdigest() == sha256:
             return content
@@ -80,7 +66,7 @@ class StoredFiles:
         return self._blobs.get(name)
 
     def _sha256(self, name: str) -> str | None:
-        """What the bytes are that are stored; None where there is no such blob."""
+        """The digest of the stored bytes; None without a blob of this name."""
         found = hashlib.sha256()
         try:
             for chunk in self._blobs.chunks(name):
@@ -90,8 +76,8 @@ class StoredFiles:
         return found.hexdigest()
 
     def _remade(self, name: str, sha256: str, *, spoiled: bool) -> bool:
-        """Whether the blob could be made again, to the byte; one at a time, and tried once."""
-        # Imported where one is spoiled: numpy and the metric take a fifth of an API's start.
+        """Make the blob again, one at a time, and try it once; returns whether it is whole."""
+        # Imported at the first use: numpy and the metric take a fifth of the API's start.
         from plateau.service.api.points.remaking import remade
 
         with self._lock:
@@ -101,7 +87,7 @@ class StoredFiles:
                 return True
             content = remade(name, sha256, self._jobs, self._blobs)
             if content is None:
-                if spoiled:  # not merely a set of which a newer one took the place
+                if spoiled:  # a lost one may only be an older set of results
                     _LOG.error("%s", SpoiledBlob(name))
                 self._lost.add((name, sha256))
                 return False
@@ -111,7 +97,7 @@ class StoredFiles:
 
 
 class _Remembered:
-    """The last blobs, by name and SHA-256, of which something was found; for any thread."""
+    """A bounded set of blobs, by name and SHA-256; for any thread."""
 
     def __init__(self) -> None:
         self._blobs: OrderedDict[tuple[str, str], None] = OrderedDict()

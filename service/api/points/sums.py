@@ -14,44 +14,38 @@ from plateau.service.api.points import KeptSlice, SliceLost
 from plateau.service.judging.films import checked_film
 from plateau.service.judging.merge import normalised
 
-#: So many bytes of sums are remembered; the newest one in any case.
+#: The most bytes of sums that are kept; the newest sum always is.
 _REMEMBERED: Final = 128 << 20
 
 Sum = NDArray[np.float64]
 
 
 class PointSums:
-    """Merges slices again, as the monitor did; for one thread.
-
-    Parameters
-    ----------
-    store
-        Where the slices are.
-    """
+    """Merges slices from the store as the monitor did; for one thread."""
 
     def __init__(self, store: Blobs) -> None:
         self._blobs = store
-        # By job and number of slices, the longest unused first.
+        # By job and number of slices, the least recently used first.
         self._sums: OrderedDict[tuple[str, int], Sum] = OrderedDict()
 
     def image(
         self, job_id: str, slices: Sequence[KeptSlice], *, is_given_up: Callable[[], bool]
     ) -> Pixels | None:
-        """The merged image, (height, width, 3) float32 linear radiance; None where given up.
+        """The merged image, (height, width, 3) float32 linear radiance; None if given up.
 
         Parameters
         ----------
         job_id
-            Whose slices they are.
+            The job of the slices.
         slices
-            From the first one on, without a gap; one at least.
+            Its first slices, without a gap; at least one.
         is_given_up
-            Asked before each slice: whether nobody waits for the image any more.
+            Asked before each slice.
 
         Raises
         ------
         SliceLost
-            A slice cannot be used.
+            A slice is gone or damaged.
         """
         total = self._merged(job_id, slices, is_given_up)
         return None if total is None else normalised(total)
@@ -59,7 +53,7 @@ class PointSums:
     def _merged(
         self, job_id: str, slices: Sequence[KeptSlice], is_given_up: Callable[[], bool]
     ) -> Sum | None:
-        """The sum of the slices, added in order in float64 as the monitor does."""
+        """The sum of the slices, added in order and in float64 as the monitor does."""
         done, total = self._remembered(job_id, len(slices))
         for index in range(done, len(slices)):
             if is_given_up():
@@ -76,7 +70,7 @@ class PointSums:
         return total if done == len(slices) else None
 
     def _remembered(self, job_id: str, slices: int) -> tuple[int, Sum | None]:
-        """How many slices are in the longest sum that helps, and a copy of it."""
+        """The number of slices in the longest usable sum, and that sum: a copy if it will grow."""
         done = max((n for job, n in self._sums if job == job_id and n <= slices), default=0)
         if not done:
             return 0, None

@@ -1,1 +1,1 @@
-"""RFC 9457 problem details: what every error of the API looks like."""
+"""RFC 9457 problem details: the form of every error of the API."""

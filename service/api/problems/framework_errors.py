@@ -1,24 +1,23 @@
-"""What Starlette and FastAPI say of a body that they cannot read, in words for its sender.
+"""Starlette's and FastAPI's messages about unreadable bodies, reworded for the sender.
 
-They tell one refusal from another by their text alone. A test finds texts that have no words here.
+The frameworks' refusals differ by their text only. A test finds texts that are missing here.
 """
 
 from typing import Final
 
 from plateau.farm.wire.examples import NOT_JSON
 
-#: How many files and other parts a form may have, and how large a part may be that is not a file.
+#: The most files and other parts of a form, and the largest part that is not a file.
 MOST_FILES: Final = 2
 MOST_FIELDS: Final = 8
 MOST_FIELD_BYTES: Final = 1 << 20
-
 
 _TOO_LONG: Final = (
     f"a part that is not a file has more than {MOST_FIELD_BYTES >> 20} MiB; send the scene as a "
     "file, as curl -F scene=@FILE does"
 )
 
-#: How each of their texts begins, and what is said instead.
+#: Our words, by the beginning of the framework's text.
 _WORDS: Final = {
     "Missing boundary": "the header Content-Type has no boundary; leave that header to your HTTP "
     "client, as curl -F does",
@@ -36,5 +35,5 @@ _WORDS: Final = {
 
 
 def in_our_words(said: str) -> str | None:
-    """What to say instead of a framework's text; None for one that is not known."""
+    """Our words for a framework's text; None for an unknown one."""
     return next((words for begin, words in _WORDS.items() if said.startswith(begin)), None)

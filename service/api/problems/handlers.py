@@ -1,4 +1,4 @@
-"""What becomes of an error: every one that a route lets out is answered with a problem."""
+"""Error handlers: every error of a route is answered with a problem."""
 
 from collections.abc import Mapping
 from typing import Final
@@ -31,7 +31,7 @@ from plateau.service.api.problems.framework_errors import in_our_words
 from plateau.service.api.problems.problem import Problem, ProblemType, unavailable
 from plateau.service.api.problems.spec_checks import invalid_request
 
-#: What a move is called that a job's state does not allow, and what would be possible.
+#: The problem of a refused transition, and what is possible instead, by the state aimed at.
 _REFUSALS: Final = {
     JobState.CANCELLED: (problems.CANNOT_CANCEL, "only a job that has not ended can be cancelled"),
     JobState.PAUSED: (
@@ -41,7 +41,7 @@ _REFUSALS: Final = {
     JobState.RENDERING: (problems.CANNOT_RESUME, "only a paused job can be resumed"),
 }
 
-#: Errors that say it all, the problems that they are, and what to do about each.
+#: Errors whose own message is the detail: the problem, and a remedy to append.
 _AS_THEY_ARE: Final[dict[type[Exception], tuple[ProblemType, str]]] = {
     JobNotFound: (problems.UNKNOWN_JOB, "; GET /v1/jobs lists those there are"),
     UnreadableJob: (problems.UNREADABLE_JOB, ""),
@@ -51,7 +51,7 @@ _AS_THEY_ARE: Final[dict[type[Exception], tuple[ProblemType, str]]] = {
     SpoiledBlob: (problems.SPOILED_FILE, ""),
 }
 
-#: What a bare status that the framework raises is called here.
+#: The problems for the framework's bare statuses.
 _BY_STATUS: Final = {
     400: problems.MALFORMED_REQUEST,
     404: problems.UNKNOWN_PATH,
@@ -62,7 +62,7 @@ _BY_STATUS: Final = {
 def answer_as_they_are(
     app: FastAPI, errors: Mapping[type[Exception], tuple[ProblemType, str]]
 ) -> None:
-    """Answer these errors with these problems, in their own words and what to do about each."""
+    """Answer each of these errors with its problem; the detail is its message and the remedy."""
 
     def answer_as_it_is(request: Request, error: Exception) -> JSONResponse:
         kind, what_to_do = errors[type(error)]
@@ -73,7 +73,7 @@ def answer_as_they_are(
 
 
 def add_problem_handlers(app: FastAPI) -> None:
-    """Answer every error with a problem: our own, the framework's and the unexpected."""
+    """Answer every error with a problem: our own, the framework's and unexpected ones."""
     answer_as_they_are(app, _AS_THEY_ARE)
 
     @app.exception_handler(HTTPException)
@@ -114,7 +114,7 @@ def add_problem_handlers(app: FastAPI) -> None:
         problem = Problem(problems.JOB_ENDED, detail, state=error.state, story=error.story)
         return problem.response(request.url.path)
 
-    @app.exception_handler(Incompatible)  # this API is about to end; another one may answer
+    @app.exception_handler(Incompatible)  # this API is about to end; another may answer
     @app.exception_handler(StoreUnavailable)
     def answer_unavailable(request: Request, error: StoreUnavailable) -> JSONResponse:
         return unavailable(request.method, request.url.path, error).response(request.url.path)
@@ -159,7 +159,7 @@ def _from_http(request: Request, error: HTTPException) -> Problem:
 
 
 def _allow(request: Request) -> dict[str, str]:
-    """The ``Allow`` of a path; the framework's knows one of its routes only."""
+    """The ``Allow`` header of a path; the framework's covers only one of its routes."""
     app: FastAPI = request.app
     methods: set[str] = set()
     for path, operations in app.openapi()["paths"].items():

@@ -1,4 +1,4 @@
-"""RFC 9457 problem details: every error of the API has a stable type and says what to do."""
+"""Problems by RFC 9457: every error of the API has a stable type and says what to do."""
 
 import logging
 from collections.abc import Mapping
@@ -13,10 +13,10 @@ from plateau.farm.wire import examples
 
 MEDIA_TYPE: Final = "application/problem+json"
 
-#: When a client may try again while Redis or the blob store is away, in seconds.
+#: ``Retry-After`` while Redis or the blob store is away, in seconds.
 _RETRY_AFTER_S: Final = 2
 
-#: What is answered to a client that has gone; nobody reads it, but the metrics count it.
+#: The status for a client that has disconnected; nobody reads it, but the metrics count it.
 CLIENT_GONE: Final = 499
 
 _log = logging.getLogger(__name__)
@@ -24,7 +24,7 @@ _log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class ProblemType:
-    """One kind of problem: the last part of its `type`, its status and its title."""
+    """A kind of problem: the last part of its `type`, its status and its title."""
 
     slug: str
     status: int
@@ -32,7 +32,7 @@ class ProblemType:
 
     @property
     def uri(self) -> str:
-        """The problem's ``type``; the API answers it with what the type means."""
+        """The problem's ``type``, a path at which the API explains it."""
         return f"/problems/{self.slug}"
 
 
@@ -101,7 +101,7 @@ class FieldError(BaseModel):
 
 
 class ProblemDetails(BaseModel):
-    """A problem as RFC 9457 describes it; some types carry more members."""
+    """A problem by RFC 9457; some types carry more members."""
 
     model_config = ConfigDict(extra="allow")
 
@@ -115,16 +115,8 @@ class ProblemDetails(BaseModel):
 class Problem(HTTPException):
     """Raised by a route to answer with a problem.
 
-    Parameters
-    ----------
-    kind
-        Its type.
-    detail
-        What happened and what to do, in a sentence for people.
-    headers
-        Headers of the response.
-    members
-        More members of the problem, for programs.
+    `detail` says in a sentence what happened and what to do. `members` are further members of the
+    problem, for programs.
     """
 
     def __init__(
@@ -140,7 +132,7 @@ class Problem(HTTPException):
         self.members = members
 
     def body(self, path: str) -> dict[str, Any]:
-        """What is answered to a request for `path`."""
+        """The JSON of the answer to a request for `path`."""
         return {
             "type": self.kind.uri,
             "title": self.kind.title,
@@ -156,14 +148,9 @@ class Problem(HTTPException):
 
 
 def documented(*kinds: ProblemType, store: bool = True) -> dict[int | str, dict[str, Any]]:
-    """The ``responses`` of a route that may answer with these problems, for OpenAPI.
+    """The OpenAPI ``responses`` of a route that may answer with these problems.
 
-    Parameters
-    ----------
-    kinds
-        The problems.
-    store
-        Whether the route asks Redis or the blob store, which may be away.
+    `store` adds the problem of a route that uses Redis or the blob store, which may be away.
     """
     statuses: dict[int | str, dict[str, Any]] = {}
     for kind in (*kinds, STORE_UNAVAILABLE) if store else kinds:
@@ -181,7 +168,7 @@ def _example(kind: ProblemType) -> dict[str, Any]:
 
 
 def unavailable(method: str, path: str, error: Exception) -> Problem:
-    """What is answered to a request while Redis or the blob store is away; the log has it too."""
+    """The problem of a request while Redis or the blob store is away; it is logged too."""
     _log.warning("%s %s: %s", method, path, error)
     headers = {"Retry-After": str(_RETRY_AFTER_S)}
     words = str(error) or "Redis does not answer"

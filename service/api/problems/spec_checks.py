@@ -1,4 +1,4 @@
-"""What is wrong with a spec or a request, as problems that name its fields."""
+"""Problems with a spec or a request, by field."""
 
 from collections.abc import Sequence
 from typing import Any, Final
@@ -12,36 +12,30 @@ from plateau.farm.process.addresses import ReceiverRefused, Receivers
 from plateau.service.api.problems import problem as problems
 from plateau.service.api.problems.problem import FieldError, Problem, ProblemType
 
-#: What a check of a submitted spec calls its two branches: no field is called so.
+#: The tags of a submitted spec's two kinds, with a space so that no field has such a name.
 BRANCHES: Final = ("one job", "many jobs")
 
-#: So many wrong fields are named: a list of parameters may have thousands.
+#: The most wrong fields that a problem names; a list of parameters may have thousands.
 _MOST_ERRORS: Final = 50
 
 
 def invalid_spec(error: ValidationError) -> Problem:
-    """The problem with a spec that did not pass its validation."""
+    """The problem with a spec that failed its validation."""
     return _invalid(problems.INVALID_SPEC, error.errors(include_url=False), ("spec",))
 
 
 def invalid_request(errors: Sequence[Any]) -> Problem:
-    """The problem with what else a request brings: its path, its query or its body.
-
-    Parameters
-    ----------
-    errors
-        Pydantic's details, whose locations begin with where it was.
-    """
+    """The problem with a request's path, query or body, by Pydantic's details."""
     return _invalid(problems.INVALID_REQUEST, errors, ())
 
 
 def _invalid(kind: ProblemType, details: Sequence[Any], within: tuple[str, ...]) -> Problem:
-    found: dict[str, list[str]] = {}  # more than one where a field may be of several kinds
+    found: dict[str, list[str]] = {}  # several messages if a field may have several types
     for one in details:
+        # A request's location starts with its place: path, query or body.
         location = one["loc"] if within else one["loc"][1:] or one["loc"]
         field = ".".join((*within, *_names(location)))
-        message = input_errors.message(one)
-        found.setdefault(field, []).append(message)
+        found.setdefault(field, []).append(input_errors.message(one))
     errors = [
         FieldError(field=field, message=input_errors.either(messages))
         for field, messages in list(found.items())[:_MOST_ERRORS]
@@ -54,10 +48,10 @@ def _invalid(kind: ProblemType, details: Sequence[Any], within: tuple[str, ...])
 
 
 def _names(location: tuple[int | str, ...]) -> list[str]:
-    """The field as the user wrote it: without the branches that the check tried."""
+    """The field as the user wrote it, without the branches that the validation tried."""
     names = [str(part) for part in location if part not in BRANCHES]
     if names[:1] == ["parameters"]:
-        # One job's by name; of a list the entry, and in it the name.
+        # The name of one job's parameter; in a list, the entry and the name.
         names = names[: 3 if any(isinstance(part, int) for part in location) else 2]
     if names[:1] == ["rule"]:
         names = names[:1] + names[2:]
@@ -66,15 +60,15 @@ def _names(location: tuple[int | str, ...]) -> list[str]:
     return names
 
 
-def invalid_field(kind: problems.ProblemType, field: str, message: str) -> Problem:
+def invalid_field(kind: ProblemType, field: str, message: str) -> Problem:
     """The problem with one field of a request."""
     return Problem(kind, f"{field}: {message}", errors=[{"field": field, "message": message}])
 
 
 def check_seeds(spec: JobSpec, width: int, height: int, field: str = "spec") -> None:
-    """Refuse a job that would run out of distinct sampler seeds on any worker that may take it."""
+    """Refuse a job that would run out of distinct sampler seeds on every worker."""
     try:
-        # Of the variants that a worker may choose, JIT ones have the most seeds.
+        # Of the variants that `auto` may become, the JIT ones have the most seeds.
         variant = "llvm_ad_rgb" if spec.variant == "auto" else spec.variant
         spec.seed_schedule(variant, width, height)
     except SeedsExhausted as error:
@@ -82,7 +76,7 @@ def check_seeds(spec: JobSpec, width: int, height: int, field: str = "spec") -> 
 
 
 def check_webhook(spec: SharedSpec, receivers: Receivers) -> None:
-    """Refuse a webhook to where the farm would send nothing."""
+    """Refuse a webhook to which the farm would not send anything."""
     if spec.webhook is None:
         return
     if spec.webhook.is_hidden:

@@ -1,1 +1,1 @@
-"""A job's report: one page that stands alone."""
+"""A job's report: one self-contained page."""

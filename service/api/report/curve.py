@@ -1,4 +1,4 @@
-"""The curve of a job as a drawing (SVG) for a page that stands alone."""
+"""The curve of a job as an SVG drawing for a self-contained page."""
 
 import math
 from collections.abc import Callable, Iterable
@@ -13,13 +13,13 @@ _WIDTH: Final = 760
 _LEFT: Final = 70
 _RIGHT: Final = 16
 _ABOVE: Final = (24, 244)  #: top and bottom of the upper plot
-_BELOW: Final = (300, 470)
+_BELOW: Final = (300, 470)  #: those of the lower one
 _HEIGHT: Final = 500
 
 
 @dataclass(frozen=True)
 class _Axis:
-    """Numbers along a line of the drawing."""
+    """An axis: values from `low` to `high` along pixels from `start` to `end`."""
 
     low: float
     high: float
@@ -28,7 +28,7 @@ class _Axis:
     logarithmic: bool = False
 
     def at(self, value: float) -> float:
-        """Where a number lies."""
+        """The pixel of a value."""
         low, high, value = (
             (math.log10(self.low), math.log10(self.high), math.log10(max(value, self.low)))
             if self.logarithmic
@@ -37,7 +37,7 @@ class _Axis:
         return round(self.start + (self.end - self.start) * (value - low) / (high - low), 1)
 
     def ticks(self) -> list[float]:
-        """Round numbers along it: decades, or some five."""
+        """Round values along the axis: decades, or about five."""
         if self.logarithmic:
             decades = range(round(math.log10(self.low)), round(math.log10(self.high)) + 1)
             return [10.0**decade for decade in decades]
@@ -47,9 +47,9 @@ class _Axis:
 
 
 def curve_svg(job: Job, points: list[CurvePoint]) -> str:
-    """The curve: changed pixels above, and below, on a logarithmic axis, the noise left.
+    """Draw a curve of at least one point: changed pixels above, the noise left below.
 
-    Each rule is marked where it stopped, or first would have. There has to be a point.
+    The axis of the noise is logarithmic. A line marks where each rule stopped or would have.
     """
     spp = _Axis(0, points[-1].spp * 1.03, _LEFT, _WIDTH - _RIGHT)
     parts = [*_above(points, spp), *_below(job, points, spp), *_stops(job, points, spp)]
@@ -75,11 +75,7 @@ def _below(job: Job, points: list[CurvePoint], spp: _Axis) -> Iterable[str]:
     low = 10.0 ** math.floor(math.log10(min(counts)) - 0.1)
     high = 10.0 ** math.ceil(math.log10(max(counts)) + 0.05)
     pixels = _Axis(low, high, _BELOW[1], _BELOW[0], logarithmic=True)
-    yield from _frame(
-        spp,
-        pixels,
-        "noise left, in pixels, by half buffers",
-    )
+    yield from _frame(spp, pixels, "noise left, in pixels, by half buffers")
     banded = [point for point in known if point.estimate_low_pixels and point.estimate_high_pixels]
     if banded:
         edge = [

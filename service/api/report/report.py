@@ -1,7 +1,7 @@
-"""A job's report: all that there is to show of it on one page that stands alone.
+"""A job's report: everything about it on one self-contained page.
 
-It has no script and asks for nothing: pictures are inside it, the curve is a drawing, and every
-string from a scene or a user is escaped. So it can be kept with the image, mailed, and cited.
+The page has no script and loads nothing: images are embedded, the curve is a drawing, and every
+string from a scene or a user is escaped. So it can be kept with the image, mailed and cited.
 """
 
 import base64
@@ -18,13 +18,13 @@ from plateau.service.api.report.curve import curve_svg
 
 _STYLE: Final = Path(__file__).with_name("report.css").read_text("utf-8")
 _STYLE_HASH: Final = base64.b64encode(hashlib.sha256(_STYLE.encode()).digest()).decode()
-#: What a report may do where it is served; saved, it needs no rule to do nothing.
+#: The content-security policy of a served report.
 POLICY: Final = (
     f"default-src 'none'; img-src data:; style-src 'sha256-{_STYLE_HASH}'; base-uri 'none'; "
     "form-action 'none'; frame-ancestors 'none'; sandbox"
 )
 
-#: By the names of the pictures that a report shows.
+#: Captions by the names of the pictures that a report shows.
 CAPTIONS: Final = {
     "image.png": "The merged image, as the job's display shows it.",
     "difference.png": "Orange: changed since the first image of the curve, as a person sees it.",
@@ -40,12 +40,7 @@ def report_html(
 ) -> str:
     """The report as an HTML document.
 
-    Parameters
-    ----------
-    job, points, events
-        The job, its curve and what happened to it.
-    pictures
-        PNG files by the names of its results, as far as there are any; None where one was damaged.
+    `pictures` has the PNG files that exist, by name; None stands for a damaged one.
     """
     name = escape(job.name)
     return f"""<!doctype html>
@@ -66,7 +61,7 @@ def report_html(
 
 
 def _asked(job: Job) -> str:
-    # Whom the farm tells of the job is nobody's business who is shown the report.
+    # Readers of the report need not know whom the farm notifies.
     return escape(json.dumps(job.spec.model_dump(mode="json", exclude={"webhook"}), indent=2))
 
 

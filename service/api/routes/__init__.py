@@ -1,4 +1,1 @@
-"""The paths of the API, a module for each kind of resource.
-
-What they share is in the packages beside this one.
-"""
+"""The routes of the API, a module for each kind of resource; what they share is beside them."""

@@ -1,4 +1,4 @@
-"""Routes that go on with a job that has ended: to more samples, or under another judgement."""
+"""Routes that continue an ended job: to more samples, or under another judgement."""
 
 import json
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from plateau.farm.model.spec import JobSpec
 from plateau.farm.wire.json_numbers import whole_numbers
 from plateau.farm.wire.views import JobView
 from plateau.service.api.access.callers import CallerOf
-from plateau.service.api.parts import Parts, parts
+from plateau.service.api.parts import Farm
 from plateau.service.api.problems import problem as problems
 from plateau.service.api.problems.problem import documented
 from plateau.service.api.problems.spec_checks import check_webhook, invalid_field, invalid_spec
@@ -49,12 +49,11 @@ _RESPONSES: Final[dict[int | str, dict[str, Any]]] = {
 
 
 def _described(schema: JsonDict) -> None:
-    """Say of a body's schema which fields there are, as the spec has them."""
     schema.update(merge_patch(JobSpec.model_json_schema()), title="SpecChanges")
 
 
 class SpecChanges(RootModel[dict[str, Any]]):
-    """Fields of the spec that are to be others than the old job's."""
+    """The fields of the spec that change."""
 
     model_config = ConfigDict(json_schema_extra=_described)
 
@@ -62,8 +61,8 @@ class SpecChanges(RootModel[dict[str, Any]]):
 Changes = Annotated[
     SpecChanges,
     Body(
-        description="fields of the spec that are to be others than the old job's: a JSON merge "
-        "patch (RFC 7396), except that a `rule` with a `name` replaces the old one whole",
+        description="the fields of the spec that change: a JSON merge patch (RFC 7396), except "
+        "that a `rule` with a `name` replaces the old one whole",
         openapi_examples={
             "a stricter target": {"value": {"rule": {"target": 0.0001}}},
             "a higher cap": {"value": {"max_spp": 20_000}},
@@ -75,23 +74,23 @@ Changes = Annotated[
 
 @dataclass(frozen=True)
 class Asker:
-    """Who asks for the new job, and how it is answered."""
+    """The dependencies of both routes, and what both do with them."""
 
     response: Response
-    farm: Annotated[Parts, Depends(parts)]
+    farm: Farm
     who: CallerOf
     key: IdempotencyKey
 
     def look_at(self, job_id: str) -> tuple[Job, Remains]:
-        """The ended job, and what is left of it."""
+        """The ended job, and what remains of it."""
         job = self.farm.job(job_id)
         return job, self.farm.continuations.remains(job)
 
     def start(self, job: Job, remains: Remains, changes: dict[str, Any]) -> JobView:
-        """The job that goes on with the ended one, its spec changed so."""
+        """Start the new job, with these changes to the spec."""
         try:
             changed = changed_spec(job.spec, whole_numbers(changes))
-            # As JSON, in which a list may be a tuple; a number in quotes is none there either.
+            # From JSON, which has no tuples: strict mode still refuses a number in quotes.
             spec = JobSpec.model_validate_json(json.dumps(changed), strict=True)
         except ValidationError as error:
             raise invalid_spec(error) from error
@@ -113,14 +112,13 @@ class Asker:
     openapi_extra={"parameters": idempotency.PARAMETERS},
 )
 def continue_job(job_id: JobId, asker: Annotated[Asker, Depends()], changes: Changes) -> JobView:
-    """Go on with an ended job, to a stricter rule or a higher cap, as a new job.
+    """Continue an ended job, to a stricter rule or a higher cap, as a new job.
 
     No sample is rendered twice: the new job takes over those of the old one, which stays as it is.
-    Where the old one kept its slices they are judged anew, so its view, step and zones may change
-    too; otherwise its sums go on, for as long after its end as PLATEAU_KEEP_SUMS_DAYS says. The
-    batch and the webhook are the old job's own: name them, if the new one is to have any. A cap
-    with which scalar_rgb would have drawn other samples is refused; the detail names those that go
-    on.
+    If the old job kept its slices, they are judged anew, so the view, step and zones may change
+    too. Otherwise the new job continues from the sums, which are kept for PLATEAU_KEEP_SUMS_DAYS.
+    The new job does not inherit the batch and the webhook. A cap with which scalar_rgb would have
+    drawn other samples is refused; the detail names the caps that continue the same samples.
     """
     return asker.start(*asker.look_at(job_id), changes.root)
 
@@ -134,8 +132,8 @@ def continue_job(job_id: JobId, asker: Annotated[Asker, Depends()], changes: Cha
 def rejudge_job(job_id: JobId, asker: Annotated[Asker, Depends()], changes: Changes) -> JobView:
     """Judge an ended job's slices again, under another view or by other rules, as a new job.
 
-    For a job that kept its slices (`keep_slices`). Nothing is rendered: the new job's cap is where
-    the slices end.
+    The job must have kept its slices (`keep_slices`). Nothing is rendered: the new job's cap is the
+    end of the slices.
     """
     job, remains = asker.look_at(job_id)
     if not remains.kept:

@@ -1,8 +1,8 @@
-"""Routes for the farm itself: workers, scenes, rules, health, and what a problem's type means."""
+"""Routes for the farm itself: workers, scenes, rules, health, and the meaning of problem types."""
 
 from typing import Annotated, Final, Literal
 
-from fastapi import APIRouter, Depends, Path, Query, Request, Response
+from fastapi import APIRouter, Path, Query, Request, Response
 from pydantic import BaseModel, ConfigDict, Field
 from pydantic.config import JsonDict
 from pydantic.json_schema import SkipJsonSchema
@@ -15,7 +15,7 @@ from plateau.farm.wire.rule_views import Rules, rules_view
 from plateau.farm.wire.views import DemandView, Health, ProblemTypeView, Scenes, SceneView, Workers
 from plateau.service.api.access.callers import CallerOf
 from plateau.service.api.metrics import farm as metrics
-from plateau.service.api.parts import Parts, parts
+from plateau.service.api.parts import Farm, Parts
 from plateau.service.api.problems import problem as problems
 from plateau.service.api.problems.problem import TYPES, Problem, documented
 
@@ -28,39 +28,38 @@ def _all_workers(farm: Parts) -> Workers:
 
 
 @router.get("/v1/workers", responses=documented())
-def list_workers(farm: Annotated[Parts, Depends(parts)]) -> Workers:
-    """List the workers that live, what each renders, and who was not let in."""
+def list_workers(farm: Farm) -> Workers:
+    """List the living workers, what each renders, and which processes were refused."""
     return _all_workers(farm)
 
 
 @router.get("/v1/demand", responses=documented(problems.INVALID_REQUEST))
 def get_demand(
-    farm: Annotated[Parts, Depends(parts)],
+    farm: Farm,
     variant: Annotated[
         list[RenderVariant],
         Query(
-            description="count what workers are wanted for that render with one of these; none: "
-            "what any worker is wanted for",
+            description="count slices for workers that have one of these; none: for any worker",
             examples=[["llvm_ad_rgb", "scalar_rgb"]],
         ),
     ] = [],  # noqa: B006  (FastAPI copies it)
     pool: Annotated[
         PlaceName | SkipJsonSchema[None],  # no query has a null
-        Query(description="and are in this pool; left out: in any", examples=["night"]),
+        Query(description="and that are in this pool; omitted: in any", examples=["night"]),
     ] = None,
     tag: Annotated[
         list[PlaceName | Literal[""]] | SkipJsonSchema[None],
         Query(
-            description="and have these tags, or none (`tag=`); left out: any tags",
+            description="and that have these tags, or none (`tag=`); omitted: any tags",
             examples=[["highmem"]],
         ),
     ] = None,
 ) -> DemandView:
-    """Say how many slices want a worker, for those who start and stop workers.
+    """Say how many slices need a worker, for autoscalers.
 
-    While a job is far from its end, more are planned than there are workers, so a farm that follows
-    `slices` grows to its limits; they get fewer as the end comes near, and none want a worker of a
-    farm that has nothing to do.
+    While a job is far from its end, more slices are planned than the farm has workers, so a farm
+    that follows `slices` grows to its limits. The number falls as the end comes near, and is 0 for
+    an idle farm.
     """
     wanted = farm.jobs.census().demand_for(variant, pool=pool, tags=tag)
     return DemandView(slices=wanted.slices, waiting=wanted.waiting, leased=wanted.leased)
@@ -71,13 +70,11 @@ _STEERING = documented(problems.UNKNOWN_WORKER)
 
 
 @router.post("/v1/workers/{worker_id}/drain", status_code=202, responses=_STEERING)
-def drain_worker(
-    worker_id: _WorkerId, farm: Annotated[Parts, Depends(parts)], by: CallerOf
-) -> Workers:
-    """Tell a worker to take no more slices; what it has in hand it finishes.
+def drain_worker(worker_id: _WorkerId, farm: Farm, by: CallerOf) -> Workers:
+    """Tell a worker to finish its slice and take no more.
 
-    It lives on, idle, and may be stopped without a loss. Doing it again is harmless, and `resume`
-    takes it back. Where the API wants keys, it takes an admin's. Answers all workers.
+    It stays alive, idle, and may be stopped without a loss. Repeating it is harmless; `resume`
+    undoes it. If the API demands keys, this needs an admin's. The answer lists all workers.
     """
     by.check_may_steer_workers()
     farm.workers.drain(worker_id)
@@ -85,35 +82,33 @@ def drain_worker(
 
 
 @router.post("/v1/workers/{worker_id}/resume", status_code=202, responses=_STEERING)
-def resume_worker(
-    worker_id: _WorkerId, farm: Annotated[Parts, Depends(parts)], by: CallerOf
-) -> Workers:
-    """Let a drained worker take slices again; harmless where it is not. Answers all workers."""
+def resume_worker(worker_id: _WorkerId, farm: Farm, by: CallerOf) -> Workers:
+    """Let a drained worker take slices again; harmless for others. The answer lists all workers."""
     by.check_may_steer_workers()
     farm.workers.resume(worker_id)
     return _all_workers(farm)
 
 
 @router.get("/v1/scenes", responses=documented())
-def list_scenes(farm: Annotated[Parts, Depends(parts)]) -> Scenes:
+def list_scenes(farm: Farm) -> Scenes:
     """List the stored scenes; a job can be made from one by its SHA-256."""
     return Scenes(scenes=[SceneView(**scene) for scene in farm.scenes.all()])
 
 
 @router.get("/v1/rules", responses=documented(store=False))
 def list_rules() -> Rules:
-    """List the stopping rules that a job can name, with what a form needs to ask for them."""
+    """List the stopping rules that a job can name, with what a form needs to show them."""
     return rules_view()
 
 
 @router.get("/healthz")
 def get_health() -> Health:
-    """Say that the API runs, whatever else is away."""
+    """Say that the API runs, even if Redis or the blob store is away."""
     return Health()
 
 
 @router.get("/readyz", responses=documented())
-def get_readiness(farm: Annotated[Parts, Depends(parts)]) -> Health:
+def get_readiness(farm: Farm) -> Health:
     """Say that the API can work: Redis and the blob store answer."""
     farm.jobs.ping()
     farm.blobs.exists("scenes/none")
@@ -130,7 +125,7 @@ def get_readiness(farm: Annotated[Parts, Depends(parts)]) -> Health:
     },
 )
 def get_metrics(request: Request) -> Response:
-    """Count the whole farm, and this process's requests, in Prometheus's text format."""
+    """Show the metrics of the farm, and of this process's requests, in Prometheus's text format."""
     found: metrics.Metrics = request.app.state.metrics
     return Response(found.exposition(), headers={"Content-Type": metrics.CONTENT_TYPE})
 
@@ -167,13 +162,13 @@ class KeyView(BaseModel):
 
     id: str | None = Field(description="`owner` of the jobs that it makes; null without a key")
     name: str | None
-    role: Role = Field(description="what the caller may do; `admin` where the service is open")
-    limits: KeyLimits | None = Field(description="how much; null without a key")
+    role: Role = Field(description="what the caller may do; `admin` if the service is open")
+    limits: KeyLimits | None = Field(description="null without a key")
 
 
 @router.get("/v1/key", responses=documented())
 def get_key(who: CallerOf) -> KeyView:
-    """Show what the request's key may do; where the service is open, anybody may do all."""
+    """Show what the request's key may do; in an open service, anybody may do everything."""
     if who.key is None:
         return KeyView(id=None, name=None, role=Role.ADMIN, limits=None)
     return KeyView(id=who.key.id, name=who.key.name, role=who.key.role, limits=who.key.limits)

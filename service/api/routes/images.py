@@ -1,13 +1,13 @@
-"""Routes for the images of a job: the merged one, what is visible in it, and kept slices."""
+"""Routes for the images of a job: the merged image, maps of it, and kept slices."""
 
-from typing import Annotated
+from typing import Annotated, Any, Final
 
-from fastapi import APIRouter, Depends, Path, Request, Response
+from fastapi import APIRouter, Path, Request, Response
 from fastapi.responses import StreamingResponse
 
 from plateau.farm.blobs import store as blobs
 from plateau.farm.model.job import Job
-from plateau.service.api.http.etags import Known, known, strong
+from plateau.service.api.http.etags import IfNoneMatch, Known, strong
 from plateau.service.api.http.served_blobs import (
     EXR,
     PNG,
@@ -16,7 +16,7 @@ from plateau.service.api.http.served_blobs import (
     described,
     headers_of,
 )
-from plateau.service.api.parts import Parts, parts
+from plateau.service.api.parts import Farm, Parts
 from plateau.service.api.points.stored_files import SpoiledBlob
 from plateau.service.api.problems import problem as problems
 from plateau.service.api.problems.problem import Problem
@@ -24,56 +24,45 @@ from plateau.service.api.routes.jobs import JobId
 
 router = APIRouter(prefix="/v1/jobs/{job_id}", tags=["results"])
 
-_Farm = Annotated[Parts, Depends(parts)]
-_Known = Annotated[Known, Depends(known)]
+
+_PNG: Final[dict[str, Any]] = {
+    "response_class": StreamingResponse,
+    "responses": described(PNG, problems.NO_IMAGE_YET),
+}
 
 
-@router.get(
-    "/image.png", response_class=StreamingResponse, responses=described(PNG, problems.NO_IMAGE_YET)
-)
-def get_image_png(request: Request, job_id: JobId, farm: _Farm, has: _Known) -> Response:
-    """Show the merged image as the job's display shows it: the newest, in the end the final one."""
+@router.get("/image.png", **_PNG)
+def get_image_png(request: Request, job_id: JobId, farm: Farm, has: IfNoneMatch) -> Response:
+    """Show the newest merged image as the job's display shows it; after the end, the final one."""
     return _image("image.png", PNG, job_id, farm, has, request)
 
 
 @router.get(
     "/image.exr", response_class=StreamingResponse, responses=described(EXR, problems.NO_IMAGE_YET)
 )
-def get_image_exr(request: Request, job_id: JobId, farm: _Farm, has: _Known) -> Response:
+def get_image_exr(request: Request, job_id: JobId, farm: Farm, has: IfNoneMatch) -> Response:
     """Show the merged image as linear radiance, float32."""
     return _image("image.exr", EXR, job_id, farm, has, request)
 
 
-@router.get(
-    "/difference.png",
-    response_class=StreamingResponse,
-    responses=described(PNG, problems.NO_IMAGE_YET),
-)
-def get_difference_png(request: Request, job_id: JobId, farm: _Farm, has: _Known) -> Response:
-    """Show what has changed since the first image: where a person sees the merged one differ."""
+@router.get("/difference.png", **_PNG)
+def get_difference_png(request: Request, job_id: JobId, farm: Farm, has: IfNoneMatch) -> Response:
+    """Show what has changed visibly since the first image."""
     return _image("difference.png", PNG, job_id, farm, has, request)
 
 
-@router.get(
-    "/non-finite.png",
-    response_class=StreamingResponse,
-    responses=described(PNG, problems.NO_IMAGE_YET),
-)
-def get_non_finite_png(request: Request, job_id: JobId, farm: _Farm, has: _Known) -> Response:
-    """Show where the merged image is NaN (magenta) or infinite (blue), if it is anywhere.
+@router.get("/non-finite.png", **_PNG)
+def get_non_finite_png(request: Request, job_id: JobId, farm: Farm, has: IfNoneMatch) -> Response:
+    """Show where the merged image is NaN (magenta) or infinite (blue), if it has such pixels.
 
     Such pixels are left out of every count. More than 0.1 % of them fail the job.
     """
     return _image("non-finite.png", PNG, job_id, farm, has, request)
 
 
-@router.get(
-    "/thumbnail.png",
-    response_class=StreamingResponse,
-    responses=described(PNG, problems.NO_IMAGE_YET),
-)
-def get_thumbnail_png(request: Request, job_id: JobId, farm: _Farm, has: _Known) -> Response:
-    """Show the merged image in small, for lists: its longer side has 192 pixels at most."""
+@router.get("/thumbnail.png", **_PNG)
+def get_thumbnail_png(request: Request, job_id: JobId, farm: Farm, has: IfNoneMatch) -> Response:
+    """Show a thumbnail of the merged image; its longer side has 192 pixels at most."""
     return _image("thumbnail.png", PNG, job_id, farm, has, request)
 
 
@@ -86,15 +75,15 @@ def get_slice_exr(
     request: Request,
     job_id: JobId,
     index: Annotated[int, Path(ge=0, description="the slice's index", examples=[0])],
-    farm: _Farm,
-    has: _Known,
+    farm: Farm,
+    has: IfNoneMatch,
 ) -> Response:
     """Fetch a slice of a job that keeps its slices: R, G, B and W before normalisation."""
     job = farm.job(job_id)
     try:
         record = farm.jobs.ledger(job.id)[index]
         blob, sha256 = record["blob"], record["sha256"]
-        if not blobs.is_partial(blob):  # a worker may say what it likes
+        if not blobs.is_partial(blob):  # workers are not trusted
             raise FileNotFoundError(blob)
         headers = headers_of(job, strong(sha256), f"{job.id}-{index:06d}.exr")
         return blob_response(blob, sha256, EXR, headers, farm, has, request)
@@ -111,15 +100,15 @@ def _image(
 ) -> Response:
     job = farm.job(job_id)
     results, sha256 = "", None
-    # A set of pictures goes when the next one is shown, perhaps between our two looks.
+    # A set of pictures is deleted when the next one is shown, which may happen meanwhile.
     while (shown := farm.jobs.results(job.id)) != results:
         results = shown
-        # A set that was shown never changes: its name stands for its bytes.
+        # A set that was shown never changes, so its name identifies its bytes.
         tag = strong(results.rpartition("/")[2], name)
         blob = f"{results}/{name}"
         sha256 = farm.jobs.sha256(blob)
         if sha256 is None and farm.jobs.results(job.id) != results:
-            continue  # what was noted of it went with it
+            continue  # the digest was deleted with the set
         try:
             headers = headers_of(job, tag, f"{job.id}-{name}")
             if spp := blobs.spp_of_set(results):
@@ -133,7 +122,7 @@ def _image(
 
 
 def _no_image(job: Job, name: str) -> Problem:
-    lost = job.state.ended and job.points  # else a difference map comes with the first point
+    lost = job.state.ended and job.points  # the difference map comes with the first point
     if name == "difference.png" and job.image_spp and not lost:
         detail = _no_difference(job)
     elif name == "non-finite.png" and job.image_spp:

@@ -22,7 +22,7 @@ from plateau.farm.wire.views import (
 )
 from plateau.service.api.access.callers import Caller, CallerOf
 from plateau.service.api.http.parameters import Cursor, cursor_of, number_of
-from plateau.service.api.parts import Parts, parts
+from plateau.service.api.parts import Farm, Parts
 from plateau.service.api.problems import problem as problems
 from plateau.service.api.problems.problem import Problem, documented
 from plateau.service.api.submission import idempotency
@@ -38,7 +38,7 @@ router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
 
 
 def shown(jobs: list[Job], farm: Parts, who: Caller) -> list[JobView]:
-    """The jobs as the caller sees them, with what they wait for where no worker may render them."""
+    """The jobs as the caller sees them, with what those wait for that no worker can render."""
     kinds = [] if all(job.state.ended for job in jobs) else farm.jobs.kinds()
     return [job_view(job, waits_for(job, kinds), to_owner=who.made(job.owner)) for job in jobs]
 
@@ -74,8 +74,7 @@ SUBMISSION_BODY: Final[dict[str, Any]] = {
                             "description": "of one job, or of many where `parameters` is a list",
                         },
                     },
-                    # One of the two. As anyOf that says the same, and generators of clients would
-                    # know of no parts.
+                    # One of the two is needed. With anyOf, generators of clients see no parts.
                     "if": {"not": {"required": ["scene"]}},
                     "then": {"required": ["scene_sha256"]},
                     "additionalProperties": False,
@@ -92,18 +91,15 @@ SUBMISSION_BODY: Final[dict[str, Any]] = {
                 "encoding": {"spec": {"contentType": "application/json"}},
             }
         },
-    },
+    }
 }
-_SUBMISSION: Final[dict[str, Any]] = {
-    **SUBMISSION_BODY,
-    "parameters": idempotency.PARAMETERS,
-}
+_SUBMISSION: Final[dict[str, Any]] = {**SUBMISSION_BODY, "parameters": idempotency.PARAMETERS}
 
 
 @router.post(
     "",
     status_code=201,
-    response_model=None,  # it would be described as any of the two
+    response_model=None,  # would be described as anyOf, and not as oneOf
     openapi_extra=_SUBMISSION,
     responses={
         201: {
@@ -115,10 +111,7 @@ _SUBMISSION: Final[dict[str, Any]] = {
                             {"$ref": "#/components/schemas/BatchView"},
                         ]
                     },
-                    "examples": {
-                        "a job": {"value": examples.JOB},
-                        "a batch": {"value": BATCH},
-                    },
+                    "examples": {"a job": {"value": examples.JOB}, "a batch": {"value": BATCH}},
                 }
             },
             "headers": {
@@ -150,15 +143,15 @@ def submit_job(
     response: Response,
     asked: Annotated[Submission, Depends(submission)],
     scene: Annotated[StoredScene, Depends(stored_scene)],
-    farm: Annotated[Parts, Depends(parts)],
+    farm: Farm,
     who: CallerOf,
 ) -> JobView | BatchView:
-    """Submit a scene: it is checked, stored once, and queued as a new job, or as many.
+    """Submit a scene: it is checked, stored once, and queued as one new job or several.
 
-    `spec` may be left out, as may any of its fields. Where `parameters` is a list, each of its
-    entries makes a job, all of them or none, and the answer is their batch; without a `batch` in
-    the spec its name is made up. Answers 201; the header `Idempotency-Replayed: true` says that
-    the key's first request had made it already.
+    `spec` and any of its fields may be omitted. If `parameters` is a list, each entry makes a job,
+    all of them or none, and the answer is their batch; without a `batch` in the spec, the service
+    names it. The header `Idempotency-Replayed: true` says that an earlier request with the same key
+    made the job.
     """
     created = create_job(asked, scene, farm, owner=who.id)
     idempotency.settle(created, asked.idempotency_key, response)
@@ -172,7 +165,7 @@ def submit_job(
 
 @router.get("", responses=documented(problems.INVALID_REQUEST))
 def list_jobs(
-    farm: Annotated[Parts, Depends(parts)],
+    farm: Farm,
     who: CallerOf,
     state: Annotated[
         JobState | None, Query(description="only jobs in this state", examples=["rendering"])
@@ -202,8 +195,8 @@ def list_jobs(
 
 
 @router.get("/{job_id}", responses=documented(problems.UNKNOWN_JOB))
-def get_job(job_id: JobId, farm: Annotated[Parts, Depends(parts)], who: CallerOf) -> JobView:
-    """Show a job: its state and why, what is merged, and what the eye would see of the rest."""
+def get_job(job_id: JobId, farm: Farm, who: CallerOf) -> JobView:
+    """Show a job: its state, the reason for it, what is merged, and the noise left."""
     return shown([farm.job(job_id)], farm, who)[0]
 
 
@@ -217,13 +210,11 @@ def get_job(job_id: JobId, farm: Annotated[Parts, Depends(parts)], who: CallerOf
         problems.INVALID_REQUEST,
     ),
 )
-def change_job(
-    job_id: JobId, asked: JobChange, farm: Annotated[Parts, Depends(parts)], who: CallerOf
-) -> JobView:
-    """Change a job's priority, which is part of its `spec` then.
+def change_job(job_id: JobId, asked: JobChange, farm: Farm, who: CallerOf) -> JobView:
+    """Change a job's priority, which is part of its `spec`.
 
-    It counts from the next slice that a worker takes; nobody stops in the middle of one. A job that
-    has ended answers 409 with its state.
+    It counts from the next slice that a worker takes. A job that has ended answers 409 with its
+    state.
     """
     return shown([farm.jobs.set_priority(farm.job(job_id).id, asked.priority)], farm, who)[0]
 
@@ -233,11 +224,11 @@ def change_job(
     status_code=202,
     responses=documented(problems.UNKNOWN_JOB, problems.CANNOT_CANCEL),
 )
-def cancel_job(job_id: JobId, farm: Annotated[Parts, Depends(parts)], who: CallerOf) -> JobView:
+def cancel_job(job_id: JobId, farm: Farm, who: CallerOf) -> JobView:
     """Cancel a job. Its state changes at once; workers stop within a pass, about a second.
 
-    What is merged by then is kept and written as its image. Cancelling it again is harmless; a
-    job that ended otherwise answers 409 with its state.
+    The job keeps the image merged by then. Cancelling it again is harmless; a job that ended
+    otherwise answers 409 with its state.
     """
     job = farm.jobs.cancel(farm.job(job_id).id, f"cancelled by {who.name}")
     return job_view(job, to_owner=who.made(job.owner))
@@ -248,12 +239,12 @@ def cancel_job(job_id: JobId, farm: Annotated[Parts, Depends(parts)], who: Calle
     status_code=202,
     responses=documented(problems.UNKNOWN_JOB, problems.CANNOT_PAUSE),
 )
-def pause_job(job_id: JobId, farm: Annotated[Parts, Depends(parts)], who: CallerOf) -> JobView:
-    """Pause a rendering job: workers take no more slices of it, and its time limit stands still.
+def pause_job(job_id: JobId, farm: Farm, who: CallerOf) -> JobView:
+    """Pause a rendering job: workers take no more slices of it, and its time limit stops counting.
 
-    The slices that they are rendering are finished, merged and judged, so the job may yet converge
-    or reach its cap. Pausing it again is harmless; a job that waits for its first slice, or has
-    ended, answers 409 with its state.
+    Slices under way are finished, merged and judged, so the job may still converge or reach its
+    cap. Pausing it again is harmless; a job that waits for its first slice, or has ended, answers
+    409 with its state.
     """
     job = farm.jobs.pause(farm.job(job_id).id, f"paused by {who.name}")
     return job_view(job, to_owner=who.made(job.owner))
@@ -264,8 +255,8 @@ def pause_job(job_id: JobId, farm: Annotated[Parts, Depends(parts)], who: Caller
     status_code=202,
     responses=documented(problems.UNKNOWN_JOB, problems.CANNOT_RESUME),
 )
-def resume_job(job_id: JobId, farm: Annotated[Parts, Depends(parts)], who: CallerOf) -> JobView:
-    """Let a paused job go on where it stood: its image and curve are those of one never paused.
+def resume_job(job_id: JobId, farm: Farm, who: CallerOf) -> JobView:
+    """Resume a paused job; its image and curve become those of a job that was never paused.
 
     Resuming a job that is rendering is harmless; one that waits for its first slice, or has ended,
     answers 409 with its state.
@@ -274,17 +265,17 @@ def resume_job(job_id: JobId, farm: Annotated[Parts, Depends(parts)], who: Calle
 
 
 @router.get("/{job_id}/slices", responses=documented(problems.UNKNOWN_JOB))
-def list_slices(job_id: JobId, farm: Annotated[Parts, Depends(parts)]) -> Slices:
-    """Show the ledger: each committed slice with its seeds, its worker and its time."""
+def list_slices(job_id: JobId, farm: Farm) -> Slices:
+    """Show the ledger: each committed slice with its seeds, worker and time."""
     ledger = farm.jobs.ledger(farm.job(job_id).id)
     return Slices(slices=[SliceView(**record) for record in ledger.values()])
 
 
 @router.get("/{job_id}/log", responses=documented(problems.UNKNOWN_JOB))
-def get_job_log(job_id: JobId, farm: Annotated[Parts, Depends(parts)]) -> Log:
-    """Show how each try of a slice ended, and what Mitsuba printed meanwhile.
+def get_job_log(job_id: JobId, farm: Farm) -> Log:
+    """Show how each try of a slice ended, and what Mitsuba printed, by time.
 
-    By time. Of tries that left more to say than their line in the ledger, the newest 2000 or so.
+    Of tries with more to report than their record in the ledger, about the newest 2000.
     """
     return Log(entries=farm.jobs.log(farm.job(job_id).id))
 
@@ -296,9 +287,9 @@ def get_job_log(job_id: JobId, farm: Annotated[Parts, Depends(parts)]) -> Log:
 def get_slice_log(
     job_id: JobId,
     index: Annotated[int, Path(ge=0, description="the slice's index", examples=[15])],
-    farm: Annotated[Parts, Depends(parts)],
+    farm: Farm,
 ) -> SliceLog:
-    """Show the log of one slice, with its line in the ledger."""
+    """Show the log of one slice, with its record in the ledger."""
     job = farm.job(job_id)
     if index >= job.spec.max_slices:
         raise Problem(

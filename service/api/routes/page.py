@@ -1,21 +1,21 @@
-"""The web page: its files as they lie in ``service/page``, nothing built, nothing from elsewhere.
+"""The web page: the files of ``service/page``, without a build step and without outside files.
 
-The page is a client of the API like any other. What it may do is written in its headers: run its
-own scripts, talk to this API, show pictures from it, and nothing else.
+The page is a client of the API like any other. Its content-security policy lets it run its own
+scripts, talk to this API and show pictures from it, and nothing else.
 """
 
 from functools import cache
 from pathlib import Path
-from typing import Annotated, Final
+from typing import Final
 
-from fastapi import APIRouter, Depends, Response
+from fastapi import APIRouter, Response
 
-from plateau.service.api.http.etags import Known, known
+from plateau.service.api.http.etags import IfNoneMatch
 from plateau.service.api.http.static_files import OWN_ONLY, StaticFile, read_folder, serve
 
 router = APIRouter(include_in_schema=False)
 
-#: Trusted types without a policy: no text can become markup, whatever a script of ours does.
+#: Trusted types without a policy: no script of ours can turn text into markup.
 _POLICY: Final = {
     **OWN_ONLY,
     "style-src": "'self'",
@@ -23,7 +23,6 @@ _POLICY: Final = {
     "require-trusted-types-for": "'script'",
     "trusted-types": "'none'",
 }
-_Known = Annotated[Known, Depends(known)]
 
 
 @router.get("/")
@@ -33,13 +32,13 @@ _Known = Annotated[Known, Depends(known)]
 @router.get("/studies")
 @router.get("/studies/{study_id}")
 @router.get("/studies/{study_id}/observe")
-def page(has: _Known) -> Response:
-    """Show the page; which of its screens is shown, it reads from the path."""
+def page(has: IfNoneMatch) -> Response:
+    """Show the page, which chooses its screen by the path."""
     return serve(_files(), "index.html", has, _POLICY)
 
 
 @router.get("/page/{name:path}")
-def file(name: str, has: _Known) -> Response:
+def file(name: str, has: IfNoneMatch) -> Response:
     """Serve a file of the page."""
     return serve(_files(), name, has, _POLICY)
 

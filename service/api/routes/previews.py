@@ -1,16 +1,16 @@
-"""Routes for what a job looked like at points of its curve: by kept pictures, or kept slices."""
+"""Routes for the image at points of a job's curve, from kept pictures or kept slices."""
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Annotated, Final
 
-from fastapi import APIRouter, Depends, Path, Request, Response
+from fastapi import APIRouter, Path, Request, Response
 from fastapi.responses import StreamingResponse
 from starlette.concurrency import run_in_threadpool
 
 from plateau.farm.blobs import store as blobs
 from plateau.farm.model.job import Job
 from plateau.farm.wire.views import Preview, PreviewList
-from plateau.service.api.http.etags import FINAL, Known, known, not_modified, strong
+from plateau.service.api.http.etags import FINAL, IfNoneMatch, Known, not_modified, strong
 from plateau.service.api.http.layers import HEADERS_ONLY
 from plateau.service.api.http.served_blobs import (
     EXR,
@@ -20,7 +20,7 @@ from plateau.service.api.http.served_blobs import (
     described,
     headers_of,
 )
-from plateau.service.api.parts import Parts, parts
+from plateau.service.api.parts import Farm, Parts
 from plateau.service.api.points import KeptSlice, SliceLost
 from plateau.service.api.points.images import MOST_PIXELS, MOST_WAITING, TooManyWait
 from plateau.service.api.points.stored_files import SpoiledBlob
@@ -34,8 +34,6 @@ if TYPE_CHECKING:
 
 router = APIRouter(prefix="/v1/jobs/{job_id}/previews", tags=["results"])
 
-_Farm = Annotated[Parts, Depends(parts)]
-_Known = Annotated[Known, Depends(known)]
 _Spp = Annotated[
     int, Path(ge=1, le=1_000_000, description="as `previews` lists it", examples=[100])
 ]
@@ -46,17 +44,17 @@ _PROBLEMS: Final = (
     problems.BUSY,
     problems.INVALID_REQUEST,
 )
-#: When to ask again while too many wait, in seconds.
+#: ``Retry-After`` while too many requests wait, in seconds.
 _BUSY_S: Final = 5
 
 
 @router.get("", responses=documented(problems.UNKNOWN_JOB))
-def list_previews(job_id: JobId, farm: _Farm) -> PreviewList:
-    """List the pictures that can be had of the job's way, by points of its curve.
+def list_previews(job_id: JobId, farm: Farm) -> PreviewList:
+    """List the points of the job's curve that have a picture.
 
-    A job that keeps its slices has one of every point. Others keep up to 256 in 64 MB, or 24 where
-    those are larger, and one for every 2 s at most; the first point's is among them, and where
-    there are too many, those stay that are spread best in ratios of spp.
+    A job that keeps its slices has a picture of every point. Another job keeps up to 256 pictures
+    in 64 MB, or 24 larger ones, and at most one for every 2 s. The first point's is among them; of
+    too many, those remain that are spread best in ratios of spp.
     """
     job = farm.job(job_id)
     root = f"/v1/jobs/{job.id}/previews"
@@ -66,9 +64,7 @@ def list_previews(job_id: JobId, farm: _Farm) -> PreviewList:
     return PreviewList(
         previews=[
             Preview(
-                spp=spp,
-                link=f"{root}/{spp}.png",
-                linear=f"{root}/{spp}.exr" if linear else None,
+                spp=spp, link=f"{root}/{spp}.png", linear=f"{root}/{spp}.exr" if linear else None
             )
             for spp in spps
         ]
@@ -77,12 +73,12 @@ def list_previews(job_id: JobId, farm: _Farm) -> PreviewList:
 
 @router.get("/{spp}.png", response_class=StreamingResponse, responses=described(PNG, *_PROBLEMS))
 async def get_preview_png(
-    request: Request, job_id: JobId, spp: _Spp, farm: _Farm, has: _Known
+    request: Request, job_id: JobId, spp: _Spp, farm: Farm, has: IfNoneMatch
 ) -> Response:
-    """Show what the merged image looked like at a point of the curve.
+    """Show the merged image at a point of the curve.
 
-    Where the job kept its slices and not this picture, they are merged again, which takes about
-    15 ms for each at 512 × 512; for all clients together, one is made at a time.
+    If the job kept its slices and not this picture, they are merged again, which takes about 15 ms
+    for each at 512 × 512; the service makes one picture at a time.
     """
     job = await run_in_threadpool(farm.job, job_id)
     headers = _headers(job, spp, "png")
@@ -100,9 +96,9 @@ async def get_preview_png(
 
 @router.get("/{spp}.exr", response_class=Response, responses=described(EXR, *_PROBLEMS))
 async def get_preview_exr(
-    request: Request, job_id: JobId, spp: _Spp, farm: _Farm, has: _Known
+    request: Request, job_id: JobId, spp: _Spp, farm: Farm, has: IfNoneMatch
 ) -> Response:
-    """Show the same as linear radiance, float32: for jobs that kept their slices."""
+    """Show the same as linear radiance, float32, for jobs that kept their slices."""
     job = await run_in_threadpool(farm.job, job_id)
     headers = _headers(job, spp, "exr")
     if has.has(headers["ETag"]):
@@ -138,7 +134,7 @@ async def _merged(
 
 
 def _slices(farm: Parts, job: Job, spp: int) -> list[KeptSlice]:
-    """The slices of which the point's image is the sum, or the problem with them."""
+    """The slices of a point's image; raises the problem with them."""
     if not job.spec.evaluates_at(spp) or spp > job.spp:
         raise Problem(
             problems.UNKNOWN_POINT,
@@ -171,8 +167,7 @@ def _points(job: Job) -> list[int]:
     ]
 
 
-# What makes files of pixels is imported when it is first asked for, as in
-# `plateau.service.api.points.images`.
+# The encoders are imported at their first use, as in `plateau.service.api.points.images`.
 
 
 def _png(job: Job) -> "Callable[[Pixels], bytes]":
@@ -195,7 +190,7 @@ def _exr(job: Job, spp: int) -> "Callable[[Pixels], bytes]":
 
 
 def _headers(job: Job, spp: int, kind: str) -> dict[str, str]:
-    # What the image was at some spp never changes.
+    # The image at a given spp never changes.
     headers = headers_of(job, strong(job.id, spp, f"preview.{kind}"), f"{job.id}-{spp}-spp.{kind}")
     return headers | {"Cache-Control": FINAL, SPP: str(spp)}
 

@@ -1,18 +1,17 @@
 """The route of a job's report."""
 
-from typing import Annotated, Final
+from typing import Final
 
-from fastapi import APIRouter, Depends, Response
+from fastapi import APIRouter, Response
 
 from plateau.service.api.http.etags import (
     NOT_MODIFIED,
     REVALIDATE,
-    Known,
-    known,
+    IfNoneMatch,
     not_modified,
     strong,
 )
-from plateau.service.api.parts import Parts, parts
+from plateau.service.api.parts import Farm
 from plateau.service.api.points.stored_files import SpoiledBlob
 from plateau.service.api.problems import problem as problems
 from plateau.service.api.problems.problem import documented
@@ -22,10 +21,7 @@ from plateau.service.api.routes.jobs import JobId
 router = APIRouter(prefix="/v1/jobs/{job_id}", tags=["results"])
 
 _HTML: Final = "text/html"
-_HEADERS: Final = {
-    "Content-Security-Policy": POLICY,
-    "Cache-Control": REVALIDATE,
-}
+_HEADERS: Final = {"Content-Security-Policy": POLICY, "Cache-Control": REVALIDATE}
 
 
 class _HtmlResponse(Response):
@@ -53,19 +49,15 @@ class _HtmlResponse(Response):
         **documented(problems.UNKNOWN_JOB),
     },
 )
-def get_report(
-    job_id: JobId,
-    farm: Annotated[Parts, Depends(parts)],
-    has: Annotated[Known, Depends(known)],
-) -> Response:
-    """Show all of a job on one page that stands alone: pictures, curve, figures, points and story.
+def get_report(job_id: JobId, farm: Farm, has: IfNoneMatch) -> Response:
+    """Show a job on one self-contained page: pictures, curve, figures, points and story.
 
-    It has no script and asks for nothing, so it can be kept beside the image.
+    The page has no script and loads nothing, so it can be kept beside the image.
     """
     job = farm.job(job_id)
     results = farm.jobs.results(job.id)
     happened = farm.jobs.events(job.id)
-    # Whatever changes a report is an event, or a set of pictures.
+    # A report changes only with an event or a new set of pictures.
     tag = strong(results.rpartition("/")[2], len(happened), job.points, "report.html")
     headers = {
         **_HEADERS,
@@ -81,7 +73,7 @@ def get_report(
             pictures[name] = farm.files.content(blob, farm.jobs.sha256(blob))
         except SpoiledBlob:
             pictures[name] = None
-        except FileNotFoundError:  # a newer set has just been shown, or there is no map yet
+        except FileNotFoundError:  # a newer set has just been shown, or this one has no map yet
             continue
     content = report_html(job, farm.jobs.curve(job.id), happened, pictures)
     return _HtmlResponse(content, headers=headers)

@@ -1,4 +1,4 @@
-"""Routes for what a job has come to: its curve and its events."""
+"""Routes for a job's curve and its events."""
 
 import hashlib
 import json
@@ -6,7 +6,7 @@ import time
 from collections.abc import AsyncIterator
 from typing import Annotated, Any, Final
 
-from fastapi import APIRouter, Depends, Header, Query, Request, Response
+from fastapi import APIRouter, Header, Query, Request, Response
 from fastapi.responses import StreamingResponse
 from starlette.concurrency import run_in_threadpool
 
@@ -18,13 +18,13 @@ from plateau.service.api.access.callers import Caller, CallerOf
 from plateau.service.api.http.etags import (
     NOT_MODIFIED,
     REVALIDATE,
+    IfNoneMatch,
     Known,
-    known,
     not_modified,
     strong,
 )
 from plateau.service.api.http.parameters import chosen
-from plateau.service.api.parts import Parts, parts, parts_of
+from plateau.service.api.parts import Farm, Parts, parts_of
 from plateau.service.api.problems import problem as problems
 from plateau.service.api.problems.problem import documented
 from plateau.service.api.routes.jobs import JobId
@@ -34,13 +34,13 @@ router = APIRouter(prefix="/v1/jobs/{job_id}", tags=["results"])
 _CSV: Final = "text/csv"
 _JSON: Final = "application/json"
 _SSE: Final = "text/event-stream"
-#: Redis refuses numbers of 64 bits and more; those of real events have 13 digits and a few.
+#: Redis refuses larger numbers.
 _EVENT_ID: Final = r"^[0-9]{1,19}-[0-9]{1,19}$"
-#: Proxies close a connection that is silent for longer, commonly after 30 or 60 s.
+#: Proxies close a silent connection, commonly after 30 or 60 s.
 _HEARTBEAT_S: Final = 15.0
 _RECONNECT_MS: Final = 1000
 
-#: What the curve looks like in this Plateau: another one may show more of the same points.
+#: Identifies the curve's schema in its ETag: another version may show more of the same points.
 _SHAPE: Final = hashlib.sha256(json.dumps(Curve.model_json_schema()).encode()).hexdigest()[:8]
 _STRING: Final[dict[str, Any]] = {"schema": {"type": "string"}}
 _CURVE_HEADERS: Final = {"ETag": _STRING, "Cache-Control": _STRING}
@@ -64,8 +64,8 @@ class _CsvResponse(Response):
 )
 def get_curve(
     job_id: JobId,
-    farm: Annotated[Parts, Depends(parts)],
-    has: Annotated[Known, Depends(known)],
+    farm: Farm,
+    has: IfNoneMatch,
     accept: Annotated[str, Header(include_in_schema=False)] = "",
 ) -> Response:
     """Show the curve: each evaluation of the merged image, as JSON, or as CSV by `Accept`."""
@@ -85,11 +85,7 @@ def get_curve(
         **documented(problems.UNKNOWN_JOB),
     },
 )
-def get_curve_csv(
-    job_id: JobId,
-    farm: Annotated[Parts, Depends(parts)],
-    has: Annotated[Known, Depends(known)],
-) -> Response:
+def get_curve_csv(job_id: JobId, farm: Farm, has: IfNoneMatch) -> Response:
     """Show the curve as CSV."""
     return _curve(farm, job_id, has, _CSV, {})
 
@@ -97,10 +93,10 @@ def get_curve_csv(
 def _curve(
     farm: Parts, job_id: str, has: Known, media_type: str, headers: dict[str, str]
 ) -> Response:
-    # Asked for again even when the job is finished: a newer Plateau may show more of its points.
+    # Validated even after the job's end: a newer Plateau may show more of its points.
     headers = {**headers, "Cache-Control": REVALIDATE}
     job = farm.job(job_id)
-    # Points are only ever appended, so their number stands for all of them.
+    # Points are only appended, so their number identifies them.
     tag = _curve_tag(job.points, media_type)
     if has.anything or has.has(tag):
         return not_modified({**headers, "ETag": tag})
@@ -125,7 +121,7 @@ def _curve_tag(points: int, media_type: str) -> str:
             "model": Happened,
             "content": {_SSE: {"schema": {"type": "string"}, "example": examples.EVENT_STREAM}},
         },
-        204: {"description": "the job is finished and everything of it was already received"},
+        204: {"description": "the job is finished, and the client has all of its events"},
         **documented(problems.UNKNOWN_JOB, problems.NOT_ACCEPTABLE, problems.INVALID_REQUEST),
     },
 )
@@ -143,19 +139,19 @@ async def get_events(
         str,
         Query(
             pattern=_EVENT_ID,
-            description="the same, where a header cannot be set",
+            description="the same, for clients that cannot set a header",
             examples=[examples.EVENT_ID],
         ),
     ] = BEFORE_ALL_EVENTS,
     accept: Annotated[str, Header(include_in_schema=False)] = "",
 ) -> Response:
-    """Stream what happens to a job as Server-Sent Events, from its beginning on.
+    """Stream a job's events as Server-Sent Events, from its beginning on.
 
-    `state` (from, to, reason), `image` (spp: there is a first image to be fetched, which may be the
-    final one; once for each job that has any), `point` (a point of the curve), `slice` (index,
-    worker), `trouble` (index, worker, cause: a worker died on a slice, or a partial was lost) and,
-    once all results are written, `finished`, after which the stream ends. An event's `id` resumes
-    the stream. With `Accept: application/json`, what has happened so far.
+    `state` (from, to, reason); `image` (spp), once, when the first image can be fetched, which may
+    be the final one; `point` (a point of the curve); `slice` (index, worker); `trouble` (index,
+    worker, cause: a worker died on a slice, or a partial was lost); and `finished`, once all
+    results are written, after which the stream ends. An event's `id` resumes the stream. With
+    `Accept: application/json`, the answer lists the events so far.
     """
     farm = parts_of(request)
     media_type = chosen(accept, (_SSE, _JSON))

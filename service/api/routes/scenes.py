@@ -1,4 +1,4 @@
-"""Routes for scenes: what is stored, and what a check finds in one."""
+"""The route that checks and stores a scene."""
 
 from typing import Annotated
 
@@ -29,13 +29,11 @@ router = APIRouter(prefix="/v1/scenes", tags=["scenes"])
         problems.TOO_MANY_SCENES,
     ),
 )
-def check_scene(
-    found: Annotated[StoredScene, Depends(stored_scene)],
-) -> SceneFound:
-    """Check a scene and store it, without a job: what `POST /v1/jobs` would find in it.
+def check_scene(found: Annotated[StoredScene, Depends(stored_scene)]) -> SceneFound:
+    """Check a scene as `POST /v1/jobs` would, and store it, without a job.
 
-    Takes the same parts. Of `spec`, `parameters`, `sensor` and what decides on seeds count. A scene
-    that no job uses stays for an hour at least, and is submitted by its `sha256`.
+    Takes the same parts. Of `spec`, only `parameters`, `sensor` and the fields that determine the
+    seeds count. A scene that no job uses stays for at least an hour; submit it by its `sha256`.
     """
     return SceneFound(
         sha256=found.sha256,

@@ -1,1 +1,1 @@
-"""Checks of uploaded scenes, each in a process with limits."""
+"""Checks of uploaded scenes, in processes with limits."""

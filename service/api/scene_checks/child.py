@@ -1,8 +1,8 @@
-"""A process that checks scenes for the API, within limits that no scene gets over.
+"""A process that checks scenes for the API within the kernel's limits.
 
 `plateau.service.api.scene_checks.process` starts it and talks to it over a socket: a question
-(JSON) comes with the upload as an open file, and an answer (JSON) goes back. It has no credentials,
-and the kernel ends it where a check takes more CPU time than it may.
+(JSON) comes with the upload as an open file, and an answer (JSON) goes back. The process has no
+credentials, and the kernel kills it when a check exceeds its CPU time.
 """
 
 import json
@@ -20,19 +20,19 @@ from typing import Any, BinaryIO, Final
 from plateau.farm.bundle import BundleError, BundleLimits, inspect_each
 from plateau.farm.process.lifecycle import limit
 
-#: Ahead of each message: how many bytes it has.
+#: Before each message: its length in bytes.
 _LENGTH: Final = struct.Struct("!I")
-#: It maps libraries and reserves more than it uses, so this bound is only the second.
+#: A second bound beside that of written memory: libraries are mapped, and more is reserved.
 _ADDRESS_SPACE_BYTES: Final = 2**30
-#: The socket, the upload, the standard streams, and some modules that are imported late.
+#: The socket, the upload, the standard streams, and modules that are imported late.
 _OPEN_FILES: Final = 32
-#: A process that still has so much after a check serves no other.
+#: A process with more resident memory after a check ends, and the next check gets a new one.
 _KEEP_BYTES: Final = 96 * 2**20
 _RESIDENT: Final = Path("/proc/self/statm")
 
 
 def main() -> None:
-    """Answer the questions that come over the socket that is named by its descriptor."""
+    """Answer the questions from the socket whose descriptor is the first argument."""
     link = socket.socket(fileno=int(sys.argv[1]))
     memory_bytes = int(sys.argv[2])
     limit(resource.RLIMIT_CORE, 0)
@@ -42,7 +42,7 @@ def main() -> None:
     while True:
         header, files, _, _ = socket.recv_fds(link, _LENGTH.size, 1)
         if not header:
-            return  # the API ended
+            return  # the API has ended
         question = received(link, header)
         with os.fdopen(files[0], "rb") as upload:
             answer = _answer(upload, question)
@@ -53,7 +53,7 @@ def main() -> None:
 
 
 def send(link: socket.socket, message: dict[str, Any], file: int | None = None) -> None:
-    """Send a message, with an open file where one is given."""
+    """Send a message, and an open file if one is given."""
     text = json.dumps(message).encode()
     content = _LENGTH.pack(len(text)) + text
     sent = 0 if file is None else socket.send_fds(link, [content], [file])
@@ -61,7 +61,7 @@ def send(link: socket.socket, message: dict[str, Any], file: int | None = None) 
 
 
 def received(link: socket.socket, beginning: bytes = b"") -> dict[str, Any]:
-    """The next message, of which this is there; `EOFError` where the other side is gone."""
+    """The rest of the next message after this beginning; `EOFError` if the other side is gone."""
     header = beginning + _exactly(link, _LENGTH.size - len(beginning))
     message: dict[str, Any] = json.loads(_exactly(link, _LENGTH.unpack(header)[0]))
     return message
@@ -78,7 +78,7 @@ def _exactly(link: socket.socket, count: int) -> bytes:
 
 
 def _answer(upload: BinaryIO, question: dict[str, Any]) -> dict[str, Any]:
-    """What is found with each of the values, as far as the turn's time allows: one at least."""
+    """Check the upload with each set of values until the time is up, but with at least one."""
     cpu_s, turn_s = question["cpu_s"], question["turn_s"]
     used_s = time.process_time()
     _, hard = resource.getrlimit(resource.RLIMIT_CPU)
@@ -107,7 +107,7 @@ def _answer(upload: BinaryIO, question: dict[str, Any]) -> dict[str, Any]:
 
 
 def _resident_bytes() -> int:
-    """What the process has in memory; where that is not told, nothing."""
+    """The process's resident memory; 0 if the system does not tell."""
     if not _RESIDENT.exists():
         return 0
     return int(_RESIDENT.read_text().split()[1]) * resource.getpagesize()

@@ -1,11 +1,10 @@
-"""Checks of scenes: each in a process with limits, two at a time, and for nobody who has gone.
+"""Checks of scenes: in processes with limits, two at a time, and only while the client waits.
 
-A check reads what a stranger sent. `plateau.farm.bundle` bounds what that costs, and the kernel
-bounds what `plateau.farm.bundle` overlooks: CPU time and memory by limits of the process
-(`plateau.service.api.scene_checks.child`), time by a deadline. So the API never reads a scene
-itself.
+A check reads untrusted input. `plateau.farm.bundle` bounds its cost. Limits on the process's CPU
+time and memory (`plateau.service.api.scene_checks.child`) and a deadline bound what
+`plateau.farm.bundle` overlooks. So the API never reads a scene itself.
 
-A process serves one check after another, since to start one takes a tenth of a second.
+A process serves one check after another, because starting one takes a tenth of a second.
 """
 
 import asyncio
@@ -21,61 +20,53 @@ from typing import Any, BinaryIO, Final, TypeVar
 from plateau.farm.bundle import BundleError, BundleLimits, SceneSummary
 from plateau.service.api.scene_checks.process import Asked, CheckBudget, CheckProcess
 
-#: So many are made at a time, and so many more may wait for their turn.
 _AT_A_TIME: Final = 2
+#: Checks that may wait for their turn.
 MOST_WAITING: Final = 16
-#: For so long one waits for its turn, in seconds.
+#: The longest wait for a turn, in seconds.
 _PATIENCE_S: Final = 20.0
-#: So often a client is asked whether it is still there, in seconds.
+#: Seconds between two looks at whether a client is still connected.
 _ASKED_EVERY_S: Final = 0.25
 _BUDGET: Final = CheckBudget()
 
 T = TypeVar("T")
-#: Whether who asked has gone.
+#: Says whether the client has disconnected.
 IsGone = Callable[[], Awaitable[bool]]
 
 
 class TooManyChecks(Exception):
-    """So many checks wait that one more would take too long."""
+    """`MOST_WAITING` checks wait already, or this one has waited too long for its turn."""
 
 
 class Gone(Exception):
-    """Nobody waits for the check any more."""
+    """The client has disconnected."""
 
 
 @dataclass
 class Checked:
-    """What a check found."""
+    """The result of a check with several sets of values."""
 
-    summary: SceneSummary | None  #: with the first values; None where these are refused
-    sizes: list[tuple[int, int]]  #: width and height in pixels, with each values up to the error
-    error: BundleError | None  #: what is wrong with the values after those
+    summary: SceneSummary | None  #: with the first set; None if that was refused
+    sizes: list[tuple[int, int]]  #: width and height in pixels, for each set before the error
+    error: BundleError | None  #: the error with the next set
 
     @classmethod
     def of(cls, answer: dict[str, Any]) -> "Checked":
-        """What a process has answered."""
+        """Decode a process's first answer."""
         summary = None if "summary" not in answer else SceneSummary(**answer["summary"])
         checked = cls(summary, [], None)
         checked.add(answer)
         return checked
 
     def add(self, answer: dict[str, Any]) -> None:
-        """Take in what a process has answered about the values that follow."""
+        """Add a process's answer for the next sets of values."""
         self.sizes += [(width, height) for width, height in answer["sizes"]]
         if "error" in answer:
             self.error = BundleError.told(**answer["error"])
 
 
 class SceneChecks:
-    """Makes the checks of one API.
-
-    Parameters
-    ----------
-    limits
-        What a scene may be.
-    budget
-        What a check may cost.
-    """
+    """The checks of one API process: the limits on scenes, and a check's budget."""
 
     def __init__(self, limits: BundleLimits, budget: CheckBudget = _BUDGET) -> None:
         self.limits = limits
@@ -91,7 +82,7 @@ class SceneChecks:
         self._threads.submit(self._idle[-1].start)
 
     def close(self) -> None:
-        """End the processes, and so what they do."""
+        """End the processes and their checks."""
         for process in self._all:
             process.kill()
         self._threads.shutdown(cancel_futures=True)
@@ -100,14 +91,14 @@ class SceneChecks:
 
     @asynccontextmanager
     async def turn(self, is_gone: IsGone) -> AsyncIterator["Turn"]:
-        """A turn to check something, for who is told to have gone where nobody waits for it.
+        """Wait for a turn, which lasts as long as the context.
 
         Raises
         ------
         TooManyChecks
-            Sixteen wait already, or have gone ahead for twenty seconds.
+            `MOST_WAITING` checks wait already, or the turn did not come within 20 s.
         Gone
-            Nobody waits for it any more.
+            The client has disconnected.
         """
         if self._admitted >= _AT_A_TIME + MOST_WAITING:
             raise TooManyChecks
@@ -129,16 +120,16 @@ class SceneChecks:
         try:
             await _attend(begun, is_gone, patience_s=patience_s)
         except BaseException:
-            if not begun.cancel():  # it came a moment ago
+            if not begun.cancel():  # the turn has just come
                 self.end()
             raise
 
     def end(self) -> None:
-        """Let the next have its turn."""
+        """Give the turn to the next check."""
         self._turns.release()
 
     async def ask(self, file: BinaryIO, asked: Sequence[Asked], is_gone: IsGone) -> dict[str, Any]:
-        """What a process answers that checks the file with as many values as a turn allows."""
+        """Have a process check the file with as many sets of values as a turn allows."""
         process, given_up = self._idle.pop(), threading.Event()
         work = asyncio.get_running_loop().run_in_executor(
             self._threads, process.ask, file, asked, self.limits, given_up
@@ -151,33 +142,33 @@ class SceneChecks:
                     given_up.set()
                     process.kill()
                     await asyncio.wait([work])
-                    work.exception()  # it was ended: nobody need be told
+                    work.exception()  # expected: the process was killed
             finally:
                 self._idle.append(process)
 
 
 class Turn:
-    """The right to check something, now."""
+    """The right to run a check now."""
 
     def __init__(self, checks: SceneChecks, is_gone: IsGone) -> None:
         self._checks = checks
         self._is_gone = is_gone
-        self.is_over = False  #: given away, and not had back
+        self.is_over = False  #: given to the next check, and not yet regained
 
     async def check(self, file: BinaryIO, asked: Sequence[Asked], *, total_s: float) -> Checked:
-        """What is found in an upload with each of these values, until one is refused.
+        """Check an upload with each of these sets of values, until one is refused.
 
-        Others have their turn in between. There are fewer answers than `asked` has values, and no
-        error, where `total_s` seconds of CPU time are over.
+        Other checks have their turns in between. After `total_s` seconds of CPU time the result
+        ends early, without an error.
 
         Raises
         ------
         BundleError
-            The check takes more than it may, whatever the values.
+            The check exceeds its budget, whatever the values.
         CheckEnded
-            Somebody ended the process that checks.
+            Somebody killed the process.
         Gone
-            Nobody waits for it any more.
+            The client has disconnected.
         """
         answer = await self._checks.ask(file, asked, self._is_gone)
         checked, spent_s = Checked.of(answer), answer["cpu_s"]
@@ -196,7 +187,7 @@ class Turn:
 
 
 async def _attend(work: "asyncio.Future[T]", is_gone: IsGone, patience_s: float = math.inf) -> T:
-    """What the work comes to, while somebody waits for it."""
+    """Wait for the work while the client waits, and for `patience_s` at most."""
     started = time.monotonic()
     while not (await asyncio.wait([work], timeout=_ASKED_EVERY_S))[0]:
         if await is_gone():

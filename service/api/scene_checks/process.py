@@ -1,4 +1,4 @@
-"""The API's side of a process that checks scenes: started, asked, ended."""
+"""The API's side of a process that checks scenes: it starts, asks and ends the process."""
 
 import signal
 import socket
@@ -19,24 +19,20 @@ Asked = tuple[Mapping[str, str], int]
 
 @dataclass(frozen=True)
 class CheckBudget:
-    """What a check may cost.
+    """The limits on a check.
 
-    Of all that was tried, the dearest scene within the limits of `plateau.farm.bundle` took 3.6 s
+    The most expensive scene that was found within the limits of `plateau.farm.bundle` took 3.6 s
     and 130 MB.
     """
 
-    #: CPU time of one turn, in seconds; the kernel counts whole ones
-    cpu_s: float = 10.0
-    #: after so much of it no further set of values is begun in this turn
-    turn_s: float = 1.0
-    #: time of one turn, in seconds, on a machine that has other things to do
-    deadline_s: float = 30.0
-    #: memory that the process writes to
-    memory_bytes: int = 256 * 2**20
+    cpu_s: float = 10.0  #: CPU time of one turn; the kernel counts whole seconds
+    turn_s: float = 1.0  #: CPU time after which a turn starts with no further set of values
+    deadline_s: float = 30.0  #: wall time of one turn, on a machine with other work
+    memory_bytes: int = 256 * 2**20  #: memory that the process writes to
 
 
 class CheckTooDear(BundleError):
-    """A check took more than it may."""
+    """A check exceeded its budget."""
 
     def __init__(self, what: str) -> None:
         super().__init__(
@@ -47,11 +43,11 @@ class CheckTooDear(BundleError):
 
 
 class CheckEnded(Exception):
-    """Somebody ended the process in the middle of a check, which says nothing of the scene."""
+    """Somebody killed the process during a check; that says nothing about the scene."""
 
 
 class CheckProcess:
-    """One process, started when it is asked first and whenever it has ended.
+    """One process, started at the first question and again whenever it has ended.
 
     `start` and `ask` are for one thread at a time, `kill` is for any.
     """
@@ -64,7 +60,7 @@ class CheckProcess:
         self._is_killed = False
 
     def start(self) -> socket.socket:
-        """Start the process unless it runs, and return the link to it."""
+        """Start the process unless it runs; returns the socket to it."""
         with self._starting:
             if self._process is not None and (self._is_killed or self._process.poll() is not None):
                 self._bury()
@@ -79,16 +75,16 @@ class CheckProcess:
         limits: BundleLimits,
         given_up: threading.Event,
     ) -> dict[str, Any]:
-        """What the process finds in the file with as many of these values as a turn allows.
+        """Have the process check the file with as many sets of values as a turn allows.
 
-        Who gives the check up sets the event, and then kills the process.
+        To give the check up, set the event and then kill the process.
 
         Raises
         ------
         BundleError
-            The check takes more than it may, or ends the process.
+            The check exceeds its budget, or crashes the process.
         CheckEnded
-            Somebody else ended it.
+            Somebody killed the process.
         """
         link = self.start()
         if given_up.is_set():
@@ -115,13 +111,13 @@ class CheckProcess:
         return answer
 
     def kill(self) -> None:
-        """End the process, whatever it does; the next `ask` starts another."""
+        """Kill the process; the next `ask` starts another."""
         self._is_killed = True
         if self._process is not None:
             self._process.kill()
 
     def end(self) -> None:
-        """As `kill`, once no thread works with the process any more, and leave nothing of it."""
+        """Kill the process and clean up; only once no thread uses it."""
         self.kill()
         if self._process is not None:
             self._bury()
@@ -130,7 +126,7 @@ class CheckProcess:
         self._is_killed = False
         ours, its = socket.socketpair()
         with its:
-            # It ends when our end is closed, as it is when this process is gone.
+            # The process ends when our end is closed, also by the end of this process.
             self._process = subprocess.Popen(
                 [
                     *(sys.executable, "-m", check_child.__name__),
@@ -145,7 +141,7 @@ class CheckProcess:
         return ours
 
     def _died(self) -> Exception:
-        """Why the process has ended in the middle of a check."""
+        """The error for a process that ended during a check."""
         status = self._bury()
         if status == -signal.SIGXCPU:
             return CheckTooDear(f"{self._budget.cpu_s:g} s of CPU time")
@@ -157,8 +153,8 @@ class CheckProcess:
         )
 
     def _bury(self) -> int:
-        """Leave nothing of a process that is about to end, or has; returns how it ended."""
-        assert self._process is not None  # it was started
+        """Clean up after a process that has ended or is about to; returns its exit status."""
+        assert self._process is not None
         assert self._link is not None
         self._link.close()
         status = self._process.wait()

@@ -1,1 +1,1 @@
-"""What a request to create a job brings: read, checked and stored."""
+"""Requests that create jobs: their parts are read, checked and stored."""

@@ -1,4 +1,4 @@
-"""The header Idempotency-Key: a request that is repeated with it is carried out once."""
+"""The header Idempotency-Key: requests with the same key are carried out once."""
 
 import re
 from typing import Annotated, Any, Final
@@ -13,7 +13,7 @@ from plateau.service.api.problems.spec_checks import invalid_field
 
 _KEY: Final = re.compile(r"[\x21-\x7e]{1,255}")
 
-#: The header, for the description of a route that takes it.
+#: The header in the OpenAPI document.
 PARAMETERS: Final[list[dict[str, Any]]] = [
     {
         "name": "Idempotency-Key",
@@ -21,21 +21,21 @@ PARAMETERS: Final[list[dict[str, Any]]] = [
         "required": False,
         "schema": {"type": "string", "pattern": f"^{_KEY.pattern}$"},
         "example": examples.IDEMPOTENCY_KEY,
-        "description": "a request repeated with the same key within a day makes one job, or the "
-        "jobs of one list",
+        "description": "requests with the same key within a day make one job, or the jobs of one "
+        "list",
     }
 ]
-#: And what its answer says of it.
+#: The header of the answer to a repeated request.
 REPLAYED: Final[dict[str, Any]] = {
     "Idempotency-Replayed": {
         "schema": {"const": "true"},
-        "description": "only where the key's first request had made the job",
+        "description": "only if an earlier request with this key made the job",
     }
 }
 
 
 def idempotency_key(request: Request) -> str:
-    """The request's key; "" where it has none."""
+    """The request's key, or ""."""
     given = request.headers.get("idempotency-key")
     if given is None:
         return ""
@@ -50,7 +50,7 @@ IdempotencyKey = Annotated[str, Depends(idempotency_key)]
 
 
 def settle(created: Created, key: str, response: Response) -> None:
-    """Say that this is what an earlier request made, or refuse where that was another request."""
+    """Mark the answer to a repeated request; refuse a key that another request has used."""
     if created.conflict:
         raise Problem(
             problems.KEY_REUSED,

@@ -1,11 +1,11 @@
-"""The JSON schema of a merge patch: what may be sent to change an object of another schema."""
+"""The JSON schema of a merge patch for objects of another schema."""
 
 from typing import Any, Final
 
 _Schema = dict[str, Any]
 
-#: What is said of the whole alone: a patch need not have what it requires, and goes by no name of
-#: its parts, which would be that of another schema.
+#: Keywords that do not apply to a patch. It requires nothing, and the names of the whole's parts
+#: belong to other schemas.
 _OF_THE_WHOLE: Final = frozenset(
     {"required", "default", "discriminator", "examples", "title", "$defs"}
 )
@@ -14,15 +14,10 @@ _NULL: Final[_Schema] = {"type": "null"}
 
 
 def merge_patch(schema: _Schema) -> _Schema:
-    """The schema of a JSON merge patch (RFC 7396) for what this schema describes.
+    """The schema of a JSON merge patch (RFC 7396) for the values of this schema.
 
-    Of an object any members may be left out, and one that is null is removed; what is no object is
-    replaced whole.
-
-    Parameters
-    ----------
-    schema
-        With the definitions that it refers to under ``$defs``; the result refers to none.
+    A patch of an object may omit members, and null removes one; any other value is replaced whole.
+    The result has the definitions under ``$defs`` inlined.
     """
     return _patch(schema, schema.get("$defs", {}))
 
@@ -38,7 +33,7 @@ def _patch(schema: _Schema, defs: dict[str, _Schema]) -> _Schema:
         patch["additionalProperties"] = _or_null(whole["additionalProperties"], defs)
     for either in _EITHER:
         if either in patch:
-            # A part may fit several of what the whole is exactly one of.
+            # A patch may match several alternatives of a whole that matches exactly one.
             patch["anyOf"] = [_patch(one, defs) for one in patch.pop(either)]
     for items in ("items", "prefixItems"):
         if items in patch:
@@ -54,7 +49,7 @@ def _or_null(schema: _Schema, defs: dict[str, _Schema]) -> _Schema:
 
 
 def _resolved(schema: _Schema, defs: dict[str, _Schema]) -> _Schema:
-    """The schema with what it refers to in its place; what stands beside the reference counts."""
+    """The schema with its reference resolved; keywords beside the reference take precedence."""
     reference = schema.get("$ref")
     if reference is None:
         return schema
@@ -63,7 +58,7 @@ def _resolved(schema: _Schema, defs: dict[str, _Schema]) -> _Schema:
 
 
 def _inlined(schema: Any, defs: dict[str, _Schema]) -> Any:
-    """A schema, or a part of one, with all references resolved: to be met as a whole."""
+    """A schema, or a part of one, with all references resolved and nothing optional."""
     if isinstance(schema, list):
         return [_inlined(one, defs) for one in schema]
     if not isinstance(schema, dict):

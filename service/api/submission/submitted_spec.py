@@ -1,4 +1,4 @@
-"""The spec that a request brings: of one job, or of many where its parameters are a list."""
+"""The spec in a request: of one job, or of many if its parameters are a list."""
 
 import json
 import unicodedata
@@ -11,8 +11,8 @@ from plateau.farm.wire.json_numbers import whole_numbers
 from plateau.service.api.problems import problem as problems
 from plateau.service.api.problems.spec_checks import BRANCHES, invalid_field, invalid_spec
 
-#: Controls, halves of characters, and what ends a line: nobody sees them in a name, and no path has
-#: a place for them.
+#: Unicode's categories of control characters, surrogates and line ends: invisible, and not allowed
+#: in paths.
 _NOT_IN_NAMES: Final = frozenset({"Cc", "Cs", "Zl", "Zp"})
 
 _JOB, _BATCH = BRANCHES
@@ -31,7 +31,7 @@ _SUBMITTED: Final[TypeAdapter[JobSpec | BatchSpec]] = TypeAdapter(
 
 
 def submitted_spec(text: str | bytes) -> JobSpec | BatchSpec:
-    """What the request asks for; raises the problem with it."""
+    """Parse and validate the spec; raises the problem with it."""
     try:
         spec = _SUBMITTED.validate_json(_plain(text), strict=True)
     except ValidationError as error:
@@ -41,7 +41,7 @@ def submitted_spec(text: str | bytes) -> JobSpec | BatchSpec:
 
 
 def _plain(text: str | bytes) -> str | bytes:
-    """The same JSON with whole numbers as such; what is no JSON is left as it is."""
+    """The same JSON with 1.0 as 1; invalid JSON is returned unchanged."""
     try:
         return json.dumps(whole_numbers(json.loads(text)))
     except (ValueError, RecursionError):
@@ -49,7 +49,7 @@ def _plain(text: str | bytes) -> str | bytes:
 
 
 def check_batch_name(spec: SharedSpec) -> None:
-    """Refuse a batch whose name no path can have; a job of an older Plateau may have one."""
+    """Refuse a batch whose name cannot be in a path; jobs of an older Plateau may have one."""
     name = spec.batch or ""
     if name in {".", ".."} or any(unicodedata.category(one) in _NOT_IN_NAMES for one in name):
         message = "must be a name without control characters and line ends, and not . or .."

@@ -1,7 +1,7 @@
-"""What `POST /v1/jobs` brings: read from the request, checked, stored, made a job.
+"""Submissions by `POST /v1/jobs`: read from the request, checked, stored, made into jobs.
 
-An upload never sits in memory: the framework spools it to disk as it arrives, it is hashed and
-checked there, and goes to the blob store from there.
+An upload is never in memory: the framework spools it to disk as it arrives, where it is hashed and
+checked, and from where it goes to the blob store.
 """
 
 import hashlib
@@ -27,7 +27,7 @@ from plateau.farm.ledger.scene_index import SceneIndex
 from plateau.farm.model.renderers import variant_for
 from plateau.farm.model.spec import BatchSpec, JobSpec
 from plateau.service.api.access.callers import Caller, CallerOf
-from plateau.service.api.parts import Parts, parts, parts_of
+from plateau.service.api.parts import Farm, Parts, parts_of
 from plateau.service.api.problems import problem as problems
 from plateau.service.api.problems.framework_errors import MOST_FIELD_BYTES, MOST_FIELDS, MOST_FILES
 from plateau.service.api.problems.problem import CLIENT_GONE, Problem
@@ -38,8 +38,8 @@ from plateau.service.api.submission.idempotency import idempotency_key
 from plateau.service.api.submission.submitted_spec import submitted_spec
 
 _FIELDS: Final = frozenset({"scene", "scene_sha256", "spec"})
-_MAX_NAME: Final = 90  #: a made-up batch is called by it
-#: CPU time: a scene may take a second to check, and a list has up to a thousand entries.
+_MAX_NAME: Final = 90  #: leaves room for the suffix of a generated batch name
+#: CPU time of all checks: one may take a second, and a list has up to a thousand entries.
 _MOST_CHECKING_S: Final = 60.0
 _BUSY_S: Final = 2
 _CHUNK_BYTES: Final = 1 << 20
@@ -56,7 +56,7 @@ class Submission:
 
 
 async def submission(request: Request) -> AsyncIterator[Submission]:
-    """The request's parts, spooled to disk while the route works on them."""
+    """Yield the request's parts, which stay on disk until the route is done."""
     media_type = request.headers.get("content-type", "").partition(";")[0].strip().lower()
     if media_type and media_type != "multipart/form-data":
         raise Problem(
@@ -126,14 +126,11 @@ class StoredScene:
 
 
 async def stored_scene(
-    request: Request,
-    asked: Annotated[Submission, Depends(submission)],
-    farm: Annotated[Parts, Depends(parts)],
-    who: CallerOf,
+    request: Request, asked: Annotated[Submission, Depends(submission)], farm: Farm, who: CallerOf
 ) -> StoredScene:
-    """The scene that a request brings or names, checked with the spec's values, and stored.
+    """The scene that a request contains or names, checked with the spec's values, and stored.
 
-    A sweep leaves it for an hour at least. Few scenes are fetched, hashed and checked at a time.
+    A sweep spares it for at least an hour. Few scenes are fetched, hashed and checked at a time.
     """
     try:
         async with farm.checks.turn(request.is_disconnected) as turn:
@@ -162,7 +159,7 @@ def _stored(
     farm: Parts,
     who: Caller,
 ) -> StoredScene:
-    """The scene, of which the blob store has the file from now on."""
+    """Put the file into the blob store, unless it is there already."""
     size = _size(file)
     if isinstance(scene, str):
         return StoredScene(sha256, _name_of_stored(sha256, farm.scenes), size, summary)
@@ -176,10 +173,10 @@ def _stored(
 
 
 def _check_quota(sha256: str, size: int, scenes: SceneIndex, who: Caller) -> None:
-    """Refuse a scene that would be more than its key may have stored.
+    """Refuse a scene that exceeds the key's quota.
 
-    Who sends a scene that is stored already is not charged for it. Uploads at the same time may
-    each be the one that just fits, and few are stored at a time.
+    A scene that is stored already does not count. Concurrent uploads may together exceed the quota,
+    but few are stored at a time.
     """
     most = None if who.key is None else who.key.limits.scenes_bytes
     if most is None or scenes.has(sha256):
@@ -197,9 +194,9 @@ def _check_quota(sha256: str, size: int, scenes: SceneIndex, who: Caller) -> Non
 
 
 def create_job(asked: Submission, scene: StoredScene, farm: Parts, *, owner: str) -> Created:
-    """The job that was asked for, its owner's, or the first of many: all of them or none.
+    """Create the job, or the jobs of a list: all of them or none.
 
-    The scene is stored before a job exists, so that no worker finds a job without one.
+    The scene is stored before, so that no worker finds a job without one.
     """
     sha256, name = scene.sha256, scene.name
     digest = hashlib.sha256(f"{sha256} {asked.spec.as_request()}".encode()).hexdigest()
@@ -216,7 +213,7 @@ def create_job(asked: Submission, scene: StoredScene, farm: Parts, *, owner: str
 
 
 def _job_specs(spec: JobSpec | BatchSpec, scene: str) -> list[JobSpec]:
-    """The spec of each job that is asked for, in a batch of the given name or one made up."""
+    """The spec of each job; those of a list in the batch that it names, or in a generated one."""
     if isinstance(spec, JobSpec):
         return [spec]
     stem = scene.rpartition(".")[0] or scene
@@ -224,12 +221,12 @@ def _job_specs(spec: JobSpec | BatchSpec, scene: str) -> list[JobSpec]:
 
 
 def _opened(scene: UploadFile | str, farm: Parts) -> BinaryIO:
-    """The scene as an ordinary file: an upload where it was spooled, a stored one fetched."""
+    """The scene as an ordinary file: the spooled upload, or a fetched copy of a stored scene."""
     if not isinstance(scene, str):
         return os.fdopen(os.dup(scene.file.fileno()), "rb")  # fileno() moves it to disk
     farm.scenes.use(scene)
-    with ExitStack() as until_it_is_there:
-        file = cast("BinaryIO", until_it_is_there.enter_context(tempfile.TemporaryFile()))
+    with ExitStack() as on_error:
+        file = cast("BinaryIO", on_error.enter_context(tempfile.TemporaryFile()))
         try:
             for chunk in farm.blobs.chunks(blob_names.scene(scene)):
                 file.write(chunk)
@@ -240,7 +237,7 @@ def _opened(scene: UploadFile | str, farm: Parts) -> BinaryIO:
                 f"no scene {scene} is stored here; send the file itself as the part scene",
             ) from error
         file.flush()  # another process reads it
-        until_it_is_there.pop_all()
+        on_error.pop_all()
     return file
 
 
@@ -268,7 +265,7 @@ def _sha256(file: BinaryIO) -> str:
 
 
 async def _checked(turn: Turn, file: BinaryIO, spec: JobSpec | BatchSpec) -> SceneSummary:
-    """What is found with the spec's values; with the first entry's, where each passes the check."""
+    """Check the file with the values of each entry; returns the summary with the first ones."""
     entries = _different(spec)
     asked = [(one.parameter_strings(), one.sensor) for one in entries.values()]
     try:
@@ -281,11 +278,12 @@ async def _checked(turn: Turn, file: BinaryIO, spec: JobSpec | BatchSpec) -> Sce
     if found.error is not None:
         raise _broken(found.error, next(fields)) from found.error
     if len(found.sizes) < len(asked):
-        message = f"with {next(fields).rpartition('.')[2]} entries the scene took "
-        message += f"{_MOST_CHECKING_S:g} s to check; "
-        message += "send fewer at once, each time with the same batch"
+        message = (
+            f"with {next(fields).rpartition('.')[2]} entries the scene took {_MOST_CHECKING_S:g} s "
+            "to check; send fewer at once, each time with the same batch"
+        )
         raise invalid_field(problems.INVALID_SPEC, "spec.parameters", message)
-    assert found.summary is not None  # a spec has an entry at least
+    assert found.summary is not None  # a spec has at least one entry
     try:
         variant_for(spec.variant, found.summary.renderer)
     except ValueError as error:
@@ -294,7 +292,7 @@ async def _checked(turn: Turn, file: BinaryIO, spec: JobSpec | BatchSpec) -> Sce
 
 
 def _different(spec: JobSpec | BatchSpec) -> dict[str, JobSpec]:
-    """The spec of each job, by the field that has its values; of jobs with the same, the first."""
+    """The spec of each job by the field with its values; of equal ones only the first."""
     if isinstance(spec, JobSpec):
         return {"": spec}
     different: dict[frozenset[tuple[str, str]], tuple[str, JobSpec]] = {}
@@ -305,7 +303,7 @@ def _different(spec: JobSpec | BatchSpec) -> dict[str, JobSpec]:
 
 
 def _broken(error: BundleError, field: str = "") -> Problem:
-    """The problem with a scene, given the values of this field of a list."""
+    """The problem with a scene, for the values in this field of a list."""
     kind = problems.UPLOAD_TOO_LARGE if error.code == "too-large" else problems.BROKEN_SCENE
     problem = Problem(kind, str(error), code=error.code, file=error.file, line=error.line)
     if field:
@@ -320,6 +318,6 @@ def _name_of_stored(sha256: str, scenes: SceneIndex) -> str:
 
 
 def _clean_name(filename: str | None) -> str:
-    """The upload's file name without its folders and what a terminal would not show."""
+    """The upload's file name without folders and unprintable characters."""
     last = re.split(r"[/\\]", filename or "")[-1]
     return "".join(letter for letter in last if letter.isprintable())[:_MAX_NAME] or "scene"

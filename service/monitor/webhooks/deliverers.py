@@ -57,10 +57,7 @@ def delivering(settings: Settings) -> Iterator[None]:
     receivers = Receivers(settings.webhook_allow)
     client = connect(settings.redis_url or "")
     deliverer = Deliverer(
-        Outbox(client),
-        Wake(client, keys.WAKE_WEBHOOKS),
-        Requests(receivers),
-        lease_s=_LEASE_S,
+        Outbox(client), Wake(client, keys.WAKE_WEBHOOKS), Requests(receivers), lease_s=_LEASE_S
     )
     threading.Thread(target=deliverer.run, name="webhooks", daemon=True).start()
     try:

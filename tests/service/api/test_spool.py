@@ -1,4 +1,4 @@
-"""Where a process's uploads lie."""
+"""The folder of a process's uploads."""
 
 import logging
 import tempfile
@@ -35,4 +35,4 @@ def test_elsewhere_where_the_folder_cannot_be_made(
     with caplog.at_level(logging.WARNING):
         spool_in(tmp_path / "file" / "uploads")
     assert tempfile.gettempdir() == before
-    assert f"uploads lie in {before}" in caplog.text
+    assert f"uploads go to {before}" in caplog.text
