@@ -1,10 +1,10 @@
-"""What a monitor does next with a job, from what it knows: no Redis, no blobs, no clock.
+"""The decision what a monitor does next with a job: from `Known` alone, without Redis or a clock.
 
-Two tables say it, one for jobs that have not ended and one for jobs that have. `next_step` reads
-the right one from the top and returns the step of the first row that applies. `JobRun` takes the
-step, notes in `Known` what came of it, and asks again.
+It has two tables, one for jobs that have not ended and one for jobs that have. `next_step` reads
+the table from the top and returns the step of the first row that applies. `JobRun` takes the step,
+notes the outcome in `Known`, and asks again.
 
-Where a step fails, it is decided on again at the job's next turn. So every step may be taken twice.
+A step that fails is decided on again at the job's next turn. So every step may be taken twice.
 """
 
 from collections.abc import Callable
@@ -39,7 +39,7 @@ BATCH: Final = 16  #: records read from the ledger at once
 
 @dataclass(frozen=True)
 class Row:
-    """One row of a table: when it applies, in words and in code, and what is done then."""
+    """A row of a table: when it applies, in words and in code, and the step to take."""
 
     when: str
     applies: Callable[[Known], bool]
@@ -47,17 +47,16 @@ class Row:
 
 
 def next_step(known: Known) -> Step:
-    """What a monitor does next with the job."""
+    """The next step with the job."""
     table = ENDED if known.job.state.ended else OPEN
     step = next(row.step for row in table if row.applies(known))
     return step(known) if callable(step) else step
 
 
 def last_step(state: JobState | None, reason: str) -> EndJob | FinishJob | AbandonJob:
-    """What a monitor does with a job that cannot go on, whatever else of it can be read.
+    """The last step with a job that cannot continue.
 
-    `state` is None where Redis has lost the job. One that had ended is left without its last
-    results.
+    `state` is None if Redis has lost the job. A job that had ended stays without its last results.
     """
     if state is None:
         return AbandonJob()
@@ -68,7 +67,7 @@ def _always(_: Known) -> bool:
     return True
 
 
-# Of a job that has not ended: plan, judge, merge, look at the time, and plan again.
+# A job that has not ended: plan, judge, merge, look at the time, and plan again.
 
 
 def _plan(known: Known) -> Step:
@@ -92,10 +91,10 @@ def _reach_the_cap(known: Known) -> Step:
 
 def _run_out_of_time(known: Known) -> Step:
     limit = f"time limit of {known.job.spec.time_limit_s:g} s"
-    if not known.merged:  # so every job that is exhausted has an image
+    if not known.merged:  # an exhausted job always has an image
         return EndJob(JobState.FAILED, f"no slice of it was rendered within its {limit}")
     reason = f"reached its {limit} at {known.spp} spp"
-    if known.flaw:  # no point of the curve has shown it yet
+    if known.flaw:  # and the flaw is newer than the last point of the curve
         return EndJob(JobState.FAILED, f"{reason}; {known.flaw}")
     return EndJob(JobState.EXHAUSTED, reason)
 
@@ -113,7 +112,7 @@ OPEN: Final = (
         RecordPoint(),
     ),
     Row(
-        "the image can be no result",
+        "the image cannot be a result",
         lambda known: known.answer is not None and known.answer.flaw is not None,
         lambda known: EndJob(JobState.FAILED, _answer(known).flaw or "", with_image=True),
     ),
@@ -136,12 +135,12 @@ OPEN: Final = (
     ),
     # Slices, in the order of their indices.
     Row(
-        "the sums have come to a point of the curve",
+        "the sums have reached a point of the curve",
         lambda known: known.is_to_be_judged,
         JudgeImage(),
     ),
     Row(
-        "the first slice is merged, and the first point is far",
+        "the first slice is merged, and the first point is far off",
         lambda known: known.merged == 1 and not known.judged and not known.is_seen,
         ShowFirstSlice(),
     ),
@@ -155,9 +154,9 @@ OPEN: Final = (
         lambda known: known.ledger is not Ledger.READ,
         lambda known: ReadLedger(range(known.merged, known.merged + BATCH)),
     ),
-    # All that is committed is merged.
+    # Every committed slice is merged.
     Row(
-        "there is nothing to be seen yet",
+        "nothing can be seen yet",
         lambda known: (
             known.job.state is JobState.RENDERING
             and not known.merged
@@ -172,14 +171,14 @@ OPEN: Final = (
         ReadClock(),
     ),
     Row(
-        "its time is up, and nobody knows whether its image may be a result",
+        "its time is up, and it is unknown whether its image can be a result",
         lambda known: known.time_is_up and known.merged > 0 and known.flaw is None,
         InspectImage(),
     ),
     Row("its time is up", lambda known: known.time_is_up, _run_out_of_time),
     Row("workers may soon wait", lambda known: known.lacks_slices, _plan),
     Row(
-        "the job is paused: whatever it has is kept",
+        "the job is paused, and its progress is to be kept",
         lambda known: (
             known.job.state is JobState.PAUSED
             and known.merged > 0
@@ -191,7 +190,7 @@ OPEN: Final = (
 )
 
 
-# Of a job that has ended: complete its image, conclude it, and give it up.
+# A job that has ended: complete its image, conclude it, and give it up.
 
 
 def _conclude(known: Known) -> Step:
@@ -203,12 +202,12 @@ def _conclude(known: Known) -> Step:
 
 ENDED: Final = (
     Row(
-        "nobody knows whether the final image is written",
+        "it is unknown whether the final image is written",
         lambda known: known.concluded is None,
         ReadConclusion(),
     ),
     Row(
-        "the rules have to remember a point that the curve has",
+        "the rules must see a point that the curve already has",
         lambda known: known.is_to_be_judged and known.spp <= known.job.spp,
         JudgeImage(),
     ),

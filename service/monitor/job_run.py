@@ -1,4 +1,4 @@
-"""One job, run by the monitor that owns it: takes the steps that `decisions` chooses."""
+"""One job of a monitor: takes the steps that `decisions` chooses."""
 
 import logging
 import time
@@ -26,10 +26,10 @@ _LOG = logging.getLogger(__name__)
 
 
 class JobRun:
-    """The progress of one job. `advance` may be called at any time, and again after any error.
+    """The progress of one job. `advance` may be called at any time, also after any error.
 
-    What it has merged is a prefix of the slices, so it is the same whatever died on the way; a
-    monitor that takes over starts from the last checkpoint and comes to the same points.
+    Slices are merged in order. So a monitor that takes over starts from the last checkpoint and
+    reaches the same points, whatever has failed before.
     """
 
     def __init__(
@@ -49,8 +49,8 @@ class JobRun:
         self._work = work
         job = jobs.get(owned.job_id)
         self._judge = Judge(job.spec)
-        self._point: dict[str, object] = {}  # what was judged last
-        self._in_hand: deque[SliceRecord] = deque()  # committed, and not merged yet
+        self._point: dict[str, object] = {}  # the last judgement's
+        self._in_hand: deque[SliceRecord] = deque()  # committed and not yet merged
         self._films = Films(owned, owners, store)
         self._results = ResultSets(owned, owners, store, job.spec)
         self._checkpoints = Checkpoints(owned, owners, store, keep_slices=job.spec.keep_slices)
@@ -67,7 +67,7 @@ class JobRun:
         )
 
     def advance(self, crew: Crew) -> bool:
-        """Do all that can be done now; returns whether the job is finished with.
+        """Do everything that can be done now; returns whether the job is finished.
 
         Raises
         ------
@@ -87,7 +87,7 @@ class JobRun:
         return False
 
     def _after(self, step: steps.Step) -> Known:
-        """Take the step; returns what is known then."""
+        """Take the step; returns what is known afterwards."""
         known = self._known
         match step:
             case steps.PlanSlices(stop, expected_spp):
@@ -130,7 +130,7 @@ class JobRun:
         return known
 
     def _merge_slice(self) -> Known:
-        """Merge the next slice, unless its partial is lost or spoiled."""
+        """Merge the next slice, unless its partial is lost or damaged."""
         record = self._in_hand.popleft()
         started = time.monotonic()
         film = self._films.film(record)
@@ -168,14 +168,14 @@ class JobRun:
         return replace(known, answer=None)
 
     def _end(self, step: steps.EndJob) -> None:
-        """End the job; with its image, where it is the final one: nothing comes between the two."""
+        """End the job, atomically with the final image if the step says so."""
         results, sha256 = "", None
         if step.with_image:
             results, sha256 = self._results.write(self._merge, self._judge)
         try:
             self._owners.end(self.owned, step.state, step.reason, step.numbers, results, sha256)
         except IllegalTransition as refused:
-            _LOG.info("%s", refused)  # it was cancelled, or it failed, a moment ago
+            _LOG.info("%s", refused)  # it has just been cancelled, or failed
 
     def _conclude(self, step: steps.ConcludeJob) -> None:
         results, sha256 = "", None
@@ -188,32 +188,27 @@ class JobRun:
         )
 
     def _finish(self, *, keeps_sums: bool) -> None:
-        # As Redis has it: another monitor may have saved its own while this one was suspended.
+        # Read again: another monitor may have saved one while this one was suspended.
         last = self._owners.checkpoint(self.owned.job_id) if keeps_sums else None
         self._clear(set() if last is None else {last.blob})
         self._owners.finish(self.owned, keeps_sums=last is not None)
 
     def _clear(self, sums: set[str]) -> None:
-        """Delete every blob of the job but its results, these sums and the slices that it keeps."""
+        """Delete the job's blobs except its results, these sums and its kept slices."""
         job_id, kept = self.owned.job_id, set()
         if self._known.job.spec.keep_slices:
             kept = {record["blob"] for record in self._jobs.ledger(job_id).values()}
         results = self._jobs.results(job_id)
+        names = self._blobs.names
         self._blobs.delete(
-            *(name for name in self._blobs.names(blobs.partials(job_id)) if name not in kept),
-            *(name for name in self._blobs.names(blobs.checkpoints(job_id)) if name not in sums),
-            *(
-                name
-                for name in self._blobs.names(blobs.results(job_id))
-                if not name.startswith(f"{results}/")
-            ),
+            *(name for name in names(blobs.partials(job_id)) if name not in kept),
+            *(name for name in names(blobs.checkpoints(job_id)) if name not in sums),
+            *(name for name in names(blobs.results(job_id)) if not name.startswith(f"{results}/")),
         )
 
 
 def give_up(owned: Ownership, owners: Ownerships, reason: str) -> bool:
-    """Take the last step with a job that cannot go on, however little of it can be read.
-
-    Returns whether its monitor has done with it.
+    """Take the last step with a job that cannot continue; returns whether the job is finished.
 
     Raises
     ------
@@ -223,7 +218,7 @@ def give_up(owned: Ownership, owners: Ownerships, reason: str) -> bool:
     try:
         match last_step(owners.state(owned.job_id), reason):
             case steps.AbandonJob():
-                _LOG.error("Redis has lost the job, so no monitor works on it any more")
+                _LOG.error("Redis has lost the job, so the monitor gives it up")
                 owners.abandon(owned)
             case steps.FinishJob(keeps_sums):
                 owners.finish(owned, keeps_sums=keeps_sums)
@@ -233,6 +228,6 @@ def give_up(owned: Ownership, owners: Ownerships, reason: str) -> bool:
     except FenceLost:
         pass
     except IllegalTransition as refused:
-        _LOG.info("%s", refused)  # it was cancelled a moment ago
+        _LOG.info("%s", refused)  # it has just been cancelled
         return False
     return True

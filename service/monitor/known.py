@@ -1,4 +1,4 @@
-"""What a monitor knows of a job that it owns, and how each step changes that."""
+"""What a monitor knows about a job that it owns, and how each step changes that."""
 
 from dataclasses import dataclass, replace
 from enum import Enum
@@ -8,16 +8,16 @@ from plateau.farm.model.job import Job
 from plateau.farm.model.states import JobState
 from plateau.service.monitor.look_ahead import LookAhead
 
-#: A newer image of a running job is shown at least this long after the one before.
+#: The shortest time between two shown images of a running job.
 SHOW_EVERY_S: Final = 2.0
-#: A checkpoint is saved at least this long after the one before,
+#: The shortest time between two checkpoints.
 SAVE_EVERY_S: Final = 5.0
-#: and with at least this many new slices: their partials weigh as much as the checkpoint.
+#: The fewest new slices in a checkpoint; their partials are about as large as the checkpoint.
 SLICES_PER_CHECKPOINT: Final = 5
 
 
 class Ledger(Enum):
-    """How much of the ledger a monitor has read in this turn."""
+    """How much of the ledger the monitor has read in this turn."""
 
     UNREAD = "unread"
     PARTLY_READ = "partly read"
@@ -26,52 +26,50 @@ class Ledger(Enum):
 
 @dataclass(frozen=True)
 class Answer:
-    """What the job's own rule said about the merged image."""
+    """The verdict of the job's own rule on the merged image."""
 
     stop: bool
     reason: str
     numbers: dict[str, float | None]
-    flaw: str | None  #: why the image is no result, whatever the rule says; None where it may be
-    expected_spp: int | None  #: where the rule is likely to be satisfied; None where nothing tells
+    flaw: str | None  #: why the image cannot be a result, whatever the rule says; None if it can
+    expected_spp: int | None  #: where the rule is likely to be satisfied; None if unknown
 
 
 @dataclass(frozen=True, kw_only=True)
 class Known:
-    """What a monitor knows of one job.
+    """What a monitor knows about one job.
 
-    A job has its turn again and again. What a turn learns of the ledger, the clock and the end of
-    the job holds for this turn alone; all else is kept until another monitor takes over.
+    A job has many turns. What a turn learns about the ledger, the clock and the end of the job
+    holds for this turn only; the rest is kept until another monitor takes over.
     """
 
-    job: Job  #: as it was when the turn began, or when it was read again since
+    job: Job  #: as it was when the turn began, or when it was read since
     ahead: LookAhead
     keeps_sums: bool  #: whether the sums of ended jobs are kept
-    at_s: float = (
-        0.0  #: when the turn began, or the rules answered, by a clock that never goes back
-    )
+    at_s: float = 0.0  #: monotonic time when the turn began, or when the rules answered
 
     merged: int = 0  #: slices in the sums: 0 … merged − 1
-    judged: int = 0  #: slices in the sums when the rules judged them last
-    answer: Answer | None = None  #: of that, until all that follows from it is done
+    judged: int = 0  #: slices in the sums when the rules last judged them
+    answer: Answer | None = None  #: the rules' answer, until every step that it causes is taken
     recorded: bool = False  #: whether the curve has the point of that answer
-    flaw: str | None = None  #: of the merged image; "" where it has none, None while nobody looked
+    flaw: str | None = None  #: of the merged image; "" for none, None if not inspected
     planned: int = -1  #: slices before this one are planned; −1 before the first plan
     shown_spp: int = 0  #: of the image that this monitor showed last
-    shown_at_s: float = float("-inf")  #: when it last showed one that others follow
-    saved: int = 0  #: slices in the last checkpoint that can be read
+    shown_at_s: float = float("-inf")  #: when it last showed an image after the first
+    saved: int = 0  #: slices in the last readable checkpoint
     saved_at_s: float = float("-inf")
     glimpsed: bool = False  #: whether the first pass was shown, or cannot be
 
     # Of this turn
     enough: int = 0  #: slices beyond the merged ones that keep every worker busy
     ledger: Ledger = Ledger.UNREAD
-    in_hand: int = 0  #: slices that were read from the ledger and are not merged yet
-    lost: bool = False  #: whether a partial was lost or spoiled
-    sought_glimpse: bool = False  #: whether it was asked for the first pass
-    redis_s: float | None = None  #: Redis's clock in s since 1970; None while it was not read
-    concluded: bool | None = None  #: whether the final image is written; None while it was not read
+    in_hand: int = 0  #: slices that were read from the ledger and are not yet merged
+    lost: bool = False  #: whether a partial was lost or damaged
+    sought_glimpse: bool = False  #: whether the monitor looked for the first pass
+    redis_s: float | None = None  #: Redis's clock in s since 1970; None if not read
+    concluded: bool | None = None  #: whether the final image is written; None if not read
 
-    # What follows from it
+    # What follows from these
 
     @property
     def spp(self) -> int:
@@ -82,19 +80,19 @@ class Known:
     def lacks_slices(self) -> bool:
         """Whether so few slices are planned that workers may soon wait.
 
-        Slices are not planned one by one where there are many: Redis waits for its disk each time.
+        Many slices are not planned one by one, because Redis waits for its disk each time.
         """
         missing = self.stop - self.planned
         return missing > (self.planned - self.merged) // 8
 
     @property
     def stop(self) -> int:
-        """The first slice that is not to be planned yet."""
+        """The first slice that should not be planned yet."""
         return self.ahead.stop(self.merged, self.enough)
 
     @property
     def is_to_be_judged(self) -> bool:
-        """Whether the sums have come to a point of the curve that the rules have not judged."""
+        """Whether the sums have reached a point of the curve that the rules have not judged."""
         return self.judged < self.merged and self.job.spec.evaluates_at(self.spp)
 
     @property
@@ -104,22 +102,22 @@ class Known:
 
     @property
     def is_new(self) -> bool:
-        """Whether the merged image is to be shown: it is another, and the last was a while ago."""
+        """Whether the merged image has changed and is due to be shown."""
         return self.spp != self.shown_spp and self.at_s >= self.shown_at_s + SHOW_EVERY_S
 
     @property
     def is_unsaved(self) -> bool:
-        """Whether the sums are to be saved, however little is new in them."""
+        """Whether the sums have changed and are due to be saved."""
         return self.merged != self.saved and self.at_s >= self.saved_at_s + SAVE_EVERY_S
 
     @property
     def is_worth_saving(self) -> bool:
-        """Whether the sums are to be saved, and enough is new in them."""
+        """Whether the sums are due to be saved, with enough new slices."""
         return self.merged >= self.saved + SLICES_PER_CHECKPOINT and self.is_unsaved
 
     @property
     def time_is_up(self) -> bool:
-        """Whether the job took longer than it may, by the clock that was read."""
+        """Whether the job has exceeded its time limit, by the clock that was read."""
         limit_s = self.job.spec.time_limit_s
         if limit_s is None or self.limited_since_s is None or self.redis_s is None:
             return False
@@ -127,7 +125,7 @@ class Known:
 
     @property
     def limited_since_s(self) -> float | None:
-        """Since when the time limit counts, in s since 1970; None where it does not, or is none."""
+        """The start of the time limit, in s since 1970; None without one or during a pause."""
         job = self.job
         if job.spec.time_limit_s is None or job.state is JobState.PAUSED:
             return None
@@ -136,33 +134,33 @@ class Known:
 
     @property
     def needs_sums(self) -> bool:
-        """Whether the sums stay once the job has ended; kept slices are more than sums."""
+        """Whether the sums stay once the job has ended; kept slices make them superfluous."""
         return self.keeps_sums and not self.job.spec.keep_slices
 
     @property
     def final_slices(self) -> int:
-        """How many first slices belong to the final image, as far as they are committed.
+        """The number of slices in the final image, if all of them are committed.
 
-        A converged job's image is the one that was judged. A failed job's image has what any
-        monitor had merged. Any other takes every sample that was rendered.
+        A converged job's image is the judged one. A failed job's image has what any monitor had
+        merged. Any other image takes every committed slice.
         """
         job, slice_spp = self.job, self.job.spec.slice_spp
         if job.state is JobState.CONVERGED:
             return job.spp // slice_spp
-        if job.state is JobState.FAILED:  # the image may have been shown before it was judged
+        if job.state is JobState.FAILED:  # an image may have been shown before it was judged
             return max(self.merged, max(job.spp, job.image_spp or 0) // slice_spp)
         return job.spec.max_slices
 
     @property
     def lacks_final_slices(self) -> bool:
-        """Whether slices of the final image may still be in the ledger, and are needed."""
+        """Whether the final image needs slices that the ledger may still have."""
         is_needed = not self.concluded or self.needs_sums
         return is_needed and not self.lost and self.merged < self.final_slices
 
-    # What comes of a step, where that is more than a field or two
+    # The outcomes of steps that change several fields
 
     def turn(self, job: Job, enough: int, at_s: float) -> "Known":
-        """The job was read and has its turn: nothing that was read before counts any more."""
+        """The job was read and its turn begins: what earlier turns read no longer counts."""
         return replace(
             self,
             job=job,
@@ -177,16 +175,16 @@ class Known:
         )
 
     def read_again(self, job: Job) -> "Known":
-        """The job was read once more, as it ended: its turn goes on as if it began."""
+        """The job was read again after its end: its turn starts anew."""
         return self.turn(job, self.enough, self.at_s)
 
     def with_time(self, job: Job, redis_s: float) -> "Known":
-        """The clock was read, and the job with it, which may have ended meanwhile."""
+        """The clock and the job were read; the job may have ended meanwhile."""
         known = self.read_again(job) if job.state.ended else replace(self, job=job)
         return replace(known, redis_s=redis_s)
 
     def with_slices(self, found: int, asked: int) -> "Known":
-        """This many slices of those that were asked for were committed."""
+        """Of the slices asked for, this many are committed."""
         ledger = Ledger.READ if found < asked else Ledger.PARTLY_READ
         return replace(self, in_hand=found, ledger=ledger)
 
@@ -195,7 +193,7 @@ class Known:
         return replace(self, merged=self.merged + 1, in_hand=self.in_hand - 1, flaw=None)
 
     def with_slice_lost(self) -> "Known":
-        """The partial of the next slice is lost or spoiled, so no slice after it can be merged."""
+        """The partial of the next slice is lost or damaged, so no later slice can be merged."""
         return replace(self, in_hand=0, ledger=Ledger.READ, lost=True)
 
     def with_answer(self, answer: Answer, at_s: float) -> "Known":
@@ -210,6 +208,6 @@ class Known:
         )
 
     def with_glimpse(self, spp: int | None) -> "Known":
-        """The first pass was shown, or cannot be (0 spp), or is not there yet (None)."""
+        """The first pass was shown, cannot be shown (0 spp), or does not exist yet (None)."""
         known = replace(self, glimpsed=spp is not None, sought_glimpse=True)
         return replace(known, shown_spp=spp) if spp else known

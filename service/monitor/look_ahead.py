@@ -1,4 +1,4 @@
-"""How far beyond its merged slices a job is planned."""
+"""How far a job is planned beyond its merged slices."""
 
 from collections import Counter
 from collections.abc import Iterable
@@ -9,13 +9,13 @@ from plateau.farm.model.fit import Kind
 from plateau.farm.model.job import Job, Worker
 from plateau.farm.model.spec import JobSpec
 
-#: Beyond an evaluation that may end the job, so many slices are planned for each merged one: they
-#: keep workers busy while it is merged and judged, and are rendered for nothing where it ends.
+#: Slices planned beyond an evaluation that may end the job, for each merged one. They keep workers
+#: busy during the evaluation, and are wasted if the job ends with it.
 SPARE: Final = 0.04
 
 
 class Crew:
-    """The workers that live and take work."""
+    """The living workers that take work."""
 
     def __init__(self, workers: Iterable[Worker]) -> None:
         self._kinds = Counter(
@@ -25,9 +25,9 @@ class Crew:
         )
 
     def enough(self, job: Job) -> int:
-        """So many slices beyond the merged ones keep all busy that may render the job.
+        """The number of slices beyond the merged ones that keep the job's possible workers busy.
 
-        Enough for each to render one and to find the next waiting, and one in the merge.
+        Each worker renders one and has the next one waiting; one more is being merged.
         """
         fit = sum(count for kind, count in self._kinds.items() if kind.serves(job))
         return 2 * max(1, fit) + 1
@@ -37,17 +37,17 @@ class Crew:
 class LookAhead:
     """The slices of one job that workers may render before it is known whether they are needed.
 
-    Far from its end, there are always so many that no worker waits. Near it they end with the
-    evaluation at which the job is expected to: what is rendered beyond that is wasted, and a worker
-    that finds nothing to do renders another job. The curve and the image do not depend on it.
+    Far from the job's end they are enough that no worker waits. Near it they end with the
+    evaluation at which the job is expected to end: later slices would be wasted, and a worker
+    without one renders another job. The curve and the image do not depend on the look-ahead.
     """
 
     spec: JobSpec
-    expected_spp: int | None = None  #: where the rule is likely to end it; None while nothing tells
+    expected_spp: int | None = None  #: where the rule is likely to end the job; None if unknown
 
     @classmethod
     def of(cls, job: Job) -> "LookAhead":
-        """Return the look-ahead of a job as its rule and its curve so far have it."""
+        """The look-ahead of a job, by its rule and its curve so far."""
         rule = job.spec.rule.behaviour
         return cls(spec=job.spec).expecting(
             rule.expected_end_spp(job.forecast_spp)
@@ -56,33 +56,28 @@ class LookAhead:
         )
 
     def expecting(self, spp: int | None) -> "LookAhead":
-        """Return it as an evaluation leaves it that expects the job to end at this spp."""
-        least_spp = self.spec.min_spp or 0  # the rule ends no job earlier
+        """The look-ahead after an evaluation that expects the job to end at this spp."""
+        least_spp = self.spec.min_spp or 0  # no rule ends the job earlier
         return replace(self, expected_spp=None if spp is None else max(spp, least_spp))
 
     def expected_end_spp(self, merged: int) -> int:
-        """Where the job is expected to end, after so many merged slices: a guess, never a promise.
+        """An estimate of the spp at which the job ends, after this many merged slices.
 
-        One whose end is not in sight is taken to be at its half.
+        A job whose end is unknown is assumed to be half done.
         """
         merged_spp = merged * self.spec.slice_spp
         expected_spp = 2 * merged_spp if self.expected_spp is None else self.expected_spp
         return min(max(expected_spp, merged_spp), self.spec.max_spp)
 
     def stop(self, merged: int, enough: int) -> int:
-        """The index of the first slice that is not planned yet.
+        """The index of the first slice that should not be planned yet.
 
-        Parameters
-        ----------
-        merged
-            Slices that are merged.
-        enough
-            Slices beyond those that keep every worker busy.
+        `enough` slices beyond the `merged` ones keep every worker busy.
         """
         stop = min(merged + enough, self.spec.max_slices)
         if self.expected_spp is None:
             return stop
-        # Until the expected end is behind, it may be at the next evaluation.
+        # Once the expected end has passed, any next evaluation may be the last.
         soonest_spp = max(self.expected_spp, merged * self.spec.slice_spp + 1)
         evaluations = -(-soonest_spp // self.spec.step)
         last = evaluations * self.spec.step // self.spec.slice_spp

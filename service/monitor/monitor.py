@@ -1,7 +1,7 @@
 """The monitor: owns jobs while they run, and ends them.
 
-Any number of monitors may run. Each takes the jobs that nobody owns and keeps its ownership alive
-from a thread of its own, so that a long evaluation does not cost it a job.
+Any number of monitors may run. Each takes the jobs without an owner, and renews its ownership in a
+separate thread, so that a long evaluation does not cost it a job.
 """
 
 import logging
@@ -33,11 +33,11 @@ from plateau.service.monitor.webhooks.deliverers import delivering
 _LOG = logging.getLogger(__name__)
 
 _CENSUS_S: Final = 2.0  #: between two counts of the workers
-_AGAIN_S: Final = 0.3  #: before a renewal is repeated the first time, so that no lease runs out
+_AGAIN_S: Final = 0.3  #: before the first repetition of a failed renewal
 
 
 class Monitor:
-    """One monitor."""
+    """Owns jobs, and gives each of them its turns."""
 
     def __init__(self, settings: Settings, store: Blobs) -> None:
         if settings.redis_url is None:
@@ -60,8 +60,8 @@ class Monitor:
         self._runs: dict[str, JobRun] = {}
         self._turns = Turns(time.monotonic)
         self._others: set[str] = set()  # jobs that other monitors owned a moment ago
-        self._others_due = float("-inf")  # when they are asked for again
-        self._taken_at = float("-inf")  # when we last looked which jobs there are
+        self._others_due = float("-inf")  # when to look at them again
+        self._taken_at = float("-inf")  # when this monitor last looked for jobs
         self._crew = Crew(())
         self._counted_at = float("-inf")
 
@@ -71,11 +71,11 @@ class Monitor:
         Raises
         ------
         Refused
-            It does not speak what the farm does, and is not to wait for that.
+            Its protocol or layout is not the farm's, and it is not set to wait.
         """
         self._stop = stop
         self._sign_on()
-        warm_up()  # a compiler at work would hold up the renewal of ownership
+        warm_up()  # compiling later would hold up the renewals
         over = threading.Event()
         renewer = threading.Thread(
             target=self._keep_owning, args=(over,), name="renewer", daemon=True
@@ -98,7 +98,7 @@ class Monitor:
             self._disown()
 
     def _sign_on(self) -> None:
-        """Say that the monitor lives, as soon as Redis answers and the farm lets it in."""
+        """Register the monitor, as soon as Redis answers and the farm accepts it."""
         backoff = Backoff(*RETRY_S)
         while not self._stop.is_set():
             try:
@@ -116,20 +116,20 @@ class Monitor:
                 return
 
     def _look(self, hinted: set[str]) -> None:
-        """Take the jobs that nobody owns, and bring forward those that have their turn."""
+        """Take the jobs without an owner, and advance the jobs whose turn it is."""
         self._take(hinted)
         crew = self._living()
         for job_id in self._turns.next_jobs(self._owned, hinted):
-            if self._stop.is_set():  # another monitor may have the rest
+            if self._stop.is_set():  # another monitor may take the rest
                 return
             with log.concerning(job_id):
                 self._bring_forward(self._owned[job_id], crew)
 
     def _take(self, hinted: set[str]) -> None:
-        """Own the jobs that nobody owns.
+        """Take the jobs without an owner.
 
-        Those that others own are asked for when they are given back, and now and then: a monitor
-        that died gives nothing back. So what one monitor does costs the others next to nothing.
+        Other monitors' jobs are tried when they are given back, and from time to time, because a
+        dead monitor gives nothing back. So monitors cost each other next to nothing.
         """
         now = time.monotonic()
         free = {hint for hint in hinted if hint.startswith(keys.FREE)}
@@ -149,7 +149,7 @@ class Monitor:
                 self._turns.add(job_id)
 
     def _bring_forward(self, owned: Ownership, crew: Crew) -> None:
-        """Advance one job; whatever it lacks, the others go on."""
+        """Advance one job; its troubles do not stop the others."""
         job_id = owned.job_id
         try:
             done = self._advance(owned, crew)
@@ -169,7 +169,7 @@ class Monitor:
             self._runs.pop(job_id, None)
 
     def _advance(self, owned: Ownership, crew: Crew) -> bool:
-        """Bring one job forward; returns whether we have done with it."""
+        """Advance one job, or give it up; returns whether it is finished."""
         try:
             run = self._runs.get(owned.job_id)
             if run is None:
@@ -193,7 +193,7 @@ class Monitor:
             return give_up(owned, self._owners, f"the merge cannot continue: {error}")
 
     def _living(self) -> Crew:
-        """The workers that live, as of a moment ago."""
+        """The living workers, counted anew every two seconds."""
         if time.monotonic() > self._counted_at + _CENSUS_S:
             self._crew = Crew(self._jobs.workers(self._lease_s))
             self._counted_at = time.monotonic()

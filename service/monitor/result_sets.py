@@ -1,4 +1,4 @@
-"""The pictures of a job: what the merged image looks like, and where it differs from the first."""
+"""The pictures of a job: the merged image, and where it differs from the first."""
 
 import hashlib
 import logging
@@ -18,10 +18,10 @@ _LOG = logging.getLogger(__name__)
 
 
 class ResultSets:
-    """Writes and shows a job's sets of pictures, one after the other.
+    """Writes and shows a job's sets of pictures.
 
-    A set is written under a name of its own and shown by one fenced write to Redis. So whoever
-    fetches images sees whole sets only, and a monitor that has lost the job replaces no newer one.
+    Each set has its own name and is shown by one fenced write to Redis. So clients see whole sets
+    only, and a monitor that has lost the job cannot replace a newer one.
     """
 
     def __init__(self, owned: Ownership, owners: Ownerships, store: Blobs, spec: JobSpec) -> None:
@@ -35,9 +35,9 @@ class ResultSets:
         self._shown: str | None = None
 
     def show_glimpse(self, judge: Judge) -> int | None:
-        """Show the first pass of the first slice: a slice may take minutes.
+        """Show the first pass of the first slice, since a slice may take minutes.
 
-        Returns its spp; 0 where it cannot be shown, and None where there is none yet.
+        Returns its spp, 0 if it cannot be shown, or None if there is none yet.
         """
         blob = self._owners.glimpse(self._owned.job_id)
         if blob is None:
@@ -59,7 +59,7 @@ class ResultSets:
 
     def show(self, merge: Merge, judge: Judge) -> None:
         """Show the merged image."""
-        pictures = self._pictures(merge, judge, compressed=False)  # another comes in a moment
+        pictures = self._pictures(merge, judge, compressed=False)  # the next set comes soon
         (written, sha256), before = self._put(merge.spp, pictures, self._owned.token), self._shown
         self._owners.show_results(self._owned, written, merge.spp, sha256)
         if self._spec.evaluates_at(merge.spp):
@@ -69,7 +69,7 @@ class ResultSets:
             self._blobs.delete(*self._blobs.names(f"{before}/"))
 
     def write(self, merge: Merge, judge: Judge) -> tuple[str, dict[str, str]]:
-        """Write the pictures of the merged image, which nobody sees yet.
+        """Write the final pictures without showing them.
 
         Returns the set's name, and the SHA-256 of each of its files by name.
         """

@@ -1,4 +1,4 @@
-"""The steps that a monitor can take with a job: `decisions` chooses one, `job_run` takes it."""
+"""A monitor's steps with a job: `decisions` chooses one, `job_run` takes it."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -16,7 +16,7 @@ class PlanSlices:
 
 @dataclass(frozen=True)
 class ReadLedger:
-    """Read which of these slices are committed, up to the first that is not."""
+    """Read the records of these slices, up to the first that is not committed."""
 
     slices: range
 
@@ -30,7 +30,7 @@ class MergeSlice:
 
 @dataclass(frozen=True)
 class JudgeImage:
-    """Ask every rule about the merged image."""
+    """Have every rule judge the merged image."""
 
 
 @dataclass(frozen=True)
@@ -58,12 +58,12 @@ class ShowGlimpse:
 
 @dataclass(frozen=True)
 class ReadClock:
-    """Read Redis's clock, and the job once more: it may have been paused meanwhile."""
+    """Read Redis's clock, and the job again, which may have been paused meanwhile."""
 
 
 @dataclass(frozen=True)
 class InspectImage:
-    """Look whether too many pixels of the merged image are NaN or infinite."""
+    """Check whether too many pixels of the merged image are NaN or infinite."""
 
 
 @dataclass(frozen=True)
@@ -73,8 +73,8 @@ class EndJob:
     state: JobState
     reason: str
     numbers: dict[str, float | None] | None = None  #: of the rule that fired
-    #: Whether the merged image is the final one: it is written before, and the job concluded with
-    #: it in the same moment. Otherwise slices may be added that are committed already.
+    #: Whether the merged image is the final one; it is written first, and the job ends and is
+    #: concluded at once. Otherwise committed slices may still be added.
     with_image: bool = False
 
 
@@ -83,13 +83,13 @@ class ReadConclusion:
     """Read whether the final image of the ended job is written."""
 
 
-#: The final image of a job: what was merged, what was last shown, or none.
+#: The final image of a job: the merged one, the one shown last, or none.
 FinalImage = Literal["merged", "shown", "none"]
 
 
 @dataclass(frozen=True)
 class ConcludeJob:
-    """Write the final image of the ended job, and say so."""
+    """Write the final image of the ended job, and record that."""
 
     image: FinalImage
     spp: int
@@ -98,7 +98,7 @@ class ConcludeJob:
 
 @dataclass(frozen=True)
 class FinishJob:
-    """Delete what nobody needs of the ended job, and give it up: no monitor has work with it."""
+    """Delete the files of the ended job that nobody needs, and give the job up for good."""
 
     keeps_sums: bool  #: whether its last checkpoint stays
 
@@ -110,7 +110,7 @@ class AbandonJob:
 
 @dataclass(frozen=True)
 class Wait:
-    """Do nothing until something happens to the job, or its next turn comes."""
+    """Do nothing until the job's next turn."""
 
 
 Step = (

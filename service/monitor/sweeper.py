@@ -1,4 +1,4 @@
-"""The monitors' sweep: once an hour, one of them removes what nobody needs any more."""
+"""The monitors' sweep: once an hour, one of them removes what nobody needs."""
 
 import logging
 import threading
@@ -16,16 +16,16 @@ from plateau.farm.sweep import Swept, is_due, sweep
 _LOG = logging.getLogger(__name__)
 
 _EVERY_S: Final = 3600.0  #: between two sweeps of the whole farm
-_LOOK_S: Final = 60.0  #: between two looks whether one is due
+_LOOK_S: Final = 60.0  #: between two checks whether one is due
 _DAY_S: Final = 86_400.0
 
 
 @contextmanager
 def sweeping(settings: Settings, store: Blobs) -> Iterator[None]:
-    """Have a thread sweep while the context lasts; no error of its own ends it.
+    """Run a thread that sweeps while the context lasts, through any error.
 
-    Whichever monitor finds a sweep due does it. The lock that it takes is for economy: two sweeps
-    at once are harmless. A monitor that stops does not wait for its sweep: that may break off.
+    The first monitor that finds a sweep due takes it. Its lock only saves work: two sweeps at once
+    are harmless. A monitor that stops does not wait for its sweep, which may be cut short.
     """
     over = threading.Event()
     threading.Thread(
@@ -52,9 +52,9 @@ def _sweep_when_due(settings: Settings, store: Blobs, over: threading.Event) -> 
                 note_sweep(client)
                 _report(swept)
         except FarmError as error:
-            _LOG.warning("not all was swept; again in an hour: %s", error)
-        except Exception:  # noqa: BLE001  (whatever it is, the monitor's jobs go on)
-            _LOG.exception("not all was swept; again in an hour")
+            _LOG.warning("the sweep is incomplete; the next is due in an hour: %s", error)
+        except Exception:  # noqa: BLE001  (the monitor's jobs must continue)
+            _LOG.exception("the sweep is incomplete; the next is due in an hour")
 
 
 def _report(swept: Swept) -> None:

@@ -1,4 +1,4 @@
-"""Which of its jobs a monitor looks at next."""
+"""The order in which a monitor looks at its jobs."""
 
 from collections import deque
 from collections.abc import Callable, Collection, Iterator
@@ -6,38 +6,33 @@ from typing import Final
 
 from plateau.farm.process.backoff import Backoff
 
-#: A monitor looks at its jobs at least this often, also where nobody hints at one.
+#: The usual pause between two rounds over all jobs.
 IDLE_S: Final = 1.0
-#: Where a round over all jobs takes long, rounds take this share of the monitor's time,
+#: The share of the monitor's time for long rounds, which lengthen the pause,
 ROUNDS_SHARE: Final = 0.1
-#: as long as the pause between two rounds is not longer than this.
+#: and the longest pause.
 LONGEST_IDLE_S: Final = 5.0
-#: A monitor looks at jobs without a hint for this long; then it asks for new hints.
+#: How long a monitor looks at jobs without a hint before it looks for new hints.
 ROUND_S: Final = 0.1
-#: The first and the longest wait where something is away.
+#: The first and the longest wait while something is away.
 RETRY_S: Final = (0.5, 10.0)
 
 
 class Turns:
     """The turns of a monitor's jobs.
 
-    Jobs with a hint come first. All others have their turn in rounds, since hints may be lost. A
-    round that takes long, as it does where a thousand jobs wait, is interrupted by new hints and
-    continued after them. The next round is put off, so that a monitor whose jobs all wait has
-    little to do. A job that lacks something is left alone for a while.
-
-    Parameters
-    ----------
-    clock
-        Seconds that never go back.
+    Jobs with a hint come first. All others have their turn in rounds, because hints may be lost.
+    New hints interrupt a long round, which then continues. After a long round the pause is longer,
+    so that a monitor with a thousand waiting jobs has little to do. A job that lacks something is
+    left alone for a while. `clock` is monotonic, in seconds.
     """
 
     def __init__(self, clock: Callable[[], float]) -> None:
         self._clock = clock
-        self._fresh: deque[str] = deque()  # just taken; perhaps no hint comes
-        self._round: deque[str] = deque()  # jobs still to be looked at in this round
-        self._round_due = float("-inf")  # when the next one begins
-        self._round_s = 0.0  # spent in this one
+        self._fresh: deque[str] = deque()  # just taken, perhaps without a hint
+        self._round: deque[str] = deque()  # jobs that remain in this round
+        self._round_due = float("-inf")  # when the next round begins
+        self._round_s = 0.0  # spent in this round
         self._put_off: dict[str, tuple[float, Backoff]] = {}  # until when, by job
 
     @property
@@ -55,18 +50,13 @@ class Turns:
         self._put_off[job_id] = self._clock() + backoff.delay_s(), backoff
 
     def note_success(self, job_id: str) -> None:
-        """Take note that the job lacks nothing."""
+        """End the waits of a job that lacks nothing any more."""
         self._put_off.pop(job_id, None)
 
     def next_jobs(self, owned: Collection[str], hinted: Collection[str]) -> Iterator[str]:
-        """The jobs that have their turn now, one after the other.
+        """Yield the jobs whose turn it is.
 
-        Parameters
-        ----------
-        owned
-            The monitor's jobs, in the order in which it took them; it may give up some meanwhile.
-        hinted
-            Jobs of which something was heard.
+        `owned` are the monitor's jobs, oldest first; it may give up some meanwhile.
         """
         for job_id in [one for one in owned if one in hinted]:
             if self._is_due(job_id):
@@ -88,7 +78,7 @@ class Turns:
     def _some(
         self, waiting: deque[str], owned: Collection[str], hinted: Collection[str], until: float
     ) -> Iterator[str]:
-        """Those of these jobs that had no hint, until this time."""
+        """Yield the waiting jobs without a hint, until this time."""
         while waiting and self._clock() < until:
             job_id = waiting.popleft()
             if job_id in owned and job_id not in hinted and self._is_due(job_id):

@@ -1,4 +1,1 @@
-"""The delivery of webhooks: threads of a monitor, and the requests that they make.
-
-The reasons are in docs/decisions/webhooks.md.
-"""
+"""The delivery of webhooks. The reasons are in docs/decisions/webhooks.md."""

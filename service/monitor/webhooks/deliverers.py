@@ -1,8 +1,8 @@
-"""The deliverers of webhooks: threads of a monitor that bring messages to their receivers.
+"""The delivery of webhooks by threads of a monitor.
 
-They share the outbox with those of all other monitors, and nothing with the monitor's own work: a
-receiver that does not answer holds up no merge, and no delivery to another receiver. A monitor that
-is killed loses nothing: what it was delivering comes back when its lease runs out.
+All monitors share the outbox. The threads share nothing with the monitor's other work, so a silent
+receiver holds up no merge, and no delivery to another receiver. A killed monitor loses nothing: its
+deliveries return to the outbox when their leases expire.
 """
 
 import logging
@@ -35,25 +35,22 @@ from plateau.service.monitor.webhooks.requests import (
 
 _LOG = logging.getLogger(__name__)
 
-#: So many deliveries are under way at once: of those, so many to one receiver, and so many to
-#: receivers that did not answer the last time, which may take all of the time that they have.
-_MOST: Final = 16
-_MOST_TO_ONE: Final = 2
-_MOST_TO_SILENT: Final = 8
-#: Silent receivers are remembered, so many of them.
-_MOST_REMEMBERED: Final = 10_000
+_MOST: Final = 16  #: deliveries under way at once,
+_MOST_TO_ONE: Final = 2  #: those to one receiver,
+_MOST_TO_SILENT: Final = 8  #: and those to receivers that did not answer the last time
+_MOST_REMEMBERED: Final = 10_000  #: silent receivers
 
 _LEASE_S: Final = 2 * TOTAL_S
 _LOOK_S: Final = 1.0
-_RETRY_S: Final = (0.5, 5.0)  #: the first and the longest wait where Redis is away
-_GOODBYE_S: Final = 3.0  #: for which a monitor that stops waits for what is under way
+_RETRY_S: Final = (0.5, 5.0)  #: the first and the longest wait while Redis is away
+_GOODBYE_S: Final = 3.0  #: for which a stopping monitor waits for deliveries under way
 
 _GONE: Final = 410
 
 
 @contextmanager
 def delivering(settings: Settings) -> Iterator[None]:
-    """Have threads deliver webhooks while the context lasts."""
+    """Deliver webhooks in threads while the context lasts."""
     receivers = Receivers(settings.webhook_allow)
     client = connect(settings.redis_url or "")
     deliverer = Deliverer(
@@ -67,20 +64,21 @@ def delivering(settings: Settings) -> Iterator[None]:
 
 
 class Deliverer:
-    """Takes what is due from the outbox, tries it, and says how that ended.
+    """Takes due messages from the outbox, tries to deliver them, and records the outcome.
 
     Parameters
     ----------
     outbox, wake
-        Where messages wait, and the hints that one came.
+        The messages, and the hints that a new one came.
     requests
-        How they are sent.
+        Sends the messages.
     lease_s
-        After so many seconds a try that said nothing counts as lost.
+        Seconds after which an unrecorded try counts as lost.
     delay_s
-        Seconds to wait after so many tries, where the receiver asked for so many.
+        The wait in seconds before the next try, by the number of tries so far and the receiver's
+        ``Retry-After``.
     look_s
-        Seconds between two looks at the outbox, where no hint came.
+        Seconds between two looks at the outbox without a hint.
     """
 
     def __init__(
@@ -102,7 +100,7 @@ class Deliverer:
         self._over = Stop()
         self._lock = threading.Lock()
         self._under_way: Counter[str] = Counter()  # by receiver
-        self._silent: dict[str, None] = {}  # receivers, the one heard of last at the end
+        self._silent: dict[str, None] = {}  # receivers, the most recent last
         self._threads: set[threading.Thread] = set()
 
     def run(self) -> None:
@@ -119,7 +117,7 @@ class Deliverer:
                 self._over.wait(backoff.delay_s())
 
     def stop(self) -> None:
-        """Take nothing more, and wait a moment for what is under way; the rest comes back."""
+        """Take no more, and wait a moment for deliveries under way; leases recover the rest."""
         self._over.set()
         ends = time.monotonic() + _GOODBYE_S
         with self._lock:
@@ -128,7 +126,7 @@ class Deliverer:
             thread.join(max(0.0, ends - time.monotonic()))
 
     def _take(self) -> Taken | None:
-        """The next delivery, which counts as under way now; None without one, or a free place."""
+        """Take the next due delivery; None if there is none, or too many are under way."""
         with self._lock:
             if self._over.is_set() or self._under_way.total() >= _MOST:
                 return None
@@ -138,7 +136,7 @@ class Deliverer:
             return taken
 
     def _busy(self) -> set[str]:
-        """The receivers to which nothing more is sent for now."""
+        """The receivers that get no further delivery for now."""
         busy = {one for one, count in self._under_way.items() if count >= _MOST_TO_ONE}
         to_silent = [one for one in self._under_way if one in self._silent]
         if len(to_silent) >= _MOST_TO_SILENT:
@@ -152,7 +150,7 @@ class Deliverer:
         thread.start()
 
     def _go_on(self, taken: Taken | None) -> None:
-        """Deliver this one, and then what is due next, without waiting for a look."""
+        """Deliver this one, and then whatever is due."""
         try:
             while taken is not None:
                 try:
@@ -186,7 +184,7 @@ class Deliverer:
         _report(taken, end, error, took_s, delay_s, settled=settled)
 
     def _tried(self, taken: Taken) -> tuple[Answer | None, str]:
-        """The answer, if there was one, and why it is no delivery, where it is none."""
+        """Send the message; returns the answer, if any, and the error unless it was delivered."""
         try:
             job = taken.job
             body = message(job, taken.event, taken.number, taken.at).model_dump_json().encode()
@@ -194,7 +192,7 @@ class Deliverer:
             answer = self._requests.post(taken.url, headers, body)
         except NoAnswer as error:
             return None, str(error)
-        except Exception as error:  # noqa: BLE001  (one job's message must not hurt the others)
+        except Exception as error:  # noqa: BLE001  (one message must not hurt the others)
             _LOG.exception("webhook %s could not be sent", taken.id)
             return None, f"it could not be sent: {type(error).__name__}; the monitor's log has more"
         if _is_delivered(answer):
@@ -220,7 +218,7 @@ class Deliverer:
         took_s: float,
         delay_s: float,
     ) -> bool:
-        """Write the end down, for as long as the lease lasts; False where it ran out."""
+        """Record the outcome, retrying while the lease lasts; False if the lease was lost."""
         ends = time.monotonic() + self._lease_s
         backoff = Backoff(*_RETRY_S)
         while True:
@@ -248,7 +246,7 @@ def _end_of(taken: Taken, answer: Answer | None) -> TryEnd:
 def _report(
     taken: Taken, end: TryEnd, error: str, took_s: float, delay_s: float, *, settled: bool
 ) -> None:
-    """Log how a try ended; of the URL only whom it names, since its path may be confidential."""
+    """Log how a try ended; of the URL only the host, because its path may be confidential."""
     what = f"webhook {taken.id} ({taken.event}) to {taken.receiver}"
     if not settled:
         _LOG.warning("%s: its lease ran out after %.1f s", what, took_s)

@@ -1,8 +1,8 @@
-"""The request that brings a webhook to its receiver: guarded, bounded, and signed.
+"""The request that delivers a webhook: guarded, bounded and signed.
 
-httpcore rather than httpx, whose transports do not let us choose the address that is connected to;
-it follows no redirects and knows no proxies. Signing is five lines, so it has no library; the tests
-verify with the one of Standard Webhooks.
+It uses httpcore and not httpx, because httpx does not let the caller choose the address. httpcore
+follows no redirects and uses no proxies. Signing takes five lines, so it needs no library; the
+tests verify signatures with that of Standard Webhooks.
 """
 
 import base64
@@ -23,18 +23,18 @@ from plateau.farm.process.addresses import ReceiverRefused, Receivers
 
 CONNECT_S: Final = 5.0
 TOTAL_S: Final = 15.0
-#: What is read of an answer, so that the receiver can say all of a short one.
+#: The most bytes that are read of an answer's body.
 _MOST_BYTES: Final = 16_384
-#: The longest `Retry-After` that is believed has so many digits.
+#: The most digits of a believable `Retry-After`.
 _DIGITS: Final = 6
 
 
 class NoAnswer(Exception):
-    """The receiver did not answer; says why."""
+    """The receiver did not answer; the message says why."""
 
 
 class Answer:
-    """What the receiver answered: its status, and for how long it wants to be left alone."""
+    """The receiver's answer: its status and its ``Retry-After``."""
 
     def __init__(self, status: int, headers: Iterable[tuple[bytes, bytes]]) -> None:
         self.status = status
@@ -45,8 +45,8 @@ class Answer:
 
 
 def tls_context() -> ssl.SSLContext:
-    """What certificates are verified by: certifi's authorities, or those of ``SSL_CERT_FILE``."""
-    import httpx  # a monitor starts sooner without it
+    """The context that trusts certifi's authorities, or those of ``SSL_CERT_FILE``."""
+    import httpx  # here, because a monitor starts sooner without it
 
     return httpx.create_ssl_context()
 
@@ -61,11 +61,11 @@ def signed_headers(
     message_id
         The same for every try.
     at
-        The moment of this try.
+        The time of this try.
     body
-        What is sent.
+        The content to sign.
     secrets
-        ``whsec_`` and the base64 of a key.
+        Keys in base64 after ``whsec_``.
     """
     timestamp = int(at.timestamp())
     signed = f"{message_id}.{timestamp}.".encode() + body
@@ -81,17 +81,17 @@ def signed_headers(
 
 
 class Requests:
-    """Sends requests to receivers that may be sent some.
+    """Sends requests to allowed receivers.
 
     Parameters
     ----------
     receivers
-        Who may.
+        The allowed addresses.
     tls
-        Makes what certificates are verified by, when it is wanted first: that takes a tenth of a
-        second, and most farms have no webhooks.
+        Makes the TLS context at its first use; that takes a tenth of a second, and most farms have
+        no webhooks.
     connect_s, total_s
-        The longest that a connection, and that everything together, may take, in seconds.
+        Time-outs for connecting and for the whole request, in seconds.
     """
 
     def __init__(
@@ -112,12 +112,12 @@ class Requests:
         return self._make_tls()
 
     def post(self, url: str, headers: dict[str, str], body: bytes) -> Answer:
-        """What the receiver answered.
+        """Send the request; returns the receiver's answer.
 
         Raises
         ------
         NoAnswer
-            It did not, in time; or it may not be sent anything.
+            The receiver is not allowed, or did not answer in time.
         """
         parts = urlsplit(url)
         plain = parts.scheme == "http"
@@ -126,12 +126,8 @@ class Requests:
             scheme=parts.scheme, host=parts.hostname or "", port=parts.port, target=target
         )
         backend = _Guarded(self._receivers, plain, time.monotonic() + self._total_s)
-        timeouts = {
-            "connect": self._connect_s,
-            "read": self._total_s,
-            "write": self._total_s,
-            "pool": self._total_s,
-        }
+        timeouts = dict.fromkeys(("read", "write", "pool"), self._total_s)
+        timeouts["connect"] = self._connect_s
         sent = [("host", parts.netloc), *headers.items()]
         try:
             with (
@@ -155,7 +151,7 @@ class Requests:
 
 
 def _read_some(response: httpcore.Response) -> None:
-    """Read the body to a limit; its status counts, whatever comes of the rest."""
+    """Read the body up to a limit; only the status matters, so errors are ignored."""
     read = 0
     try:
         for chunk in response.iter_stream():
@@ -167,7 +163,7 @@ def _read_some(response: httpcore.Response) -> None:
 
 
 class _Guarded(httpcore.NetworkBackend):
-    """Connects to addresses that were checked, and to nobody for longer than until `ends`."""
+    """Connects to checked addresses only, until `ends` at most."""
 
     def __init__(self, receivers: Receivers, plain: bool, ends: float) -> None:
         self._receivers = receivers
@@ -183,7 +179,7 @@ class _Guarded(httpcore.NetworkBackend):
         local_address: str | None = None,
         socket_options: Iterable[Any] | None = None,
     ) -> httpcore.NetworkStream:
-        # The name is looked up once; what is connected to is an address, and no name any more.
+        # The name is resolved once, and the connection goes to a checked address, not to the name.
         addresses = self._receivers.addresses(host, port, plain=self._plain)
         ends = self._ends if timeout is None else min(self._ends, time.monotonic() + timeout)
         failed: Exception = httpcore.ConnectError(f"{host} has no address")
@@ -201,7 +197,7 @@ class _Guarded(httpcore.NetworkBackend):
 
 
 class _Bounded(httpcore.NetworkStream):
-    """A stream on which nothing waits for longer than until `ends`: not even drop by drop."""
+    """A stream whose operations all end by `ends`, also if data come byte by byte."""
 
     def __init__(self, stream: httpcore.NetworkStream, ends: float) -> None:
         self._stream = stream
@@ -230,7 +226,7 @@ class _Bounded(httpcore.NetworkStream):
 
 
 def _left(ends: float, late: type[Exception], most_s: float | None = None) -> float:
-    """The seconds that are left until `ends`, or `most_s`; raises `late` where there are none."""
+    """The seconds left until `ends`, at most `most_s`; raises `late` if none are left."""
     left_s = ends - time.monotonic()
     if left_s <= 0:
         raise late
