@@ -1,1 +1,8 @@
 """Every performance figure of Plateau, reproducible: `make bench-NAME` runs ``bench/NAME.py``."""
+
+from pathlib import Path
+from typing import Final
+
+ROOT: Final = Path(__file__).parents[1]
+#: A scene without noise, whose job converges at once.
+STILL: Final = ROOT / "bench" / "support" / "still"

@@ -11,21 +11,19 @@ bytes: the ratio is what Plateau itself costs.
 from __future__ import annotations
 
 import argparse
-import json
 import statistics
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from bench.support import markdown
 from bench.support.load.service_load import PHASES, Found, Plan, measure
-from bench.support.report import Figure, figure, write_report
+from bench.support.report import Figure, figure, others_figure, p99, write_report
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
 _BARE = "a bare Starlette app that answers the same bytes"
 _AT_ONCE = "POSTs of new scenes by several at once"
-_SHOWN = ("jobs", "watchers", "rounds")
 #: What the bare app's requests are called, by what they are compared with.
 _COMPARED = {
     "GET a job": "GET a job's bytes, bare",
@@ -40,7 +38,7 @@ def main() -> None:
         option = f"--{name.replace('_', '-')}"
         parser.add_argument(option, type=type(value), default=value, help=f"{value} if not given")
     plan = Plan(**vars(parser.parse_args()))
-    path = write_report(
+    report = write_report(
         "api",
         figures(measure(plan)),
         settings=asdict(plan),
@@ -54,7 +52,7 @@ def main() -> None:
             "Where other work had a share of the cores, the spread is mostly its doing.",
         ],
     )
-    markdown.fill(markdown.DOCS / "performance.md", tables(json.loads(path.read_text())))
+    markdown.fill(markdown.DOCS / "performance.md", tables(report))
 
 
 def figures(found: Found) -> list[Figure]:
@@ -62,12 +60,7 @@ def figures(found: Found) -> list[Figure]:
     return [
         *(one for phase in PHASES for one in _latencies(phase, found)),
         *_watching(found),
-        figure(
-            "other work on the cores meanwhile",
-            found.others,
-            "of the cores",
-            goal="none, for figures to quote",
-        ),
+        others_figure(found.others),
     ]
 
 
@@ -102,13 +95,9 @@ def _watching(found: Found) -> list[Figure]:
     ]
 
 
-def _p99(seconds: Sequence[float]) -> float:
-    return sorted(seconds)[-(-99 * len(seconds) // 100) - 1]
-
-
 _STATISTICS: dict[str, Callable[[Sequence[float]], float]] = {
     "median": statistics.median,
-    "p99": _p99,
+    "p99": p99,
     "slowest": max,
 }
 
@@ -117,7 +106,7 @@ def tables(report: dict[str, Any]) -> dict[str, str]:
     """Return a report as Markdown: the machine, GETs, pages, POSTs, watchers."""
     found = {one["name"]: one["value"] for one in report["figures"]}
     names = [name.split(": ", 1)[1].rsplit(": ", 1)[0] for name in found if ": median" in name]
-    rows = list(dict.fromkeys(name for name in names))
+    rows = list(dict.fromkeys(names))
 
     def cell(phase: str, name: str, words: Sequence[str]) -> str:
         times = " / ".join(f"{found[f'{phase}: {name}: {one}']:.3g}" for one in words)
@@ -132,20 +121,8 @@ def tables(report: dict[str, Any]) -> dict[str, str]:
         )
 
     way = "a point's way to the last watcher"
-    machine, settings = report["machine"], report["settings"]
-    others = "other work on the cores meanwhile"
-    most = next(one["spread"]["highest"] for one in report["figures"] if one["name"] == others)
     return {
-        "api-machine": markdown.table(
-            ["machine", "cores", "jobs", "watchers", "rounds", "other work on the cores"],
-            [
-                [
-                    f"{machine['cpu']}, {machine['os']}",
-                    *map(str, (machine["cores"], *map(settings.get, _SHOWN))),
-                    f"{found[others]:.0%}, {most:.0%} at most",
-                ]
-            ],
-        ),
+        "api-machine": markdown.machine(report, ("jobs", "watchers", "rounds")),
         "api-watchers": markdown.table(
             ["", "median / slowest, ms"],
             [

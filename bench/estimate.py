@@ -6,7 +6,6 @@ often the spp at which the estimate really falls to the target lies in the forec
 """
 
 import argparse
-import json
 from dataclasses import dataclass
 from typing import Any
 
@@ -54,8 +53,8 @@ def main() -> None:
             for spp, row in _rows(scene, noise, options.size, options.seeds).items():
                 figures += _figures(f"{scene}, {noise}, {spp} spp", row, options)
     settings = {"seeds": options.seeds, "size": options.size, "level": 0.3, "target": TARGET}
-    path = write_report("estimate", figures, settings=settings, notes=_NOTES)
-    markdown.fill(markdown.DOCS / "stopping.md", {"estimate": table(json.loads(path.read_text()))})
+    report = write_report("estimate", figures, settings=settings, notes=_NOTES)
+    markdown.fill(markdown.DOCS / "stopping.md", {"estimate": table(report)})
 
 
 def table(report: dict[str, Any]) -> str:

@@ -13,7 +13,6 @@ after the other is submitted by HTTP, and watched to its end and beyond:
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import sys
 import tempfile
@@ -24,22 +23,22 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import httpx
-import psutil
 
-from bench.startup import OTHERS, ROOT, machine
+from bench import STILL
 from bench.support import markdown
-from bench.support.cores import family_cpu_s, machine_cpu_s
+from bench.support.cores import others_meanwhile
 from bench.support.farms.service_farm import ServiceFarm
 from bench.support.idle import RenderChildren
-from bench.support.report import Figure, figure, write_report
+from bench.support.report import Figure, figure, others_figure, p99, write_report
 from plateau.client import Client, PointEvent
 from plateau.farm.model.spec import JobSpec, Variant
 from plateau.farm.model.states import JobState
+from plateau.scenes import FOLDER
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Mapping
 
-_SCENES = {"still": Path(__file__).parent / "support" / "still", "box": ROOT / "scenes" / "box"}
+_SCENES = {"still": STILL, "box": FOLDER / "box"}
 _POLL_S = 0.02
 PREVIEW, POINT, IDLE = "submit to first preview", "commit to point", "verdict to idle worker"
 _GOALS = {PREVIEW: "under 5 s", POINT: "under 0.5 s", IDLE: "under 1 s"}
@@ -87,7 +86,7 @@ def main() -> None:
     options = parser.parse_args()
     small, large = Plan().kinds
     plan = Plan(kinds=(replace(small, jobs=options.small), replace(large, jobs=options.large)))
-    path = write_report(
+    report = write_report(
         "latency",
         figures(measure(plan)),
         settings={
@@ -102,7 +101,7 @@ def main() -> None:
             "Where other work had a share of the cores, times are too long.",
         ],
     )
-    markdown.fill(markdown.DOCS / "performance.md", tables(json.loads(path.read_text())))
+    markdown.fill(markdown.DOCS / "performance.md", tables(report))
 
 
 def measure(plan: Plan) -> Found:
@@ -113,13 +112,11 @@ def measure(plan: Plan) -> Found:
         with farm, Client(farm.url) as client, RenderChildren(farm.pid) as children:
             for kind in plan.kinds:
                 stored = _take(farm, client, children, plan, kind, 0, defaultdict(list))
-                started, ours, all_ = time.monotonic(), family_cpu_s(), machine_cpu_s()
-                for number in range(1, kind.jobs + 1):
-                    into = found.seconds[kind.name]
-                    _take(farm, client, children, plan, kind, number, into, stored)
-                wall_s = time.monotonic() - started
-                others = machine_cpu_s() - all_ - (family_cpu_s() - ours)
-                found.others.append(max(0.0, others) / wall_s / (psutil.cpu_count() or 1))
+                with others_meanwhile() as others:
+                    for number in range(1, kind.jobs + 1):
+                        into = found.seconds[kind.name]
+                        _take(farm, client, children, plan, kind, number, into, stored)
+                found.others.append(others.share)
                 print(f"{kind.jobs} jobs of {kind.name} done", file=sys.stderr)
     return found
 
@@ -163,19 +160,14 @@ def _take(
     return done.scene_sha256
 
 
-def _p99(seconds: Sequence[float]) -> float:
-    return sorted(seconds)[-(-99 * len(seconds) // 100) - 1]
-
-
 def figures(found: Found) -> list[Figure]:
     """Return what was found: of each kind and measure all values, and their 99th percentile."""
     made = []
     for kind, measures in found.seconds.items():
         for name, seconds in measures.items():
             made.append(figure(f"{kind}: {name}", seconds, "s"))
-            made.append(figure(f"{kind}: {name}: p99", [_p99(seconds)], "s", goal=_GOALS[name]))
-    made.append(figure(OTHERS, found.others, "of the cores", goal="none, for figures to quote"))
-    return made
+            made.append(figure(f"{kind}: {name}: p99", [p99(seconds)], "s", goal=_GOALS[name]))
+    return [*made, others_figure(found.others)]
 
 
 def tables(report: dict[str, Any]) -> dict[str, str]:
@@ -192,7 +184,7 @@ def tables(report: dict[str, Any]) -> dict[str, str]:
     heads = [f"{kind}, {jobs} jobs" for kind, jobs in kinds.items()]
     return {
         "latency": markdown.table(["median / p99 / slowest, s", *heads, "goal"], rows),
-        "latency-machine": machine(report, ("workers", "threads")),
+        "latency-machine": markdown.machine(report, ("workers", "threads")),
     }
 
 

@@ -10,7 +10,6 @@ a process had resident, as the kernel counts it (VmHWM): what it shares with oth
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import re
 import sys
@@ -20,7 +19,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from bench.startup import ROOT
+from bench import STILL
 from bench.support import markdown
 from bench.support.farms.memory_farm import MADE_UP, made_up, peaks
 from bench.support.farms.service_farm import ServiceFarm
@@ -31,7 +30,7 @@ from plateau.farm.model.spec import FixedSpec, JobSpec, Variant
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-_SCENE = ROOT / "bench" / "support" / "still"
+_SCENE = STILL
 SIZES = {"512²": (512, 512), "1080p": (1920, 1080), "2160p": (3840, 2160)}
 #: Of the farms that render: the other has no use for its worker.
 ROLES = ("API", "monitor", "worker", "render child")
@@ -63,7 +62,7 @@ def main() -> None:
     plan = Plan(sizes={name: SIZES[name] for name in options.sizes})
     others = [one for one in last_figures("memory") if _size_of(one) not in plan.sizes]
     made = [*figures(measure(plan)), *others]
-    path = write_report(
+    report = write_report(
         "memory",
         sorted(made, key=lambda one: list(SIZES).index(_size_of(one))),
         settings={"workers": 1, "threads": plan.threads, "slices": _SLICES},
@@ -73,7 +72,7 @@ def main() -> None:
             "What processes share (libraries) is counted in each.",
         ],
     )
-    markdown.fill(markdown.DOCS / "operations.md", tables(json.loads(path.read_text())))
+    markdown.fill(markdown.DOCS / "operations.md", tables(report))
 
 
 def _size_of(one: Figure) -> str:

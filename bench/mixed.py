@@ -8,31 +8,23 @@ from __future__ import annotations
 
 import argparse
 import sys
-import tempfile
-import time
 from contextlib import contextmanager
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING
 from unittest import mock
 
-from bench.support.farms.noise_workers import working
-from bench.support.farms.scale_farm import ControlPlane
+from bench.support.farms.noise_workers import noise_farm, run_job
 from bench.support.farms.synthetic_noise import Render
 from bench.support.report import figure, write_report
-from plateau.farm.blobs.store import Blobs
 from plateau.farm.model.spec import FixedSpec, JobSpec
 from plateau.farm.redis import scripts
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from plateau.farm.ledger.jobs import Jobs
-
 SIZE = 64
 SLOWNESS = 10.0
 _FACTOR = "LATE_FACTOR, LATE_LEAST_MS, USUAL_OF = 2,"
-_PATIENCE_S = 600.0
 
 
 @dataclass(frozen=True)
@@ -99,22 +91,16 @@ def main() -> None:
 def measure(case: Case, pass_s: float, spp: int, jobs: int) -> list[Ended]:
     """Render one job after the other by the case's workers."""
     slowness = {f"worker-{number}": SLOWNESS for number in range(case.slow)}
-    with tempfile.TemporaryDirectory() as name, _tries(second=case.second_tries):
-        folder = Path(name)
-        (folder / "redis").mkdir()
-        with ControlPlane(folder, folder / "blobs") as plane:
-            store = Blobs(str(folder / "blobs"))
-            with working(plane.client, store, case.workers, pass_s, slowness) as crew:
-                crew.render = Render("checks", "Gaussian", 0.4, SIZE, 0)
-                ended = []
-                for _ in range(jobs):
-                    crew.spent.clear()
-                    job = _ended(plane.jobs, spp)
-                    while crew.spent.at_work:
-                        time.sleep(0.05)
-                    wasted = crew.spent.spp / spp - 1
-                    ended.append(Ended(job.seconds, wasted, job.second_tries))
-                return ended
+    ended = []
+    with (
+        _tries(second=case.second_tries),
+        noise_farm(case.workers, pass_s, slowness) as (farm_jobs, crew),
+    ):
+        crew.render = Render("checks", "Gaussian", 0.4, SIZE, 0)
+        for _ in range(jobs):
+            one = run_job(farm_jobs, crew.spent, JobSpec(rule=FixedSpec(spp=spp)))
+            ended.append(Ended(one.seconds, crew.spent.spp / spp - 1, one.job.second_tries))
+    return ended
 
 
 @contextmanager
@@ -126,20 +112,6 @@ def _tries(*, second: bool) -> Iterator[None]:
     text = scripts.text().replace(_FACTOR, _FACTOR.replace("= 2,", "= 1e9,"))
     with mock.patch.object(scripts, "text", return_value=text):
         yield
-
-
-def _ended(jobs: Jobs, spp: int) -> Ended:
-    spec = JobSpec(rule=FixedSpec(spp=spp))
-    job = jobs.create(spec, name="noise", scene_sha256="0" * 64).job
-    deadline = time.monotonic() + _PATIENCE_S
-    while (now := jobs.get(job.id)).finished_at is None:
-        if time.monotonic() > deadline:
-            raise AssertionError(f"the job has not ended: {now}")
-        time.sleep(0.05)
-    assert now.started_at is not None
-    assert now.ended_at is not None
-    seconds = (now.ended_at - now.started_at).total_seconds()
-    return Ended(seconds, 0.0, now.second_tries)
 
 
 if __name__ == "__main__":

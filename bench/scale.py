@@ -10,14 +10,13 @@ workers without jobs, and jobs without workers, cost.
 from __future__ import annotations
 
 import argparse
-import json
 import statistics
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from bench.support import markdown
 from bench.support.load.scale_load import Found, Plan, Seen, measure
-from bench.support.report import Figure, figure, write_report
+from bench.support.report import Figure, figure, others_figure, p99, write_report
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -37,7 +36,6 @@ _ASKED = {
     "monitor: plan": 0.125,
     "monitor: a point of the curve": 0.25,
 }
-_OTHERS = "other work on the cores meanwhile"
 
 
 def main() -> None:
@@ -52,7 +50,7 @@ def main() -> None:
         if isinstance(value, list):
             given[name] = tuple(value)
     plan = Plan(**given)
-    path = write_report(
+    report = write_report(
         "scale",
         figures(measure(plan)),
         settings=asdict(plan),
@@ -65,7 +63,7 @@ def main() -> None:
             "A latency is a simulated worker's, who shares a process with hundreds of others.",
         ],
     )
-    markdown.fill(markdown.DOCS / "scale.md", tables(json.loads(path.read_text())))
+    markdown.fill(markdown.DOCS / "scale.md", tables(report))
 
 
 def figures(found: Found) -> list[Figure]:
@@ -74,12 +72,7 @@ def figures(found: Found) -> list[Figure]:
         *(one for name, cost in found.costs.items() for one in _costs(name, *cost)),
         *(one for name, cost in found.merges.items() for one in _merges(name, *cost)),
         *(one for seen in found.seen for one in _seen(seen)),
-        figure(
-            _OTHERS,
-            [seen.others for seen in found.seen],
-            "of the cores",
-            goal="none, for figures to quote",
-        ),
+        others_figure([seen.others for seen in found.seen]),
     ]
 
 
@@ -125,19 +118,18 @@ def _seen(seen: Seen) -> list[Figure]:
         for step in ("lease", "put", "commit"):
             times = [1000 * getattr(one, f"{step}_s") for one in seen.slices]
             values[f"{step}: median"] = statistics.median(times), "ms"
-            values[f"{step}: p99"] = _p99(times), "ms"
+            values[f"{step}: p99"] = p99(times), "ms"
     return [figure(f"{seen.name}: {name}", [value], unit) for name, (value, unit) in values.items()]
-
-
-def _p99(values: Sequence[float]) -> float:
-    return sorted(values)[-(-99 * len(values) // 100) - 1]
 
 
 def tables(report: dict[str, Any]) -> dict[str, str]:
     """Return a report as Markdown: the machine, requests, workers and jobs, rates, idleness."""
     found = {one["name"]: one["value"] for one in report["figures"]}
-    machine, settings = report["machine"], report["settings"]
-    most = next(one["spread"]["highest"] for one in report["figures"] if one["name"] == _OTHERS)
+    settings = report["settings"]
+    periods = {
+        "a slice renders for": f"{settings['render_s']:g} s",
+        "measured for": f"{settings['seconds']:g} s",
+    }
 
     def grid(head: str, *names: str) -> str:
         def cell(workers: int, jobs: int) -> str:
@@ -165,18 +157,7 @@ def tables(report: dict[str, Any]) -> dict[str, str]:
     sizes = [name.removesuffix(_PARTIAL) for name in found if name.endswith(_PARTIAL)]
     requests = [name[: -len(_LOG)] for name in found if name.endswith(_LOG)]
     return {
-        "scale-machine": markdown.table(
-            ["machine", "cores", "a slice renders for", "measured for", "other work on the cores"],
-            [
-                [
-                    f"{machine['cpu']}, {machine['os']}",
-                    str(machine["cores"]),
-                    f"{settings['render_s']:g} s",
-                    f"{settings['seconds']:g} s",
-                    f"{found[_OTHERS]:.0%}, {most:.0%} at most",
-                ]
-            ],
-        ),
+        "scale-machine": markdown.machine({**report, "settings": periods}, tuple(periods)),
         "scale-costs": rows(
             ["", "Redis, µs", "its log, bytes"],
             requests,

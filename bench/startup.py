@@ -16,28 +16,28 @@ import subprocess
 import sys
 import tempfile
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from bench import ROOT, STILL
 from bench.support import markdown
 from bench.support.bare.alone import Alone
 from bench.support.cores import Taken, timed
-from bench.support.report import Figure, figure, write_report
+from bench.support.report import Figure, figure, others_figure, write_report
 from plateau.farm.model.seeds import SeedSchedule
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.process.settings import Settings
 from plateau.worker.supervisor.variants import VariantChoice, choose
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    pass
 
-ROOT = Path(__file__).parents[1]
-_SCENE = Path(__file__).parent / "support" / "still"
+_SCENE = STILL
 _BARE = "one Mitsuba process that renders the same passes and writes nothing"
 #: Whether Dr.Jit has compiled the scene's kernels before.
 KERNELS = ("kernels at hand", "kernels compiled")
 HELP = "plateau --help"
-OTHERS = "other work on the cores meanwhile"
 _COLUMNS = {
     "plateau render": "under 6 s",
     "Mitsuba alone": None,
@@ -71,7 +71,7 @@ def main() -> None:
     options = parser.parse_args()
     plan = Plan(pairs=options.pairs, size=options.size)
     found = measure(plan)
-    path = write_report(
+    report = write_report(
         "startup",
         figures(found),
         settings={
@@ -86,7 +86,7 @@ def main() -> None:
             "Where other work had a share of the cores, times are too long.",
         ],
     )
-    markdown.fill(markdown.DOCS / "performance.md", tables(json.loads(path.read_text())))
+    markdown.fill(markdown.DOCS / "performance.md", tables(report))
 
 
 def measure(plan: Plan) -> Found:
@@ -160,7 +160,7 @@ def _bare(plan: Plan, choice: VariantChoice, cache: Path, spp: int) -> Taken:
         Alone(
             scene=_SCENE,
             parameters={"width": str(plan.size), "height": str(plan.size)},
-            slices=map(schedule.passes, range(schedule.slices)),
+            passes=chain.from_iterable(map(schedule.passes, range(schedule.slices))),
             variant=variant,
             llvm_library=choice.llvm_library,
             threads=len(os.sched_getaffinity(0)),
@@ -201,9 +201,7 @@ def figures(found: Found) -> list[Figure]:
     helps = [one.wall_s for one in found.helps]
     made.append(figure(HELP, helps, "s", goal="under 0.3 s"))
     taken = [one for pairs in found.pairs.values() for pair in pairs for one in pair]
-    others = [one.others for one in taken]
-    made.append(figure(OTHERS, others, "of the cores", goal="none, for figures to quote"))
-    return made
+    return [*made, others_figure([one.others for one in taken])]
 
 
 def tables(report: dict[str, Any]) -> dict[str, str]:
@@ -211,10 +209,7 @@ def tables(report: dict[str, Any]) -> dict[str, str]:
     found = {one["name"]: one for one in report["figures"]}
 
     def cell(name: str) -> str:
-        one = found[name]
-        return (
-            f"{one['value']:.2f} ({one['spread']['lowest']:.2f} to {one['spread']['highest']:.2f})"
-        )
+        return markdown.spread(found[name], 2)
 
     rows = [[kind, *(cell(f"{kind}: {name}") for name in _COLUMNS)] for kind in KERNELS]
     goals = ["goal", *(goal or "" for goal in _COLUMNS.values())]
@@ -223,24 +218,8 @@ def tables(report: dict[str, Any]) -> dict[str, str]:
         "startup-help": markdown.table(
             ["", "wall time, s", "goal"], [[f"`{HELP}`", cell(HELP), found[HELP]["goal"]]]
         ),
-        "startup-machine": machine(report, ("size", "spp", "pairs", "variant")),
+        "startup-machine": markdown.machine(report, ("size", "spp", "pairs", "variant")),
     }
-
-
-def machine(report: dict[str, Any], shown: Sequence[str]) -> str:
-    """Return the machine and these settings of a report as Markdown."""
-    about, settings = report["machine"], report["settings"]
-    others = next(one for one in report["figures"] if one["name"] == OTHERS)
-    return markdown.table(
-        ["machine", "cores", *shown, "other work on the cores"],
-        [
-            [
-                f"{about['cpu']}, {about['os']}",
-                *map(str, (about["cores"], *map(settings.get, shown))),
-                f"{others['value']:.0%}, {others['spread']['highest']:.0%} at most",
-            ]
-        ],
-    )
 
 
 if __name__ == "__main__":

@@ -9,7 +9,6 @@ false stop.
 from __future__ import annotations
 
 import argparse
-import json
 import math
 from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -117,7 +116,7 @@ def run(*, seeds: int, quick: bool) -> list[Outcome]:
     everything = [outcome for case in known.values() for outcome in case]
 
     name = "stopping-quick" if quick else "stopping"
-    path = write_report(
+    written = write_report(
         name,
         [one for outcome in everything for one in _figures(outcome)],
         settings={
@@ -132,7 +131,7 @@ def run(*, seeds: int, quick: bool) -> list[Outcome]:
         notes=_NOTES,
     )
     if not quick:
-        markdown.fill(markdown.DOCS / "stopping.md", {"rules": table(json.loads(path.read_text()))})
+        markdown.fill(markdown.DOCS / "stopping.md", {"rules": table(written)})
     for study, cases in studies.items():
         plot(study, [known[case] for case in cases], report.RESULTS / f"{name}-{study}.png")
     return everything

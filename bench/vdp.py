@@ -70,13 +70,13 @@ def main() -> None:
         for noise in NOISES
         for one in _take_turns(size, noise, options.turns)
     ]
-    path = write_report(
+    report = write_report(
         "vdp",
         [*figures, *_in_a_fresh_process(options.sizes[-1])],
         settings={"sizes": options.sizes, "turns": options.turns, "noises": NOISES},
         notes=notes,
     )
-    markdown.fill(markdown.DOCS / "metric.md", {"vdp": table(json.loads(path.read_text()))})
+    markdown.fill(markdown.DOCS / "metric.md", {"vdp": table(report)})
 
 
 def table(report: dict[str, Any]) -> str:

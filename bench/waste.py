@@ -7,32 +7,21 @@ which the truth is known, and do all else that real ones do: cancel within a sli
 from __future__ import annotations
 
 import argparse
-import json
 import sys
-import tempfile
-import time
 from dataclasses import dataclass
 from itertools import product
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from bench.support import markdown
-from bench.support.farms.noise_workers import Spent, working
-from bench.support.farms.scale_farm import ControlPlane
+from bench.support.farms.noise_workers import noise_farm, run_job
 from bench.support.farms.synthetic_noise import Render
 from bench.support.report import Figure, figure, write_report
-from plateau.farm.blobs.store import Blobs
 from plateau.farm.model.spec import JobSpec
 
-if TYPE_CHECKING:
-    from plateau.farm.ledger.jobs import Jobs
-
-DOCUMENT = markdown.DOCS / "performance.md"
 #: Samples that may be wasted, of those in the image, by the number of workers.
 GOALS = {2: 0.03, 16: 0.08}
 SIZE = 96
 SCENES = ("checks", "ramp")
-_PATIENCE_S = 600.0
 
 
 @dataclass(frozen=True)
@@ -56,7 +45,7 @@ def main() -> None:
         for seed, (scene, level) in enumerate(product(SCENES, options.levels))
     ]
     found = {count: measure(renders, count, options.pass_ms / 1000) for count in options.workers}
-    path = write_report(
+    report = write_report(
         "waste",
         [one for count, ended in found.items() for one in figures(count, ended)],
         settings={
@@ -74,7 +63,7 @@ def main() -> None:
             "Workers are simulated, so that sixteen fit this machine; Redis and monitor are real.",
         ],
     )
-    markdown.fill(DOCUMENT, tables(json.loads(path.read_text())))
+    markdown.fill(markdown.DOCS / "performance.md", tables(report))
 
 
 def figures(workers: int, ended: list[Ended]) -> list[Figure]:
@@ -98,32 +87,15 @@ def figures(workers: int, ended: list[Ended]) -> list[Figure]:
 def measure(renders: list[Render], workers: int, pass_s: float) -> list[Ended]:
     """Render one job after the other by so many simulated workers."""
     ended = []
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        (folder / "redis").mkdir()
-        with ControlPlane(folder, folder / "blobs") as plane:
-            store = Blobs(str(folder / "blobs"))
-            with working(plane.client, store, workers, pass_s) as crew:
-                for render in renders:
-                    crew.render = render
-                    ended.append(_ended(plane.jobs, crew.spent, workers))
-                    print(f"{workers} workers, {render}: {ended[-1]}", file=sys.stderr)
+    with noise_farm(workers, pass_s) as (jobs, crew):
+        for render in renders:
+            crew.render = render
+            one, spent = run_job(jobs, crew.spent, JobSpec()), crew.spent
+            wasted = spent.spp / one.job.spp - 1
+            waited = 1 - spent.busy_s / (workers * one.seconds)
+            ended.append(Ended(one.job.spp, wasted, waited))
+            print(f"{workers} workers, {render}: {ended[-1]}", file=sys.stderr)
     return ended
-
-
-def _ended(jobs: Jobs, spent: Spent, workers: int) -> Ended:
-    """Submit a job and wait for its end, and until nobody works at it any more."""
-    spent.clear()
-    job = jobs.create(JobSpec(), name="noise", scene_sha256="0" * 64).job
-    deadline = time.monotonic() + _PATIENCE_S
-    while (now := jobs.get(job.id)).finished_at is None or spent.at_work:
-        if time.monotonic() > deadline:
-            raise AssertionError(f"the job has not ended: {now}")
-        time.sleep(0.05)
-    assert now.started_at is not None
-    assert now.ended_at is not None
-    seconds = (now.ended_at - now.started_at).total_seconds()
-    return Ended(now.spp, spent.spp / now.spp - 1, 1 - spent.busy_s / (workers * seconds))
 
 
 def tables(report: dict[str, Any]) -> dict[str, str]:

@@ -6,11 +6,10 @@ import argparse
 from dataclasses import dataclass
 from pathlib import Path
 
+from bench import ROOT
 from bench.experiment.cases import Case, cases
 from bench.experiment.renders import Size
 from plateau import scenes
-
-_ROOT = Path(__file__).parents[2]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,7 +34,7 @@ def parse(description: str | None, *, step: int) -> Options:
     parser.add_argument("--scenes", nargs="+", choices=scenes.NAMES, default=scenes.NAMES)
     parser.add_argument("--workers", type=int, default=1, help="worker processes (1)")
     parser.add_argument(
-        "--data", type=Path, default=_ROOT / "paper-data", help="folder of renders (./paper-data)"
+        "--data", type=Path, default=ROOT / "paper-data", help="folder of renders (./paper-data)"
     )
     found = parser.parse_args()
     if found.cap % step or found.cap < step:

@@ -32,8 +32,28 @@ def timed() -> Iterator[Taken]:
     yield taken
     taken.wall_s = time.monotonic() - started
     taken.cpu_s = children_cpu_s() - ours
-    cores = psutil.cpu_count() or 1
-    taken.others = max(0.0, machine_cpu_s() - all_ - taken.cpu_s) / (taken.wall_s * cores)
+    taken.others = _share(machine_cpu_s() - all_ - taken.cpu_s, taken.wall_s)
+
+
+@dataclass
+class Others:
+    """What everything but this process and all below it did, once that is over."""
+
+    share: float = 0.0  #: of the cores, this machine's host included
+
+
+@contextmanager
+def others_meanwhile() -> Iterator[Others]:
+    """Yield what other work does in the context; its share is there when the context is left."""
+    others = Others()
+    started, ours, all_ = time.monotonic(), family_cpu_s(), machine_cpu_s()
+    yield others
+    cpu_s = machine_cpu_s() - all_ - (family_cpu_s() - ours)
+    others.share = _share(cpu_s, time.monotonic() - started)
+
+
+def _share(cpu_s: float, wall_s: float) -> float:
+    return max(0.0, cpu_s) / (wall_s * (psutil.cpu_count() or 1))
 
 
 def children_cpu_s() -> float:

@@ -8,18 +8,36 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+from bench import ROOT
+from bench.support.report import OTHERS
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-DOCS = Path(__file__).parents[2] / "docs"
+DOCS = ROOT / "docs"
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     """Return a Markdown table."""
     lines = [head, ["---"] * len(head), *rows]
     return "\n".join(f"| {' | '.join(line)} |" for line in lines) + "\n"
+
+
+def spread(one: Mapping[str, Any], decimals: int) -> str:
+    """Return a figure of a report: its median, and the lowest and the highest of its runs."""
+    values = one["value"], one["spread"]["lowest"], one["spread"]["highest"]
+    return "{} ({} to {})".format(*(f"{value:.{decimals}f}" for value in values))
+
+
+def machine(report: Mapping[str, Any], shown: Sequence[str]) -> str:
+    """Return the machine, these settings of a report and the other work meanwhile as a table."""
+    about, settings = report["machine"], report["settings"]
+    others = next(one for one in report["figures"] if one["name"] == OTHERS)
+    row = [f"{about['cpu']}, {about['os']}", about["cores"], *map(settings.get, shown)]
+    row += [f"{others['value']:.0%}, {others['spread']['highest']:.0%} at most"]
+    return table(["machine", "cores", *shown, "other work on the cores"], [list(map(str, row))])
 
 
 def places(document: Path) -> dict[str, str]:

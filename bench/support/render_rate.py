@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass
-from itertools import accumulate, pairwise
+from itertools import accumulate, chain, pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -56,7 +56,7 @@ def render_rate(scene: Path, parameters: Mapping[str, str], slice_spp: int) -> R
         told = Alone(
             scene=scene,
             parameters=parameters,
-            slices=slices,
+            passes=chain.from_iterable(slices),
             variant=choice.variant,
             llvm_library=choice.llvm_library,
             threads=threads,

@@ -15,13 +15,15 @@ from typing import TYPE_CHECKING, Any
 
 import psutil
 
+from bench import ROOT
 from plateau.worker.supervisor.llvm_libraries import llvm_libraries
 from plateau.worker.supervisor.llvm_libraries import version as llvm_version
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-RESULTS = Path(__file__).parents[1] / "results"
+RESULTS = ROOT / "bench" / "results"
+OTHERS = "other work on the cores meanwhile"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,21 +71,31 @@ def figure(
     )
 
 
+def p99(values: Sequence[float]) -> float:
+    """Return the 99th percentile: of less than a hundred values, the largest."""
+    return sorted(values)[-(-99 * len(values) // 100) - 1]
+
+
+def others_figure(shares: Sequence[float]) -> Figure:
+    """Return which share of the cores other work had: where it had any, times are too long."""
+    return figure(OTHERS, shares, "of the cores", goal="none, for figures to quote")
+
+
 def write_report(
     name: str, figures: Sequence[Figure], *, settings: dict[str, Any], notes: Sequence[str]
-) -> Path:
-    """Write ``bench/results/NAME.json``, print its figures, and return its path.
+) -> dict[str, Any]:
+    """Write ``bench/results/NAME.json``, print its figures, and return it as it is read again.
 
     Parameters
     ----------
     name
-        The benchmark's.
+        The name of the benchmark.
     figures
-        What it found.
+        The figures that it measured.
     settings
-        What it was run with.
+        The values with which it ran.
     notes
-        What is left out, and what a reader might take wrongly.
+        What was left out, and what a reader might misunderstand.
     """
     report = {
         "benchmark": name,
@@ -99,22 +111,17 @@ def write_report(
     for one in figures:
         print(in_words(one))
     print(f"written to {path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path}")
-    return path
-
-
-def last_settings(name: str) -> dict[str, Any]:
-    """Return what the last report of this name was made with; nothing where there is none."""
-    found: dict[str, Any] = _last(name)["settings"]
-    return found
+    return last_report(name)
 
 
 def last_figures(name: str) -> list[Figure]:
-    """Return the last report's figures, of which those stay of what is not measured now."""
-    made = _last(name)["figures"]
+    """Return the last report's figures; those of cases that are not measured now stay."""
+    made = last_report(name)["figures"]
     return [Figure(**{**one, "spread": Spread(**one["spread"])}) for one in made]
 
 
-def _last(name: str) -> dict[str, Any]:
+def last_report(name: str) -> dict[str, Any]:
+    """Return the last report of this name, or an empty one if there is none."""
     path = RESULTS / f"{name}.json"
     nothing: dict[str, Any] = {"settings": {}, "figures": []}
     return json.loads(path.read_text()) if path.exists() else nothing

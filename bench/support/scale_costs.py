@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bench.support.farms.scale_farm import SPEC, ControlPlane
+from bench.support.farms.simulated import POINT, made_up_record
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.images.exr import Partial, decode_partial, encode_partial
 from plateau.farm.ledger.ownership import Ownership, Ownerships
-from plateau.farm.ledger.queue import Lease, SliceQueue, SliceRecord
+from plateau.farm.ledger.queue import Lease, SliceQueue
 from plateau.service.judging.merge import Merge
 
 if TYPE_CHECKING:
@@ -20,18 +21,6 @@ if TYPE_CHECKING:
 
 _VARIANTS = ("llvm_ad_rgb", "scalar_rgb")
 _MERGES = 7
-_POINT: dict[str, object] = {
-    "spp": 100,
-    "visible_pixels": 40123,
-    "visible_fraction": 0.612,
-    "slope": -1.25,
-    "estimate_pixels": 812.5,
-    "estimate_fraction": 0.0124,
-    "forecast_spp": 1900,
-    "non_finite_pixels": 0,
-    "zones": None,
-    "rules": {"visible": {"value": 0.0124, "stop": False}},
-}
 
 
 def costs(farm: ControlPlane, *, jobs: int, turns: int) -> dict[str, tuple[float, float]]:
@@ -64,15 +53,9 @@ def costs(farm: ControlPlane, *, jobs: int, turns: int) -> dict[str, tuple[float
         leases.append(found)
 
     def commit(turn: int) -> None:
-        record = SliceRecord(
-            index=leases[turn].index,
-            spp=25,
-            first_seed=10 * leases[turn].index,
-            last_seed=10 * leases[turn].index + 2,
-            blob=f"jobs/{leases[turn].job_id}/partials/{turn:06d}-one-1.exr",
-            sha256="0" * 64,
-            worker="one",
-            render_s=1.0,
+        blob = f"jobs/{leases[turn].job_id}/partials/{turn:06d}-one-1.exr"
+        record = made_up_record(
+            leases[turn], blob=blob, sha256="0" * 64, worker="one", render_s=1.0
         )
         queue.commit(leases[turn], record, width=16, height=16, notes=())
 
@@ -85,7 +68,7 @@ def costs(farm: ControlPlane, *, jobs: int, turns: int) -> dict[str, tuple[float
         "monitor: plan": lambda turn: owners.plan(first, range(turns + turn + 1)),
         "monitor: read what is committed": lambda _: owners.committed(first.job_id, range(16)),
         "monitor: a point of the curve": lambda turn: owners.append_point(
-            first, 100 * (turn + 1), _POINT
+            first, 100 * (turn + 1), POINT
         ),
     }
     return {name: _cost(farm, request, turns) for name, request in requests.items()}

@@ -5,7 +5,7 @@ from dataclasses import asdict
 
 import pytest
 
-from bench import latency, memory, startup
+from bench import latency, lease, memory, startup
 from bench.support.report import Figure, machine
 
 
@@ -61,3 +61,15 @@ def test_each_process_is_asked_for_its_memory() -> None:
     assert min(mb for roles in found["tiny"].values() for mb in roles.values()) > 10
     shown = memory.tables(report(memory.figures(found), {}))
     assert [line.split("|")[2].strip() for line in shown["memory"].splitlines()[2:]] == ["1", "3"]
+
+
+@pytest.mark.timeout(600)
+def test_the_second_job_of_a_scene_is_timed_beside_the_first() -> None:
+    plan = lease.Plan(scenes=("box",), size=16, rounds=2, threads=1, variant="scalar_rgb")
+    found = lease.measure(plan)
+    assert [len(one) for one in found.seconds["box"]] == [2, 2]
+    assert all(seconds > 0 for both in found.seconds.values() for one in both for seconds in one)
+    made = report(lease.figures(found), {"size": "16×16", "rounds": 2, "workers": 1, "threads": 1})
+    shown = lease.tables(made)["lease"].splitlines()
+    assert shown[0] == f"| lease to first sample, s | {' | '.join(lease.JOBS)} |"
+    assert shown[-1].startswith("| box |")

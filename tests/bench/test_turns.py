@@ -4,16 +4,17 @@ import sys
 import time
 from dataclasses import asdict
 from itertools import pairwise
-from pathlib import Path
 
 import psutil
 import pytest
 
 from bench import farm
+from bench.support.calls import Case, call_rates, calls_that_fit
 from bench.support.farms.plateau_render import Watch
 from bench.support.report import machine
 from bench.support.turns import Ran, take_turns
 from plateau.farm.process.settings import Settings
+from plateau.scenes import FOLDER
 from plateau.worker.supervisor.variants import choose
 
 _SPIN = "import time\nwhile time.process_time() < 0.6: pass"
@@ -50,33 +51,63 @@ def test_where_one_fails_none_is_left() -> None:
 def test_who_has_ended_counts_with_what_it_had_used() -> None:
     spins = [[sys.executable, "-c", _SPIN, name] for name in ("worker", "monitor")]
     root = _python(f"import subprocess\nfor one in {spins}: subprocess.run(one)")
-    watch, began = Watch(root), time.time()
+    watch = Watch(root)
     while root.poll() is None:
         watch.look()
         time.sleep(0.01)
-    assert 0.35 < watch.monitors_share(began, time.time()) < 0.65
+    assert watch.looks[0].all_ == 0
+    assert 0.35 < watch.looks[-1].monitor / watch.looks[-1].all_ < 0.65
+
+
+def _case(width: int, height: int) -> Case:
+    return Case(
+        scene=FOLDER / "box",
+        width=width,
+        height=height,
+        choice=choose(Settings().cache),
+        threads=1,
+    )
+
+
+def test_a_call_of_the_bare_renderer_fits_memory_and_is_a_third_of_the_image_at_most() -> None:
+    assert calls_that_fit(_case(512, 512), 10_000) == [16, 32, 64, 128, 256]
+    assert calls_that_fit(_case(1920, 1080), 10_000) == [16, 32]
+    assert calls_that_fit(_case(512, 512), 200) == [16, 32, 64]
+    assert calls_that_fit(_case(4096, 4096), 200) == [4]
+    assert calls_that_fit(_case(16384, 16384), 200) == [1]
+
+
+def test_the_bare_renderers_calls_are_timed_by_their_size() -> None:
+    rates = call_rates(_case(64, 48), [1, 32], samples=2**16, rounds=2)
+    assert list(rates) == [1, 32]
+    assert all(1000 < rate < 1e9 for rate in rates.values())
 
 
 @pytest.mark.timeout(600)
 def test_the_farm_is_compared_with_mitsuba_alone() -> None:
-    box = Path(farm.__file__).parents[1] / "scenes" / "box"
-    choice = choose(Settings().cache)
-    work = farm.Work(scene=box, width=32, height=24, spp=200, step=50, choice=choice, threads=1)
-    figures = farm.measure(work, pairs=1, turn_s=0.05)
+    case = _case(32, 24)
+    effort = farm.Effort(pairs=1, seconds=0.1, step=50, rounds=1, samples=2**16, turn_s=0.05)
+    settings, figures = farm.measure(case, effort)
+    assert settings["spp"] % 50 == 0
+    assert settings["spp"] >= 200
+    assert str(settings["call_spp"]) in settings["samples_s_by_call_spp"]
     value = {one.name.removeprefix("box 32×24: "): one.value for one in figures}
+    assert 0 < value[farm.WHOLE] < 1
     assert value[farm.EFFICIENCY] > 0
-    assert value[farm.CPU] > 1
+    assert value[farm.CPU] > 0
+    assert value[farm.WHOLE_CPU] > 1
     assert 0 <= value[farm.MONITOR] < 1
     shown = farm.tables(
         {
             "machine": machine(),
             "settings": {
-                "cases": {work.name: {"spp": 200, "step": 50}},
-                "variant": choice.variant,
+                "cases": {case.name: settings},
+                "variant": case.choice.variant,
                 "workers": 1,
                 "threads": 1,
             },
             "figures": [asdict(one) for one in figures],
         }
     )
-    assert "| box 32×24, 200 spp, step 50 | 1 |" in shown["farm"]
+    cells = [cell.strip() for cell in shown["farm"].splitlines()[-1].split("|")]
+    assert cells[1:4] == [f"box 32×24, {settings['spp']} spp", "1", str(settings["call_spp"])]

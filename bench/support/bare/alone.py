@@ -12,12 +12,12 @@ from typing import IO, TYPE_CHECKING, Any
 
 import psutil
 
+from bench import ROOT
+
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Iterable, Mapping
 
     from plateau.farm.model.seeds import Pass
-
-_ROOT = Path(__file__).parents[3]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,8 +28,7 @@ class Alone:
     scene: Path
     #: Values of its ``$parameters``.
     parameters: Mapping[str, str]
-    #: The passes of each slice, in order.
-    slices: Iterable[Sequence[Pass]]
+    passes: Iterable[Pass]
     #: What Mitsuba runs with.
     variant: str
     llvm_library: str | None
@@ -42,7 +41,7 @@ class Alone:
     environment: Mapping[str, str] = field(default_factory=lambda: os.environ)
 
     def render(self) -> dict[str, Any]:
-        """Return what the process says: when it began to render, and when each pass ended.
+        """Return what `bench.support.bare.mitsuba` answers.
 
         Raises
         ------
@@ -63,7 +62,7 @@ class Alone:
             "folder": str(self.scene),
             "entry": "scene.xml",
             "parameters": dict(self.parameters),
-            "passes": [(one.spp, one.seed) for passes in self.slices for one in passes],
+            "passes": list(self.passes),
             "image": None if self.image is None else str(self.image),
         }
         home = self.cache / "home"
@@ -76,7 +75,7 @@ class Alone:
             asked.seek(0)
             return psutil.Popen(
                 [sys.executable, "-m", "bench.support.bare.mitsuba"],
-                cwd=_ROOT,
+                cwd=ROOT,
                 env={**self.environment, **own},
                 stdin=asked,
                 stdout=told,

@@ -1,8 +1,10 @@
-"""Mitsuba alone: renders passes one after the other, and writes nothing. Started by `bench.farm`.
+"""Mitsuba alone: renders passes one after the other. `bench.support.bare.alone` starts it.
 
-Reads a JSON request from standard input and answers on standard output with the moments, in
-seconds since this process began to import Mitsuba, at which the first pass began and each ended;
-and with that moment itself, in seconds of `time.time`.
+Reads a JSON request from standard input and answers in JSON on standard output:
+
+- started_at: when this process began to import Mitsuba, in seconds of `time.time`;
+- began_s, ended_s: when the first pass began and when each ended, in seconds after that;
+- cpu_s: the CPU seconds of this process at the end of each pass.
 """
 
 from __future__ import annotations
@@ -42,18 +44,21 @@ def main() -> None:
         threads=loading_threads(Path(request["folder"])),
     )
     total: Any = 0.0
-    began_s, ended_s = time.monotonic() - _STARTED, []
+    began_s = time.monotonic() - _STARTED
+    ended_s, cpu_s = [], []
     for spp, seed in request["passes"]:
         one.integrator.render(
             one.scene, one.sensor, seed=seed, spp=spp, develop=False, evaluate=True
         )
         dr.sync_thread()
         ended_s.append(time.monotonic() - _STARTED)
+        cpu_s.append(time.process_time())
         if request["image"]:
             total = total + np.array(one.film.bitmap(raw=True), dtype=np.float64)
     if request["image"]:
         np.save(request["image"], (total[..., :3] / total[..., 3:]).astype(np.float32))
-    json.dump({"started_at": _STARTED_AT, "began_s": began_s, "ended_s": ended_s}, sys.stdout)
+    told = {"started_at": _STARTED_AT, "began_s": began_s, "ended_s": ended_s, "cpu_s": cpu_s}
+    json.dump(told, sys.stdout)
 
 
 if __name__ == "__main__":

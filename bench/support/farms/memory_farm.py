@@ -13,14 +13,11 @@ from typing import TYPE_CHECKING
 import psutil
 
 from bench.support.farms.service_farm import ServiceFarm
-from bench.support.farms.simulated import about, made_up_record
+from bench.support.farms.simulated import about, made_up_partial, made_up_record
 from plateau.farm.blobs import store as blobs
 from plateau.farm.blobs.store import Blobs
-from plateau.farm.bundle.analytic import AnalyticScene
-from plateau.farm.images.exr import Partial, encode_partial
 from plateau.farm.ledger.queue import Committed, Lease, SliceQueue
 from plateau.farm.redis.link import connect
-from plateau.worker.renderers.analytic.picture import Picture
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator
@@ -86,7 +83,14 @@ def made_up(
 
 def _commit(queue: SliceQueue, store: Blobs, lease: Lease, width: int, height: int) -> bool:
     """Put and commit the slice; returns whether it counts."""
-    content = _partial(lease.job_id, lease.index, lease.spec.slice_spp, (height, width))
+    content = made_up_partial(
+        width=width,
+        height=height,
+        spp=lease.spec.slice_spp,
+        variant=MADE_UP,
+        job_id=lease.job_id,
+        index=lease.index,
+    )
     name = blobs.partial(lease.job_id, lease.index, _WORKER)
     store.put(name, content)
     sha256 = hashlib.sha256(content).hexdigest()
@@ -114,20 +118,3 @@ def _alive(redis_url: str, leases: list[Lease]) -> Iterator[None]:
     finally:
         over.set()
         thread.join()
-
-
-def _partial(job_id: str, index: int, spp: int, shape: tuple[int, int]) -> bytes:
-    height, width = shape
-    picture = Picture(AnalyticScene(width=width, height=height, light="grey"))
-    return encode_partial(
-        Partial(
-            job_id=job_id,
-            index=index,
-            first_seed=10 * index,
-            last_seed=10 * index + 2,
-            spp=spp,
-            variant=MADE_UP,
-            scene_sha256="0" * 64,
-            pixels=picture.film(spp, seed=index),
-        )
-    )

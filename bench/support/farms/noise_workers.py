@@ -1,18 +1,22 @@
-"""Simulated workers that render analytic scenes, and what they spend."""
+"""A farm whose simulated workers render analytic scenes, and what they spend."""
 
 from __future__ import annotations
 
 import hashlib
+import tempfile
 import threading
 import time
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from datetime import datetime, timezone
+from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
+from bench.support.farms.scale_farm import ControlPlane
 from bench.support.farms.simulated import about
 from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs.store import Blobs
 from plateau.farm.images.exr import Partial, encode_partial
 from plateau.farm.ledger.queue import Committed, SliceQueue, SliceRecord
 from plateau.farm.process.stop import Stop
@@ -23,14 +27,17 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
     from bench.support.farms.synthetic_noise import Render
-    from plateau.farm.blobs.store import Blobs
+    from plateau.farm.ledger.jobs import Jobs
     from plateau.farm.ledger.queue import Lease
+    from plateau.farm.model.job import Job
+    from plateau.farm.model.spec import JobSpec
     from plateau.farm.redis.client import RedisClient
 
 #: As `plateau.worker.supervisor.supervisor` has it.
 _IDLE_S = 0.5
 _LEASE_S = 15.0
 _VARIANT = "analytic:numpy"
+_PATIENCE_S = 600.0
 
 
 @dataclass
@@ -149,15 +156,22 @@ class NoiseCrew:
 
 
 @contextmanager
-def working(
-    client: RedisClient,
-    store: Blobs,
-    workers: int,
-    pass_s: float,
-    slowness: Mapping[str, float] = MappingProxyType({}),
-) -> Iterator[NoiseCrew]:
-    """So many simulated workers, ``worker-0`` and on, while the context lasts."""
-    crew, stop = NoiseCrew(client, store, pass_s, slowness), Stop()
+def noise_farm(
+    workers: int, pass_s: float, slowness: Mapping[str, float] = MappingProxyType({})
+) -> Iterator[tuple[Jobs, NoiseCrew]]:
+    """Run Redis, a monitor and simulated workers, ``worker-0`` and on, while the context lasts."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        (folder / "redis").mkdir()
+        with ControlPlane(folder, folder / "blobs") as plane:
+            crew = NoiseCrew(plane.client, Blobs(str(folder / "blobs")), pass_s, slowness)
+            with _working(crew, workers):
+                yield plane.jobs, crew
+
+
+@contextmanager
+def _working(crew: NoiseCrew, workers: int) -> Iterator[None]:
+    stop = Stop()
     threads = [
         threading.Thread(target=crew.listen, args=(stop,)),
         *(
@@ -168,8 +182,30 @@ def working(
     for thread in threads:
         thread.start()
     try:
-        yield crew
+        yield
     finally:
         stop.set()
         for thread in threads:
             thread.join()
+
+
+@dataclass(frozen=True)
+class Ended:
+    """A job that has ended."""
+
+    job: Job
+    seconds: float  #: from its first lease to its end
+
+
+def run_job(jobs: Jobs, spent: Spent, spec: JobSpec) -> Ended:
+    """Submit a job and wait until it has ended and no worker has a slice of it in hand."""
+    spent.clear()
+    job_id = jobs.create(spec, name="noise", scene_sha256="0" * 64).job.id
+    deadline = time.monotonic() + _PATIENCE_S
+    while (job := jobs.get(job_id)).finished_at is None or spent.at_work:
+        if time.monotonic() > deadline:
+            raise AssertionError(f"the job has not ended: {job}")
+        time.sleep(0.05)
+    assert job.started_at is not None
+    assert job.ended_at is not None
+    return Ended(job, (job.ended_at - job.started_at).total_seconds())

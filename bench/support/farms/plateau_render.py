@@ -7,16 +7,15 @@ import sys
 import time
 from contextlib import suppress
 from dataclasses import dataclass
-from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import psutil
 
+from bench import ROOT
+
 if TYPE_CHECKING:
     from collections.abc import Mapping
-
-_ROOT = Path(__file__).parents[3]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,7 +34,7 @@ class Watch:
         self._root = root
         self._used_s: dict[psutil.Process, float] = {}
         self._monitors: set[psutil.Process] = set()
-        self._looks = [Look(at=time.time(), all_=0.0, monitor=0.0)]
+        self.looks = [Look(at=time.time(), all_=0.0, monitor=0.0)]
 
     def look(self) -> None:
         """Note what each had used by now; one that has ended, what it had by the look before."""
@@ -45,20 +44,13 @@ class Watch:
                 self._used_s[process] = times.user + times.system
                 if "monitor" in process.cmdline():
                     self._monitors.add(process)
-        self._looks.append(
+        self.looks.append(
             Look(
                 at=time.time(),
                 all_=sum(self._used_s.values()),
                 monitor=sum(self._used_s[one] for one in self._monitors),
             )
         )
-
-    def monitors_share(self, start: float, end: float) -> float:
-        """Return the monitor's share of the CPU time, from a look before a moment to one after."""
-        first = max((one for one in self._looks if one.at <= start), key=attrgetter("at"))
-        after = (one for one in self._looks if one.at >= end)
-        last = min(after, key=attrgetter("at"), default=self._looks[-1])
-        return (last.monitor - first.monitor) / (last.all_ - first.all_)
 
 
 def render(
@@ -95,4 +87,4 @@ def start(
     for name, value in options.items():
         command += [name] if value is True else [name, str(value)]
     command += [f"-D{name}={value}" for name, value in parameters.items()]
-    return psutil.Popen(command, cwd=_ROOT, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
+    return psutil.Popen(command, cwd=ROOT, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL)

@@ -15,6 +15,7 @@ from typing import IO, TYPE_CHECKING, Any
 
 import psutil
 
+from bench import ROOT
 from bench.support.farms.scale_workers import Crew, Slice
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.jobs import Jobs
@@ -28,7 +29,6 @@ from plateau.farm.redis.link import connect
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-_ROOT = Path(__file__).parents[3]
 _START_S = 120.0
 #: A monitor says three times in this time what it has done.
 _MONITOR_LEASE_S = 6.0
@@ -113,7 +113,7 @@ class ControlPlane:
         with (self._folder / "monitor.log").open("ab") as log:
             process = subprocess.Popen(
                 [sys.executable, "-m", "plateau", "monitor"],
-                cwd=_ROOT,
+                cwd=ROOT,
                 env=environment,
                 stdin=subprocess.DEVNULL,
                 stdout=log,
@@ -206,7 +206,7 @@ class ControlPlane:
 def _crew(crew: Crew) -> Iterator[subprocess.Popen[str]]:
     process = subprocess.Popen(
         [sys.executable, "-m", "bench.support.farms.scale_workers", json.dumps(asdict(crew))],
-        cwd=_ROOT,
+        cwd=ROOT,
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         text=True,

@@ -17,18 +17,15 @@ from dataclasses import asdict, dataclass
 from datetime import datetime, timezone
 from itertools import cycle
 
-from bench.support.farms.simulated import about, made_up_record
+from bench.support.farms.simulated import about, made_up_partial, made_up_record
 from plateau.farm.blobs import store as blobs
 from plateau.farm.blobs.store import Blobs
-from plateau.farm.bundle.analytic import AnalyticScene
-from plateau.farm.images.exr import Partial, encode_partial
 from plateau.farm.ledger.queue import Committed, Lease, SliceQueue
 from plateau.farm.process.backoff import Backoff
 from plateau.farm.process.stop import Stop
 from plateau.farm.redis import keys
 from plateau.farm.redis.link import connect
 from plateau.farm.redis.wake import Wake
-from plateau.worker.renderers.analytic.picture import Picture
 
 #: As `plateau.worker.supervisor.supervisor` has them.
 _IDLE_S, _TURN_S, _HEARTBEAT_S, _LEASE_S = (0.5, 5.0), 20.0, 5.0, 15.0
@@ -133,23 +130,6 @@ class _Worker:
         self._news.wait(0.0, self._stop)
 
 
-def _partial(size: int) -> bytes:
-    """A partial of grey noise; the same for every slice, for no rule is to be satisfied."""
-    scene = AnalyticScene(width=size, height=size, light="grey")
-    return encode_partial(
-        Partial(
-            job_id="simulated",
-            index=0,
-            first_seed=0,
-            last_seed=2,
-            spp=25,
-            variant=_VARIANTS[0],
-            scene_sha256="0" * 64,
-            pixels=Picture(scene).film(25, seed=0),
-        )
-    )
-
-
 def _keep_alive(workers: list[_Worker], stop: Stop) -> None:
     """Send every worker's heartbeat in turn, evenly over its interval, and hear its news."""
     for worker in cycle(workers):
@@ -162,7 +142,8 @@ def _keep_alive(workers: list[_Worker], stop: Stop) -> None:
 def main() -> None:
     """Work until standard input ends, then write what was done to standard output as JSON."""
     crew, stop = Crew(**json.loads(sys.argv[1])), Stop()
-    content = _partial(crew.size)
+    # The same for every slice: no rule is to be satisfied.
+    content = made_up_partial(width=crew.size, height=crew.size, spp=25, variant=_VARIANTS[0])
     workers = [_Worker(crew, number, content, stop) for number in range(crew.workers)]
     for worker in workers:
         worker.connect()

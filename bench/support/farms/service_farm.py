@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING
 
 import httpx
 
+from bench import ROOT
+from bench.support.farms.simulated import POINT
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.ownership import Ownerships
@@ -34,22 +36,6 @@ RARE = 200
 BATCH = "a rare batch"
 #: As many at once as share the time that Redis takes to write to its disk.
 _HANDS = 16
-_POINT: dict[str, object] = {
-    "spp": 100,
-    "visible_pixels": 40123,
-    "visible_fraction": 0.612,
-    "slope": -1.25,
-    "estimate_pixels": 812.5,
-    "estimate_fraction": 0.0124,
-    "estimate_low_pixels": 700.25,
-    "estimate_high_pixels": 930.75,
-    "forecast_spp": 1900,
-    "forecast_low_spp": 1700,
-    "forecast_high_spp": 2300,
-    "non_finite_pixels": 0,
-    "zones": None,
-    "rules": {"visible": {"value": 0.0124, "stop": False}},
-}
 
 
 class ServiceFarm:
@@ -77,7 +63,7 @@ class ServiceFarm:
             environment.pop(name, None)
         self._process = subprocess.Popen(
             [sys.executable, "-m", "plateau", "up", "--port", "0"],
-            cwd=Path(__file__).parents[3],
+            cwd=ROOT,
             env=environment,
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
@@ -162,6 +148,6 @@ def _make(jobs: Jobs, owners: Ownerships, number: int) -> None:
     owned = owners.acquire(job.id)
     if owned is None:
         raise AssertionError(f"somebody owns the new job {job.id}")
-    owners.append_point(owned, 100, _POINT)
+    owners.append_point(owned, 100, POINT)
     owners.end(owned, JobState.FAILED if rare else JobState.CANCELLED, "as a benchmark wants it")
     owners.finish(owned, keeps_sums=False)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import tempfile
 import time
 from contextlib import contextmanager
@@ -10,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from bench.support.cores import family_cpu_s, machine_cpu_s
+from bench.support.cores import others_meanwhile
 from bench.support.farms.scale_farm import ControlPlane, Sample
 from bench.support.scale_costs import costs, merge_costs
 from plateau.farm.blobs.store import Blobs
@@ -120,10 +119,10 @@ def _load(
         planned_s = farm.add_jobs(jobs)
         with farm.workers(workers, render_s=render_s, size=plan.size) as done:
             time.sleep(1.5 * render_s + plan.warm_s)
-            before, machine, ours = farm.sample(), machine_cpu_s(), family_cpu_s()
-            time.sleep(plan.seconds)
-            after = farm.sample()
-            others = (machine_cpu_s() - machine) - (family_cpu_s() - ours)
+            with others_meanwhile() as others:
+                before = farm.sample()
+                time.sleep(plan.seconds)
+                after = farm.sample()
     slices = tuple(one for one in done if before.at < one.at <= after.at)
     print(f"{name}: {len(slices) / (after.at - before.at):.0f} slices/s", flush=True)
     return Seen(
@@ -131,5 +130,5 @@ def _load(
         planned_s=planned_s,
         spent=after.since(before),
         slices=slices,
-        others=max(0.0, others) / (after.at - before.at) / len(os.sched_getaffinity(0)),
+        others=others.share,
     )

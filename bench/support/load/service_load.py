@@ -17,19 +17,19 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import httpx
-import psutil
 
-from bench.support.cores import family_cpu_s, machine_cpu_s
+from bench import ROOT
+from bench.support.cores import others_meanwhile
 from bench.support.farms.service_farm import BATCH, ServiceFarm
 from bench.support.load.http_load import Call, at_a_rate, at_once, get, in_turn, post_form
 from bench.support.load.watchers import Watchers
 from plateau.client import Client
 from plateau.farm.model.spec import FixedSpec, JobSpec, Variant
+from plateau.scenes import FOLDER
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-ROOT = Path(__file__).parents[3]
 #: The farm's job is paused; it renders; and hundreds watch it.
 PHASES = ("idle", "rendering", "watched")
 #: What nobody here renders, so that a posted job stays in the queue.
@@ -85,7 +85,7 @@ def measure(plan: Plan) -> Found:
         with farm, Client(farm.url) as client:
             cap = 1_000_000 // plan.slice_spp * plan.slice_spp
             job = client.submit(
-                ROOT / "scenes" / "box",
+                FOLDER / "box",
                 JobSpec(
                     step=plan.slice_spp,
                     slice_spp=plan.slice_spp,
@@ -143,19 +143,17 @@ class _Load:
         events = f"/v1/jobs/{self._job}/events"
         for phase in PHASES:
             self._farm.steer(self._job, "pause" if phase == "idle" else "resume")
-            started, ours, all_ = time.monotonic(), family_cpu_s(), machine_cpu_s()
-            if phase == "watched":
-                with Watchers(self._farm.url, events, self._plan.watchers) as watch:
+            with others_meanwhile() as others:
+                if phase == "watched":
+                    with Watchers(self._farm.url, events, self._plan.watchers) as watch:
+                        self._take_latencies(found, phase)
+                    found.delays.append(_delays(watch))
+                    with Watchers(self.bare, "/stream/point", self._plan.watchers) as watch:
+                        time.sleep(self._plan.seconds)
+                    found.bare_delays.append(_delays(watch))
+                else:
                     self._take_latencies(found, phase)
-                found.delays.append(_delays(watch))
-                with Watchers(self.bare, "/stream/point", self._plan.watchers) as watch:
-                    time.sleep(self._plan.seconds)
-                found.bare_delays.append(_delays(watch))
-            else:
-                self._take_latencies(found, phase)
-            wall_s = time.monotonic() - started
-            others = machine_cpu_s() - all_ - (family_cpu_s() - ours)
-            found.others.append(max(0.0, others) / wall_s / (psutil.cpu_count() or 1))
+            found.others.append(others.share)
             self._farm.clear(keep=self._job)
 
     def _take_latencies(self, found: Found, phase: str) -> None:

@@ -15,9 +15,9 @@ import subprocess
 import sys
 import time
 from dataclasses import asdict, dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING
 
+from bench import ROOT
 from bench.support.load.http_load import address, get
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ class Watchers:
         self._count = count
         self._process = subprocess.Popen(
             [sys.executable, "-m", "bench.support.load.watchers", url, path, str(count)],
-            cwd=Path(__file__).parents[3],
+            cwd=ROOT,
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,
