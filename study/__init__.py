@@ -1,8 +1,7 @@
-"""Observer studies, from the question to the thresholds: an extension that the rest does not know.
+"""Observer studies, from the question to the thresholds: an extension of Plateau.
 
-Here is all of it: what a study is, its Redis, its pictures, its routes, its calls, its commands and
-its statistics. `plateau.extensions` names it, and nothing else imports it. Its Redis keys and its
-Lua are with all others in `plateau.farm.redis`, and its kinds of problem in the API's one list.
-
-The reasons are in docs/decisions/study.md.
+The package has the model of a study, its storage, pictures, routes, client calls, commands and
+statistics. Only `plateau.extensions` names it. Its Redis keys and Lua functions are with all others
+in `plateau.farm.redis`, and its problem types in the API's list. The reasons are in
+docs/decisions/study.md.
 """

@@ -1,7 +1,7 @@
-"""What an observer study tells of its thresholds, and how well: a logistic fit to single answers.
+"""The thresholds of an observer study with confidence intervals: a logistic fit to single answers.
 
-`plateau.study.psychometrics` fits the paper's curve to shares, all points alike. Here each answer
-counts once, so shares of 0 and 1 have their due, and the thresholds come with an interval.
+`plateau.study.psychometrics` fits the paper's curve to shares and weighs all points alike. Here
+each answer counts once, so shares of 0 and 1 are no problem, and thresholds have intervals.
 
 References
 ----------
@@ -22,17 +22,14 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from plateau.study.psychometrics import Psychometric, logistic, logit
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import NDArray
 
-#: Why a curve that does not fall is not shown.
-NOT_LESS_OFTEN: Final = (
-    "observers did not see differences less often at more samples per pixel; collect more answers, "
-    "or show levels further apart"
-)
-#: A fit to fewer answers would say nothing.
+#: A fit to fewer answers would be meaningless.
 FEWEST_ANSWERS: Final = 20
 
 _MOST_STEPS: Final = 200
@@ -40,13 +37,9 @@ _CLOSE: Final = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class AnswersFit:
-    """The probability to perceive a difference: p(x) = 1 / (1 + e^-(ax+b))."""
+class AnswersFit(Psychometric):
+    """A fit to single answers, with c = 1."""
 
-    #: Slope of the logit, per sample per pixel; below 0 where more samples help.
-    a: float
-    #: The logit at no sample.
-    b: float
     answers: int
     observers: int
     #: (2, 2) of a and b: as if all answers were independent, and by how observers differ.
@@ -54,43 +47,23 @@ class AnswersFit:
 
     @property
     def refusal(self) -> str | None:
-        """Why nothing should be concluded from the fit, in words; None where something may be."""
+        """Why nothing should be concluded from the fit, in words; None if something may be."""
         if self.answers < FEWEST_ANSWERS:
             return f"a fit needs {FEWEST_ANSWERS} answers or more, and there are {self.answers}"
-        if self.a >= 0:
-            return NOT_LESS_OFTEN
-        return None
-
-    def probability(self, spp: ArrayLike) -> NDArray[np.float64]:
-        """Return the probability to perceive a difference at these spp, of their shape."""
-        logit = self.a * np.asarray(spp, dtype=np.float64) + self.b
-        share: NDArray[np.float64] = 0.5 * (1 + np.tanh(logit / 2))
-        return share
-
-    def threshold(self, probability: float) -> float:
-        """Return the spp at which a difference is perceived with this probability, in (0, 1).
-
-        Raises
-        ------
-        ValueError
-            If the probability is not between 0 and 1, or the fit is flat.
-        """
-        if self.a == 0:
-            raise ValueError("a flat fit has no thresholds")
-        return (_logit(probability) - self.b) / self.a
+        return super().refusal
 
     def interval(self, probability: float, confidence: float = 0.95) -> tuple[float, float] | None:
         """Return the spp between which the threshold lies with this confidence, lower first.
 
-        None where the answers do not bound it: they hardly depend on spp.
+        None if the answers do not bound the threshold, because they hardly depend on spp.
 
         Notes
         -----
-        Fieller's interval: all x for which a x + b is as far from the logit of the probability as
-        chance would have it. Of the two covariances the one with the wider interval counts.
+        Fieller's interval: all x for which chance may explain the distance of a x + b from the
+        logit of the probability. Of the covariances, the one with the wider interval counts.
         """
         z2 = NormalDist().inv_cdf(0.5 + confidence / 2) ** 2
-        offset = self.b - _logit(probability)
+        offset = self.b - logit(probability)
         bounds = []
         for covariance in self.covariances:
             ((v_aa, v_ab), (_, v_bb)) = covariance.tolist()
@@ -100,7 +73,7 @@ class AnswersFit:
             constant = offset**2 - z2 * v_bb
             if quadratic <= 0:
                 return None
-            # The threshold itself is always inside, so below 0 it is rounded.
+            # The threshold is always inside, so only rounding makes this negative.
             root = math.sqrt(max(0.0, linear**2 - quadratic * constant))
             bounds.append(((-linear - root) / quadratic, (-linear + root) / quadratic))
         return max(bounds, key=lambda bound: bound[1] - bound[0])
@@ -116,7 +89,7 @@ def fit_answers(spp: Sequence[float], seen: Sequence[bool], observers: Sequence[
     seen
         Whether a difference was perceived, for each answer.
     observers
-        Who gave each answer: theirs are no independent ones.
+        The observer of each answer; the answers of one observer are not independent.
 
     Raises
     ------
@@ -140,11 +113,11 @@ def fit_answers(spp: Sequence[float], seen: Sequence[bool], observers: Sequence[
     x = np.asarray(spp, dtype=np.float64)
     y = np.asarray(seen, dtype=np.float64)
     if not x.ndim == 1 or not len(x) == len(y) == len(observers):
-        raise ValueError("there is one spp, one answer and one observer for each answer")
+        raise ValueError("spp, seen and observers need one value for each answer")
     if not np.isfinite(x).all() or np.unique(x).size < 2:
         raise ValueError("a fit needs answers at two different spp or more")
 
-    # In units in which the numbers are about 1.
+    # In units that make the numbers about 1.
     centre, unit = float(x.mean()), float(x.std())
     design = np.stack([(x - centre) / unit, np.ones_like(x)], axis=-1)
     beta, information = _firth(design, y)
@@ -154,7 +127,7 @@ def fit_answers(spp: Sequence[float], seen: Sequence[bool], observers: Sequence[
     covariances = [inverse]
     names, who = np.unique(np.asarray(observers), return_inverse=True)
     if names.size > 1:
-        residuals = design * (y - _share(design @ beta))[:, None]
+        residuals = design * (y - logistic(design @ beta))[:, None]
         scores = np.zeros((names.size, 2))
         np.add.at(scores, who, residuals)
         between = scores.T @ scores * names.size / (names.size - 1)
@@ -175,27 +148,16 @@ def _firth(
     """The coefficients where Firth's modified score is 0, and the information there."""
     beta = np.zeros(design.shape[1])
     for _ in range(_MOST_STEPS):
-        p = _share(design @ beta)
+        p = logistic(design @ beta)
         weight = p * (1 - p)
         information = design.T @ (design * weight[:, None])
         leverage = weight * np.einsum("ij,jk,ik->i", design, np.linalg.inv(information), design)
         score = design.T @ (y - p + leverage * (0.5 - p))
         step = np.linalg.solve(information, score)
-        # A long step from far away would overshoot.
+        # A longer step could overshoot.
         step /= max(1.0, float(np.abs(step).max()))
         beta += step
         if np.abs(step).max() < _CLOSE:
             break
-    p = _share(design @ beta)
+    p = logistic(design @ beta)
     return beta, design.T @ (design * (p * (1 - p))[:, None])
-
-
-def _share(logit: NDArray[np.float64]) -> NDArray[np.float64]:
-    share: NDArray[np.float64] = 0.5 * (1 + np.tanh(logit / 2))
-    return share
-
-
-def _logit(probability: float) -> float:
-    if not 0 < probability < 1:
-        raise ValueError(f"a probability must lie between 0 and 1, both excluded: {probability:g}")
-    return math.log(probability / (1 - probability))

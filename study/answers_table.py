@@ -1,15 +1,16 @@
-"""An observer study: what people saw, fitted by the paper's psychometric function.
+"""Tables of an observer study, fitted by the paper's psychometric function.
 
 A table is a CSV file in one of two forms:
 
-- that of the paper's table 1: a column `scene`, then one column for each number of samples per
-  pixel that was shown, holding the share of the observers that perceived a difference from the
-  reference. It is fitted as the paper fits it;
-- single answers, a line each, as a study exports them: the columns `scene`, `observer`, `spp` and
-  `seen` count. They are fitted so that each answer counts once, and thresholds have intervals.
+- that of the paper's table 1: a column `scene`, then one column for each level in samples per
+  pixel, with the share of observers who perceived a difference from the reference. It is fitted as
+  in the paper;
+- single answers, a line each, as a study exports them, with the columns `scene`, `observer`, `spp`
+  and `seen`. In their fit each answer counts once, and thresholds have intervals.
 """
 
 import csv
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -17,14 +18,11 @@ from typing import Final
 import numpy as np
 
 from plateau.errors import PlateauError
-from plateau.study.answers import NOT_LESS_OFTEN, AnswersFit, fit_answers
+from plateau.study.answers import AnswersFit, fit_answers
+from plateau.study.model import PROBABILITIES
 from plateau.study.psychometrics import LogitFit, fit_logit
 
-#: The paper's thresholds: a difference is perceived by half of the observers, and by a tenth.
-PROBABILITIES: Final = (0.5, 0.1)
-
-
-#: What a table of single answers has.
+#: The columns of a table of single answers.
 _ANSWERS: Final = frozenset({"scene", "observer", "spp", "seen"})
 
 
@@ -43,17 +41,13 @@ class FittedScene:
 
     @property
     def refusal(self) -> str | None:
-        """Why the fit is not shown, in words; None where it is."""
-        if isinstance(self.fit, AnswersFit):
-            return self.fit.refusal
-        if self.fit.a >= 0:
-            return NOT_LESS_OFTEN
-        return None
+        """Why the fit is not shown, in words; None if it is."""
+        return self.fit.refusal
 
     def threshold(self, probability: float) -> float | None:
-        """The spp at which a difference is perceived so often; None where that would be a guess.
+        """The spp at which a difference is perceived with this probability.
 
-        It is where the fit is refused, or the single answers do not bound it.
+        None if the fit is refused, or if the single answers do not bound the threshold.
         """
         single = isinstance(self.fit, AnswersFit)
         if self.refusal or (single and self.interval(probability) is None):
@@ -61,13 +55,13 @@ class FittedScene:
         return self.fit.threshold(probability)
 
     def interval(self, probability: float) -> tuple[float, float] | None:
-        """Where that spp lies with 95 % confidence; None where single answers are not known."""
+        """The 95 % interval of the threshold; None for a table of shares, which has none."""
         if self.refusal or not isinstance(self.fit, AnswersFit):
             return None
         return self.fit.interval(probability)
 
     def warnings(self) -> list[str]:
-        """What whoever reads the thresholds has to know, a sentence each."""
+        """What readers of the thresholds have to know, a sentence each."""
         if self.refusal:
             return [f"no fit: {self.refusal}"]
         return [told for one in PROBABILITIES if (told := self._warning(one))]
@@ -94,7 +88,7 @@ def fit_table(path: Path) -> list[FittedScene]:
     Raises
     ------
     CannotFit
-        It cannot be read, is not in this form, or a row has no fit.
+        It cannot be read, has neither form, or a row has no fit.
     """
     try:
         with path.open(newline="", encoding="utf-8") as file:
@@ -152,14 +146,14 @@ def _fit_answers(path: Path, header: list[str], rows: list[list[str]]) -> list[F
 def plot_study(fitted: list[FittedScene], path: Path) -> None:
     """Write the fits as a PNG file in the form of the paper's figure 1.
 
-    For each scene, the answers as points and the fitted probability as a curve over spp; dotted
-    lines stand at the thresholds of 50 % and 10 %, in bands that are their intervals.
+    Each scene shows the shares as points, the fit as a curve over spp, the thresholds of 50 % and
+    10 % as dotted lines, and their intervals as bands.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     columns = min(3, len(fitted))
-    lines = -(-len(fitted) // columns)
+    lines = math.ceil(len(fitted) / columns)
     figure = Figure(figsize=(3.2 * columns, 2.4 * lines), layout="constrained")
     FigureCanvasAgg(figure)
     grid = figure.subplots(lines, columns, sharex=True, sharey=True, squeeze=False)

@@ -1,4 +1,4 @@
-"""Commands for observer studies: what people see, measured."""
+"""The command line of observer studies."""
 
 from enum import Enum
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Calls about observer studies."""
+"""The client's calls for observer studies."""
 
 from collections.abc import Sequence
 from typing import Any, Final, Literal
@@ -8,15 +8,12 @@ from plateau.study.model import Screen
 from plateau.study.order import Method
 from plateau.study.views import AnswerView, ObserverView, StudyList, StudyView
 
-#: Hundreds of slices are merged before the answer comes.
+#: The service merges hundreds of slices before it answers.
 _MAKING_S: Final = 600.0
 
 
 class StudyCalls(Calls):
-    """Observer studies: made from kept slices, taken part in, exported.
-
-    `plateau.Client.studies` is one over the client's connections.
-    """
+    """Observer studies: making, taking part, export. `plateau.Client.studies` is one of these."""
 
     def __init__(self, transport: Transport) -> None:
         self._transport = transport
@@ -30,25 +27,26 @@ class StudyCalls(Calls):
         levels: Sequence[int] | None = None,
         name: str | None = None,
     ) -> StudyView:
-        """Make a study of an ended job that kept its slices; the same request makes one only.
+        """Make a study of an ended job that kept its slices; a repeated request makes only one.
 
         Parameters
         ----------
         job_id
-            Whose first slices the test images are.
+            The job whose first slices make the test images.
         reference_job_id
-            Another such job, best of the same scene with another seed; None for the job itself.
+            Another such job, preferably of the same scene with another seed; None for the job
+            itself.
         method
             ``constant`` for the thresholds, ``limits`` to find where they lie.
         levels
-            Spp of the test images, whole slices; None for the paper's 1 % to 25 %.
+            Spp of the test images, in whole slices; None for the paper's 1 % to 25 %.
         name
-            What tables call it; None for the job's name.
+            The study's name in tables; None for the job's name.
 
         Raises
         ------
         ApiError
-            ``unknown-job``; ``cannot-study`` where the slices do not suit what is asked.
+            ``unknown-job``; ``cannot-study`` if the slices do not allow the study.
         """
         asked: dict[str, Any] = {
             "job_id": job_id,
@@ -65,7 +63,7 @@ class StudyCalls(Calls):
         return self._transport.read(StudyList, "/v1/studies").studies
 
     def get(self, study_id: str) -> StudyView:
-        """A study, with what it has found so far; ``unknown-study`` where there is none."""
+        """A study, with its results so far; ``unknown-study`` if it does not exist."""
         return self._transport.read(StudyView, f"/v1/studies/{study_id}")
 
     def delete(self, study_id: str) -> None:
@@ -79,12 +77,12 @@ class StudyCalls(Calls):
         self._transport.send("DELETE", f"/v1/studies/{study_id}")
 
     def take_part(self, study_id: str, observer: str, screen: Screen) -> ObserverView:
-        """Take part under a pseudonym, or go on; returns the pairs in the observer's order.
+        """Take part under a pseudonym, or continue; returns the pairs in the observer's order.
 
         Raises
         ------
         ApiError
-            ``unknown-study``; ``cannot-study`` where it has as many observers as it may.
+            ``unknown-study``; ``cannot-study`` if it already has the most observers.
         """
         path = f"/v1/studies/{study_id}/observers/{observer}"
         asked = {"screen": screen.model_dump(mode="json")}
@@ -95,7 +93,7 @@ class StudyCalls(Calls):
     def answer(
         self, study_id: str, observer: str, trial: int, *, seen: bool, seconds: float
     ) -> AnswerView:
-        """Answer to a pair; returns the answer that counts, which is the first.
+        """Answer a pair; returns the answer that counts, which is the first.
 
         Raises
         ------
@@ -107,5 +105,5 @@ class StudyCalls(Calls):
         return self._transport.understood(AnswerView, self._transport.send("PUT", path, json=asked))
 
     def csv(self, study_id: str, what: Literal["answers", "trials"]) -> str:
-        """The answers in the form of the paper's table 1, or every answer a line each."""
+        """The answers as CSV: in the form of the paper's table 1, or one line for each."""
         return self._transport.send("GET", f"/v1/studies/{study_id}/{what}.csv").text

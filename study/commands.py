@@ -1,4 +1,4 @@
-"""`plateau study`: observer studies, made, exported and fitted."""
+"""`plateau study`: making, listing, exporting, deleting and fitting observer studies."""
 
 import json
 import sys
@@ -9,14 +9,15 @@ from typing import Any
 from plateau.commands.connect import connect, whole_id
 from plateau.exit_codes import ExitCode
 from plateau.study.answers import AnswersFit
-from plateau.study.answers_table import PROBABILITIES, FittedScene, fit_table, plot_study
+from plateau.study.answers_table import FittedScene, fit_table, plot_study
+from plateau.study.model import PROBABILITIES
 from plateau.study.order import Method
 from plateau.study.views import StudyView
 from plateau.terminal.tables import print_rows
 
 _NO_INTERVALS = (
     "a table of shares does not say how many answers it is made of, so there are no intervals; fit "
-    "the single answers (trials.csv) to have them"
+    "the single answers (trials.csv) to get them"
 )
 _COLUMNS = ("id", "name", "method", "levels", "observers", "answers", "50 % at", "95 % interval")
 
@@ -31,7 +32,7 @@ def create(
     url: str | None,
     as_json: bool,
 ) -> None:
-    """Make a study of a job; prints its id, and says where observers take part."""
+    """Make a study of a job; print its id, and where observers take part."""
     with connect(url) as client:
         study = client.studies.create(
             whole_id(client, job_id),
@@ -83,7 +84,7 @@ def delete(study_id: str, *, url: str | None) -> None:
 
 
 def fit(table: Path, *, plot: Path | None, as_json: bool) -> int:
-    """Fit a table, plot it where asked, print; the exit code says whether any scene has a fit."""
+    """Fit a table, plot and print it; the exit code says whether any scene has a fit."""
     fitted = fit_table(table)
     if plot is not None:
         plot_study(fitted, plot)

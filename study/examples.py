@@ -1,4 +1,4 @@
-"""What the API's description shows of observer studies."""
+"""Examples of observer studies in the OpenAPI document."""
 
 from typing import Any, Final
 

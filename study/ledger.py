@@ -1,11 +1,10 @@
-"""Observer studies in Redis: made, taken part in, answered, forgotten.
+"""Observer studies in Redis.
 
-A study's pictures are blobs of its own, so it stays whole when its job is forgotten. They are put
-while ``…:making`` says that the study is being made, and the study appears when all are there; a
-sweep removes the pictures of whatever is neither made nor being made. An id is never given again.
+A study has its own pictures, so it stays whole when its job is forgotten. They are put while
+``…:making`` marks the study as being made, and the study appears once all are stored. A sweep
+removes pictures without a study or a mark. An id is never used twice.
 
-Every answer is in Redis, and so on the disk, before it is acknowledged; the first one to a pair
-counts.
+Every answer is in Redis, and so on disk, before it is acknowledged; the first one to a pair counts.
 """
 
 import hashlib
@@ -40,9 +39,9 @@ from plateau.study.model import (
 )
 from plateau.study.order import Pair
 
-#: No study takes so long to make.
+#: The longest time that making a study may take, in seconds.
 _MAKING_S: Final = 1800.0
-#: Where the pictures of studies are kept, each in a folder of its own.
+#: The folder of all studies' pictures; each study has a folder in it.
 _STUDIES: Final = "studies/"
 
 
@@ -54,24 +53,24 @@ class Studies:
         self._scripts = Scripts(client)
 
     def begin(self) -> str:
-        """The id of a study that is to be made: from now on its pictures may be put."""
+        """Start making a study; returns its id, under which its pictures may now be put."""
         study_id = secrets.token_hex(6)
         self._scripts.run(BeginStudy(study=study_id, making_ms=round(_MAKING_S * 1000)))
         return study_id
 
     def made(self, request: dict[str, Any], owner: str) -> Study | None:
-        """The study that the same request of the same owner has made; None where none has."""
+        """The study that an equal request of the owner has made, or None."""
         with unavailable_as_farm_error():
             study_id = self._redis.hget(keys.STUDIES_ASKED, _digest(request, owner))
         return None if study_id is None else self.get(study_id)
 
     def create(self, study_id: str, request: dict[str, Any], owner: str, about: Any) -> Study:
-        """Show a study whose pictures are all there; the same request makes one only.
+        """Add a study whose pictures are stored; a repeated request makes only one.
 
         Raises
         ------
         CannotStudy
-            There are too many, or it took too long to make.
+            The farm has too many studies, or this one took too long to make.
         """
         digest = _digest(request, owner)
         made = self._scripts.run(
@@ -104,7 +103,7 @@ class Studies:
         return _study(fields)
 
     def sha256(self, study_id: str, blob: str) -> str | None:
-        """What the bytes of a picture of the study have to be; None where that was not noted."""
+        """The digest of a picture of the study; None if it was not noted."""
         with unavailable_as_farm_error():
             about = self._redis.hget(keys.study(study_id), "about")
         noted: dict[str, str] = json.loads(about or "{}").get("sha256", {})
@@ -119,12 +118,12 @@ class Studies:
             return [_study(fields) for fields in pipe.execute() if fields]
 
     def join(self, study: Study, name: str, screen: Screen) -> Observer:
-        """Take part under a pseudonym; who does already is found as they were, with their screen.
+        """Add an observer; one who has joined before keeps the screen of the first time.
 
         Raises
         ------
         StudyNotFound, CannotStudy
-            It is forgotten; it has as many observers as it may.
+            The study was forgotten, or has the most observers already.
         """
         shown = screen.model_dump_json()
         outcome = self._scripts.run(
@@ -140,7 +139,7 @@ class Studies:
         return self.observer(study, name)
 
     def observer(self, study: Study, name: str) -> Observer:
-        """Who takes part under a pseudonym, or `ObserverNotFound`."""
+        """The observer of this name, or `ObserverNotFound`."""
         with unavailable_as_farm_error():
             record = self._redis.hget(keys.study(study.id, "observers"), name)
         if record is None:
@@ -148,14 +147,14 @@ class Studies:
         return _observer(name, record)
 
     def observers(self, study: Study) -> list[Observer]:
-        """All who take part, in the order of coming."""
+        """All observers, in the order in which they joined."""
         with unavailable_as_farm_error():
             records = self._redis.hgetall(keys.study(study.id, "observers"))
         found = [_observer(name, record) for name, record in records.items()]
         return sorted(found, key=lambda observer: observer.number)
 
     def counts(self, study: Study) -> tuple[int, int]:
-        """How many observers and how many answers it has; neither ever changes but by growing."""
+        """The numbers of observers and of answers; both only grow."""
         with unavailable_as_farm_error():
             pipe = self._redis.pipeline(transaction=False)
             pipe.hlen(keys.study(study.id, "observers"))
@@ -166,9 +165,7 @@ class Studies:
     def answer(
         self, study: Study, observer: Observer, trial: int, *, seen: bool, seconds: float
     ) -> Answer:
-        """Note an answer, durably, before this returns; one that is there already stays.
-
-        Returns the answer that counts.
+        """Record an answer durably, unless the pair has one; returns the answer that counts.
 
         Raises
         ------
@@ -189,7 +186,7 @@ class Studies:
         return _answer(observer, trial, shown[trial], stored)
 
     def answers(self, study: Study) -> list[Answer]:
-        """All answers, by observer in the order of coming, then in the order of the pairs."""
+        """All answers, by the order of observers, then by that of their pairs."""
         observers = {observer.name: observer for observer in self.observers(study)}
         with unavailable_as_farm_error():
             records = self._redis.hgetall(keys.study(study.id, "answers"))
@@ -197,19 +194,19 @@ class Studies:
         found = []
         for place, record in records.items():
             name, number = place.split(":")
-            if name in shown:  # and has not come since we looked
+            if name in shown:  # otherwise the observer has joined meanwhile
                 trial = int(number)
                 found.append(_answer(observers[name], trial, shown[name][trial], record))
         return sorted(found, key=lambda one: (observers[one.observer].number, one.trial))
 
     def forget(self, study_id: str, store: Blobs) -> None:
-        """Remove the study with all its answers and pictures; one that is not there is fine."""
+        """Remove the study, if it exists, with all its answers and pictures."""
         self._scripts.run(ForgetStudy(study=study_id))
         store.delete(*store.names(of_study(study_id)))
 
 
 def orphans(client: RedisClient, store: Blobs) -> list[StoredBlob]:
-    """The pictures of what is neither a study nor being made into one."""
+    """The pictures that belong to no study, neither a made one nor one being made."""
     found: dict[str, list[StoredBlob]] = {}
     for blob in store.listing(_STUDIES):
         found.setdefault(blob.name.split("/")[1], []).append(blob)
@@ -222,17 +219,17 @@ def orphans(client: RedisClient, store: Blobs) -> list[StoredBlob]:
 
 
 def of_study(study_id: str) -> str:
-    """What the names of all pictures of an observer study begin with."""
+    """The prefix of the names of a study's pictures."""
     return f"{_STUDIES}{study_id}/"
 
 
 def study_reference(study_id: str) -> str:
-    """Where the picture of the reference of a study is kept."""
+    """The blob of a study's reference."""
     return f"{of_study(study_id)}reference.png"
 
 
 def study_level(study_id: str, spp: int) -> str:
-    """Where the test picture of `spp` samples per pixel of a study is kept."""
+    """The blob of a study's test image of `spp` samples per pixel."""
     return f"{of_study(study_id)}{spp:07d}.png"
 
 

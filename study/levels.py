@@ -1,4 +1,4 @@
-"""Which of a job's slices an observer study shows, and up to where each of its pictures goes."""
+"""The slices of an observer study, and the levels of its pictures."""
 
 from typing import Final
 
@@ -11,7 +11,7 @@ from plateau.study.order import Method
 
 #: The paper's levels, as shares of the reference's spp: 100, 500, …, 2500 of 10,000.
 _CONSTANT: Final = tuple(one / 100 for one in range(1, 26, 4))
-#: For the first stage: 0.5 % to 40 %, at equal ratios.
+#: Those of the first stage: 0.5 % to 40 %, at equal ratios.
 _LIMITS: Final = tuple(0.005 * 80 ** (one / 11) for one in range(12))
 
 
@@ -21,7 +21,7 @@ def kept_slices(jobs: Jobs, job: Job) -> list[KeptSlice]:
     Raises
     ------
     CannotStudy
-        It has not ended, kept none, or its pictures would be too large to be shown.
+        The job has not ended, kept no slices, or its pictures are too large for a screen.
     """
     if job.finished_at is None:
         raise CannotStudy(
@@ -45,17 +45,14 @@ def kept_slices(jobs: Jobs, job: Job) -> list[KeptSlice]:
 
 
 def default_levels(method: Method, slice_spp: int, slices: int, reference_spp: int) -> list[int]:
-    """Levels that suit most scenes: the paper's shares of the reference's spp, in whole slices.
-
-    For the first stage from 0.5 % to 40 % at equal ratios. Levels beyond the slices are left out.
-    """
+    """Levels that suit most scenes: shares of the reference's spp, in existing whole slices."""
     shares = _CONSTANT if method == "constant" else _LIMITS
     wanted = {max(1, round(share * reference_spp / slice_spp)) for share in shares}
     return [slice_spp * one for one in sorted(wanted) if one <= slices]
 
 
 def check_levels(levels: list[int], slice_spp: int, slices: int) -> tuple[int, ...]:
-    """The levels by rising spp, or `CannotStudy` where the slices have not all of them."""
+    """The levels by rising spp, or `CannotStudy` if the slices do not reach all of them."""
     possible = f"name multiples of {slice_spp} spp up to {slices * slice_spp:,}"
     if not 2 <= len(levels) <= MOST_LEVELS or len(set(levels)) < len(levels):
         raise CannotStudy(f"a study needs 2 to {MOST_LEVELS} different levels; {possible}")

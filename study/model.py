@@ -1,4 +1,4 @@
-"""Observer studies as the API shows them: what is compared, who took part, what was answered."""
+"""The model of observer studies: what is compared, who took part, and the answers."""
 
 import math
 from datetime import datetime
@@ -9,25 +9,23 @@ from pydantic import BaseModel, ConfigDict, Field
 from plateau.farm.model.errors import FarmError
 from plateau.study.order import Method, Pair, Side, pairs
 
-#: A farm has so many studies at most, so that their pictures stay bounded.
-MOST_STUDIES: Final = 200
-#: A study has so many observers at most.
-MOST_OBSERVERS: Final = 500
-#: And so many levels.
-MOST_LEVELS: Final = 24
-#: A picture has so many pixels at most: two of more would not fit side by side on any screen.
-MOST_PIXELS: Final = 2560 * 1440
+MOST_STUDIES: Final = 200  #: in a farm; bounds the space of their pictures
+MOST_OBSERVERS: Final = 500  #: in a study
+MOST_LEVELS: Final = 24  #: in a study
+MOST_PIXELS: Final = 2560 * 1440  #: in a picture; no screen shows two larger ones side by side
 
-#: What an observer may be called: nothing that a spreadsheet takes for a formula.
+#: The paper's thresholds: a difference is perceived by half of the observers, and by a tenth.
+PROBABILITIES: Final = (0.5, 0.1)
+
+#: An observer's name, which no spreadsheet takes for a formula.
 PSEUDONYM: Final = r"^[A-Za-z0-9][A-Za-z0-9_-]{0,31}$"
 
 
 class StudyNotFound(FarmError):
-    """There is no observer study of this id."""
+    """No study has this id."""
 
     def __init__(self, study_id: str) -> None:
         super().__init__(f"there is no study {study_id!r}")
-        self.study_id = study_id
 
 
 class ObserverNotFound(FarmError):
@@ -41,24 +39,23 @@ class ObserverNotFound(FarmError):
 
 
 class TrialNotFound(FarmError):
-    """The observer is shown no pair of this number."""
+    """The observer has no pair of this number."""
 
     def __init__(self, study_id: str, trial: int, trials: int) -> None:
         super().__init__(
             f"study {study_id} shows each observer {trials} pairs, numbered from 0: there is no "
             f"pair {trial}"
         )
-        self.trial = trial
 
 
 class CannotStudy(FarmError):
-    """No study can be made so, or taken part in."""
+    """The study cannot be made, or takes no more observers."""
 
 
 class Study(BaseModel):
     """A study: images of a job's first slices, to be compared with a reference."""
 
-    model_config = ConfigDict(frozen=True, extra="ignore")
+    model_config = ConfigDict(frozen=True)
 
     id: str
     name: str
@@ -66,19 +63,19 @@ class Study(BaseModel):
         description="`constant`: constant stimuli, for the thresholds; `limits`: rising and "
         "falling, to find the interval in which they lie"
     )
-    job_id: str = Field(description="whose first slices the test images are")
-    reference_job_id: str = Field(description="whose slices the reference is: all of them")
+    job_id: str = Field(description="the job whose first slices make the test images")
+    reference_job_id: str = Field(description="the job whose slices all make the reference")
     independent: bool = Field(
-        description="whether the reference has samples of its own; else the test images are parts "
-        "of it, and seem closer to it than they are"
+        description="whether the reference has its own samples; otherwise it contains those of the "
+        "test images, which seem closer to it than they are"
     )
     levels: tuple[int, ...] = Field(description="spp of the test images, rising")
     reference_spp: int
-    slice_spp: int = Field(description="of the job: levels are multiples of it")
-    exposure_ev: float = Field(description="of all images, as the job's view has it")
+    slice_spp: int = Field(description="of the job; levels are multiples of it")
+    exposure_ev: float = Field(description="of all images: the exposure of the job's view")
     width: int
     height: int
-    owner: str | None = Field(default=None, description="id of the key that made it")
+    owner: str | None = Field(default=None, description="id of the key that made the study")
     created_at: datetime
 
     def pairs(self, number: int) -> tuple[Pair, ...]:
@@ -87,18 +84,18 @@ class Study(BaseModel):
 
 
 class Screen(BaseModel):
-    """What an observer said of screen and seat; the browser can measure none of it."""
+    """An observer's own account of screen and seat, which a browser cannot measure."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     viewing_distance_cm: float = Field(ge=10, le=1000, description="from eye to screen")
     pixel_pitch_mm: float = Field(
-        ge=0.02, le=5, description="from pixel to pixel, by a card held against the screen"
+        ge=0.02, le=5, description="distance of pixels, by a card held against the screen"
     )
     gamma_matches: bool | None = Field(
         default=None,
         description="whether fine black and white lines looked as bright as the grey beside them; "
-        "null where nobody looked",
+        "null if the observer did not look",
     )
 
     @property
@@ -109,25 +106,25 @@ class Screen(BaseModel):
 
 
 class Observer(BaseModel):
-    """Somebody who takes part."""
+    """An observer of a study."""
 
-    model_config = ConfigDict(frozen=True, extra="ignore")
+    model_config = ConfigDict(frozen=True)
 
     name: str = Field(description="the pseudonym")
-    number: int = Field(description="from 0, in the order of coming; it sets the order of pairs")
+    number: int = Field(description="from 0, by time of joining; it sets the order of pairs")
     screen: Screen
     joined_at: datetime
 
 
 class Answer(BaseModel):
-    """What an observer answered to a pair."""
+    """An observer's answer to a pair."""
 
-    model_config = ConfigDict(frozen=True, extra="ignore")
+    model_config = ConfigDict(frozen=True)
 
     observer: str
     trial: int = Field(description="the pair's place in the observer's order, from 0")
     spp: int = Field(description="of the test image")
-    reference: Side = Field(description="at which side the reference was")
+    reference: Side = Field(description="the reference's side")
     seen: bool = Field(description="whether a difference was seen")
     seconds: float = Field(description="from the pair's appearance to the answer")
     at: datetime

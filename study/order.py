@@ -1,17 +1,17 @@
-"""In which order an observer sees the pairs of a study.
+"""The order in which an observer sees the pairs of a study.
 
-It is a pure function of the study and the observer: so a page that is loaded again goes on where it
-stood, and the order need not be stored.
+It is a pure function of the study and the observer. So it need not be stored, and a reloaded page
+continues where it stopped.
 
 *Method of constant stimuli*: two blocks, each with every level once. A block is a row of a Williams
-square over a shuffle of the levels that each study has of its own: over 2 L observers, each level
-stands at each place of the first block equally often, and follows each other one equally often. The
-second block is another row, and never begins with the level that the first has ended with. Of the
-two times that a level is shown, the reference is once at the left and once at the right, and in
-each block as often at one side as at the other (an odd one goes to either in turn).
+square over the study's own shuffle of the levels. Over 2 L observers, each level is equally often
+at each place of the first block, and follows each other level equally often. The second block is
+another row and never begins with the last level of the first. Each level is shown once with the
+reference at the left and once with it at the right; each block has the reference equally often at
+either side (of an odd number, the sides get one more in turn).
 
-*Method of limits*: all levels rising and all falling; every other observer begins with the falling
-ones. The sides are drawn in the same way.
+*Method of limits*: all levels rising, then all falling; every other observer begins with the
+falling ones. The sides are chosen in the same way.
 
 References
 ----------
@@ -32,25 +32,25 @@ _Item = TypeVar("_Item")
 
 @dataclass(frozen=True)
 class Pair:
-    """What is shown at once: the reference and a test image."""
+    """The reference and a test image, which are shown together."""
 
     spp: int  #: of the test image
     reference: Side
 
 
 def pairs(study_id: str, levels: tuple[int, ...], method: Method, number: int) -> tuple[Pair, ...]:
-    """The pairs in the order in which an observer sees them: each level twice.
+    """The pairs in the order in which an observer sees them, each level twice.
 
     Parameters
     ----------
     study_id
-        Shuffles the levels and draws the sides.
+        Seeds the shuffle of the levels and the sides.
     levels
-        Spp of the test images, by rising spp; two at least.
+        Spp of the test images, rising; at least two.
     method
-        That of the study.
+        The study's method.
     number
-        The observer's, from 0, by which the order is counterbalanced.
+        The observer's number, from 0, by which the order is counterbalanced.
     """
     first, second = _blocks(study_id, levels, method, number)
     sides = _sides(study_id, levels, number)
@@ -69,7 +69,7 @@ def _blocks(
     shuffled = _shuffled(levels, study_id)
     count = len(levels)
     first = _williams_row(count, number)
-    # Some later row; the next one after it where it would begin as the first has ended.
+    # A later row, skipping any that begins with the last level of the first.
     ahead = 1 + number // (2 * count)
     while (second := _williams_row(count, number + ahead))[0] == first[-1]:
         ahead += 1
@@ -84,7 +84,7 @@ def _williams_row(count: int, row: int) -> list[int]:
 
 
 def _sides(study_id: str, levels: tuple[int, ...], number: int) -> dict[int, Side]:
-    """At which side the reference is in the first block, for each level."""
+    """The reference's side in the first block, by level."""
     half = (len(levels) + number % 2) // 2
     drawn = _shuffled(levels, f"{study_id}:{number}")
     return {spp: "left" if place < half else "right" for place, spp in enumerate(drawn)}
@@ -95,5 +95,5 @@ def _other(side: Side) -> Side:
 
 
 def _shuffled(items: Iterable[_Item], seed: str) -> list[_Item]:
-    """The items in an order that no version of Python will change."""
+    """The items in an order that does not depend on the version of Python."""
     return sorted(items, key=lambda item: hashlib.sha256(f"{seed}:{item}".encode()).digest())

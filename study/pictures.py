@@ -1,7 +1,6 @@
 """The pictures of an observer study: a job's first slices merged, and the reference of all slices.
 
-All are made alike, by the job's own exposure, so that nothing tells two of them apart but the
-number of their samples.
+All have the job's exposure, so that they differ only by the number of their samples.
 """
 
 import hashlib
@@ -38,19 +37,19 @@ def put_pictures(
     Parameters
     ----------
     store, study_id
-        Where they go.
+        The blob store, and the study whose pictures these are.
     job
-        Whose exposure they all have, and whose slices the levels are made of.
+        The job whose slices make the test images; all pictures have its exposure.
     slices, reference
-        The slices of the job and of the reference, from the first on; the same where the job is
-        its own reference.
+        The slices of the job and of the reference, from the first on; equal if the job is its own
+        reference.
     levels
         Spp of the test images, rising.
 
     Raises
     ------
     CannotStudy
-        A slice is gone, spoiled or of another size.
+        A slice is gone, damaged or of another size.
     """
     places = {spp: study_level(study_id, spp) for spp in levels}
     same = slices == reference
@@ -61,14 +60,14 @@ def put_pictures(
             if merge.spp in places:
                 digests[places[merge.spp]] = _put(store, places[merge.spp], merge, job)
         if not same:
-            *_, merge = _merges(store, reference, slice_spp=1)  # one object that grows
+            *_, merge = _merges(store, reference, slice_spp=1)
         place = study_reference(study_id)
         digests[place] = _put(store, place, merge, job)
     return digests
 
 
 def _merges(store: Blobs, slices: list[KeptSlice], slice_spp: int) -> Iterator[Merge]:
-    """The sum of the slices so far, after each of them."""
+    """Yield the sum after each slice; it is one object that grows."""
     merge = Merge(slice_spp=slice_spp)
     for kept in slices:
         try:

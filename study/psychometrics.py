@@ -1,4 +1,4 @@
-"""What observers saw: the psychometric function of section 3.2 of the paper, and its thresholds.
+"""The psychometric function of section 3.2 of the paper, its thresholds, and the paper's fit.
 
 References
 ----------
@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -21,22 +21,31 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike, NDArray
 
-#: The paper's c: a little above 1, so that a probability of 1 has a logit.
-CEILING = 1.01
+#: The paper's c: slightly above 1, so that a probability of 1 has a logit.
+CEILING: Final = 1.01
 
 
-@dataclass(frozen=True)
-class LogitFit:
+@dataclass(frozen=True, eq=False)
+class Psychometric:
     """The probability to perceive a difference: p(x) = c e^(ax+b) / (1 + e^(ax+b))."""
 
-    #: Slope of the logit, per sample per pixel; below 0 where more samples help.
-    a: float
-    #: The logit at no sample.
-    b: float
-    #: The ceiling of p.
-    c: float
-    #: Pearson's correlation of x and the logit, in [-1, 1].
-    r: float
+    a: float  #: slope of the logit, per sample per pixel; negative if more samples help
+    b: float  #: the logit at 0 spp
+
+    @property
+    def ceiling(self) -> float:
+        """The c of the function."""
+        return 1.0
+
+    @property
+    def refusal(self) -> str | None:
+        """Why nothing should be concluded from the fit, in words; None if something may be."""
+        if self.a < 0:
+            return None
+        return (
+            "observers did not see differences less often at more samples per pixel; collect more "
+            "answers, or show levels further apart"
+        )
 
     def probability(self, spp: ArrayLike) -> NDArray[np.float64]:
         """Return the probability to perceive a difference at these spp, in (0, c), of their shape.
@@ -47,15 +56,12 @@ class LogitFit:
         >>> fit.probability([0, 2000, 4000]).round(3).tolist()
         [0.992, 0.505, 0.018]
         """
-        logit = self.a * np.asarray(spp, dtype=np.float64) + self.b
-        # The same as e^logit / (1 + e^logit), without overflow on either side.
-        share: NDArray[np.float64] = self.c * 0.5 * (1 + np.tanh(logit / 2))
-        return share
+        return self.ceiling * logistic(self.a * np.asarray(spp, dtype=np.float64) + self.b)
 
     def threshold(self, probability: float) -> float:
         """Return the spp at which a difference is perceived with this probability.
 
-        It is x = (ln(q/(c-q)) - b)/a, which may be negative where the fit never says so much.
+        It is x = (ln(q/(c-q)) - b)/a, which is negative if the fit never reaches the probability.
 
         Raises
         ------
@@ -69,7 +75,20 @@ class LogitFit:
         """
         if self.a == 0:
             raise ValueError("a flat fit has no thresholds")
-        return (_logit(probability, self.c) - self.b) / self.a
+        return (logit(probability, self.ceiling) - self.b) / self.a
+
+
+@dataclass(frozen=True, eq=False)
+class LogitFit(Psychometric):
+    """The paper's fit to shares."""
+
+    c: float
+    r: float  #: Pearson's correlation of x and the logit, in [-1, 1]
+
+    @property
+    def ceiling(self) -> float:
+        """The fit's c."""
+        return self.c
 
 
 def fit_logit(
@@ -93,8 +112,9 @@ def fit_logit(
 
     Notes
     -----
-    A fit to logits weighs all points alike, however close to 0 or c. It is what the paper did; a
-    maximum-likelihood fit to the answers themselves would weigh them by what they can tell.
+    A fit to logits weighs all points alike, however close to 0 or c, as the paper does. The
+    maximum-likelihood fit to single answers in `plateau.study.answers` weighs them by their
+    information.
 
     Examples
     --------
@@ -108,7 +128,7 @@ def fit_logit(
         raise ValueError(f"{x.size} spp and {len(probabilities)} probabilities do not go together")
     if not np.isfinite(x).all() or np.unique(x).size < 2:
         raise ValueError("a fit needs probabilities at two different spp or more")
-    logits = np.array([_logit(p, ceiling) for p in probabilities])
+    logits = np.array([logit(p, ceiling) for p in probabilities])
 
     dx, dy = x - x.mean(), logits - logits.mean()
     a = float(dx @ dy / (dx @ dx))
@@ -121,7 +141,14 @@ def fit_logit(
     )
 
 
-def _logit(probability: float, ceiling: float) -> float:
+def logistic(logits: NDArray[np.float64]) -> NDArray[np.float64]:
+    """e^x / (1 + e^x), without overflow on either side."""
+    share: NDArray[np.float64] = 0.5 * (1 + np.tanh(logits / 2))
+    return share
+
+
+def logit(probability: float, ceiling: float = 1.0) -> float:
+    """ln(p/(c-p)), or `ValueError` outside of (0, c)."""
     if not 0 < probability < ceiling:
         raise ValueError(
             f"the probability {probability:g} cannot be fitted; it must be above 0 and below "

@@ -1,4 +1,4 @@
-"""What a study has found: how often a difference was seen at each level, the fit, and CSV files."""
+"""The results of a study: the answers at each level, the fit, and CSV files."""
 
 import csv
 import io
@@ -7,13 +7,13 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Final
 
 from plateau.study.ledger import Studies
-from plateau.study.model import MOST_STUDIES, Answer, Observer, Study
+from plateau.study.model import MOST_STUDIES, PROBABILITIES, Answer, Observer, Study
 from plateau.study.views import LevelResult, StudyResult, Threshold
 
 if TYPE_CHECKING:
     from plateau.study.answers import AnswersFit
 
-_THRESHOLDS: Final = (0.5, 0.1)
+#: The first characters of a cell that a spreadsheet takes for a formula.
 _FORMULA: Final = ("=", "+", "-", "@", "\t", "\r")
 
 TRIALS_HEADER: Final = (
@@ -32,29 +32,29 @@ TRIALS_HEADER: Final = (
 
 
 class StudyResults:
-    """What studies have found so far, computed anew only where there are new answers."""
+    """The results of studies so far, computed again only after new answers."""
 
     def __init__(self, studies: Studies) -> None:
         self._studies = studies
         self._known: dict[str, tuple[tuple[int, int], StudyResult]] = {}
 
     def of(self, study: Study) -> StudyResult:
-        """What the study has found so far."""
-        # Counted before the answers are read: what comes in between is found by the next look.
+        """The study's results so far."""
+        # Counted before the answers are read: the next call sees any that come in between.
         counts = self._studies.counts(study)
         known = self._known.get(study.id)
         if known is not None and known[0] == counts:
             return known[1]
         observers, answers = self._studies.observers(study), self._studies.answers(study)
         found = study_result(study, observers, answers)
-        if len(self._known) >= 2 * MOST_STUDIES:  # most of them are forgotten by now
+        if len(self._known) >= 2 * MOST_STUDIES:  # at least half of these studies are deleted
             self._known.clear()
         self._known[study.id] = (counts, found)
         return found
 
 
 def study_result(study: Study, observers: list[Observer], answers: list[Answer]) -> StudyResult:
-    """What the study has found so far."""
+    """The study's results by these observers and answers."""
     levels = _levels(study, answers)
     fit = _fit(answers)
     pairs = len(study.pairs(0))
@@ -72,17 +72,14 @@ def study_result(study: Study, observers: list[Observer], answers: list[Answer])
 
 
 def table_csv(study: Study, answers: list[Answer]) -> str:
-    """The form of the paper's table 1: at each level, the share of answers that saw a difference.
-
-    Levels without an answer are left out.
-    """
+    """The paper's table 1: the share of "seen" among the answers at each level that has any."""
     levels = [level for level in _levels(study, answers) if level.shown]
     shares = [f"{level.seen / level.shown:.6g}" for level in levels]
     return _csv([["scene", *(level.spp for level in levels)], [study.name, *shares]])
 
 
 def trials_csv(study: Study, observers: list[Observer], answers: list[Answer]) -> str:
-    """Every answer with all that is known of it, a line each."""
+    """All answers, a line each."""
     screens = {observer.name: observer.screen for observer in observers}
     rows: list[list[object]] = [list(TRIALS_HEADER)]
     for one in answers:
@@ -117,7 +114,7 @@ def _levels(study: Study, answers: list[Answer]) -> list[LevelResult]:
 def _fit(answers: list[Answer]) -> "AnswersFit | None":
     if len({one.spp for one in answers}) < 2:
         return None
-    from plateau.study.answers import fit_answers  # numpy: loaded when there are answers
+    from plateau.study.answers import fit_answers  # imports numpy, so only once answers exist
 
     fit = fit_answers(
         [one.spp for one in answers],
@@ -128,8 +125,8 @@ def _fit(answers: list[Answer]) -> "AnswersFit | None":
 
 
 def _thresholds(fit: "AnswersFit") -> Iterator[Threshold]:
-    """Those that the answers bound: any other would be a guess."""
-    for probability in _THRESHOLDS:
+    """Yield the thresholds that the answers bound."""
+    for probability in PROBABILITIES:
         interval = fit.interval(probability)
         if interval is not None:
             low, high = interval
@@ -138,7 +135,7 @@ def _thresholds(fit: "AnswersFit") -> Iterator[Threshold]:
 
 
 def _suggested(levels: list[LevelResult], slice_spp: int) -> list[int]:
-    """From the last level that nearly all see to the first that hardly anybody does."""
+    """Seven levels from the last that nearly all see to the first that hardly anybody sees."""
     shares = [(one.spp, one.seen / one.shown) for one in levels if one.shown]
     if not shares:
         return []
@@ -155,5 +152,5 @@ def _csv(rows: list[list[object]]) -> str:
 
 
 def _plain(row: list[object]) -> list[object]:
-    """No cell that a spreadsheet would take for a formula: a study may have any name."""
+    """The row with formulas quoted, since a study may have any name."""
     return [f"'{one}" if str(one).startswith(_FORMULA) else one for one in row]

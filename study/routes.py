@@ -1,4 +1,4 @@
-"""Routes of observer studies: made from kept slices, taken part in, exported."""
+"""The routes of observer studies: making, taking part, export."""
 
 from dataclasses import dataclass
 from typing import Annotated, Any, Final
@@ -55,7 +55,7 @@ async def _parts(request: Request) -> _Parts:
 
 
 def mount(app: FastAPI, client: RedisClient) -> None:
-    """Add the routes to the API, and what becomes of their errors."""
+    """Add the routes and their errors' problems to the API."""
     studies = Studies(client)
     app.state.study = _Parts(app.state.parts, studies, StudyResults(studies))
     app.include_router(router)
@@ -112,10 +112,10 @@ def _csv(example: str) -> dict[int | str, dict[str, Any]]:
     },
 )
 def create_study(asked: NewStudy, farm: _Farm, who: CallerOf, response: Response) -> StudyView:
-    """Make a study from the kept slices of an ended job: its pictures are merged now.
+    """Make a study from the kept slices of an ended job, and merge its pictures now.
 
-    That takes a moment for each slice. The pictures are the study's own, so the jobs may be
-    forgotten after it. The same request of the same key makes one study, however often it is sent.
+    That takes a moment for each slice. The study has its own pictures, so the jobs may be forgotten
+    afterwards. Repeated requests of one key make only one study.
     """
     request = asked.model_dump(mode="json")
     study = farm.studies.made(request, who.id)
@@ -133,7 +133,7 @@ def list_studies(farm: _Farm) -> StudyList:
 
 @router.get("/{study_id}", responses=documented(*_INVALID))
 def get_study(study_id: _StudyId, farm: _Farm) -> StudyView:
-    """Show a study and what it has found so far. Not for observers before they have answered."""
+    """Show a study and its results so far. Observers should answer before they see it."""
     return _shown(farm, farm.studies.get(study_id))
 
 
@@ -141,7 +141,7 @@ def get_study(study_id: _StudyId, farm: _Farm) -> StudyView:
     "/{study_id}", status_code=204, responses=documented(problems.NOT_YOUR_STUDY, *_INVALID)
 )
 def delete_study(study_id: _StudyId, farm: _Farm, who: CallerOf) -> None:
-    """Remove a study with all its answers and pictures. It takes the key that made it."""
+    """Remove a study with all its answers and pictures. This needs the key that made it."""
     study = farm.studies.get(study_id)
     if not who.may_steer(study.owner):
         raise Problem(problems.NOT_YOUR_STUDY, f"study {study.id} {not_yours(study.owner)}")
@@ -168,9 +168,9 @@ def get_study_level(
     "/{study_id}/answers.csv", response_class=Response, responses=_csv(examples.ANSWERS_CSV)
 )
 def get_study_answers(study_id: _StudyId, farm: _Farm) -> Response:
-    """Export the study in the form of the paper's table 1: the share that saw a difference.
+    """Export the shares that saw a difference, in the form of the paper's table 1.
 
-    A column for each level that has answers. `plateau study fit` reads it.
+    It has a column for each level that has answers. `plateau study fit` reads it.
     """
     study = farm.studies.get(study_id)
     return _as_csv(f"{study.id}-answers.csv", table_csv(study, farm.studies.answers(study)))
@@ -178,9 +178,9 @@ def get_study_answers(study_id: _StudyId, farm: _Farm) -> Response:
 
 @router.get("/{study_id}/trials.csv", response_class=Response, responses=_csv(examples.TRIALS_CSV))
 def get_study_trials(study_id: _StudyId, farm: _Farm) -> Response:
-    """Export every answer, a line each: who, to what, what, and at which screen.
+    """Export every answer, a line each, with its observer, pair and screen.
 
-    `plateau study fit` reads it too, and says how sure the thresholds are.
+    `plateau study fit` reads it too, and gives intervals for the thresholds.
     """
     study = farm.studies.get(study_id)
     answers = farm.studies.answers(study)
@@ -192,9 +192,9 @@ def get_study_trials(study_id: _StudyId, farm: _Farm) -> Response:
     "/{study_id}/observers/{observer}", responses=documented(problems.CANNOT_STUDY, *_INVALID)
 )
 def join_study(study_id: _StudyId, observer: _Name, asked: TakingPart, farm: _Farm) -> ObserverView:
-    """Take part in a study under a pseudonym; whoever does already goes on as before.
+    """Take part in a study under a pseudonym.
 
-    Then the screen stays that of the first time.
+    One who takes part already continues, with the screen of the first time.
     """
     study = farm.studies.get(study_id)
     return _observer(farm, study, farm.studies.join(study, observer, asked.screen))
@@ -204,7 +204,7 @@ def join_study(study_id: _StudyId, observer: _Name, asked: TakingPart, farm: _Fa
     "/{study_id}/observers/{observer}", responses=documented(problems.UNKNOWN_OBSERVER, *_INVALID)
 )
 def get_observer(study_id: _StudyId, observer: _Name, farm: _Farm) -> ObserverView:
-    """Show what an observer is shown, in order, and what of it has an answer."""
+    """Show an observer's pairs, in order, and which of them have an answer."""
     study = farm.studies.get(study_id)
     return _observer(farm, study, farm.studies.observer(study, observer))
 
@@ -220,9 +220,9 @@ def answer_trial(
     asked: NewAnswer,
     farm: _Farm,
 ) -> AnswerView:
-    """Answer to a pair. On the disk when this returns; only the first answer to a pair counts.
+    """Answer a pair. Only the first answer to a pair counts, and the response shows that one.
 
-    The answer that counts is shown, so a repeat is harmless.
+    It is on disk when this returns. Repeating it is harmless.
     """
     study = farm.studies.get(study_id)
     who = farm.studies.observer(study, observer)
@@ -231,8 +231,8 @@ def answer_trial(
 
 
 def _made(asked: NewStudy, request: dict[str, Any], farm: _Parts, owner: str) -> Study:
-    """A study of this request, its pictures merged and put."""
-    # Imported when the first is made: numpy and the metric take a fifth of an API's start.
+    """Make the study of this request."""
+    # Imported at the first use: numpy and the metric take a fifth of the API's start.
     from plateau.study.pictures import put_pictures
 
     job = farm.api.job(asked.job_id)
@@ -268,7 +268,7 @@ def _made(asked: NewStudy, request: dict[str, Any], farm: _Parts, owner: str) ->
     except CannotStudy:
         farm.studies.forget(study_id, farm.api.blobs)
         raise
-    if study.id != study_id:  # the same request was faster elsewhere
+    if study.id != study_id:  # an equal request was faster
         farm.studies.forget(study_id, farm.api.blobs)
     return study
 
@@ -290,7 +290,6 @@ def _picture(farm: _Parts, study_id: str, blob: str) -> Response:
             f"there is no study {study_id!r} with this picture; GET /v1/studies lists the studies "
             "and their levels",
         ) from error
-    # It never changes.
     return Response(content, media_type="image/png", headers={"Cache-Control": FINAL})
 
 

@@ -1,4 +1,4 @@
-"""What the API takes and shows of observer studies."""
+"""The bodies of requests and answers about observer studies."""
 
 from typing import Annotated, Any
 
@@ -17,9 +17,7 @@ def _shows(example: dict[str, Any]) -> Any:
 
 
 class LevelResult(BaseModel):
-    """What was answered at one level."""
-
-    model_config = ConfigDict(extra="ignore")
+    """The answers at one level."""
 
     spp: int
     shown: int = Field(description="answers")
@@ -27,23 +25,19 @@ class LevelResult(BaseModel):
 
 
 class Threshold(BaseModel):
-    """From where on a difference is seen less often."""
-
-    model_config = ConfigDict(extra="ignore")
+    """The spp at which a difference is seen with a given probability."""
 
     probability: float = Field(description="to see a difference")
     spp: float
-    low_spp: float | None = Field(description="95 % interval; null where the answers give none")
+    low_spp: float | None = Field(description="95 % interval; null if the answers give none")
     high_spp: float | None
 
 
 class StudyResult(BaseModel):
-    """What a study has found so far."""
-
-    model_config = ConfigDict(extra="ignore")
+    """A study's results so far."""
 
     observers: int
-    finished: int = Field(description="observers who have answered to all their pairs")
+    finished: int = Field(description="observers who have answered all their pairs")
     answers: int
     levels: list[LevelResult] = Field(description="by rising spp")
     a: float | None = Field(
@@ -55,13 +49,13 @@ class StudyResult(BaseModel):
         description="where p is 0.5 and 0.1, as far as the answers bound it; none without a fit"
     )
     suggested_levels: list[int] = Field(
-        description="for a study by constant stimuli: seven at equal distances over the interval "
-        "in which the answers change"
+        description="for a study by constant stimuli: seven levels at equal distances over the "
+        "interval in which the answers change"
     )
 
 
 class NewStudy(WithWholeNumbers):
-    """What a study is to be made of."""
+    """A request to make a study."""
 
     model_config = ConfigDict(
         extra="forbid", strict=True, json_schema_extra=_shows(examples.NEW_STUDY)
@@ -70,28 +64,28 @@ class NewStudy(WithWholeNumbers):
     job_id: _JobId = Field(description="an ended job that kept its slices (`keep_slices`)")
     reference_job_id: _JobId | None = Field(
         default=None,
-        description="another such job of the same size, best one of the same scene with another "
+        description="another such job of the same size, preferably of the same scene with another "
         "`seed`; null takes all slices of the job itself",
     )
     method: Method = Field(default="constant", description="see the study's")
     levels: list[Annotated[int, Field(ge=1, le=1_000_000)]] | None = Field(
         default=None,
         max_length=MOST_LEVELS,
-        description="spp of the test images, whole slices; null takes the paper's 1 % to 25 % of "
-        "the reference's spp",
+        description="spp of the test images, in whole slices; null takes the paper's levels, "
+        "1 % to 25 % of the reference's spp",
     )
     name: (
         Annotated[
             str, StringConstraints(min_length=1, max_length=200, pattern=r"^[^\x00-\x1f\x7f]+$")
         ]
         | None
-    ) = Field(default=None, description="what tables call it; null takes the job's name")
+    ) = Field(default=None, description="the study's name in tables; null takes the job's name")
 
 
 class StudyView(Study):
-    """A study, with what it has found and where its files are."""
+    """A study, with its results and the paths of its files."""
 
-    model_config = ConfigDict(frozen=True, extra="ignore", json_schema_extra=_shows(examples.STUDY))
+    model_config = ConfigDict(json_schema_extra=_shows(examples.STUDY))
 
     trials: int = Field(description="pairs that each observer is shown")
     result: StudyResult
@@ -101,7 +95,7 @@ class StudyView(Study):
 class StudyList(BaseModel):
     """All studies."""
 
-    model_config = ConfigDict(extra="ignore", json_schema_extra=_shows(examples.STUDIES))
+    model_config = ConfigDict(json_schema_extra=_shows(examples.STUDIES))
 
     studies: list[StudyView] = Field(
         description=f"newest first; a farm keeps {MOST_STUDIES} at most"
@@ -109,7 +103,7 @@ class StudyList(BaseModel):
 
 
 class TakingPart(BaseModel):
-    """How somebody takes part."""
+    """A request to take part."""
 
     model_config = ConfigDict(
         extra="forbid", strict=True, json_schema_extra=_shows(examples.TAKING_PART)
@@ -121,8 +115,6 @@ class TakingPart(BaseModel):
 class Trial(BaseModel):
     """A pair as it is shown."""
 
-    model_config = ConfigDict(extra="ignore")
-
     trial: int = Field(description="its place in the order, from 0")
     left: str = Field(description="path of the picture at the left")
     right: str
@@ -130,19 +122,17 @@ class Trial(BaseModel):
 
 
 class ObserverView(Observer):
-    """Who takes part, what is shown to them, and what they have answered."""
+    """An observer, their pairs, and which of these they have answered."""
 
-    model_config = ConfigDict(
-        frozen=True, extra="ignore", json_schema_extra=_shows(examples.OBSERVER)
-    )
+    model_config = ConfigDict(json_schema_extra=_shows(examples.OBSERVER))
 
     pixels_per_degree: float
-    trials: list[Trial] = Field(description="the same ones in the same order, whenever asked for")
-    answered: list[int] = Field(description="the numbers of those that have an answer")
+    trials: list[Trial] = Field(description="the pairs, in an order that never changes")
+    answered: list[int] = Field(description="the numbers of the pairs that have an answer")
 
 
 class NewAnswer(BaseModel):
-    """What an observer answers to a pair."""
+    """A request to answer a pair."""
 
     model_config = ConfigDict(
         extra="forbid", strict=True, json_schema_extra=_shows(examples.NEW_ANSWER)
@@ -157,9 +147,7 @@ class NewAnswer(BaseModel):
 class AnswerView(Answer):
     """The answer that counts."""
 
-    model_config = ConfigDict(
-        frozen=True, extra="ignore", json_schema_extra=_shows(examples.ANSWER)
-    )
+    model_config = ConfigDict(json_schema_extra=_shows(examples.ANSWER))
 
 
 def study_view(study: Study, result: StudyResult) -> StudyView:

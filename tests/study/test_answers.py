@@ -88,5 +88,5 @@ def test_what_cannot_be_fitted_is_said(
 
 @pytest.mark.parametrize("probability", [0.0, 1.0, -0.1, float("nan")])
 def test_a_probability_is_between_0_and_1(probability: float) -> None:
-    with pytest.raises(ValueError, match="between 0 and 1"):
+    with pytest.raises(ValueError, match="above 0 and below c = 1"):
         simulated(0).threshold(probability)

@@ -158,7 +158,7 @@ _KEY: Final[JsonDict] = {
 class KeyView(BaseModel):
     """The key that a request came with."""
 
-    model_config = ConfigDict(extra="ignore", json_schema_extra={"examples": [_KEY]})
+    model_config = ConfigDict(json_schema_extra={"examples": [_KEY]})
 
     id: str | None = Field(description="`owner` of the jobs that it makes; null without a key")
     name: str | None
