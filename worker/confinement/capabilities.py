@@ -1,4 +1,4 @@
-"""Takes root's powers away: what is left of root is a user whose id is 0."""
+"""Drops root's capabilities: what is left of root is a user whose id is 0."""
 
 import os
 import struct
@@ -21,14 +21,14 @@ _READ_ANY_FILE: Final = 1 << 2  # CAP_DAC_READ_SEARCH
 def drop_capabilities(needed: Path = Path(os.__file__)) -> None:
     """Give up every capability, for this thread and all that it starts, for good.
 
-    One is kept where nothing would run without it: the power to read any file, where this Python
-    lies in a folder that only its owner may enter (``sudo plateau worker`` with a user's Python).
-    Landlock then decides alone what may be read.
+    The one to read any file is kept if nothing would run without it: if this Python lies in a
+    folder that only its owner may enter (``sudo plateau worker`` with a user's Python). Landlock
+    alone then decides what may be read.
 
     Parameters
     ----------
     needed : Path
-        A file that has to stay readable, of Python's own library unless another is given.
+        A file that has to stay readable; by default one of Python's own library.
 
     Raises
     ------
@@ -37,8 +37,8 @@ def drop_capabilities(needed: Path = Path(os.__file__)) -> None:
     """
     if not sys.platform.startswith("linux") or not held():
         return
-    # What a program could get back. Without CAP_SETPCAP this fails, and nothing is lost: programs
-    # are refused, and would have no new privileges.
+    # A program could regain these. Without CAP_SETPCAP the calls fail, which does no harm: programs
+    # are refused, and would get no new privileges.
     last = int(Path("/proc/sys/kernel/cap_last_cap").read_text())
     with suppress(OSError):
         for capability in range(last + 1):
@@ -71,7 +71,7 @@ def _is_readable(file: Path) -> bool:
 def refuse_new_privileges() -> None:
     """Keep set-user-id programs powerless, for this thread and all that it starts, for good.
 
-    Without this only root could take a ruleset of Landlock's, or a filter of seccomp's.
+    Without this only root could apply a Landlock ruleset or a seccomp filter.
 
     Raises
     ------
@@ -82,7 +82,7 @@ def refuse_new_privileges() -> None:
 
 
 def held() -> int:
-    """Return the capabilities that this thread may use, a bit each."""
+    """Return the capabilities that this thread may use, one bit for each."""
     status = Path("/proc/thread-self/status").read_text()
     permitted = next(line for line in status.splitlines() if line.startswith("CapPrm:"))
     return int(permitted.split()[1], 16)

@@ -1,17 +1,16 @@
-"""What a render child may not take, see or do, whatever the scene in it comes to.
+"""Confines a render child, so that a hostile scene in it can do little.
 
-Resource limits bound its memory, its open files and the files that it writes; its time is bounded
-by the supervisor. Four things then keep it from whoever else is on the machine, its supervisor
-first:
+Resource limits bound its memory, its open files and the files that it writes; the supervisor bounds
+its time. Four measures then protect all other processes of the machine, its supervisor first:
 
 - Landlock leaves it Python, Mitsuba, the system's libraries, the scenes (which it can open by name
-  and not list) and one folder to write into, that of the kernels that Dr.Jit compiles.
-- Root's capabilities go.
-- Its memory is shut: no process of the same user can look into it.
+  but not list) and one folder to write into, with the kernels that Dr.Jit compiles.
+- Root's capabilities are dropped.
+- Its memory is closed: no process of the same user can read it.
 - A seccomp filter refuses other programs and processes, sockets, signals and the like.
 
-All of it is taken before the child has a second thread and before it has seen a scene. What the
-kernel lacks is told and left out. What is left to a scene that takes a child over: the scenes that
+All are applied before the child has a second thread and before it sees a scene. A measure that the
+kernel lacks is reported and left out. A scene that takes a child over still reaches the scenes that
 this child is given, and the kernels that children of this machine share.
 """
 
@@ -47,7 +46,7 @@ _MACHINE: Final = (
 
 
 def limit_resources(memory_bytes: int, open_files: int, file_bytes: int) -> None:
-    """Bound what this process can take, from now on and for good.
+    """Bound what this process can use, from now on and for good.
 
     Parameters
     ----------
@@ -56,7 +55,7 @@ def limit_resources(memory_bytes: int, open_files: int, file_bytes: int) -> None
     open_files : int
         Files open at a time.
     file_bytes : int
-        Size of any file written: more fails with ``EFBIG``, since Python ignores ``SIGXFSZ``.
+        Size of any file that it writes; more fails with ``EFBIG``: Python ignores ``SIGXFSZ``.
     """
     limit(resource.RLIMIT_CORE, 0)
     limit(resource.RLIMIT_NOFILE, open_files)
@@ -67,24 +66,24 @@ def limit_resources(memory_bytes: int, open_files: int, file_bytes: int) -> None
 
 @dataclass(frozen=True)
 class Measure:
-    """One of the things that shut a render child in."""
+    """One of the measures that confine a render child."""
 
-    name: str  #: what it is about
-    holds: str  #: what is so where it was taken
-    error: str | None  #: why it could not be taken; None where it was
+    name: str
+    holds: str  #: what it ensures
+    error: str | None  #: why it could not be applied; None if it was
 
 
 def confine(*, scenes: Iterable[Path], kernels: Path) -> tuple[Measure, ...]:
-    """Shut this process in, for good; return what was done for that, and what could not be.
+    """Confine this process, for good; return each measure, applied or not.
 
-    To be called before other threads are started: Landlock and capabilities are each thread's own.
+    Call it before other threads start: Landlock and capabilities hold for one thread each.
 
     Parameters
     ----------
     scenes : iterable of Path
         Folders in which scenes lie.
     kernels : Path
-        The folder that Dr.Jit keeps compiled kernels in; it has to be there.
+        The folder of the kernels that Dr.Jit has compiled; it has to exist.
     """
     files = f"libraries, scenes by name and its kernels alone (Landlock, ABI {landlock.abi()})"
     calls = "no programs, processes, signals or sockets (seccomp)"
@@ -97,7 +96,7 @@ def confine(*, scenes: Iterable[Path], kernels: Path) -> tuple[Measure, ...]:
 
 
 def try_here() -> tuple[Measure, ...]:
-    """Return what comes of `confine` on this machine, tried in a process that ends with it."""
+    """Return what `confine` achieves on this machine, tried in a process of its own."""
     with tempfile.TemporaryDirectory() as kernels:
         done = subprocess.run(
             [sys.executable, "-s", "-m", "plateau.worker.confinement.confine", kernels],
@@ -118,7 +117,7 @@ def _take(name: str, holds: str, measure: Callable[[], None]) -> Measure:
 
 
 def _allowed(scenes: Iterable[Path], kernels: Path) -> Iterator[tuple[Path, int]]:
-    """Yield what may be opened, each with its rights."""
+    """Yield the paths that may be opened, each with its rights."""
     for path in (*_python(), *map(Path, (*_LIBRARIES, *_MACHINE)), *_named_libraries()):
         yield path, landlock.READ
     for folder in scenes:
@@ -128,18 +127,18 @@ def _allowed(scenes: Iterable[Path], kernels: Path) -> Iterator[tuple[Path, int]
 
 
 def _python() -> Iterator[Path]:
-    """Yield where modules are imported from, the working folder aside: that may be anyone's."""
-    # `python -m` puts it first, where it is not told otherwise.
+    """Yield the folders of modules, save the working folder, which may be anyone's."""
+    # `python -m` puts it first, unless it is told otherwise.
     working = None if getattr(sys.flags, "safe_path", False) else sys.path[0]
     yield from (Path(one) for one in sys.path if one not in ("", working))
     plateau = Path(farm.__path__[0]).parent
     yield plateau
-    # In a repository, folders beside it to which it links.
+    # In a repository these are links to folders beside it.
     yield from (plateau / one for one in ("farm", "worker"))
 
 
 def _named_libraries() -> Iterator[Path]:
-    """Yield the folders of libraries that Python or the environment names."""
+    """Yield the library folders that Python or the environment names."""
     yield Path(sys.base_prefix) / "lib"
     yield Path(sys.prefix) / "lib"
     yield from (Path(one) for one in os.environ.get("LD_LIBRARY_PATH", "").split(":") if one)

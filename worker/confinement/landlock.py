@@ -1,8 +1,8 @@
-"""Landlock, the kernel's own sandbox for files: what may be opened from now on, and nothing else.
+"""Landlock, the kernel's own sandbox for files: from now on nothing but these paths can be opened.
 
-A ruleset needs no privilege and binds root too. It holds for the thread that takes it and for
-every thread and process that this one starts, for good; so it is taken before there are others.
-From ABI 6 on (Linux 6.12) signals to processes outside, and their abstract sockets, are shut too.
+A ruleset needs no privilege and binds root too. It holds, for good, for the thread that applies it
+and for every thread and process that this one starts; so it is applied before there are others.
+From ABI 6 on (Linux 6.12) it also refuses signals to processes outside and their abstract sockets.
 Files that were open before stay open.
 
 See <https://docs.kernel.org/userspace-api/landlock.html> and `<linux/landlock.h>`.
@@ -37,21 +37,21 @@ _MAKE_REG: Final = 1 << 8
 _TRUNCATE: Final = 1 << 14
 _OF_FILES: Final = _WRITE_FILE | _READ_FILE | _TRUNCATE  #: what a rule on a file may name
 
-#: How many rights each ABI knows, from 1 on: later ones know those of the fifth.
+#: How many rights each ABI knows, from 1 on; later ones have those of the fifth.
 _RIGHTS: Final = (13, 14, 15, 15, 16)
 _SCOPES_FROM_ABI: Final = 6
 _ABSTRACT_SOCKETS_AND_SIGNALS: Final = 0b11
 
-#: To open a file whose name is known.
+#: The right to open a file whose name is known.
 OPEN: Final = _READ_FILE
-#: To open files, and to list folders.
+#: The right to open files and to list folders.
 READ: Final = _READ_FILE | _READ_DIR
-#: To make, change, rename and remove files; folders are as they are.
+#: The right to make, change, rename and remove files, but no folders.
 KEEP_FILES: Final = READ | _WRITE_FILE | _REMOVE_FILE | _MAKE_REG | _TRUNCATE
 
 
 def abi() -> int:
-    """Return the version of Landlock that this kernel has; 0 where it has none."""
+    """Return the version of Landlock that this kernel has; 0 if it has none."""
     if not sys.platform.startswith("linux"):
         return 0
     with suppress(OSError):
@@ -60,17 +60,17 @@ def abi() -> int:
 
 
 def restrict(allowed: Iterable[tuple[Path, int]]) -> None:
-    """Shut all files save those at and beneath these paths, for this thread and all that it starts.
+    """Refuse all files but those at and beneath these paths, in this thread and all that it starts.
 
     Parameters
     ----------
     allowed : iterable of (Path, int)
-        Paths and rights: `OPEN`, `READ` or `KEEP_FILES`. What is not there is left out.
+        Paths and rights: `OPEN`, `READ` or `KEEP_FILES`. Paths that do not exist are left out.
 
     Raises
     ------
     OSError
-        The kernel refuses; nothing is shut then.
+        The kernel refuses the ruleset; all files stay open to this thread.
     """
     version = abi()
     if not version:

@@ -1,7 +1,7 @@
 """A seccomp filter: the system calls that rendering has no use for fail with ``EPERM``.
 
 A filter needs no privilege, binds root too, and holds for every thread. It sees numbers and
-arguments, not what these point to: files are Landlock's (`plateau.worker.confinement.landlock`).
+arguments, not what these point to, so files are left to `plateau.worker.confinement.landlock`.
 """
 
 import ctypes
@@ -81,7 +81,7 @@ _REFUSED: Final = {
     "tkill": (200, 130),
     "rt_sigqueueinfo": (129, 138),
     "pidfd_send_signal": (424, 424),
-    # how other processes of the same user are scheduled, and where their memory lies
+    # the scheduling of other processes of the same user, and the place of their memory
     "setpriority": (141, 140),
     "ioprio_set": (251, 30),
     "sched_setscheduler": (144, 119),
@@ -89,7 +89,7 @@ _REFUSED: Final = {
     "sched_setattr": (314, 274),
     "migrate_pages": (256, 238),
     "move_pages": (279, 239),
-    # what others share without a file
+    # memory, semaphores, messages and keys that processes share without a file
     "shmget": (29, 194),
     "shmat": (30, 196),
     "shmctl": (31, 195),
@@ -107,11 +107,11 @@ _REFUSED: Final = {
     "setns": (308, 268),
     # files without their names: Landlock sees no folder around them
     "open_by_handle_at": (304, 265),
-    # much of the kernel, for little use
+    # large parts of the kernel that rendering does not need
     "bpf": (321, 280),
     "perf_event_open": (298, 241),
     "userfaultfd": (323, 282),
-    # whose files are, and who may open them: Landlock does not know of these
+    # owners and permissions of files, which Landlock does not cover
     "chmod": (90, 0),
     "fchmod": (91, 52),
     "fchmodat": (268, 53),
@@ -130,7 +130,7 @@ _REFUSED: Final = {
     "removexattrat": (466, 466),
 }
 
-#: Calls that concern the process of their first argument: 0 and its own id are allowed.
+#: Calls that concern the process of their first argument: only 0 and its own id are allowed.
 _ABOUT_ITSELF_ALONE: Final = {
     "kill": (62, 129),
     "tgkill": (234, 131),
@@ -141,14 +141,14 @@ _ABOUT_ITSELF_ALONE: Final = {
 
 
 def refuse_calls() -> None:
-    """Take these calls away from all threads of this process, for good.
+    """Refuse these calls to all threads of this process, for good.
 
-    Sockets and threads that are there go on, and new threads can be started.
+    Open sockets and running threads are not affected, and new threads can start.
 
     Raises
     ------
     OSError
-        There is no filter for this machine, or the kernel refuses it.
+        No filter exists for this machine, or the kernel refuses it.
     """
     machine = _MACHINES.get(platform.machine())
     if not sys.platform.startswith("linux") or machine is None or sys.maxsize < 2**32:
@@ -187,7 +187,7 @@ def _program(machine: _Machine) -> Iterator[bytes]:
         yield _instruction(_JUMP_IF_EQUAL, os.getpid(), over_if=1)
         yield refuse
         yield allow
-    # clone3 has its flags in memory, where a filter cannot look. glibc then falls back on clone.
+    # clone3 has its flags in memory, which a filter cannot read. glibc then falls back on clone.
     yield _instruction(_JUMP_IF_EQUAL, _CLONE3, over_unless=1)
     yield _instruction(_RETURN, _FAIL_WITH | errno.ENOSYS)
     yield _instruction(_JUMP_IF_EQUAL, machine.clone, over_unless=3)
@@ -202,5 +202,5 @@ def _numbers(table: dict[str, tuple[int, int]], machine: _Machine) -> list[int]:
 
 
 def _instruction(code: int, operand: int, over_if: int = 0, over_unless: int = 0) -> bytes:
-    """Pack one instruction: jumps go over so many, where the condition holds or does not."""
+    """Pack one instruction; a jump skips this many, if its condition holds or if it does not."""
     return struct.pack("=HBBI", code, over_if, over_unless, operand)

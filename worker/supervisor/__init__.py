@@ -1,4 +1,4 @@
-"""The worker's own process: it leases slices, has them rendered, and uploads what comes of them.
+"""The worker's own process: it leases slices, has a child render them, and uploads the partials.
 
 It never imports a renderer; those run in processes of `plateau.worker.child`.
 

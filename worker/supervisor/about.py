@@ -1,4 +1,4 @@
-"""What a worker says of itself with each heartbeat."""
+"""What a worker reports of itself with each heartbeat."""
 
 import os
 import socket
@@ -11,18 +11,9 @@ from plateau.worker.supervisor.uploader import Rendered
 
 
 class About:
-    """A worker, what it has done, and what ails it.
+    """A worker, what it has done, and what is wrong with it.
 
-    Parameters
-    ----------
-    worker_id
-        Its id in the farm.
-    settings
-        Its pool, its tags and its label.
-    variants
-        What it can render with, best first.
-    threads
-        How many of them render.
+    `variants` are those that it can render with, best first; `threads` counts its render threads.
     """
 
     def __init__(
@@ -42,18 +33,18 @@ class About:
         }
         self._slices_done = 0
         self._samples_per_s: float | None = None
-        self.last_error: str | None = None  #: what went wrong since it last rendered a slice
+        self.last_error: str | None = None  #: the last one since it rendered a slice
         self.trouble: str | None = None  #: why it takes no work
 
     def rendered(self, one: Rendered) -> None:
-        """Count a slice, and its rate; what went wrong before is over."""
+        """Count a slice and take its rate; errors before it are forgotten."""
         self._slices_done += 1
         self.last_error = None
         samples = one.scene.width * one.scene.height * one.lease.spec.slice_spp
         self._samples_per_s = samples / one.render_s
 
     def told(self, rendering: Lease | None) -> dict[str, object]:
-        """Return it as `plateau.farm.model.job.Worker` has it, while this slice is rendered."""
+        """Return the fields of `plateau.farm.model.job.Worker`, while this slice is rendered."""
         return {
             **self._fixed,
             "job": rendering.job_id if rendering else None,

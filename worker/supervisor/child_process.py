@@ -1,4 +1,4 @@
-"""The supervisor's side of a render child: start it, ask it, and see it die."""
+"""The supervisor's side of a render child: starts it, sends requests, and notices its death."""
 
 import contextlib
 import logging
@@ -34,32 +34,32 @@ _A = TypeVar("_A", bound=Answer)
 #: A sum of passes before it is divided by its weights: (height, width, 4), R, G, B and W.
 Film = NDArray[np.float32]
 
-#: A cancelled render that goes on for so long is ended by force.
+#: A cancelled render that is still running after this time is killed.
 CANCEL_GRACE_S: Final = 2.0
 
-#: A child has imported its renderer by then, or is given up.
+#: A child that has not imported its renderer by then is killed.
 START_TIMEOUT_S: Final = 120.0
-_POLL_S: Final = 0.5  #: so much later than it is due a silent child is ended, at most
+_POLL_S: Final = 0.5  #: a silent child is killed at most this much after its deadline
 _LAST_WORDS: Final = 1000
 #: The films of a slice: its first pass and its sum, R, G, B and W of each pixel in float32.
 _LARGEST_FILMS_BYTES: Final = 2 * BundleLimits().max_pixels * 4 * 4
 
-#: A render takes every core for hours; what answers people takes little of one, but at once. Cores
-#: that are idle are the child's as before.
+#: A render takes every core for hours. Processes that answer people need little of one, but soon.
+#: Idle cores still go to the child.
 _NICE: Final = 10
 
 
 class ChildDied(Exception):
-    """The render child is gone; the message says how, with its last words."""
+    """The render child is dead; the message says how it ended, with its last words."""
 
 
 class Cancelled(Exception):
-    """The request was cancelled; the child may be gone with it."""
+    """The request was cancelled; the child may have been killed."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ChildLimits:
-    """What a render child may take."""
+    """The resources that a render child may use."""
 
     threads: int
     memory_bytes: int  #: 0 for no limit
@@ -72,17 +72,16 @@ class ChildLimits:
 class RenderChild:
     """A child process with a renderer in it, kept alive between slices.
 
-    It speaks `plateau.worker.renderers.contract`, and that is all that is known of it.
+    It speaks the protocol of `plateau.worker.renderers.contract`.
 
-    Making one does not wait for it: that takes a second, in which others can do something. Of the
-    files of others it can open those in the folders `scenes`, and it writes into `home` alone; see
+    The constructor does not wait until the child has started, which takes a second. The child can
+    open scenes in the folders `scenes`, and writes into `home` alone; see
     `plateau.worker.confinement.confine`.
 
-    Every request raises `ChildDied` when the process ends, says what it should not, or does not
-    answer in time (its whole process group is killed then). It raises `SceneError` with the
-    renderer's words, and `OSError` where the disk that `home` is on takes no film: the scene has to
-    be loaded again. After `cancel`, called from another thread, the request under way raises
-    `Cancelled`.
+    Every request raises `ChildDied` if the process ends, breaks the protocol, or does not answer in
+    time (its whole process group is then killed). It raises `SceneError` with the renderer's
+    message, and `OSError` if the disk of `home` takes no film; the scene then has to be loaded
+    again. After `cancel`, called from another thread, the current request raises `Cancelled`.
     """
 
     def __init__(
@@ -106,14 +105,14 @@ class RenderChild:
         environment["HOME"] = str(home.absolute())
         if llvm_library is not None:
             environment["DRJIT_LIBLLVM_PATH"] = llvm_library
-        # Without a name, so that nothing is left of it whoever dies.
+        # A file without a name: nothing of it remains, whichever process dies.
         self._films = tempfile.TemporaryFile(dir=home, buffering=0)  # noqa: SIM115  (as the words)
         ours, theirs = socket.socketpair()
         with theirs:
             self._process = subprocess.Popen(
                 [
                     sys.executable,
-                    "-s",  # nobody's modules lie in that home
+                    "-s",  # that home has no modules
                     "-m",
                     "plateau.worker.child",
                     f"--socket={theirs.fileno()}",
@@ -146,7 +145,7 @@ class RenderChild:
         return self._process.pid
 
     def await_ready(self) -> None:
-        """Return once the child has imported its renderer; `load` does this by itself."""
+        """Return once the child has imported its renderer; `load` waits for this by itself."""
         if self._is_ready:
             return
         ready = self._expect(START_TIMEOUT_S, "starting", contract.Ready)
@@ -178,10 +177,9 @@ class RenderChild:
     def render(
         self, passes: tuple[Pass, ...], show: Callable[[Film, int], None] | None = None
     ) -> tuple[Film, float]:
-        """The summed film of these passes, (height, width, 4) float32, and the seconds it took.
+        """Return the sum of these passes, (height, width, 4) float32, and its seconds.
 
-        `show` is called with the film of the first pass, and its spp, where the others take a
-        while.
+        If the passes take a while, `show` is called with the film of the first and its spp.
         """
         self._ask(contract.Render(passes=passes, glimpse=show is not None))
         while True:
@@ -200,11 +198,11 @@ class RenderChild:
         return film
 
     def take_words(self) -> str:
-        """What the child has printed since the last call: its end, 4 KB at most, uncoloured."""
+        """Return the end of what the child printed since the last call; see `Words.take`."""
         return self._words.take()
 
     def cancel(self) -> None:
-        """Cancel the request under way: at the end of its pass, or by force soon after."""
+        """Cancel the current request at the end of its pass; kill the child if that takes long."""
         with self._lock:
             if self._cancelled_at is None:
                 self._cancelled_at = time.monotonic()
@@ -212,11 +210,11 @@ class RenderChild:
 
     @property
     def alive(self) -> bool:
-        """Whether there is a process to ask."""
+        """Whether the process is still running."""
         return self._process.poll() is None
 
     def kill(self) -> None:
-        """End the child and all that it has started."""
+        """Kill the child and all that it has started."""
         with contextlib.suppress(ProcessLookupError):
             os.killpg(self._process.pid, signal.SIGKILL)
         self._process.wait()
@@ -232,7 +230,7 @@ class RenderChild:
             self._send(replace(request, id=self._request_id))
 
     def _send(self, request: Request) -> None:
-        with contextlib.suppress(OSError):  # it is gone then, and the next read says how
+        with contextlib.suppress(OSError):  # it is dead, and the next read says how it ended
             self._socket.sendall(contract.request_line(request).encode())
 
     def _expect(self, timeout_s: float, doing: str, kind: type[_A]) -> _A:
@@ -270,7 +268,7 @@ class RenderChild:
         return answer
 
     def _receive(self, doing: str) -> None:
-        """Read what has come; `ChildDied` at the end of the stream."""
+        """Read what has arrived; raise `ChildDied` at the end of the stream."""
         if not self._readable.select(_POLL_S):
             return
         try:
@@ -289,14 +287,14 @@ class RenderChild:
 
 
 def _how(status: int) -> str:
-    """How a process ended, in words, by its return code."""
+    """Return in words how a process with this return code ended."""
     if status >= 0:
         return f"exited with {status}"
     return f"was ended by {signal.Signals(-status).name}"
 
 
 def _below_others() -> Callable[[], None]:
-    """What a child does before its program starts, so that it holds for all its threads."""
+    """Return what a child runs before its program, so that it holds for all threads."""
     arrange = die_with_parent(signal.SIGKILL)
 
     def before_the_program() -> None:

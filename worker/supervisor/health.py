@@ -1,4 +1,4 @@
-"""Tests whether this worker can render anything at all, or the scene is not to blame."""
+"""Tests whether this worker can render anything at all; if not, a scene is not to blame."""
 
 import tempfile
 import time
@@ -7,7 +7,7 @@ from typing import Final
 
 from plateau.worker.supervisor.variants import SCALAR, probe
 
-#: A worker that has proved itself is trusted for so long.
+#: How long a worker that passed the test is trusted.
 _TRUST_S: Final = 30.0
 _FILE_BYTES: Final = 1 << 20
 
@@ -15,12 +15,7 @@ _FILE_BYTES: Final = 1 << 20
 class Health:
     """Tests this worker: it writes a file into its cache and renders a scene that always works.
 
-    Parameters
-    ----------
-    cache
-        The worker's cache folder.
-    llvm_library
-        The LLVM that its children load.
+    `llvm_library` is the one that its children load.
     """
 
     def __init__(self, cache: Path, llvm_library: str | None) -> None:
@@ -29,7 +24,7 @@ class Health:
         self._trusted_until: dict[str, float] = {}
 
     def trouble(self, variant: str) -> str | None:
-        """Why this worker cannot render with `variant`; None where it can. Takes some seconds."""
+        """Return why this worker cannot render with `variant`, or None. Takes some seconds."""
         if time.monotonic() < self._trusted_until.get(variant, 0.0):
             return None
         trouble = self._disk_trouble() or self._render_trouble(variant)

@@ -1,4 +1,4 @@
-"""The render child that suits a lease, with the lease's scene loaded: kept from slice to slice."""
+"""Keeps the render child, and the scene that it has loaded, from slice to slice."""
 
 from collections.abc import Callable
 from contextlib import suppress
@@ -16,24 +16,12 @@ from plateau.worker.supervisor.child_process import ChildLimits, Film, RenderChi
 from plateau.worker.supervisor.scene_cache import SceneCache
 from plateau.worker.supervisor.uploader import Glimpse, Rendered
 
-#: Of the machine's memory, for the children of all its workers, where no limit is set.
+#: Share of the machine's memory for the children of all its workers, unless a limit is set.
 _MEMORY_SHARE: Final = 0.8
 
 
 class RenderHost:
-    """At most one render child at a time, with at most one scene loaded.
-
-    Parameters
-    ----------
-    settings
-        Limits and folders.
-    threads
-        Threads of the child.
-    llvm_library
-        The LLVM that it loads.
-    scenes
-        Where scenes come from.
-    """
+    """At most one render child at a time, with at most one scene loaded."""
 
     def __init__(
         self, settings: Settings, threads: int, llvm_library: str | None, scenes: SceneCache
@@ -45,18 +33,18 @@ class RenderHost:
         self._child: RenderChild | None = None
         self._child_is_for: tuple[str, tuple[int, int]] | None = None
         self._loaded: tuple[tuple[object, ...], Loaded] | None = None
-        self._files: Path | None = None  # where the scene's files are
+        self._files: Path | None = None  # the folder of the scene's files
 
     def warm_up(self, variant: str) -> None:
-        """Start a child, and do not wait for it, so that the first lease need not."""
-        with suppress(OSError, StoreUnavailable):  # it shows when there is something to render
+        """Start a child without waiting for it, so that it is ready for the first lease."""
+        with suppress(OSError, StoreUnavailable):  # the first slice will meet the same error
             self._child_for(variant)
 
     def render(self, lease: Lease, show: Callable[[Glimpse], None]) -> Rendered:
-        """The lease's slice, rendered.
+        """Render the lease's slice.
 
-        Of a job's first slice `show` is called with the first pass, where the others take a while.
-        Raises whatever `RenderChild`, `SceneCache.scene` and `SeedSchedule` raise.
+        If a job's first slice takes a while, `show` is called with its first pass. Raises the
+        errors of `RenderChild`, `SceneCache.scene` and `SeedSchedule`.
         """
         child = self._child_for(lease.variant)
         scene = self._load(child, lease)
@@ -80,14 +68,14 @@ class RenderHost:
         )
 
     def take_words(self) -> str:
-        """What the child has printed since it was last asked, without this machine's folders."""
+        """Return what the child has printed since the last call, without this machine's folders."""
         words = "" if self._child is None else self._child.take_words()
         for folder in (self._files, self._files.resolve()) if self._files else ():
             words = words.replace(f"{folder}/", "")
         return words
 
     def cancel(self) -> None:
-        """Cancel what the child is doing; from any thread."""
+        """Cancel the child's request; from any thread."""
         child = self._child
         if child is not None:
             child.cancel()
@@ -98,7 +86,7 @@ class RenderHost:
             self._child.kill()
 
     def _child_for(self, variant: str) -> RenderChild:
-        # A child can open what lies in the folder that was there when it started, and in no other.
+        # A child can open files in the folder that existed when it started, and in no other.
         scenes = self._scenes.make_folder()
         suits = (variant, scenes) == self._child_is_for
         if self._child is not None and self._child.alive and suits:

@@ -10,7 +10,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-#: Where distributions, Homebrew and conda put libLLVM; the system's own list is asked as well.
+#: Where distributions, Homebrew and conda put libLLVM. The linker's own list is read as well.
 _PATTERNS = (
     "/usr/lib/llvm-*/lib/libLLVM*",
     "/usr/lib/*-linux-gnu/libLLVM*",
@@ -34,7 +34,7 @@ _VERSIONS = (
 
 
 def llvm_libraries() -> tuple[Path, ...]:
-    """Return the real file of every libLLVM of this machine, each once, in the order of trial.
+    """Return the real file of every libLLVM of this machine once, in the order of trial.
 
     The one that ``DRJIT_LIBLLVM_PATH`` names is first, whatever its version.
     """
@@ -49,7 +49,7 @@ def in_order_of_trial(wanted: str | None, found: list[Path]) -> tuple[Path, ...]
 
 
 def version(library: Path) -> tuple[int, int]:
-    """Return an LLVM library's (major, minor) by its real file's path; (0, 0) where it is mute."""
+    """Return an LLVM library's (major, minor) by its real file's path; (0, 0) if it has none."""
     path = str(library.resolve())
     for pattern in _VERSIONS:
         match = pattern.search(path)
@@ -65,7 +65,7 @@ def _found() -> list[Path]:
 
 
 def system_libraries() -> list[tuple[str, str]]:
-    """Return (name, path) of all that the dynamic linker knows; nothing where it keeps no list."""
+    """Return (name, path) of each library in the dynamic linker's list; none without a list."""
     ldconfig = shutil.which("ldconfig") or shutil.which("ldconfig", path="/sbin:/usr/sbin")
     if ldconfig is None:
         return []

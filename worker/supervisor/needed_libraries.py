@@ -1,15 +1,15 @@
-"""The system's libraries that the wheels need, and which of them are missing here.
+"""Finds which of the system libraries that the wheels need are missing here.
 
-Wheels bring most of what they are linked with, and leave the rest to the system. Not every system
-has all of that: slim images lack libatomic, without which Dr.Jit cannot be loaded.
+Wheels contain most of the libraries that they are linked with, and expect the rest of the system.
+Not every system has them: slim images lack libatomic, without which Dr.Jit cannot be loaded.
 """
 
 import ctypes
 import sys
 from typing import Final
 
-#: Each library by its soname, and the package that has it, on Debian and Ubuntu. The C library is
-#: left out: without it there is no Python.
+#: Each library's soname and its package on Debian and Ubuntu. The C library is left out: without it
+#: Python itself would not run.
 PACKAGES: Final = {
     "libatomic.so.1": "libatomic1",
     "libgcc_s.so.1": "libgcc-s1",
@@ -19,18 +19,18 @@ PACKAGES: Final = {
 
 
 class LibraryMissing(OSError):
-    """A library that rendering needs is not on this machine; the message says what to install."""
+    """A library that rendering needs is missing; the message says what to install."""
 
 
 def missing() -> tuple[str, ...]:
-    """The sonames of those that cannot be loaded here, none where libraries have other names."""
+    """Return the sonames that cannot be loaded here; none on systems other than Linux."""
     if sys.platform != "linux":
         return ()
     return tuple(soname for soname in PACKAGES if not _loads(soname))
 
 
 def told(sonames: tuple[str, ...]) -> str:
-    """Which libraries are missing, and what to do, in a sentence."""
+    """Return a sentence that says which libraries are missing, and what to install."""
     packages = " ".join(PACKAGES[soname] for soname in sonames)
     are = "are" if len(sonames) > 1 else "is"
     return (
@@ -40,7 +40,7 @@ def told(sonames: tuple[str, ...]) -> str:
 
 
 def check() -> None:
-    """Return where all are there; raise `LibraryMissing` where one is not."""
+    """Raise `LibraryMissing` if one is missing."""
     sonames = missing()
     if sonames:
         raise LibraryMissing(told(sonames))

@@ -1,4 +1,4 @@
-"""Tells the queue what became of slices that were not rendered, for as long as that takes."""
+"""Tells the queue why slices were not rendered, and repeats this until Redis answers."""
 
 import logging
 import threading
@@ -13,13 +13,13 @@ from plateau.farm.process.backoff import Backoff
 
 _LOG = logging.getLogger(__name__)
 
-_RETRY_S: Final = (0.5, 10.0)  #: the first and the longest wait where Redis is away
-_DRAIN_S: Final = 5.0  #: a stopping worker tries for so long
+_RETRY_S: Final = (0.5, 10.0)  #: the first and the longest wait while Redis is away
+_DRAIN_S: Final = 5.0  #: how long a stopping worker tries
 
 
 @dataclass(frozen=True)
 class Tried:
-    """What a try of a slice has cost, and what the render child printed meanwhile."""
+    """The cost of a try of a slice, and what the render child printed meanwhile."""
 
     seconds: float
     said: str
@@ -28,8 +28,8 @@ class Tried:
 class Reports:
     """One worker's reports.
 
-    While Redis is away they are tried again until the worker stops: a lease that merely ran out
-    would be counted as a worker that died on the slice.
+    While Redis is away they are repeated until the worker stops: a lease that ran out would count
+    as a worker that died on the slice.
     """
 
     def __init__(self, slices: SliceQueue, stop: threading.Event) -> None:
@@ -37,21 +37,21 @@ class Reports:
         self._stop = stop
 
     def hand_back(self, lease: Lease, cause: str, tried: Tried) -> None:
-        """The slice goes back untouched."""
+        """Give the slice back untouched."""
         self._insist(
             lambda: self._queue.hand_back(lease, tried.seconds, cause=cause, said=tried.said)
         )
 
     def unfit(self, lease: Lease, cause: str, tried: Tried) -> None:
-        """The slice goes back untouched, for this worker can render nothing."""
+        """Give the slice back untouched, because this worker can render nothing."""
         self._insist(lambda: self._queue.hand_back(lease, cause=cause, unfit=True, said=tried.said))
 
     def died(self, lease: Lease, cause: str, tried: Tried) -> None:
-        """The render child died on the slice."""
+        """Report that the render child died on the slice."""
         self._insist(lambda: self._queue.died(lease, cause, tried.seconds, tried.said))
 
     def fail(self, lease: Lease, reason: str, tried: Tried) -> None:
-        """The job's scene cannot be rendered by anyone."""
+        """Fail the job: no worker can render its scene."""
         self._insist(lambda: self._queue.fail(lease, reason, tried.seconds, tried.said))
 
     def _insist(self, report: Callable[[], object]) -> None:

@@ -17,26 +17,18 @@ from plateau.farm.bundle import unpack_bundle
 from plateau.farm.model.errors import CorruptBlob, StoreUnavailable
 from plateau.farm.process.durable import sync_tree
 
-#: So many scenes stay unpacked, and more while they are in use; the one unused for longest goes
-#: first.
+#: How many scenes stay unpacked, besides those in use. The one unused for longest goes first.
 _KEPT: Final = 16
-_ABANDONED_S: Final = 86_400.0  #: no scene takes so long to fetch and unpack
+_ABANDONED_S: Final = 86_400.0  #: no scene takes this long to fetch and unpack
 _CHUNK_BYTES: Final = 1 << 20
-#: How an OpenEXR file begins, whatever it is called.
+#: The first bytes of an OpenEXR file, whatever its name.
 _OPENEXR: Final = b"\x76\x2f\x31\x01"
 
 
 class SceneCache:
     """A folder of unpacked scenes, named by their SHA-256; workers of one machine share it.
 
-    Parameters
-    ----------
-    store
-        Where scenes come from.
-    folder
-        Where they lie; made where it is missing.
-    in_use_s
-        A scene that was asked for may be read for so many seconds: it is not forgotten till then.
+    A scene may be read for `in_use_s` seconds after `scene` returned it; it is kept until then.
     """
 
     def __init__(self, store: Blobs, folder: Path, in_use_s: float) -> None:
@@ -45,12 +37,12 @@ class SceneCache:
         self._in_use_s = in_use_s
 
     def make_folder(self) -> tuple[int, int]:
-        """Make the folder where it is missing, and return which one it is: its device and inode.
+        """Make the folder if it is missing, and return its device and inode.
 
         Raises
         ------
         StoreUnavailable
-            This machine's disk failed: it may be full.
+            This machine's disk failed; it may be full.
         """
         with _disk_errors(self.folder):
             self.folder.mkdir(parents=True, exist_ok=True)
@@ -58,18 +50,18 @@ class SceneCache:
             return status.st_dev, status.st_ino
 
     def scene(self, sha256: str) -> tuple[Path, str]:
-        """The scene's folder and the name of its main XML in it.
+        """Return the scene's folder and the name of its main XML in it.
 
         Raises
         ------
         FileNotFoundError
             The blob store does not have the scene.
         CorruptBlob
-            What the blob store has, or what arrived of it, is not the scene of this SHA-256.
+            The stored or the fetched bytes do not have this SHA-256.
         BundleError
-            It is not a scene that may be unpacked.
+            The bundle must not be unpacked.
         StoreUnavailable
-            The blob store failed, or this machine's disk: it may be full.
+            The blob store failed, or this machine's disk, which may be full.
         """
         home = self.folder / sha256
         if not self._is_there(home):
@@ -79,7 +71,7 @@ class SceneCache:
             return home / "files", (home / "entry").read_text()
 
     def _is_there(self, home: Path) -> bool:
-        """Whether the scene is unpacked; if so, it is in use from now on."""
+        """Return whether the scene is unpacked; if so, it is in use from now on."""
         with _disk_errors(self.folder), suppress(FileNotFoundError):
             os.utime(home)
             return (home / "entry").exists()
@@ -88,7 +80,7 @@ class SceneCache:
     def _unpack(self, sha256: str, home: Path) -> None:
         self.make_folder()
         with _disk_errors(self.folder):
-            # Made apart and moved into place, so that nobody sees half a scene.
+            # Made apart and moved into place, so that no worker sees half a scene.
             making = Path(tempfile.mkdtemp(prefix=".making-", dir=self.folder))
         try:
             bundle = making / "bundle"
@@ -98,16 +90,16 @@ class SceneCache:
                 entry = unpack_bundle(bundle, making / "files")
                 bundle.unlink()
                 (making / "entry").write_text(entry)
-                sync_tree(making)  # or a power loss might leave a scene of empty files in place
+                sync_tree(making)  # else a power loss might leave a scene of empty files
                 _move(making, home)
                 os.utime(home)
         finally:
             shutil.rmtree(making, ignore_errors=True)
 
     def _fetch(self, sha256: str, path: Path) -> None:
-        """Write the scene's blob to a file, and read that back to see that it is what was asked."""
+        """Write the scene's blob to a file, and check the SHA-256 of what was written."""
         chunks = self._blobs.chunks(blobs.scene(sha256))
-        first = next(chunks, b"")  # here it shows whether there is such a blob
+        first = next(chunks, b"")  # raises if the blob does not exist
         with _disk_errors(self.folder):
             with path.open("wb") as file:
                 file.write(first)
@@ -115,16 +107,15 @@ class SceneCache:
             found = _sha256(path)
         if found != sha256:
             raise CorruptBlob(
-                f"the scene {sha256} is damaged: what was fetched has the SHA-256 {found}; where "
-                f"that happens again, remove the blob {blobs.scene(sha256)} and submit the scene "
-                "once more"
+                f"the scene {sha256} is damaged: what was fetched has the SHA-256 {found}; if that "
+                f"happens again, remove the blob {blobs.scene(sha256)} and submit the scene again"
             )
 
     def _forget_oldest(self) -> None:
-        """Remove what has not been used for longest, and what a killed worker was making."""
+        """Remove the scenes unused for longest, and what killed workers were unpacking."""
         homes: list[tuple[float, Path]] = []
         for home in self.folder.iterdir():
-            with suppress(FileNotFoundError):  # another worker has forgotten it
+            with suppress(FileNotFoundError):  # another worker has removed it
                 homes.append((home.stat().st_mtime, home))
         now = time.time()
         made = sorted(one for one in homes if not one[1].name.startswith("."))
@@ -137,9 +128,9 @@ class SceneCache:
 
     def _forget(self, home: Path) -> None:
         """Remove a scene, unless another worker asks for it at this moment."""
-        # Taken away whole, so that nobody is ever given what is left of it.
+        # Renamed first, so that no worker is ever given a part of it.
         gone = self.folder / f".forgotten-{uuid4().hex}"
-        with suppress(OSError):  # another worker has forgotten it, or made it anew
+        with suppress(OSError):  # another worker has removed it, or unpacked it again
             home.rename(gone)
             if gone.stat().st_mtime > time.time() - self._in_use_s:
                 gone.rename(home)
@@ -149,8 +140,8 @@ class SceneCache:
 def loading_threads(folder: Path) -> int:
     """Return how many threads load a scene: one, so that sums have the same last bits every time.
 
-    Normals are such sums, where a mesh has none and Mitsuba makes them of its faces'. But with one
-    thread it waits for ever for another that reads an OpenEXR file.
+    Mitsuba computes such sums for the normals of a mesh that has none. A scene with an OpenEXR file
+    needs two: one thread would wait for ever for another that reads the file.
     """
     files = (path for path in folder.rglob("*") if path.is_file())
     return 2 if any(map(_is_openexr, files)) else 1
@@ -173,13 +164,13 @@ def _move(making: Path, home: Path) -> None:
     try:
         making.rename(home)
     except OSError:
-        if not (home / "entry").exists():  # not merely another worker that was quicker
+        if not (home / "entry").exists():  # else another worker was quicker
             raise
 
 
 @contextmanager
 def _disk_errors(folder: Path) -> Iterator[None]:
-    """Raise `StoreUnavailable` where this machine's disk fails: another try may go better."""
+    """Raise `StoreUnavailable` if this machine's disk fails: another try may succeed."""
     try:
         yield
     except OSError as error:

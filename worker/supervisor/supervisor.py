@@ -1,7 +1,8 @@
 """The worker's supervisor: lease a slice, have the child render it, hand it to the uploader.
 
-It never imports a renderer. A child that crashes, hangs or is killed costs one try of one slice,
-where this worker can render other things. A worker that cannot gives its slice back and sits out.
+It never imports a renderer. A child that crashes, hangs or is killed costs one try of one slice, if
+this worker can render anything else. A worker that cannot gives the slice back and takes no work
+until it can.
 """
 
 import logging
@@ -39,15 +40,16 @@ from plateau.worker.supervisor.variants import VariantChoice, choose
 
 _LOG = logging.getLogger(__name__)
 
-_IDLE_S: Final = (0.5, 5.0)  #: the first and the longest between two looks for work without a hint
-_LISTEN_S: Final = 60.0  #: for which a listener that hears nothing sits still
-_TURN_S: Final = 20.0  #: a worker keeps to its loaded scene for so long, then looks who waits
-_DRAIN_S: Final = 5.0  #: a stopping worker tries to commit what it has for so long
-_FINISH_S: Final = 2.0  #: a slice that ends so soon is finished by a worker that stops
+# Of a pair, the first is the first wait and the second the longest.
+_IDLE_S: Final = (0.5, 5.0)  #: between two requests for work, unless the worker is woken
+_LISTEN_S: Final = 60.0  #: how long a listener waits for one announcement
+_TURN_S: Final = 20.0  #: how long a worker keeps to its loaded scene before it looks who waits
+_DRAIN_S: Final = 5.0  #: how long a stopping worker tries to commit its slices
+_FINISH_S: Final = 2.0  #: a stopping worker finishes a slice that ends within this time
 _STOPS: Final = "the worker stops"
-_RETRY_S: Final = (0.5, 10.0)  #: the first and the longest wait where something is away
-_AGAIN_S: Final = 0.3  #: before a heartbeat is repeated the first time, so that no lease runs out
-_SIT_OUT_S: Final = (10.0, 300.0)  #: and before a worker that cannot render tests itself again
+_RETRY_S: Final = (0.5, 10.0)  #: while Redis or the blob store is away
+_AGAIN_S: Final = 0.3  #: before a failed heartbeat is repeated, so that no lease runs out
+_SIT_OUT_S: Final = (10.0, 300.0)  #: before a worker that cannot render tests itself again
 
 
 class Supervisor:
@@ -78,10 +80,10 @@ class Supervisor:
         self._turn: tuple[str, float] = ("", 0.0)  # the job rendered last, and since when
         self._about = About(self.id, settings, choice.variants, threads)
 
-    # This thread renders; one renews the leases, one listens for jobs that end, one for a stop.
+    # This thread renders. Others renew the leases, listen for jobs that end, and wait for a stop.
 
     def run(self) -> None:
-        """Work until told to stop; then give back the slice in hand and commit what is done."""
+        """Work until told to stop, then give back the current slice and commit rendered ones."""
         over = Stop()
         watchers = [
             threading.Thread(target=watch, args=(over,), name=name, daemon=True)
@@ -105,7 +107,7 @@ class Supervisor:
             self._sign_off()
 
     def _work(self) -> None:
-        work_there_is = Wake(self._client, keys.wake_worker(self.id))
+        new_work = Wake(self._client, keys.wake_worker(self.id))
         backoff, idle = Backoff(*_RETRY_S), Backoff(*_IDLE_S)
         worked_at = time.monotonic()
         while not self._stop.is_set():
@@ -114,7 +116,7 @@ class Supervisor:
                 if lease is None and self._may_leave(worked_at):
                     return
                 wait_s = min(idle.delay_s(), self._queue.look_again_s)
-                if lease is not None or work_there_is.wait(wait_s, self._stop):
+                if lease is not None or new_work.wait(wait_s, self._stop):
                     idle.reset()
             except Refused as error:
                 self._wait_for_upgrade(error)
@@ -132,7 +134,7 @@ class Supervisor:
             backoff.reset()
 
     def _may_leave(self, worked_at: float) -> bool:
-        """Whether it had nothing to do for as long as it is to wait for work."""
+        """Return whether it has waited for work as long as it is meant to."""
         leave_after_s = self._settings.leave_after_s
         if leave_after_s is None or time.monotonic() < worked_at + leave_after_s:
             return False
@@ -140,7 +142,7 @@ class Supervisor:
         return True
 
     def _wait_for_upgrade(self, refused: Refused) -> None:
-        """Wait a while before the farm is asked again, where that is wanted; else raise it."""
+        """Wait before the farm is asked again; raise the refusal if the worker is to exit."""
         with suppress(StoreUnavailable):
             note_refused(self._client, "worker", refused)
         if self._settings.when_refused == "exit":
@@ -154,11 +156,11 @@ class Supervisor:
         job, since = self._turn
         in_turn = time.monotonic() < since + _TURN_S
         lease = self._queue.lease(self._choice.variants, job, in_turn=in_turn)
-        self._about.trouble = None  # it was let in, whatever was before
+        self._about.trouble = None  # the farm no longer refuses it
         return lease
 
     def _serve(self, lease: Lease) -> bool:
-        """Render one slice, whatever comes of it; returns whether what that needs was there."""
+        """Render one slice and report its outcome; return False if Redis, blobs or disk failed."""
         if lease.job_id != self._turn[0]:
             self._turn = (lease.job_id, time.monotonic())
         started = time.monotonic()
@@ -201,7 +203,7 @@ class Supervisor:
         return rendered
 
     def _is_fit(self, lease: Lease, error: str, tried: Tried) -> bool:
-        """Whether this worker can render anything else, so that the scene is to blame."""
+        """Return whether this worker can render anything else, so that the scene is to blame."""
         _LOG.warning("%s", error)
         self._about.last_error = f"slice {lease.index} of job {lease.job_id}: {error}"
         self._about.trouble = self._health.trouble(lease.variant)
@@ -269,7 +271,7 @@ class Supervisor:
 
 
 def _concerns(news: str, lease: Lease) -> bool:
-    """Whether they say that its job has ended, or that another try of its slice was first."""
+    """Return whether the lease's job has ended, or another try of its slice was committed."""
     return news in {f"ended {lease.job_id}", f"ended {lease.job_id} {lease.entry}"}
 
 

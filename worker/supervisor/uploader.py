@@ -23,9 +23,9 @@ _LOG = logging.getLogger(__name__)
 
 #: Rendered slices that may wait for their upload, so that memory stays bounded.
 _WAITING: Final = 2
-_LOOK_S: Final = 0.2  #: between two looks whether the worker stops
-_LAST_TRY_S: Final = 3.0  #: so long a try may go on that is under way as the patience ends
-_RETRY_S: Final = (0.1, 5.0)  #: the first and the longest wait where something is away
+_LOOK_S: Final = 0.2  #: between two checks whether the worker stops
+_LAST_TRY_S: Final = 3.0  #: how much longer the try under way may take when the patience ends
+_RETRY_S: Final = (0.1, 5.0)  #: the first and the longest wait for Redis or the blob store
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,7 +43,7 @@ class Rendered:
 
 @dataclass(frozen=True, kw_only=True)
 class Glimpse:
-    """The first pass of a job's first slice, to be looked at until the slice is there."""
+    """The first pass of a job's first slice, shown until the slice is committed."""
 
     lease: Lease
     film: Film
@@ -54,8 +54,8 @@ class Glimpse:
 class Uploader:
     """A thread that puts partials into the blob store and commits them, in order.
 
-    While Redis or the blob store is away it tries again, with jitter, for as long as it takes:
-    a rendered slice is not thrown away because a server was.
+    While Redis or the blob store is away it tries again, with jitter, for as long as it takes: a
+    rendered slice is not thrown away because a server is down.
     """
 
     def __init__(self, store: Blobs, slices: SliceQueue, worker_id: str) -> None:
@@ -69,9 +69,9 @@ class Uploader:
         self._thread.start()
 
     def submit(self, rendered: Rendered, stop: threading.Event) -> bool:
-        """Take over a rendered slice; waits where too many are waiting already.
+        """Take over a rendered slice; wait while too many are queued.
 
-        Returns False where `stop` is set before there is room.
+        Returns False if `stop` is set before there is room.
         """
         self._held[rendered.lease.entry] = rendered
         while True:
@@ -85,7 +85,7 @@ class Uploader:
                 return True
 
     def show(self, glimpse: Glimpse) -> None:
-        """Take over a glimpse, at once: it is dropped where too much waits already."""
+        """Take over a glimpse without waiting: it is dropped if the queue is full."""
         with suppress(queue.Full):
             self._waiting.put_nowait(glimpse)
 
@@ -95,10 +95,10 @@ class Uploader:
         return tuple(rendered.lease for rendered in tuple(self._held.values()))
 
     def close(self, patience_s: float) -> None:
-        """Commit what is waiting, for so long at most; what was not is given back.
+        """Commit the queued slices, for this long at most, and give the others back.
 
-        A blob store that is silent holds up a try for longer; that try is left to itself, and
-        should it be committed after all, the first commit of its slice counts.
+        A silent blob store may hold up a try for longer. That try is abandoned; should it still
+        commit, the first commit of its slice counts.
         """
         ends = time.monotonic() + patience_s
         while self._thread.is_alive() and time.monotonic() < ends + _LAST_TRY_S:
@@ -122,7 +122,7 @@ class Uploader:
                 return
 
     def _show(self, glimpse: Glimpse) -> None:
-        """Put the glimpse where the monitor finds it; where that fails, the slice comes soon."""
+        """Store the glimpse for the monitor; if that fails, the slice itself comes soon."""
         lease = glimpse.lease
         name = blobs.glimpse(lease.job_id, self._attempt(lease))
         try:
@@ -139,8 +139,8 @@ class Uploader:
         backoff, stored = Backoff(*_RETRY_S), False
         while not self._give_up.is_set():
             try:
-                # Once: it may have been merged, and be gone for good, where only the answer to its
-                # commit was lost.
+                # Once: if only the answer to the commit was lost, the partial may be merged and
+                # deleted by now.
                 if not stored:
                     self._blobs.put(name, content)
                     stored = True
@@ -153,7 +153,7 @@ class Uploader:
         self._give_back(rendered)
 
     def _give_back(self, rendered: Rendered) -> None:
-        with suppress(StoreUnavailable):  # then its lease runs out
+        with suppress(StoreUnavailable):  # then the lease runs out
             cause = "the worker stopped before it could be uploaded"
             self._queue.hand_back(rendered.lease, rendered.render_s, cause=cause)
 

@@ -1,9 +1,9 @@
 """Finds the fastest Mitsuba variant that works on this machine. Never imports Mitsuba.
 
-Dr.Jit's backends come from outside: CUDA from the driver, LLVM from whichever library is installed.
-Some of them are refused, and some abort the process in the middle of a render (LLVM 15 and 16 do on
-recent CPUs). So each candidate renders a small image in a process of its own, in the order CUDA,
-then each LLVM from the newest down, then ``scalar_rgb``, which needs nothing and always works.
+Dr.Jit loads its backends from the system: CUDA from the driver, LLVM from an installed library.
+Some libraries are refused, and some abort the process during a render (LLVM 15 and 16 do on recent
+CPUs). So each candidate renders a small image in a process of its own, in the order CUDA, then each
+LLVM from the newest down, then ``scalar_rgb``, which needs no library and always works.
 """
 
 from __future__ import annotations
@@ -31,62 +31,38 @@ from plateau.worker.supervisor.llvm_libraries import llvm_libraries, system_libr
 
 CUDA, LLVM, SCALAR = "cuda_ad_rgb", "llvm_ad_rgb", "scalar_rgb"
 
-#: What every worker offers without a trial.
+#: The variants that every worker offers without a trial.
 _EVERYWHERE = tuple(name for name, known in VARIANTS.items() if known.works_everywhere)
 
-#: A probe takes about two seconds; a machine under load, or a driver that starts up, far more.
+#: A probe takes about two seconds, but far longer on a loaded machine or while a driver starts.
 _PROBE_TIMEOUT_S = 120.0
 
 _TIMED_OUT = "gave no image within"
 _ENDED_BY = "was ended by"
 
-#: What an LLVM that does not suit the machine ends its process with. Any other signal came from
-#: outside: somebody who stops the worker, or the kernel, short of memory.
+#: The signals by which an unsuitable LLVM ends its process. Any other one came from outside, when
+#: the worker was stopped or the kernel ran short of memory.
 _BROKEN = (signal.SIGABRT, signal.SIGSEGV, signal.SIGILL, signal.SIGBUS, signal.SIGFPE)
 
 
 @dataclass(frozen=True)
 class Probe:
-    """What came of trying one variant with one library.
-
-    Attributes
-    ----------
-    variant : str
-        Mitsuba variant.
-    library : str or None
-        The LLVM library, by its real path.
-    ok : bool
-        Whether it rendered an image.
-    detail : str
-        What it said when it failed, or how it did.
-    """
+    """The outcome of one variant with one library."""
 
     variant: str
-    library: str | None
-    ok: bool
-    detail: str
+    library: str | None  #: the real path of an LLVM library
+    ok: bool  #: whether it rendered an image
+    detail: str  #: how it failed and its message, or why it works
 
 
 @dataclass(frozen=True)
 class VariantChoice:
-    """The variant that a worker takes, and why.
-
-    Attributes
-    ----------
-    variant : str
-        Mitsuba variant.
-    llvm_library : str or None
-        What ``DRJIT_LIBLLVM_PATH`` has to be for the LLVM variant.
-    why : str
-        A sentence for the log.
-    tried : tuple of Probe
-        Every candidate that was tried, in order.
-    """
+    """The variant that a worker takes, and why."""
 
     variant: str
-    llvm_library: str | None
-    why: str
-    tried: tuple[Probe, ...]
+    llvm_library: str | None  #: the ``DRJIT_LIBLLVM_PATH`` of the LLVM variant
+    why: str  #: a sentence for the log
+    tried: tuple[Probe, ...]  #: in the order of trial
 
     @property
     def variants(self) -> tuple[str, ...]:
@@ -96,7 +72,7 @@ class VariantChoice:
 
     @property
     def of_mitsuba(self) -> tuple[str, ...]:
-        """Those among them that are Mitsuba's."""
+        """The Mitsuba variants among them."""
         return tuple(one for one in self.variants if variant_named(one).renderer == MITSUBA)
 
 
@@ -106,9 +82,9 @@ def choose(cache: Path, *, every: bool = False) -> VariantChoice:
     Parameters
     ----------
     cache : Path
-        Folder for the result, which is remembered until Mitsuba, a library or the CPU changes.
+        Folder for the result, which is reused until Mitsuba, a library or the CPU changes.
     every : bool
-        Try all candidates, and trust no memory: for ``plateau doctor``.
+        Try all candidates again, as ``plateau doctor`` does.
     """
     candidates = _candidates()
     missing = needed_libraries.missing()
@@ -128,19 +104,12 @@ def choose(cache: Path, *, every: bool = False) -> VariantChoice:
 def probe(variant: str, library: str | None, timeout_s: float = _PROBE_TIMEOUT_S) -> Probe:
     """Return whether `variant` renders an image here, tried in a child process.
 
-    Parameters
-    ----------
-    variant : str
-        Mitsuba variant.
-    library : str or None
-        LLVM library to load; None leaves the choice to Dr.Jit.
-    timeout_s : float
-        The child is killed after this many seconds.
+    Without a `library` Dr.Jit chooses the LLVM. The child is killed after `timeout_s` seconds.
     """
     environment = dict(os.environ)
     if library is not None:
         environment["DRJIT_LIBLLVM_PATH"] = library
-    # A kernel that another LLVM compiled earlier would hide that this one cannot.
+    # A cached kernel of another LLVM would hide that this one cannot compile it.
     with tempfile.TemporaryDirectory(prefix="plateau-probe-") as empty:
         environment["DRJIT_CACHE_DIR"] = empty
         try:
@@ -162,12 +131,12 @@ def probe(variant: str, library: str | None, timeout_s: float = _PROBE_TIMEOUT_S
 
 
 def _before_the_probe() -> Callable[[], None]:
-    """What a probe does before its program starts: it dies with its worker, and not of Ctrl-C."""
+    """Return what a probe runs before its program: it dies with its worker, not by Ctrl-C."""
     arrange = die_with_parent(signal.SIGKILL)
 
     def before_the_program() -> None:
         arrange()
-        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # until it can die of it
+        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # until it can end by it
 
     return before_the_program
 
@@ -212,7 +181,7 @@ def _choice(tried: tuple[Probe, ...]) -> VariantChoice:
 
 
 def _is_lasting(one: Probe) -> bool:
-    """Return whether it would come out the same another time, as far as one can tell."""
+    """Return whether another trial would probably have the same outcome."""
     if one.ok:
         return True
     if one.variant == CUDA or one.detail.startswith(_TIMED_OUT):
@@ -226,7 +195,7 @@ def _described(one: Probe) -> str:
 
 
 def _last_words(done: subprocess.CompletedProcess[str]) -> str:
-    """Return how a probe ended, with LLVM's complaint or else the last line that it wrote."""
+    """Return how a probe ended, with LLVM's error or else the last line that it wrote."""
     if done.returncode < 0:
         how = f"{_ENDED_BY} {signal.Signals(-done.returncode).name}"
     else:
@@ -237,7 +206,7 @@ def _last_words(done: subprocess.CompletedProcess[str]) -> str:
 
 
 def _identity(candidates: list[tuple[str, str | None]]) -> dict[str, Any]:
-    """Return all on which the outcome depends, as JSON shows it."""
+    """Return everything on which the outcome depends, as JSON shows it."""
     files = [(path, Path(path).stat()) for _, path in candidates if path is not None]
     return {
         "mitsuba": version("mitsuba"),
@@ -258,31 +227,31 @@ def _cpu_model() -> str:
 
 
 class _Memory:
-    """The outcome of the last trial, in a file, for as long as its identity holds."""
+    """The outcome of the last trial in a file, valid while the identity stays the same."""
 
     def __init__(self, file: Path, identity: dict[str, Any]) -> None:
         self._file = file
         self._identity = identity
 
     def read(self) -> tuple[Probe, ...] | None:
-        """Return the remembered probes; None where there are none, or none that can be trusted."""
+        """Return the stored probes; None if there are none or they are no longer valid."""
         try:
             content = json.loads(self._file.read_text(encoding="utf-8"))
             tried = tuple(Probe(**one) for one in content["tried"])
             if content["identity"] == self._identity and all(map(_is_lasting, tried)):
                 return tried
         except (OSError, ValueError, TypeError, KeyError):
-            pass  # a cache that cannot be read is no cache
+            pass  # an unreadable file counts as no file
         return None
 
     def write(self, tried: tuple[Probe, ...]) -> None:
-        """Remember these probes, unless a failure may be of the moment."""
+        """Store these probes, unless a failure may be temporary."""
         if not all(map(_is_lasting, tried)):
             return
         content = {"identity": self._identity, "tried": [asdict(one) for one in tried]}
         with contextlib.suppress(OSError):
             self._file.parent.mkdir(parents=True, exist_ok=True)
-            # Whole or not at all: another worker may start at the same moment.
+            # Atomically: another worker may start at the same moment.
             with tempfile.NamedTemporaryFile(
                 "w", dir=self._file.parent, delete=False, encoding="utf-8"
             ) as new:
