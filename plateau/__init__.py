@@ -1,11 +1,11 @@
 """Plateau's front door: the command line and the Python client.
 
-``from plateau import Client`` is all that most programs need. Names are looked up when they are
-asked for, so that the command line does not wait for what it does not use.
+``from plateau import Client`` is all that most programs need. A name is imported when it is first
+used, so the command line does not wait for modules that it does not need.
 """
 
 from importlib import import_module
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from plateau.client import (
@@ -56,15 +56,14 @@ __all__ = [
     "VisibleSpec",
 ]
 
-_HOMES: Final = {"JobState": "plateau.farm.model.states"}
-
 
 def __getattr__(name: str) -> Any:
     if name not in __all__:
         raise AttributeError(f"module 'plateau' has no attribute {name!r}")
-    home = (
-        "plateau.farm.model.spec" if name.endswith("Spec") else _HOMES.get(name, "plateau.client")
-    )
+    if name == "JobState":
+        home = "plateau.farm.model.states"
+    else:
+        home = "plateau.farm.model.spec" if name.endswith("Spec") else "plateau.client"
     return getattr(import_module(home), name)
 
 

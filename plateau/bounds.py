@@ -1,7 +1,4 @@
-"""Parameters between two bounds, both allowed; what lies beyond them, or is no number, is refused.
-
-A parameter's bounds stand beside its default.
-"""
+"""Numeric parameters with bounds: the bounds stand beside the default and are allowed values."""
 
 from __future__ import annotations
 
@@ -19,7 +16,7 @@ _BOUNDS = "bounds"
 def bounded(default: _Number, least: _Number, most: _Number, **about: object) -> _Number:
     """Return the field of a dataclass that has this default and these bounds.
 
-    Where the default is whole, so is every value. What else is given becomes the field's metadata.
+    If the default is an int, every value must be one. `about` becomes metadata of the field.
     """
     number: _Number = field(default=default, metadata={_BOUNDS: (least, most), **about})
     return number

@@ -1,5 +1,9 @@
-"""What may go wrong with a command: said in one line, without a traceback."""
+"""Errors and messages of commands, which a user sees as lines without a traceback.
 
+Every process of the farm imports this module, so it imports nothing heavy.
+"""
+
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Final
@@ -9,11 +13,11 @@ from plateau.farm.model.errors import FarmError
 
 
 class PlateauError(Exception):
-    """What went wrong is not the program's fault; the message is all that a user needs."""
+    """The program is not at fault; the message is all that a user needs."""
 
 
 class CommandFailed(PlateauError):
-    """A command cannot do what was asked; the message says why and what to do."""
+    """A command cannot do its work; the message says why and what to do."""
 
 
 class ExtraMissing(PlateauError, ImportError):
@@ -25,14 +29,16 @@ class ExtraMissing(PlateauError, ImportError):
         )
 
 
+def tell(message: str) -> None:
+    """Print a message for the user on standard error."""
+    print(f"plateau: {message}", file=sys.stderr, flush=True)
+
+
 @contextmanager
 def needs(extra: str) -> Iterator[None]:
-    """Raise `ExtraMissing` where a package of others cannot be found within.
+    """Raise `ExtraMissing` if the body imports a third-party package that is not installed.
 
-    Parameters
-    ----------
-    extra
-        The extra of the distribution that brings it, as ``images``.
+    `extra` names the extra of the distribution that installs the package, such as ``images``.
     """
     try:
         yield
@@ -43,6 +49,5 @@ def needs(extra: str) -> Iterator[None]:
         raise ExtraMissing(package, extra) from error
 
 
-# No module of weight is imported for this: every process of the farm looks here.
 #: Errors whose message is all that a user needs.
 EXPECTED: Final = (BundleError, FarmError, OSError, PlateauError)

@@ -9,17 +9,17 @@ from plateau.farm.model.states import JobState
 class ExitCode(IntEnum):
     """What a command's exit code means."""
 
-    OK = 0  #: done; a job that was waited for has converged or is exhausted
-    FAILED = 1  #: it could not be done, or the job failed; standard error says why
-    USAGE = 2  #: the command line is not right, or two images cannot be compared
-    MISSED = 3  #: jobs of the batch that was waited for ended before their rule stopped them
-    CANCELLED = 4  #: the job that was waited for was cancelled, or one of the batch
-    INCOMPATIBLE = 76  #: a process does not fit the farm's data or its other processes: to start it
-    #: again changes nothing, to install another version does
-    INTERRUPTED = 130  #: Ctrl-C, as shells count signals
+    OK = 0  #: success; the job that was waited for converged or was exhausted
+    FAILED = 1  #: the command or the job failed; standard error says why
+    USAGE = 2  #: the command line is invalid, or two images cannot be compared
+    MISSED = 3  #: some jobs of the batch ended before their rule stopped them
+    CANCELLED = 4  #: the job, or a job of the batch, was cancelled
+    #: This version does not fit the farm's data or its other processes. A restart does not help.
+    INCOMPATIBLE = 76
+    INTERRUPTED = 130  #: Ctrl-C: 128 + SIGINT, as in shells
 
 
-#: How a job's end becomes an exit code.
+#: The exit code for the state in which a job ended.
 EXIT_CODES: Final = {
     JobState.CONVERGED: ExitCode.OK,
     JobState.EXHAUSTED: ExitCode.OK,

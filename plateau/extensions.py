@@ -1,13 +1,13 @@
-"""The one place where extensions are named: packages that the rest of Plateau does not know.
+"""Extensions: packages that no other module of Plateau names.
 
-Of an extension the rest asks for a module by its name, and imports it only then:
+An extension has modules of these names, each of which is imported when it is needed:
 
 ``cli``
-    adds commands to `plateau.cli.app.app` as it is imported
+    adds commands to `plateau.cli.app.app` when it is imported
 ``routes``
-    ``mount(app, client)`` adds routes to the API, which has its parts by then
+    ``mount(app, client)`` adds routes to the API, which already has its own
 ``ledger``
-    ``orphans(client, store)`` are blobs that a sweep may remove
+    ``orphans(client, store)`` returns the blobs that a sweep may remove
 """
 
 from collections.abc import Iterator
@@ -19,6 +19,6 @@ EXTENSIONS: Final = ("plateau.study",)
 
 
 def extensions(module: str) -> Iterator[ModuleType]:
-    """The module of this name of each extension."""
+    """Each extension's module of this name."""
     for name in EXTENSIONS:
         yield import_module(f"{name}.{module}")

@@ -1,20 +1,17 @@
-"""A job and its curve in words, as progress and summaries show them."""
+"""A job and its curve as text, for progress and summaries."""
 
 from datetime import datetime
-from typing import Final
 
 from plateau.farm.model.job import CurvePoint, Job
+from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
 from plateau.farm.wire.figures import duration, percent, pixels, roughly, share, significant
-from plateau.rules import CURVE, create
-
-#: What stands before each line of a summary has so much room.
-_NAME_COLUMNS: Final = 12
+from plateau.rules import CURVE, SlopeLimit, create
 
 
 def row(name: str, text: str) -> str:
     """A line of a summary."""
-    return f"{name + ':':<{_NAME_COLUMNS}}{text}"
+    return f"{name + ':':<12}{text}"
 
 
 def of_image(count: float | None, fraction: float | None) -> str:
@@ -25,7 +22,7 @@ def of_image(count: float | None, fraction: float | None) -> str:
 
 
 def size(count: float) -> str:
-    """A number of bytes as people say it: ``512 bytes``, ``1.4 MB``."""
+    """A number of bytes for people: ``512 bytes``, ``1.4 MB``."""
     for unit in ("bytes", "kB", "MB"):
         if count < 1000:
             return f"{count:.0f} {unit}" if unit == "bytes" else f"{count:.1f} {unit}"
@@ -34,7 +31,7 @@ def size(count: float) -> str:
 
 
 def point_figures(job: Job, point: CurvePoint) -> list[str]:
-    """Changed pixels, slope, noise left, forecast and broken pixels of a point, where known."""
+    """The known figures of a point: changed pixels, slope, noise left, forecast, broken pixels."""
     found = [f"changed {of_image(point.visible_pixels, point.visible_fraction)}"]
     if point.slope is not None:
         stop = stop_slope(job)
@@ -53,19 +50,19 @@ def point_figures(job: Job, point: CurvePoint) -> list[str]:
 
 
 def point_line(job: Job, point: CurvePoint, *more: str) -> str:
-    """A point of the curve in a line, with more at its end."""
+    """A point of the curve on one line, with `more` at its end."""
     return f"{point.spp:>6} spp  {'  '.join(filter(None, (*point_figures(job, point), *more)))}"
 
 
-def rule_window(job: Job) -> int:
-    """How many points of the curve the slope is taken over."""
-    limit = job.spec.slope_limit or create(CURVE).slope_limit
+def slope_limit(spec: JobSpec) -> SlopeLimit:
+    """The slope limit of the spec's rules; if none has one, that of the rule of every curve."""
+    limit = spec.slope_limit or create(CURVE).slope_limit
     assert limit is not None  # the curve has a slope
-    return limit.window
+    return limit
 
 
 def stop_slope(job: Job) -> float | None:
-    """The slope at which the job's rule stops, in changed pixels per spp of its own image."""
+    """The slope at which the job's rule stops, in changed pixels per spp of the job's image."""
     limit = job.spec.rule.behaviour.slope_limit
     if limit is None or job.width is None or job.height is None:
         return None
@@ -78,7 +75,7 @@ def stop_fraction(job: Job) -> float | None:
 
 
 def time_left(job: Job, now: datetime) -> str:
-    """What is left of a job's time, as the page says it; "" where nobody can know."""
+    """The time that a job still needs, in the words of the page; "" if it cannot be known."""
     if job.state is not JobState.RENDERING or job.started_at is None:
         return ""
     rendered = job.committed_spp - job.continued_spp
@@ -89,7 +86,7 @@ def time_left(job: Job, now: datetime) -> str:
         and forecast is not None
         and forecast <= job.spec.max_spp
     ):
-        # The forecast is of the last point, and slices have come since.
+        # The forecast is as old as the last point; slices were committed since.
         ahead = max(0, forecast - job.committed_spp) / max(1, forecast - job.spp)
         seconds = ahead * job.forecast_s
         return "any moment" if seconds < 3 else f"about {roughly(seconds)} left"
@@ -101,14 +98,14 @@ def time_left(job: Job, now: datetime) -> str:
 
 
 def pauses(job: Job) -> str:
-    """For how long the job was paused, and since when it is."""
+    """For how long the job was paused before, and since when it is paused now."""
     before = f"for {duration(job.paused_s)}" if job.paused_s else ""
     now = f"since {job.paused_at:%Y-%m-%d %H:%M:%S} UTC" if job.paused_at else ""
     return ", and ".join(filter(None, (before, now)))
 
 
 def summary(job: Job, now: datetime, waits_for: str | None = None) -> str:
-    """What became of a job by now, in a few lines; `waits_for` says what it lacks, if anything."""
+    """A job in a few lines; `waits_for` says which worker it lacks, if any."""
     rows = [("state", job.state.value), ("reason", job.reason)]
     if waits_for:
         rows.append(("workers", f"it {waits_for}"))
@@ -116,9 +113,8 @@ def summary(job: Job, now: datetime, waits_for: str | None = None) -> str:
         rows.append(("image", f"{job.width}×{job.height}, {job.variant}, scene {job.name}"))
     samples = f"{job.spp:,} of at most {job.spec.max_spp:,} spp"
     if job.samples_saved:  # one share of the cap is enough
-        rows.append(("samples", samples))
         saved = f"{share(job.saved_fraction)} of the cap, {job.samples_saved:,} samples"
-        rows.append(("saved", saved))
+        rows += [("samples", samples), ("saved", saved)]
     else:
         rows.append(("samples", f"{samples} ({share(job.spp / job.spec.max_spp)})"))
     if job.visible_pixels is not None:

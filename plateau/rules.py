@@ -1,12 +1,13 @@
-"""What a stopping rule tells the rest of Plateau about itself, and which rules there are.
+"""The description of a stopping rule, and the list of installed rules.
 
-A rule is one class in one file: its parameters, its judgement, its memory, and what follows here.
-The API's schema, the options and the help of the command line, the page's form and the table in
-docs/stopping.md are made of it. Whoever has a rule of their own names its class in the entry point
-group `plateau.rules` of an installed distribution; Plateau's own rules come in the same way.
+A rule is one class in one file: its parameters, its judgement, its state and the attributes of
+`StoppingRule`. The API's schema, the options and help of the command line, the page's form and the
+table in docs/stopping.md are generated from it. To add a rule, name its class in the entry point
+group `plateau.rules` of an installed distribution; Plateau's own rules are installed in the same
+way.
 
-This module lies below `plateau.farm` and `plateau.metric`, which do not know each other, and loads
-no numerics.
+This module lies below `plateau.farm` and `plateau.metric`, which do not import each other, and
+imports no numerics.
 """
 
 from dataclasses import dataclass, fields
@@ -25,12 +26,12 @@ if TYPE_CHECKING:
 GROUP: Final = "plateau.rules"
 #: The rule of a job that names none.
 DEFAULT: Final = "visible"
-#: The rule that makes the curve of every job, whichever rule ends it.
+#: The rule that computes the curve of every job, whichever rule ends it.
 CURVE: Final = "reverse"
 
-#: The most samples per pixel that anybody can ask for.
+#: The highest spp that a job or a rule may have.
 MOST_SPP: Final = 1_000_000
-#: The paper's image size, for which thresholds and slopes in pixels are taken to hold.
+#: The paper's image size, for which its thresholds and slopes in pixels hold.
 PAPER_PIXELS: Final = 512 * 512
 #: The default rule ends no job at an earlier evaluation, and has no forecast until the first.
 _EVALUATIONS_BEFORE_AN_END: Final = 2
@@ -39,7 +40,7 @@ _Number = TypeVar("_Number", int, float)
 
 
 class ParameterRole(str, Enum):
-    """What a parameter means to those who do not judge: plans, forecasts, plots and words."""
+    """What a parameter means to plans, forecasts, plots and texts."""
 
     #: The rule stops at this many spp, whatever the image looks like.
     END_SPP = "end_spp"
@@ -55,7 +56,7 @@ class ParameterRole(str, Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class Parameter:
-    """A parameter of a rule, a number between two bounds; where the default is whole, so is it."""
+    """A parameter of a rule: a number between two bounds; an int if the default is one."""
 
     default: float
     least: float
@@ -63,14 +64,14 @@ class Parameter:
     description: str  #: what it means, for the API's schema and the command line
     label: str  #: what a form calls it
     help: str  #: a sentence below its field in a form
-    unit: str = ""  #: what stands behind its field
+    unit: str = ""  #: what a form shows behind its field
     scale: float = 1  #: a form shows the value divided by this, such as 0.01 for percent
     role: ParameterRole | None = None
     option: bool = False  #: whether the command line has an option of its name
 
     @property
     def is_whole(self) -> bool:
-        """Whether it takes whole numbers only."""
+        """Whether only whole numbers are allowed."""
         return isinstance(self.default, int)
 
 
@@ -87,19 +88,8 @@ def parameter(
     role: ParameterRole | None = None,
     option: bool = False,
 ) -> _Number:
-    """Return the field of a rule that is a `Parameter`."""
-    about = Parameter(
-        default=default,
-        least=least,
-        most=most,
-        description=description,
-        label=label,
-        help=help,
-        unit=unit,
-        scale=scale,
-        role=role,
-        option=option,
-    )
+    """Return the field of a rule that this `Parameter` describes."""
+    about = Parameter(**locals())
     return bounded(default, least, most, parameter=about)
 
 
@@ -117,9 +107,9 @@ class SlopeLimit:
 
 @dataclass(kw_only=True)
 class StoppingRule:
-    """A rule as others know it: a dataclass whose fields are its parameters.
+    """A rule's description: a dataclass whose fields are its parameters.
 
-    `plateau.metric.rules.base.Rule` adds the judgement and the memory.
+    `plateau.metric.rules.base.Rule` adds the judgement and its state.
 
     Raises
     ------
@@ -127,7 +117,7 @@ class StoppingRule:
         If a parameter is out of its bounds.
     """
 
-    #: How a job names the rule, and how its entry point is called.
+    #: The name of the rule in a job's spec, and of its entry point.
     name: ClassVar[str]
     #: When it stops, in a sentence: for the API's schema and the shell.
     summary: ClassVar[str]
@@ -137,17 +127,17 @@ class StoppingRule:
     help: ClassVar[str]
     #: The same as a formula, for the table in the documentation.
     criterion: ClassVar[str]
-    #: What images it stores, for that table.
+    #: Which images it stores, for the same table.
     stores: ClassVar[str] = "–"
     #: Rules are listed by rising order.
     order: ClassVar[int] = 100
     #: Whether a form offers it among the first.
     featured: ClassVar[bool] = False
-    #: Whether any ended job can be continued with it: it needs no image that was not kept.
+    #: Whether any ended job can be continued with it, because it needs no earlier image.
     continues: ClassVar[bool] = False
-    #: What follows "It stopped by itself at N spp" on the page; where it is empty, or a figure is
-    #: not known, the verdict's reason does. In it, {noise_left}, {slope}, {slope_limit} and the
-    #: name of any parameter stand for figures.
+    #: The text after "It stopped by itself at N spp" on the page. {noise_left}, {slope},
+    #: {slope_limit} and the name of any parameter stand for figures. If it is empty, or a figure is
+    #: unknown, the page shows the verdict's reason.
     stopped: ClassVar[str] = ""
 
     def __post_init__(self) -> None:
@@ -163,7 +153,7 @@ class StoppingRule:
         }
 
     def value_of(self, role: ParameterRole) -> float | None:
-        """Return the value of the parameter with this role; None where the rule has none."""
+        """Return the value of the parameter with this role; None if the rule has none."""
         return next(
             (getattr(self, name) for name, one in self.parameters().items() if one.role is role),
             None,
@@ -186,7 +176,7 @@ class StoppingRule:
         return int(self.value_of(ParameterRole.LEAST_SPP) or 0)
 
     def soonest_end_spp(self, step: int) -> int | None:
-        """Return where it may end a job that has not been judged yet; None where nothing tells.
+        """Return the least spp at which it may end a job before any evaluation; None if unknown.
 
         `step` is the spp between two evaluations.
         """
@@ -197,14 +187,14 @@ class StoppingRule:
     def expected_end_spp(
         self, forecast_spp: int | None, crossing_spp: int | None = None
     ) -> int | None:
-        """Return where it is likely to end a job; None where nothing tells.
+        """Return the spp at which it is expected to end a job; None if unknown.
 
         Parameters
         ----------
         forecast_spp
-            Where the noise left is expected to be at the rule's target.
+            Where the noise left is expected to reach the rule's target.
         crossing_spp
-            Where the line through the rule's last two values comes down to its limit.
+            Where the line through the rule's last two values falls to its limit.
         """
         end_spp = self.value_of(ParameterRole.END_SPP)
         if end_spp is not None:
@@ -215,12 +205,12 @@ class StoppingRule:
 
 @cache
 def rules() -> "Mapping[str, type[StoppingRule]]":
-    """Return every rule that is installed, by name and in their order.
+    """Return the installed rules by name, sorted by their `order`.
 
     Raises
     ------
     ImportError
-        If a rule cannot be loaded, is no rule, or has the name of another.
+        A rule cannot be loaded, is no `StoppingRule`, or has the name of another.
     """
     found: dict[str, type[StoppingRule]] = {}
     for entry in entry_points(group=GROUP):
@@ -240,17 +230,17 @@ def rules() -> "Mapping[str, type[StoppingRule]]":
 
 
 def as_offered() -> "list[type[StoppingRule]]":
-    """Return every rule as people are offered them: the default first, then the featured ones."""
+    """Return the rules in the order of forms and help: the default first, then the featured."""
     return sorted(rules().values(), key=lambda rule: (rule.name != DEFAULT, not rule.featured))
 
 
 def create(name: str, **parameters: object) -> StoppingRule:
-    """Return a rule of this name; parameters left out have their defaults.
+    """Return a rule of this name; parameters that are not given have their defaults.
 
     Raises
     ------
     ValueError
-        If there is no such rule, or it has no such parameter, or a value is out of its bounds.
+        The rule or a parameter does not exist, or a value is out of its bounds.
     """
     if name not in rules():
         raise ValueError(f"there is no rule {name!r}; the rules are {', '.join(sorted(rules()))}")

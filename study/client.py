@@ -55,8 +55,7 @@ class StudyCalls(Calls):
             "levels": None if levels is None else list(levels),
             "name": name,
         }
-        answer = self._transport.send("POST", "/v1/studies", json=asked, timeout=_MAKING_S)
-        return self._transport.understood(StudyView, answer)
+        return self._transport.ask(StudyView, "POST", "/v1/studies", json=asked, timeout=_MAKING_S)
 
     def all(self) -> list[StudyView]:
         """All studies, newest first."""
@@ -86,9 +85,7 @@ class StudyCalls(Calls):
         """
         path = f"/v1/studies/{study_id}/observers/{observer}"
         asked = {"screen": screen.model_dump(mode="json")}
-        return self._transport.understood(
-            ObserverView, self._transport.send("PUT", path, json=asked)
-        )
+        return self._transport.ask(ObserverView, "PUT", path, json=asked)
 
     def answer(
         self, study_id: str, observer: str, trial: int, *, seen: bool, seconds: float
@@ -102,7 +99,7 @@ class StudyCalls(Calls):
         """
         path = f"/v1/studies/{study_id}/observers/{observer}/answers/{trial}"
         asked = {"seen": seen, "seconds": seconds}
-        return self._transport.understood(AnswerView, self._transport.send("PUT", path, json=asked))
+        return self._transport.ask(AnswerView, "PUT", path, json=asked)
 
     def csv(self, study_id: str, what: Literal["answers", "trials"]) -> str:
         """The answers as CSV: in the form of the paper's table 1, or one line for each."""

@@ -1,4 +1,4 @@
-"""What every command shares: the application, how help looks, and what becomes of an error."""
+"""What every command shares: the application, the look of its help, the handling of errors."""
 
 import os
 import sys
@@ -34,16 +34,16 @@ Exit codes:
 Settings are PLATEAU_… environment variables. `plateau doctor` shows them and checks this machine.
 """
 
-#: What the API's own hints are on the command line, by the kind of problem.
+#: By the kind of an API problem: the hint of the command line in place of the API's own.
 _HINTS: Final = {
-    "unknown-job": "`plateau list` shows those there are",
-    "no-image-yet": "`plateau watch` shows when it comes",
+    "unknown-job": "`plateau list` shows the jobs",
+    "no-image-yet": "`plateau watch` shows when there is one",
     "unknown-scene": "give the file itself; `plateau scenes` shows what is stored",
     "store-unavailable": "try again shortly; `plateau doctor` may know more",
 }
 
-#: The extras of the distribution that a command needs; those that need all of them are left out,
-#: and those that need none.
+#: The extras of the distribution that a command needs. Commands that need all or none of them are
+#: left out.
 _EXTRAS: Final = {
     "api": "service",
     "diff": "images",
@@ -62,7 +62,7 @@ _Function = TypeVar("_Function", bound=Callable[..., None])
 
 
 class Command(typer.core.TyperCommand):
-    """A command whose help keeps the lines of its examples, and whose errors are plain."""
+    """A command whose help keeps the lines of its examples, and whose errors are one line."""
 
     def __init__(self, *args: Any, help: str = "", **kwargs: Any) -> None:  # noqa: A002
         super().__init__(*args, help=help.replace("For example:", "\b\nFor example:"), **kwargs)
@@ -70,7 +70,7 @@ class Command(typer.core.TyperCommand):
         self._of_rules: list[str] | None = None
 
     def get_params(self, ctx: Any) -> Any:
-        """The options, with those of the stopping rules where it takes a rule."""
+        """The options; with --rule also those of the stopping rules."""
         if self._takes_rule and self._of_rules is None:
             from plateau.cli import rule_options
 
@@ -88,20 +88,20 @@ class Command(typer.core.TyperCommand):
             sys.stdout.flush()
         except KeyboardInterrupt:
             raise typer.Exit(ExitCode.INTERRUPTED) from None
-        except BrokenPipeError:  # whoever read our output has enough, as `head` has
+        except BrokenPipeError:  # the reader of our output, such as `head`, has closed it
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             raise typer.Exit(ExitCode.FAILED) from None
         except typer.Exit:  # an exit code, not an error
             raise
         except Exception as error:
-            from plateau.errors import EXPECTED
+            from plateau.errors import EXPECTED, tell
             from plateau.farm.model.errors import Incompatible
 
             if not isinstance(error, EXPECTED):
                 raise
-            print(f"plateau: {_in_words(error)}", file=sys.stderr)
-            fits = not isinstance(error, Incompatible)
-            raise typer.Exit(ExitCode.FAILED if fits else ExitCode.INCOMPATIBLE) from None
+            tell(_in_words(error))
+            misfit = isinstance(error, Incompatible)
+            raise typer.Exit(ExitCode.INCOMPATIBLE if misfit else ExitCode.FAILED) from None
         return result
 
     def _run(self, ctx: Any) -> Any:
@@ -115,16 +115,16 @@ class Command(typer.core.TyperCommand):
 
 
 def _in_words(error: BaseException) -> str:
-    """What a command says of an error that is expected."""
+    """The message of an expected error on the command line."""
     if hint := _HINTS.get(getattr(error, "slug", "")):
         return f"{str(error).partition(';')[0]}; {hint}"
     if isinstance(error, OSError) and error.strerror and error.filename is not None:
-        return f"{error.filename}: {error.strerror}"  # without the number, which is for programs
+        return f"{error.filename}: {error.strerror}"  # without the errno
     return str(error)
 
 
 class _App(typer.Typer):
-    """An application, or a group of its commands, all of which look alike."""
+    """The application, or a group of its commands."""
 
     def __init__(self, help: str, **options: Any) -> None:  # noqa: A002
         super().__init__(help=help, no_args_is_help=True, rich_markup_mode=None, **options)

@@ -1,8 +1,8 @@
-"""Words with colons, for completion in bash.
+"""Completion of words with colons in bash.
 
-Bash takes ``scenes:box`` and ``http://…`` apart at the colons before it asks for completions, and
-puts what it gets behind the last colon. Typer does not know of that, so the words are put together
-again before it reads them, and what it offers is shortened to what bash wants.
+Bash splits ``scenes:box`` and ``http://…`` at the colons before it asks for completions, and
+replaces only what follows the last colon. Typer does not expect that. So the words are joined
+before Typer reads them, and its completions are cut at the last colon.
 """
 
 import io
@@ -11,18 +11,18 @@ from collections.abc import Callable
 from contextlib import redirect_stdout
 from typing import Final
 
-#: Typer's script for bash hands the words over in these, a line for each word.
+#: Typer's script for bash passes the words, one per line, and the index of the current word.
 _WORDS: Final = "COMP_WORDS"
 _CURRENT: Final = "COMP_CWORD"
 
 
 def completing_in_bash(variable: str) -> bool:
-    """Whether this process is asked for completions by bash, by the variable of that name."""
+    """Whether bash asks this process for completions, by the variable of that name."""
     return os.environ.get(variable) == "complete_bash" and {_WORDS, _CURRENT} <= os.environ.keys()
 
 
 def with_whole_words(complete: Callable[[], None]) -> None:
-    """Complete with words that have their colons; prints what bash puts behind the last one."""
+    """Call `complete` with joined words; prints what bash puts behind the last colon."""
     words, current = joined(os.environ[_WORDS].split("\n"), int(os.environ[_CURRENT]))
     os.environ[_WORDS], os.environ[_CURRENT] = "\n".join(words), str(current)
     kept = words[current].rpartition(":")[0] if current < len(words) else ""
@@ -36,14 +36,14 @@ def with_whole_words(complete: Callable[[], None]) -> None:
 
 
 def joined(words: list[str], current: int) -> tuple[list[str], int]:
-    """The words, those that belong together in one, and which of them is the current one.
+    """The words, joined at their colons, and the index of the current one.
 
     >>> joined(["plateau", "render", "scenes", ":", "b"], 4)
     (['plateau', 'render', 'scenes:b'], 2)
     """
     found: list[str] = []
     place = 0
-    open_end = False  # whether the word before ends with a colon that wants more
+    open_end = False  # whether the next word continues this one
     for index, word in enumerate(words):
         colons = set(word) == {":"}
         if found and (colons or open_end):

@@ -1,10 +1,11 @@
-"""What the shell offers when somebody presses Tab.
+"""Completions for the shell.
 
-Each function returns the values that fit, with a word about each. Where the service has to be
-asked, it has a second, and silence is an answer: a prompt is no place for an error.
+Each function returns the matching values, each with a short description. A service that is asked
+has one second; if it fails, nothing is offered, since a prompt is no place for an error.
 
-Zsh evaluates what it is offered, and Typer's quoting leaves a gap for backslashes. So of names that
-others choose, of scenes and of files, only plain letters get that far.
+Zsh evaluates the completions, and Typer does not quote backslashes. So files with special
+characters in their names are not offered, and special characters in the names of scenes are
+replaced.
 """
 
 import re
@@ -15,16 +16,13 @@ import typer
 
 from plateau import scenes
 
-_PATIENCE_S: Final = 1.0
-_MOST_JOBS: Final = 200
 _SCHEME: Final = "scenes:"
-_SCENE_FILES: Final = frozenset({".xml", ".zip"})
-#: Anything else means something to some shell.
+#: Any other character may be special in some shell.
 _NOT_PLAIN: Final = re.compile(r"[^\w.+-]")
 
 Offered = list[tuple[str, str]]
 
-#: In which states a job is worth offering to a command; to others, in all.
+#: By command: the states of the jobs that it can change. Other commands take any job.
 _USEFUL: Final = {
     "cancel": {"queued", "rendering", "paused"},
     "pause": {"rendering"},
@@ -34,13 +32,13 @@ _USEFUL: Final = {
 
 
 def job_ids(ctx: typer.Context, incomplete: str) -> Offered:
-    """The newest jobs that the command can do something with."""
+    """The newest jobs to which the command applies."""
     try:
         from plateau.commands.connect import connect
 
-        with connect(ctx.params.get("url"), timeout_s=_PATIENCE_S, quiet=True) as client:
-            jobs = client.jobs(limit=_MOST_JOBS).jobs
-    except Exception:  # noqa: BLE001  (whatever it is, the command itself will say it)
+        with connect(ctx.params.get("url"), timeout_s=1.0, quiet=True) as client:
+            jobs = client.jobs(limit=200).jobs
+    except Exception:  # noqa: BLE001  (the command itself will report the error)
         return []
     useful = _USEFUL.get(ctx.info_name or "")
     return [
@@ -53,15 +51,15 @@ def job_ids(ctx: typer.Context, incomplete: str) -> Offered:
 
 
 def scene_files(incomplete: str) -> Offered:
-    """Our own scenes and, beside them, what may be a scene in this folder.
+    """The example scenes, and the folders and scene files of the current folder.
 
-    Where none of ours can be meant any more there is nothing to offer, and shells complete paths.
+    If no example scene matches, nothing is offered, and the shell completes paths.
     """
-    ours = [(f"{_SCHEME}{name}", "a scene that Plateau brings") for name in scenes.NAMES]
+    ours = [(f"{_SCHEME}{name}", "an example scene") for name in scenes.NAMES]
     found = [offer for offer in ours if offer[0].startswith(incomplete)]
     if found and not incomplete.startswith(_SCHEME):
         found += [(f"{path}/", "a folder") for path in _here(incomplete) if path.is_dir()]
-        files = (path for path in _here(incomplete) if path.suffix in _SCENE_FILES)
+        files = (path for path in _here(incomplete) if path.suffix in {".xml", ".zip"})
         found += [(str(path), "a scene") for path in files]
     return found
 

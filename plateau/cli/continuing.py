@@ -1,4 +1,4 @@
-"""Commands that continue a job that has ended."""
+"""Commands that continue an ended job."""
 
 from typing import Any, Final
 
@@ -14,10 +14,7 @@ _JUDGING: Final = (
 @app.command("continue")
 @o.takes_changes("max_spp", "time_limit", "priority", *_JUDGING)
 def continue_job(
-    job_id: o.JobId,
-    changes: dict[str, Any],
-    url: o.Url = None,
-    as_json: o.Json = False,
+    job_id: o.JobId, changes: dict[str, Any], url: o.Url = None, as_json: o.Json = False
 ) -> None:
     """Continue an ended job with a stricter rule or a higher cap, and print the new job's id.
 
@@ -39,10 +36,7 @@ def continue_job(
 @app.command()
 @o.takes_changes(*_JUDGING)
 def rejudge(
-    job_id: o.JobId,
-    changes: dict[str, Any],
-    url: o.Url = None,
-    as_json: o.Json = False,
+    job_id: o.JobId, changes: dict[str, Any], url: o.Url = None, as_json: o.Json = False
 ) -> None:
     """Judge the kept slices of an ended job again, with other rules or another view.
 

@@ -1,4 +1,4 @@
-"""Commands for images and answers that are there already; nothing is rendered."""
+"""Commands for images that are already rendered."""
 
 from pathlib import Path
 from typing import Annotated
@@ -85,7 +85,7 @@ def diff(
     raise typer.Exit(code)
 
 
-#: How a job is rendered, where nothing is.
+#: Options that say how to render.
 _RENDERING = ("define", "time_limit", "seed", "variant", "sensor", "keep_slices")
 
 

@@ -69,12 +69,7 @@ def submit(
         run(scene, spec, url=url, as_json=as_json)
     else:
         submit_batch(
-            scene,
-            spec,
-            parameters=parameters,
-            definitions=each or [],
-            url=url,
-            as_json=as_json,
+            scene, spec, parameters=parameters, definitions=each or [], url=url, as_json=as_json
         )
 
 
@@ -87,8 +82,7 @@ def watch(
     ] = None,
     no_curve: o.NoCurve = False,
     events: Annotated[
-        bool,
-        typer.Option("--events", help="Print each event as a line of JSON, and nothing else."),
+        bool, typer.Option("--events", help="Print each event as a line of JSON, and nothing else.")
     ] = False,
     url: o.Url = None,
     as_json: o.Json = False,
@@ -179,10 +173,7 @@ def list_jobs(
 
 @app.command()
 def cancel(
-    job_id: o.OrJobId = None,
-    batch: o.OrBatch = None,
-    url: o.Url = None,
-    as_json: o.Json = False,
+    job_id: o.OrJobId = None, batch: o.OrBatch = None, url: o.Url = None, as_json: o.Json = False
 ) -> None:
     """Cancel a job or a batch. The image merged so far is kept.
 
@@ -195,10 +186,7 @@ def cancel(
 
 @app.command()
 def pause(
-    job_id: o.OrJobId = None,
-    batch: o.OrBatch = None,
-    url: o.Url = None,
-    as_json: o.Json = False,
+    job_id: o.OrJobId = None, batch: o.OrBatch = None, url: o.Url = None, as_json: o.Json = False
 ) -> None:
     """Pause a rendering job or a batch: workers finish their slices and take no more.
 
@@ -215,10 +203,7 @@ def pause(
 
 @app.command()
 def resume(
-    job_id: o.OrJobId = None,
-    batch: o.OrBatch = None,
-    url: o.Url = None,
-    as_json: o.Json = False,
+    job_id: o.OrJobId = None, batch: o.OrBatch = None, url: o.Url = None, as_json: o.Json = False
 ) -> None:
     """Resume a paused job or batch. A pause does not change the image.
 

@@ -1,4 +1,4 @@
-"""Commands about who may do what: API keys, and the users of Redis."""
+"""Commands for access rights: API keys, and the users of Redis."""
 
 from pathlib import Path
 from typing import Annotated

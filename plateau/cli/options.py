@@ -15,7 +15,7 @@ from plateau.cli.spec_fields import checked, spec_fields
 
 
 def _scene(given: Path) -> Path:
-    """Return the path of a scene, which may be one of ours by its name, as `scenes:box`."""
+    """Return the path of a scene, which may be an example scene, such as `scenes:box`."""
     scheme, separator, name = str(given).partition(":")
     if scheme != "scenes" or not separator:
         return given
@@ -42,7 +42,7 @@ JobId = Annotated[
         autocompletion=complete.job_ids,
     ),
 ]
-#: Of the two, a command takes one: `one_of` sees to it.
+#: A command takes either a job or a batch; `one_of` checks that.
 OrJobId = Annotated[
     str | None,
     typer.Argument(
@@ -67,16 +67,16 @@ Url = Annotated[
 Json = Annotated[bool, typer.Option("--json", help="Print JSON, for scripts.")]
 NoCurve = Annotated[bool, typer.Option("--no-curve", help="Show progress without the curve.")]
 
-#: Options that choose among many workers and jobs, which mean nothing where there is but one.
+#: Options that choose among many workers and jobs; useless for a single job.
 AMONG_MANY: Final = ("pool", "require", "priority", "batch", "flicker_guard")
 
-#: A `plateau.farm.model.spec.JobSpec`, by `takes_spec`; its module is imported only where a command
-#: runs.
+#: A `plateau.farm.model.spec.JobSpec`, made by `takes_spec`. Its module is imported only when a
+#: command runs.
 Spec: TypeAlias = Any
 
 
 def one_of(job_id: str | None, batch: str | None) -> str:
-    """The job's id, "" where a batch is named; refuses a command line with neither, or both."""
+    """The job's id, or "" if a batch is named; refuses a command line with neither or both."""
     if (job_id is None) == (batch is None):
         raise typer.BadParameter("give the id of a job, or --batch NAME")
     return job_id or ""
@@ -130,8 +130,7 @@ def spec_from_options(
         ),
     ] = None,
     seed: Annotated[
-        int | None,
-        typer.Option(help="Seed; each draws independent samples.", show_default="0"),
+        int | None, typer.Option(help="Seed; each draws independent samples.", show_default="0")
     ] = None,
     variant: Annotated[
         str | None,
@@ -163,12 +162,10 @@ def spec_from_options(
         typer.Option(help="Jobs of higher priority are rendered first.", show_default="0"),
     ] = None,
     pool: Annotated[
-        str | None,
-        typer.Option(help="Pool whose workers render the job.", show_default="default"),
+        str | None, typer.Option(help="Pool whose workers render the job.", show_default="default")
     ] = None,
     require: Annotated[
-        list[str] | None,
-        typer.Option(help="Tag that a worker must have; may be repeated."),
+        list[str] | None, typer.Option(help="Tag that a worker must have; may be repeated.")
     ] = None,
     min_spp: Annotated[
         int | None,
@@ -189,47 +186,41 @@ def spec_from_options(
         typer.Option("--keep-slices", help="Keep every slice, for `judge`, `rejudge` and studies."),
     ] = False,
 ) -> Spec:
-    """The spec that the options ask for; what was left out has the spec's own default.
-
-    Raises
-    ------
-    typer.BadParameter
-        A value is not allowed; the message names the option.
-    """
+    """The spec that the options describe; other fields have the spec's defaults."""
     return checked(spec_fields(**locals()))
 
 
 def takes_spec(
     *, but: Collection[str] = ()
 ) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """Give a command the options of a spec, but for these, in place of its parameter `spec`."""
+    """Give a command the options of a spec, except these, in place of its parameter `spec`."""
     options = inspect.signature(spec_from_options).parameters
     taken = [option for name, option in options.items() if name not in but]
-    return _taking("spec", spec_from_options, taken)
+    return taking("spec", spec_from_options, taken)
 
 
 def takes_changes(*names: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
     """Give a command these options of a spec in place of its parameter `changes`.
 
-    That is a dict of the spec's fields which were given.
+    The parameter is a dict of the fields that were given.
     """
     options = inspect.signature(spec_from_options).parameters
-    return _taking("changes", spec_fields, [_as_it_was(options[name]) for name in names])
+    return taking("changes", spec_fields, [_as_it_was(options[name]) for name in names])
 
 
 def _as_it_was(option: inspect.Parameter) -> inspect.Parameter:
-    """The option, of which the help says that the job's own value is the default."""
-    kind, told = get_args(option.annotation)
-    told = copy(told)
-    if told.show_default is not True:  # it names the spec's own default
-        told.show_default = "as it was"
-    return option.replace(annotation=Annotated[kind, told])
+    """The option; its help names the job's own value as the default."""
+    kind, shown = get_args(option.annotation)
+    shown = copy(shown)
+    if shown.show_default is not True:  # it names the spec's own default
+        shown.show_default = "as it was"
+    return option.replace(annotation=Annotated[kind, shown])
 
 
-def _taking(
+def taking(
     parameter: str, made_by: Callable[..., Any], options: list[inspect.Parameter]
 ) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """Give a command these options of a spec in place of a parameter that is made of them."""
+    """Give a command these options in place of a parameter, which `made_by` makes of them."""
 
     def decorated(command: Callable[..., None]) -> Callable[..., None]:
         own = inspect.signature(command).parameters

@@ -1,4 +1,4 @@
-"""Commands that fetch what a job has come to, and show what the farm has."""
+"""Commands that fetch a job's results, and list workers and scenes."""
 
 from pathlib import Path
 from typing import Annotated
@@ -24,11 +24,9 @@ def curve(
     """
     if as_csv and as_json:
         raise typer.BadParameter("--csv and --json are two forms: choose one")
-    from plateau.commands.fetch import CurveForm
     from plateau.commands.fetch import curve as run
 
-    form = CurveForm.CSV if as_csv else CurveForm.JSON if as_json else CurveForm.TEXT
-    run(job_id, form=form, url=url)
+    run(job_id, url=url, as_csv=as_csv, as_json=as_json)
 
 
 @app.command()

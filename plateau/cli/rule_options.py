@@ -1,20 +1,17 @@
-"""The options that stopping rules have: added to a command when it runs, or is explained.
+"""The options of stopping rules, added to a command when it runs or prints its help.
 
-Finding the rules takes some milliseconds, for which no other command waits.
+To find the rules takes some milliseconds, which other commands should not lose.
 """
 
 import inspect
 from collections.abc import Mapping
-from typing import Annotated, Any, Final
+from typing import Annotated, Any
 
 import typer
 
-#: The option after which those of the rules stand.
-_BEFORE: Final = "watch"
-
 
 def owners() -> dict[str, str]:
-    """The options that are a rule's parameter: by their names, which rule has them."""
+    """By the name of each option that is a rule's parameter: the rule."""
     from plateau.rules import as_offered
 
     found: dict[str, str] = {}
@@ -26,27 +23,27 @@ def owners() -> dict[str, str]:
 
 
 def add(params: list[Any]) -> list[str]:
-    """Add the rules' own options to those of a command that has --rule, and name the rules there.
+    """Add the rules' options to those of a command after --watch; name the rules in --rule's help.
 
-    Returns the names of what was added: an option that the command has itself stays its own.
+    Returns the names of the added options; an option of the command itself is not replaced.
     """
     taken = {one.name: one for one in params}
     owned = {name: rule for name, rule in owners().items() if name not in taken}
     rule_option = taken["rule"]
     changes = rule_option.show_default if rule_option.show_default == "as it was" else None
     rule_option.help = f"{rule_option.help} {_about(owned)}"
-    place = 1 + next(index for index, one in enumerate(params) if one.name == _BEFORE)
+    place = 1 + next(index for index, one in enumerate(params) if one.name == "watch")
     params[place:place] = _made(owned, changes)
     return list(owned)
 
 
 def fold(given: dict[str, Any], added: list[str]) -> None:
-    """Write what was given by the added options into --rule, as a user could have done."""
+    """Write the values of the added options into --rule, as a user could have written them."""
     values = {name: given.pop(name, None) for name in added}
-    said = {name: value for name, value in values.items() if value is not None}
-    if said:
-        rule = given["rule"] or owners()[next(iter(said))]
-        parameters = ",".join(f"{name}={value!r}" for name, value in said.items())
+    set_values = {name: value for name, value in values.items() if value is not None}
+    if set_values:
+        rule = given["rule"] or owners()[next(iter(set_values))]
+        parameters = ",".join(f"{name}={value!r}" for name, value in set_values.items())
         given["rule"] = f"{rule}{',' if ':' in rule else ':'}{parameters}"
 
 
@@ -62,7 +59,7 @@ def _about(owned: Mapping[str, str]) -> str:
 
 
 def _made(owned: Mapping[str, str], shown: str | None) -> list[Any]:
-    """The options, made as Typer makes those of any function."""
+    """The options, as Typer makes them of a function's parameters."""
     from plateau.rules import rules
 
     def options(**_: object) -> None: ...
@@ -71,7 +68,7 @@ def _made(owned: Mapping[str, str], shown: str | None) -> list[Any]:
     for name, rule in owned.items():
         about = rules()[rule].parameters()[name]
         kind: Any = int if about.is_whole else float
-        told = typer.Option(
+        option = typer.Option(
             help=f"{rule}: {about.description}.", show_default=shown or f"{about.default:g}"
         )
         parameters.append(
@@ -79,7 +76,7 @@ def _made(owned: Mapping[str, str], shown: str | None) -> list[Any]:
                 name,
                 inspect.Parameter.KEYWORD_ONLY,
                 default=None,
-                annotation=Annotated[kind | None, told],
+                annotation=Annotated[kind | None, option],
             )
         )
     options.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]

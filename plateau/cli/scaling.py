@@ -1,4 +1,4 @@
-"""Commands that have a batch system run workers, as many as the queue needs."""
+"""Commands that run workers in a batch system, as many as the queue needs."""
 
 from pathlib import Path
 from typing import Annotated
@@ -57,8 +57,7 @@ def slurm(
     ] = None,
     partition: Annotated[str | None, typer.Option(help="Slurm partition, or several: a,b.")] = None,
     cpus: Annotated[
-        int | None,
-        typer.Option(help="CPUs, and threads, of each worker.", min=1),
+        int | None, typer.Option(help="CPUs, and threads, of each worker.", min=1)
     ] = None,
     gpus: Annotated[
         str | None, typer.Option(metavar="N", help="GPUs of each worker, such as 1 or a100:1.")
@@ -105,8 +104,7 @@ def slurm(
         ),
     ] = None,
     name: Annotated[
-        str,
-        typer.Option(help="Name of the jobs in Slurm; give two scalers two names."),
+        str, typer.Option(help="Name of the jobs in Slurm; give two scalers two names.")
     ] = "plateau-worker",
     every: Annotated[
         float,
@@ -119,8 +117,7 @@ def slurm(
     cancel_on_exit: Annotated[
         bool,
         typer.Option(
-            "--cancel-on-exit",
-            help="On exit, cancel waiting jobs and ask the workers to leave.",
+            "--cancel-on-exit", help="On exit, cancel waiting jobs and ask the workers to leave."
         ),
     ] = False,
     as_json: o.Json = False,
@@ -137,7 +134,6 @@ def slurm(
     jobs by their name and comment. Each change is a line on standard error, or with --json an
     object on standard output. See deploy/slurm/README.md.
     """
-    from plateau.commands.scale import Scaling
     from plateau.commands.scale import slurm as run
     from plateau.scale.policy import Limits
 
@@ -167,17 +163,15 @@ def slurm(
 
         make(logs, "--logs")
     run(
-        Scaling(
-            limits=Limits(least=least, most=most, worth_s=worth, calm_s=calm, idle_s=idle),
-            from_priority=from_priority,
-            name=name,
-            options=tuple(options),
-            script=script,
-            worker_env=worker_env,
-            every_s=every,
-            once=once,
-            dry_run=dry_run,
-            cancel_on_exit=cancel_on_exit,
-            as_json=as_json,
-        )
+        Limits(least=least, most=most, worth_s=worth, calm_s=calm, idle_s=idle),
+        from_priority=from_priority,
+        name=name,
+        options=options,
+        script=script,
+        worker_env=worker_env,
+        every_s=every,
+        once=once,
+        dry_run=dry_run,
+        cancel_on_exit=cancel_on_exit,
+        as_json=as_json,
     )

@@ -1,7 +1,8 @@
-"""Commands that run the farm: all of it for one scene, all of it as a service, and its parts."""
+"""Commands that run the farm: whole for one scene, whole as a service, or one process of it."""
 
+import inspect
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -45,64 +46,51 @@ def render(
     from plateau.commands.render import render as run
 
     code = run(
-        scene,
-        out,
-        spec,
-        workers=workers,
-        threads=threads,
-        as_json=as_json,
-        curve=not no_curve,
+        scene, out, spec, workers=workers, threads=threads, as_json=as_json, curve=not no_curve
     )
     raise typer.Exit(code)
 
 
-_Host = Annotated[
-    str,
-    typer.Option(
-        help="Address to listen on. One that other machines can reach needs an API key first."
-    ),
-]
-_Port = Annotated[
-    int, typer.Option(help="Port to listen on; 0 chooses a free one.", min=0, max=65535)
-]
-_Open = Annotated[
-    bool,
-    typer.Option(
-        "--open",
-        help="Require no API key, even if there are some. On a loopback address only.",
-    ),
-]
-_Certificate = Annotated[
-    Path | None,
-    typer.Option(
-        "--tls-certificate",
-        metavar="FILE",
-        help="Certificate for HTTPS: a PEM file with its chain.",
-    ),
-]
-_PrivateKey = Annotated[
-    Path | None, typer.Option("--tls-key", metavar="FILE", help="Private key of the certificate.")
-]
-
-
 def _door(
-    host: str, port: int, *, open_to_all: bool, certificate: Path | None, private_key: Path | None
+    *,
+    host: Annotated[
+        str,
+        typer.Option(
+            help="Address to listen on. One that other machines can reach needs an API key first."
+        ),
+    ] = "127.0.0.1",
+    port: Annotated[
+        int, typer.Option(help="Port to listen on; 0 chooses a free one.", min=0, max=65535)
+    ] = 8713,
+    open_to_all: Annotated[
+        bool,
+        typer.Option(
+            "--open", help="Require no API key, even if there are some. On a loopback address only."
+        ),
+    ] = False,
+    tls_certificate: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Certificate for HTTPS: a PEM file with its chain."),
+    ] = None,
+    tls_key: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Private key of the certificate.")
+    ] = None,
 ) -> "Door":
     from plateau.processes.tree import Door
 
-    if (certificate is None) != (private_key is None):
+    if (tls_certificate is None) != (tls_key is None):
         raise typer.BadParameter("give --tls-certificate and --tls-key together")
-    return Door(host, port, open_to_all, certificate, private_key)
+    return Door(host, port, open_to_all, tls_certificate, tls_key)
+
+
+_takes_door = o.taking("door", _door, list(inspect.signature(_door).parameters.values()))
 
 
 @app.command()
+@_takes_door
 def up(
+    door: Any,
     workers: Annotated[int, typer.Option(help="Number of worker processes.", min=0, max=256)] = 1,
-    host: _Host = "127.0.0.1",
-    port: _Port = 8713,
-    open_to_all: _Open = False,
-    tls_certificate: _Certificate = None,
-    tls_key: _PrivateKey = None,
 ) -> None:
     """Run the whole service on this machine until Ctrl-C.
 
@@ -114,21 +102,12 @@ def up(
     """
     from plateau.commands.serve import up as run
 
-    door = _door(
-        host, port, open_to_all=open_to_all, certificate=tls_certificate, private_key=tls_key
-    )
     raise typer.Exit(run(door, workers=workers))
 
 
 @app.command()
-def api(
-    host: _Host = "127.0.0.1",
-    port: _Port = 8713,
-    open_to_all: _Open = False,
-    tls_certificate: _Certificate = None,
-    tls_key: _PrivateKey = None,
-    ready_fd: Annotated[int | None, typer.Option(hidden=True)] = None,
-) -> None:
+@_takes_door
+def api(door: Any, ready_fd: Annotated[int | None, typer.Option(hidden=True)] = None) -> None:
     """Run one API process.
 
     For example:
@@ -136,9 +115,6 @@ def api(
     """
     from plateau.commands.serve import api as run
 
-    door = _door(
-        host, port, open_to_all=open_to_all, certificate=tls_certificate, private_key=tls_key
-    )
     run(door, ready_fd=ready_fd)
 
 
@@ -159,12 +135,10 @@ def monitor() -> None:
 @app.command()
 def worker(
     pool: Annotated[
-        str | None,
-        typer.Option(help="Pool whose jobs it renders.", show_default="default"),
+        str | None, typer.Option(help="Pool whose jobs it renders.", show_default="default")
     ] = None,
     tag: Annotated[
-        list[str] | None,
-        typer.Option(help="Tag that jobs may require; may be repeated."),
+        list[str] | None, typer.Option(help="Tag that jobs may require; may be repeated.")
     ] = None,
 ) -> None:
     """Run one worker, which renders slices of the jobs that fit its pool, tags and variants.

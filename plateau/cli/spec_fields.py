@@ -1,4 +1,4 @@
-"""What the options of the command line say of a spec."""
+"""The fields of a spec, from options; a wrong one raises `typer.BadParameter` with its name."""
 
 from contextlib import suppress
 from typing import Any, Final
@@ -21,13 +21,7 @@ def spec_fields(
     require: list[str] | None = None,
     **named_alike: object,
 ) -> dict[str, Any]:
-    """The fields of a spec that were given; the options are in `plateau.cli.options`.
-
-    Raises
-    ------
-    typer.BadParameter
-        A value cannot be read.
-    """
+    """The fields of a spec that were given; the options are in `plateau.cli.options`."""
     view = _given(
         exposure_ev=exposure,
         white_luminance=white_luminance,
@@ -46,13 +40,7 @@ def spec_fields(
 
 
 def checked(fields: dict[str, Any]) -> Any:
-    """The `plateau.farm.model.spec.JobSpec` of these fields, imported only here: it takes a while.
-
-    Raises
-    ------
-    typer.BadParameter
-        A value is not allowed; the message names the option.
-    """
+    """The `plateau.farm.model.spec.JobSpec` of these fields, imported here because it is slow."""
     from pydantic import ValidationError
 
     from plateau.farm.model import input_errors
@@ -79,7 +67,7 @@ def _definition(text: str) -> tuple[str, str]:
 
 
 def _rule(text: str) -> dict[str, str | int | float]:
-    """A rule as it is written on the command line: ``name`` or ``name:parameter=value,…``."""
+    """A rule from its text: ``name`` or ``name:parameter=value,…``."""
     name, _, parameters = text.partition(":")
     given: dict[str, str | int | float] = {"name": name}
     for definition in filter(None, parameters.split(",")):
@@ -91,14 +79,14 @@ def _rule(text: str) -> dict[str, str | int | float]:
 
 
 def _number(text: str) -> str | int | float:
-    """The number that is written so, as services take it; what is none is left as it is."""
+    """The number that the text stands for; any other text as it is."""
     for kind in (int, float):
         with suppress(ValueError):
             return kind(text)
     return text
 
 
-#: Where an option is not called as the spec's field.
+#: Options whose names differ from those of the spec's fields.
 _OPTIONS: Final = {
     "exposure_ev": "exposure",
     "field_of_view_deg": "field-of-view",
@@ -109,7 +97,7 @@ _OPTIONS: Final = {
 
 
 def _message(location: tuple[int | str, ...], kind: str, message: str) -> str:
-    """What is wrong with the option that the field was made of."""
+    """The error of a field, as the error of its option."""
     if not location:
         return message
     if kind == "union_tag_invalid":

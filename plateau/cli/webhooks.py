@@ -1,4 +1,4 @@
-"""Commands about webhooks: what became of their messages, and what signs them."""
+"""Commands for webhooks: their messages, and the secret that signs them."""
 
 from typing import Annotated
 

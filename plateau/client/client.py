@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from functools import cached_property
-from types import TracebackType
 from typing import TYPE_CHECKING, Final
 
 from plateau.client.batches import BatchCalls
@@ -20,41 +19,33 @@ DEFAULT_URL: Final = "http://127.0.0.1:8713"
 
 
 class Client(
-    JobCalls,
-    ContinuingCalls,
-    BatchCalls,
-    WatchingCalls,
-    ResultCalls,
-    WebhookCalls,
-    FarmCalls,
+    JobCalls, ContinuingCalls, BatchCalls, WatchingCalls, ResultCalls, WebhookCalls, FarmCalls
 ):
-    """A Plateau service, as a Python program sees it; may be used from several threads.
+    """A Plateau service, for Python programs; may be used from several threads.
 
-    Every method raises `ApiError` where the service answers with a problem, `Unreachable` where
-    nothing answers for `patience_s` seconds, and `NotPlateau` where what answers is something else.
+    Every method raises `ApiError` if the service answers with a problem, `Unreachable` if nothing
+    answers for `patience_s` seconds, and `NotPlateau` if the answer is not that of a service.
 
     Parameters
     ----------
     url
-        Where the service is.
+        URL of the service.
     key
-        The API key to show it, where it wants one.
+        The API key, if the service requires one.
     patience_s
         For how long a call is repeated while the service is away; 0 for one attempt. Every call
-        may be repeated safely.
+        can be repeated safely.
     timeout_s
-        For how long one answer may take.
+        Longest time for one answer.
     once_heard_s
-        As `patience_s`, for a service that has answered before: it is being started again, say.
+        A longer `patience_s` once the service has answered, since it may only be restarting.
     on_version
-        Called with the service's version, once, when it is known.
+        Called once with the service's version, when it is known.
 
     Raises
     ------
-    BadUrl
-        The URL cannot be that of a service.
-    BadKey
-        The key cannot be one.
+    BadUrl, BadKey
+        The URL or the key is malformed.
     """
 
     def __init__(
@@ -85,25 +76,20 @@ class Client(
 
     @property
     def url(self) -> str:
-        """Where the service is, without a slash at its end."""
+        """URL of the service, without a slash at its end."""
         return self._transport.url
 
     @property
     def service_version(self) -> str | None:
-        """The version of the service; None before it has answered, and where it is too old."""
+        """The version of the service; None before its first answer, and if it names none."""
         return self._transport.version
 
     def __enter__(self) -> "Client":
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self.close()
 
     def close(self) -> None:
-        """Give the connections back."""
+        """Close the connections."""
         self._transport.close()

@@ -15,7 +15,7 @@ _FIGURES: Final = tuple(name for name in CurvePoint.model_fields if name not in 
 
 
 def columns(points: list[CurvePoint]) -> dict[str, NDArray[Any]]:
-    """The points as columns, named as in the curve's CSV; `Client.curve_columns` has the dtypes."""
+    """The points as columns, named as in the CSV; `Client.curve_columns` documents the dtypes."""
     found: dict[str, NDArray[Any]] = {
         name: np.array([getattr(point, name) for point in points], dtype=np.int64)
         for name in _COUNTS

@@ -1,4 +1,4 @@
-"""Calls that go on with a job that has ended."""
+"""Calls that continue an ended job."""
 
 import secrets
 from typing import Any
@@ -8,20 +8,20 @@ from plateau.farm.wire.views import JobView
 
 
 class ContinuingCalls(Calls):
-    """Ended jobs, gone on with: to more samples, or under another judgement."""
+    """Continuing ended jobs: with more samples, or with another judgement."""
 
     def continue_job(
         self, job_id: str, changes: dict[str, Any] | None = None, *, idempotency_key: str = ""
     ) -> JobView:
-        """Go on with the ended job; returns the new one, which takes over its samples.
+        """Continue the ended job; returns the new job, which takes over its samples.
 
         Parameters
         ----------
         job_id
-            The ended job, which stays as it is.
+            The ended job, which does not change.
         changes
-            Fields of the spec that are to be others, such as ``{"rule": {"target": 0.0001}}`` or
-            ``{"max_spp": 20_000}``: a JSON merge patch, but that a rule with a name replaces the
+            Changed fields of the spec, such as ``{"rule": {"target": 0.0001}}`` or
+            ``{"max_spp": 20_000}``: a JSON merge patch, except that a rule with a name replaces the
             old one whole.
         idempotency_key
             As for `Client.submit`.
@@ -29,10 +29,10 @@ class ContinuingCalls(Calls):
         Raises
         ------
         ApiError
-            ``unknown-job``, ``invalid-spec``; ``cannot-continue`` where the job has not ended, its
-            samples are gone, or they do not suit what is asked, as with some caps on scalar_rgb.
+            ``unknown-job``, ``invalid-spec``; ``cannot-continue`` if the job has not ended, its
+            samples are gone, or they do not fit the changes, such as some caps on scalar_rgb.
         """
-        return self._asked(f"/v1/jobs/{job_id}/continue", changes, idempotency_key)
+        return self._new_job(f"/v1/jobs/{job_id}/continue", changes, idempotency_key)
 
     def rejudge(
         self, job_id: str, changes: dict[str, Any] | None = None, *, idempotency_key: str = ""
@@ -44,7 +44,7 @@ class ContinuingCalls(Calls):
         job_id
             An ended job whose spec said ``keep_slices``.
         changes
-            What is to be another: ``view``, ``rule``, ``watch``, ``step``, ``zones``; see
+            Changed fields, of ``view``, ``rule``, ``watch``, ``step`` and ``zones``; see
             `continue_job`.
         idempotency_key
             As for `Client.submit`.
@@ -52,11 +52,10 @@ class ContinuingCalls(Calls):
         Raises
         ------
         ApiError
-            ``unknown-job``, ``invalid-spec``; ``cannot-continue`` where no slices were kept.
+            ``unknown-job``, ``invalid-spec``; ``cannot-continue`` if no slices were kept.
         """
-        return self._asked(f"/v1/jobs/{job_id}/rejudge", changes, idempotency_key)
+        return self._new_job(f"/v1/jobs/{job_id}/rejudge", changes, idempotency_key)
 
-    def _asked(self, path: str, changes: dict[str, Any] | None, key: str) -> JobView:
+    def _new_job(self, path: str, changes: dict[str, Any] | None, key: str) -> JobView:
         headers = {"Idempotency-Key": key or secrets.token_hex(16)}
-        answer = self._transport.send("POST", path, headers=headers, json=changes or {})
-        return self._transport.understood(JobView, answer)
+        return self._transport.ask(JobView, "POST", path, headers=headers, json=changes or {})

@@ -1,15 +1,15 @@
-"""What may go wrong with a call to the service.
+"""Errors of calls to the service.
 
 ::
 
     ClientError
-    ├── BadUrl        the URL cannot be that of a service
-    ├── BadKey        the API key cannot be one
-    ├── Unreachable   nothing answers there
-    ├── NotPlateau    something answers there that is not understood
-    ├── Damaged       what came of a file is not what the service sent
-    ├── ApiError      the service answers with a problem
-    └── TimedOut      what was waited for did not come in time; a TimeoutError too
+    ├── BadUrl        the URL is malformed
+    ├── BadKey        the API key is malformed
+    ├── Unreachable   no service answers at the URL
+    ├── NotPlateau    the answer is not that of a service of a known version
+    ├── Damaged       a received file is not what the service sent
+    ├── ApiError      the service answered with a problem
+    └── TimedOut      the job or batch was not finished in time; also a TimeoutError
 """
 
 from typing import Any
@@ -18,11 +18,11 @@ from plateau.errors import PlateauError
 
 
 class ClientError(PlateauError):
-    """A call to the service did not succeed; the message says what to do."""
+    """A call to the service failed; the message says what to do."""
 
 
 class BadUrl(ClientError):
-    """The URL cannot be that of a service."""
+    """The URL is malformed."""
 
     def __init__(self, url: str) -> None:
         super().__init__(
@@ -32,11 +32,11 @@ class BadUrl(ClientError):
 
 
 class BadKey(ClientError):
-    """The API key cannot be one; the message does not show it."""
+    """The API key is malformed; the message does not show it."""
 
     def __init__(self) -> None:
         super().__init__(
-            "the API key has characters that no key has: give it as `plateau keys create` showed "
+            "the API key has characters that no key has: give it as `plateau keys create` printed "
             "it, in PLATEAU_KEY or PLATEAU_KEY_FILE"
         )
 
@@ -52,7 +52,7 @@ class Unreachable(ClientError):
 
 
 class NotPlateau(ClientError):
-    """What answers at the URL is no Plateau service, or not of a version that is understood."""
+    """The answer is not that of a Plateau service of a known version."""
 
     def __init__(self, url: str, answer: str) -> None:
         super().__init__(
@@ -62,12 +62,12 @@ class NotPlateau(ClientError):
 
 
 class Damaged(ClientError):
-    """What came of a file is not what the service sent."""
+    """A received file is not what the service sent."""
 
     def __init__(self, path: str) -> None:
         super().__init__(
-            f"what came of {path} is not what the service sent: its SHA-256 is another; fetch it "
-            "again, and look at what lies between this machine and the service where that recurs"
+            f"{path} was damaged on its way here: its SHA-256 is not the one that the service "
+            "sent; fetch it again, and check the network and its proxies if that recurs"
         )
 
 
@@ -79,11 +79,11 @@ class ApiError(ClientError):
     status
         The HTTP status.
     slug
-        What kind of problem it is, such as ``unknown-job``; docs/api.md lists them.
+        The kind of problem, such as ``unknown-job``; docs/api.md lists them.
     problem
-        The whole problem, as RFC 9457 describes it.
+        The whole problem document (RFC 9457).
     retry_after_s
-        How long the service asks to wait before the call is repeated; 0 where it does not.
+        The wait before a repeated call that the service asks for; 0 for none.
     """
 
     def __init__(self, status: int, problem: dict[str, Any], *, retry_after_s: float = 0.0) -> None:
@@ -95,10 +95,10 @@ class ApiError(ClientError):
 
 
 class TimedOut(ClientError, TimeoutError):
-    """What was waited for did not come in time; the job goes on."""
+    """The job or batch was not finished in time; it continues."""
 
     def __init__(self, what: str, timeout_s: float) -> None:
         super().__init__(
-            f"{what} is not finished after {timeout_s:g} s; it goes on: wait for it again, "
+            f"{what} is not finished after {timeout_s:g} s and continues: wait for it again, "
             "or cancel it"
         )

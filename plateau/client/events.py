@@ -1,4 +1,4 @@
-"""What happens to a job, each kind of event with a type of its own.
+"""The events of a job, each kind with a type of its own.
 
 >>> for event in client.events(job_id):  # doctest: +SKIP
 ...     match event:
@@ -24,7 +24,7 @@ class StateEvent(Event):
 
     @property
     def reason(self) -> str:
-        """Why, in words."""
+        """Why it moved."""
         return str(self.data["reason"])
 
 
@@ -42,7 +42,7 @@ class PointEvent(Event):
 
     @property
     def point(self) -> CurvePoint:
-        """The point."""
+        """The new point."""
         return CurvePoint.model_validate({"at": self.at, **self.data}, extra="ignore")
 
 
@@ -54,7 +54,7 @@ class _OfASlice(Event):
 
     @property
     def worker(self) -> str:
-        """The worker that had it."""
+        """The worker that rendered it."""
         return str(self.data["worker"])
 
 
@@ -67,15 +67,15 @@ class TroubleEvent(_OfASlice):
 
     @property
     def cause(self) -> str:
-        """Why, in words."""
+        """What went wrong."""
         return str(self.data["cause"])
 
 
 class FinishedEvent(Event):
-    """The final images are written; nothing follows."""
+    """The final images are written. This is the last event."""
 
 
-#: Other types may come from a newer service; they are plain events.
+#: A newer service may have other types; they stay plain events.
 _KINDS: Final[dict[str, type[Event]]] = {
     "state": StateEvent,
     "image": ImageEvent,
@@ -87,6 +87,6 @@ _KINDS: Final[dict[str, type[Event]]] = {
 
 
 def typed(event: Event) -> Event:
-    """The same event as its type's own class."""
+    """The event as an instance of the class for its type."""
     kind = _KINDS.get(event.type, Event)
     return kind(id=event.id, type=event.type, data=event.data, at=event.at)

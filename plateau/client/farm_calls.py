@@ -1,4 +1,4 @@
-"""Calls about the farm itself, and about the messages that it sends to webhooks."""
+"""Calls about the workers, the stored scenes and the messages to webhooks."""
 
 from plateau.client.transport import Calls
 from plateau.farm.model.deliveries import Delivery
@@ -8,14 +8,14 @@ from plateau.farm.wire.webhook_views import Deliveries
 
 
 class FarmCalls(Calls):
-    """Who works, and what is stored."""
+    """Workers and stored scenes."""
 
     def workers(self) -> list[Worker]:
-        """The workers that live, and what each renders."""
+        """The living workers, and what each renders."""
         return self._transport.read(Workers, "/v1/workers").workers
 
     def refused(self) -> list[RefusedProcess]:
-        """The processes whose version does not fit the farm's: of each machine the last one."""
+        """The last process of each machine that was refused for its version."""
         return self._transport.read(Workers, "/v1/workers").refused
 
     def scenes(self) -> list[SceneView]:
@@ -24,25 +24,19 @@ class FarmCalls(Calls):
 
 
 class WebhookCalls(Calls):
-    """What became of the messages to webhooks."""
+    """The messages to webhooks."""
 
     def webhooks(self, job_id: str) -> Deliveries:
-        """The job's webhook and the messages to it, each with its tries and when the next is.
-
-        Raises
-        ------
-        ApiError
-            ``unknown-job``.
-        """
+        """The job's webhook and the messages to it, each with its tries and the next one's time."""
         return self._transport.read(Deliveries, f"/v1/jobs/{job_id}/webhooks")
 
     def redeliver(self, job_id: str, number: int) -> Delivery:
-        """Send a message again, now, under the id that it had; a repeat sends it no more often.
+        """Send a message again now, with the same id; repeated calls send it once.
 
         Raises
         ------
         ApiError
-            ``unknown-job``; ``unknown-delivery`` where the job has none of this number.
+            ``unknown-job``; ``unknown-delivery`` if the job has no message of this number.
         """
-        answer = self._transport.send("POST", f"/v1/jobs/{job_id}/webhooks/{number}/redeliver")
-        return self._transport.understood(Delivery, answer)
+        path = f"/v1/jobs/{job_id}/webhooks/{number}/redeliver"
+        return self._transport.ask(Delivery, "POST", path)

@@ -1,23 +1,27 @@
 """Calls that submit, show, list and steer jobs."""
 
 import secrets
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, Final
 
-from plateau.client.transport import Calls
+from plateau.client.transport import Calls, Model, Transport
 from plateau.farm.model.job import LogEntry
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
 from plateau.farm.wire.views import JobPage, JobView, Log, SliceLog, Slices, SliceView
 from plateau.files.packing import pack
 
-#: As many as the service puts on one page.
+#: The most that the service puts on one page.
 _LARGEST_PAGE: Final = 200
 
 
 class JobCalls(Calls):
-    """Jobs: submitted, shown, listed, steered."""
+    """Jobs: submitted, shown, listed, steered.
+
+    A call that takes a job's id raises `ApiError` ``unknown-job`` if there is none.
+    """
 
     def submit(
         self, scene: Path | str, spec: JobSpec | None = None, *, idempotency_key: str | None = None
@@ -31,8 +35,8 @@ class JobCalls(Calls):
         spec
             How it is sampled, judged and stopped.
         idempotency_key
-            A request with a key that was used already returns the job that it made then. Unset,
-            one is made up, so that a repeated attempt of this call makes one job.
+            A second call with the same key returns the job that the first one made. Without it,
+            each call has a new key, and its repeated attempts make one job.
 
         Raises
         ------
@@ -42,24 +46,11 @@ class JobCalls(Calls):
             ``broken-scene``, ``unknown-scene``, ``upload-too-large``, ``idempotency-key-reused``.
         """
         spec = spec or JobSpec()
-        headers = {"Idempotency-Key": idempotency_key or secrets.token_hex(16)}
-        parts: dict[str, Any] = {"spec": (None, spec.as_request())}
-        if isinstance(scene, str):
-            parts["scene_sha256"] = (None, scene)
-            return self._submitted(headers, parts)
-        with pack(scene, spec.parameter_strings()) as packed:
-            name = f"{scene.resolve().name}.zip" if scene.is_dir() else packed.name
-            parts["scene"] = (name, packed.file, packed.media_type)  # httpx rewinds it each time
-            return self._submitted(headers, parts)
+        values, request = [spec.parameter_strings()], spec.as_request()
+        return submitted(self._transport, JobView, scene, request, values, idempotency_key)
 
     def job(self, job_id: str) -> JobView:
-        """The job as it stands.
-
-        Raises
-        ------
-        ApiError
-            ``unknown-job``.
-        """
+        """The current state of the job."""
         return self._transport.read(JobView, f"/v1/jobs/{job_id}")
 
     def jobs(
@@ -71,14 +62,14 @@ class JobCalls(Calls):
         cursor: str | None = None,
         limit: int = 50,
     ) -> JobPage:
-        """A page of jobs, newest first; `all_jobs` turns the pages by itself.
+        """A page of jobs, newest first; `all_jobs` fetches all pages.
 
         Parameters
         ----------
         state, batch, owner
-            Only jobs in this state, of this batch, or of this API key, by its id.
+            Only jobs in this state, of this batch, or of the API key with this id.
         cursor
-            `next_cursor` of the page before.
+            `next_cursor` of the previous page.
         limit
             Most jobs on the page, 1 to 200.
 
@@ -98,15 +89,11 @@ class JobCalls(Calls):
         return self._transport.read(JobPage, "/v1/jobs", params=params)
 
     def all_jobs(
-        self,
-        *,
-        state: JobState | None = None,
-        batch: str | None = None,
-        owner: str | None = None,
+        self, *, state: JobState | None = None, batch: str | None = None, owner: str | None = None
     ) -> Iterator[JobView]:
         """Every job, newest first; pages are fetched as they are needed.
 
-        Jobs that are submitted meanwhile are not among them.
+        Jobs submitted in the meantime are left out.
         """
         cursor = None
         while True:
@@ -119,83 +106,89 @@ class JobCalls(Calls):
                 return
 
     def cancel(self, job_id: str) -> JobView:
-        """Cancel the job; what is merged by then is kept. Cancelling it again is harmless.
+        """Cancel the job; the image merged so far is kept. Cancelling it again is harmless.
 
         Raises
         ------
         ApiError
-            ``unknown-job``; ``cannot-cancel`` where it has ended otherwise.
+            ``unknown-job``; ``cannot-cancel`` if it has ended in another state.
         """
         return self._steer(job_id, "cancel")
 
     def pause(self, job_id: str) -> JobView:
-        """Pause the rendering job: slices in hand are finished, no more are taken.
+        """Pause the rendering job: workers finish their slices and take no more.
 
-        It may still converge by those slices; pausing it again is harmless.
+        It may still converge with those slices. Pausing it again is harmless.
 
         Raises
         ------
         ApiError
-            ``unknown-job``; ``cannot-pause`` where it is not rendering.
+            ``unknown-job``; ``cannot-pause`` if it is not rendering.
         """
         return self._steer(job_id, "pause")
 
     def resume(self, job_id: str) -> JobView:
-        """Let the paused job go on; resuming it again is harmless.
+        """Resume the paused job; resuming it again is harmless.
 
         Raises
         ------
         ApiError
-            ``unknown-job``; ``cannot-resume`` where it is not paused.
+            ``unknown-job``; ``cannot-resume`` if it is not paused.
         """
         return self._steer(job_id, "resume")
 
     def set_priority(self, job_id: str, priority: int) -> JobView:
-        """Give the job another priority, -1000 to 1000: higher is served first.
+        """Give the job another priority, -1000 to 1000; a higher one is rendered first.
 
         Raises
         ------
         ApiError
-            ``unknown-job``, ``invalid-request``; ``job-ended`` where nothing can be changed.
+            ``unknown-job``, ``invalid-request``; ``job-ended`` if the job has ended.
         """
         change = {"priority": priority}
-        answer = self._transport.send("PATCH", f"/v1/jobs/{job_id}", json=change)
-        return self._transport.understood(JobView, answer)
+        return self._transport.ask(JobView, "PATCH", f"/v1/jobs/{job_id}", json=change)
 
     def slices(self, job_id: str) -> list[SliceView]:
-        """The job's ledger: each committed slice, by index.
-
-        Raises
-        ------
-        ApiError
-            ``unknown-job``.
-        """
+        """The job's ledger: each committed slice, by index."""
         return self._transport.read(Slices, f"/v1/jobs/{job_id}/slices").slices
 
     def log(self, job_id: str) -> list[LogEntry]:
-        """How each try of a slice of the job ended, by time.
-
-        Raises
-        ------
-        ApiError
-            ``unknown-job``.
-        """
+        """How each try of a slice of the job ended, by time."""
         return self._transport.read(Log, f"/v1/jobs/{job_id}/log").entries
 
     def slice_log(self, job_id: str, index: int) -> SliceLog:
-        """The same of one slice, with its line in the ledger.
+        """How each try of one slice ended, with the slice's entry in the ledger.
 
         Raises
         ------
         ApiError
-            ``unknown-job``; ``unknown-slice`` where the job can never have it.
+            ``unknown-job``; ``unknown-slice`` if the index is beyond the job's cap.
         """
         return self._transport.read(SliceLog, f"/v1/jobs/{job_id}/slices/{index}/log")
 
-    def _submitted(self, headers: dict[str, str], parts: dict[str, Any]) -> JobView:
-        answer = self._transport.send("POST", "/v1/jobs", headers=headers, files=parts)
-        return self._transport.understood(JobView, answer)
-
     def _steer(self, job_id: str, what: str) -> JobView:
-        answer = self._transport.send("POST", f"/v1/jobs/{job_id}/{what}")
-        return self._transport.understood(JobView, answer)
+        return self._transport.ask(JobView, "POST", f"/v1/jobs/{job_id}/{what}")
+
+
+def submitted(
+    transport: Transport,
+    kind: type[Model],
+    scene: Path | str,
+    request: str,
+    values: Iterable[Mapping[str, str]],
+    idempotency_key: str | None,
+) -> Model:
+    """Submit a scene with a request (a spec as JSON); returns the answer.
+
+    `values` are the sets of parameters with which the scene's files are found.
+    """
+    headers = {"Idempotency-Key": idempotency_key or secrets.token_hex(16)}
+    parts: dict[str, Any] = {"spec": (None, request)}
+    with ExitStack() as stack:
+        if isinstance(scene, str):
+            parts["scene_sha256"] = (None, scene)
+        else:
+            packed = stack.enter_context(pack(scene, *values))
+            name = f"{scene.resolve().name}.zip" if scene.is_dir() else packed.name
+            parts["scene"] = (name, packed.file, packed.media_type)  # httpx rewinds it each time
+        return transport.ask(kind, "POST", "/v1/jobs", headers=headers, files=parts)

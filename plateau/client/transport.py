@@ -1,4 +1,4 @@
-"""Requests to the service, repeated while it is away, and answers read into models."""
+"""Requests to the service, repeated while it is away, and answers parsed into models."""
 
 import math
 import re
@@ -17,21 +17,19 @@ from plateau.farm.process.backoff import Backoff
 _FIRST_WAIT_S: Final = 0.25
 _LONGEST_WAIT_S: Final = 5.0
 _CONNECT_S: Final = 5.0
-#: How long the service may take to take up a part of an upload.
+#: Longest time for the service to accept a part of an upload.
 _WRITE_S: Final = 120.0
 _VERSION: Final = "Plateau-Version"
 #: Statuses after which the same call may succeed in a moment.
 _AWAY: Final = frozenset({httpx.codes.SERVICE_UNAVAILABLE, httpx.codes.TOO_MANY_REQUESTS})
-#: What the system puts before an error's words, for programs.
-_ERRNO: Final = re.compile(r"^\[Errno -?\d+\] ")
 
-_Model = TypeVar("_Model", bound=BaseModel)
+Model = TypeVar("Model", bound=BaseModel)
 
 
 class Patience:
-    """Waits between the attempts of one call, longer and longer, until it is out of time.
+    """Waits between the attempts of one call, longer each time, until its time is over.
 
-    How long that is it asks each time, for who was heard once is waited for longer.
+    It asks the transport for that time before each wait: an answer in between extends it.
     """
 
     def __init__(self, transport: "Transport") -> None:
@@ -39,12 +37,12 @@ class Patience:
         self.renew()
 
     def renew(self) -> None:
-        """Begin anew: the service was heard."""
+        """Start the time anew, because the service has answered."""
         self._started = time.monotonic()
         self._backoff = Backoff(_FIRST_WAIT_S, _LONGEST_WAIT_S)
 
     def wait_after(self, error: ClientError, *, at_most_s: float = math.inf) -> None:
-        """Wait before the next attempt, or raise the error where there should be none."""
+        """Wait before the next attempt; raise the error if there should be none."""
         asked_s = error.retry_after_s if isinstance(error, ApiError) else 0.0
         spent_s = time.monotonic() - self._started
         if not _is_away(error) or spent_s + asked_s > self._transport.patience_s:
@@ -53,28 +51,7 @@ class Patience:
 
 
 class Transport:
-    """The connections to one service; may be used from several threads.
-
-    Parameters
-    ----------
-    url
-        Where the service is.
-    key
-        The API key to show it; None for none.
-    patience_s
-        For how long a call is repeated while the service is away.
-    once_heard_s
-        The same, once it was heard; it is then at least `patience_s`.
-    timeout_s
-        For how long an answer may take.
-    on_version
-        Called with the version of the service, as soon as that is known.
-
-    Attributes
-    ----------
-    version
-        The version of the service; None where it has not said.
-    """
+    """The connections to one service; parameters and attributes are those of `Client`."""
 
     def __init__(
         self,
@@ -93,7 +70,7 @@ class Transport:
         self._once_heard_s = once_heard_s
         self._is_heard = False
         timeout = httpx.Timeout(timeout_s, connect=min(timeout_s, _CONNECT_S), write=_WRITE_S)
-        # The service is on this machine, or in a tunnel to it: never behind a proxy.
+        # No proxy of the environment: the service is on this machine or at the end of a tunnel.
         self._http = httpx.Client(
             base_url=self.url,
             timeout=timeout,
@@ -109,7 +86,7 @@ class Transport:
         return max(self._patience_s, self._once_heard_s if self._is_heard else 0.0)
 
     def close(self) -> None:
-        """Give the connections back."""
+        """Close the connections."""
         self._http.close()
 
     def _heard(self, answer: httpx.Response) -> None:
@@ -120,15 +97,18 @@ class Transport:
             if self._on_version is not None:
                 self._on_version(version)
 
-    def read(self, kind: type[_Model], path: str, **arguments: Any) -> _Model:
-        """What a GET of the path answers, as a model of this kind."""
-        return self.understood(kind, self.send("GET", path, **arguments))
+    def read(self, kind: type[Model], path: str, **arguments: Any) -> Model:
+        """The answer to a GET of the path, as `ask` parses it."""
+        return self.ask(kind, "GET", path, **arguments)
 
-    def understood(self, kind: type[_Model], answer: httpx.Response) -> _Model:
-        """The answer as a model of this kind, or `NotPlateau`.
+    def ask(self, kind: type[Model], method: str, path: str, **arguments: Any) -> Model:
+        """The answer to a request as a model of this kind; fields of newer services are left out.
 
-        What a newer service has added is left out.
+        Raises
+        ------
+        ApiError, NotPlateau, Unreachable
         """
+        answer = self.send(method, path, **arguments)
         try:
             return kind.model_validate_json(answer.content, extra="ignore")
         except ValidationError as error:
@@ -137,19 +117,29 @@ class Transport:
     def send(self, method: str, path: str, **arguments: Any) -> httpx.Response:
         """The answer to a request, which is repeated while the service is away.
 
-        So it must be safe to repeat. `arguments` are those of `httpx.Client.request`.
+        The request must be safe to repeat. `arguments` are those of `httpx.Client.request`.
 
         Raises
         ------
         ApiError, NotPlateau, Unreachable
         """
-        return self._repeated(lambda: self._http.request(method, path, **arguments))
+        patience = Patience(self)
+        while True:
+            try:
+                with self._reached():
+                    answer = self._http.request(method, path, **arguments)
+                if not answer.is_success:
+                    raise self._error(answer)
+            except ClientError as error:
+                patience.wait_after(error)
+            else:
+                return answer
 
     @contextmanager
     def stream(
         self, path: str, *, read_s: float, headers: dict[str, str] | None = None
     ) -> Iterator[httpx.Response]:
-        """A response whose body is read as it comes, with at most `read_s` between its parts."""
+        """A response whose body is streamed, with at most `read_s` seconds between its parts."""
         timeout = httpx.Timeout(read_s, connect=min(read_s, _CONNECT_S))
         with (
             self._reached(),
@@ -160,19 +150,6 @@ class Transport:
                 raise self._error(answer)
             yield answer
 
-    def _repeated(self, send: Callable[[], httpx.Response]) -> httpx.Response:
-        patience = Patience(self)
-        while True:
-            try:
-                with self._reached():
-                    answer = send()
-                if not answer.is_success:
-                    raise self._error(answer)
-            except ClientError as error:
-                patience.wait_after(error)
-            else:
-                return answer
-
     @contextmanager
     def _reached(self) -> Iterator[None]:
         try:
@@ -180,7 +157,8 @@ class Transport:
         except httpx.TimeoutException as error:
             raise Unreachable(self.url, str(error) or "it is silent") from error
         except httpx.TransportError as error:
-            raise Unreachable(self.url, _ERRNO.sub("", str(error))) from error
+            why = re.sub(r"^\[Errno -?\d+\] ", "", str(error))
+            raise Unreachable(self.url, why) from error
 
     def _error(self, answer: httpx.Response) -> ClientError:
         try:
@@ -190,7 +168,7 @@ class Transport:
         if isinstance(problem, dict) and "type" in problem:
             retry_after_s = _seconds(answer.headers.get("Retry-After"))
             error = ApiError(answer.status_code, problem, retry_after_s=retry_after_s)
-            # It is there and has too much to do, so it is waited for.
+            # A busy service is worth the longer wait.
             self._is_heard = self._is_heard or error.slug == "busy"
             return error
         if answer.status_code in _AWAY:  # a proxy in front of a service that is away
@@ -199,11 +177,9 @@ class Transport:
 
 
 class Calls:
-    """Calls over one transport; `plateau.client.Client` is made of such groups.
+    """A group of calls over one transport; `plateau.client.Client` is made of such groups.
 
-    Every method raises `ApiError` where the service answers with a problem, `Unreachable` where
-    nothing answers for as long as the client is patient, and `NotPlateau` where what answers is
-    something else. Other errors, and the problems to reckon with, are with the method.
+    The errors of every call are documented there, the problems to expect with each method.
     """
 
     _transport: Transport
@@ -228,9 +204,9 @@ def _authorization(key: str | None) -> dict[str, str]:
 
 
 def _trusted(url: str) -> ssl.SSLContext | bool:
-    """Whose certificates are believed: those whom this machine trusts, and SSL_CERT_FILE's.
+    """The trusted certificates: those of this machine, and of SSL_CERT_FILE.
 
-    By plain HTTP nobody shows any, and redirects are not followed: none are read then, in 40 ms.
+    Plain HTTP needs none, since redirects are not followed; to read them would take 40 ms.
     """
     return ssl.create_default_context() if url.startswith("https:") else False
 

@@ -14,43 +14,43 @@ from plateau.client.transport import Calls, Patience
 from plateau.farm.model.job import BEFORE_ALL_EVENTS, Event
 from plateau.farm.wire.views import Happened, JobView
 
-#: The service says something every 15 s while a stream of events is open.
+#: The service sends at least a comment every 15 s while a stream of events is open.
 _SILENCE_S: Final = 45.0
-#: By so much a time-out may be overstepped before the stream is opened anew with a shorter one.
+#: A stream may outlast the deadline by this much before it is reopened with a shorter time-out.
 _LATE_S: Final = 1.0
 
 
 class WatchingCalls(Calls):
-    """What happens to a job, as it happens."""
+    """The events of a job, as they happen.
+
+    A call that takes a job's id raises `ApiError` ``unknown-job`` if there is none.
+    """
 
     def events(
         self, job_id: str, after: str = BEFORE_ALL_EVENTS, *, timeout_s: float | None = None
     ) -> Iterator[Event]:
-        """What happens to the job, from its beginning on, up to and including `FinishedEvent`.
+        """The events of the job from its beginning to `FinishedEvent`.
 
-        A connection that breaks is made again, from the last event on, so each event comes once.
+        A broken connection is reopened after the last event, so each event comes once.
 
         Parameters
         ----------
         job_id
             The job.
         after
-            The `id` of an event: only what follows it. Of a finished job there may be nothing.
+            The `id` of an event: yield only later ones. A finished job may have none.
         timeout_s
-            For how long to listen, in seconds; for ever where it is None.
+            For how long to listen, in seconds; None for ever.
 
         Yields
         ------
         Event
-            One of `plateau.client.events`: `StateEvent`, `PointEvent`, `SliceEvent`,
-            `TroubleEvent`, `FinishedEvent`; a plain `Event` where a newer service has more.
+            One of the types in `plateau.client.events`; a plain `Event` if the type is unknown.
 
         Raises
         ------
-        ApiError
-            ``unknown-job``.
         TimedOut
-            It was not finished in time.
+            The job was not finished in time.
         """
         deadline = math.inf if timeout_s is None else time.monotonic() + timeout_s
         patience = Patience(self._transport)
@@ -77,13 +77,7 @@ class WatchingCalls(Calls):
                 patience.wait_after(error, at_most_s=deadline - time.monotonic())
 
     def happened(self, job_id: str) -> list[Event]:
-        """What has happened to the job so far, typed as `events` types it.
-
-        Raises
-        ------
-        ApiError
-            ``unknown-job``.
-        """
+        """The events of the job so far, with the types of `events`."""
         headers = {"Accept": "application/json"}
         happened = self._transport.read(Happened, f"/v1/jobs/{job_id}/events", headers=headers)
         return [typed(event) for event in happened.events]
@@ -95,26 +89,22 @@ class WatchingCalls(Calls):
         timeout_s: float | None = None,
         on_event: Callable[[Event], object] | None = None,
     ) -> JobView:
-        """The job once it is finished: ended, with its results written.
-
-        Look at its `state`: it may have converged, or be exhausted, cancelled or failed.
+        """The job once it is finished: ended in any state, with its results written.
 
         Parameters
         ----------
         job_id
             The job.
         timeout_s
-            For how long to wait, in seconds; for ever where it is None.
+            For how long to wait, in seconds; None for ever.
         on_event
-            Called with each event from the job's beginning on, in this thread; what it raises ends
-            the wait.
+            Called in this thread with each event from the job's beginning on; an exception of it
+            ends the wait.
 
         Raises
         ------
-        ApiError
-            ``unknown-job``.
         TimedOut
-            It was not finished in time; it goes on.
+            The job was not finished in time; it continues.
         """
         for event in self.events(job_id, timeout_s=timeout_s):
             if on_event is not None:
@@ -123,7 +113,7 @@ class WatchingCalls(Calls):
 
 
 def _in_time(lines: Iterable[str], deadline: float, read_s: float) -> Iterator[str]:
-    """The lines, until another silence of `read_s` would end too long after the deadline."""
+    """The lines, until another silence of `read_s` would end too late after the deadline."""
     for line in lines:
         yield line
         left_s = deadline - time.monotonic()
@@ -132,9 +122,9 @@ def _in_time(lines: Iterable[str], deadline: float, read_s: float) -> Iterator[s
 
 
 def parse_events(lines: Iterable[str]) -> Iterator[Event]:
-    """The events in the lines of a stream, by the rules of the HTML standard that Plateau uses.
+    """The events in the lines of a stream: the part of the HTML standard that Plateau uses.
 
-    An event that is cut short, by a connection that breaks, is left out.
+    An event that a broken connection cuts short is left out.
     """
     fields: dict[str, str] = {}
     for line in lines:

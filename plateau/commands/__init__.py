@@ -1,1 +1,1 @@
-"""What the commands do; `plateau.cli` imports each when it is called."""
+"""The work of the commands; `plateau.cli` imports each when it is called."""

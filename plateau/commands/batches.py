@@ -1,7 +1,6 @@
-"""`plateau batches | batch`, and submit, watch, cancel, pause and resume of a whole batch."""
+"""`plateau batches | batch`, and how a whole batch is submitted, watched and steered."""
 
 import json
-import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -13,7 +12,7 @@ from plateau import job_text as words
 from plateau.client import Client
 from plateau.commands.connect import connect
 from plateau.commands.outputs import write_results
-from plateau.errors import CommandFailed
+from plateau.errors import CommandFailed, tell
 from plateau.exit_codes import ExitCode
 from plateau.farm.model.batch import Extent
 from plateau.farm.model.spec import JobSpec
@@ -26,7 +25,7 @@ from plateau.files.out_folder import make_writable
 from plateau.terminal.batch_progress import batch_progress_on, in_states
 from plateau.terminal.tables import print_rows
 
-_LOOK_EVERY_S: Final = 1.0
+_POLL_S: Final = 1.0
 _COLUMNS: Final = ("batch", "jobs", "states", "newest (UTC)")
 _SHOWN: Final = 10
 
@@ -42,7 +41,7 @@ def submit(
 ) -> None:
     """Submit a scene once for each entry of the file, or each combination; prints the batch."""
     if parameters is not None and definitions:
-        raise CommandFailed("--each and --parameters both say which jobs there are: give one")
+        raise CommandFailed("--each and --parameters both list the jobs: give one of them")
     entries: list[Values] = each(definitions) if parameters is None else from_file(parameters)
     with connect(url) as client:
         batch = client.submit_batch(scene, entries, spec)
@@ -52,7 +51,8 @@ def submit(
 def watch(name: str, out: Path | None, *, url: str | None, as_json: bool) -> int:
     """Follow a batch until all of its jobs are finished; returns the exit code.
 
-    Results are written as they come, each job's into a folder named by its place in the batch.
+    The results of each job are written when it finishes, into a folder named by its place in the
+    batch.
     """
     if out is not None:
         make_writable(out)
@@ -62,17 +62,17 @@ def watch(name: str, out: Path | None, *, url: str | None, as_json: bool) -> int
         try:
             batch = _follow(client, name, out)
         except KeyboardInterrupt:
-            print(f"plateau: not watching any more; batch {name} goes on", file=sys.stderr)
+            tell(f"no longer watching; batch {name} continues")
             raise
     print(batch.model_dump_json(indent=2) if as_json else _summary(batch))
     return _exit_code(batch)
 
 
 def _exit_code(batch: BatchView) -> ExitCode:
-    """The worst that a job of the batch came to.
+    """The exit code for the worst end of a job of the batch.
 
-    A cap that ends one image is what its user asked for. In a batch it leaves a frame noisier than
-    its neighbours, which nobody sees before the sequence flickers.
+    A single image that its cap ended is a success. In a batch it is a frame that is noisier than
+    its neighbours: the sequence flickers.
     """
     if JobState.FAILED in batch.states:
         return ExitCode.FAILED
@@ -91,17 +91,17 @@ def _follow(client: Client, name: str, out: Path | None) -> BatchView:
                 _fetch(client, batch, out, written)
             if batch.finished == batch.jobs and (out is None or len(written) == batch.jobs):
                 return batch
-            time.sleep(_LOOK_EVERY_S)
+            time.sleep(_POLL_S)
 
 
 def _fetch(client: Client, batch: BatchView, out: Path, written: set[str]) -> None:
-    """Write the results of the jobs that have finished since; those of an earlier call stay."""
+    """Write the results of newly finished jobs, unless an earlier command has written them."""
     places = {job_id: place for place, job_id in enumerate(batch.job_ids)}
     for job in client.all_jobs(batch=batch.name):
         if job.finished_at is None or job.id in written or job.id not in places:
             continue
         folder = frame(out, places[job.id], job.id)
-        if not (folder / "summary.json").exists():  # it is written last
+        if not (folder / "summary.json").exists():  # the last file of a job
             write_results(client, job, folder)
         written.add(job.id)
 
@@ -121,14 +121,14 @@ def list_batches(*, limit: int, url: str | None, as_json: bool) -> None:
 
 
 def show(name: str, *, url: str | None, as_json: bool) -> None:
-    """Print how far a batch is, and whether its jobs are even."""
+    """Print the progress of a batch, and whether its jobs stop alike."""
     with connect(url) as client:
         batch = client.batch(name)
     print(batch.model_dump_json(indent=2) if as_json else _summary(batch))
 
 
 def steer(name: str, what: str, *, url: str | None, as_json: bool) -> None:
-    """Cancel, pause or resume all jobs of a batch, and print what became of each."""
+    """Cancel, pause or resume all jobs of a batch, and print the outcome for each."""
     with connect(url) as client:
         calls = {
             "cancel": client.cancel_batch,

@@ -1,46 +1,39 @@
-"""The client that the command line talks with, and ids of jobs as people type them to it."""
+"""The client of the command line, and abbreviated ids of jobs."""
 
 import re
-import sys
 from itertools import islice
 from typing import Final
 
 from plateau.client import Client
-from plateau.errors import CommandFailed
+from plateau.errors import CommandFailed, tell
 from plateau.farm.model import versions
 from plateau.processes.read_settings import api_key, read_settings
 
-#: A service that has answered and is away then is being started again, maybe by an upgrade.
+#: A service that stops answering may only be restarting, for example for an upgrade.
 _ONCE_HEARD_S: Final = 60.0
 
-_BEGINNING: Final = re.compile(r"[0-9a-f]{4,11}")
-#: Among so many jobs, the newest ones, a beginning is looked for.
+_PREFIX: Final = re.compile(r"[0-9a-f]{4,11}")
+#: A prefix is searched among this many of the newest jobs.
 _NEWEST: Final = 1000
 _SHOWN: Final = 5
 
 
 def connect(url: str | None, *, timeout_s: float = 30.0, quiet: bool = False) -> Client:
-    """A client of the service at the URL, or of the one that the settings name.
+    """A client of the service at the URL, or of the settings' URL, with the settings' API key.
 
-    It does not wait for a service that is not there, but for one that goes away meanwhile. It shows
-    the API key of the settings. Unless `quiet`, it says on standard error where the service is of
-    another version.
+    It waits for a service only after that has answered once. Unless `quiet`, it warns on standard
+    error if the service has another version.
 
-    Raises
-    ------
-    BadSetting, BadUrl, BadKey
-        A PLATEAU_… variable has a value that is not allowed; the URL cannot be that of a service,
-        or the key can be none.
+    Raises `BadSetting`, `BadUrl` or `BadKey` if a setting, the URL or the key is not allowed.
     """
     settings = read_settings()
     where = url or settings.url
 
-    def tell(version: str) -> None:
+    def compare(version: str) -> None:
         if not quiet and _series(version) != _series(versions.plateau()):
-            print(
-                f"plateau: this is Plateau {versions.plateau()}, and the service at {where} is "
-                f"{version}: what only one of them knows will fail; install the same version",
-                file=sys.stderr,
+            tell(
+                f"this is Plateau {versions.plateau()}, and the service at {where} is {version}: "
+                "calls that only one of them knows fail; install the same version"
             )
 
     return Client(
@@ -49,26 +42,18 @@ def connect(url: str | None, *, timeout_s: float = 30.0, quiet: bool = False) ->
         patience_s=0.0,
         timeout_s=timeout_s,
         once_heard_s=0.0 if quiet else _ONCE_HEARD_S,
-        on_version=tell,
+        on_version=compare,
     )
 
 
 def _series(version: str) -> list[str]:
-    """What two versions have in common that know the same: all but the last number."""
+    """Major and minor version; versions of one series have the same calls."""
     return version.split(".")[:2]
 
 
 def whole_id(client: Client, given: str) -> str:
-    """The id of the only one of the newest jobs whose id begins so; anything else as it was given.
-
-    As much of an id is enough as tells one job from the others, as in git.
-
-    Raises
-    ------
-    CommandFailed
-        No job's id begins so, or several do.
-    """
-    if not _BEGINNING.fullmatch(given):
+    """The id of the only recent job with this prefix, as in git; anything else unchanged."""
+    if not _PREFIX.fullmatch(given):
         return given
     newest = [job.id for job in islice(client.all_jobs(), _NEWEST)]
     found = [job_id for job_id in newest if job_id.startswith(given)]

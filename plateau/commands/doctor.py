@@ -1,4 +1,4 @@
-"""`plateau doctor`: what works on this machine, and why not what does not."""
+"""`plateau doctor`: what works on this machine, and why the rest does not."""
 
 import json
 import os
@@ -19,37 +19,48 @@ from plateau.farm.redis.health import examine
 from plateau.farm.redis.url import without_password
 from plateau.processes.read_settings import farm_settings
 from plateau.worker.confinement.confine import try_here
-from plateau.worker.supervisor.variants import Probe, VariantChoice, choose
+from plateau.worker.supervisor.variants import VariantChoice, choose
 
 
 @dataclass(frozen=True)
 class Check:
-    """One thing that was looked at."""
+    """The result of one check."""
 
     name: str
     detail: str
     ok: bool = True
-    needed: bool = False  #: whether nothing can be rendered without it
+    needed: bool = False  #: whether nothing can be rendered if it fails
 
 
 def doctor(*, as_json: bool) -> int:
-    """Look at everything and print what was found; returns the exit code."""
+    """Run all checks and print the results; returns the exit code."""
     settings = farm_settings()
     choice = choose(settings.cache, every=True)
     checks = [*_machine(), *_stores(settings), *_folders(settings), *_variants(choice)]
     checks += _confinement()
     can_render = all(check.ok for check in checks if check.needed)
+    shown = _without_passwords(settings)
     if as_json:
         found = {
             "can_render": can_render,
             "variant": choice.variant,
             "why": choice.why,
             "checks": [asdict(check) for check in checks],
-            "settings": _shown(settings),
+            "settings": shown,
         }
         print(json.dumps(found, indent=2))
     else:
-        _print(checks, choice, settings, can_render=can_render)
+        for check in checks:
+            mark = "ok" if check.ok else "NO" if check.needed else "–"
+            print(f"{mark:<4}{check.name}: {check.detail}")
+        print("\nsettings (set by PLATEAU_… in the environment)")
+        for name, value in shown.items():
+            print(f"    PLATEAU_{name.upper()} = {'' if value is None else value}")
+        print(
+            f"\nscenes are rendered with {choice.variant}"
+            if can_render
+            else "\nnothing can be rendered"
+        )
     return ExitCode.OK if can_render else ExitCode.FAILED
 
 
@@ -79,9 +90,7 @@ def _stores(settings: Settings) -> Iterator[Check]:
         blobs.get(name)
         blobs.delete(name)
         check_create_once(blobs)
-        yield Check(
-            "blob store", f"{shown} can be written, and writes no blob over another", needed=True
-        )
+        yield Check("blob store", f"{shown} can be written, and overwrites no blob", needed=True)
     except Exception as error:  # noqa: BLE001  (a store's URL may fail in any way)
         yield Check("blob store", f"{shown}: {error}", ok=False, needed=True)
 
@@ -99,12 +108,13 @@ def _folders(settings: Settings) -> Iterator[Check]:
 def _variants(choice: VariantChoice) -> Iterator[Check]:
     variants = {probe.variant for probe in choice.tried}
     if "cuda_ad_rgb" not in variants:
-        yield Check("CUDA", "no driver was found", ok=False)
+        yield Check("CUDA", "no driver found", ok=False)
     if "llvm_ad_rgb" not in variants:
-        detail = "no library was found; with one (apt install libllvm19) it is 3 times as fast"
+        detail = "no library found; with one (apt install libllvm19) rendering is 3 times as fast"
         yield Check("LLVM", detail, ok=False)
     for probe in choice.tried:
-        yield Check(_name(probe), probe.detail, ok=probe.ok)
+        library = "" if probe.library is None else f", {probe.library}"
+        yield Check(f"{probe.variant}{library}", probe.detail, ok=probe.ok)
     works = any(probe.ok for probe in choice.tried)
     yield Check("workers render with", choice.why, ok=works, needed=True)
 
@@ -115,10 +125,6 @@ def _confinement() -> Iterator[Check]:
         yield Check(f"a render child's {one.name}", detail, ok=one.error is None)
 
 
-def _name(probe: Probe) -> str:
-    return probe.variant if probe.library is None else f"{probe.variant}, {probe.library}"
-
-
 def _redis_version(binary: Path) -> str:
     answer = subprocess.run(
         [binary, "--version"], capture_output=True, text=True, timeout=10, check=False
@@ -127,24 +133,9 @@ def _redis_version(binary: Path) -> str:
     return words[0] if words else "of unknown version"
 
 
-def _shown(settings: Settings) -> dict[str, object]:
+def _without_passwords(settings: Settings) -> dict[str, object]:
     shown: dict[str, object] = settings.model_dump(mode="json")
     for name in ("redis_url", "blobs"):
         if shown[name] is not None:
             shown[name] = without_password(str(shown[name]))
     return shown
-
-
-def _print(
-    checks: list[Check], choice: VariantChoice, settings: Settings, *, can_render: bool
-) -> None:
-    for check in checks:
-        mark = "ok" if check.ok else "NO" if check.needed else "–"
-        print(f"{mark:<4}{check.name}: {check.detail}")
-    print("\nsettings (set by PLATEAU_… in the environment)")
-    for name, value in _shown(settings).items():
-        print(f"    PLATEAU_{name.upper()} = {'' if value is None else value}")
-    verdict = (
-        f"scenes are rendered with {choice.variant}" if can_render else "nothing can be rendered"
-    )
-    print(f"\n{verdict}")

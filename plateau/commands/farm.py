@@ -1,10 +1,10 @@
-"""`plateau workers | scenes`: what the farm has."""
+"""`plateau workers | scenes`: the farm's workers and stored scenes."""
 
 import json
-import sys
 from datetime import datetime, timezone
 
 from plateau.commands.connect import connect
+from plateau.errors import tell
 from plateau.farm.model.job import Worker
 from plateau.farm.wire.figures import duration
 from plateau.farm.wire.views import SceneView
@@ -24,12 +24,11 @@ WORKER_COLUMNS = (
     "version",
     "trouble",
 )
-_SPARE_OF_WORKERS = ("version", "up", "threads", "host", "done", "pool", "rate", "variant")
-_SCENE_COLUMNS = ("sha256", "name", "size", "film")
+_SPARE = ("version", "up", "threads", "host", "done", "pool", "rate", "variant")
 
 
 def workers(*, url: str | None, as_json: bool) -> None:
-    """Print the workers that live."""
+    """Print the living workers, and on standard error the refused processes."""
     with connect(url) as client:
         found, refused = client.workers(), client.refused()
     if as_json:
@@ -41,11 +40,10 @@ def workers(*, url: str | None, as_json: bool) -> None:
             [worker_row(worker, now) for worker in found],
             none="there is no worker; `plateau worker` starts one, `plateau up --workers N` "
             "starts N",
-            spare=_SPARE_OF_WORKERS,
+            spare=_SPARE,
         )
     for one in refused:
-        line = f"plateau: the {one.role} of {one.host} was refused at {one.at:%H:%M} UTC: {one.why}"
-        print(line, file=sys.stderr)
+        tell(f"the {one.role} of {one.host} was refused at {one.at:%H:%M} UTC: {one.why}")
 
 
 def scenes(*, url: str | None, as_json: bool) -> None:
@@ -55,12 +53,12 @@ def scenes(*, url: str | None, as_json: bool) -> None:
     if as_json:
         print(json.dumps([scene.model_dump(mode="json") for scene in found], indent=2))
     else:
-        rows = list(map(_scene, found))
-        print_rows(_SCENE_COLUMNS, rows, none="no scene is stored", spare=("film", "size"))
+        columns, rows = ("sha256", "name", "size", "film"), list(map(_scene_row, found))
+        print_rows(columns, rows, none="no scene is stored", spare=("film", "size"))
 
 
 def worker_row(worker: Worker, now: datetime) -> tuple[str, ...]:
-    """The worker as a row of the table, below `WORKER_COLUMNS`."""
+    """The worker as a row of a table with `WORKER_COLUMNS`."""
     rate = worker.samples_per_s
     return (
         worker.id,
@@ -77,6 +75,6 @@ def worker_row(worker: Worker, now: datetime) -> tuple[str, ...]:
     )
 
 
-def _scene(scene: SceneView) -> tuple[str, ...]:
+def _scene_row(scene: SceneView) -> tuple[str, ...]:
     film = "–" if scene.width is None or scene.height is None else f"{scene.width}×{scene.height}"
     return (scene.sha256, scene.name, size(scene.bytes), film)

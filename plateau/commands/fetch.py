@@ -1,8 +1,7 @@
-"""`plateau curve | fetch`: what a job has come to, whether it has ended or not."""
+"""`plateau curve | fetch`: the results of a job, running or ended."""
 
 import json
 import sys
-from enum import Enum
 from pathlib import Path
 
 from rich.console import Console
@@ -16,23 +15,15 @@ from plateau.terminal.curve import terminal_curve
 _CURVE_ROWS = 16
 
 
-class CurveForm(str, Enum):
-    """How a curve is printed."""
-
-    TEXT = "text"
-    CSV = "csv"
-    JSON = "json"
-
-
-def curve(job_id: str, *, form: CurveForm, url: str | None) -> None:
-    """Print the curve of a job."""
+def curve(job_id: str, *, url: str | None, as_csv: bool, as_json: bool) -> None:
+    """Print the curve of a job as text, CSV or JSON."""
     with connect(url) as client:
         job_id = whole_id(client, job_id)
-        if form is CurveForm.CSV:
+        if as_csv:
             print(client.curve_csv(job_id), end="")
             return
         job, points = client.job(job_id), client.curve(job_id)
-    if form is CurveForm.JSON:
+    if as_json:
         print(json.dumps([point.model_dump(mode="json") for point in points], indent=2))
         return
     if not points:
@@ -56,7 +47,7 @@ def curve(job_id: str, *, form: CurveForm, url: str | None) -> None:
 
 
 def fetch(job_id: str, out: Path, *, url: str | None, as_json: bool) -> None:
-    """Write what there is of a job into a folder."""
+    """Write the results of a job so far into a folder."""
     with connect(url) as client:
         job = client.job(whole_id(client, job_id))
         make_ready(out)

@@ -1,4 +1,4 @@
-"""Follow a job to its end, showing what happens."""
+"""Follows a job to its end and shows its progress."""
 
 import queue
 import threading
@@ -12,19 +12,14 @@ from plateau.farm.wire.views import JobView
 from plateau.terminal.progress import Progress
 
 _TICK_S: Final = 0.2
-_SHOW_S: Final = 1.0  #: between two looks at the clock for who watches
-_AFTER_A_SLICE_S: Final = 1.0  #: from one look at the job to the next, where there is a new slice,
-_WITHOUT_NEWS_S: Final = 10.0  #: and where nothing happened
+_SHOW_S: Final = 1.0  #: between two updates of the shown times
+#: Between two requests for the job: after a new slice, and without any event.
+_AFTER_A_SLICE_S: Final = 1.0
+_WITHOUT_EVENT_S: Final = 10.0
 
 
 def follow(client: Client, job_id: str, shown: Progress, tick: Callable[[], None]) -> JobView:
-    """The job once it is finished; `tick` is called a few times a second, in this thread.
-
-    Raises
-    ------
-    ClientError
-        The job is not known, or the service is gone for longer than the client is patient.
-    """
+    """The job once it is finished; `tick` is called a few times a second, in this thread."""
     happened: queue.SimpleQueue[Event | Exception | None] = queue.SimpleQueue()
 
     def listen() -> None:
@@ -57,7 +52,7 @@ def follow(client: Client, job_id: str, shown: Progress, tick: Callable[[], None
                     job, fetched_at = _fetch(client, job_id, shown)
                     is_stale = False
                 shown.event(item)
-            if time.monotonic() > fetched_at + (_AFTER_A_SLICE_S if is_stale else _WITHOUT_NEWS_S):
+            if time.monotonic() > fetched_at + (_AFTER_A_SLICE_S if is_stale else _WITHOUT_EVENT_S):
                 job, fetched_at = _fetch(client, job_id, shown)
                 is_stale = False
         job, _ = _fetch(client, job_id, shown)
@@ -65,7 +60,7 @@ def follow(client: Client, job_id: str, shown: Progress, tick: Callable[[], None
 
 
 def _fetch(client: Client, job_id: str, shown: Progress) -> tuple[JobView, float]:
-    """The job as it stands, shown, and when that was."""
+    """Fetch and show the job; returns it and the time."""
     job = client.job(job_id)
     shown.job(job)
     return job, time.monotonic()

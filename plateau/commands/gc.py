@@ -1,4 +1,4 @@
-"""`plateau gc`: remove what nobody needs any more."""
+"""`plateau gc`: removes old jobs, unused scenes and orphaned blobs."""
 
 import json
 from contextlib import ExitStack
@@ -11,6 +11,7 @@ from plateau.farm.ledger.pairing import check_pair
 from plateau.farm.ledger.schema import check_schema
 from plateau.farm.redis.link import connect
 from plateau.farm.sweep import Swept, sweep
+from plateau.job_text import size
 from plateau.processes.data_folder import DataFolder
 from plateau.processes.read_settings import farm_settings
 from plateau.processes.redis_at_hand import redis_at_hand
@@ -26,7 +27,7 @@ def gc(
     dry_run: bool,
     as_json: bool,
 ) -> None:
-    """Sweep once, and print what went; days that are None are those of the settings."""
+    """Sweep once and print what was removed; for None, the days of the settings apply."""
     settings = farm_settings()
     if results_older_than_days is None:
         results_older_than_days = settings.keep_results_days
@@ -37,8 +38,8 @@ def gc(
     data = DataFolder(settings.data)
     if settings.redis_url and settings.blobs is None:
         raise CommandFailed(
-            "set PLATEAU_BLOBS too: it names the store from which blobs are removed that no job "
-            "in PLATEAU_REDIS_URL needs"
+            "set PLATEAU_BLOBS too: it is the store from which to remove the blobs that no job in "
+            "PLATEAU_REDIS_URL needs"
         )
     where = settings.blobs or str(data.blobs.absolute())
     with ExitStack() as stack:
@@ -73,7 +74,7 @@ def _report(
     count = "1 blob" if swept.blobs == 1 else f"{swept.blobs:,} blobs"
     return "\n".join(
         (
-            f"{verb} {count}, {_size(swept.freed_bytes)}, from {where}:",
+            f"{verb} {count}, {size(swept.freed_bytes)}, from {where}:",
             _line("jobs", swept.jobs, "finished", results_days, "results-older-than"),
             _line("sums", swept.sums, "of jobs finished", sums_days, "sums-older-than"),
             _line("scenes", swept.scenes, "of no job, last used", scenes_days, "scenes-unused-for"),
@@ -86,14 +87,6 @@ def _line(what: str, count: int, condition: str, days: float | None, option: str
     if days is None:
         return f"  {what:<8}{'–':>8}  kept for ever: --{option} DAYS sets a limit"
     return f"  {what:<8}{count:>8,}  {condition} more than {days:g} days ago"
-
-
-def _size(count: float) -> str:
-    for unit in ("bytes", "kB", "MB"):
-        if count < 1000:
-            return f"{count:.0f} {unit}" if unit == "bytes" else f"{count:.1f} {unit}"
-        count /= 1000
-    return f"{count:,.1f} GB"
 
 
 def _seconds(days: float | None) -> float | None:

@@ -13,7 +13,7 @@ from plateau.commands.connect import connect, whole_id
 from plateau.commands.follow import follow
 from plateau.commands.outputs import summary_json, write_results
 from plateau.commands.webhooks import undelivered
-from plateau.errors import CommandFailed
+from plateau.errors import CommandFailed, tell
 from plateau.exit_codes import EXIT_CODES
 from plateau.farm.model.job import Job, utc_now
 from plateau.farm.model.spec import JobSpec
@@ -26,7 +26,7 @@ from plateau.terminal.story import log_lines, story
 from plateau.terminal.tables import print_rows
 
 _PAGE = 100
-_WAITING = 5  #: so many jobs that wait for a worker that may render them are named
+_WAITING = 5  #: most jobs without a fitting worker that are named
 _COLUMNS = ("id", "state", "spp", "noise left", "time", "created (UTC)", "batch", "scene")
 _SPARE = ("created (UTC)", "batch", "time")  # on a narrow terminal
 
@@ -34,8 +34,7 @@ _SPARE = ("created (UTC)", "batch", "time")  # on a narrow terminal
 def submit(scene: Path, spec: JobSpec, *, url: str | None, as_json: bool) -> None:
     """Submit a scene; prints the job's id."""
     with connect(url) as client:
-        job = client.submit(scene, spec)
-    print(job.model_dump_json(indent=2) if as_json else job.id)
+        _print_id(client.submit(scene, spec), as_json=as_json)
 
 
 def watch(
@@ -46,12 +45,12 @@ def watch(
     with connect(url) as client:
         job_id = whole_id(client, job_id)
         if out is not None:
-            client.job(job_id)  # no folder for one that there is not
+            client.job(job_id)  # make no folder for an unknown job
             make_ready(out)
         try:
             job = follow(client, job_id, shown, lambda: None)
         except KeyboardInterrupt:
-            print(f"plateau: not watching any more; job {job_id} goes on", file=sys.stderr)
+            tell(f"no longer watching; job {job_id} continues")
             raise
         if out is None:
             about = summary_json(job, client.curve(job_id), [])
@@ -67,7 +66,7 @@ def watch(
 
 
 def stream(job_id: str, *, url: str | None) -> int:
-    """Print each event of a job as a line of JSON, to its end; returns the exit code."""
+    """Print each event of a job as a line of JSON until its end; returns the exit code."""
     with connect(url) as client:
         job_id = whole_id(client, job_id)
         for event in client.events(job_id):
@@ -80,8 +79,8 @@ def show(job_id: str, *, url: str | None, as_json: bool) -> None:
     with connect(url) as client:
         job_id = whole_id(client, job_id)
         job = client.job(job_id)
-        told = story(job_id, client.happened(job_id), client.log(job_id))
-        not_told = undelivered(client, job)
+        lines = story(job_id, client.happened(job_id), client.log(job_id))
+        messages = undelivered(client, job)
     if as_json:
         print(job.model_dump_json(indent=2))
         return
@@ -90,11 +89,11 @@ def show(job_id: str, *, url: str | None, as_json: bool) -> None:
         print(words.row("owner", f"{job.owner_name} (key {job.owner})"))
     print(words.summary(job, utc_now(), job.waits_for))
     print("story:")
-    for line in told:
+    for line in lines:
         print(f"  {line}")
-    if not_told:
+    if messages:
         print("webhook messages that are not delivered:")
-    for line in not_told:
+    for line in messages:
         print(f"  {line}")
     print("links:")
     for name, path in job.links.items():
@@ -151,7 +150,7 @@ def list_jobs(
         print(json.dumps([job.model_dump(mode="json") for job in jobs], indent=2))
     else:
         print_rows(_COLUMNS, list(map(_row, jobs)), none="no jobs", spare=_SPARE)
-        _say_what_waits([job for job in jobs if job.waits_for])
+        _warn_of_waiting([job for job in jobs if job.waits_for])
 
 
 def steer(job_id: str, what: str, *, url: str | None, as_json: bool) -> None:
@@ -178,12 +177,12 @@ def _state(name: str | None) -> JobState | None:
         raise CommandFailed(f"there is no state {name!r}; the states are {states}") from None
 
 
-def _say_what_waits(jobs: Sequence[JobView]) -> None:
-    """Say, beside the table, which of these jobs no worker may render."""
+def _warn_of_waiting(jobs: Sequence[JobView]) -> None:
+    """Name on standard error the jobs that no worker can render."""
     for job in jobs[:_WAITING]:
-        print(f"plateau: job {job.id} {job.waits_for}", file=sys.stderr)
+        tell(f"job {job.id} {job.waits_for}")
     if len(jobs) > _WAITING:
-        print(f"plateau: and {len(jobs) - _WAITING} others wait so", file=sys.stderr)
+        tell(f"and {len(jobs) - _WAITING} others wait too")
 
 
 def _row(job: Job) -> tuple[str, ...]:
@@ -201,7 +200,7 @@ def _row(job: Job) -> tuple[str, ...]:
 
 
 def continue_job(job_id: str, changes: dict[str, Any], *, url: str | None, as_json: bool) -> None:
-    """Go on with an ended job; prints the new job's id."""
+    """Continue an ended job; prints the new job's id."""
     with connect(url) as client:
         _print_id(client.continue_job(whole_id(client, job_id), changes), as_json=as_json)
 

@@ -1,8 +1,9 @@
-"""`plateau judge`: apply rules and views to images that are rendered already."""
+"""`plateau judge`: applies rules and a view to images that are already rendered."""
 
 import json
 from pathlib import Path
 
+from plateau import job_text as words
 from plateau.errors import CommandFailed
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.wire.curve_csv import curve_csv
@@ -10,24 +11,15 @@ from plateau.files.image_series import BrokenSeries, CannotJudge, Judged, find_s
 from plateau.files.job_folder import owner
 from plateau.files.out_folder import make
 from plateau.files.plot import Marks, plot_curve
-from plateau.rules import CURVE, create
 
 
-def judge(
-    folder: Path,
-    spec: JobSpec,
-    *,
-    cumulative: bool,
-    out: Path | None,
-    as_json: bool,
-) -> int:
-    """Judge the folder, write the curve where asked, print; returns the exit code."""
+def judge(folder: Path, spec: JobSpec, *, cumulative: bool, out: Path | None, as_json: bool) -> int:
+    """Judge the folder, print the stops and write the curve to `out`; returns the exit code."""
     if out is not None:
         make(out)
         if (job := owner(out)) is not None:
             raise CommandFailed(
-                f"{out} has the results of job {job}, and a curve of its own: give another folder "
-                "with -o"
+                f"{out} has the results and the curve of job {job}: give another folder with -o"
             )
     image_spp = spec.slice_spp if "slice_spp" in spec.model_fields_set else None
     series = find_series(folder, image_spp=image_spp, cumulative=cumulative)
@@ -35,7 +27,7 @@ def judge(
         judged = judge_series(series, spec)
     except BrokenSeries as broken:
         if out is None:
-            raise CannotJudge(f"{broken}; -o DIR writes that picture") from None
+            raise CannotJudge(f"{broken}; -o DIR writes non-finite.png there") from None
         (out / "non-finite.png").write_bytes(broken.picture)
         raise
     if out is not None:
@@ -49,14 +41,13 @@ def judge(
     print(f"{len(judged.points)} evaluations of {size} pixels, to {last.spp:,} spp")
     for name, spp in judged.stops.items():
         when = "would not have stopped" if spp is None else f"would have stopped at {spp:,} spp"
-        print(f"{name + ':':<12}{when}")
+        print(words.row(name, when))
     return 0
 
 
 def _write(judged: Judged, spec: JobSpec, name: str, out: Path) -> None:
     (out / "curve.csv").write_text(curve_csv(judged.points))
-    limit = spec.slope_limit or create(CURVE).slope_limit
-    assert limit is not None  # the curve has a slope
+    limit = words.slope_limit(spec)
     plot_curve(
         name,
         f"judged to {judged.points[-1].spp:,} spp",

@@ -1,13 +1,12 @@
-"""`plateau keys`, `plateau webhooks secret` and `plateau redis-acl`: who may do what.
+"""`plateau keys`, `plateau webhooks secret` and `plateau redis-acl`: access rights.
 
-The first two work on the farm's Redis directly, so whoever runs the farm needs no key.
+The first two work on the farm's Redis directly, so an operator needs no API key.
 """
 
 import json
 import os
 import re
 import secrets
-import sys
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from datetime import datetime
@@ -16,7 +15,7 @@ from typing import Any, Final
 
 from pydantic import ValidationError
 
-from plateau.errors import CommandFailed
+from plateau.errors import CommandFailed, tell
 from plateau.farm.ledger.api_keys import ApiKey, ApiKeys, KeyLimits, Role
 from plateau.farm.ledger.outbox import Outbox
 from plateau.farm.ledger.schema import check_schema
@@ -32,25 +31,19 @@ from plateau.terminal.tables import print_rows
 
 _COLUMNS: Final = ("id", "name", "role", "made", "last used", "requests", "open jobs", "revoked")
 _SPARE: Final = ("requests", "open jobs", "last used", "made")  # on a narrow terminal
-_MAX_NAME: Final = 100
 _REDIS_VERSION: Final = re.compile(r"(\d+)\.(\d+)(\.\d+)*")
 
 
 def create(
-    name: str,
-    role: str,
-    limits: dict[str, float | None],
-    *,
-    key_from: Path | None,
-    as_json: bool,
+    name: str, role: str, limits: dict[str, float | None], *, key_from: Path | None, as_json: bool
 ) -> None:
-    """Make a key; it goes to standard output, what there is to say to standard error.
+    """Make a key and print it on standard output, and messages on standard error.
 
-    One that is taken from a file goes nowhere.
+    A key from a file is not printed.
     """
     settings = farm_settings()
-    if not (name.isprintable() and name.strip() and len(name) <= _MAX_NAME):
-        raise CommandFailed(f"a key's name has 1 to {_MAX_NAME} printable characters")
+    if not (name.isprintable() and name.strip() and len(name) <= 100):
+        raise CommandFailed("a key's name has 1 to 100 printable characters")
     known, allowed = _role(role), _limits(settings, limits)
     shown = None if key_from is None else secret_in(key_from, "--from")
     with _keys(settings, may_begin=True) as keys:
@@ -63,9 +56,9 @@ def create(
             if as_json:
                 print(json.dumps(_document(key, None), indent=2))
     done = "made" if shown is None else "took"
-    _say(f"{done} key {key.id} ({key.name}) with the role {key.role.value}")
+    tell(f"{done} key {key.id} ({key.name}) with the role {key.role.value}")
     if first:
-        _say("it is the first key: from now on, every request to the service needs one")
+        tell("this is the first key: from now on, every request to the service needs a key")
 
 
 def list_keys(*, as_json: bool) -> None:
@@ -78,8 +71,8 @@ def list_keys(*, as_json: bool) -> None:
         print_rows(
             _COLUMNS,
             [_row(key, used.get(key.id)) for key in found],
-            none="no key was ever made: the service is open to everybody on its machine, and "
-            "listens there only; `plateau keys create NAME` makes one",
+            none="there is no key yet: the service is open to everybody on its machine, and "
+            "listens only there; `plateau keys create NAME` makes a key",
             spare=_SPARE,
         )
 
@@ -89,7 +82,7 @@ def rotate(given: str, *, as_json: bool) -> None:
     with _keys(farm_settings()) as keys:
         key, shown = keys.rotate(_named(keys, given).id)
     _show(key, shown, as_json=as_json)
-    _say(f"key {key.id} ({key.name}) has a new secret; the old one is refused from now on")
+    tell(f"key {key.id} ({key.name}) has a new secret; the old one is refused from now on")
 
 
 def revoke(given: str, *, as_json: bool) -> None:
@@ -99,22 +92,22 @@ def revoke(given: str, *, as_json: bool) -> None:
         left = any(one.usable for one in keys.all())
     if as_json:
         print(json.dumps(_document(key, None), indent=2))
-    _say(f"key {key.id} ({key.name}) is refused from now on; its jobs continue")
+    tell(f"key {key.id} ({key.name}) is refused from now on; its jobs continue")
     if not left:
-        _say(
-            "that was the last key, and the service still wants one: `plateau keys create NAME` "
-            "makes another"
+        tell(
+            "that was the last key, and the service still requires one: `plateau keys create "
+            "NAME` makes another"
         )
 
 
 def webhook_secret(*, renew: bool, as_json: bool) -> None:
-    """Print the secret that signs the farm's webhooks; what else there is to say goes to stderr."""
+    """Print the secret that signs the farm's webhooks; messages go to standard error."""
     with _farm(farm_settings(), may_begin=True) as client:
         outbox = Outbox(client)
         found = outbox.renew_farm_secret() if renew else outbox.farm_secrets()[0]
     print(json.dumps({"secret": found}) if as_json else found)
     if renew:
-        _say("for a day, messages are signed with the previous secret, too")
+        tell("for a day, messages are also signed with the previous secret")
 
 
 @contextmanager
@@ -125,7 +118,7 @@ def _keys(settings: Settings, *, may_begin: bool = False) -> Iterator[ApiKeys]:
 
 @contextmanager
 def _farm(settings: Settings, *, may_begin: bool) -> Iterator[Any]:
-    """A client of the farm's Redis, whose data has the layout that is known here."""
+    """A client of the farm's Redis, after a check of its data's layout."""
     data = DataFolder(settings.data)
     with ExitStack() as stack:
         url = redis_at_hand(settings, data, stack, may_begin=may_begin)
@@ -135,7 +128,7 @@ def _farm(settings: Settings, *, may_begin: bool) -> Iterator[Any]:
 
 
 def _named(keys: ApiKeys, given: str) -> ApiKey:
-    """The key of this id or, where only one that was not revoked has it, of this name."""
+    """The key with this id, or the only key with this name; usable keys come before revoked."""
     every = keys.all()
     same_id = [key for key in every if key.id == given]
     named = [key for key in every if key.name == given]
@@ -145,7 +138,7 @@ def _named(keys: ApiKeys, given: str) -> ApiKey:
         raise CommandFailed(f"{len(found)} keys have the name {given!r}: give an id, of {ids}")
     if not found:
         raise CommandFailed(
-            f"no key has the id or the name {given!r}; `plateau keys list` shows those there are"
+            f"no key has the id or the name {given!r}; `plateau keys list` shows the keys"
         )
     return found[0]
 
@@ -159,7 +152,7 @@ def _role(name: str) -> Role:
 
 
 def _limits(settings: Settings, given: dict[str, float | None]) -> KeyLimits:
-    """The limits that were given, and for the others those of the settings."""
+    """The given limits; those of the settings in place of None."""
     asked = {
         name: getattr(settings, f"key_{name}") if value is None else value
         for name, value in given.items()
@@ -172,10 +165,10 @@ def _limits(settings: Settings, given: dict[str, float | None]) -> KeyLimits:
     except ValidationError as error:
         found = error.errors()[0]
         option = str(found["loc"][-1]).replace("_bytes", "_gb").replace("_", "-")
-        told = input_errors.message(found)
-        if option.endswith("-gb"):  # which was checked as a number of bytes
-            told = "must be above 0"
-        raise CommandFailed(f"--{option}: {told}") from None
+        message = input_errors.message(found)
+        if option.endswith("-gb"):  # the message is about bytes
+            message = "must be above 0"
+        raise CommandFailed(f"--{option}: {message}") from None
 
 
 def _show(key: ApiKey, shown: str, *, as_json: bool) -> None:
@@ -205,12 +198,8 @@ def _day(moment: datetime) -> str:
     return f"{moment:%Y-%m-%d}"
 
 
-def _say(line: str) -> None:
-    print(f"plateau: {line}", file=sys.stderr)
-
-
 def redis_acl(passwords: Path | None, redis: str) -> None:
-    """Print an ACL file; passwords that are missing in their folder are made."""
+    """Print an ACL file; makes the passwords that are missing in their folder."""
     match = _REDIS_VERSION.fullmatch(redis)
     version = (int(match[1]), int(match[2])) if match else (0, 0)
     if version < (6, 2):
@@ -221,14 +210,14 @@ def redis_acl(passwords: Path | None, redis: str) -> None:
 
 
 def _password(folder: Path, user: str) -> str:
-    """The user's password; where it has none yet, one is made, for its owner's eyes alone."""
+    """The user's password; a missing one is made, in a file that only its owner can read."""
     file = folder / f"{user}.password"
     if not file.exists():
         make(folder, "--passwords", mode=0o700)
         descriptor = os.open(file, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
         with os.fdopen(descriptor, "w") as made:
             made.write(f"{secrets.token_hex(32)}\n")
-        _say(f"made {file}")
+        tell(f"made {file}")
     password = file.read_text().strip()
     if not password:
         raise CommandFailed(f"{file} is empty")

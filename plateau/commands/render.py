@@ -1,15 +1,14 @@
-"""`plateau render`: one scene, from nothing to its results, in one process tree."""
+"""`plateau render`: one scene to its results, with a process tree for it alone."""
 
 import json
 import shutil
-import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from plateau.errors import CommandFailed
+from plateau.errors import CommandFailed, tell
 from plateau.exit_codes import EXIT_CODES
 from plateau.farm.bundle import inspect_bundle
 from plateau.farm.model.renderers import variant_for
@@ -30,7 +29,7 @@ if TYPE_CHECKING:
 
 _PREFIX: Final = "plateau-render-"
 _MOST_DEATHS: Final = 3
-#: The tree starts a dead API again; that takes a few seconds.
+#: Long enough for the tree to restart a dead API.
 _PATIENCE_S: Final = 60.0
 
 
@@ -45,7 +44,7 @@ def render(
     curve: bool = True,
 ) -> int:
     """Render the scene until its job has ended, and write its results; returns the exit code."""
-    # What can be refused is refused before anything is started.
+    # Check all that can be checked before anything is started.
     with pack(scene, spec.parameter_strings()) as packed:
         found = inspect_bundle(packed.file, parameters=spec.parameter_strings(), sensor=spec.sensor)
     try:
@@ -61,12 +60,12 @@ def render(
             "redis_url": None,
             "blobs": None,
             "threads": threads or asked.threads,
-            # Its workers are there for this job alone, whatever they are for elsewhere.
+            # The workers are for this job alone, whatever the settings say.
             "pool": spec.pool,
             "tags": spec.requires,
         }
     )
-    # Nothing but this job keeps them from it, so the wait for them counts.
+    # The wait for the workers counts: no other job keeps them.
     spec = spec.model_copy(update={"time_limit_from": "submission"})
     with Interrupts() as interrupts, _temporary_data() as data:
         try:
@@ -80,7 +79,7 @@ def render(
                 most_deaths=_MOST_DEATHS,
                 is_temporary=True,
             ) as tree:
-                # Imported while the tree's processes start.
+                # These imports take place while the tree's processes start.
                 from rich.console import Console
 
                 from plateau import job_text as words
@@ -92,7 +91,7 @@ def render(
                 shown = progress_on(Console(stderr=True), curve=curve)
                 with Client(tree.await_api(), patience_s=_PATIENCE_S) as client:
                     job = _run(client, scene, spec, tree, interrupts, shown)
-                    # Nothing is asked of the tree while the curve is drawn: it stops meanwhile.
+                    # The tree stops while the curve is drawn: nothing more is asked of it.
                     about = write_or_keep(client, job, out, when_fetched=tree.wind_down)
         except KeyboardInterrupt:
             return interrupts.exit_code
@@ -103,16 +102,16 @@ def render(
         print(words.summary(job, utc_now()))
         print(words.row("files", ", ".join(about["files"])))
     if job.state is JobState.FAILED:
-        print(f"plateau: the job failed: {job.reason}", file=sys.stderr)
+        tell(f"the job failed: {job.reason}")
     if job.state is JobState.CANCELLED and interrupts.asked.is_set():
         return interrupts.exit_code
     return EXIT_CODES[job.state]
 
 
 def _check_variant(variant: str, cache: Path) -> None:
-    """Refuse a variant that the workers will not have, for the job would wait for it for ever.
+    """Refuse a variant that the workers will lack: the job would wait for ever.
 
-    What is found here is remembered in the cache, so that the workers need not try again.
+    The cache keeps the result, so the workers need not try again.
     """
     if variant == "auto":
         return
@@ -123,8 +122,8 @@ def _check_variant(variant: str, cache: Path) -> None:
     raise CommandFailed(
         f"this machine cannot render with {variant}"
         + (f" ({tried[0]})" if tried else "")
-        + f", only with {' and '.join(choice.of_mitsuba)}: leave --variant out, or see what "
-        "`plateau doctor` says of it"
+        + f", only with {' and '.join(choice.of_mitsuba)}: leave --variant out, or see "
+        "`plateau doctor`"
     )
 
 
@@ -136,7 +135,7 @@ def _run(
     interrupts: Interrupts,
     shown: "Progress",
 ) -> "JobView":
-    """The job, submitted and followed to its end; the first interrupt cancels it."""
+    """Submit the job and follow it to its end; the first interrupt cancels it."""
     from plateau.client import ApiError
     from plateau.commands.follow import follow
     from plateau.files.plot import import_ahead
@@ -152,9 +151,7 @@ def _run(
             raise KeyboardInterrupt
         if interrupts.asked.is_set() and not cancelled:
             cancelled = True
-            shown.note(
-                "cancelling; the results so far are still written; Ctrl-C again exits at once"
-            )
+            shown.note("cancelling; the results so far are written; Ctrl-C again exits at once")
             try:
                 client.cancel(job.id)
             except ApiError as error:
@@ -166,9 +163,8 @@ def _run(
 
 @contextmanager
 def _temporary_data() -> Iterator[DataFolder]:
-    """A data folder that is removed at the end, as are those of trees that were killed."""
-    temporary = Path(tempfile.gettempdir())
-    for left in temporary.glob(f"{_PREFIX}*"):
+    """A data folder that is removed at the end; removes first what killed trees have left."""
+    for left in Path(tempfile.gettempdir()).glob(f"{_PREFIX}*"):
         if not is_in_use(left):
             shutil.rmtree(left, ignore_errors=True)
     with (

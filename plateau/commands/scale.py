@@ -4,7 +4,7 @@ import logging
 import os
 import sys
 import threading
-from dataclasses import dataclass
+from functools import partial
 from importlib.resources import files
 from pathlib import Path
 from typing import Final
@@ -25,40 +25,33 @@ from plateau.scale.slurm import Request, Slurm, check_commands
 
 _LOG = logging.getLogger("plateau")
 
-#: A worker whose scaler has gone waits no longer for work, where all may leave.
+#: Without a least number of workers, one leaves after this time without work, even if its scaler
+#: has ended.
 _LEAVE_AFTER_S: Final = 600.0
 
 
-@dataclass(frozen=True, kw_only=True)
-class Scaling:
-    """How the workers are to come and go, and as what."""
-
-    limits: Limits
-    from_priority: int | None  #: jobs of a lower one bring no workers
-    name: str  #: of the tasks in Slurm
-    options: tuple[str, ...]  #: of sbatch
-    script: Path | None  #: None for Plateau's own
-    worker_env: Path | None  #: variables of the workers
-    every_s: float
-    once: bool
-    dry_run: bool
-    cancel_on_exit: bool
-    as_json: bool
-
-
-def slurm(scaling: Scaling) -> None:
+def slurm(
+    limits: Limits,
+    *,
+    from_priority: int | None,
+    name: str,
+    options: list[str],
+    script: Path | None,
+    worker_env: Path | None,
+    every_s: float,
+    once: bool,
+    dry_run: bool,
+    cancel_on_exit: bool,
+    as_json: bool,
+) -> None:
     """Submit and end workers in Slurm until a signal, or once.
 
-    Raises
-    ------
-    CommandFailed
-        Slurm's commands or the script are not here, or a setting is missing.
-    SystemExit
-        It could not go on; its log says why.
+    `name` is that of the tasks in Slurm; `options` are those of sbatch; without `script`, Plateau's
+    own batch script is used; `worker_env` is a file of variables for the workers.
     """
     check_commands()
-    given = {} if scaling.worker_env is None else _variables(scaling.worker_env)
-    script = scaling.script or Path(str(files("plateau.scale") / "worker.sbatch"))
+    given = {} if worker_env is None else _variables(worker_env)
+    script = script or Path(str(files("plateau.scale") / "worker.sbatch"))
     if not script.is_file():
         raise CommandFailed(
             f"there is no batch script {script}; name one as --script, or leave that out"
@@ -66,45 +59,42 @@ def slurm(scaling: Scaling) -> None:
 
     def run(settings: Settings, stop: threading.Event) -> None:
         with connect(settings.redis_url or "") as client:
-            if scaling.once:  # the others have been waited for
+            if once:  # otherwise `when_checked` has done so
                 check_schema(client)
                 check_pair(client, Blobs(settings.blobs or ""))
-            request = Request(
-                script=script,
-                options=scaling.options,
-                environment={**_environment(scaling, settings), **given},
-            )
+            environment = {**_environment(limits, settings), **given}
+            request = Request(script=script, options=options, environment=environment)
             scaler = Scaler(
-                Jobs(client),
-                Workers(client),
-                Slurm(scaling.name, farm_id(client), request),
-                Policy(scaling.limits),
+                jobs=Jobs(client),
+                workers=Workers(client),
+                slurm=Slurm(name, farm_id(client), request),
+                policy=Policy(limits),
                 pool=settings.pool,
                 tags=settings.tags,
-                from_priority=scaling.from_priority,
-                dry_run=scaling.dry_run,
-                tell=_tell_json if scaling.as_json else _tell,
+                from_priority=from_priority,
+                dry_run=dry_run,
+                tell=partial(_tell, as_json=as_json),
             )
-            if scaling.once:
+            if once:
                 scaler.step()
                 return
-            scaler.run(scaling.every_s, stop)
-            if scaling.cancel_on_exit and not scaling.dry_run:
+            scaler.run(every_s, stop)
+            if cancel_on_exit and not dry_run:
                 scaler.dismiss_all()
 
-    run_until_signal("scaler", run if scaling.once else when_checked(run))
+    run_until_signal("scaler", run if once else when_checked(run))
 
 
-def _environment(scaling: Scaling, settings: Settings) -> dict[str, str]:
-    """What the workers find in their environment beside what is in ours."""
+def _environment(limits: Limits, settings: Settings) -> dict[str, str]:
+    """Variables of the workers beside those of this process."""
     environment = {"PLATEAU_PYTHON": os.environ.get("PLATEAU_PYTHON", sys.executable)}
-    if scaling.limits.least == 0 and settings.leave_after_s is None:
+    if limits.least == 0 and settings.leave_after_s is None:
         environment["PLATEAU_LEAVE_AFTER_S"] = f"{_LEAVE_AFTER_S:g}"
     return environment
 
 
 def _variables(file: Path) -> dict[str, str]:
-    """What a file of NAME=VALUE lines says; empty ones and those that begin with # say nothing."""
+    """The variables in a file of NAME=VALUE lines; empty lines and comments (#) are skipped."""
     lines = (line.strip() for line in file.read_text().splitlines())
     found: dict[str, str] = {}
     for number, line in enumerate(lines, start=1):
@@ -118,9 +108,8 @@ def _variables(file: Path) -> dict[str, str]:
     return found
 
 
-def _tell(report: Report) -> None:
-    _LOG.info("%s", report.in_words())
-
-
-def _tell_json(report: Report) -> None:
-    print(report.as_json(), flush=True)
+def _tell(report: Report, *, as_json: bool) -> None:
+    if as_json:
+        print(report.as_json(), flush=True)
+    else:
+        _LOG.info("%s", report.in_words())

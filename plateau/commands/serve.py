@@ -1,12 +1,11 @@
-"""`plateau up`, and its processes one by one."""
+"""`plateau up`, and its processes alone: `plateau api | monitor | worker`."""
 
 import logging
 import os
-import sys
 import threading
 from typing import Final
 
-from plateau.errors import CommandFailed
+from plateau.errors import CommandFailed, tell
 from plateau.exit_codes import ExitCode
 from plateau.farm.ledger.api_keys import ApiKeys
 from plateau.farm.model.errors import StoreUnavailable
@@ -32,19 +31,13 @@ def up(door: Door, *, workers: int) -> int:
     with Interrupts() as interrupts, DataFolder(settings.data) as data:
         try:
             with Tree(
-                settings,
-                data,
-                interrupts,
-                workers=workers,
-                door=door,
-                tell=_tell,
-                most_deaths=None,
+                settings, data, interrupts, workers=workers, door=door, tell=tell, most_deaths=None
             ) as tree:
                 tree.await_api()
                 _greet(tree, data, door, workers)
                 while not interrupts.asked.wait(_TICK_S):
                     tree.check()
-                _tell("stopping; Ctrl-C again stops by force")
+                tell("stopping; Ctrl-C again stops by force")
         except KeyboardInterrupt:
             return interrupts.exit_code
     return ExitCode.OK
@@ -99,7 +92,7 @@ def worker(*, pool: str | None, tags: list[str] | None) -> None:
     """Run a worker until a signal, in this pool and with these tags where they are given."""
     from plateau.worker.supervisor.supervisor import run
 
-    # Options are settings that are written elsewhere: they are read, and refused, with the others.
+    # As variables, the options are checked with the other settings.
     given = {"PLATEAU_POOL": pool, "PLATEAU_TAGS": ",".join(tags or ())}
     os.environ.update({name: value for name, value in given.items() if value})
     run_until_signal("worker", when_checked(run))
@@ -122,17 +115,17 @@ def _greet(tree: Tree, data: DataFolder, door: Door, workers: int) -> None:
 
 
 def _who_may(redis_url: str, door: Door) -> str:
-    """Who may use the service, in a sentence."""
+    """A sentence that says who may use the service."""
     if door.open_to_all:
         return "It is open to everybody on this machine, as --open asks."
     try:
         with connect(redis_url) as client:
             keys = ApiKeys(client).all()
     except StoreUnavailable:
-        return "Redis does not answer yet, so it is not known who may use it."
+        return "Redis does not answer yet, so it is unknown who may use the service."
     if not keys:
         return (
-            "It is open to everybody on this machine, and to nobody else: no key was ever made "
+            "It is open to everybody on this machine, and to nobody else: there is no API key yet "
             "(`plateau keys create NAME`)."
         )
     usable = sum(key.usable for key in keys)
@@ -144,7 +137,7 @@ def _about_tls(door: Door) -> str:
     if door.certificate is not None or is_loopback(door.host):
         return ""
     return (
-        "API keys travel over plain HTTP, which others on the network can read: give it a "
+        "API keys travel over plain HTTP, which others on the network can read: give a "
         "certificate\n"
         "(--tls-certificate, --tls-key), or put a proxy with TLS in front.\n"
     )
@@ -152,7 +145,3 @@ def _about_tls(door: Door) -> str:
 
 def _url_option(url: str) -> str:
     return "" if url == Settings.model_fields["url"].default else f" --url {url}"
-
-
-def _tell(line: str) -> None:
-    print(f"plateau: {line}", file=sys.stderr, flush=True)

@@ -20,16 +20,10 @@ _SECRET = "PLATEAU_WEBHOOK_SECRET"
 
 
 def with_webhook(spec: JobSpec, url: str | None, events: Sequence[str]) -> JobSpec:
-    """The spec with this webhook; its secret is read from the environment, where others see none.
-
-    Raises
-    ------
-    CommandFailed
-        The URL, an event or the secret is not allowed.
-    """
+    """The spec with this webhook, whose secret is read from the environment."""
     if url is None:
         if events:
-            raise CommandFailed("--webhook-event says what is sent to --webhook URL: give that too")
+            raise CommandFailed("--webhook-event chooses what --webhook URL receives: give both")
         return spec
     asked: dict[str, object] = {"url": url, "secret": os.environ.get(_SECRET) or None}
     if events:
@@ -44,7 +38,7 @@ def with_webhook(spec: JobSpec, url: str | None, events: Sequence[str]) -> JobSp
 
 
 def undelivered(client: Client, job: JobView) -> list[str]:
-    """A line for each message of the job's webhook that was tried and is not delivered."""
+    """A line for each message to the job's webhook that was tried and not delivered."""
     if job.spec.webhook is None:
         return []
     return [
@@ -62,12 +56,12 @@ def list_deliveries(job_id: str, *, url: str | None, as_json: bool) -> None:
     if as_json:
         print(found.model_dump_json(indent=2))
         return
-    none = "no message was due yet" if found.url else "the job has no webhook"
+    none = "no message yet" if found.url else "the job has no webhook"
     print_rows(_COLUMNS, list(map(_row, found.deliveries)), none=none)
 
 
 def redeliver(job_id: str, number: int, *, url: str | None, as_json: bool) -> None:
-    """Have a message sent again."""
+    """Send a message again."""
     with connect(url) as client:
         found = client.redeliver(whole_id(client, job_id), number)
     print(found.model_dump_json(indent=2) if as_json else f"{found.id} {found.state}")

@@ -1,1 +1,1 @@
-"""Files that commands read and write: packed scenes, image series, plots, folders of results."""
+"""Files that commands read and write: packed scenes, image series, plots, result folders."""

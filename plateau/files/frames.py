@@ -1,4 +1,4 @@
-"""Lists of parameters as people write them: a range, some values, a CSV or a JSON file.
+"""Lists of parameters from a range, a list of values, a CSV or a JSON file.
 
 >>> each(["frame=1..3", "light=dim,bright"])[:3]
 [{'frame': '1', 'light': 'dim'}, {'frame': '1', 'light': 'bright'}, {'frame': '2', 'light': 'dim'}]
@@ -22,18 +22,18 @@ _RANGE: Final = re.compile(r"(-?[0-9]{1,9})\.\.(-?[0-9]{1,9})(?:\.\.([1-9][0-9]{
 
 
 def each(definitions: Sequence[str]) -> list[Values]:
-    """Every combination of what is defined, the last one varying fastest.
+    """Every combination of the defined values; the last parameter varies fastest.
 
     Parameters
     ----------
     definitions
-        ``NAME=FIRST..LAST`` or ``NAME=FIRST..LAST..STEP`` for whole numbers, the last included;
-        ``NAME=VALUE,VALUE,…`` for anything else.
+        ``NAME=FIRST..LAST`` or ``NAME=FIRST..LAST..STEP`` for whole numbers, LAST included;
+        ``NAME=VALUE,VALUE,…`` for other values.
 
     Raises
     ------
     CommandFailed
-        One is none of these, a name is there twice, or there are too many combinations.
+        A definition is malformed, a name occurs twice, or there are too many combinations.
     """
     names, values = [], []
     for definition in definitions:
@@ -64,9 +64,9 @@ def from_file(path: Path) -> list[Values]:
     Raises
     ------
     CommandFailed
-        It is neither, has no entries or too many, or a value that no parameter can have.
+        The file is neither, has no or too many entries, or a value that no parameter can have.
     OSError
-        It cannot be read.
+        The file cannot be read.
     """
     try:
         text = path.read_text(encoding="utf-8-sig")
@@ -102,7 +102,7 @@ def _is_value(value: object) -> bool:
 
 
 def _is_text(value: str) -> bool:
-    """Whether all of it are characters: JSON can escape halves of some."""
+    """Whether the text has only whole characters: JSON can escape single surrogates."""
     return not any("\ud800" <= character <= "\udfff" for character in value)
 
 
@@ -126,5 +126,5 @@ def _check_count(count: int) -> None:
     if count > MAX_ENTRIES:
         raise CommandFailed(
             f"that makes {count:,} jobs, and {MAX_ENTRIES:,} can be made at once: submit them in "
-            "parts, each with the same --batch"
+            "parts, all with the same --batch"
         )

@@ -1,8 +1,8 @@
-"""The folder that a job's results are written into: what it holds is of one job, always.
+"""The folder for a job's results: it holds the files of one job at any time.
 
-A hidden file says of which one. It is written before that job's first file, and after the last one
-of an earlier job is gone, so that whoever finds the folder, whenever its writer was killed, sees
-the files of one job. Files with other names are nobody's business, and stay.
+A hidden file names the job. It is written after the last file of an earlier job is removed and
+before the first file of the new one, so the folder is consistent even if its writer is killed.
+Files with other names are never touched.
 """
 
 import fcntl
@@ -18,23 +18,17 @@ from typing import Final
 from plateau.errors import CommandFailed
 
 IMAGES: Final = ("image.exr", "image.png", "difference.png", "non-finite.png")
-#: What a job leaves in its folder, beside the folder of its slices.
-RESULTS: Final = (
-    *IMAGES,
-    "curve.csv",
-    "curve.png",
-    "summary.txt",
-    "summary.json",
-)
+#: The files of a job, beside the folder of its slices.
+RESULTS: Final = (*IMAGES, "curve.csv", "curve.png", "summary.txt", "summary.json")
 SLICES: Final = "slices"
 
-#: Says whose files a folder has: a job's id.
+#: The file with the id of the folder's job.
 _OWNER: Final = ".plateau-job"
 
 _SLICE: Final = re.compile(r"\d{6}\.exr")
 _REMEDY: Final = "move {} away, or give another folder with -o"
 
-#: What a writer that was killed has left.
+#: Files that a killed writer has left.
 _UNFINISHED: Final = re.compile(
     rf"\.[0-9a-f]{{8}}\.({'|'.join(map(re.escape, (*RESULTS, _OWNER)))}|{_SLICE.pattern})"
 )
@@ -44,7 +38,7 @@ _FRAME: Final = re.compile(r"\d{4,}-([0-9a-f]{12})")
 
 @contextmanager
 def whole(path: Path) -> Iterator[Path]:
-    """A path to write to: at the end the file is there whole; after an error, as it was."""
+    """A path to write to; `path` is replaced at the end, and after an error unchanged."""
     unfinished = path.with_name(f".{secrets.token_hex(4)}.{path.name}")
     try:
         yield unfinished
@@ -55,9 +49,9 @@ def whole(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def in_turn(folder: Path) -> Iterator[None]:
-    """While the context lasts, nobody else writes a job's results into the folder.
+    """Lock the folder for the context, so no other process writes results into it.
 
-    Where it cannot be locked (it cannot be made, a file system has no locks), it is not.
+    A folder that cannot be made, or a file system without locks, is not locked.
     """
     with ExitStack() as stack:
         with suppress(OSError):
@@ -69,55 +63,40 @@ def in_turn(folder: Path) -> Iterator[None]:
 
 
 def begin(folder: Path, job_id: str, keeps: Callable[[Path], bool]) -> None:
-    """Remove what another job left, and all that this one will write anew; say whose folder it is.
+    """Make an existing folder that of a job: remove the old results, and write the job's id.
 
-    Parameters
-    ----------
-    folder
-        It exists.
-    job_id
-        The job of which files are to be written.
-    keeps
-        Whether a slice, by its path, is one of this job's already.
-
-    Raises
-    ------
-    OSError
-        Something cannot be removed or written.
+    `keeps` tells whether the file of a slice is this job's; it is then kept.
     """
     before = owner(folder)
     if before is not None:
-        _claim(folder, before)  # a summary may be all that says so, and goes with the others
+        _claim(folder, before)  # an old folder may have its id only in the summary
         for path in _ours(folder):
             if path.parent == folder or not (_SLICE.fullmatch(path.name) and keeps(path)):
                 path.unlink()
-        with suppress(OSError):  # there is none, or something is left in it
+        with suppress(OSError):  # it is missing, or not empty
             (folder / SLICES).rmdir()
     _claim(folder, job_id)
 
 
 def owner(folder: Path) -> str | None:
-    """The id of the job whose files the folder has; None where it has no job's."""
+    """The id of the job whose files the folder has; None if there is none."""
     with suppress(OSError, ValueError):
         return (folder / _OWNER).read_text().strip()
-    with suppress(OSError, ValueError, KeyError, TypeError):  # as a Plateau before this one left it
+    with suppress(OSError, ValueError, KeyError, TypeError):  # earlier versions wrote only this
         about = json.loads((folder / "summary.json").read_text())
         return str(about["id"]) if "scene_sha256" in about else None
     return None
 
 
 def frame(folder: Path, place: int, job_id: str) -> Path:
-    """The folder of a job of a batch, in that of the batch; `place` counts from 0."""
+    """The folder of a batch's job, within that of the batch; `place` counts from 0."""
     return folder / f"{place:04d}-{job_id}"
 
 
 def require_free(folder: Path) -> None:
-    """See that nothing would be lost or mixed if a job's results were written into the folder.
+    """Raise `CommandFailed` if a job's results would be lost in the folder, or overwrite files.
 
-    Raises
-    ------
-    CommandFailed
-        It has the results of a batch, or a file of somebody else has the name of a result.
+    Such a folder has the results of a batch, or a file that is no job's with a result's name.
     """
     if frames := _frames(folder):
         raise CommandFailed(
@@ -132,20 +111,14 @@ def require_free(folder: Path) -> None:
 
 
 def require_free_for_batch(folder: Path, job_ids: list[str]) -> None:
-    """The same for a batch of these jobs, each of which has a folder of its own in this one.
-
-    Raises
-    ------
-    CommandFailed
-        It has the results of another job or of another batch.
-    """
+    """Raise `CommandFailed` if the folder has results of other jobs than these of a batch."""
     other = owner(folder)
     if other is not None:
         raise CommandFailed(f"{folder} has the results of job {other}: {_REMEDY.format('them')}")
-    strangers = [path for path in _frames(folder) if _job_of(path) not in job_ids]
-    if strangers:
+    others = [one for one in _frames(folder) if one.name.rpartition("-")[2] not in job_ids]
+    if others:
         raise CommandFailed(
-            f"{folder} has results that are not of this batch ({strangers[0].name}): "
+            f"{folder} has results that are not of this batch ({others[0].name}): "
             f"{_REMEDY.format('them')}"
         )
 
@@ -156,7 +129,7 @@ def _claim(folder: Path, job_id: str) -> None:
 
 
 def _ours(folder: Path) -> list[Path]:
-    """What a job has left in the folder: its results, its slices, and what was not finished."""
+    """All files of a job in the folder: results, slices and unfinished files."""
     found = [folder / name for name in RESULTS]
     found += [path for path in folder.iterdir() if _UNFINISHED.fullmatch(path.name)]
     if (folder / SLICES).is_dir():
@@ -169,12 +142,8 @@ def _ours(folder: Path) -> list[Path]:
 
 
 def _frames(folder: Path) -> list[Path]:
-    """The folders of a batch's jobs in the folder."""
+    """The folders of a batch's jobs within the folder."""
     if not folder.is_dir():
         return []
     found = (path for path in folder.iterdir() if _FRAME.fullmatch(path.name))
     return sorted(path for path in found if path.is_dir() and owner(path) is not None)
-
-
-def _job_of(frame: Path) -> str:
-    return frame.name.rpartition("-")[2]

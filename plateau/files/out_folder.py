@@ -1,4 +1,4 @@
-"""The folder that results are to be written into, looked at before there are any."""
+"""Makes and checks the folder for results; an unsuitable one raises `CommandFailed`."""
 
 import tempfile
 from pathlib import Path
@@ -8,22 +8,7 @@ from plateau.files.job_folder import RESULTS, require_free
 
 
 def make(folder: Path, named_by: str = "-o", *, mode: int = 0o777) -> None:
-    """Make a folder, and those above it, where there is none.
-
-    Parameters
-    ----------
-    folder
-        The folder.
-    named_by
-        The option or the setting that names it.
-    mode
-        Who may use it.
-
-    Raises
-    ------
-    CommandFailed
-        It cannot be made; the message says why and what to do.
-    """
+    """Make a folder and its parents; `named_by` is the option or setting that names it."""
     try:
         folder.mkdir(mode=mode, parents=True, exist_ok=True)
     except (FileExistsError, NotADirectoryError):
@@ -33,42 +18,29 @@ def make(folder: Path, named_by: str = "-o", *, mode: int = 0o777) -> None:
         ) from None
     except OSError as error:
         raise CommandFailed(
-            f"the folder {folder} cannot be made ({error.strerror}): name another one with "
-            f"{named_by}"
+            f"cannot make the folder {folder} ({error.strerror}): name another one with {named_by}"
         ) from error
 
 
 def make_ready(folder: Path) -> None:
-    """Make the folder where there is none, and see that a job's results can be written into it.
-
-    Raises
-    ------
-    CommandFailed
-        They cannot; the message says why and what to do.
-    """
+    """Make the folder if it is missing, and check that it can take a job's results."""
     make_writable(folder)
     for name in RESULTS:
         if (folder / name).is_dir():
             raise CommandFailed(
-                f"{folder / name} is a folder, and a file has to be written there: move it, "
+                f"{folder / name} is a folder, and a file of this name must be written: move it, "
                 "or give another folder with -o"
             )
     require_free(folder)
 
 
 def make_writable(folder: Path) -> None:
-    """Make the folder where there is none, and see that something can be written into it.
-
-    Raises
-    ------
-    CommandFailed
-        It cannot; the message says why and what to do.
-    """
+    """Make the folder if it is missing, and check that files can be written into it."""
     make(folder)
     try:
         with tempfile.TemporaryFile(dir=folder) as probe:
             probe.write(bytes(4096))
     except OSError as error:
         raise CommandFailed(
-            f"nothing can be written into {folder} ({error.strerror}): give another folder with -o"
+            f"cannot write into {folder} ({error.strerror}): give another folder with -o"
         ) from error

@@ -1,10 +1,10 @@
-"""Makes one file of a scene, to be sent to the farm: the XML with all that it refers to.
+"""Packs a scene into one file for the farm: the XML and all files that it refers to.
 
-The files are found by the walk that the farm checks a bundle with, so what is packed is what will
-be looked for. They keep their places relative to one another: the bundle starts at the folder that
-holds them all, so that `../textures/wood.png` still leads from the scene to its texture.
+The files are found by the same walk with which the farm checks a bundle. They keep their relative
+places: the bundle starts at the folder that contains all of them, so `../textures/wood.png` still
+leads from the scene to its texture.
 
-A scene packed twice has the same bytes, and so the same SHA-256, and is stored once.
+The same scene always has the same bytes, and thus the same SHA-256, so it is stored once.
 """
 
 import os
@@ -16,7 +16,6 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from itertools import takewhile
 from pathlib import Path
-from types import TracebackType
 from typing import IO, BinaryIO, cast
 
 from plateau.farm.bundle import BundleError, BundleLimits
@@ -30,14 +29,14 @@ from plateau.farm.bundle.walk import read_scene
 
 _XML = "application/xml"
 _ZIP = "application/zip"
-#: The first moment that a zip can express; any fixed one does.
+#: The first time that a zip can express; any fixed time would do.
 _TIMESTAMP = (1980, 1, 1, 0, 0, 0)
 _FILE_ATTRIBUTES = 0o100644 << 16
 _FOLDER_ATTRIBUTES = 0o040755 << 16 | 0x10  # 0x10 is a folder to DOS
 _UNIX = 3
-#: Compressed already; deflating these again costs time and gains nothing.
+#: Files that are already compressed are not deflated.
 _COMPRESSED = frozenset((".exr", ".jpg", ".jpeg", ".png", ".serialized"))
-#: From here on an entry is written in the 64-bit format, in bytes.
+#: Entries of at least this many bytes are written in the 64-bit format.
 _ZIP64_BYTES = 2**30
 _COPY_BYTES = 2**20
 _LIMITS = BundleLimits()
@@ -45,52 +44,43 @@ _LIMITS = BundleLimits()
 
 @dataclass(frozen=True)
 class Packed:
-    """A scene as one file, open for reading from its start; a context manager that closes it."""
+    """A scene as one file, open at its start; a context manager that closes it."""
 
     file: BinaryIO
     media_type: str
-    #: a name for the upload
-    name: str
-    #: the files that went in, as the disk knows them
-    files: tuple[Path, ...]
+    name: str  #: of the upload
+    files: tuple[Path, ...]  #: the packed files
 
     def __enter__(self) -> "Packed":
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self.file.close()
 
 
 def pack(path: Path, *parameters: Mapping[str, str]) -> Packed:
     """Return a scene as one file, open for reading.
 
+    The same files give the same bytes with the same version of zlib.
+
     Parameters
     ----------
-    path : Path
-        A Mitsuba XML; a folder with a `scene.xml`; or a zip or an analytic scene, each of which
-        is taken as it is.
-    parameters : mappings of str to str
-        Values of the scene's `$parameters`, since these can choose files. Of several, as the jobs
-        of a batch have them, all files go in that any of them chooses.
+    path
+        A Mitsuba XML; a folder with a `scene.xml`; or a zip or an analytic scene, which are not
+        changed.
+    parameters
+        Sets of values of the scene's `$parameters`, since these can choose files. The files of all
+        sets are packed, as the jobs of a batch need them.
 
     Raises
     ------
     BundleError
-        Where a file is missing or cannot keep its place: says which, and the XML and line that
-        refers to it.
-
-    Notes
-    -----
-    The same files give the same bytes with one version of zlib; another may deflate them otherwise.
+        A file is missing or cannot keep its place; names it, and the XML and line that refers to
+        it.
     """
     if path.is_dir():
         path = path / SCENE_XML
-        missing = "there is no such file: a folder is a scene where it has one"
+        missing = "there is no such file: a folder with one is a scene"
     else:
         missing = "there is no such file; `scenes:box` is a scene to try"
     if not path.is_file():
@@ -103,8 +93,9 @@ def pack(path: Path, *parameters: Mapping[str, str]) -> Packed:
     disk = _Disk()
     entry = disk.parts(path)
     references: dict[Reference, None] = {}
-    for values in _distinct(parameters):
-        references |= dict.fromkeys(read_scene(disk, entry, values, _LIMITS).references)
+    # Each set of values once; the scene's own defaults if there is none.
+    for values in dict.fromkeys(tuple(one.items()) for one in parameters) or [()]:
+        references |= dict.fromkeys(read_scene(disk, entry, dict(values), _LIMITS).references)
     if not references:
         return Packed(path.open("rb"), _XML, path.name, (path,))
     for reference in references:
@@ -119,20 +110,13 @@ def pack(path: Path, *parameters: Mapping[str, str]) -> Packed:
     return Packed(bundle, _ZIP, f"{path.stem}.zip", files)
 
 
-def _distinct(parameters: tuple[Mapping[str, str], ...]) -> list[dict[str, str]]:
-    """Each set of values once; the scene's own defaults where there is none."""
-    return [dict(values) for values in dict.fromkeys(tuple(one.items()) for one in parameters)] or [
-        {}
-    ]
-
-
 class _Disk:
     """The whole disk as a tree, from its root."""
 
     remedy = "does not exist"
 
     def parts(self, path: Path) -> Parts:
-        # The folder without links, as the kernel sees `..` from it; the file by its own name.
+        # Resolve the links of the folder, as the kernel does for `..`, but not those of the file.
         return (path.parent.resolve() / path.name).parts[1:]
 
     def path(self, parts: Parts) -> Path:
@@ -155,32 +139,28 @@ class _Disk:
 
 
 def _check_keeps_its_place(disk: _Disk, reference: Reference) -> None:
-    """Refuse a reference that would lead elsewhere when it is followed inside the bundle."""
+    """Refuse a reference that would lead to another file inside the bundle."""
     if reference.text.startswith("/"):
         problem = "is an absolute path; name it relative to the scene"
     elif ".." in reference.text.split("/") and any(
         disk.path(folder).is_symlink() for folder in reference.visited
     ):
-        problem = "goes up from a folder that is a link; name the file without going through it"
+        problem = "goes up from a folder that is a link; name the file by a path without the link"
     else:
         return
     raise BundleError(
-        "unpackable-path",
-        f"{reference.text!r} {problem}",
-        file=reference.file,
-        line=reference.line,
+        "unpackable-path", f"{reference.text!r} {problem}", file=reference.file, line=reference.line
     )
 
 
 @dataclass(frozen=True)
 class _Layout:
-    """What goes into the bundle, from which folder on."""
+    """The contents of a bundle."""
 
-    top: Parts
+    top: Parts  #: the folder at which the bundle starts
     entry: Parts
     files: tuple[Parts, ...]
-    #: folders without files that a reference passes through or looks in
-    folders: tuple[Parts, ...]
+    folders: tuple[Parts, ...]  #: folders without files that a reference passes through or reads
 
     @classmethod
     def of(cls, entry: Parts, references: Collection[Reference]) -> "_Layout":
@@ -198,7 +178,7 @@ class _Layout:
 
 
 def _common(folders: set[Parts]) -> Parts:
-    """Return the folder that holds all of these."""
+    """Return the deepest folder that contains all of these."""
     first, last = min(folders), max(folders)
     pairs = zip(first, last, strict=False)
     return tuple(ours for ours, _ in takewhile(lambda pair: pair[0] == pair[1], pairs))
@@ -229,8 +209,7 @@ def _info(name: str, attributes: int) -> zipfile.ZipInfo:
 
 def _check_entry(file: BinaryIO, layout: _Layout) -> None:
     """Refuse a bundle in which the farm would take another XML for the scene."""
-    size = file.seek(0, os.SEEK_END)
-    archive = Archive(file, size, _LIMITS)
+    archive = Archive(file, file.seek(0, os.SEEK_END), _LIMITS)
     expected = layout.inside(layout.entry)
     found = find_entry(archive, _LIMITS)
     file.seek(0)

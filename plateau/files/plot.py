@@ -1,4 +1,4 @@
-"""The curve as a picture: what has changed since the first image, and the noise left, over spp."""
+"""The curve as a picture: the changed pixels and the noise left, over spp."""
 
 import threading
 from collections.abc import Mapping
@@ -25,29 +25,29 @@ _STOP: Final = "#5a5a5a"
 _DPI: Final = 150
 _SMALL: Final = 9  #: points
 _SMALLEST: Final = 8
-#: Room for what is written around the axes, in shares of the figure: a layout that measures the
-#: text draws everything thrice. Numbers of pixels have up to ten digits and commas.
+#: Margins for the labels, in shares of the figure, since a layout that measures the text draws
+#: everything three times. Numbers of pixels have up to ten digits and commas.
 _MARGINS: Final = {"left": 0.115, "right": 0.89, "bottom": 0.09, "top": 0.9, "hspace": 0.2}
-#: A title of so many letters fits, whichever they are; so many of a name stay in any case.
+#: Letters of a title that always fit, and letters of the name that are never cut.
 _MOST_LETTERS: Final = 64
 _LEAST_LETTERS: Final = 8
 
 
 @dataclass(frozen=True, kw_only=True)
 class Marks:
-    """What a picture of a curve shows of the rules."""
+    """The marks of the rules in a picture of a curve."""
 
-    window: int  #: how many points the regression line is laid through
-    stop_slope: float | None  #: at which it stops, in changed pixels per spp of this image
+    window: int  #: number of points of the regression line
+    stop_slope: float | None  #: the slope at which the job stops, in pixels per spp of this image
     target: float | None  #: the noise left at which the job stops, as a share of the pixels
-    stops: Mapping[str, int]  #: where vertical lines are drawn, in spp, by what is beside them
+    stops: Mapping[str, int]  #: by label: the spp of a vertical line
 
 
 def import_ahead() -> None:
-    """Import what plotting needs, in a thread: it takes half a second, which others may wait in."""
+    """Import Matplotlib in a thread, while the caller waits for something else."""
 
     def load() -> None:
-        with suppress(ModuleNotFoundError):  # who plots will say so
+        with suppress(ModuleNotFoundError):  # `plot_job` will report it
             import_module("matplotlib.figure")
 
     threading.Thread(target=load, name="imports", daemon=True).start()
@@ -61,7 +61,7 @@ def plot_job(job: Job, points: list[CurvePoint], path: Path) -> None:
         points,
         path,
         Marks(
-            window=words.rule_window(job),
+            window=words.slope_limit(job.spec).window,
             stop_slope=words.stop_slope(job),
             target=words.stop_fraction(job),
             stops={"": job.spp} if job.state.ended else {},
@@ -75,22 +75,13 @@ def plot_curve(name: str, outcome: str, points: list[CurvePoint], path: Path, ma
 
 
 def curve_figure(name: str, outcome: str, points: list[CurvePoint], marks: Marks) -> "Figure":
-    """A curve as a figure.
+    """A curve, by rising spp, as a figure with the title `name: outcome`; a long name is cut.
 
-    Above, the pixels that have changed since the first image, with the regression line over the
-    last window and its slope against the rule's; below, on a logarithmic axis, the noise left, with
-    its band. What there is to say of them stands above each plot, so that it hides no data.
-
-    Parameters
-    ----------
-    name, outcome
-        What is written above; a name that is too long is cut.
-    points
-        The curve, by rising spp.
-    marks
-        What it shows of the rules.
+    The upper plot shows the pixels that have changed since the first image, the regression line
+    over the last window, and its slope. The lower plot shows the noise left and its band on a
+    logarithmic axis. All labels are above the plots, so they hide no data.
     """
-    # Matplotlib takes a second to import; only those who plot wait for it.
+    # Matplotlib takes a second to import.
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -124,10 +115,10 @@ def _draw_changed(axes: "Axes", points: list[CurvePoint], marks: Marks) -> None:
     spp = np.array([point.spp for point in points], dtype=np.float64)
     changed = np.array([point.visible_pixels for point in points], dtype=np.float64)
     axes.plot(spp, changed, "o-", color=_CURVE, markersize=4)
-    _say(axes, "left", "changed since the first image, in pixels", _CURVE)
+    _label(axes, "left", "changed since the first image, in pixels", _CURVE)
     axes.locator_params(axis="y", integer=True)
     axes.yaxis.set_major_formatter(lambda value, _: f"{value:,.0f}")
-    # The names of the stops stand above the data.
+    # Room for the names of the stops above the data.
     axes.set_ylim(bottom=0, top=max(1.0, (1.12 + 0.05 * len(marks.stops)) * changed.max()))
     slope, window, stop_slope = points[-1].slope, marks.window, marks.stop_slope
     if slope is not None:
@@ -135,7 +126,7 @@ def _draw_changed(axes: "Axes", points: list[CurvePoint], marks: Marks) -> None:
         line = last_changed.mean() + slope * (last_spp - last_spp.mean())
         axes.plot(last_spp, line, color=_LINE, linewidth=5, alpha=0.5, zorder=1)
         aim = "" if stop_slope is None else f", stops at {significant(stop_slope)}"
-        _say(axes, "right", f"last {window} points: {significant(slope)} px/spp{aim}", _LINE)
+        _label(axes, "right", f"last {window} points: {significant(slope)} px/spp{aim}", _LINE)
     if points[-1].visible_fraction > 0:
         pixels = points[-1].visible_pixels / points[-1].visible_fraction
         of_image = axes.twinx()
@@ -148,7 +139,7 @@ def _draw_changed(axes: "Axes", points: list[CurvePoint], marks: Marks) -> None:
 
 def _draw_noise_left(axes: "Axes", points: list[CurvePoint], target: float | None) -> None:
     known = [point for point in points if point.estimate_pixels]
-    _say(axes, "left", "noise left, in pixels, by half buffers", _ESTIMATE)
+    _label(axes, "left", "noise left, in pixels, by half buffers", _ESTIMATE)
     if not known:
         axes.text(0.5, 0.5, "none was found", transform=axes.transAxes, ha="center")
         return
@@ -160,23 +151,23 @@ def _draw_noise_left(axes: "Axes", points: list[CurvePoint], target: float | Non
     if all(low) and all(high):
         axes.fill_between(spp, low, high, color=_ESTIMATE, alpha=0.18, linewidth=0)
     axes.set_yscale("log")
-    # Not as powers of ten, whose typesetting takes longer than the rest of the picture
+    # Plain numbers: to typeset powers of ten takes longer than the rest of the picture.
     axes.yaxis.set_major_formatter(lambda value, _: f"{value:,.12g}")
     axes.yaxis.set_minor_formatter(lambda *_: "")
     if target is not None and known[-1].estimate_fraction:
         allowed = target * left[-1] / known[-1].estimate_fraction
         axes.axhline(allowed, color=_LINE, linewidth=2, alpha=0.6)
-        said = f"target: {100 * target:g} % of the image, {significant(allowed)} px"
-        _say(axes, "right", said, _LINE)
+        label = f"target: {100 * target:g} % of the image, {significant(allowed)} px"
+        _label(axes, "right", label, _LINE)
 
 
-def _say(axes: "Axes", side: Literal["left", "right"], text: str, colour: str) -> None:
-    """Write above a plot, at one of its sides, what a line of that colour is."""
+def _label(axes: "Axes", side: Literal["left", "right"], text: str, colour: str) -> None:
+    """Write the label of the line of this colour above a plot, at one of its sides."""
     axes.set_title(text, loc=side, fontsize=_SMALL, color=colour, pad=5)
 
 
 def _name_stops(axes: "Axes", stops: Mapping[str, int]) -> None:
-    """Write beside each line who stops there, from the top down: some stop close together."""
+    """Write the names of the stops beside their lines, each lower than the one before."""
     start, end = axes.get_xlim()
     for number, (name, spp) in enumerate(stops.items()):
         is_left = spp < (start + end) / 2  # at the side where there is more room

@@ -1,1 +1,1 @@
-"""The processes of a farm on this machine: settings, data folder, start, watch and stop."""
+"""The processes of a farm on this machine: settings, data folder, start, watch, stop."""

@@ -1,4 +1,4 @@
-"""A data folder: the embedded Redis, local blobs and logs, used by one process tree at a time."""
+"""The data folder: embedded Redis, local blobs and logs. One process tree uses it at a time."""
 
 import contextlib
 import fcntl
@@ -6,27 +6,23 @@ import json
 import os
 import time
 from pathlib import Path
-from types import TracebackType
 from typing import Final, TextIO
 
 from plateau.errors import PlateauError
 from plateau.files.out_folder import make
 
-#: Processes of a tree that was killed outright need a moment to notice and leave.
+#: Processes of a tree that was killed need a moment to notice that and to end.
 _LEAVING_S: Final = 10.0
 
 
 class InUse(PlateauError):
-    """Another process tree uses the data folder."""
+    """Another process tree uses the data folder; the message names its process and its URL."""
 
 
 class DataFolder:
-    """A folder, locked while the context lasts; whoever inherits `lock_fd` holds the lock too.
+    """A folder that is locked while the context lasts; to enter it may raise `InUse`.
 
-    Raises
-    ------
-    InUse
-        On entering: another tree has it.
+    A process that inherits `lock_fd` holds the lock too.
     """
 
     def __init__(self, path: Path) -> None:
@@ -39,14 +35,13 @@ class DataFolder:
     @property
     def lock_fd(self) -> int:
         """The lock's file descriptor."""
-        if self._lock is None:
-            raise ValueError("the data folder is not locked")
+        assert self._lock is not None, "the data folder is not locked"
         return self._lock.fileno()
 
     def __enter__(self) -> "DataFolder":
         make(self.path, "PLATEAU_DATA", mode=0o700)
         self.logs.mkdir(exist_ok=True)
-        # Not truncated on opening: it says who holds the lock.
+        # Not truncated: the file names the holder of the lock.
         lock = os.fdopen(os.open(self.path / "lock", os.O_RDWR | os.O_CREAT, 0o600), "r+")
         try:
             _acquire(lock, self.path)
@@ -57,20 +52,14 @@ class DataFolder:
         self.note_url("")
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         if self._lock is not None:
             self._lock.close()
             self._lock = None
 
     def note_url(self, url: str) -> None:
-        """Write down who uses the folder, for whoever finds it locked."""
-        if self._lock is None:
-            raise ValueError("the data folder is not locked")
+        """Write our process id and the service's URL into the lock file, for `InUse`."""
+        assert self._lock is not None, "the data folder is not locked"
         self._lock.seek(0)
         self._lock.truncate()
         json.dump({"pid": os.getpid(), "url": url}, self._lock)
@@ -78,7 +67,7 @@ class DataFolder:
 
 
 def is_in_use(path: Path) -> bool:
-    """Whether a process tree holds the folder; one without a lock file is taken to be in use."""
+    """Whether a process tree holds the folder; a folder without a lock file counts as in use."""
     try:
         with (path / "lock").open() as lock:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -1,17 +1,17 @@
-"""Ctrl-C and its kin, counted: the first asks, the second insists."""
+"""Counts SIGINT, SIGTERM and SIGHUP: the first one asks to stop, the second one insists."""
 
 import signal
 import threading
-from types import FrameType, TracebackType
+from types import FrameType
 from typing import Any, Final
 
 _SIGNALS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 class Interrupts:
-    """Within its context, signals that end a process are counted and end nothing.
+    """While the context lasts, these signals are counted and do not end the process.
 
-    A signal that was ignored (by ``nohup``, or in a shell's background) stays ignored.
+    A signal that was ignored (by ``nohup``, or in the background of a shell) stays ignored.
 
     Attributes
     ----------
@@ -29,7 +29,7 @@ class Interrupts:
 
     @property
     def exit_code(self) -> int:
-        """The exit code of a process that the first signal ended, as shells count."""
+        """128 + the first signal, the exit code of a process that it ended."""
         return 128 + self._first
 
     def __enter__(self) -> "Interrupts":
@@ -38,12 +38,7 @@ class Interrupts:
                 self._before[number] = signal.signal(number, self._count)
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         for number, handler in self._before.items():
             signal.signal(number, handler)
 

@@ -1,4 +1,4 @@
-"""The settings, with an error that names the variable that is wrong."""
+"""Reads the settings and secrets of the environment; a wrong one raises `BadSetting`."""
 
 from pathlib import Path
 from typing import Final
@@ -10,7 +10,7 @@ from plateau.farm.model import input_errors
 from plateau.farm.process.settings import Settings
 from plateau.farm.redis import url as redis_url
 
-#: What is said of Redis beside its URL.
+#: The settings of the connection to Redis, beside its URL.
 REDIS_VARIABLES: Final = (
     "PLATEAU_REDIS_USER",
     "PLATEAU_REDIS_PASSWORD_FILE",
@@ -22,17 +22,11 @@ REDIS_VARIABLES: Final = (
 
 
 class BadSetting(PlateauError):
-    """A PLATEAU_… variable has a value that is not allowed."""
+    """The value of a PLATEAU_… variable is not allowed, or its file cannot be read."""
 
 
 def api_key(settings: Settings) -> str | None:
-    """The API key that the settings give or name a file of; None where they do neither.
-
-    Raises
-    ------
-    BadSetting
-        They do both, or the file has no key.
-    """
+    """The API key in the settings, or in the file that they name; None if they have neither."""
     given = settings.key.get_secret_value().strip() if settings.key is not None else ""
     if settings.key_file is None:
         return given or None
@@ -42,13 +36,7 @@ def api_key(settings: Settings) -> str | None:
 
 
 def farm_settings() -> Settings:
-    """The same for who uses Redis: its URL has all that the other settings say of Redis.
-
-    Raises
-    ------
-    BadSetting
-        A value is not allowed, a file cannot be read, or they do not fit together.
-    """
+    """The settings of a process that uses Redis; its URL contains the other settings of Redis."""
     settings = read_settings()
     return settings.model_copy(update={"redis_url": _whole_redis_url(settings)})
 
@@ -96,13 +84,7 @@ def _parameters(settings: Settings, *, tls: bool) -> dict[str, str]:
 
 
 def secret_in(file: Path, option: str) -> str:
-    """The secret that a file holds, which the option names, without the end of its line.
-
-    Raises
-    ------
-    BadSetting
-        It has none.
-    """
+    """The secret in a file, which `option` names in messages."""
     try:
         secret = file.read_text().strip()
     except (OSError, UnicodeDecodeError) as error:
@@ -114,19 +96,13 @@ def secret_in(file: Path, option: str) -> str:
 
 
 def read_settings() -> Settings:
-    """What the environment says.
-
-    Raises
-    ------
-    BadSetting
-        A value is not allowed; the message names its variable.
-    """
+    """The settings of the environment."""
     try:
         return Settings()
     except ValidationError as error:
         found = (
             f"PLATEAU_{str(one['loc'][0]).upper()}: {input_errors.message(one)}"
             for one in error.errors()
-            if one["type"] != "default_factory_not_called"  # since another value is not allowed
+            if one["type"] != "default_factory_not_called"  # a consequence of another error
         )
         raise BadSetting("; ".join(found)) from error

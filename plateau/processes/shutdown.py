@@ -1,4 +1,4 @@
-"""How a process of the farm is stopped: asked by a signal, and ended where it does not stop."""
+"""How a process of the farm stops: a signal asks it, and a time limit ends it."""
 
 import logging
 import os
@@ -13,17 +13,18 @@ from plateau.farm.process.stop import Stop
 
 _LOG = logging.getLogger("plateau")
 
-#: A process that was asked to stop has so long. Whoever stops it (systemd, Kubernetes, a tree of
-#: `plateau up`) usually waits for less than that, and then kills it.
+#: Time to stop after the first signal. Supervisors (systemd, Kubernetes, `plateau up`) usually
+#: wait for less, and then kill the process.
 LIMIT_S: Final = 60.0
-#: Signals that come together are one: a batch system may send its own and have a script pass it on.
+#: Signals within this time count as one: a batch system may signal both the process and the script
+#: that passes the signal on.
 _TOGETHER_S: Final = 1.0
 
 
 class StopSignals:
-    """SIGTERM and SIGINT from now on: the first asks, one that comes later ends the process.
+    """Handles SIGTERM and SIGINT: the first one asks to stop, a later one ends the process.
 
-    To be made in the main thread.
+    Make it in the main thread.
 
     Attributes
     ----------
@@ -51,6 +52,6 @@ class StopSignals:
 
 
 def _give_up() -> None:
-    _LOG.critical("it was asked to stop and did not within %g s: it is ended", LIMIT_S)
+    _LOG.critical("the process did not stop within %g s, and is ended", LIMIT_S)
     logging.shutdown()
     os._exit(ExitCode.FAILED)

@@ -1,4 +1,4 @@
-"""The API's standing in its farm: whether it fits, and that it lives."""
+"""The API as a process of its farm: whether its version fits, and its heartbeat."""
 
 import logging
 import os
@@ -18,22 +18,15 @@ _LOG = logging.getLogger("plateau")
 
 
 class Standing:
-    """What `processes.process.when_checked` does for others, for one that starts without Redis.
+    """The checks of `processes.process.when_checked`, for an API that may start without Redis.
 
-    An API answers 503 while Redis is away, not nothing; so it is checked as soon as that answers.
-    It says that it lives from then on.
-
-    Parameters
-    ----------
-    settings
-        Of the process.
-    stop
-        Ends the waits for what does not fit yet.
+    While Redis is away, the API answers 503. It is checked when Redis first answers, and sends
+    heartbeats from then on. `stop` ends the waits.
 
     Raises
     ------
     Incompatible, WrongStore
-        On making one, where Redis answers; else by `end`: the API was then asked to stop.
+        By the constructor if Redis answers; otherwise by `end`, after the API was asked to stop.
     """
 
     def __init__(self, settings: Settings, stop: threading.Event) -> None:
@@ -55,11 +48,11 @@ class Standing:
         self._thread = threading.Thread(target=self._keep, name="standing", daemon=True)
 
     def start(self) -> None:
-        """Check as soon as Redis answers, unless that is done; the API can be stopped now."""
+        """Start the thread that checks and sends heartbeats; from now on it can stop the API."""
         self._thread.start()
 
     def end(self) -> None:
-        """Sign off; raise what did not fit."""
+        """Sign off; raise the error of a failed check."""
         self._stop.set()
         if self._thread.is_alive():
             self._thread.join()

@@ -5,9 +5,8 @@ import select
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from pathlib import Path
-from types import TracebackType
 from typing import Final, TextIO
 
 from plateau.errors import PlateauError
@@ -23,26 +22,26 @@ from plateau.processes.read_settings import REDIS_VARIABLES
 from plateau.worker.supervisor import needed_libraries
 
 _API_START_S: Final = 60.0
-#: A stopping worker tries for 5 s to commit what it has.
+#: Time to stop before the kill; a stopping worker tries for 5 s to commit its slice.
 _STOP_S: Final = {"worker": 15.0, "monitor": 10.0, "api": 8.0}
 _HURRIED_S: Final = 2.0
 _TICK_S: Final = 0.05
-#: A Redis that lived for so long had started well.
+#: A Redis that lived this long has started well.
 _REDIS_WELL_S: Final = 30.0
 
 
 @dataclass(frozen=True)
 class Door:
-    """The options of `plateau api` that `plateau up` has too."""
+    """Where and for whom the API listens: options of `plateau api` and `plateau up`."""
 
     host: str = "127.0.0.1"
-    port: int = 0  #: 0 takes a free one
-    open_to_all: bool = False  #: want no keys, on a loopback address, though there are some
-    certificate: Path | None = None  #: for https, with its private key
+    port: int = 0  #: 0 for a free one
+    open_to_all: bool = False  #: require no API key, on a loopback address, even if there are some
+    certificate: Path | None = None  #: for HTTPS, with its private key
     private_key: Path | None = None
 
     def options(self) -> tuple[str, ...]:
-        """All but the port, as they are written on a command line."""
+        """All but the port, as options of the command line."""
         options = ["--host", self.host]
         if self.open_to_all:
             options.append("--open")
@@ -54,79 +53,52 @@ class Door:
 
 
 class TreeFailed(PlateauError):
-    """A process of the tree died and will not be started again."""
+    """A process of the tree died too often, or did not start."""
 
 
+@dataclass(eq=False)
 class Tree:
     """Every process that Plateau needs on one machine; none outlives the context.
 
-    A process that dies is started again, after a pause that grows. All of it runs in the thread
-    that enters the context, which must be the main one: the kernel ends the processes with it.
-
-    Parameters
-    ----------
-    settings
-        Where `redis_url` or `blobs` is unset, the data folder is used.
-    data
-        The data folder, locked.
-    interrupts
-        Once it was asked, starting is given up; once it was insisted, stopping is by force.
-    workers
-        Number of workers; they share the machine's cores.
-    door
-        Where the API listens, and for whom.
-    tell
-        Takes a line about what was started again.
-    is_temporary
-        Whether the data folder goes with the tree, so that nothing in it need outlive a power loss.
-    most_deaths
-        A process that dies so often in a row, each time within 30 s of its start, fails the
-        tree; None to try for ever.
+    A process that dies is restarted after a growing pause. The thread that enters the context must
+    be the main one, because the kernel ends the processes with it.
 
     Raises
     ------
     LibraryMissing
-        On entering: there are to be workers, and a library that rendering needs is not here.
+        On entering: the workers lack a library for rendering.
     SchemaMismatch
-        On entering: the data folder holds another layout.
+        On entering: the data folder has another layout.
     TreeFailed
-        By `check`; by `await_api`, where the API does not start.
+        By `check`; by `await_api` if the API does not start.
     KeyboardInterrupt
-        By `await_api`: the interrupts were asked.
+        By `await_api`, after an interrupt.
     """
 
-    def __init__(
-        self,
-        settings: Settings,
-        data: DataFolder,
-        interrupts: Interrupts,
-        *,
-        workers: int,
-        door: Door,
-        tell: Callable[[str], None],
-        most_deaths: int | None,
-        is_temporary: bool = False,
-    ) -> None:
+    settings: Settings  #: if `redis_url` or `blobs` is unset, the data folder is used
+    data: DataFolder  #: locked
+    interrupts: Interrupts  #: the first one ends the start; the second one forces the stop
+    _: KW_ONLY
+    workers: int  #: they share the machine's cores
+    door: Door
+    tell: Callable[[str], None]  #: called with a line about each restart
+    #: Deaths of a process in a row, each soon after its start, that fail the tree; None: no limit.
+    most_deaths: int | None
+    is_temporary: bool = False  #: the data folder is removed with the tree
+
+    def __post_init__(self) -> None:
         self.url = ""
-        self.blobs = settings.blobs or str(data.blobs.absolute())
-        self.redis_url = settings.redis_url or ""
-        self._settings = settings
-        self._data = data
-        self._interrupts = interrupts
-        self._workers = workers
-        self._door = door
-        self._tell = tell
-        self._most_deaths = most_deaths
-        self._is_temporary = is_temporary
+        self.blobs = self.settings.blobs or str(self.data.blobs.absolute())
+        self.redis_url = self.settings.redis_url or ""
         self._redis: EmbeddedRedis | None = None
         self._redis_backoff = Backoff(0.5, 30.0)
-        self._redis_start_at = 0.0  # not before that
+        self._redis_start_at = 0.0  # restart it not before this
         self._members: list[Member] = []
         self._api_says: TextIO | None = None  # where the API writes its URL once it answers
 
     def __enter__(self) -> "Tree":
         with suppress(OSError):
-            shut_memory()  # whoever starts them has the same credentials as they have
+            shut_memory()  # this process has the same credentials as the others
         try:
             self._start()
         except BaseException:
@@ -134,27 +106,22 @@ class Tree:
             raise
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self.stop()
 
     def await_api(self) -> str:
-        """The API's URL, once it answers; to be called once, before `check`."""
+        """The API's URL, once it answers; call it once, before `check`."""
         api, says = self._members[0], self._api_says
         if says is None:
             raise ValueError("the tree is not entered")
         with says:
             self.url = self._wait_for_url(api, says)
         api.arguments += ("--port", self.url.rpartition(":")[2])
-        self._data.note_url(self.url)
+        self.data.note_url(self.url)
         return self.url
 
     def check(self) -> None:
-        """Start again what has died; to be called a few times a second."""
+        """Restart dead processes; call it a few times a second."""
         if self._redis is not None:
             self._start_again(self._redis)
         for member in self._members:
@@ -165,35 +132,32 @@ class Tree:
             member.start_if_due()
 
     def _start_again(self, server: EmbeddedRedis) -> None:
-        """Start Redis again where it has died; the others wait for it and lose nothing."""
+        """Restart Redis if it has died; the others wait for it and lose nothing."""
         server.rotate_log()
         if server.process.poll() is not None and time.monotonic() >= self._redis_start_at:
-            self._tell(f"Redis {describe_exit(server.process.returncode)}; starting it again")
+            self.tell(f"Redis {describe_exit(server.process.returncode)}; starting it again")
             try:
                 server.start()
             except StoreUnavailable as error:
-                self._tell(str(error))
+                self.tell(str(error))
             self._redis_start_at = time.monotonic() + self._redis_backoff.delay_s()
         elif time.monotonic() > self._redis_start_at + _REDIS_WELL_S:
             self._redis_backoff.reset()
 
     def wind_down(self) -> None:
-        """Ask all but Redis to stop, and do not wait: there is nothing left for them to do.
-
-        `check` would start them again.
-        """
+        """Ask all but Redis to stop, without a wait; call no `check` afterwards."""
         for member in self._members:
             member.ask_to_stop()
 
     def stop(self) -> None:
-        """Stop workers, monitor, API and Redis, in this order; by force what does not stop."""
+        """Stop workers, monitor, API and Redis in this order, by force after their time."""
         for role in ("worker", "monitor", "api"):
             ones = [member for member in self._members if member.name.startswith(role)]
             for member in ones:
                 member.ask_to_stop()
             started = time.monotonic()
             while any(member.is_running() for member in ones):
-                hurried = self._interrupts.insisted.is_set()
+                hurried = self.interrupts.insisted.is_set()
                 if time.monotonic() - started > (_HURRIED_S if hurried else _STOP_S[role]):
                     break
                 time.sleep(_TICK_S)
@@ -207,15 +171,15 @@ class Tree:
             self._redis = None
 
     def _start(self) -> None:
-        if self._workers:
+        if self.workers:
             needed_libraries.check()
-        if self._settings.redis_url is None:
-            self._redis = EmbeddedRedis(self._data.redis, wait=False)
+        if self.settings.redis_url is None:
+            self._redis = EmbeddedRedis(self.data.redis, wait=False)
             self.redis_url = self._redis.url
-        if self._is_temporary:  # the others take longer than Redis until they first ask for it
+        if self.is_temporary:  # Redis is ready before the others first connect
             self._start_members()
             self._await_redis()
-        else:  # nothing is written before Redis's folder is on the disk
+        else:  # Redis's folder must be on the disk before anything is written
             self._await_redis()
             self._start_members()
 
@@ -226,22 +190,22 @@ class Tree:
         from plateau.farm.ledger.schema import await_schema
         from plateau.farm.redis.link import connect
 
-        with connect(self.redis_url) as client:  # of what was killed a moment ago, all must be over
-            await_schema(client, self._interrupts.asked)
+        with connect(self.redis_url) as client:  # processes of a killed tree must have ended
+            await_schema(client, self.interrupts.asked)
 
     def _start_members(self) -> None:
-        api = self._member("api", ("api", *self._door.options()))
+        api = self._member("api", ("api", *self.door.options()))
         others = [self._member("monitor", ("monitor",))]
         others += [
             self._member(f"worker-{number}", ("worker",), self._of_a_worker())
-            for number in range(1, self._workers + 1)
+            for number in range(1, self.workers + 1)
         ]
         self._members = [api, *others]
         reads, writes = os.pipe()
         self._api_says = os.fdopen(reads)
         try:
             api.start(
-                passed=(writes,), more=("--port", str(self._door.port), "--ready-fd", str(writes))
+                passed=(writes,), more=("--port", str(self.door.port), "--ready-fd", str(writes))
             )
         finally:
             os.close(writes)
@@ -255,38 +219,38 @@ class Tree:
             name,
             arguments,
             environment={
-                **dict.fromkeys(REDIS_VARIABLES, ""),  # what they say is in the URL
+                **dict.fromkeys(REDIS_VARIABLES, ""),  # the URL contains them
                 "PLATEAU_REDIS_URL": self.redis_url,
                 "PLATEAU_BLOBS": self.blobs,
                 **(environment or {}),
             },
-            logs=self._data.logs,
-            inherited=(self._data.lock_fd,),
+            logs=self.data.logs,
+            inherited=(self.data.lock_fd,),
         )
 
     def _of_a_worker(self) -> dict[str, str]:
-        share = max(1, len(os.sched_getaffinity(0)) // self._workers)
+        share = max(1, len(os.sched_getaffinity(0)) // self.workers)
         return {
-            "PLATEAU_THREADS": str(self._settings.threads or share),
-            "PLATEAU_POOL": self._settings.pool,
-            "PLATEAU_TAGS": ",".join(self._settings.tags),
-            "PLATEAU_WORKERS_HERE": str(max(self._workers, self._settings.workers_here)),
+            "PLATEAU_THREADS": str(self.settings.threads or share),
+            "PLATEAU_POOL": self.settings.pool,
+            "PLATEAU_TAGS": ",".join(self.settings.tags),
+            "PLATEAU_WORKERS_HERE": str(max(self.workers, self.settings.workers_here)),
         }
 
     def _wait_for_url(self, api: Member, pipe: TextIO) -> str:
         """The URL that the API writes into its end of the pipe once it answers."""
-        deadline = time.monotonic() + _API_START_S
-        while not select.select([pipe], [], [], _TICK_S)[0]:
-            if self._interrupts.asked.is_set():
+        deadline, url = time.monotonic() + _API_START_S, ""
+        while time.monotonic() < deadline:
+            if select.select([pipe], [], [], _TICK_S)[0]:
+                url = pipe.readline().strip()  # empty if the API died
+                break
+            if self.interrupts.asked.is_set():
                 raise KeyboardInterrupt
-            if time.monotonic() > deadline:
-                raise TreeFailed(f"the API did not start; its log:\n{api.last_words()}")
-        url = pipe.readline().strip()
-        if not url:  # it died, and its end was closed
+        if not url:
             raise TreeFailed(f"the API did not start; its log:\n{api.last_words()}")
         return url
 
     def _bury(self, member: Member, cause: str) -> None:
-        if self._most_deaths is not None and member.deaths >= self._most_deaths:
+        if self.most_deaths is not None and member.deaths >= self.most_deaths:
             raise TreeFailed(f"{cause}; its log:\n{member.last_words()}")
-        self._tell(f"{cause}; starting it again (its log: {member.log})")
+        self.tell(f"{cause}; starting it again (its log: {member.log})")

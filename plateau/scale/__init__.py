@@ -1,1 +1,1 @@
-"""Worker processes that come and go with the queue, as jobs of a batch system."""
+"""Workers that are started and ended with the queue, as jobs of a batch system."""

@@ -1,9 +1,9 @@
-"""How many workers a queue is worth, and which come and go for it: no clock, no I/O.
+"""Decides how many workers a queue needs, and which tasks to start and end: no clock, no I/O.
 
-What is wanted rises at once and falls slowly: the most that was wanted within the last `calm_s`
-counts, so a job that ends a moment before the next one comes costs nobody a start. Those leave
-first who have least to lose: tasks that wait for a machine, tasks whose worker has not come yet,
-workers without work. Nobody leaves who renders, unless the limit was lowered.
+The wanted number rises at once and falls slowly: the maximum over the last `calm_s` counts, so a
+short gap between two jobs ends no worker. Tasks end in this order: tasks that wait for a machine,
+tasks whose worker has not started yet, idle workers. A rendering worker ends only if the limit was
+lowered.
 """
 
 import math
@@ -17,23 +17,23 @@ from plateau.farm.model.job import Worker
 from plateau.scale.starts import Starts
 from plateau.scale.tasks import Look, Plan, Task, TaskState
 
-#: So many are asked for at once; the rest at the next look.
+#: Most tasks in one submission; the rest follows after the next look.
 MOST_AT_ONCE: Final = 100
 
 
 @dataclass(frozen=True, kw_only=True)
 class Limits:
-    """What the one who pays for the machines allows."""
+    """The user's limits on the number of workers."""
 
     least: int = 0
     most: int
-    worth_s: float = 60.0  #: of work for a worker, or it is not worth its start
-    calm_s: float = 60.0  #: for so long less has to be wanted before anybody leaves
-    idle_s: float = 30.0  #: a worker that had nothing to do for so long may leave
+    worth_s: float = 60.0  #: work that justifies the start of a worker
+    calm_s: float = 60.0  #: workers end only after fewer were wanted for this long
+    idle_s: float = 30.0  #: a worker ends only after it was idle for this long
 
 
 def worth(demand: Demand, worth_s: float) -> int:
-    """The number of workers that a demand is worth: each has `worth_s` to do, or a slice of more.
+    """The number of workers for a demand: each has work for `worth_s`, or one longer slice.
 
     >>> worth(Demand(waiting=9, leased=1, left=300, work_s=600), 60)
     10
@@ -46,21 +46,21 @@ def worth(demand: Demand, worth_s: float) -> int:
 
 
 class Policy:
-    """What to do at each look, within the limits; it remembers what it has seen and done."""
+    """Plans what to do after each look, within the limits; it remembers earlier looks and plans."""
 
     def __init__(self, limits: Limits) -> None:
         self._limits = limits
         self._starts = Starts()
         self._wanted: deque[tuple[float, int]] = deque()
-        #: By worker: since when it has no work, and how much it had done by then.
+        #: By worker: since when it is idle, and its slices done by then.
         self._idle: dict[str, tuple[float, int]] = {}
-        #: By worker that was drained: its last heartbeat by then.
+        #: By drained worker: its last heartbeat before it was drained.
         self._drained: dict[str, datetime] = {}
-        #: Tasks that were asked to leave: once, since a second signal would end them by force.
+        #: Tasks that were asked to leave, once each: a second signal would end them by force.
         self._asked: set[str] = set()
 
     def plan(self, look: Look) -> Plan:
-        """What to do now; it is taken to be done, but for what is submitted."""
+        """What to do now. The policy assumes that it is done, except for submissions."""
         self._note_idle(look)
         self._starts.note(look)
         wanted = self._stabilised(look)
@@ -70,7 +70,11 @@ class Policy:
         waiting = [task.id for task in staying if task.state is TaskState.WAITS]
         cancelled = waiting[::-1][:surplus]
         surplus -= len(cancelled)
-        coming = [task.id for task in staying if _is_coming(task, look)]
+        coming = [
+            task.id
+            for task in staying
+            if task.state is TaskState.RUNS and task.id not in look.workers
+        ]
         recalled = coming[::-1][:surplus]
         surplus -= len(recalled)
         drained = self._to_drain(staying, look, surplus)
@@ -93,11 +97,11 @@ class Policy:
         return plan
 
     def note_submitted(self, count: int) -> None:
-        """Take note that so many tasks were submitted."""
+        """Record that this many tasks were submitted."""
         self._starts.note_submitted(count)
 
     def note_failure(self, now_s: float) -> None:
-        """Take note that nothing could be submitted, and wait with the next try."""
+        """Record that nothing could be submitted; the next try waits."""
         self._starts.note_failure(now_s)
 
     def _stabilised(self, look: Look) -> int:
@@ -109,7 +113,7 @@ class Policy:
         return min(max(lately, self._limits.least), self._limits.most)
 
     def _to_drain(self, staying: list[Task], look: Look, surplus: int) -> list[str]:
-        """Whom to give no more slices: who can render nothing, some without work, some too many."""
+        """The tasks to drain: broken workers, surplus idle ones, and those above the limit."""
         working = [task.id for task in staying if task.state is TaskState.RUNS]
         working = [task for task in working if task in look.workers]
         idle = [task for task in working if self._has_idled(look.workers[task], look)]
@@ -123,18 +127,18 @@ class Policy:
         return [*gone, *rest[: max(0, len(rest) - self._limits.most)]]
 
     def _somebody_is_free(self, staying: list[Task], look: Look) -> bool:
-        """Whether a worker finds nothing to do: another would not either."""
+        """Whether a worker is idle; a new one would be idle too."""
         workers = [look.workers[task.id] for task in staying if task.id in look.workers]
         return any(self._has_idled(one, look) and one.trouble is None for one in workers)
 
     def _stays(self, task: Task, look: Look) -> bool:
-        """Whether it is at work, or will be."""
+        """Whether the task is at work, or will be."""
         worker = look.workers.get(task.id)
         sent_away = task.id in self._asked or (worker is not None and worker.drained)
         return task.state is TaskState.WAITS or (task.state is TaskState.RUNS and not sent_away)
 
     def _is_done(self, task: Task, look: Look) -> bool:
-        """Whether its drained worker has nothing in hand, by a heartbeat since it was drained."""
+        """Whether its worker is idle according to a heartbeat after it was drained."""
         worker = look.workers.get(task.id)
         if worker is None or not worker.drained or task.state is not TaskState.RUNS:
             return False
@@ -159,7 +163,3 @@ class Policy:
         self._idle = idle
         living = {worker.id for worker in look.workers.values()}
         self._drained = {one: at for one, at in self._drained.items() if one in living}
-
-
-def _is_coming(task: Task, look: Look) -> bool:
-    return task.state is TaskState.RUNS and task.id not in look.workers

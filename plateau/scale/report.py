@@ -1,4 +1,4 @@
-"""What a look found and what was done about it: a line for people, or for programs."""
+"""The report of a look and its plan: a line for people, or JSON for programs."""
 
 import json
 from dataclasses import asdict, dataclass
@@ -8,35 +8,27 @@ from plateau.scale.tasks import Look, Plan, TaskState
 
 
 @dataclass(frozen=True, kw_only=True)
-class Report:
-    """One look. A task is a job of the batch system; it brings a worker."""
+class Report(Plan):
+    """One look and its plan."""
 
-    wanted: int  #: tasks
-    have: int  #: that are at work, or will be
-    waiting: int  #: tasks, for a machine
-    waiting_for: tuple[str, ...]  #: in the batch system's words
-    running: int  #: tasks
-    rendering: int  #: of their workers
-    silent: int  #: tasks that run, and whose worker was not heard of yet
-    others: int  #: workers that are somebody else's
-    slices: int  #: that want a worker
-    work_s: float  #: for one worker
-    submit: int
-    cancel: tuple[str, ...]
-    drain: tuple[str, ...]
-    end: tuple[str, ...]
-    held_s: float
-    array: str | None = None  #: what was submitted
-    command: tuple[str, ...] | None = None  #: or would be
+    waiting: int  #: tasks that wait for a machine
+    waiting_for: tuple[str, ...]  #: the batch system's reasons
+    running: int  #: tasks that run
+    rendering: int  #: workers that render
+    silent: int  #: running tasks without a heartbeat of their worker yet
+    others: int  #: workers that are not ours
+    slices: int  #: slices to render
+    work_s: float  #: time that one worker would need for them
+    array: str | None = None  #: id of the submitted array
+    command: tuple[str, ...] | None = None  #: of a dry run: the command that would submit it
 
     @classmethod
     def of(cls, look: Look, plan: Plan) -> "Report":
-        """What there is, and is to be done."""
+        """The report before anything is done."""
         waiting = [task for task in look.tasks if task.state is TaskState.WAITS]
         running = [task for task in look.tasks if task.state is TaskState.RUNS]
         return cls(
-            wanted=plan.wanted,
-            have=plan.have,
+            **{**asdict(plan), "held_s": round(plan.held_s, 1)},
             waiting=len(waiting),
             waiting_for=tuple(sorted({task.why for task in waiting})),
             running=len(running),
@@ -45,27 +37,22 @@ class Report:
             others=look.others,
             slices=look.demand.slices,
             work_s=round(look.demand.work_s, 1),
-            submit=plan.submit,
-            cancel=plan.cancel,
-            drain=plan.drain,
-            end=plan.end,
-            held_s=round(plan.held_s, 1),
         )
 
     def news(self) -> tuple[object, ...]:
-        """What is worth a line when it changes: not what goes up and down all the time."""
+        """The fields whose change is worth a line; the others change all the time."""
         return (
             *(self.wanted, self.have, self.waiting, self.waiting_for, self.running, self.silent),
             *(self.others, self.held_s > 0),
         )
 
     def as_json(self) -> str:
-        """All of it, with the time, on one line."""
+        """All fields and the time, on one line."""
         now = datetime.now(timezone.utc).isoformat(timespec="milliseconds")
         return json.dumps({"time": now, **asdict(self)})
 
     def in_words(self) -> str:
-        """The same for people, without what is nought."""
+        """The report as a sentence, without the zeros."""
         there = (
             (self.waiting, f"waiting ({', '.join(self.waiting_for)})"),
             (self.running, "running"),
@@ -84,8 +71,8 @@ class Report:
             ", ".join(f"{count} {what}" for count, what in there if count),
             f"{_workers(self.others)} from elsewhere" if self.others else "",
             *(f"{count} {what}" for count, what in done if count),
-            f"nothing is submitted for {self.held_s:g} s, since the last try brought no "
-            "worker that works; Slurm's log and the worker's say why"
+            f"nothing is submitted for {self.held_s:g} s, because the last try brought no "
+            "working worker; the logs of Slurm and of the worker say why"
             if self.held_s
             else "",
             " ".join(self.command) if self.command else "",

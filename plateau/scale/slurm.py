@@ -1,8 +1,8 @@
-"""Slurm by its commands: sbatch, squeue and scancel, which every installation has.
+"""Slurm through its commands sbatch, squeue and scancel.
 
-Their options are those that Slurm has had for ten years; nothing is read from JSON, whose shape
-differs with the version. What is ours is known by name, user and comment, in Slurm itself, so a
-restart finds it again, and an sbatch whose answer was lost is found at the next look.
+It uses options that Slurm has had for ten years, and no JSON output, whose format depends on the
+version. Slurm itself stores which tasks are ours, by name, user and comment. So a restarted scaler
+finds them again, and the next look finds the tasks of an sbatch whose answer was lost.
 """
 
 import getpass
@@ -10,7 +10,7 @@ import os
 import re
 import shutil
 import subprocess
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -18,7 +18,7 @@ from typing import Final
 from plateau.errors import CommandFailed, PlateauError
 from plateau.scale.tasks import Task, TaskState
 
-#: Until a command is given up; one waits for a controller that is busy, or is taken over.
+#: Longest wait for a command: a controller may be busy, or be taken over by its backup.
 _PATIENCE_S: Final = 60.0
 
 _WAITING: Final = frozenset(
@@ -28,47 +28,45 @@ _RUNNING: Final = frozenset(
     ("CONFIGURING", "RUNNING", "RESIZING", "SIGNALING", "STOPPED", "SUSPENDED")
 )
 
-#: What a task does not inherit from who submits it: the farm's API keys, which no worker needs, and
-#: the surroundings of a Slurm job in which the scaler itself may run.
+#: Variables that a task does not inherit: the farm's secrets, which no worker needs, and those of
+#: the Slurm job in which the scaler itself may run.
 _KEPT_BACK: Final = re.compile(r"PLATEAU_KEY(_FILE)?|PLATEAU_WEBHOOK_SECRET|SLURM_(?!CONF$).*")
 
 
 class SlurmFailed(PlateauError):
-    """A command of Slurm's failed; the message has its words."""
+    """A command of Slurm failed; the message quotes it."""
 
 
 def check_commands() -> None:
-    """Return where Slurm's commands are; raise `CommandFailed` where one is missing."""
+    """Raise `CommandFailed` unless Slurm's commands are on the PATH."""
     missing = [one for one in ("sbatch", "squeue", "scancel") if shutil.which(one) is None]
     if missing:
         raise CommandFailed(
-            f"these commands of Slurm are not on the PATH: {', '.join(missing)}. Run this where "
-            "jobs are submitted to Slurm (a login node), and put its commands on the PATH"
+            f"these commands of Slurm are not on the PATH: {', '.join(missing)}. Run this on a "
+            "machine that can submit jobs to Slurm (a login node), and put its commands on the PATH"
         )
 
 
 @dataclass(frozen=True, kw_only=True)
 class Request:
-    """What each worker is to have."""
+    """How each worker is submitted."""
 
-    script: Path  #: the batch script
-    options: tuple[str, ...]  #: of sbatch
-    environment: Mapping[str, str]  #: for the workers, beside the variables of this process
+    script: Path
+    options: Sequence[str]  #: of sbatch
+    environment: Mapping[str, str]  #: variables beside those of this process
 
 
 class Slurm:
-    """Our tasks in Slurm.
+    """Our tasks in Slurm; every method raises `SlurmFailed` if a command fails.
 
     Parameters
     ----------
     name
-        The tasks' name: two scalers of one user need two.
+        The tasks' name; two scalers of one user need two names.
     farm
-        Id of the farm that the workers are for; it is in the tasks' comment.
+        The farm's id, which the tasks' comment contains.
     request
-        What each is to have.
-
-    Methods raise `SlurmFailed` where a command does not do what it was told to.
+        How each worker is submitted.
     """
 
     def __init__(self, name: str, farm: str, request: Request) -> None:
@@ -77,7 +75,7 @@ class Slurm:
         self._request = request
 
     def tasks(self) -> tuple[Task, ...]:
-        """Our tasks that have not ended, as they were submitted."""
+        """Our tasks that have not ended, in the order of their submission."""
         rows = _run(
             "squeue",
             "--noheader",
@@ -92,7 +90,7 @@ class Slurm:
         return tuple(sorted(tasks, key=lambda task: [int(n) for n in re.findall(r"\d+", task.id)]))
 
     def submit(self, count: int) -> str:
-        """Submit an array of so many tasks; returns its id."""
+        """Submit an array of this many tasks; returns its id."""
         environment = {
             name: value for name, value in os.environ.items() if not _KEPT_BACK.fullmatch(name)
         }
@@ -102,11 +100,11 @@ class Slurm:
         return answer.partition(";")[0]  # what follows names the cluster
 
     def submission(self, count: int) -> tuple[str, ...]:
-        """The command with which `submit` does so."""
+        """The command line of `submit`."""
         return (
             "sbatch",
             *self._request.options,
-            # These come last, and so count.
+            # Of two equal options, sbatch takes the last.
             "--parsable",
             "--export=ALL",
             f"--array=1-{count}",
@@ -116,16 +114,16 @@ class Slurm:
         )
 
     def cancel_waiting(self, tasks: Iterable[str]) -> None:
-        """Cancel those of these tasks that still wait; one that has begun meanwhile goes on."""
+        """Cancel those of these tasks that still wait for a machine."""
         _run("scancel", "--quiet", "--state=PENDING", *tasks)
 
     def end(self, tasks: Iterable[str]) -> None:
-        """Ask these tasks' workers to leave, which they do within seconds."""
+        """Ask these tasks' workers to leave, which takes them seconds."""
         _run("scancel", "--quiet", "--signal=TERM", "--batch", *tasks)
 
 
 def label(task: str) -> str:
-    """The label of the worker that a task brings, as worker.sbatch gives it."""
+    """The label that worker.sbatch gives a task's worker."""
     return f"slurm:{task}"
 
 
@@ -136,7 +134,7 @@ def _state(name: str) -> TaskState:
 
 
 def _run(*command: str, environment: Mapping[str, str] | None = None) -> str:
-    """What a command prints."""
+    """The output of a command."""
     try:
         done = subprocess.run(
             command,

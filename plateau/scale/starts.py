@@ -1,6 +1,6 @@
-"""Tasks that come to nothing: a wrong path, a Redis that no machine there reaches, a broken disk.
+"""Tasks that bring no worker, for example because of a wrong path or an unreachable Redis.
 
-Without this, one that ends at once would be submitted again at every look, for ever.
+Without this module, a task that fails at once would be submitted again after every look.
 """
 
 import math
@@ -14,18 +14,18 @@ _LONGEST_WAIT_S: Final = 900.0
 
 
 class Starts:
-    """Which tasks have brought a worker, and how long to wait since others have not."""
+    """Which tasks have brought a worker, and how long to wait after those that have not."""
 
     def __init__(self) -> None:
-        self._there: set[str] = set()  # at the last look
-        self._heard: set[str] = set()  # of those, by a worker's heartbeat
-        self._dismissed: set[str] = set()  # and those that we have sent away
-        self._submitted = 0  # since the last look
+        self._there: set[str] = set()  # tasks at the last look
+        self._heard: set[str] = set()  # those of them whose worker has sent a heartbeat
+        self._dismissed: set[str] = set()  # those of them that were cancelled or asked to leave
+        self._submitted = 0  # tasks since the last look
         self._failures = 0  # in a row
         self._until_s = -math.inf
 
     def note(self, look: Look) -> None:
-        """Take note of who has come, and of who has gone without ever having been heard."""
+        """Record the workers that have started, and the tasks that ended without one."""
         there = {task.id for task in look.tasks}
         if any(task not in self._heard and not one.trouble for task, one in look.workers.items()):
             self._failures = 0
@@ -38,18 +38,18 @@ class Starts:
         self._dismissed &= there
 
     def note_failure(self, now_s: float) -> None:
-        """Wait with the next ones, longer each time in a row."""
+        """Wait before the next submission, longer after each failure in a row."""
         self._until_s = now_s + min(_FIRST_WAIT_S * 2**self._failures, _LONGEST_WAIT_S)
         self._failures += 1
 
     def note_submitted(self, count: int) -> None:
-        """Expect so many tasks at the next look."""
+        """Expect this many new tasks at the next look."""
         self._submitted += count
 
     def dismiss(self, tasks: Iterable[str]) -> None:
-        """Expect these to go."""
+        """Expect these tasks to end."""
         self._dismissed.update(tasks)
 
     def held_s(self, now_s: float) -> float:
-        """For how long nothing is to be submitted."""
+        """How long to submit nothing."""
         return max(0.0, self._until_s - now_s)

@@ -1,6 +1,6 @@
-"""What the policy looks at, and what it answers.
+"""The input and the output of the policy.
 
-A job of a batch system is a *task* here, since a job is an image.
+A job of the batch system is called a *task* here, since a job is an image.
 """
 
 from dataclasses import dataclass
@@ -11,44 +11,44 @@ from plateau.farm.model.job import Worker
 
 
 class TaskState(Enum):
-    """Where a task is on its way, as far as it matters here."""
+    """The state of a task."""
 
     WAITS = "waits"  #: for a machine
     RUNS = "runs"
-    LEAVES = "leaves"  #: it ends by itself
+    LEAVES = "leaves"  #: it is ending
 
 
 @dataclass(frozen=True, kw_only=True)
 class Task:
-    """One of our jobs in the batch system: one worker, sooner or later."""
+    """One of our jobs in the batch system, which runs one worker."""
 
     id: str
     state: TaskState
-    why: str = ""  #: it waits, in the batch system's words
+    why: str = ""  #: the batch system's reason why it waits
 
 
 @dataclass(frozen=True, kw_only=True)
 class Look:
-    """What there is at a moment."""
+    """The state of the farm and of the batch system at one moment."""
 
-    now_s: float  #: by a clock that never goes back
-    demand: Demand  #: that our workers could serve
-    tasks: tuple[Task, ...]  #: in the order in which they were submitted
-    workers: dict[str, Worker]  #: by task, those that live
-    others: int  #: workers at work that are not ours, and could serve the same
+    now_s: float  #: by a monotonic clock
+    demand: Demand  #: the work that our workers could do
+    tasks: tuple[Task, ...]  #: in the order of their submission
+    workers: dict[str, Worker]  #: our living workers by their task
+    others: int  #: workers that are not ours and could do the same work
 
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
-    """What is to be done about it."""
+    """What to do after a look."""
 
-    wanted: int  #: tasks, when the limits and what was wanted lately are heeded
+    wanted: int  #: number of tasks, within the limits and after smoothing
     have: int  #: tasks that are at work, or will be
-    submit: int = 0
-    cancel: tuple[str, ...] = ()  #: tasks that wait
-    drain: tuple[str, ...] = ()  #: tasks whose worker is to take no more slices
-    end: tuple[str, ...] = ()  #: tasks whose worker has nothing in hand
-    held_s: float = 0.0  #: for so long nothing is submitted, since the last tasks came to nothing
+    submit: int = 0  #: number of new tasks
+    cancel: tuple[str, ...] = ()  #: waiting tasks to cancel
+    drain: tuple[str, ...] = ()  #: tasks whose worker should take no more slices
+    end: tuple[str, ...] = ()  #: tasks whose idle worker should leave
+    held_s: float = 0.0  #: how long to submit nothing, because the last tasks brought no worker
 
     @property
     def acts(self) -> bool:

@@ -1,1 +1,1 @@
-"""What people see on a terminal: progress, tables, curves, and exit codes."""
+"""Text for people on a terminal: progress, stories, tables and curves."""

@@ -20,9 +20,9 @@ Show = Callable[[BatchView], None]
 
 @contextmanager
 def batch_progress_on(console: Console) -> Iterator[Show]:
-    """What shows the batch on this console: lines that change in place, or a line for each change.
+    """A function that shows the batch: lines that change in place, or a line for each change.
 
-    The last lines stay.
+    The last lines stay on the console.
     """
     if console.is_terminal and not console.is_dumb_terminal:
         with Live(console=console, auto_refresh=False) as live:
@@ -32,12 +32,12 @@ def batch_progress_on(console: Console) -> Iterator[Show]:
 
 
 def _on_lines(console: Console) -> Show:
-    said: dict[JobState, int] = {}
+    shown: dict[JobState, int] = {}
 
     def show(batch: BatchView) -> None:
-        nonlocal said
-        if batch.states != said:
-            said = batch.states
+        nonlocal shown
+        if batch.states != shown:
+            shown = batch.states
             line = "  ".join(filter(None, (in_states(batch.states), _left(batch))))
             console.print(line, markup=False, highlight=False, soft_wrap=True)
 
@@ -45,7 +45,7 @@ def _on_lines(console: Console) -> Show:
 
 
 def in_states(states: Mapping[JobState, int]) -> str:
-    """How many jobs are in each state, in the order in which a job goes through them."""
+    """The number of jobs in each state, in the order of a job's states."""
     return ", ".join(f"{states[state]:,} {state.value}" for state in JobState if state in states)
 
 
@@ -63,7 +63,7 @@ def _lines(batch: BatchView) -> Group:
 
 
 def _left(batch: BatchView) -> str:
-    """For how long it will go on, where that is known."""
+    """The time that the batch still needs; "" if unknown."""
     if batch.forecast_end_at is None:
         return ""
     seconds = (batch.forecast_end_at - datetime.now(timezone.utc)).total_seconds()

@@ -4,7 +4,6 @@ from abc import ABC, abstractmethod
 from collections import deque
 from datetime import datetime
 from pathlib import Path
-from types import TracebackType
 from typing import Final
 
 from rich.console import Console, Group
@@ -19,17 +18,17 @@ from plateau.farm.model.states import JobState
 from plateau.farm.wire import figures
 from plateau.terminal.curve import LEAST_COLUMNS, LEAST_ROWS, terminal_curve
 
-#: The rate is that of the slices of the last so many seconds.
+#: The render rate is that of the slices of the last seconds.
 _RATE_S: Final = 20.0
 _SPARKS: Final = "▁▂▃▄▅▆▇█"
 _SPARK_COLUMNS: Final = 48
-#: The curve has so many lines where the terminal has room for them beside the others.
+#: Lines of the curve, if the terminal has room for them and for the other lines.
 _CURVE_ROWS: Final = 10
 _OTHER_ROWS: Final = 8
 
 
 class Progress(ABC):
-    """What is shown of a job while it runs; a context, left when it has ended."""
+    """Shows a job while it runs; a context that lasts until the job has ended."""
 
     def __init__(self) -> None:
         self._job: Job | None = None
@@ -39,22 +38,16 @@ class Progress(ABC):
     def __enter__(self) -> "Progress":
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        """Leave what was shown."""
+    def __exit__(self, *error: object) -> None:
         self.refresh()
 
     def job(self, job: Job) -> None:
-        """Take up the job as it stands."""
+        """Show the current state of the job."""
         self._job = job
         self.refresh()
 
     def event(self, event: Event) -> None:
-        """Take up something that happened."""
+        """Record an event of the job."""
         if event.type == "slice":
             self._slices.append(event.at)
             while (event.at - self._slices[0]).total_seconds() > _RATE_S:
@@ -68,10 +61,10 @@ class Progress(ABC):
 
     @abstractmethod
     def refresh(self) -> None:
-        """Show time passing."""
+        """Show the passing time."""
 
     def _rate(self, job: Job) -> str:
-        """The render rate over the last slices, as far as it is known."""
+        """The render rate over the last slices; "" if unknown."""
         if job.width is None or job.height is None or len(self._slices) < 2:
             return ""
         if job.state is JobState.PAUSED:
@@ -87,7 +80,7 @@ class PlainProgress(Progress):
     def __init__(self, console: Console) -> None:
         super().__init__()
         self._console = console
-        self._said_state = ""
+        self._shown_state = ""
 
     def note(self, text: str) -> None:
         """Print a line."""
@@ -96,9 +89,9 @@ class PlainProgress(Progress):
     def job(self, job: Job) -> None:
         """Print a new state."""
         super().job(job)
-        if job.state.value != self._said_state and not job.state.ended:
+        if job.state.value != self._shown_state and not job.state.ended:
             self.note(f"{job.state.value}: {job.reason}")
-            self._said_state = job.state.value
+            self._shown_state = job.state.value
 
     def event(self, event: Event) -> None:
         """Print a new point of the curve."""
@@ -109,39 +102,28 @@ class PlainProgress(Progress):
             self.note(words.point_line(self._job, point, self._rate(self._job), after))
 
     def refresh(self) -> None:
-        """Print nothing: time alone is no news."""
+        """Print nothing: the passing time is worth no line."""
 
 
 class LiveProgress(Progress):
-    """A few lines, and the curve, that change in place.
+    """A few lines that change in place.
 
-    Parameters
-    ----------
-    console
-        A terminal.
-    curve
-        Whether the curve is drawn where there is room for it; a row of bars stands for it else.
+    With `curve` the curve is drawn, if the terminal has room for it; otherwise a row of bars.
     """
 
     def __init__(self, console: Console, *, curve: bool = True) -> None:
         super().__init__()
         self._curve = curve
         self._columns = console.width
-        # No thread of its own: the process tree's processes are started from this one.
+        # No refresh thread: the process tree starts its processes from this one.
         self._live = Live(console=console, auto_refresh=False)
 
     def __enter__(self) -> "LiveProgress":
         self._live.start()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        """Leave the last lines where they are."""
-        self._live.stop()
+    def __exit__(self, *error: object) -> None:
+        self._live.stop()  # the last lines stay
 
     def note(self, text: str) -> None:
         """Print a line above the others."""
@@ -150,7 +132,7 @@ class LiveProgress(Progress):
     def refresh(self) -> None:
         """Draw the lines again."""
         console = self._live.console
-        if console.width < self._columns:  # the terminal has broken the lines that were too long
+        if console.width < self._columns:  # the terminal has wrapped the long lines
             console.clear()
         self._columns = console.width
         if self._job is not None:
@@ -180,7 +162,7 @@ class LiveProgress(Progress):
         elif job.state is not JobState.PAUSED:
             lines.append(Text(job.reason, style="dim"))
         if job.state is JobState.PAUSED:
-            lines.append(Text(f"{job.reason}; `plateau resume {job.id}` lets it go on", "yellow"))
+            lines.append(Text(f"{job.reason}; `plateau resume {job.id}` resumes it", "yellow"))
         if len(self._points) > 1:
             lines.append(self._drawn_curve(job))
         return Group(*lines)
@@ -202,14 +184,14 @@ class LiveProgress(Progress):
 
 
 def progress_on(console: Console, *, curve: bool = True) -> Progress:
-    """The progress that suits the console, with the curve where it is wanted."""
+    """The progress for this console: live on a terminal, plain lines elsewhere."""
     if console.is_terminal and not console.is_dumb_terminal:
         return LiveProgress(console, curve=curve)
     return PlainProgress(console)
 
 
 def sparkline(values: list[int]) -> str:
-    """The values as a row of bars, from 0 to the highest; the newest where they are too many."""
+    """The newest values as a row of bars, from 0 to the highest."""
     values = values[-_SPARK_COLUMNS:]
     top = max(*values, 1)
     return "".join(_SPARKS[value * (len(_SPARKS) - 1) // top] for value in values)

@@ -1,25 +1,25 @@
-"""What happened to a job and to its slices, in lines for people."""
+"""The story of a job and the log of its slices, in lines for people."""
 
 from collections.abc import Iterable, Iterator
 from datetime import datetime
-from itertools import chain
+from operator import itemgetter
 from typing import Final
 
 from plateau.farm.model.job import Event, LogEntry
 from plateau.farm.process.log import printable
 from plateau.farm.wire import figures
 
-#: A story tells so many troubles: the first ones, and the last ones.
+#: Of many troubles, a story shows this many from the beginning and from the end.
 _FIRST: Final = 4
 _LAST: Final = 8
 _LONGEST_CAUSE: Final = 200
 
 
 def story(job_id: str, events: Iterable[Event], log: Iterable[LogEntry]) -> list[str]:
-    """Each move of the job with its time and cause, and its troubles among them; a line each.
+    """The state changes of the job and its troubles, one line each, by time.
 
-    Troubles are workers that died on a slice, partials that were lost, and workers that found that
-    they can render nothing. Of many, only the first and the last are told.
+    Troubles are workers that died on a slice, lost partials, and workers that found that they
+    cannot render. If there are many, only the first and the last are shown.
     """
     events = list(events)
     moves = [
@@ -27,32 +27,28 @@ def story(job_id: str, events: Iterable[Event], log: Iterable[LogEntry]) -> list
         for event in events
         if event.type == "state"
     ]
-    troubles = sorted(
-        chain(
-            (
-                (event.at, _trouble(event.data["index"], event.data["worker"], event.data["cause"]))
-                for event in events
-                if event.type == "trouble"
-            ),
-            (
-                (one.at, _trouble(one.slice, one.worker, f"out of service: {one.cause}"))
-                for one in log
-                if one.what == "unfit"
-            ),
-        ),
-        key=lambda told: told[0],
-    )
-    untold = troubles[_FIRST:-_LAST]
-    if untold:
-        more = (untold[0][0], f"  … and {len(untold)} more troubles: plateau log {job_id}")
+    troubles = [
+        (event.at, _trouble(event.data["index"], event.data["worker"], event.data["cause"]))
+        for event in events
+        if event.type == "trouble"
+    ]
+    troubles += [
+        (one.at, _trouble(one.slice, one.worker, f"out of service: {one.cause}"))
+        for one in log
+        if one.what == "unfit"
+    ]
+    troubles.sort(key=itemgetter(0))
+    hidden = troubles[_FIRST:-_LAST]
+    if hidden:
+        more = (hidden[0][0], f"  … and {len(hidden)} more troubles: plateau log {job_id}")
         troubles = [*troubles[:_FIRST], more, *troubles[-_LAST:]]
-    # At one time, the trouble is the cause.
-    told = sorted([*troubles, *moves], key=lambda line: line[0])
-    return [f"{_time(at)}  {text}" for at, text in told]
+    # Of two lines of the same time the trouble comes first: it is the cause.
+    lines = sorted([*troubles, *moves], key=itemgetter(0))
+    return [f"{_time(at)}  {text}" for at, text in lines]
 
 
 def log_lines(entries: Iterable[LogEntry]) -> Iterator[str]:
-    """Each try's end as a line, followed by what was printed meanwhile, indented."""
+    """Each try as a line, followed by the renderer's output, indented."""
     for one in entries:
         took = "" if one.seconds is None else f" after {figures.duration(one.seconds)}"
         cause = "" if one.cause is None else f": {_in_a_line(one.cause)}"

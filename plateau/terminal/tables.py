@@ -1,4 +1,4 @@
-"""Rows for people on a terminal, and for grep and cut elsewhere."""
+"""Tables for people on a terminal, and lines for grep and cut elsewhere."""
 
 import sys
 from collections.abc import Sequence
@@ -11,29 +11,23 @@ from rich.text import Text
 from plateau.farm.process.log import printable
 
 _GAP: Final = 2  #: between two columns
-#: The last column is cut to no less than this; where that is too wide still, the terminal breaks
-#: the lines.
+#: The last column is not cut below this width; the terminal wraps lines that are still too long.
 _LEAST: Final = 8
 
 
 def print_rows(
-    columns: Sequence[str],
-    rows: Sequence[Sequence[str]],
-    *,
-    none: str,
-    spare: Sequence[str] = (),
+    columns: Sequence[str], rows: Sequence[Sequence[str]], *, none: str, spare: Sequence[str] = ()
 ) -> None:
-    """Print a table on a terminal, and lines with tabs in a pipe; `none` where there are no rows.
-
-    In a pipe there is no line of headings, and where there is nothing, no line at all: `none` goes
-    to standard error.
+    """Print a table on a terminal, and lines with tabs and without headings in a pipe.
 
     Parameters
     ----------
     columns
-        The headings. Nothing is cut but what is in the last column: an id that is cut is none.
+        The headings. Only the last column is cut, since a cut id is useless.
+    none
+        Printed on standard error if there are no rows.
     spare
-        Columns that a narrow terminal does not show, the first to be left out first.
+        Columns that a narrow terminal does not show; the first is left out first.
     """
     rows = [[printable(cell).replace("\t", " ").replace("\n", " ") for cell in row] for row in rows]
     console = Console()
@@ -70,7 +64,7 @@ def _width(widths: Sequence[int], shown: Sequence[int]) -> int:
 
 
 def _fitted(cell: str, width: int) -> str:
-    """The cell in so many columns of the terminal."""
+    """The cell, cut or padded to this width."""
     if cell_len(cell) > width:
         return f"{set_cell_size(cell, width - 1)}…"
     return set_cell_size(cell, width)

@@ -174,7 +174,7 @@ def test_plateau_up_with_its_blobs_in_s3(
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({}, "can be written, and writes no blob over another"),
+        ({}, "can be written, and overwrites no blob"),
         ({"AWS_SECRET_ACCESS_KEY": "another"}, "AWS_SECRET_ACCESS_KEY is not that of"),
         ({"PLATEAU_BLOBS": "s3://nobodys"}, "there is no such bucket: make it"),
         ({"PLATEAU_BLOBS": f"s3://{KEY}:{SECRET}@{BUCKET}"}, "credentials do not belong in"),

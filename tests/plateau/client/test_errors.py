@@ -163,7 +163,7 @@ class TestVersions:
             assert client.service_version == "7.3.1"
         said = capsys.readouterr().err
         assert said.count("\n") == 1
-        assert f"and the service at {url} is 7.3.1: what only one of them knows will fail" in said
+        assert f"and the service at {url} is 7.3.1: calls that only one of them knows fail" in said
 
     @pytest.mark.parametrize("headers", [{}, {"Plateau-Version": f"{versions.plateau()}.1"}])
     def test_and_nothing_of_one_that_knows_the_same(

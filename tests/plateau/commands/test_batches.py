@@ -92,7 +92,7 @@ class TestTheClient:
         self, plateau: Client, client: redis.Redis, store: Blobs, walk: Path
     ) -> None:
         batch = plateau.submit_batch(walk, [{"frame": 0}])
-        with pytest.raises(TimedOut, match=r"is not finished after 0\.1 s; it goes on"):
+        with pytest.raises(TimedOut, match=r"is not finished after 0\.1 s and continues"):
             plateau.wait_for_batch(batch.name, timeout_s=0.1)
         later = threading.Timer(0.3, end, (client, store, batch.job_ids[0], JobState.CONVERGED))
         later.start()

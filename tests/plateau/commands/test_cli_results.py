@@ -263,7 +263,7 @@ class TestErrorsSayWhatToDo:
     def test_of_a_job_that_is_not_there(self, command: str) -> None:
         code, out, err = plateau(command, "0123456789ab")
         assert (code, out) == (1, "")
-        said = "there is no job '0123456789ab'; `plateau list` shows those there are"
+        said = "there is no job '0123456789ab'; `plateau list` shows the jobs"
         assert err == f"plateau: {said}\n"
 
     @pytest.mark.parametrize(
@@ -319,4 +319,4 @@ class TestErrorsSayWhatToDo:
         assert (code, f"{tmp_path / 'summary.txt'} is a folder" in err) == (1, True)
         for watched in ([job.id], ["--batch", "walk"]):
             code, _, err = plateau("watch", *watched, "-o", "/proc")
-            assert (code, "nothing can be written into /proc" in err) == (1, True)
+            assert (code, "cannot write into /proc" in err) == (1, True)

@@ -126,7 +126,7 @@ def test_a_series_of_broken_images_is_not_judged(slices: Path, tmp_path: Path) -
     with pytest.raises(CannotJudge, match=r"slice-3.exr: at 40 spp 3 of 768 pixels .* are NaN"):
         judge(slices, SPEC, cumulative=False, out=tmp_path / "out", as_json=False)
     assert [path.name for path in (tmp_path / "out").iterdir()] == ["non-finite.png"]
-    with pytest.raises(CannotJudge, match="-o DIR writes that picture"):
+    with pytest.raises(CannotJudge, match=r"-o DIR writes non-finite\.png there"):
         judge(slices, SPEC, cumulative=False, out=None, as_json=False)
 
 
@@ -134,6 +134,6 @@ def test_a_judgement_is_not_laid_over_a_jobs_own_curve(slices: Path, tmp_path: P
     # Given the folder of a job, as `plateau fetch` leaves it
     (tmp_path / ".plateau-job").write_text("0123456789ab\n")
     (tmp_path / "curve.csv").write_text("the job's own")
-    with pytest.raises(CommandFailed, match="the results of job 0123456789ab"):
+    with pytest.raises(CommandFailed, match="the results and the curve of job 0123456789ab"):
         judge(slices, SPEC, cumulative=False, out=tmp_path, as_json=False)
     assert (tmp_path / "curve.csv").read_text() == "the job's own"

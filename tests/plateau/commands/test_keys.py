@@ -62,7 +62,7 @@ class TestTheCommands:
         # Then standard output has the key and nothing else, for KEY=$(plateau keys create me)
         shown = SHOWN.fullmatch(made)
         assert shown is not None
-        assert "from now on, every request to the service needs one" in words
+        assert "from now on, every request to the service needs a key" in words
         assert shown[2] not in words
         # And it is listed, but not what it opens with
         [listed] = json.loads(say("keys", "list", "--json")[0])
@@ -134,7 +134,7 @@ class TestTheCommands:
             err = say("keys", command, "0123456789ab", code=1)[1]
             assert err == (
                 "plateau: no key has the id or the name '0123456789ab'; `plateau keys list` shows "
-                "those there are\n"
+                "the keys\n"
             )
 
     def test_know_a_key_by_its_name_where_one_alone_has_it(self, say: Say) -> None:
@@ -201,10 +201,10 @@ class TestAClient:
         assert key[:-1] not in err
 
     def test_doctor_does_not_show_it(self, key: str, redis_url: str, store: Blobs) -> None:
-        from plateau.commands.doctor import _shown
+        from plateau.commands.doctor import _without_passwords
         from plateau.farm.process.settings import Settings
 
-        shown = json.dumps(_shown(Settings(key=key)))
+        shown = json.dumps(_without_passwords(Settings(key=key)))
         assert key not in shown
         assert "**" in shown
 
@@ -226,7 +226,9 @@ class TestAService:
     ) -> None:
         up = start("up", "--workers", "0", "--port", "0")
         url = up.wait_for(READY)
-        up.wait_for("open to everybody on this machine, and to nobody else: no key was ever made")
+        up.wait_for(
+            "open to everybody on this machine, and to nobody else: there is no API key yet"
+        )
         with Client(url) as client:
             assert client.jobs().jobs == []
             # While it runs, and the data folder is its own

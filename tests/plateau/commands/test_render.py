@@ -225,14 +225,14 @@ class TestAFolderThatCannotBeWritten:
         assert command.exit_code() == 1
         left_nothing(command)
         assert command.said == (
-            f"plateau: {tmp_path / 'out' / 'image.png'} is a folder, and a file has to be written "
-            "there: move it, or give another folder with -o\n"
+            f"plateau: {tmp_path / 'out' / 'image.png'} is a folder, and a file of this name must "
+            "be written: move it, or give another folder with -o\n"
         )
         # Nobody may write there, root neither
         command = render("-o", "/proc")
         assert command.exit_code() == 1
         left_nothing(command)
-        assert command.said.startswith("plateau: nothing can be written into /proc (")
+        assert command.said.startswith("plateau: cannot write into /proc (")
         assert command.said.endswith("): give another folder with -o\n")
 
     @pytest.mark.parametrize(

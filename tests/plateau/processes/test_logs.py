@@ -169,13 +169,13 @@ main()
         (
             "worker",
             "plateau.farm.ledger.queue:SliceQueue.lease",
-            "an error that Plateau did not expect",
+            "an unexpected error",
         ),
         ("monitor", "plateau.farm.ledger.ownership:Ownerships.renew", "the thread renewer died"),
         (
             "monitor",
             "plateau.farm.ledger.ownership:Ownerships.unfinished",
-            "an error that Plateau did not expect",
+            "an unexpected error",
         ),
     ],
 )

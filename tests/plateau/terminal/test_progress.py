@@ -102,7 +102,7 @@ def test_a_pause_is_told_of(client: redis.Redis, terminal: bool) -> None:
         progress.job(jobs.get(staged.id))
     resumed = text.getvalue().removeprefix(paused)
     if terminal:
-        assert f"paused by a user; `plateau resume {staged.id}` lets it go on" in paused
+        assert f"paused by a user; `plateau resume {staged.id}` resumes it" in paused
         # Nobody renders it now: there is no rate
         assert "Msamples/s" not in paused
         assert "Msamples/s" in resumed
