@@ -32,6 +32,7 @@ def test_a_scene_says_its_size_and_its_parameters() -> None:
         "noise": "gaussian",
         "level": "0.5",
         "additive": "false",
+        "alpha": "false",
     }
 
 
