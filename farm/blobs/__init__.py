@@ -1,6 +1,4 @@
 """The blob store: scenes, partials, checkpoints and results, in a folder or in S3.
 
-What the blobs contain is not known here.
-
-The reasons are in docs/decisions/blobs.md.
+The package does not know what the blobs contain. docs/decisions/blobs.md has the reasons.
 """

@@ -1,7 +1,7 @@
 """A blob store in S3.
 
-Credentials are no setting of Plateau's: obstore reads them from the environment, under the names
-that AWS gave them, and renews those that run out. Nothing here sees them.
+Plateau has no setting for credentials and never sees them: obstore reads them from AWS's
+environment variables, and renews those that expire.
 """
 
 import os
@@ -21,10 +21,10 @@ from plateau.farm.blobs.errors import is_absence, is_silence
 if TYPE_CHECKING:
     from obstore.store import BackoffConfig, ClientConfig
 
-#: No request takes longer without a word from the store, be it the answer to a part of a blob.
+#: A request fails once the store has sent nothing for this long.
 _SILENCE_S: Final = 20.0
 _CONNECT: Final = timedelta(seconds=5)
-#: A blob of gigabytes comes by one request, which may take its time as long as bytes come.
+#: One request reads a blob of gigabytes; it may take long as long as bytes arrive.
 _WHOLE: Final = timedelta(hours=6)
 _TRIES_AGAIN: Final = 3
 _BACKOFF: "Final[BackoffConfig]" = {
@@ -32,34 +32,25 @@ _BACKOFF: "Final[BackoffConfig]" = {
     "max_backoff": timedelta(seconds=2),
     "base": 2,
 }
-#: A larger blob goes up in parts of this size, so many at a time: 0.5 MB/s are enough.
+#: A larger blob is uploaded in parts of this size, two at a time: 0.5 MB/s are enough.
 _PART_BYTES: Final = 5 << 20
 _PARTS_AT_A_TIME: Final = 2
 
-#: In the order in which obstore heeds them.
+#: In obstore's order of precedence.
 _ENDPOINTS: Final = ("AWS_ENDPOINT_URL_S3", "AWS_ENDPOINT_URL", "AWS_ENDPOINT")
 
 
 class Bucket:
     """The objects below a URL.
 
-    Methods raise what obstore raises; `plateau.farm.blobs.store.Blobs` puts it in words.
-
-    Parameters
-    ----------
-    url
-        ``s3://BUCKET/PREFIX``; no prefix is one.
-
-    Raises
-    ------
-    ValueError
-        The URL is another one, or has what does not belong there, such as credentials.
+    Methods raise obstore's errors; `plateau.farm.blobs.store.Blobs` explains them.
     """
 
-    #: What it means that a blob which was there for good is not there.
+    #: The message where the store has lost its mark.
     lost = "{where} does not have what was stored there: is it still the bucket of this farm?"
 
     def __init__(self, url: str) -> None:
+        """Open ``s3://BUCKET`` or ``s3://BUCKET/PREFIX``; `ValueError` for any other URL."""
         parts = urlsplit(url)
         if "@" in parts.netloc:
             raise ValueError(
@@ -79,7 +70,7 @@ class Bucket:
                 "timeout": _WHOLE,
                 **_of_environment(),
             },
-            # No try is begun after a silence, so that a call to a silent store ends with the first.
+            # No retry starts after a silence: a call to a silent store fails at its first try.
             retry_config={
                 "max_retries": _TRIES_AGAIN,
                 "retry_timeout": silence,
@@ -90,25 +81,21 @@ class Bucket:
     def put(self, name: str, content: bytes | BinaryIO) -> None:
         """Store a blob whole or not at all; a large one in parts."""
         obstore.put(
-            self.store,
-            name,
-            content,
-            chunk_size=_PART_BYTES,
-            max_concurrency=_PARTS_AT_A_TIME,
+            self.store, name, content, chunk_size=_PART_BYTES, max_concurrency=_PARTS_AT_A_TIME
         )
 
     def create(self, name: str, content: bytes) -> None:
-        """As `put`, but raise `AlreadyExistsError` where there is a blob of this name.
+        """As `put`, but raise `AlreadyExistsError` where a blob has this name.
 
-        That may be this very one, where the answer to the first try was lost.
+        That blob may be this one: an earlier try stored it and its answer was lost.
         """
         obstore.put(self.store, name, content, mode="create")
 
     def settle(self, name: str) -> None:
-        """Do nothing: what a store has acknowledged is durable."""
+        """Do nothing: a store acknowledges only durable blobs."""
 
     def open(self, name: str) -> "obstore.GetResult":
-        """The blob, to be read; what it says first of all may have to be waited for."""
+        """The blob, to be read; this waits for the first bytes of the answer."""
         with self._gate.asking():
             return obstore.get(self.store, name)
 
@@ -118,9 +105,9 @@ class Bucket:
             return obstore.head(self.store, name)["size"]
 
     def has(self, name: str) -> bool:
-        """Whether there is a blob of this name, which is a small one.
+        """Whether a small blob has this name.
 
-        Asked by a GET: the answer to a HEAD has no words, and 404 may be said for other reasons.
+        By a GET: the answer to a HEAD has no body, and a 404 may have other reasons.
         """
         try:
             self.open(name).bytes()
@@ -131,32 +118,30 @@ class Bucket:
         return True
 
     def delete(self, names: Iterable[str]) -> None:
-        """Remove blobs, a thousand by a request; one that is not there is fine."""
+        """Remove blobs, a thousand in a request; a missing blob is fine."""
         obstore.delete(self.store, list(names))
 
     def leftovers(self, older_than_s: float) -> list[Path]:
-        """Nothing: a store never shows half a blob, and its own rules say how long it keeps one."""
+        """Nothing: a store never lists half a blob, and removes it by its own rules."""
         del older_than_s
         return []
 
 
 def _of_environment() -> "ClientConfig":
-    """What obstore wants to be told of the environment, beyond what it reads there itself."""
+    """The options for environment variables that obstore does not read itself."""
     options: ClientConfig = {}
     endpoint = next((os.environ[name] for name in _ENDPOINTS if os.environ.get(name)), "")
     if endpoint.startswith("http://"):
         options["allow_http"] = True
-    bundle = os.environ.get("AWS_CA_BUNDLE")
-    if bundle:
+    if bundle := os.environ.get("AWS_CA_BUNDLE"):
         options["root_certificate"] = Path(bundle).read_bytes()
     return options
 
 
 class _Gate:
-    """Around small requests: while a store is silent, one caller at a time asks it.
+    """Around small requests: one caller at a time asks a silent store, the others fail at once.
 
-    The others are told at once. Without it every thread of an API that is asked for pictures would
-    soon wait for the store, and none would be left for what needs no blob.
+    Otherwise requests for pictures would soon hold every thread of the API.
     """
 
     def __init__(self) -> None:
@@ -166,7 +151,7 @@ class _Gate:
 
     @contextmanager
     def asking(self) -> Iterator[None]:
-        """Let the caller ask, or raise `TimeoutError` where another does, and it was silent."""
+        """Let the caller ask; `TimeoutError` where the store was silent and another asks it."""
         with self._lock:
             asks_for_all = self._is_silent
             if asks_for_all and self._is_asked:

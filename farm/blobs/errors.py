@@ -1,4 +1,4 @@
-"""What the errors of a blob store say: obstore's words and a server's, in a line for people."""
+"""The errors of a blob store in one line for people: obstore's words, the server's, a remedy."""
 
 import re
 from typing import Final
@@ -6,14 +6,14 @@ from typing import Final
 _REQUEST: Final = re.compile(r"Error performing ([A-Z]+) (\S+) in ")
 _STATUS: Final = re.compile(r"status code: (\d{3}[ \w]*?): ?(.*)")
 _CODE: Final = re.compile(r"<Code>(\w+)</Code>")
-#: What the system said, deep in obstore's chain of causes.
+#: The system's message, deep in obstore's chain of causes.
 _CAUSE: Final = re.compile(r'(?:message|error): "([^"]+)"')
 
 _SILENCE: Final = "TimedOut"
 _KEYS: Final = "AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY"
 _NO_USER: Final = "the store does not know this AWS_ACCESS_KEY_ID"
 _MAY_NOT: Final = "the store does not allow that with these credentials"
-#: By what is in an error that somebody has to do something about: what.
+#: What to do, by a text in the error.
 _REMEDIES: Final = {
     "<Code>NoSuchBucket<": "there is no such bucket: make it, or set PLATEAU_BLOBS to another",
     "<Code>InvalidAccessKeyId<": _NO_USER,
@@ -23,7 +23,7 @@ _REMEDIES: Final = {
     "<Code>InvalidToken<": "AWS_SESSION_TOKEN does not belong to these credentials",
     "<Code>RequestTimeTooSkewed<": "this machine's clock differs from the store's",
     "<Code>AccessDenied<": _MAY_NOT,
-    "code: AccessDenied": _MAY_NOT,  # of one of many blobs that were to be removed at once
+    "code: AccessDenied": _MAY_NOT,  # for one blob of a bulk delete
     "169.254.169.254": f"there are no credentials: set {_KEYS}",
     "UnknownIssuer": "this machine does not trust its certificate: set AWS_CA_BUNDLE",
     "InvalidContentType": "it does not speak TLS: is its endpoint an http:// one?",
@@ -34,7 +34,7 @@ _REMEDIES: Final = {
 
 
 def why(error: Exception) -> str:
-    """What an error of a store says, in a line, with what to do about it where that is known."""
+    """An error of a store in one line, with the remedy where one is known."""
     text = str(error)
     said = _said(text)
     for sign, remedy in _REMEDIES.items():
@@ -49,16 +49,16 @@ def is_silence(error: Exception) -> bool:
 
 
 def is_absence(error: FileNotFoundError) -> bool:
-    """Whether what a store does not have is the blob, rather than the bucket or the user.
+    """Whether the blob is missing, not the bucket or the user.
 
-    A server says 404 to all of these; a gateway without a server behind it may, too.
+    A server answers 404 for all three; so may a gateway without a server behind it.
     """
     answer = _STATUS.search(str(error))
     return answer is None or not answer[2] or "<Code>NoSuchKey<" in str(error)
 
 
 def _said(text: str) -> str:
-    first = text.partition("\n")[0]  # what follows is the whole chain of causes
+    first = text.partition("\n")[0]  # the chain of causes follows
     request = _REQUEST.search(first)
     if request is None:
         return first

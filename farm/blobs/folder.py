@@ -12,18 +12,17 @@ from obstore.store import LocalStore
 
 from plateau.farm.process.durable import FolderSync, make_folder, sync
 
-#: What is being put lies below this until it is whole and on the disk.
+#: A blob has a name below this until it is whole and on the disk.
 INCOMING: Final = ".incoming/"
 
 
 class Folder:
     """The files below a folder, which is made where it is missing.
 
-    Methods raise what obstore and the operating system raise; `plateau.farm.blobs.store.Blobs` puts
-    it in words.
+    Methods raise obstore's and the system's errors; `plateau.farm.blobs.store.Blobs` explains them.
     """
 
-    #: What it means that a blob which was there for good is not there.
+    #: The message where the store has lost its mark.
     lost = "the blob store is not in {where} any more: is it still mounted?"
 
     def __init__(self, path: Path) -> None:
@@ -34,7 +33,6 @@ class Folder:
 
     def put(self, name: str, content: bytes | BinaryIO) -> None:
         """Store a blob whole or not at all; on returning it is safe from a power loss."""
-        # On the disk before it has its name, so that the name never stands for half a blob.
         incoming = INCOMING + secrets.token_hex(8)
         try:
             obstore.put(self.store, incoming, content)
@@ -47,13 +45,13 @@ class Folder:
         self.settle(name)
 
     def create(self, name: str, content: bytes) -> None:
-        """As `put`, but raise `AlreadyExistsError` where there is a blob of this name."""
+        """As `put`, but raise `AlreadyExistsError` where a blob has this name."""
         obstore.put(self.store, name, content, mode="create")
         sync(self._path / name)
         self.settle(name)
 
     def settle(self, name: str) -> None:
-        """Return once the name of a blob, put by whomever, is safe from a power loss."""
+        """Return once a blob's name is safe from a power loss, whoever put it."""
         self._folders.up_from((self._path / name).parent)
 
     def open(self, name: str) -> "obstore.GetResult":
@@ -65,17 +63,17 @@ class Folder:
         return obstore.head(self.store, name)["size"]
 
     def has(self, name: str) -> bool:
-        """Whether there is a blob of this name, at the cost of a look."""
+        """Whether a blob has this name."""
         return (self._path / name).exists()
 
     def delete(self, names: Iterable[str]) -> None:
-        """Remove blobs; one that is not there is fine."""
+        """Remove blobs; a missing blob is fine."""
         for name in names:
             with suppress(FileNotFoundError):
                 obstore.delete(self.store, name)
 
     def leftovers(self, older_than_s: float) -> list[Path]:
-        """The files that puts left which were killed longer ago than this."""
+        """The files of puts that were killed longer ago than this."""
         left = []
         for path in (self._path / INCOMING).glob("*"):
             with suppress(FileNotFoundError):  # its put has just ended

@@ -1,4 +1,4 @@
-"""Whether a blob store creates a blob of a name but once: some S3-compatible stores do not."""
+"""Checks that a blob store creates each name only once: some S3-compatible stores do not."""
 
 import secrets
 from concurrent.futures import ThreadPoolExecutor
@@ -12,27 +12,25 @@ _ROUNDS: Final = 5
 
 
 def check_create_once(store: Blobs) -> None:
-    """Return where of several who create a blob of one name at once exactly one does, each time.
+    """Return if exactly one of several simultaneous creators of a name succeeds, each time.
 
-    The mark of a store rests on it, see `plateau.farm.ledger.pairing`: two farms that came for the
-    store at the same moment would both take it for theirs, and each would sweep away what is the
-    other's.
+    The mark of a store rests on it (`plateau.farm.ledger.pairing`): otherwise two farms could take
+    one store for theirs, and each would sweep away the other's blobs.
 
     Raises
     ------
     WrongStore
         The store ignores the condition, or does not know it.
     BlobsUnavailable
-        It is away.
+        The store is away.
     """
     with ThreadPoolExecutor(_RACERS) as racers:
         for _ in range(_ROUNDS):
             name = f"{MARK}-probe-{secrets.token_hex(8)}"
             try:
-                done = list(
-                    racers.map(store.create, [name] * _RACERS, map(_content, range(_RACERS)))
-                )
-                again = store.create(name, _content(_RACERS))
+                contents = [b"racer %d" % racer for racer in range(_RACERS)]
+                done = list(racers.map(store.create, [name] * _RACERS, contents))
+                again = store.create(name, b"a late one")
             except BlobsUnavailable as error:
                 if "501" not in str(error):
                     raise
@@ -41,10 +39,6 @@ def check_create_once(store: Blobs) -> None:
                 store.delete(name)
             if done.count(True) != 1 or again:
                 raise WrongStore(_refusal(store, "replaces what is there all the same"))
-
-
-def _content(racer: int) -> bytes:
-    return b"racer %d" % racer
 
 
 def _refusal(store: Blobs, how: str) -> str:

@@ -1,4 +1,4 @@
-"""The blob store: scenes, partials, checkpoints and results, in a folder or in S3."""
+"""`Blobs`, the store, and the names of the blobs in it."""
 
 import re
 from collections.abc import Iterator
@@ -16,74 +16,74 @@ from plateau.farm.blobs.errors import is_absence, why
 from plateau.farm.blobs.folder import INCOMING, Folder
 from plateau.farm.model.errors import BlobsUnavailable
 
-#: The store's own blob: to which Redis it belongs.
+#: The store's own blob: it names the Redis that the store belongs to.
 MARK: Final = "plateau-store"
 
-#: What the names of all scenes begin with, and of all that belongs to jobs.
+#: Prefixes of the names of scenes and of jobs' blobs.
 SCENES: Final = "scenes/"
 JOBS: Final = "jobs/"
 _PARTIAL: Final = re.compile(rf"{JOBS}[0-9a-f]{{12}}/partials/[^/]+\.exr")
 
 
 def scene(sha256: str) -> str:
-    """Where an uploaded scene is kept, as it came."""
+    """The name of an uploaded scene, kept as it came."""
     return f"{SCENES}{sha256}"
 
 
 def of_job(job_id: str) -> str:
-    """What the names of all blobs of a job begin with."""
+    """The prefix of all blobs of a job."""
     return f"{JOBS}{job_id}/"
 
 
 def in_job(name: str) -> tuple[str, str]:
-    """The id of the job whose blob it is, and its name without what `of_job` gives."""
+    """The id of a blob's job, and the blob's name below the prefix of `of_job`."""
     job_id, _, rest = name.removeprefix(JOBS).partition("/")
     return job_id, rest
 
 
 def partial(job_id: str, index: int, attempt: str) -> str:
-    """Where one attempt at a slice is kept; the ledger says which attempt counts."""
+    """The name of one attempt at a slice; the ledger says which attempt counts."""
     return f"{partials(job_id)}{index:06d}-{attempt}.exr"
 
 
 def glimpse(job_id: str, attempt: str) -> str:
-    """Where the first pass of a job's first slice is kept until it is shown."""
+    """The name of the first pass of a job's first slice, kept until it is shown."""
     return f"{partials(job_id)}glimpse-{attempt}.exr"
 
 
 def is_partial(name: str) -> bool:
-    """Whether it is a name as `partial` and `glimpse` give it, of whatever job.
+    """Whether it is a name as `partial` and `glimpse` give it, of any job.
 
-    Names in a ledger are what a worker has said: nothing else is read, shown or removed by them.
+    A worker wrote the names in a ledger: no other blob may be read, shown or removed by them.
     """
     return _PARTIAL.fullmatch(name) is not None
 
 
 def partials(job_id: str) -> str:
-    """What the names of all partials of a job begin with."""
+    """The prefix of a job's partials."""
     return f"{of_job(job_id)}partials/"
 
 
 def checkpoints(job_id: str) -> str:
-    """What the names of all checkpoints of a job begin with."""
+    """The prefix of a job's checkpoints."""
     return f"{of_job(job_id)}checkpoints/"
 
 
 def results(job_id: str) -> str:
-    """What the names of all results of a job begin with; `Jobs.results` says which count.
+    """The prefix of a job's sets of results; `Jobs.results` says which set counts.
 
-    A set of them is a folder with ``image.exr``, ``image.png``, ``thumbnail.png`` and, where there
-    is something to show, ``difference.png`` and ``non-finite.png``.
+    A set is a folder with ``image.exr``, ``image.png``, ``thumbnail.png`` and, where there is
+    something to show, ``difference.png`` and ``non-finite.png``.
     """
     return f"{of_job(job_id)}results/"
 
 
-#: At the end of the names of sets that no other follows: their EXR is compressed.
+#: The end of the name of a job's last set: its EXR is compressed.
 FINAL: Final = "-final"
 
 
 def result_set(job_id: str, spp: int, token: str) -> str:
-    """Where the set of results lies that the monitor with this fencing token makes at `spp`."""
+    """The folder of the results at `spp` of the monitor with this fencing token."""
     return f"{results(job_id)}{spp:07d}-{token}"
 
 
@@ -94,12 +94,12 @@ def spp_of_set(name: str) -> int | None:
 
 
 def previews(job_id: str) -> str:
-    """What the names of all pictures that a job keeps of its way begin with."""
+    """The prefix of the previews that a job keeps of its course."""
     return f"{of_job(job_id)}previews/"
 
 
 def preview(job_id: str, spp: int) -> str:
-    """Where the picture of the merged image at `spp` samples per pixel is kept."""
+    """The name of the preview of the merged image at `spp` samples per pixel."""
     return f"{previews(job_id)}{spp:07d}.png"
 
 
@@ -118,16 +118,15 @@ class StoredBlob(NamedTuple):
 class Blobs:
     """A folder, or a bucket in S3 with a prefix: ``s3://BUCKET/PREFIX``.
 
-    Whatever failed may be asked for again: a put replaces what is there by the same content, and
-    where that matters the answer is looked for in the store rather than taken from an error, which
-    does not say whether it was done.
+    Every call may be repeated after an error. An error does not say whether the store did the work:
+    where that matters, the methods look into the store.
 
     Raises
     ------
     ValueError
         By the constructor: `where` cannot be a store.
     FileNotFoundError
-        By the methods that read: there is no such blob.
+        By the methods that read: the store has no such blob.
     BlobsUnavailable
         By all: the store cannot be reached, is full or refuses.
     """
@@ -144,21 +143,21 @@ class Blobs:
         return isinstance(self._place, Folder)
 
     def mark(self) -> str | None:
-        """What the store is marked with; None where it has no mark.."""
+        """The content of the store's mark; None where it has none."""
         with suppress(FileNotFoundError):
             return self.get(MARK).decode(errors="replace")
         return None
 
     def make_mark(self, content: str) -> str:
-        """Mark the store, once and for all; returns what it is marked with now."""
+        """Mark the store unless it has a mark; returns the content of its mark now."""
         self.create(MARK, content.encode())
         return self.get(MARK).decode(errors="replace")
 
     def create(self, name: str, content: bytes) -> bool:
-        """Store a small blob unless there is one of its name; returns whether it has this content.
+        """Store a small blob unless its name is taken; returns whether the blob has this content.
 
-        Of many callers with contents of their own at most one is told that it has. Where a try
-        failed it may have been done all the same, so it is looked what is there.
+        At most one of many callers with different contents gets True. A failed try may have
+        stored its blob all the same, so the store is asked for what it has.
         """
         try:
             with _store_errors(AlreadyExistsError):
@@ -174,25 +173,25 @@ class Blobs:
     def put(self, name: str, content: bytes | BinaryIO) -> None:
         """Store a blob whole or not at all; on returning it is safe from a power loss.
 
-        A put that fails leaves nothing behind, one that is killed may leave one of `leftovers`.
+        A failed put leaves nothing behind; a killed one may leave one of `leftovers`.
         """
         with _store_errors():
             self._check_mark()
             self._place.put(name, content)
 
     def put_once(self, name: str, content: BinaryIO, size: int) -> None:
-        """Store a blob whose name fixes its content, unless it is there already in its full size.
+        """Store a blob whose name fixes its content, unless the store has it in its full size.
 
-        One of another size was torn by what happened to the store, and is put again.
+        A blob of another size is damaged, and is put again.
         """
         if self.size(name) == size:
-            with _store_errors():  # whoever put it may not have come to that yet
+            with _store_errors():  # its put may not have got that far
                 self._place.settle(name)
             return
         try:
             self.put(name, content)
         except BlobsUnavailable:
-            if self.size(name) != size:  # else but the answer was lost
+            if self.size(name) != size:  # otherwise only the answer was lost
                 raise
 
     def get(self, name: str) -> bytes:
@@ -207,7 +206,7 @@ class Blobs:
                 yield bytes(chunk)
 
     def size(self, name: str) -> int | None:
-        """The blob's number of bytes; None where there is no such blob."""
+        """The blob's number of bytes; None where the store has no such blob."""
         try:
             with self._reading(name):
                 return self._place.size(name)
@@ -215,7 +214,7 @@ class Blobs:
             return None
 
     def exists(self, name: str) -> bool:
-        """Whether there is such a blob."""
+        """Whether the store has such a blob."""
         return self.size(name) is not None
 
     def names(self, prefix: str) -> list[str]:
@@ -223,7 +222,7 @@ class Blobs:
         return [blob.name for blob in self.listing(prefix)]
 
     def listing(self, prefix: str) -> Iterator[StoredBlob]:
-        """As `names`, with sizes, and read a page at a time: the blobs may be many."""
+        """As `names`, with sizes, read a page at a time."""
         with _store_errors():
             self._check_mark()
             for page in obstore.list(self._place.store, prefix):
@@ -232,25 +231,22 @@ class Blobs:
                         yield StoredBlob(meta["path"], meta["size"])
 
     def delete(self, *names: str) -> None:
-        """Remove blobs; one that is not there is fine."""
+        """Remove blobs; a missing blob is fine."""
         with _store_errors():
             self._place.delete(names)
 
     def leftovers(self, older_than_s: float) -> list[Path]:
-        """The files that puts which were killed left in a folder, for the caller to remove.
+        """The files of killed puts in a folder, for the caller to remove.
 
-        Parameters
-        ----------
-        older_than_s
-            Longer than any put takes, so that none of those under way is among them.
+        `older_than_s` must be longer than any put takes, so that running puts are not among them.
         """
         return self._place.leftovers(older_than_s)
 
     @contextmanager
     def _reading(self, name: str) -> Iterator[None]:
-        """Let a missing blob be missing only where the store itself is there."""
+        """Raise `FileNotFoundError` only where the store itself is there."""
         if not self._marked:
-            self._check_mark()  # so that we know a place that is not the store when we see it
+            self._check_mark()  # later a place without the mark is known not to be the store
         try:
             with _store_errors(FileNotFoundError):
                 yield
@@ -261,10 +257,7 @@ class Blobs:
             raise FileNotFoundError(f"the blob store has no {name}") from error
 
     def _check_mark(self) -> None:
-        """A place that has lost its mark is not the store.
-
-        It is the folder where a disk was mounted, or a gateway that has lost what is behind it.
-        """
+        """Refuse a place that has lost its mark: an unmounted disk, a gateway without a server."""
         with _store_errors():
             there = self._place.has(MARK)
         if self._marked and not there:
@@ -273,7 +266,7 @@ class Blobs:
 
 
 def _folder(where: str) -> Path | None:
-    """The folder that a path or a ``file://`` URL means; None for any other URL."""
+    """The folder of a path or a ``file://`` URL; None for any other URL."""
     if "://" not in where:
         return Path(where).absolute()
     url = urlsplit(where)
@@ -282,7 +275,7 @@ def _folder(where: str) -> Path | None:
 
 @contextmanager
 def _store_errors(*but: type[Exception]) -> Iterator[None]:
-    """Raise `BlobsUnavailable` for whatever the store raises, but for the types that are named."""
+    """Raise `BlobsUnavailable` for every error of the store but those of these types."""
     try:
         yield
     except but:

@@ -1,4 +1,4 @@
-"""Scenes as they are uploaded: checked without Mitsuba, packed, and unpacked."""
+"""Uploaded scenes: checked without Mitsuba, and unpacked."""
 
 from plateau.farm.bundle.check import SceneSummary, inspect_bundle, inspect_each, unpack_bundle
 from plateau.farm.bundle.limits import CODES, BundleError, BundleLimits

@@ -1,12 +1,12 @@
-"""The format of analytic scenes: one JSON file that says what is seen, and how noisy a sample is.
+"""The format of analytic scenes: a JSON file that names an image and the noise of a sample.
 
 ::
 
     {"analytic": 1, "width": 64, "height": 48, "light": "checks", "noise": "gaussian", "level": 0.5}
 
-``analytic`` is the version of the format. All other fields have defaults, which are those of
-`AnalyticScene`. A job's parameter takes the place of the field of its name. What the fields mean in
-pixels is in `plateau.worker.renderers.analytic`.
+``analytic`` is the version of the format. `AnalyticScene` has the defaults of all other fields. A
+job's parameter replaces the field of its name. `plateau.worker.renderers.analytic` says what the
+fields mean in pixels.
 """
 
 from __future__ import annotations
@@ -19,7 +19,6 @@ from typing import IO, Any, Final
 
 from plateau.farm.bundle.limits import BundleError, BundleLimits, shown
 
-#: What is seen, and the noise upon it.
 LIGHTS: Final = ("grey", "ramp", "checks", "texture")
 NOISES: Final = ("gaussian", "heavy-tailed", "filtered", "fireflies")
 
@@ -30,36 +29,25 @@ _MOST_LEVEL: Final = 1e6
 
 @dataclass(frozen=True, kw_only=True)
 class AnalyticScene:
-    """An image that is known, and noise of known statistics upon it.
+    """A known image, and noise of known statistics upon it."""
 
-    Attributes
-    ----------
-    width, height : int
-        Size of the film in pixels.
-    light : str
-        One of `LIGHTS`: the converged image (with the noise ``fireflies``, these come on top).
-    noise : str
-        One of `NOISES`: the distribution of a sample about that image.
-    level : float
-        Standard deviation of one sample, 0 or more: as a multiple of the pixel's own light, or
-        where `additive`, in radiance. The fireflies have a brightness of their own.
-    additive : bool
-        Whether the noise is as strong in dark pixels as in bright ones.
-    alpha : bool
-        Whether the film has alpha: opaque in the middle, half transparent about it, and empty at
-        the edge.
-    """
-
+    #: of the film, in pixels
     width: int = 64
     height: int = 64
+    #: one of `LIGHTS`: the converged image, without the fireflies of that noise
     light: str = "checks"
+    #: one of `NOISES`: the distribution of a sample about that image
     noise: str = "gaussian"
+    #: standard deviation of a sample, 0 or more: a multiple of the pixel's light, or a radiance
+    #: where `additive`; fireflies have a brightness of their own
     level: float = 0.5
+    #: whether dark pixels have as much noise as bright ones
     additive: bool = False
+    #: whether the film has alpha: opaque in the middle, then half transparent, empty at the edge
     alpha: bool = False
 
     def as_text(self) -> dict[str, str]:
-        """Return each field as a job's parameter may have it."""
+        """Return the fields as the text of job parameters."""
         return {
             name: value if isinstance(value, str) else json.dumps(value)
             for name, value in asdict(self).items()
@@ -72,21 +60,12 @@ _FIELDS: Final = {one.name: type(one.default) for one in fields(AnalyticScene)}
 def read_analytic_scene(
     stream: IO[bytes], parameters: Mapping[str, str], limits: BundleLimits
 ) -> tuple[AnalyticScene, dict[str, str]]:
-    """Return the scene that a file describes with a job's parameters, and the file's own fields.
-
-    Parameters
-    ----------
-    stream : binary file
-        The scene, from its start.
-    parameters : mapping of str to str
-        The job's values, each for the field of its name.
-    limits : BundleLimits
-        Bounds on the film.
+    """Return the scene of a file with a job's parameters, and the file's own fields as text.
 
     Raises
     ------
     BundleError
-        Where the file is no analytic scene, or a field has a value that it cannot have.
+        The file is no analytic scene, or a field has a value that it cannot have.
     """
     stated = _object(stream.read(_MOST_BYTES + 1))
     if stated.pop("analytic", None) != _VERSION:
@@ -120,7 +99,7 @@ def _object(content: bytes) -> dict[str, Any]:
 
 
 def _from_text(name: str, text: str) -> Any:
-    """Return a job's parameter as its field has it; text that fits none is left to the check."""
+    """Return a job's parameter with its field's type; the check refuses text of no such type."""
     if _FIELDS[name] is str:
         return text
     try:
@@ -133,7 +112,8 @@ def _scene(values: Mapping[str, Any], limits: BundleLimits) -> AnalyticScene:
     for name, value in values.items():
         if not _fits(name, value):
             raise BundleError("analytic-field", f"{name} {_WANTED[name]}, not {shown(str(value))}")
-    scene = AnalyticScene(**{**values, **_level(values)})
+    level = {"level": float(values["level"])} if "level" in values else {}
+    scene = AnalyticScene(**{**values, **level})
     if scene.width * scene.height > limits.max_pixels:
         raise BundleError(
             "film-size",
@@ -141,10 +121,6 @@ def _scene(values: Mapping[str, Any], limits: BundleLimits) -> AnalyticScene:
             "pixels are allowed",
         )
     return scene
-
-
-def _level(values: Mapping[str, Any]) -> dict[str, float]:
-    return {"level": float(values["level"])} if "level" in values else {}
 
 
 def _fits(name: str, value: Any) -> bool:

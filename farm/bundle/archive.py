@@ -1,8 +1,7 @@
-"""A zip archive that is believed in nothing: names, sizes, kinds and contents are all checked.
+"""An untrusted zip archive: names, sizes, kinds and contents of its entries are all checked.
 
-Only Python's `zipfile` reads an archive here, for the check and for unpacking alike, so that the
-two cannot disagree on what it holds. Nothing is read into memory beyond the archive's directory,
-whose size is bounded before it is read.
+Python's `zipfile` reads an archive for the check and for unpacking, so that the two cannot
+disagree. Only the archive's directory is read into memory, and its size is bounded first.
 """
 
 import stat
@@ -15,50 +14,42 @@ from contextlib import contextmanager
 from typing import IO, BinaryIO, cast
 
 from plateau.farm.bundle.limits import MIB, BundleError, BundleLimits
-from plateau.farm.bundle.tree import Kind, Parts, is_absolute, leaves_upwards
+from plateau.farm.bundle.tree import Bundle, Parts, is_absolute, leaves_upwards
 
-#: One component of a name on every common file system, in bytes.
+#: The longest component of a name on every common file system.
 _MAX_COMPONENT_BYTES = 255
-#: A directory record is 46 bytes, a name and extra fields; real ones stay far below this.
+#: A directory record is 46 bytes, a name and extra fields; real ones are far smaller.
 _DIRECTORY_BYTES_PER_ENTRY = 512
-#: Unicode's categories of what cannot be seen: controls, formats, surrogates, separators.
+#: Unicode's categories of invisible characters: controls, formats, surrogates, separators.
 _CONTROL_CHARACTERS = ("Cc", "Cf", "Cs", "Zl", "Zp")
 _MAX_SAID = 200
 _ENCRYPTED = 0x1 | 0x40 | 0x2000
 _UTF8_NAME = 0x800
 _METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
-#: Damage, as `zipfile` reports it: in an archive's directory and headers, and in an entry's data.
+#: `zipfile`'s errors for damaged data of an entry, and for a damaged directory or header.
 _BAD_DATA = (zipfile.BadZipFile, zlib.error, EOFError)
 _BAD_HEADER = (
     *(*_BAD_DATA, struct.error, NotImplementedError),
     *(OSError, OverflowError, ValueError),  # offsets before the start, or past any end
 )
 #: Mitsuba looks for plugins/NAME.so in the scene's folders before its own (tried with 3.9.1), and
-#: `dlopen` runs code: a bundle that could hold a library could do anything.
+#: `dlopen` runs code: a library in a bundle could do anything.
 _LIBRARIES = (".so", ".dll", ".dylib")
 
 
-class Archive:
-    """The files and folders of a zip whose directory has passed every check.
-
-    Parameters
-    ----------
-    stream : BinaryIO
-        The archive, seekable; it stays open as long as this is used.
-    size : int
-        Its size in bytes.
-    limits : BundleLimits
-        What it may hold.
+class Archive(Bundle):
+    """The files and folders of a zip of `size` bytes whose directory has passed every check.
 
     Raises
     ------
     BundleError
-        Where it breaks a rule.
+        The archive breaks a rule.
     """
 
     remedy = "is not in the bundle; add it, or correct the reference"
 
     def __init__(self, stream: BinaryIO, size: int, limits: BundleLimits) -> None:
+        super().__init__()
         self._limits = limits
         bounded = _BoundedReads(stream, max(limits.max_entries * _DIRECTORY_BYTES_PER_ENTRY, MIB))
         try:
@@ -74,17 +65,15 @@ class Archive:
             raise BundleError("empty", "the archive holds no files; add the scene's XML")
         if len(infos) > limits.max_entries:
             raise _too_many(len(infos), limits)
-        #: files with their unpacked size in bytes, as the archive declares it
-        self.files: dict[Parts, int] = {}
         self._infos: dict[Parts, zipfile.ZipInfo] = {}
-        self.folders: set[Parts] = {()}
         self._seen: dict[str, str] = {}
         for info in infos:
             self._admit(info)
         self._refuse_files_as_folders()
-        # Folders without entries of their own are made all the same.
-        if len(self.files) + len(self.folders) - 1 > limits.max_entries:
-            raise _too_many(len(self.files) + len(self.folders) - 1, limits)
+        # Unpacking makes folders without entries, too.
+        made = len(self.files) + len(self.folders) - 1
+        if made > limits.max_entries:
+            raise _too_many(made, limits)
         unpacked_bytes = sum(self.files.values())
         most_bytes = min(
             limits.max_unpacked_bytes,
@@ -99,21 +88,9 @@ class Archive:
         if sum(info.compress_size for info in infos) > size:
             raise BundleError("zip-bomb", "the archive's entries overlap; pack it again")
 
-    def kind(self, path: Parts) -> Kind | None:
-        """Return what lies at a path, or None where nothing does."""
-        return "file" if path in self.files else "folder" if path in self.folders else None
-
-    def label(self, path: Parts) -> str:
-        """Return the path as people should read it."""
-        return "/".join(path)
-
-    def absolute(self, reference: str) -> Parts | None:  # noqa: ARG002 - none stays inside
-        """Return None: nothing absolute lies in a bundle."""
-        return None
-
     @contextmanager
     def open(self, path: Parts) -> Iterator[IO[bytes]]:
-        """Open a file for reading; damage found on the way is a `BundleError`."""
+        """Open a file for reading; damaged data raises a `BundleError`."""
         name = self.label(path)
         try:
             stream = self._zip.open(self._infos[path])
@@ -170,13 +147,13 @@ def _damaged(name: str, error: Exception) -> BundleError:
 
 
 def _said(error: Exception) -> str:
-    """Return an error's words, in which names of the archive can take up pages."""
+    """Return an error's text, cut: the archive's names in it may be long."""
     words = str(error)
     return words if len(words) <= _MAX_SAID else f"{words[:_MAX_SAID]}…"
 
 
 def _folded(path: Parts) -> str:
-    """Return what a path is to a file system that ignores case and how accents are composed.
+    """Return a path as a file system sees it that ignores case and the composition of accents.
 
     Unicode's canonical caseless matching (The Unicode Standard, definition D145).
     """
@@ -185,7 +162,7 @@ def _folded(path: Parts) -> str:
 
 
 class _BoundedReads:
-    """A file that refuses to be read in one huge piece, as `zipfile` reads a zip's directory."""
+    """A file that refuses one huge read: so `zipfile` reads a zip's directory."""
 
     def __init__(self, stream: BinaryIO, max_read_bytes: int) -> None:
         self._stream = stream
@@ -207,10 +184,10 @@ class _BoundedReads:
 
 
 def _decoded_name(info: zipfile.ZipInfo) -> str:
-    """Return an entry's name as it stands in the archive, before `zipfile` tidies it up."""
+    """Return an entry's name as the archive has it, before `zipfile` changes it."""
     if info.flag_bits & _UTF8_NAME:
         return info.orig_filename
-    # Several archivers write UTF-8 without saying so; zipfile then reads it as code page 437.
+    # Several archivers write UTF-8 without the flag; zipfile then reads it as code page 437.
     try:
         return info.orig_filename.encode("cp437").decode("utf-8")
     except UnicodeError:
@@ -253,7 +230,7 @@ def _checked_name(name: str, limits: BundleLimits) -> Parts:
 
 
 def _check_type(info: zipfile.ZipInfo, name: str, *, is_folder: bool) -> None:
-    """Refuse whatever is neither a plain file nor a folder."""
+    """Refuse an entry that is neither a plain file nor a folder."""
     mode = info.external_attr >> 16
     expected = (0, stat.S_IFDIR) if is_folder else (0, stat.S_IFREG)
     if stat.S_IFMT(mode) not in expected:
@@ -267,7 +244,7 @@ def _check_contents(info: zipfile.ZipInfo, name: str, limits: BundleLimits) -> N
     """Refuse an entry that is encrypted, oddly packed, or too good to be true."""
     if info.flag_bits & _ENCRYPTED:
         raise BundleError("zip-encrypted", "it is encrypted; pack without a password", file=name)
-    # zipfile bounds what one read of a deflated entry may yield, and of no other method.
+    # zipfile bounds the yield of one read of a deflated entry, and of no other method.
     if info.compress_type not in _METHODS:
         raise BundleError("zip-method", "it is not deflated or stored; pack it again", file=name)
     if (

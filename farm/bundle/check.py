@@ -1,14 +1,13 @@
-"""Scenes as they are uploaded: checked without Mitsuba, and unpacked.
+"""Checks uploaded scenes without a renderer, and unpacks them.
 
-An upload is a file of one of the formats of `plateau.farm.bundle.formats`: a Mitsuba XML, or a zip
-of one with its meshes and textures, or an analytic scene. It is guilty until checked. The API
-checks it before it stores it, and a worker checks the archive again as it unpacks it; neither runs
-a renderer for that, and neither reads a mesh.
+An upload is a file of one of the formats of `plateau.farm.bundle.formats`: a Mitsuba XML, a zip of
+one with its meshes and textures, or an analytic scene. Nothing in it is trusted. The API checks it
+before it stores it, and a worker checks the archive again as it unpacks it. Neither runs a renderer
+or reads a mesh.
 
-What a plugin makes of its values is Mitsuba's business, in a child process. What is refused is a
-plugin that there is not, where the limits say which there are, and what reaches beyond the bundle
-(paths, links, libraries that Mitsuba would load) or costs more than it should (bombs, include
-cycles, huge films).
+The check refuses what reaches beyond the bundle (paths, links, libraries that Mitsuba would load),
+what costs too much (bombs, include cycles, huge films), and unknown plugins where the limits name
+the known ones. Only Mitsuba, in a child process, judges a plugin's values.
 """
 
 import os
@@ -22,7 +21,7 @@ from plateau.farm.bundle.archive import Archive
 from plateau.farm.bundle.entry import find_entry
 from plateau.farm.bundle.formats import FORMATS, MITSUBA_XML, SceneFormat
 from plateau.farm.bundle.limits import BundleError, BundleLimits
-from plateau.farm.bundle.tree import Kind, Parts
+from plateau.farm.bundle.tree import Bundle, Parts
 
 _ZIP_MAGIC = b"PK"
 #: Space, and the bytes of a byte order mark or of half an ASCII character in UTF-16.
@@ -35,11 +34,9 @@ _DEFAULT_LIMITS = BundleLimits()
 class SceneSummary:
     """What a check learned of an upload."""
 
-    #: a single file of XML or JSON, or a zip
     kind: Literal["xml", "json", "zip"]
-    #: the renderer whose format it is
     renderer: str
-    #: the scene's own file, by its name in the bundle
+    #: the name of the scene's own file in the bundle
     entry: str
     #: number of files in the bundle, and their size in bytes when unpacked
     files: int
@@ -60,7 +57,7 @@ def inspect_bundle(
     sensor: int = 0,
     limits: BundleLimits = _DEFAULT_LIMITS,
 ) -> SceneSummary:
-    """Return what an upload holds, having checked all that can be checked without Mitsuba.
+    """Return the contents of an upload after every check that needs no Mitsuba.
 
     Parameters
     ----------
@@ -76,11 +73,11 @@ def inspect_bundle(
     Raises
     ------
     BundleError
-        Where anything is wrong; its code is one of `CODES`.
+        The upload is refused; the code is one of `CODES`.
 
     Notes
     -----
-    Sizes are those that the archive declares; `unpack_bundle` finds out whether they are true.
+    Sizes are those that the archive declares; `unpack_bundle` checks them.
     """
     return next(inspect_each(source, [(parameters or {}, sensor)], limits))
 
@@ -90,7 +87,7 @@ def inspect_each(
     asked: Iterable[tuple[Mapping[str, str], int]],
     limits: BundleLimits = _DEFAULT_LIMITS,
 ) -> Iterator[SceneSummary]:
-    """Yield what an upload holds with each of these parameters and sensors, as `inspect_bundle`."""
+    """Yield `inspect_bundle`'s summary for each of these parameters and sensors."""
     with _opened(source) as stream:
         bundle = _bundle(stream, limits)
         entry = _entry(bundle, limits)
@@ -103,36 +100,33 @@ def inspect_each(
                 entry=bundle.label(entry),
                 files=len(bundle.files),
                 bytes_unpacked=sum(bundle.files.values()),
-                width=found.width,
-                height=found.height,
-                sensors=found.sensors,
-                parameters=found.parameters,
+                **vars(found),
             )
 
 
 def unpack_bundle(
     source: Path | BinaryIO, folder: Path, limits: BundleLimits = _DEFAULT_LIMITS
 ) -> str:
-    """Return the name of the scene's own file below `folder`, having unpacked an upload there.
+    """Unpack an upload, and return the name of the scene's own file below `folder`.
 
-    The archive's directory is checked as `inspect_bundle` does, and what is read is checked
-    against what it declared. The scene itself is not read: call `inspect_bundle` for that.
+    The archive's directory is checked as by `inspect_bundle`, and the files' sizes against it. The
+    scene itself is not read: call `inspect_bundle` for that.
 
     Parameters
     ----------
     source : Path or seekable binary file
         The upload.
     folder : Path
-        Made if it is not there; has to be empty. After an error it holds part of the bundle.
+        Empty, or to be made. After an error it holds part of the bundle.
     limits : BundleLimits
         What is allowed.
 
     Raises
     ------
     BundleError
-        Where anything is wrong; its code is one of `CODES`.
+        The upload is refused; the code is one of `CODES`.
     FileExistsError
-        Where the folder is not empty.
+        The folder is not empty.
     """
     folder.mkdir(mode=0o755, parents=True, exist_ok=True)
     if any(folder.iterdir()):
@@ -156,8 +150,8 @@ def unpack_bundle(
     return bundle.label(entry)
 
 
-class _LoneFile:
-    """A bundle that is one file."""
+class _LoneFile(Bundle):
+    """A bundle of one file."""
 
     remedy = (
         "is not in the upload, which is a single XML file; send a zip of the scene and its files "
@@ -165,28 +159,19 @@ class _LoneFile:
     )
 
     def __init__(self, stream: BinaryIO, size: int, scene_format: SceneFormat) -> None:
+        super().__init__()
         self._stream = stream
         self.format = scene_format
-        self.files: dict[Parts, int] = {(scene_format.entry,): size}
-        self.folders: set[Parts] = {()}
-
-    def kind(self, path: Parts) -> Kind | None:
-        return "file" if path in self.files else "folder" if path in self.folders else None
-
-    def label(self, path: Parts) -> str:
-        return "/".join(path)
-
-    def absolute(self, reference: str) -> Parts | None:  # noqa: ARG002 - none stays inside
-        return None
+        self.files[(scene_format.entry,)] = size
 
     @contextmanager
-    def open(self, path: Parts) -> Iterator[IO[bytes]]:  # noqa: ARG002 - there is but one
+    def open(self, path: Parts) -> Iterator[IO[bytes]]:  # noqa: ARG002 - there is only one
         self._stream.seek(0)
         yield self._stream
 
 
 def _bundle(stream: BinaryIO, limits: BundleLimits) -> Archive | _LoneFile:
-    """Return the upload as files and folders, having checked its size and its directory."""
+    """Return the upload's files and folders, its size and its directory checked."""
     size = stream.seek(0, os.SEEK_END)
     stream.seek(0)
     if size == 0:
@@ -202,17 +187,12 @@ def _bundle(stream: BinaryIO, limits: BundleLimits) -> Archive | _LoneFile:
 
 
 def format_of(stream: BinaryIO, file: str | None = None) -> SceneFormat | None:
-    """Return the format of a file that is open at its start, by its first characters.
-
-    Returns
-    -------
-    SceneFormat or None
-        None for a zip.
+    """Return the format of a file, open at its start, by its first characters; None for a zip.
 
     Raises
     ------
     BundleError
-        It is neither, or damaged; the message names `file` where it is given.
+        The file has none of the formats, or is damaged; the message names `file` where given.
     """
     beginning = stream.read(1024)
     if beginning.startswith(_ZIP_MAGIC):
@@ -234,9 +214,9 @@ def _entry(bundle: Archive | _LoneFile, limits: BundleLimits) -> Parts:
 
 
 def _write(packed: IO[bytes], path: Path, declared_bytes: int) -> int:
-    """Return how many bytes were written to a new file: one more than declared at the most."""
+    """Return how many bytes were written to a new file: at most one more than declared."""
     written_bytes = 0
-    # Exclusive and never through a link: whatever is there was not put there by this bundle.
+    # Exclusive and never through a link: a file that is already there is not this bundle's.
     handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW, 0o644)
     with os.fdopen(handle, "wb") as file:
         os.fchmod(file.fileno(), 0o644)

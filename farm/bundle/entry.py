@@ -8,7 +8,7 @@ from plateau.farm.bundle.parameters import Parameters
 from plateau.farm.bundle.tree import EscapeError, Parts, find, put_first
 from plateau.farm.bundle.xml import BudgetSpent, XmlBudget, read_elements
 
-#: The name that settles it.
+#: A file of this name at the top is the scene.
 SCENE_XML = "scene.xml"
 #: What macOS adds to an archive beside the real files.
 _MACOS_FOLDER = "__MACOSX"
@@ -17,14 +17,14 @@ _MACOS_FOLDER = "__MACOSX"
 def find_entry(archive: Archive, limits: BundleLimits) -> Parts:
     """Return the scene's XML in an archive.
 
-    Of the XML files whose root is `<scene>` and that no other includes: `scene.xml` at the top, or
-    in the one folder at the top; otherwise the one that lies at the shallowest level. A job's
-    parameters have no say, so that one bundle is one scene.
+    Candidates are the XML files with the root `<scene>` that no other includes: `scene.xml` at the
+    top, or in the one folder at the top; otherwise the file at the shallowest level. A job's
+    parameters do not matter, so that one bundle is one scene.
 
     Raises
     ------
     BundleError
-        Where there is none (`not-a-scene`) or more than one at that level (`ambiguous-scene`).
+        No file is the scene (`not-a-scene`), or several at that level (`ambiguous-scene`).
     """
     files = sorted(path for path in archive.files if path[0] != _MACOS_FOLDER)
     documents = [path for path in files if path[-1].casefold().endswith(".xml")]
@@ -39,7 +39,7 @@ def find_entry(archive: Archive, limits: BundleLimits) -> Parts:
             "the archive has no Mitsuba scene: an .xml file that starts with <scene>",
         )
     included = {path for skim in skims.values() for path in skim.includes}
-    # Where each includes another there is a cycle; reading the scene will say which.
+    # If each is included by another, reading the scene reports the cycle.
     candidates = [path for path in scenes if path not in included] or scenes
     tops = {path[0] for path in files}
     named = {(SCENE_XML,)} | {(top, SCENE_XML) for top in tops if len(tops) == 1}
@@ -59,14 +59,14 @@ def find_entry(archive: Archive, limits: BundleLimits) -> Parts:
 
 @dataclass
 class _Skim:
-    """What one XML file shows by itself, without the job's parameters."""
+    """The root and the includes of one XML file, without the job's parameters."""
 
     root: str | None = None
     includes: set[Parts] = field(default_factory=set)
 
 
 def _skim(archive: Archive, document: Parts, budget: XmlBudget, limits: BundleLimits) -> _Skim:
-    """Return an XML file's root and what it includes, as far as it can be read and followed."""
+    """Return an XML file's root and includes, as far as they can be read and followed."""
     skim = _Skim()
     name = archive.label(document)
     folders: tuple[Parts, ...] = (document[:-1],)
@@ -89,7 +89,7 @@ def _skim(archive: Archive, document: Parts, budget: XmlBudget, limits: BundleLi
         except BudgetSpent:
             raise
         except (BundleError, EscapeError):
-            return  # Reading the scene will complain of it, if the scene reads this file at all.
+            return  # Reading the scene reports it, if the scene reads this file at all.
         budget.spend("lookups", found.lookups + len(folders), name, line)
         if tag == "include" and found.path is not None:
             skim.includes.add(found.path)

@@ -1,4 +1,4 @@
-"""Which sensors a scene has, and how large an image each makes."""
+"""The sensors of a scene, and the size of each one's image."""
 
 import re
 from dataclasses import dataclass, field
@@ -34,17 +34,17 @@ class Film:
     properties: dict[str, Property] = field(default_factory=dict)
 
     def set(self, name: str, value: Property) -> None:
-        """Set a property, by its name of today."""
+        """Set a property, by its current name."""
         self.properties[_OLD_NAMES.get(name, name)] = value
 
     def image_size(self, limits: BundleLimits) -> tuple[int, int]:
-        """Return width and height of the image: the film's, or those of its crop window.
+        """Return width and height of the image: the film's, or its crop window's.
 
         Raises
         ------
         BundleError
-            Where a size is not a whole number, the film is empty or too large, or the crop
-            window does not lie on it.
+            A size is not a whole number, the film is empty or too large, or the crop window lies
+            outside it.
         """
         width = self._pixels("width", _DEFAULT_WIDTH, least=1)
         height = self._pixels("height", _DEFAULT_HEIGHT, least=1)
@@ -70,10 +70,10 @@ class Film:
         given = self.properties.get(name)
         if given is None:
             return default
-        # Mitsuba takes a film's size from <integer> alone, and reads that without a plus sign.
+        # Mitsuba takes a film's size only from <integer>, and refuses a plus sign there.
         number = _INTEGER.fullmatch(given.text)
         if given.tag == "integer" and number:
-            # Twenty digits are past every limit, and int() is slow over a million.
+            # Twenty digits are past every limit, and int() is slow for a million.
             value = int(number[1] + (number[2].lstrip("0")[:20] or "0"))
             if value >= least:
                 return value
@@ -108,12 +108,12 @@ class Cast:
     aliases: dict[str, str] = field(default_factory=dict)
 
     def image_size(self, sensor: int, limits: BundleLimits) -> tuple[int, int]:
-        """Return width and height, in pixels, of the image that a sensor makes.
+        """Return width and height, in pixels, of a sensor's image.
 
         Raises
         ------
         BundleError
-            Where there is no such sensor, or its film is refused.
+            The scene has no such sensor, or its film is refused.
         """
         if not self.sensors:
             raise BundleError("no-sensor", "the scene has no sensor; add a <sensor>")

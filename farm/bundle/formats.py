@@ -1,9 +1,8 @@
-"""The formats of scenes: which file is whose renderer's, and how it is checked without it.
+"""The formats of scenes, one for each renderer, and their checks without the renderer.
 
-Each renderer of `plateau.farm.model.renderers` has one format here. The first characters of an
-upload decide which it is: so the API, which never imports a renderer, checks every scene, and knows
-with which variants it can be rendered. A zip holds a Mitsuba scene: no other format has files
-beside its own.
+The first characters of an upload decide its format: so the API, which never imports a renderer,
+checks every scene and knows the variants that can render it. A zip holds a Mitsuba scene: scenes of
+other formats are one file.
 """
 
 from __future__ import annotations
@@ -22,17 +21,7 @@ from plateau.farm.model.renderers import ANALYTIC, MITSUBA
 
 @dataclass(frozen=True, kw_only=True)
 class Checked:
-    """What a format's check learned of a scene.
-
-    Attributes
-    ----------
-    width, height : int
-        Pixels of the image of the chosen sensor.
-    sensors : int
-        How many sensors the scene has.
-    parameters : dict of str to str
-        The scene's parameters with their defaults.
-    """
+    """What a format's check learned of a scene; `SceneSummary` explains the fields."""
 
     width: int
     height: int
@@ -42,27 +31,17 @@ class Checked:
 
 @dataclass(frozen=True, kw_only=True)
 class SceneFormat:
-    """The format of a renderer's scenes.
-
-    Attributes
-    ----------
-    renderer : str
-        Whose scenes they are.
-    kind : str
-        What an upload of one file is called in answers.
-    entry : str
-        The name that such a file has in its bundle.
-    begins : bytes
-        The first character of such a file, blanks and a byte order mark left out.
-    check : callable
-        Returns what it found of the scene in this tree and file, with a job's parameters and
-        sensor; raises `BundleError` where the scene is refused.
-    """
+    """The format of a renderer's scenes."""
 
     renderer: str
+    #: `SceneSummary.kind` of an upload of one file
     kind: Literal["xml", "json"]
+    #: the name of such a file in its bundle
     entry: str
+    #: the first character of such a file after blanks and a byte order mark
     begins: bytes
+    #: checks the scene in this tree and file, with a job's parameters and sensor, or raises
+    #: `BundleError`
     check: Callable[[Tree, Parts, Mapping[str, str], int, BundleLimits], Checked]
 
 

@@ -48,68 +48,66 @@ class BundleLimits:
 
     #: size of the upload, in bytes
     max_bytes: int = 2 * GIB
-    #: entries of the archive, folders included, whether they have entries of their own or not
+    #: entries of the archive, with folders that have no entry of their own
     max_entries: int = 10_000
     #: sum of all entries when unpacked, in bytes
     max_unpacked_bytes: int = 8 * GIB
     #: unpacked over packed size of one entry, where it unpacks to more than `ratio_floor_bytes`,
     #: and of the whole, where that unpacks to more than `total_ratio_floor_bytes`
     max_ratio: float = 200.0
-    #: an entry that unpacks to no more than this may have any ratio, in bytes
     ratio_floor_bytes: int = MIB
-    #: and so may an archive
     total_ratio_floor_bytes: int = 64 * MIB
     #: an entry's name, in bytes of UTF-8; one component of it may have 255
     max_name_bytes: int = 1024
     #: folders above an entry
     max_folder_depth: int = 32
-    #: XML of the whole scene, in bytes, an included file counted each time that it is included
+    #: XML of the whole scene, in bytes, each include counted every time
     max_xml_bytes: int = 32 * MIB
     #: one tag with its attributes, in bytes
     max_tag_bytes: int = MIB
     #: elements inside one another in one XML file
     max_xml_depth: int = 64
-    #: elements of the whole scene, an included file counted each time that it is included
+    #: elements of the whole scene, each include counted every time
     max_xml_elements: int = 500_000
     #: parameters of the scene and of the job together
     max_parameters: int = 256
-    #: an attribute that has parameters in it, in characters, before and after these are put in
+    #: characters of an attribute with parameters, before and after substitution
     max_substituted_characters: int = 2**16
-    #: parameters looked for in attributes that have a `$`, one for each 64 characters
+    #: searches for a parameter in attributes with a `$`, one for each 64 characters
     max_substitutions: int = 30_000_000
-    #: folders looked into while references are followed
+    #: look-ups in folders for references
     max_lookups: int = 2_000_000
     #: includes inside one another, as in Mitsuba
     max_include_depth: int = 15
-    #: XML files that are included in all, a file counted each time that it is included
+    #: includes of the whole scene, each counted every time
     max_includes: int = 1000
-    #: different references of a scene: files and folders, by the names that it has for them
+    #: different names of files and folders in a scene
     max_references: int = 20_000
-    #: sensors and films of the whole scene, an included file counted each time that it is included
+    #: sensors and films of the whole scene, each include counted every time
     max_sensors: int = 1000
     #: pixels of the film
     max_pixels: int = 2**26
-    #: types of plugin that there are; none for any
+    #: known types of plugin; empty allows any
     plugins: tuple[str, ...] = ()
 
 
 def shown(text: str) -> str:
-    """Return a stranger's text as an error message may quote it: escaped, and not too long."""
+    """Return untrusted text for an error message: quoted, escaped, and not too long."""
     return repr(text) if len(text) <= _MAX_SHOWN else f"{text[:_MAX_SHOWN]!r}…"
 
 
 def shown_name(name: str) -> str:
-    """Return a name as it is where it can be read so, and otherwise quoted and escaped."""
+    """Return a printable name as it is, and any other quoted and escaped."""
     return name if name.isprintable() and name == name.strip() != "" else repr(name)
 
 
 def brief(path: str) -> str:
-    """Return the end of a path, for messages that tell of several."""
+    """Return the end of a path, for messages that name several."""
     return path if len(path) <= _MAX_SHOWN else f"…{path[-_MAX_SHOWN:]}"
 
 
 class BundleError(ValueError):
-    """An upload is refused: says what is wrong, where, and what to do about it.
+    """An upload is refused.
 
     Parameters
     ----------
@@ -117,10 +115,8 @@ class BundleError(ValueError):
         One of `CODES`: stable, for programs.
     message : str
         What is wrong and what to do, for people.
-    file : str, optional
-        The file in the bundle that is at fault.
-    line : int, optional
-        The line of that file, from 1.
+    file, line : optional
+        The file in the bundle that is at fault, and its line, from 1.
     """
 
     def __init__(
@@ -136,7 +132,7 @@ class BundleError(ValueError):
 
     @classmethod
     def told(cls, *, code: str, message: str, file: str | None, line: int | None) -> "BundleError":
-        """The error that another process told of: its code, its words as they are, its place."""
+        """An error that another process reported, with its message unchanged."""
         error = cls(code, message)
         error.file, error.line = file, line
         return error

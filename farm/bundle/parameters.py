@@ -1,7 +1,7 @@
-"""Mitsuba's `$parameters`: what a job gives, what a scene defaults to, and how they replace text.
+"""Mitsuba's `$parameters`: a job's values, a scene's defaults, and their substitution.
 
 Mirrors `substitute_parameters` of Mitsuba's src/core/parser.cpp, order and oddities included:
-what is checked has to be what Mitsuba will see.
+the check must see what Mitsuba will see.
 """
 
 import difflib
@@ -14,29 +14,18 @@ from plateau.farm.bundle.xml import BudgetSpent, XmlBudget
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 _UNRESOLVED = re.compile(r"(?<!\\)\$([A-Za-z0-9_]*)")
 _MAX_VALUE_CHARACTERS = 4096
-#: How much of the scene's names an error message tells: names, and characters of each.
+#: Names of parameters in an error message, and characters of each.
 _MAX_NAMES = 20
 _MAX_NAME = 40
-#: So much text takes as long to search as a short one takes to look at.
+#: Searching this much text takes as long as the look at a short one.
 _CHARACTERS_PER_LOOK = 64
 
 
 class Parameters:
     """The parameters of one scene while it is read from start to end.
 
-    Parameters
-    ----------
-    given : mapping of str to str
-        The job's values, by name without the `$`.
-    limits : BundleLimits
-        Bounds on their number and on what they expand to.
-    budget : XmlBudget
-        What putting them in may cost.
-
-    Raises
-    ------
-    BundleError
-        Where a name or a value is malformed, or there are too many.
+    `given` has the job's values, by name without the `$`; `BundleError` where a name or a value is
+    malformed, or they are too many.
     """
 
     def __init__(self, given: Mapping[str, str], limits: BundleLimits, budget: XmlBudget) -> None:
@@ -60,7 +49,7 @@ class Parameters:
 
     @property
     def revision(self) -> int:
-        """Which values are in effect: while it stays, every text is given the same ones."""
+        """Changes with the values in effect: at one revision, a text is always replaced alike."""
         return len(self.defaults)
 
     def add_default(self, name: str, value: str, file: str, line: int) -> None:
@@ -106,13 +95,7 @@ class Parameters:
         return text.replace("\\$", "$")
 
     def check_all_used(self) -> None:
-        """Refuse a parameter that the scene never uses, as Mitsuba does.
-
-        Raises
-        ------
-        BundleError
-            Names the parameter, and those that the scene knows.
-        """
+        """Refuse a parameter that the scene never uses, as Mitsuba does."""
         for name in self._given:
             if name not in self._used:
                 close = difflib.get_close_matches(name, self._names(), n=1)
@@ -132,9 +115,9 @@ class Parameters:
             )
 
     def _replace(self, text: str, key: str, value: str, file: str, line: int) -> str:
-        """Return the text with one parameter put in wherever no backslash stands ahead of it."""
+        """Return the text with one parameter replaced wherever no backslash precedes it."""
         first, *rest = text.split(key)
-        # Ahead of the work: defaults that are made of defaults can double without end.
+        # Checked ahead: defaults made of defaults can double without end.
         self._check_length(len(text) + len(rest) * len(value), file, line)
         pieces, last = [first], first[-1:]
         for piece in rest:
@@ -169,6 +152,6 @@ def _check_given(name: str, value: str) -> None:
             f"the value of {shown(name)} has control characters or more than "
             f"{_MAX_VALUE_CHARACTERS} characters",
         )
-    # Mitsuba would look for parameters in it again, in an order that is not defined.
+    # Mitsuba would look for parameters in it again, in an undefined order.
     if "$" in value or "\\" in value:
         raise BundleError("bad-parameter", f"the value of {shown(name)} has a $ or a backslash")

@@ -1,4 +1,4 @@
-"""Which types of plugin Mitsuba has, known without running it."""
+"""Mitsuba's types of plugin, found without running it."""
 
 import importlib.util
 from collections.abc import Iterable
@@ -13,13 +13,7 @@ _IN_PYTHON: Final = (
 
 
 def known_plugins(more: Iterable[str] = ()) -> tuple[str, ...]:
-    """Return the types of plugin of the Mitsuba that is installed here, and `more`, sorted.
-
-    Returns
-    -------
-    tuple of str
-        Empty where no Mitsuba is installed: nobody knows then.
-    """
+    """Return the installed Mitsuba's types of plugin, and `more`, sorted; empty without Mitsuba."""
     mitsuba = importlib.util.find_spec("mitsuba")  # which does not import it
     if mitsuba is None or mitsuba.origin is None:
         return ()

@@ -1,4 +1,4 @@
-"""What a scene refers to: each file and folder that it names, followed once and kept once."""
+"""The files and folders that a scene names, each followed once and kept once."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -18,29 +18,21 @@ class Reference:
     role: Role
     text: str
     path: Parts
-    #: folders that were stood in on the way; `..` needs them to exist
+    #: folders on the way; `..` needs them to exist
     visited: frozenset[Parts]
-    #: where it stands first
+    #: of the first mention
     file: str = field(compare=False)
     line: int = field(compare=False)
 
 
 class References:
-    """The references of one scene, each once, in the order in which they were met first.
-
-    Parameters
-    ----------
-    tree : Tree
-        Where the files are.
-    budget : XmlBudget
-        What following them may cost.
-    """
+    """The references of one scene, each once, in the order of their first mention."""
 
     def __init__(self, tree: Tree, budget: XmlBudget) -> None:
         self._tree = tree
         self._budget = budget
         self._met: dict[Reference, None] = {}
-        #: what plugins will ask for once all XML is read, and the file and line that ask first
+        #: plugins' files by their names in the scene, and the file and line of the first mention
         self._named: dict[str, tuple[str, int]] = {}
 
     def __iter__(self) -> Iterator[Reference]:
@@ -53,19 +45,14 @@ class References:
             self._named[text] = (file, line)
 
     def follow_plugin_files(self, folders: tuple[Parts, ...]) -> None:
-        """Look up what the plugins will ask for, in the scene's folders."""
+        """Look the plugins' files up in the scene's folders."""
         for text, (file, line) in self._named.items():
             self.follow("file", folders, text, file, line)
 
     def follow(
-        self,
-        role: Role,
-        folders: tuple[Parts, ...],
-        text: str,
-        file: str,
-        line: int,
+        self, role: Role, folders: tuple[Parts, ...], text: str, file: str, line: int
     ) -> Parts:
-        """Return where a reference leads, having checked that it leads to the right kind."""
+        """Return where a reference leads; `BundleError` where nothing of the role is there."""
         try:
             found = find(self._tree, folders, text)
         except EscapeError:

@@ -1,4 +1,4 @@
-"""Files by name inside a bundle, and the one way in which a reference is followed among them."""
+"""The files of a bundle by their names, and the one way to follow a reference among them."""
 
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
@@ -15,7 +15,7 @@ _MAX_PATH_CHARACTERS = 4096
 class Tree(Protocol):
     """Files and folders by their path from a root: a bundle, or a disk that is to be packed."""
 
-    #: what a missing file is missing from, and what to do about it, for error messages
+    #: where a missing file is missing and what to do, for error messages
     remedy: str
 
     def kind(self, path: Parts) -> Kind | None:
@@ -31,6 +31,27 @@ class Tree(Protocol):
         """Return where an absolute reference leads, or None where those lead out of the tree."""
 
 
+class Bundle:
+    """The files and folders of an upload, by their paths; half of a `Tree`."""
+
+    def __init__(self) -> None:
+        #: files with their unpacked size in bytes, as the upload declares it
+        self.files: dict[Parts, int] = {}
+        self.folders: set[Parts] = {()}
+
+    def kind(self, path: Parts) -> Kind | None:
+        """Return what lies at a path, or None where nothing does."""
+        return "file" if path in self.files else "folder" if path in self.folders else None
+
+    def label(self, path: Parts) -> str:
+        """Return the path as people should read it."""
+        return "/".join(path)
+
+    def absolute(self, reference: str) -> Parts | None:  # noqa: ARG002 - all lead out
+        """Return None: no absolute reference leads into a bundle."""
+        return None
+
+
 @dataclass(frozen=True)
 class Found:
     """Where a reference led."""
@@ -38,9 +59,8 @@ class Found:
     #: the file or folder; None where there is nothing
     path: Parts | None
     kind: Kind | None
-    #: every folder that was stood in on the way, in candidates that led nowhere too
+    #: every folder on the way, on the way of failed candidates too
     visited: frozenset[Parts]
-    #: how often a folder was looked into
     lookups: int
 
 
@@ -59,16 +79,15 @@ def leaves_upwards(reference: str) -> bool:
 
 
 def find(tree: Tree, bases: Sequence[Parts], reference: str) -> Found:
-    """Return the first thing that a reference names, seen from each base folder in turn.
+    """Return the first file or folder that a reference names, from each base folder in turn.
 
-    Mitsuba takes the first candidate that exists, so a candidate that leaves the tree ahead of
-    the first hit is refused even though a later one would do: on the machine that renders,
-    something may lie there.
+    Mitsuba takes the first candidate that exists. A candidate that leaves the tree ahead of the
+    first hit is therefore refused: on the machine that renders, something may lie there.
 
     Raises
     ------
     EscapeError
-        Where a candidate leaves the tree.
+        A candidate leaves the tree.
     """
     if is_absolute(reference):
         absolute = tree.absolute(reference)
@@ -108,5 +127,5 @@ def _follow(
 
 
 def put_first(folder: Parts, folders: tuple[Parts, ...]) -> tuple[Parts, ...]:
-    """Return the folders with this one the first to be looked in, and nowhere else."""
+    """Return the folders with this one moved to the front."""
     return (folder, *(other for other in folders if other != folder))

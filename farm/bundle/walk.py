@@ -1,25 +1,23 @@
 """Reads a scene as Mitsuba will: every XML file that it includes, every file that it names.
 
-Where Mitsuba 3.9.1 looks for a file was found by trying it
-(`tests/farm/bundle/test_bundle_mitsuba.py` tries it again), for scenes loaded with
-`mitsuba.load_file`:
+Trials showed where Mitsuba 3.9.1 looks for a file of a scene loaded with `mitsuba.load_file`
+(`tests/farm/bundle/test_bundle_mitsuba.py` repeats them):
 
-- Each XML file has a list of folders. The scene's own list starts as its folder. A `<path>` puts
-  one more in front.
-- `<include>` and `<path>` look in the folder of the XML file that they stand in, then along that
-  file's list as it is at that line.
-- `<spectrum filename>` looks along the list as it is at that line, and not in the file's folder
-  (for the scene itself that folder is on the list anyway).
-- An included file starts with the list of the file that includes it, with that file's folder in
-  front. What it adds by `<path>` is forgotten when it ends.
-- `<string name="filename">` is looked up when the plugin is made, after all XML is read: along the
-  *scene's* list, even when it stands in an included file in some other folder.
-- What is found nowhere is looked up in Mitsuba's own folder and in the working folder. Neither is
-  the scene's, so here it is missing.
+- Each XML file has a list of folders. The scene's own list starts with its folder. A `<path>` puts
+  a folder in front.
+- `<include>` and `<path>` look in the folder of their XML file, then in the folders of its list at
+  that line.
+- `<spectrum filename>` looks only in the folders of the list at that line (the scene's list has the
+  scene's folder).
+- An included file starts with the including file's list and that file's folder in front. Its own
+  `<path>` folders are dropped at its end.
+- `<string name="filename">` is looked up when the plugin is made, after all XML is read: in the
+  folders of the *scene's* list, even when it stands in an included file in another folder.
+- Mitsuba then looks in its own folder and in the working folder. Neither is the scene's, so here
+  the file is missing.
 
-A few kilobytes can include a file, or name one, millions of times. So what would be found again is
-not looked for again: a file that is included a second time, with the same parameters in effect and
-the same folders, is counted and not read, and a name that leads somewhere is followed once.
+A few kilobytes can include a file, or name one, millions of times. So a file that is included
+again with the same parameters and folders is counted and not read, and each name is followed once.
 """
 
 import difflib
@@ -35,7 +33,7 @@ from plateau.farm.bundle.tree import Parts, Tree, is_absolute, leaves_upwards, p
 from plateau.farm.bundle.xml import NOTHING, XmlBudget, XmlCost, read_elements
 
 _PLUGIN_NAME = re.compile(r"[A-Za-z0-9_]+")
-#: No plugin's name is longer, and a search for one like it takes its time.
+#: Longer than the name of any plugin; a search for similar names takes time.
 _LONGEST_PLUGIN = 40
 #: Elements that stand for a plugin.
 _OBJECTS = frozenset(
@@ -48,7 +46,7 @@ _OBJECTS = frozenset(
 
 @dataclass
 class Scene:
-    """All that a scene's XML says that matters before Mitsuba sees it."""
+    """The parts of a scene's XML that matter before Mitsuba sees it."""
 
     parameters: Parameters
     references: References
@@ -58,23 +56,14 @@ class Scene:
 def read_scene(
     tree: Tree, entry: Parts, parameters: Mapping[str, str], limits: BundleLimits
 ) -> Scene:
-    """Return what a scene's XML, with everything that it includes, refers to and defines.
+    """Read a scene's XML, `entry` of the tree, with all that it includes.
 
-    Parameters
-    ----------
-    tree : Tree
-        Where its files are.
-    entry : tuple of str
-        The scene's XML in the tree.
-    parameters : mapping of str to str
-        The job's values for the scene's `$parameters`.
-    limits : BundleLimits
-        Bounds on the XML.
+    `parameters` has the job's values for the scene's `$parameters`.
 
     Raises
     ------
     BundleError
-        Where the XML is malformed, or a reference is missing or leaves the tree.
+        The XML is malformed, or a reference is missing or leaves the tree.
     """
     budget = XmlBudget(limits)
     scene = Scene(Parameters(parameters, limits, budget), References(tree, budget))
@@ -85,10 +74,10 @@ def read_scene(
 
 @dataclass(frozen=True)
 class _Holder:
-    """What an open element is to its children."""
+    """An open element, as its children need to know it."""
 
     owner: Sensor | Film | None
-    #: whether a sensor in here is one of the scene's, not part of another sensor or scene
+    #: whether a sensor in here is the scene's own, not part of another sensor or scene
     is_stage: bool
 
 
@@ -97,16 +86,16 @@ _ROOT = _Holder(None, is_stage=True)
 
 @dataclass
 class _Reading:
-    """What one reading of an XML file came to, for the next time that it is included."""
+    """The result of reading an XML file, for the next time that it is included."""
 
     #: the file, and those that it includes, directly or not
     files: set[Parts]
-    #: how deep includes are nested below it
+    #: depth of the includes below it
     height: int = 0
     cost: XmlCost = NOTHING
 
     def add(self, included: "_Reading") -> None:
-        """Take in what a file came to that this one includes."""
+        """Take in the reading of an included file."""
         self.files |= included.files
         self.height = max(self.height, included.height + 1)
 
@@ -119,9 +108,9 @@ class _Walk:
         self.limits = limits
         self.scene = scene
         self.budget = budget
-        #: counts what is said of sensors and films, which a second reading says again
+        #: counts the declarations of sensors and films, which a second reading must repeat
         self.changes_of_cast = 0
-        #: readings that changed nothing which lasts, by all that they depend on
+        #: readings that declared no parameter, sensor or film, by all that they depend on
         self._known: dict[tuple[Parts, tuple[Parts, ...], int, bool], _Reading] = {}
 
     def include(
@@ -132,13 +121,13 @@ class _Walk:
         holder: _Holder,
         at: tuple[str, int],
     ) -> _Reading:
-        """Read an XML file where one includes it, or count it where it would say nothing new."""
+        """Read an included XML file, or count it where a reading would add nothing."""
         self.budget.spend("includes", 1, *at)
         key = (path, folders, self.scene.parameters.revision, holder.is_stage)
         known = self._known.get(key) if holder.owner is None else None
         if (
             known is not None
-            # Otherwise reading it again will say what is wrong, and where.
+            # Otherwise a second reading reports what is wrong, and where.
             and len(including) + known.height < self.limits.max_include_depth
             and known.files.isdisjoint(including)
         ):
@@ -151,13 +140,9 @@ class _Walk:
         return reading
 
     def read(
-        self,
-        path: Parts,
-        folders: tuple[Parts, ...],
-        including: tuple[Parts, ...],
-        holder: _Holder,
+        self, path: Parts, folders: tuple[Parts, ...], including: tuple[Parts, ...], holder: _Holder
     ) -> _Reading:
-        """Read one XML file, and those that it includes where it includes them."""
+        """Read one XML file, with its includes in place."""
         before = self.budget.spent
         file = _File(self, path, folders, including, holder)
         with self.tree.open(path) as stream:
@@ -169,7 +154,7 @@ class _Walk:
 
 
 class _File:
-    """The reading of one XML file: what `read_elements` calls."""
+    """The reading of one XML file: `read_elements` calls `start` and `end`."""
 
     def __init__(
         self,
@@ -186,19 +171,14 @@ class _File:
         self._path = path
         self._including = including
         self._open = [holder]
-        #: where names led since the folders are as they are
+        #: where names lead, as long as the folders stay
         self._followed: dict[tuple[Role, str], Parts] = {}
 
     def start(self, tag: str, raw: dict[str, str], line: int) -> None:
         """Take in an element as it starts, as Mitsuba's parser does: in document order."""
         is_root = len(self._open) == 1
         if is_root and not self._including and tag != "scene":
-            raise BundleError(
-                "not-a-scene",
-                f"it starts with <{tag[:40]}>, not <scene>",
-                file=self.name,
-                line=line,
-            )
+            raise self._refusal("not-a-scene", f"it starts with <{tag[:40]}>, not <scene>", line)
         substitute = self._walk.scene.parameters.substitute
         attributes = {key: substitute(text, self.name, line) for key, text in raw.items()}
         self._check_plugin(tag, attributes, line)
@@ -236,9 +216,9 @@ class _File:
     def _enter(
         self, tag: str, attributes: dict[str, str], holder: _Holder, line: int, *, is_root: bool
     ) -> _Holder:
-        """Return what the children of this element are in, and take note of sensors and films."""
+        """Return the holder of this element's children, and note sensors and films."""
         if tag == "scene":
-            # The root of an included scene dissolves into whatever includes it.
+            # The root of an included scene is replaced by its children.
             return holder if is_root else _Holder(None, is_stage=False)
         cast = self._walk.scene.cast
         if tag in ("sensor", "film"):
@@ -263,22 +243,20 @@ class _File:
         if tag not in _OBJECTS or plugin is None:
             return
         if not _PLUGIN_NAME.fullmatch(plugin):
-            raise BundleError(
+            raise self._refusal(
                 "plugin-name",
                 f"{shown(plugin)} is not the name of a plugin: letters, digits and _ are allowed",
-                file=self.name,
-                line=line,
+                line,
             )
         known = self._walk.limits.plugins
         if known and plugin not in known:
             nearest = difflib.get_close_matches(plugin[:_LONGEST_PLUGIN], known, n=1)
             guess = f"; did you mean {nearest[0]!r}?" if nearest else ""
-            raise BundleError(
+            raise self._refusal(
                 "unknown-plugin",
                 f"Mitsuba has no plugin of the type {shown(plugin)}{guess} "
                 "(PLATEAU_PLUGINS names those that workers have beside Mitsuba's)",
-                file=self.name,
-                line=line,
+                line,
             )
 
     def _include(self, text: str, holder: _Holder, line: int) -> None:
@@ -286,16 +264,10 @@ class _File:
         including = (*self._including, self._path)
         if path in including:
             chain = " → ".join(brief(self._walk.tree.label(each)) for each in (*including, path))
-            raise BundleError(
-                "include-cycle", f"it includes itself: {chain}", file=self.name, line=line
-            )
-        if len(including) >= self._walk.limits.max_include_depth:
-            raise BundleError(
-                "include-depth",
-                f"includes are nested more than {self._walk.limits.max_include_depth} deep",
-                file=self.name,
-                line=line,
-            )
+            raise self._refusal("include-cycle", f"it includes itself: {chain}", line)
+        most = self._walk.limits.max_include_depth
+        if len(including) >= most:
+            raise self._refusal("include-depth", f"includes are nested more than {most} deep", line)
         folders = (self._path[:-1], *self.folders)
         self.reading.add(self._walk.include(path, folders, including, holder, at=(self.name, line)))
 
@@ -304,15 +276,17 @@ class _File:
             self._walk.scene.references.name_plugin_file(value, self.name, line)
         # No plugin of Mitsuba's takes a path by any other name; should one, it stays inside.
         elif is_absolute(value) or leaves_upwards(value):
-            raise BundleError(
+            raise self._refusal(
                 "path-escape",
                 f"{shown(name)} looks like a path out of the bundle: {shown(value)}",
-                file=self.name,
-                line=line,
+                line,
             )
 
+    def _refusal(self, code: str, message: str, line: int) -> BundleError:
+        return BundleError(code, message, file=self.name, line=line)
+
     def _follow(self, role: Role, text: str, line: int) -> Parts:
-        """Follow a name that is looked up at its line, each once while the folders stay."""
+        """Follow a name that is looked up at its line, once while the folders stay."""
         if (role, text) not in self._followed:
             # An `<include>` and a `<path>` look in the file's own folder first.
             own = () if role == "file" else (self._path[:-1],)

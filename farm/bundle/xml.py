@@ -1,14 +1,13 @@
-"""Reading Mitsuba's XML element by element, without entities, within bounds.
+"""Reads Mitsuba's XML element by element, without entities, within bounds.
 
-Mitsuba reads XML with pugixml, which overlooks much that is malformed. The scene that is checked
-must be the scene that is rendered, so what the two readers could understand differently is
-refused: document types, entities, other encodings than UTF-8, and anything not well-formed.
+Mitsuba reads XML with pugixml, which accepts much malformed XML. The scene that is checked must be
+the scene that is rendered, so XML that the two readers could read differently is refused: document
+types, entities, other encodings than UTF-8, and anything not well-formed.
 """
 
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import IO, Final, Literal
+from typing import IO, Final, Literal, NamedTuple
 from xml.sax import SAXParseException
 from xml.sax.handler import ContentHandler
 from xml.sax.xmlreader import AttributesImpl, InputSource, Locator
@@ -18,7 +17,7 @@ from defusedxml.expatreader import DefusedExpatParser
 
 from plateau.farm.bundle.limits import BundleError, BundleLimits
 
-#: Expat before 2.6 reads an unfinished comment from its start again with every chunk: few, then.
+#: Large: Expat before 2.6 reads an unfinished comment from its start again with every chunk.
 _CHUNK_BYTES = 2**20
 _DECLARED_ENCODING = re.compile(rb"""^<\?xml[^>]*?encoding\s*=\s*["']([^"']*)["']""")
 _UTF8_NAMES = (b"utf-8", b"utf8", b"us-ascii", b"ascii")
@@ -28,8 +27,7 @@ _BOM = b"\xef\xbb\xbf"
 StartElement = Callable[[str, dict[str, str], int], None]
 EndElement = Callable[[], None]
 
-
-#: What is counted, as `BundleLimits` calls it.
+#: What is counted; `BundleLimits` has a ``max_`` of each.
 Spending = Literal[
     "xml_bytes",
     "xml_elements",
@@ -40,7 +38,6 @@ Spending = Literal[
     "substitutions",  # parameters looked for in attributes
 ]
 
-#: What is said where there are too many of them.
 _TOO_MUCH: Final[dict[Spending, str]] = {
     "xml_bytes": "the scene has more than {} bytes of XML, each include counted every time; put "
     "geometry into mesh files",
@@ -57,26 +54,21 @@ _TOO_MUCH: Final[dict[Spending, str]] = {
 
 
 class BudgetSpent(BundleError):
-    """Reading an upload costs too much, whatever else is wrong with it."""
+    """Reading an upload costs too much."""
 
     def __init__(self, message: str, *, file: str, line: int | None = None) -> None:
         super().__init__("xml-too-large", message, file=file, line=line)
 
 
-@dataclass(frozen=True)
-class XmlCost:
-    """What reading an XML file costs Mitsuba, with all that the file includes."""
+class XmlCost(NamedTuple):
+    """The cost to Mitsuba of reading an XML file, with all that the file includes."""
 
     bytes: int
     elements: int
     includes: int  #: files, the file itself left out
 
     def __sub__(self, before: "XmlCost") -> "XmlCost":
-        return XmlCost(
-            self.bytes - before.bytes,
-            self.elements - before.elements,
-            self.includes - before.includes,
-        )
+        return XmlCost(*(now - then for now, then in zip(self, before, strict=True)))
 
 
 NOTHING = XmlCost(0, 0, 0)
@@ -85,9 +77,9 @@ NOTHING = XmlCost(0, 0, 0)
 class XmlBudget:
     """How much may still be spent on reading one scene.
 
-    It spans all of a scene's files and counts a file each time that it is included: includes
-    inside includes can multiply a small bundle without end. A file that need not be read again is
-    counted all the same (`spend_again`): Mitsuba will read it.
+    A file is counted each time that it is included: nested includes can multiply a small bundle
+    without end. A file that need not be read again is counted, too (`spend_again`): Mitsuba will
+    read it.
     """
 
     def __init__(self, limits: BundleLimits) -> None:
@@ -98,18 +90,18 @@ class XmlBudget:
 
     @property
     def spent(self) -> XmlCost:
-        """What was spent so far of what Mitsuba will spend, too."""
+        """What was spent so far that Mitsuba will spend, too."""
         spent = self._spent
         return XmlCost(spent["xml_bytes"], spent["xml_elements"], spent["includes"])
 
     def spend_again(self, cost: XmlCost, file: str, line: int) -> None:
-        """Count a file that was read before, or raise `BudgetSpent` where that is too much."""
+        """Count a file that was read before; `BudgetSpent` where that is too much."""
         self.spend("xml_bytes", cost.bytes, file)
         self.spend("xml_elements", cost.elements, file, line)
         self.spend("includes", cost.includes, file, line)
 
     def spend(self, what: Spending, count: int, file: str, line: int | None = None) -> None:
-        """Count so many more, or raise `BudgetSpent` where there are too many."""
+        """Count `count` more; `BudgetSpent` where that is too many."""
         self._spent[what] += count
         most = self._most[what]
         if self._spent[what] > most:
@@ -121,29 +113,18 @@ def read_elements(
 ) -> None:
     """Call `start` and `end` for every element of an XML file, in document order.
 
-    Parameters
-    ----------
-    stream : file of bytes
-        The XML.
-    name : str
-        What to call the file in errors.
-    budget : XmlBudget
-        What reading it may cost, and how deep elements may be nested.
-    start : callable
-        Called with name, attributes and line (from 1) as an element starts.
-    end : callable
-        Called as an element ends.
+    Errors call the file `name`.
 
     Raises
     ------
     BundleError
-        With a code that starts with `xml-`; and whatever `start` and `end` raise.
+        With a code that starts with `xml-`; and the errors of `start` and `end`.
     """
     parser = DefusedExpatParser(forbid_dtd=True, bufsize=_CHUNK_BYTES)
     parser.setContentHandler(_Handler(name, budget, start, end))
     source = InputSource()
     source.setByteStream(_CheckedBytes(stream, name, budget))
-    # Given here, the encoding overrules whatever the file declares.
+    # This encoding overrules the declared one.
     source.setEncoding("utf-8")
     try:
         parser.parse(source)
@@ -164,7 +145,7 @@ def read_elements(
 
 
 class _CheckedBytes:
-    """A file's bytes, read on for as long as they are UTF-8 by declaration and not too many."""
+    """A file's bytes, as long as they are declared UTF-8 and within the budget."""
 
     def __init__(self, stream: IO[bytes], name: str, budget: XmlBudget) -> None:
         self._stream = stream
@@ -186,9 +167,9 @@ class _CheckedBytes:
         """Leave the file open: it belongs to whoever opened it."""
 
     def _check_tags(self, chunk: bytes) -> None:
-        """Refuse a tag that is too long, ahead of the parser, which holds it in memory whole.
+        """Refuse a tag that is too long before the parser holds it in memory whole.
 
-        From one `<` to the next is at least a tag: an attribute cannot have one in it.
+        From one `<` to the next is at least a tag: an attribute cannot contain a `<`.
         """
         *ended, begun = chunk.split(b"<")
         longest = max((*map(len, ended[1:]), self._bytes_of_tag + len(ended[0])) if ended else (0,))
@@ -210,7 +191,7 @@ class _CheckedBytes:
 
 
 class _Handler(ContentHandler):
-    """Hands elements on, with their lines, and bounds how deep they are nested."""
+    """Passes elements on with their lines, and bounds their nesting."""
 
     def __init__(self, name: str, budget: XmlBudget, start: StartElement, end: EndElement) -> None:
         super().__init__()
