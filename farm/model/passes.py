@@ -1,41 +1,25 @@
-"""How many samples a pass may have, and how passes add up to a slice.
+"""How a slice is divided into passes, whose films are added up in their order.
 
-A pass is one Mitsuba render call. Its size is a power of two, small enough that a cancel is quick.
+A pass is what a renderer renders with one seed. A renderer that renders a pass in parts can be
+cancelled between them, and takes passes of any size. One that renders a pass in a single call needs
+passes that are short.
 """
 
-#: Samples in the largest pass: about a second of work on two cores, so that a cancel is quick.
-LARGEST_PASS_SAMPLES = 2**20
+#: Samples in the largest pass that is rendered in a single call: about a second of work on two
+#: cores, so that a cancel is quick.
+LARGEST_CALL_SAMPLES = 2**20
 
-#: LLVM variants: spp of the largest pass. Dr.Jit renders packets of 4 lanes (NEON, SSE), 8 (AVX) or
-#: 16 (AVX-512), and how packets are dealt to threads depends on their number. A pixel that does not
-#: fit one packet is summed in the order in which threads finish: with 9 threads, passes of 32 spp
-#: over 40×24 pixels differed in their last bits from one to the next. Small passes cost little:
-#: 64×64 rendered 1.8 million samples/s in passes of 4 spp and 2.2 in passes of 16, larger films as
-#: many either way (Cornell box, two cores).
-LLVM_LARGEST_SPP = 4
+#: Spp of the largest pass that is rendered in parts. Within a pass, a pixel is added up in float32.
+LARGEST_SPP = 64
+#: Samples of such a pass have numbers below this one.
+_SAMPLE_NUMBERS = 2**31
 
-
-def largest_pass(width: int, height: int) -> int:
-    """Return the largest power of two of spp whose samples over the film stay within 2**20.
-
-    Parameters
-    ----------
-    width, height : int
-        Film size in pixels.
-
-    Returns
-    -------
-    int
-        Samples per pixel, at least 1.
-    """
-    return _floor_power_of_two(max(1, LARGEST_PASS_SAMPLES // (width * height)))
+#: Samples in the first pass of a job, whose film is shown while the others render.
+FIRST_LOOK_SAMPLES = 2**18
 
 
-def passes(slice_spp: int, largest: int) -> tuple[int, ...]:
+def single_call_passes(slice_spp: int, largest: int) -> tuple[int, ...]:
     """Return the powers of two, descending and none above `largest`, that sum to `slice_spp`.
-
-    Powers of two because a JIT render call of any other count spreads pixels over packets, whose
-    sums race between threads: their last bits would be up to chance (see `LLVM_LARGEST_SPP`).
 
     Parameters
     ----------
@@ -46,9 +30,9 @@ def passes(slice_spp: int, largest: int) -> tuple[int, ...]:
 
     Examples
     --------
-    >>> passes(25, 16)
+    >>> single_call_passes(25, 16)
     (16, 8, 1)
-    >>> passes(25, 4)
+    >>> single_call_passes(25, 4)
     (4, 4, 4, 4, 4, 4, 1)
     """
     if slice_spp < 1 or largest < 1:
@@ -57,6 +41,50 @@ def passes(slice_spp: int, largest: int) -> tuple[int, ...]:
     whole, rest = divmod(slice_spp, top)
     small = (1 << bit for bit in reversed(range(rest.bit_length())) if rest >> bit & 1)
     return (top,) * whole + tuple(small)
+
+
+def largest_single_call(pixels: int) -> int:
+    """Return the largest power of two of spp whose samples stay within `LARGEST_CALL_SAMPLES`.
+
+    Parameters
+    ----------
+    pixels : int
+        Of the film.
+    """
+    return _floor_power_of_two(max(1, LARGEST_CALL_SAMPLES // pixels))
+
+
+def passes_in_parts(slice_spp: int, pixels: int, *, is_first: bool) -> tuple[int, ...]:
+    """Return the spp of the passes of a slice, for a renderer that renders a pass in parts.
+
+    They are as few and as even as can be. The first slice of a job begins with a short one, so that
+    its film can be shown soon.
+
+    Parameters
+    ----------
+    slice_spp : int
+        Samples per pixel of the slice, at least 1.
+    pixels : int
+        Of the film.
+    is_first : bool
+        Whether it is the first slice of its job.
+
+    Examples
+    --------
+    >>> passes_in_parts(25, 256 * 256, is_first=False)
+    (25,)
+    >>> passes_in_parts(25, 256 * 256, is_first=True)
+    (4, 21)
+    >>> passes_in_parts(100, 256 * 256, is_first=False)
+    (50, 50)
+    """
+    largest = min(LARGEST_SPP, _SAMPLE_NUMBERS // pixels)
+    look = min(largest, _floor_power_of_two(max(1, FIRST_LOOK_SAMPLES // pixels)))
+    first = (look,) if is_first and 2 * look <= slice_spp else ()
+    rest = slice_spp - sum(first)
+    count = -(-rest // largest)
+    each, more = divmod(rest, count)
+    return first + (each + 1,) * more + (each,) * (count - more)
 
 
 def _floor_power_of_two(value: int) -> int:

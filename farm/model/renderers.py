@@ -14,8 +14,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final, Literal
 
-from plateau.farm.model.passes import LARGEST_PASS_SAMPLES, LLVM_LARGEST_SPP
-
 MITSUBA: Final = "mitsuba"
 ANALYTIC: Final = "analytic"
 
@@ -38,8 +36,8 @@ class VariantFacts:
     seeds : {"distinct", "scalar"}
         Which seeds give independent samples, see `plateau.farm.model.seeds`: any that are distinct,
         or those of Mitsuba's scalar variants.
-    largest_spp : int
-        Samples per pixel of the largest pass.
+    renders_in_parts : bool
+        Whether a pass is rendered in parts, and so may have any number of samples.
     on_gpu : bool
         Whether a GPU's driver renders: it needs more than a confined child may have.
     works_everywhere : bool
@@ -49,26 +47,23 @@ class VariantFacts:
     renderer: str
     own_name: str
     seeds: Literal["distinct", "scalar"] = "distinct"
-    largest_spp: int = LARGEST_PASS_SAMPLES
+    renders_in_parts: bool = True
     on_gpu: bool = False
     works_everywhere: bool = False
 
 
 VARIANTS: Final[dict[RenderVariant, VariantFacts]] = {
     "scalar_rgb": VariantFacts(
-        renderer=MITSUBA, own_name="scalar_rgb", seeds="scalar", works_everywhere=True
-    ),
-    "llvm_ad_rgb": VariantFacts(
-        renderer=MITSUBA, own_name="llvm_ad_rgb", largest_spp=LLVM_LARGEST_SPP
-    ),
-    "cuda_ad_rgb": VariantFacts(renderer=MITSUBA, own_name="cuda_ad_rgb", on_gpu=True),
-    # Its passes are as large as LLVM's: it stands in for that where a farm is simulated.
-    "analytic:numpy": VariantFacts(
-        renderer=ANALYTIC,
-        own_name="numpy",
-        largest_spp=LLVM_LARGEST_SPP,
+        renderer=MITSUBA,
+        own_name="scalar_rgb",
+        seeds="scalar",
+        renders_in_parts=False,
         works_everywhere=True,
     ),
+    "llvm_ad_rgb": VariantFacts(renderer=MITSUBA, own_name="llvm_ad_rgb"),
+    "cuda_ad_rgb": VariantFacts(renderer=MITSUBA, own_name="cuda_ad_rgb", on_gpu=True),
+    # Its passes are those of Mitsuba's kernel: it stands in for that where a farm is simulated.
+    "analytic:numpy": VariantFacts(renderer=ANALYTIC, own_name="numpy", works_everywhere=True),
 }
 
 

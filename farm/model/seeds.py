@@ -1,16 +1,17 @@
 """Which passes make up a slice, and the seed of each.
 
-A slice is a fixed list of passes (one render call each). Passes are counted through the whole job,
-and the number of a pass decides its seed, so a slice is a pure function of the schedule and its
-index. Which seeds give independent samples depends on the variant, see
-`plateau.farm.model.renderers`: most take any that are distinct, and Mitsuba's scalar ones do not.
-All of Mitsuba's passes use the ``independent`` sampler, whose seeding differs by variant (read in
-Mitsuba 3.9: ``src/render/integrator.cpp``, ``src/render/sampler.cpp``):
+A slice is a fixed list of passes. Passes are counted through the whole job, and the number of a
+pass decides its seed, so a slice is a pure function of the schedule and its index. Which seeds give
+independent samples depends on the variant, see `plateau.farm.model.renderers`: most take any that
+are distinct, and Mitsuba's scalar ones do not.
 
-**JIT variants** (``llvm_*``, ``cuda_*``) start lane ``i`` from ``TEA(seed, i)``, a bijection on 64
-bits: distinct (seed, lane) pairs get distinct generators, so any distinct seeds will do.
+**Mitsuba's JIT variants** (``llvm_*``, ``cuda_*``) are rendered by our kernel
+(`plateau.worker.renderers.mitsuba.kernel`). It starts a sample's random numbers from a bijection of
+64 bits, of the seed and of the sample's number in the pass. Distinct pairs get distinct generators,
+so any distinct seeds will do.
 
-**Scalar variants** start the pixel ``i`` of block ``b`` from the 32-bit sum
+**Mitsuba's scalar variants** (read in Mitsuba 3.9: ``src/render/integrator.cpp``,
+``src/render/sampler.cpp``) start the pixel ``i`` of block ``b`` from the 32-bit sum
 
     seed · width · height  +  b · 32²  +  i        (mod 2**32)
 
@@ -35,7 +36,11 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
-from plateau.farm.model.passes import largest_pass, passes
+from plateau.farm.model.passes import (
+    largest_single_call,
+    passes_in_parts,
+    single_call_passes,
+)
 from plateau.farm.model.renderers import variant_named
 
 #: Mitsuba's own block size; the renderer pins it, since small films would otherwise be cut into
@@ -51,14 +56,14 @@ class SeedsExhausted(ValueError):
 
 
 class Pass(NamedTuple):
-    """One render call.
+    """What is rendered with one seed.
 
     Attributes
     ----------
     spp : int
-        Samples per pixel, a power of two.
+        Samples per pixel; a power of two for a renderer that renders passes in a single call.
     seed : int
-        The 32-bit seed for the render call.
+        The 32-bit seed.
     """
 
     spp: int
@@ -132,34 +137,41 @@ class SeedSchedule:
         """The number of slices that reach `max_spp`."""
         return -(-self.max_spp // self.slice_spp)
 
+    def pass_spp(self, index: int) -> tuple[int, ...]:
+        """Return the spp of each pass of slice `index`, in rendering order."""
+        if variant_named(self.variant).renders_in_parts:
+            pixels = self.width * self.height
+            return passes_in_parts(self.slice_spp, pixels, is_first=index == 0)
+        return self._single_calls
+
     @cached_property
-    def pass_spp(self) -> tuple[int, ...]:
-        """The spp of each pass of a slice, in rendering order; the same for every slice."""
-        largest = min(
-            largest_pass(self.width, self.height), variant_named(self.variant).largest_spp
-        )
+    def _single_calls(self) -> tuple[int, ...]:
+        largest = largest_single_call(self.width * self.height)
         # Larger passes use fewer seeds, and a slower cancel is better than no job.
         while (
-            self._seeds.scarce
-            and self.slices * len(passes(self.slice_spp, largest)) > self._seeds.passes_per_job
+            self.slices * len(single_call_passes(self.slice_spp, largest))
+            > self._seeds.passes_per_job
             and 2 * largest <= self.slice_spp
         ):
             largest *= 2
-        return passes(self.slice_spp, largest)
+        return single_call_passes(self.slice_spp, largest)
 
     def seed_range(self, index: int) -> SeedRange:
         """Return the pass numbers of slice `index`, for the ledger."""
         if not 0 <= index < self.slices:
             raise ValueError(f"slice {index} is outside the job's {self.slices} slices")
-        size = len(self.pass_spp)
-        first = self.job_seed * self._passes_per_job_seed + index * size
-        return SeedRange(first, first + size - 1)
+        first = self.job_seed * self._passes_per_job_seed + self._passes_before(index)
+        return SeedRange(first, first + len(self.pass_spp(index)) - 1)
+
+    def _passes_before(self, index: int) -> int:
+        """Return how many passes the slices before `index` have."""
+        return len(self.pass_spp(0)) + (index - 1) * len(self.pass_spp(1)) if index else 0
 
     def passes(self, index: int) -> tuple[Pass, ...]:
         """Return the passes of slice `index` in the order in which they are rendered and added."""
         first, last = self.seed_range(index)
         seeds = map(self._seeds.seed, range(first, last + 1))
-        return tuple(map(Pass, self.pass_spp, seeds))
+        return tuple(map(Pass, self.pass_spp(index), seeds))
 
     @cached_property
     def _seeds(self) -> _DistinctSeeds | _ScalarSeeds:
@@ -169,7 +181,7 @@ class SeedSchedule:
 
     @property
     def _passes_per_job(self) -> int:
-        return self.slices * len(self.pass_spp)
+        return self._passes_before(self.slices)
 
     @property
     def _passes_per_job_seed(self) -> int:

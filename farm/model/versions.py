@@ -29,8 +29,8 @@ from typing import Final
 LAYOUT: Final = 1
 
 #: The versions of the protocol that this Plateau speaks: these and all between.
-OLDEST: Final = 1
-NEWEST: Final = 1
+OLDEST: Final = 2
+NEWEST: Final = 2
 
 
 @cache

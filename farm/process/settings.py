@@ -109,7 +109,10 @@ class Settings(BaseSettings):
         120.0,
         gt=0,
         le=_DAY_S,
-        description="a pass that takes longer is killed with its process group",
+        description=(
+            "a part of a pass, usually about a second, that takes longer is killed with its "
+            "process group"
+        ),
     )
     load_timeout_s: float = Field(
         300.0, gt=0, le=_DAY_S, description="loading of a scene that takes longer is aborted"

@@ -12,7 +12,7 @@ import numpy as np
 import psutil
 from numpy.typing import NDArray
 
-from plateau.worker.renderers.contract import Load
+from plateau.worker.renderers.contract import Load, Zone
 from plateau.worker.supervisor.scene_cache import loading_threads
 from tests.support.own_processes import end_with_parent
 
@@ -37,10 +37,15 @@ class MitsubaProcess(AbstractContextManager["MitsubaProcess"]):
         )
 
     def load(
-        self, folder: Path, entry: str = "scene.xml", sensor: int = 0, **parameters: object
+        self,
+        folder: Path,
+        entry: str = "scene.xml",
+        sensor: int = 0,
+        aovs: tuple[str, ...] = (),
+        **parameters: object,
     ) -> "Loaded":
         strings = {name: str(value) for name, value in parameters.items()}
-        return self.call(_load, folder, entry, strings, sensor)
+        return self.call(_load, folder, entry, strings, sensor, aovs)
 
     def render_pass(self, spp: int, seed: int) -> NDArray[np.float32]:
         return self.call(_render_pass, spp, seed)
@@ -63,13 +68,16 @@ def _start(variant: str, llvm_library: str | None, threads: int) -> None:
     _renderer = Renderer(variant, threads)
 
 
-def _load(folder: Path, entry: str, parameters: dict[str, str], sensor: int) -> "Loaded":
+def _load(
+    folder: Path, entry: str, parameters: dict[str, str], sensor: int, aovs: tuple[str, ...]
+) -> "Loaded":
     return _renderer.load(
         Load(
             folder=str(folder),
             entry=entry,
             parameters=parameters,
             sensor=sensor,
+            aovs=aovs,
             threads=loading_threads(folder),
         )
     )
@@ -89,9 +97,27 @@ def films_until_cancelled(passes: list[tuple[int, int]], begun: int) -> list[NDA
     ]
 
 
-def developed() -> NDArray[np.float32]:
-    """The image that Mitsuba makes of the film of the last pass."""
-    return np.array(_renderer._prepared.film.develop())  # type: ignore[union-attr]
+def zones_of_pass(
+    spp: int, seed: int, zones: list[tuple[int, int, int, int]], chunk: int
+) -> NDArray[np.float32]:
+    """The film of these zones, rendered in chunks of so many samples; of all, where none are."""
+    kernel = _renderer._kernel
+    assert kernel is not None
+    kernel._samples = chunk
+    wanted = [Zone(*one) for one in zones]
+    (film,) = _renderer.render([(spp, seed)], zones=wanted, is_cancelled=lambda: False)
+    return film
+
+
+def by_mitsuba(spp: int, seeds: range) -> NDArray[np.float64]:
+    """The raw films that Mitsuba's own `render` makes, one for each seed."""
+    one = _renderer._prepared
+    assert one is not None
+    films = []
+    for seed in seeds:
+        one.integrator.render(one.scene, one.sensor, seed=seed, spp=spp, develop=False)
+        films.append(np.array(one.film.develop(raw=True), dtype=np.float64))
+    return np.stack(films)
 
 
 def resident_bytes() -> int:

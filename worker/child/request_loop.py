@@ -25,7 +25,6 @@ from plateau.worker.renderers.contract import (
     FirstPass,
     Load,
     Loaded,
-    PassDone,
     Ready,
     Render,
     Renderer,
@@ -33,6 +32,7 @@ from plateau.worker.renderers.contract import (
     SceneRefused,
     Stopped,
     SumDone,
+    Working,
     answer_line,
     read_request,
     renderer_for,
@@ -132,10 +132,14 @@ def _render(
     summed = 0
     passes = request.passes
     films.drop_glimpse()
-    for film in renderer.render(passes, is_cancelled=lambda: requests.cancelled_id == request.id):
+
+    def is_cancelled() -> bool:
+        answer(Working())
+        return requests.cancelled_id == request.id
+
+    for film in renderer.render(passes, is_cancelled=is_cancelled):
         total = channels.add(total, film)
         summed += 1
-        answer(PassDone())
         if summed == 1 and request.glimpse:
             first_s, (spp, _) = time.monotonic() - started, passes[0]
             takes_a_while = first_s / spp * sum(spp for spp, _ in passes[1:]) > _GLIMPSE_S

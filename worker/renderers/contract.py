@@ -12,7 +12,7 @@ and each answer is one object, whose ``"is"`` names its kind::
 
     {"is": "ready", "stays_open": […]}
     {"is": "loaded", "width": …, "height": …, "channels": ["R", "G", "B", "W", "Z"], "notes": […]}
-    {"is": "pass"}
+    {"is": "working"}
     {"is": "glimpse", "at": …, "spp": …}
     {"is": "rendered", "at": …, "render_s": …}
     {"is": "cancelled"}
@@ -34,7 +34,7 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from importlib import import_module
-from typing import TYPE_CHECKING, Any, ClassVar, Final, Protocol
+from typing import TYPE_CHECKING, Any, ClassVar, Final, NamedTuple, Protocol
 
 from plateau.farm.model.renderers import variant_named
 
@@ -46,6 +46,15 @@ if TYPE_CHECKING:
 
 #: The channels with which every film begins, see `plateau.farm.images.channels`.
 CHANNELS: Final = ("R", "G", "B", "W")
+
+
+class Zone(NamedTuple):
+    """A rectangle of the film, in pixels from its upper left corner."""
+
+    x: int
+    y: int
+    width: int
+    height: int
 
 
 class SceneError(Exception):
@@ -145,10 +154,13 @@ class Loaded:
 
 
 @dataclass(frozen=True, kw_only=True)
-class PassDone:
-    """A pass is rendered; without such answers the supervisor takes the child to hang."""
+class Working:
+    """Another part of a pass begins; without such answers the supervisor takes the child to hang.
 
-    kind: ClassVar = "pass"
+    The parts of a pass take about a second.
+    """
+
+    kind: ClassVar = "working"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -193,12 +205,12 @@ class DiskFull:
 
 
 Request = Load | Render | Cancel
-Answer = Ready | Loaded | PassDone | FirstPass | SumDone | Stopped | SceneRefused | DiskFull
+Answer = Ready | Loaded | Working | FirstPass | SumDone | Stopped | SceneRefused | DiskFull
 
 _REQUESTS: Final = {one.kind: one for one in (Load, Render, Cancel)}
 _ANSWERS: Final = {
     one.kind: one
-    for one in (Ready, Loaded, PassDone, FirstPass, SumDone, Stopped, SceneRefused, DiskFull)
+    for one in (Ready, Loaded, Working, FirstPass, SumDone, Stopped, SceneRefused, DiskFull)
 }
 
 
@@ -272,17 +284,25 @@ class Renderer(Protocol):
         """
 
     def render(
-        self, passes: Iterable[tuple[int, int]], *, is_cancelled: Callable[[], bool]
+        self,
+        passes: Iterable[tuple[int, int]],
+        *,
+        zones: Sequence[Zone] = (),
+        is_cancelled: Callable[[], bool],
     ) -> Iterator[NDArray[np.float32]]:
         """Yield the film of each pass, in order, before it is divided by its weights.
 
         Parameters
         ----------
         passes : iterable of (int, int)
-            Of each the samples per pixel, a power of two (see `plateau.farm.model.passes.passes`),
-            and the 32-bit seed, from a `plateau.farm.model.seeds.SeedSchedule`.
+            Of each the samples per pixel and the 32-bit seed, from a
+            `plateau.farm.model.seeds.SeedSchedule`.
+        zones : sequence of Zone
+            The parts of the film to render, which do not overlap; none for the whole film. The
+            samples of a pixel are the same whatever else is rendered.
         is_cancelled : callable
-            Asked before a pass begins; once it says yes, none does any more.
+            Asked before each part of a pass, about once a second: the supervisor is told then that
+            the renderer works. Once it says yes, no part begins any more.
 
         Yields
         ------
@@ -293,7 +313,7 @@ class Renderer(Protocol):
         Raises
         ------
         SceneError
-            The scene fails while it renders.
+            The scene fails while it renders, or zones are asked of a renderer that has none.
         """
 
 

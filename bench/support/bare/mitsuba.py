@@ -32,17 +32,17 @@ def main() -> None:
     dr.set_thread_count(request["threads"])
 
     # The scene as the farm prepares it, so that the samples are the same.
+    from plateau.worker.renderers.contract import Load
     from plateau.worker.renderers.mitsuba.scene_prep import prepare
     from plateau.worker.supervisor.scene_cache import loading_threads
 
-    one = prepare(
-        request["variant"],
-        Path(request["folder"]),
-        request["entry"],
-        request["parameters"],
-        sensor=0,
+    scene = Load(
+        folder=request["folder"],
+        entry=request["entry"],
+        parameters=request["parameters"],
         threads=loading_threads(Path(request["folder"])),
     )
+    one = prepare(request["variant"], scene)
     total: Any = 0.0
     began_s = time.monotonic() - _STARTED
     ended_s, cpu_s = [], []

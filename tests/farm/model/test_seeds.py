@@ -9,19 +9,24 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 import plateau.farm.model.passes
-from plateau.farm.model.passes import largest_pass, passes
+from plateau.farm.model.passes import (
+    LARGEST_SPP,
+    largest_single_call,
+    passes_in_parts,
+    single_call_passes,
+)
 from plateau.farm.model.seeds import SeedSchedule, SeedsExhausted
 
 SIDES = st.integers(1, 700)
 
 
 def test_examples_in_docstrings_hold():
-    assert doctest.testmod(plateau.farm.model.passes) == (0, 2)
+    assert doctest.testmod(plateau.farm.model.passes) == (0, 5)
 
 
 @given(st.integers(1, 4096), st.integers(1, 512))
 def test_passes_are_descending_powers_of_two_that_sum_to_the_slice(slice_spp, largest):
-    parts = passes(slice_spp, largest)
+    parts = single_call_passes(slice_spp, largest)
     assert sum(parts) == slice_spp
     assert all(part & (part - 1) == 0 for part in parts)
     assert max(parts) <= largest
@@ -33,21 +38,21 @@ def test_passes_are_descending_powers_of_two_that_sum_to_the_slice(slice_spp, la
     [(25, 16, (16, 8, 1)), (25, 4, (4,) * 6 + (1,)), (50, 32, (32, 16, 2)), (1, 1, (1,))],
 )
 def test_passes_of_known_slices(slice_spp, largest, expected):
-    assert passes(slice_spp, largest) == expected
+    assert single_call_passes(slice_spp, largest) == expected
 
 
 @pytest.mark.parametrize(("slice_spp", "largest"), [(0, 1), (1, 0), (-3, 4)])
 def test_a_slice_has_samples(slice_spp, largest):
     with pytest.raises(ValueError, match="at least 1"):
-        passes(slice_spp, largest)
+        single_call_passes(slice_spp, largest)
 
 
 @pytest.mark.parametrize(
     ("size", "spp"),
     [((512, 512), 4), ((256, 256), 16), ((333, 255), 8), ((1, 1), 2**20), ((4096, 4096), 1)],
 )
-def test_the_largest_pass_is_about_a_million_samples(size, spp):
-    assert largest_pass(*size) == spp
+def test_the_largest_single_call_is_about_a_million_samples(size, spp):
+    assert largest_single_call(size[0] * size[1]) == spp
 
 
 @given(SIDES, SIDES, st.integers(1, 64), st.integers(0, 2), st.randoms(use_true_random=False))
@@ -124,17 +129,28 @@ def test_scalar_passes_repeat_no_distance():
     assert max(distances.values()) <= 4
 
 
-def test_a_pixel_of_an_llvm_pass_fits_the_smallest_packet():
-    # or else the threads that share it race
-    assert SeedSchedule("llvm_ad_rgb", 40, 24, 25, 100).pass_spp == (4,) * 6 + (1,)
-    assert SeedSchedule("scalar_rgb", 40, 24, 25, 100).pass_spp == (16, 8, 1)
-    assert SeedSchedule("cuda_ad_rgb", 40, 24, 25, 100).pass_spp == (16, 8, 1)
+@given(st.integers(1, 4096), st.integers(1, 2**26), st.booleans())
+def test_passes_in_parts_are_even_and_sum_to_the_slice(slice_spp, pixels, is_first):
+    parts = passes_in_parts(slice_spp, pixels, is_first=is_first)
+    assert sum(parts) == slice_spp
+    later = parts[is_first and len(parts) > 1 :]
+    assert max(later) - min(later) <= 1
+    assert max(parts) <= LARGEST_SPP
+    assert max(parts) * pixels < 2**32  # each sample has a number of its own
+
+
+def test_the_first_slice_begins_with_a_pass_that_can_be_shown_soon():
+    schedule = SeedSchedule("llvm_ad_rgb", 256, 256, 25, 100)
+    assert [schedule.pass_spp(index) for index in range(3)] == [(4, 21), (25,), (25,)]
+    # of 1 spp at least, and not where the whole slice is as short
+    assert SeedSchedule("cuda_ad_rgb", 1920, 1080, 25, 100).pass_spp(0) == (1, 24)
+    assert SeedSchedule("llvm_ad_rgb", 64, 64, 25, 100).pass_spp(0) == (25,)
 
 
 def test_scarce_scalar_seeds_make_passes_larger():
     # 1024×1024 has 4096 disjoint passes; passes of 1 spp would take 10,000 of them
-    assert SeedSchedule("llvm_ad_rgb", 1024, 1024, 25, 10_000).pass_spp == (1,) * 25
-    assert SeedSchedule("scalar_rgb", 1024, 1024, 25, 10_000).pass_spp == (4,) * 6 + (1,)
+    assert SeedSchedule("scalar_rgb", 1024, 1024, 25, 100).pass_spp(0) == (1,) * 25
+    assert SeedSchedule("scalar_rgb", 1024, 1024, 25, 10_000).pass_spp(0) == (4,) * 6 + (1,)
 
 
 @pytest.mark.parametrize(

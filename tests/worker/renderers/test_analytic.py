@@ -112,4 +112,4 @@ def test_a_job_of_another_seed_draws_other_samples():
     other = SeedSchedule(VARIANT, 32, 24, 25, 10_000, job_seed=4)
     seeds = {one.seed for index in range(400) for one in SCHEDULE.passes(index)}
     assert seeds.isdisjoint(one.seed for index in range(400) for one in other.passes(index))
-    assert SCHEDULE.passes(0)[0] == Pass(4, 3 * 2**20)
+    assert SCHEDULE.passes(0)[0] == Pass(25, 3 * 2**20)

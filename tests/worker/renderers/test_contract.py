@@ -32,7 +32,7 @@ ANSWERS = [
     contract.Loaded(
         width=3, height=2, channels=(*contract.CHANNELS, "Z", "id.shape"), ids=("id.shape",)
     ),
-    contract.PassDone(),
+    contract.Working(),
     contract.FirstPass(at=96, spp=4),
     contract.SumDone(at=0, render_s=0.5),
     contract.Stopped(),

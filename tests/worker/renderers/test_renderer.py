@@ -69,16 +69,17 @@ class TestPurity:
         box_room.load(ROOM, filter="box")
         assert np.array_equal(box_room.render_pass(4, 7), first)
 
+    @pytest.mark.parametrize("filter_", ["box", "gaussian", "lanczos"])
     @pytest.mark.parametrize("threads", [1, 9])
-    def test_the_number_of_threads_changes_no_bit(self, box_room, threads):
-        # Nine: more than this film has blocks of 32 pixels, so that Mitsuba would halve them;
-        # and passes of 32 spp and more race under LLVM, so that schedules have none
-        schedule = SeedSchedule(box_room.variant, 40, 24, slice_spp=103, max_spp=103)
+    def test_the_number_of_threads_changes_no_bit(self, mitsuba, threads, filter_):
+        # Nine: more than this film has blocks of 32 pixels, so that Mitsuba would halve them
+        schedule = SeedSchedule(mitsuba.variant, 40, 24, slice_spp=103, max_spp=103)
         passes = schedule.passes(0)
-        expected = [box_room.render_pass(*one) for one in passes]
-        library = library_for(box_room.variant)
-        with MitsubaProcess(box_room.variant, library, threads) as other:
-            other.load(ROOM, filter="box")
+        mitsuba.load(ROOM, filter=filter_)
+        expected = [mitsuba.render_pass(*one) for one in passes]
+        library = library_for(mitsuba.variant)
+        with MitsubaProcess(mitsuba.variant, library, threads) as other:
+            other.load(ROOM, filter=filter_)
             for one, film in zip(passes, expected, strict=True):
                 assert np.array_equal(other.render_pass(*one), film), one
 
@@ -109,10 +110,11 @@ class TestPurity:
         assert any(note.startswith(replaced) for note in loaded.notes) is (sampler != "independent")
 
     @pytest.mark.parametrize("pixels", ["rgb", "luminance", "luminance_alpha", "xyz", "xyza"])
-    def test_the_films_pixel_format_makes_no_difference(self, box_room, pixels):
+    def test_the_films_pixel_format_changes_no_colour(self, box_room, pixels):
         expected = box_room.render_pass(4, 7)
-        box_room.load(ROOM, filter="box", pixels=pixels)
-        assert np.array_equal(box_room.render_pass(4, 7), expected)
+        loaded = box_room.load(ROOM, filter="box", pixels=pixels)
+        assert ("A" in loaded.channels) is (pixels in {"luminance_alpha", "xyza"})
+        assert np.array_equal(box_room.render_pass(4, 7)[..., :4], expected[..., :4])
 
     @pytest.mark.parametrize(
         ("old", "new", "note"),
@@ -153,11 +155,8 @@ class TestPurity:
             ),
             (
                 '<rfilter type="box"/>',
-                '<rfilter type="box"/><string name="pixel_format" value="RGBA"/>',
-                (
-                    "the film's pixel_format was changed from 'RGBA' to 'rgb': alpha and other "
-                    "channels are not rendered"
-                ),
+                '<rfilter type="box"/><string name="pixel_format" value="XYZ"/>',
+                "the film's pixel_format was changed from 'XYZ' to 'rgb': results are RGB",
             ),
             (
                 '<rfilter type="box"/>',
@@ -210,9 +209,10 @@ class TestPurity:
             assert note.startswith("the integrator's block_size was changed from 4 to 32: ")
 
     @pytest.mark.parametrize("spp", [0, -1, 3, 20, 25, 48])
-    def test_a_pass_is_a_power_of_two(self, box_room, spp):
-        with pytest.raises(ValueError, match=f"power of two of spp, not {spp}"):
-            box_room.render_pass(spp, 0)
+    def test_a_pass_of_a_scalar_variant_is_a_power_of_two(self, box_room, spp):
+        if box_room.variant == "scalar_rgb":
+            with pytest.raises(ValueError, match=f"power of two of spp, not {spp}"):
+                box_room.render_pass(spp, 0)
 
 
 class TestOnePassAfterTheOther:
@@ -244,19 +244,12 @@ class TestRawFilm:
     """What comes back is the film before it is divided by its weights."""
 
     def test_size_type_and_weights_under_a_box_filter(self, mitsuba):
-        loaded = mitsuba.load(ROOM, filter="box", width=37, height=21)
+        loaded = mitsuba.load(ROOM, filter="box", width=37, height=21, pixels="rgb")
         film = mitsuba.render_pass(8, 0)
         assert (loaded.width, loaded.height) == (37, 21)
         assert film.shape == (21, 37, 4)
         assert film.dtype == np.float32
         assert (film[..., 3] == 8).all()
-
-    @pytest.mark.parametrize("filter_", ["box", "gaussian", "mitchell", "lanczos"])
-    def test_divided_by_its_weights_it_is_the_image_that_mitsuba_develops(self, mitsuba, filter_):
-        mitsuba.load(ROOM, filter=filter_)
-        film = mitsuba.render_pass(16, 3)
-        developed = mitsuba.call(mitsuba_process.developed)
-        assert np.allclose(film[..., :3] / film[..., 3:], developed, rtol=1e-5, atol=1e-6)
 
     def test_wide_filters_weigh_inner_pixels_more_than_edges(self, mitsuba):
         mitsuba.load(ROOM, filter="gaussian")
@@ -275,7 +268,7 @@ class TestRawFilm:
         cropped = mitsuba.render_pass(256, 0)
         assert cropped.shape == (11, 17, 4)
         # And it shows its part of the whole picture
-        mitsuba.load(ROOM, filter="box")
+        mitsuba.load(ROOM, filter="box", pixels="rgb")
         whole = mitsuba.render_pass(256, 0)[4 : 4 + 11, 8 : 8 + 17]
         difference = (cropped - whole)[..., :3].mean() / whole[..., :3].mean()
         assert abs(difference) < 0.05
@@ -342,10 +335,9 @@ class TestFiles:
              '<integrator type="path"><integer name="maxDepth" value="3"/></integrator>'),
         )  # fmt: skip
         assert mitsuba.load(old).width == 24
-        assert mitsuba.render_pass(1, 0).shape == (16, 24, 4)
+        assert mitsuba.render_pass(1, 0).shape == (16, 24, 5)
 
 
-DEPTH = '<string name="aovs" value="d:depth"/>'
 BSDF = '<bsdf type="diffuse" id="grey"/>'
 SENSOR = SCENE[SCENE.index("    <sensor") : SCENE.index("    <emitter")]
 
@@ -372,12 +364,6 @@ REFUSALS = {
         [('"path"', '"direct_projective"')],
         {},
         "'DirectProjectiveIntegrator' is made for diff|Plugin \"direct_projective\" not found",
-    ),
-    "an integrator of many images": (
-        [('<integrator type="path"/>',
-          f'<integrator type="aov">{DEPTH}<integrator type="path"/></integrator>')],
-        {},
-        r"writes more than an image \(.*d\.T\)",
     ),
 }  # fmt: skip
 

@@ -3,22 +3,22 @@
 from __future__ import annotations
 
 import gc
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
 from plateau.worker.renderers.contract import Loaded, SceneError
+from plateau.worker.renderers.mitsuba.kernel import Kernel
 from plateau.worker.renderers.mitsuba.scene_prep import prepare, scene_errors
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator
+    from collections.abc import Callable, Iterable, Iterator, Sequence
 
     from numpy.typing import NDArray
 
-    from plateau.worker.renderers.contract import Load
+    from plateau.worker.renderers.contract import Load, Zone
     from plateau.worker.renderers.mitsuba.scene_prep import PreparedScene
 
 
@@ -33,8 +33,8 @@ class Renderer:
         mi.set_log_level(mi.LogLevel.Warn)  # of good scenes it says nothing
         dr.set_thread_count(threads)
         self._variant = variant
-        self._runs_ahead = not variant.startswith("scalar")  # those render in the call itself
         self._prepared: PreparedScene | None = None
+        self._kernel: Kernel | None = None
 
     def probe(self) -> None:
         """Render a small Cornell box with a path tracer; raise where its image is none."""
@@ -47,69 +47,53 @@ class Renderer:
     def load(self, request: Load) -> Loaded:
         """Load a scene in the place of the one before; errors carry Mitsuba's message."""
         self._unload()
-        self._prepared = one = prepare(
-            self._variant,
-            Path(request.folder),
-            request.entry,
-            request.parameters,
-            request.sensor,
-            request.threads,
+        self._prepared = one = prepare(self._variant, request)
+        if not self._variant.startswith("scalar"):
+            self._kernel = Kernel(one)
+        return Loaded(
+            width=one.width,
+            height=one.height,
+            channels=one.channels.names,
+            ids=one.channels.ids,
+            notes=one.notes,
         )
-        return Loaded(width=one.width, height=one.height, notes=one.notes)
 
     def render(
-        self, passes: Iterable[tuple[int, int]], *, is_cancelled: Callable[[], bool]
+        self,
+        passes: Iterable[tuple[int, int]],
+        *,
+        zones: Sequence[Zone] = (),
+        is_cancelled: Callable[[], bool],
     ) -> Iterator[NDArray[np.float32]]:
-        """Yield the film of each pass, in order, before it is divided by its weights.
-
-        The next pass already renders while the caller looks at a film, so that the cores do not
-        wait. Scalar variants render in the call itself.
-        """
+        """Yield the film of each pass, in order, before it is divided by its weights."""
         if self._prepared is None:
             raise RuntimeError("no scene is loaded")
-        finished = None
+        if self._kernel is not None:
+            yield from self._kernel.films(passes, zones, is_cancelled)
+            return
+        if zones:
+            raise SceneError(f"the variant {self._variant} renders whole films, and no zones")
         for spp, seed in passes:
             if is_cancelled():
-                break
-            rendering = _begun(self._prepared, spp, seed)
-            if finished is not None:
-                yield finished
-            finished = _finished(self._prepared, rendering)
-            if not self._runs_ahead:
-                yield finished
-                finished = None
-        if finished is not None:
-            yield finished
+                return
+            yield _rendered(self._prepared, spp, seed)
 
     def _unload(self) -> None:
         """Free the scene before, so that two never share the memory."""
-        self._prepared = None
+        self._prepared = self._kernel = None
         gc.collect()
         dr.flush_malloc_cache()
 
 
-def _begun(one: PreparedScene, spp: int, seed: int) -> Any:
-    """Return the film of a pass that is being rendered; scalar variants return it rendered."""
+def _rendered(one: PreparedScene, spp: int, seed: int) -> NDArray[np.float32]:
+    """Return the film of a pass that Mitsuba renders by itself, as scalar variants do."""
     if spp < 1 or spp & (spp - 1):
-        raise ValueError(f"a pass has a power of two of spp, not {spp}")
+        raise ValueError(f"a pass of a scalar variant has a power of two of spp, not {spp}")
     with scene_errors():
         # Mitsuba prepares (and so clears) the film and reseeds the sampler in each call: nothing of
         # a pass is left to the next.
-        one.integrator.render(
-            one.scene, one.sensor, seed=seed, spp=spp, develop=False, evaluate=False
-        )
-        film = one.film.develop(raw=True)
-        dr.eval(film)  # waits for nothing
-    return film
-
-
-def _finished(one: PreparedScene, rendering: Any) -> NDArray[np.float32]:
-    """Wait for a film; return it, without a copy where it lies in this memory."""
-    with scene_errors():
-        film: NDArray[np.float32] = rendering.numpy()
-    if film.shape != (one.height, one.width, 4):
-        raise SceneError(
-            f"the film came out with the shape {film.shape}, where the farm expects "
-            f"{(one.height, one.width, 4)}: red, green, blue and weight"
-        )
-    return film
+        one.integrator.render(one.scene, one.sensor, seed=seed, spp=spp, develop=False)
+        film: NDArray[np.float32] = np.array(one.film.develop(raw=True))
+    alpha = 3  # Mitsuba has it before W
+    order = [0, 1, 2, alpha + 1, alpha] if one.channels.has_alpha else [0, 1, 2, alpha]
+    return film[..., [*order, *(len(order) + index for index in one.channels.aovs)]]

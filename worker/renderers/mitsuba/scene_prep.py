@@ -2,8 +2,8 @@
 
 The farm needs three things that a scene may have otherwise, and changes them between Mitsuba's
 parser and its plugins: the ``independent`` sampler (other samplers repeat their patterns from pass
-to pass), a float32 RGB ``hdrfilm`` (partials are added up), and an integrator whose samples depend
-on nothing but the seed. What was changed is said in notes; the film's size, crop window and
+to pass), a float32 RGB or RGBA ``hdrfilm`` (partials are added up), and an integrator whose samples
+depend on nothing but the seed. What was changed is said in notes; the film's size, crop window and
 reconstruction filter stay. Part of the render child: imports Mitsuba.
 """
 
@@ -21,14 +21,18 @@ import mitsuba as mi
 
 from plateau.farm.bundle import BundleLimits
 from plateau.farm.model.seeds import SCALAR_BLOCK
-from plateau.worker.renderers.contract import SceneError
+from plateau.worker.renderers.contract import SceneError, check_aovs
+from plateau.worker.renderers.mitsuba.film_channels import MITSUBA_AOVS, film_channels
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping
+    from collections.abc import Iterable, Iterator, Sequence
+
+    from plateau.farm.model.aovs import AovName
+    from plateau.worker.renderers.contract import Load
+    from plateau.worker.renderers.mitsuba.film_channels import FilmChannels
 
 #: The film's parameters that the farm sets, each with why.
 _FILM = {
-    "pixel_format": ("rgb", "alpha and other channels are not rendered"),
     "file_format": ("openexr", "results are OpenEXR and PNG files"),
     "component_format": ("float32", "the farm adds samples up in float32"),
 }
@@ -50,6 +54,9 @@ _NO_WEIGHTS = (
     "'path' or 'volpath'"
 )
 
+#: The film's pixel formats with alpha.
+_WITH_ALPHA = {"rgba", "luminance_alpha", "xyza"}
+
 #: `scene_errors` itself and the function that uses it: Mitsuba's C++ has no frames of its own.
 _OUR_FRAMES = 2
 
@@ -67,6 +74,8 @@ class PreparedScene:
         The scene, the chosen sensor, its film and the scene's integrator.
     width, height : int
         Pixels of the film's crop window (the whole film where it has none).
+    channels : FilmChannels
+        What the film has.
     notes : tuple of str
         What was changed in the scene, a sentence each.
     """
@@ -77,34 +86,27 @@ class PreparedScene:
     integrator: Any
     width: int
     height: int
+    channels: FilmChannels
     notes: tuple[str, ...]
 
 
-def prepare(
-    variant: str, folder: Path, entry: str, parameters: Mapping[str, str], sensor: int, threads: int
-) -> PreparedScene:
-    """Return the scene of `entry` in `folder`, adapted to the farm and instantiated.
+def prepare(variant: str, request: Load) -> PreparedScene:
+    """Return the scene that a request names, adapted to the farm and instantiated.
 
     Parameters
     ----------
     variant : str
         The Mitsuba variant in use.
-    folder : Path
-        The scene's bundle; relative file names start here or beside `entry`.
-    entry : str
-        The scene's XML file, relative to `folder`.
-    parameters : mapping of str to str
-        Values for the scene's ``$parameters``, as Mitsuba's ``-D``.
-    sensor : int
-        Index of the sensor to render.
-    threads : int
-        How many load the scene, see `plateau.worker.supervisor.scene_cache.loading_threads`.
+    request : Load
+        The scene, its parameters, and what its film is to have.
 
     Raises
     ------
     SceneError
         Mitsuba refuses the scene, or the farm cannot render it.
     """
+    folder, entry, parameters = Path(request.folder), request.entry, request.parameters
+    check_aovs(request.aovs, MITSUBA_AOVS)
     for name in _UNPASSABLE & parameters.keys():
         raise SceneError(
             f"a parameter cannot be named {name!r}, a name that Mitsuba keeps for itself; rename it"
@@ -116,12 +118,12 @@ def prepare(
     # what a seed's random numbers stand for.
     config.parallel = config.merge_meshes = False
     _build_hierarchies_alone()
-    with scene_errors(folder), _threads(threads):
+    with scene_errors(folder), _threads(request.threads):
         state = mi.parser.parse_file(config, str(folder / entry), **parameters)
         mi.parser.transform_all(config, state)
         notes = _adapt(variant, list(state.nodes))
         scene = mi.parser.instantiate(config, state)
-    return _check(scene, sensor, notes)
+    return _check(variant, scene, request, notes)
 
 
 @contextmanager
@@ -193,6 +195,8 @@ def _adapt(variant: str, nodes: list[Any]) -> tuple[str, ...]:
             raise SceneError(f"the scene has no {name}; add a <{name}> to it")
     notes: list[str] = []
     for node in nodes:
+        if node.props.plugin_name() == "moment":
+            notes += _unwrap(node, nodes)
         if node.type == mi.ObjectType.Sampler:
             notes += _adapt_sampler(node)
         elif node.type == mi.ObjectType.Film:
@@ -234,6 +238,10 @@ def _adapt_film(properties: Any) -> Iterable[str]:
         # Said here: sensors divide by the film's size, and complain of their field of view.
         if properties.has_property(name) and not properties[name]:
             raise SceneError(f"the film's {name} is 0; make it 1 or more")
+    pixels = str(properties.get("pixel_format", "rgb"))
+    properties["pixel_format"] = ours = "rgba" if pixels.lower() in _WITH_ALPHA else "rgb"
+    if pixels.lower() != ours:
+        yield f"the film's pixel_format was changed from '{pixels}' to '{ours}': results are RGB"
     for name, (ours, why) in _FILM.items():
         theirs = properties[name] if properties.has_property(name) else ours
         if str(theirs).lower() != ours:
@@ -246,6 +254,21 @@ def _adapt_film(properties: Any) -> Iterable[str]:
             yield "the film's sample_border was switched off: the farm samples the image alone"
         # It would enlarge the area that is sampled, and with it the seeds that a pass uses.
         properties["sample_border"] = False
+
+
+def _unwrap(moment: Any, nodes: list[Any]) -> Iterable[str]:
+    """Put the integrator inside a ``moment`` integrator in its place."""
+    for name in moment.props.keys():  # noqa: SIM118  (no mapping: it cannot be iterated over)
+        value = moment.props[name]
+        if isinstance(value, mi.Properties.ResolvedReference):
+            inner = nodes[value.index()]
+            if inner.type == mi.ObjectType.Integrator:
+                moment.props = inner.props
+                yield (
+                    "the 'moment' integrator was replaced by the integrator inside it: the farm "
+                    "estimates the variance from its slices"
+                )
+                return
 
 
 def _adapt_integrator(variant: str, properties: Any) -> Iterable[str]:
@@ -266,38 +289,52 @@ def _adapt_integrator(variant: str, properties: Any) -> Iterable[str]:
         properties["block_size"] = SCALAR_BLOCK
 
 
-def _check(scene: Any, index: int, notes: tuple[str, ...]) -> PreparedScene:
+def _check(variant: str, scene: Any, request: Load, notes: tuple[str, ...]) -> PreparedScene:
     """Return the scene's parts, having refused what the farm cannot render."""
     if not isinstance(scene, mi.Scene):
         raise SceneError(
             "the file describes a part of a scene; its outermost element must be <scene>"
         )
     sensors = scene.sensors()
-    if index >= len(sensors):
-        count = len(sensors)
+    if request.sensor >= len(sensors):
         raise SceneError(
-            f"the scene has no sensor {index}; it has {count}, and the first is sensor 0"
+            f"the scene has no sensor {request.sensor}; it has {len(sensors)}, and the first is "
+            "sensor 0"
         )
-    integrator = scene.integrator()
-    if isinstance(integrator, mi.CppADIntegrator):
-        raise SceneError(_DIFFERENTIABLE.format(type(integrator).__name__))
-    if not isinstance(integrator, mi.SamplingIntegrator):
-        raise SceneError(_NO_WEIGHTS.format(_name(integrator)))
-    if integrator.aov_names():
-        channels = ", ".join(integrator.aov_names())
-        raise SceneError(
-            f"the integrator '{_name(integrator)}' writes more than an image ({channels}); use the "
-            "integrator inside it instead"
-        )
-    film = sensors[index].film()
+    sensor = sensors[request.sensor]
+    film = sensor.film()
     width, height = (int(size) for size in film.crop_size())
     if width * height > BundleLimits().max_pixels:
         raise SceneError(
             f"the film has {width}×{height} pixels, and the farm renders "
             f"{BundleLimits().max_pixels:,} at most; make the film smaller"
         )
-    return PreparedScene(scene, sensors[index], film, integrator, width, height, notes)
+    aovs = [name for name in MITSUBA_AOVS if name in request.aovs]
+    integrator = _with_aovs(_checked(scene.integrator()), aovs)
+    channels = film_channels(
+        has_alpha=mi.has_flag(film.flags(), mi.FilmFlags.Alpha),
+        integrator_names=integrator.aov_names(),
+        asked=aovs,
+    )
+    if channels.ids and variant.startswith("scalar"):
+        raise SceneError(
+            f"the variant {variant} would average the numbers in the channel "
+            f"{channels.ids[0]}; ask for an LLVM or CUDA variant, or leave this AOV out"
+        )
+    return PreparedScene(scene, sensor, film, integrator, width, height, channels, notes)
 
 
-def _name(instance: Any) -> str:
-    return str(instance.class_name())
+def _checked(integrator: Any) -> Any:
+    if isinstance(integrator, mi.CppADIntegrator):
+        raise SceneError(_DIFFERENTIABLE.format(type(integrator).__name__))
+    if not isinstance(integrator, mi.SamplingIntegrator):
+        raise SceneError(_NO_WEIGHTS.format(integrator.class_name()))
+    return integrator
+
+
+def _with_aovs(integrator: Any, asked: Sequence[AovName]) -> Any:
+    """Return an integrator that gives these AOVs too, as the last ones."""
+    if not asked:
+        return integrator
+    aovs = ",".join(f"{name}:{MITSUBA_AOVS[name]}" for name in asked)
+    return mi.load_dict({"type": "aov", "aovs": aovs, "image": integrator})
