@@ -36,7 +36,7 @@ def submit(
         typer.Option(
             metavar="URL",
             help="URL that receives the job's events. Requests are signed with "
-            "PLATEAU_WEBHOOK_SECRET, or with the farm's secret where it is not set.",
+            "PLATEAU_WEBHOOK_SECRET, or with the farm's secret if it is not set.",
         ),
     ] = None,
     webhook_event: Annotated[

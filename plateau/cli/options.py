@@ -3,7 +3,7 @@
 import inspect
 from collections.abc import Callable, Collection
 from copy import copy
-from functools import wraps
+from functools import partial, wraps
 from pathlib import Path
 from typing import Annotated, Any, Final, TypeAlias, get_args
 
@@ -34,23 +34,14 @@ Scene = Annotated[
         f"example scene: scenes:NAME, where NAME is {', '.join(scenes.NAMES)}.",
     ),
 ]
-JobId = Annotated[
-    str,
-    typer.Argument(
-        help="The job's id, or an unambiguous prefix of it.",
-        metavar="ID",
-        autocompletion=complete.job_ids,
-    ),
-]
+_job_id = partial(
+    typer.Argument,
+    help="The job's id, or an unambiguous prefix of it.",
+    autocompletion=complete.job_ids,
+)
+JobId = Annotated[str, _job_id(metavar="ID")]
 #: A command takes either a job or a batch; `one_of` checks that.
-OrJobId = Annotated[
-    str | None,
-    typer.Argument(
-        help="The job's id, or an unambiguous prefix of it.",
-        metavar="[ID]",
-        autocompletion=complete.job_ids,
-    ),
-]
+OrJobId = Annotated[str | None, _job_id(metavar="[ID]")]
 OrBatch = Annotated[
     str | None,
     typer.Option("--batch", metavar="NAME", help="All jobs of this batch instead of one job."),

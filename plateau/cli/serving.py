@@ -1,6 +1,7 @@
 """Commands that run the farm: whole for one scene, whole as a service, or one process of it."""
 
 import inspect
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -154,38 +155,32 @@ def worker(
     run(pool=pool, tags=tag)
 
 
+_days = partial(typer.Option, metavar="DAYS", min=0, max=3653)
+
+
 @app.command()
 def gc(
     results_older_than: Annotated[
         float | None,
-        typer.Option(
-            metavar="DAYS",
+        _days(
             help="Remove jobs that finished more than this many days ago, with their results.",
             show_default="PLATEAU_KEEP_RESULTS_DAYS, else never",
-            min=0,
-            max=3653,
         ),
     ] = None,
     sums_older_than: Annotated[
         float | None,
-        typer.Option(
-            metavar="DAYS",
+        _days(
             help="Remove the sums of jobs that finished more than this many days ago. Without "
             "sums or kept slices, a job cannot be continued.",
             show_default="PLATEAU_KEEP_SUMS_DAYS, else 3",
-            min=0,
-            max=3653,
         ),
     ] = None,
     scenes_unused_for: Annotated[
         float | None,
-        typer.Option(
-            metavar="DAYS",
+        _days(
             help="Remove scenes that no job has and that were not used for this many days (an "
             "hour at least).",
             show_default="PLATEAU_KEEP_SCENES_DAYS, else never",
-            min=0,
-            max=3653,
         ),
     ] = None,
     dry_run: Annotated[

@@ -74,7 +74,7 @@ def render(
                 data,
                 interrupts,
                 workers=workers,
-                door=Door(open_to_all=True),  # nobody else knows of it
+                door=Door(open_to_all=True),  # only this process knows its port
                 tell=lambda line: shown.note(line),
                 most_deaths=_MOST_DEATHS,
                 is_temporary=True,

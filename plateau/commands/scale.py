@@ -21,7 +21,7 @@ from plateau.processes.process import run_until_signal, when_checked
 from plateau.scale.policy import Limits, Policy
 from plateau.scale.report import Report
 from plateau.scale.scaler import Scaler
-from plateau.scale.slurm import Request, Slurm, check_commands
+from plateau.scale.slurm import Slurm, check_commands
 
 _LOG = logging.getLogger("plateau")
 
@@ -62,12 +62,16 @@ def slurm(
             if once:  # otherwise `when_checked` has done so
                 check_schema(client)
                 check_pair(client, Blobs(settings.blobs or ""))
-            environment = {**_environment(limits, settings), **given}
-            request = Request(script=script, options=options, environment=environment)
             scaler = Scaler(
                 jobs=Jobs(client),
                 workers=Workers(client),
-                slurm=Slurm(name, farm_id(client), request),
+                slurm=Slurm(
+                    name=name,
+                    farm=farm_id(client),
+                    script=script,
+                    options=options,
+                    environment={**_environment(limits, settings), **given},
+                ),
                 policy=Policy(limits),
                 pool=settings.pool,
                 tags=settings.tags,

@@ -89,7 +89,7 @@ def monitor() -> None:
 
 
 def worker(*, pool: str | None, tags: list[str] | None) -> None:
-    """Run a worker until a signal, in this pool and with these tags where they are given."""
+    """Run a worker until a signal, in this pool and with these tags if they are given."""
     from plateau.worker.supervisor.supervisor import run
 
     # As variables, the options are checked with the other settings.
@@ -100,6 +100,7 @@ def worker(*, pool: str | None, tags: list[str] | None) -> None:
 
 def _greet(tree: Tree, data: DataFolder, door: Door, workers: int) -> None:
     count = {0: "no worker", 1: "1 worker"}.get(workers, f"{workers} workers")
+    option = "" if tree.url == Settings.model_fields["url"].default else f" --url {tree.url}"
     print(
         f"Plateau listens at {tree.url} (API: {tree.url}/docs), with {count}.\n"
         f"{_who_may(tree.redis_url, door)}\n{_about_tls(door)}"
@@ -108,7 +109,7 @@ def _greet(tree: Tree, data: DataFolder, door: Door, workers: int) -> None:
         f"  PLATEAU_REDIS_URL={without_password(tree.redis_url)} PLATEAU_BLOBS={tree.blobs} "
         f"plateau worker\n"
         f"Submit a scene:\n"
-        f"  plateau submit scenes:box{_url_option(tree.url)}\n"
+        f"  plateau submit scenes:box{option}\n"
         f"Ctrl-C stops the service; jobs continue at the next start.",
         flush=True,
     )
@@ -141,7 +142,3 @@ def _about_tls(door: Door) -> str:
         "certificate\n"
         "(--tls-certificate, --tls-key), or put a proxy with TLS in front.\n"
     )
-
-
-def _url_option(url: str) -> str:
-    return "" if url == Settings.model_fields["url"].default else f" --url {url}"

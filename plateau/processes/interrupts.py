@@ -12,18 +12,11 @@ class Interrupts:
     """While the context lasts, these signals are counted and do not end the process.
 
     A signal that was ignored (by ``nohup``, or in the background of a shell) stays ignored.
-
-    Attributes
-    ----------
-    asked
-        Set by the first signal.
-    insisted
-        Set by the second.
     """
 
     def __init__(self) -> None:
-        self.asked = threading.Event()
-        self.insisted = threading.Event()
+        self.asked = threading.Event()  #: set by the first signal
+        self.insisted = threading.Event()  #: set by the second signal
         self._first: int = signal.SIGINT
         self._before: dict[int, Any] = {}
 

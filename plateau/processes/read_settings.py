@@ -38,13 +38,9 @@ def api_key(settings: Settings) -> str | None:
 def farm_settings() -> Settings:
     """The settings of a process that uses Redis; its URL contains the other settings of Redis."""
     settings = read_settings()
-    return settings.model_copy(update={"redis_url": _whole_redis_url(settings)})
-
-
-def _whole_redis_url(settings: Settings) -> str | None:
-    if not settings.redis_url:
-        return None
     url = settings.redis_url
+    if not url:
+        return settings.model_copy(update={"redis_url": None})
     try:
         redis_url.check(url)
         if settings.redis_user:
@@ -56,7 +52,7 @@ def _whole_redis_url(settings: Settings) -> str | None:
         redis_url.check(url)
     except redis_url.BadRedisUrl as error:
         raise BadSetting(f"PLATEAU_REDIS_URL: {error}") from None
-    return url
+    return settings.model_copy(update={"redis_url": url})
 
 
 def _parameters(settings: Settings, *, tls: bool) -> dict[str, str]:

@@ -25,15 +25,10 @@ class StopSignals:
     """Handles SIGTERM and SIGINT: the first one asks to stop, a later one ends the process.
 
     Make it in the main thread.
-
-    Attributes
-    ----------
-    asked
-        Set by the first signal.
     """
 
     def __init__(self) -> None:
-        self.asked = Stop()
+        self.asked = Stop()  #: set by the first signal
         self._asked_at = 0.0
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, self._heard)

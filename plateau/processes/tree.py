@@ -128,7 +128,9 @@ class Tree:
             member.rotate_log()
             cause = member.has_died()
             if cause is not None:
-                self._bury(member, cause)
+                if self.most_deaths is not None and member.deaths >= self.most_deaths:
+                    raise TreeFailed(f"{cause}; its log:\n{member.last_words()}")
+                self.tell(f"{cause}; starting it again (its log: {member.log})")
             member.start_if_due()
 
     def _start_again(self, server: EmbeddedRedis) -> None:
@@ -249,8 +251,3 @@ class Tree:
         if not url:
             raise TreeFailed(f"the API did not start; its log:\n{api.last_words()}")
         return url
-
-    def _bury(self, member: Member, cause: str) -> None:
-        if self.most_deaths is not None and member.deaths >= self.most_deaths:
-            raise TreeFailed(f"{cause}; its log:\n{member.last_words()}")
-        self.tell(f"{cause}; starting it again (its log: {member.log})")

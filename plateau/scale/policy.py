@@ -50,7 +50,7 @@ class Policy:
 
     def __init__(self, limits: Limits) -> None:
         self._limits = limits
-        self._starts = Starts()
+        self.starts = Starts()
         self._wanted: deque[tuple[float, int]] = deque()
         #: By worker: since when it is idle, and its slices done by then.
         self._idle: dict[str, tuple[float, int]] = {}
@@ -62,7 +62,7 @@ class Policy:
     def plan(self, look: Look) -> Plan:
         """What to do now. The policy assumes that it is done, except for submissions."""
         self._note_idle(look)
-        self._starts.note(look)
+        self.starts.note(look)
         wanted = self._stabilised(look)
         self._asked &= {task.id for task in look.tasks if task.state is TaskState.RUNS}
         staying = [task for task in look.tasks if self._stays(task, look)]
@@ -78,7 +78,7 @@ class Policy:
         recalled = coming[::-1][:surplus]
         surplus -= len(recalled)
         drained = self._to_drain(staying, look, surplus)
-        held_s = self._starts.held_s(look.now_s)
+        held_s = self.starts.held_s(look.now_s)
         missing = max(0, wanted - len(staying))
         may_submit = held_s == 0 and not self._somebody_is_free(staying, look)
         plan = Plan(
@@ -90,19 +90,11 @@ class Policy:
             end=(*recalled, *(task.id for task in look.tasks if self._is_done(task, look))),
             held_s=held_s if missing else 0.0,
         )
-        self._starts.dismiss((*plan.cancel, *plan.end))
+        self.starts.dismiss((*plan.cancel, *plan.end))
         self._asked.update(plan.end)
         for task in plan.drain:
             self._drained[look.workers[task].id] = look.workers[task].seen_at
         return plan
-
-    def note_submitted(self, count: int) -> None:
-        """Record that this many tasks were submitted."""
-        self._starts.note_submitted(count)
-
-    def note_failure(self, now_s: float) -> None:
-        """Record that nothing could be submitted; the next try waits."""
-        self._starts.note_failure(now_s)
 
     def _stabilised(self, look: Look) -> int:
         wanted = max(0, worth(look.demand, self._limits.worth_s) - look.others)
@@ -120,7 +112,7 @@ class Policy:
         idle.sort(key=lambda task: self._idle[look.workers[task].id][0])
         broken = [task for task in idle if look.workers[task].trouble is not None]
         if broken:
-            self._starts.note_failure(look.now_s)
+            self.starts.note_failure(look.now_s)
         spared = [task for task in idle if task not in broken][: max(0, surplus - len(broken))]
         gone = [*broken, *spared]
         rest = [task for task in working if task not in gone]

@@ -113,7 +113,7 @@ class Scaler:
         try:
             array = self.slurm.submit(plan.submit)
         except SlurmFailed:
-            self.policy.note_failure(look.now_s)
+            self.policy.starts.note_failure(look.now_s)
             raise
-        self.policy.note_submitted(plan.submit)
+        self.policy.starts.note_submitted(plan.submit)
         return array

@@ -48,31 +48,18 @@ def check_commands() -> None:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Request:
-    """How each worker is submitted."""
-
-    script: Path
-    options: Sequence[str]  #: of sbatch
-    environment: Mapping[str, str]  #: variables beside those of this process
-
-
 class Slurm:
-    """Our tasks in Slurm; every method raises `SlurmFailed` if a command fails.
+    """Our tasks in Slurm; every method raises `SlurmFailed` if a command fails."""
 
-    Parameters
-    ----------
-    name
-        The tasks' name; two scalers of one user need two names.
-    farm
-        The farm's id, which the tasks' comment contains.
-    request
-        How each worker is submitted.
-    """
+    name: str  #: of the tasks; two scalers of one user need two names
+    farm: str  #: the farm's id
+    script: Path  #: the batch script
+    options: Sequence[str]  #: of sbatch
+    environment: Mapping[str, str]  #: the workers' variables beside those of this process
 
-    def __init__(self, name: str, farm: str, request: Request) -> None:
-        self._name = name
-        self._comment = f"plateau:{farm}"
-        self._request = request
+    @property
+    def _comment(self) -> str:
+        return f"plateau:{self.farm}"
 
     def tasks(self) -> tuple[Task, ...]:
         """Our tasks that have not ended, in the order of their submission."""
@@ -80,7 +67,7 @@ class Slurm:
             "squeue",
             "--noheader",
             "--array",
-            f"--name={self._name}",
+            f"--name={self.name}",
             f"--user={getpass.getuser()}",
             "--format=%i|%T|%k|%r",
         )
@@ -94,23 +81,21 @@ class Slurm:
         environment = {
             name: value for name, value in os.environ.items() if not _KEPT_BACK.fullmatch(name)
         }
-        answer = _run(
-            *self.submission(count), environment={**environment, **self._request.environment}
-        )
+        answer = _run(*self.submission(count), environment={**environment, **self.environment})
         return answer.partition(";")[0]  # what follows names the cluster
 
     def submission(self, count: int) -> tuple[str, ...]:
         """The command line of `submit`."""
         return (
             "sbatch",
-            *self._request.options,
+            *self.options,
             # Of two equal options, sbatch takes the last.
             "--parsable",
             "--export=ALL",
             f"--array=1-{count}",
-            f"--job-name={self._name}",
+            f"--job-name={self.name}",
             f"--comment={self._comment}",
-            str(self._request.script),
+            str(self.script),
         )
 
     def cancel_waiting(self, tasks: Iterable[str]) -> None:

@@ -14,7 +14,7 @@ from plateau.farm.model.states import JobState
 from plateau.farm.wire import figures
 from plateau.farm.wire.batch_views import BatchView
 
-#: Shows a batch as it stands.
+#: Shows the current state of a batch.
 Show = Callable[[BatchView], None]
 
 

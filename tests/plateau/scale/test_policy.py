@@ -48,7 +48,7 @@ class Farm:
         )
         for _ in range(plan.submit):
             self.states[f"1_{len(self.states) + 1}"] = TaskState.WAITS
-        self.policy.note_submitted(plan.submit)
+        self.policy.starts.note_submitted(plan.submit)
         for task in (*plan.cancel, *plan.end):
             self.leave(task)
         for task in plan.drain:
@@ -280,7 +280,7 @@ class TestWhatComesToNothing:
         assert farm.look(4).submit == 4
 
     def test_includes_what_slurm_refused(self, farm: Farm) -> None:
-        farm.policy.note_failure(farm.now_s)
+        farm.policy.starts.note_failure(farm.now_s)
         assert [plan.submit for plan in looks(farm, 1, 4)] == [0, 0, 1, 0]
 
     def test_a_worker_that_can_render_nothing_leaves_and_is_replaced_later(
