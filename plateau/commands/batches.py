@@ -8,7 +8,7 @@ from typing import Final
 
 from rich.console import Console
 
-from plateau import job_text as words
+from plateau import job_text
 from plateau.client import Client
 from plateau.commands.connect import connect
 from plateau.commands.outputs import write_results
@@ -175,7 +175,7 @@ def _summary(batch: BatchView) -> str:
     if guard.estimate_fraction is not None:
         left = _extent(guard.estimate_fraction, figures.percent)
         rows.append(("noise left", f"{left} of the pixels, in the jobs that converged"))
-    return "\n".join(words.row(name, text) for name, text in rows)
+    return "\n".join(job_text.row(name, text) for name, text in rows)
 
 
 def _extent(extent: Extent | None, said: Callable[[float], str]) -> str:

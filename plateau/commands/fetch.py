@@ -6,13 +6,11 @@ from pathlib import Path
 
 from rich.console import Console
 
-from plateau import job_text as words
+from plateau import job_text
 from plateau.commands.connect import connect, whole_id
 from plateau.commands.outputs import write_results
 from plateau.files.out_folder import make_ready
-from plateau.terminal.curve import terminal_curve
-
-_CURVE_ROWS = 16
+from plateau.terminal.curve import job_curve
 
 
 def curve(job_id: str, *, url: str | None, as_csv: bool, as_json: bool) -> None:
@@ -32,18 +30,10 @@ def curve(job_id: str, *, url: str | None, as_csv: bool, as_json: bool) -> None:
         )
         return
     for point in points:
-        print(words.point_line(job, point))
+        print(job_text.point_line(job, point))
     console = Console()
     if console.is_terminal and console.encoding.startswith("utf"):
-        drawn = terminal_curve(
-            points,
-            target=words.stop_fraction(job),
-            forecast_spp=None if job.state.ended else points[-1].forecast_spp,
-            max_spp=job.spec.max_spp,
-            columns=console.width,
-            rows=_CURVE_ROWS,
-        )
-        console.print(drawn)
+        console.print(job_curve(job, points, columns=console.width, rows=16))
 
 
 def fetch(job_id: str, out: Path, *, url: str | None, as_json: bool) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 
 from rich.console import Console
 
-from plateau import job_text as words
+from plateau import job_text
 from plateau.commands.connect import connect, whole_id
 from plateau.commands.follow import follow
 from plateau.commands.outputs import summary_json, write_results
@@ -59,9 +59,9 @@ def watch(
     if as_json:
         print(json.dumps(about, indent=2))
     else:
-        print(words.summary(job, utc_now()))
+        print(job_text.summary(job, utc_now()))
         if about["files"]:
-            print(words.row("files", ", ".join(about["files"])))
+            print(job_text.row("files", ", ".join(about["files"])))
     return EXIT_CODES[job.state]
 
 
@@ -84,10 +84,10 @@ def show(job_id: str, *, url: str | None, as_json: bool) -> None:
     if as_json:
         print(job.model_dump_json(indent=2))
         return
-    print(words.row("job", f"{job.id} ({job.name})"))
+    print(job_text.row("job", f"{job.id} ({job.name})"))
     if job.owner is not None:
-        print(words.row("owner", f"{job.owner_name} (key {job.owner})"))
-    print(words.summary(job, utc_now(), job.waits_for))
+        print(job_text.row("owner", f"{job.owner_name} (key {job.owner})"))
+    print(job_text.summary(job, utc_now(), job.waits_for))
     print("story:")
     for line in lines:
         print(f"  {line}")

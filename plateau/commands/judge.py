@@ -3,7 +3,7 @@
 import json
 from pathlib import Path
 
-from plateau import job_text as words
+from plateau import job_text
 from plateau.errors import CommandFailed
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.wire.curve_csv import curve_csv
@@ -41,13 +41,13 @@ def judge(folder: Path, spec: JobSpec, *, cumulative: bool, out: Path | None, as
     print(f"{len(judged.points)} evaluations of {size} pixels, to {last.spp:,} spp")
     for name, spp in judged.stops.items():
         when = "would not have stopped" if spp is None else f"would have stopped at {spp:,} spp"
-        print(words.row(name, when))
+        print(job_text.row(name, when))
     return 0
 
 
 def _write(judged: Judged, spec: JobSpec, name: str, out: Path) -> None:
     (out / "curve.csv").write_text(curve_csv(judged.points))
-    limit = words.slope_limit(spec)
+    limit = job_text.slope_limit(spec)
     plot_curve(
         name,
         f"judged to {judged.points[-1].spp:,} spp",

@@ -10,7 +10,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
-from plateau import job_text as words
+from plateau import job_text
 from plateau.client import ApiError, Client
 from plateau.errors import CommandFailed, ExtraMissing, needs
 from plateau.farm.model.job import CurvePoint, utc_now
@@ -136,7 +136,7 @@ def _summarise(job: JobView, fetched: _Fetched, folder: Path) -> dict[str, Any]:
         except ExtraMissing as error:
             _tell_once(f"no curve.png: {error}")
     files += [folder / "summary.txt", folder / "summary.json"]
-    _write(folder / "summary.txt", words.summary(job, utc_now()) + "\n")
+    _write(folder / "summary.txt", job_text.summary(job, utc_now()) + "\n")
     about = summary_json(job, fetched.points, files)
     _write(folder / "summary.json", json.dumps(about, indent=2) + "\n")
     return about

@@ -82,7 +82,7 @@ def render(
                 # These imports take place while the tree's processes start.
                 from rich.console import Console
 
-                from plateau import job_text as words
+                from plateau import job_text
                 from plateau.client import Client
                 from plateau.commands.outputs import write_or_keep
                 from plateau.farm.model.job import utc_now
@@ -99,8 +99,8 @@ def render(
     if as_json:
         print(json.dumps(about, indent=2))
     else:
-        print(words.summary(job, utc_now()))
-        print(words.row("files", ", ".join(about["files"])))
+        print(job_text.summary(job, utc_now()))
+        print(job_text.row("files", ", ".join(about["files"])))
     if job.state is JobState.FAILED:
         tell(f"the job failed: {job.reason}")
     if job.state is JobState.CANCELLED and interrupts.asked.is_set():

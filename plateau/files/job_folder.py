@@ -96,7 +96,7 @@ def frame(folder: Path, place: int, job_id: str) -> Path:
 def require_free(folder: Path) -> None:
     """Raise `CommandFailed` if a job's results would be lost in the folder, or overwrite files.
 
-    Such a folder has the results of a batch, or a file that is no job's with a result's name.
+    Such a folder has the results of a batch, or a file with a result's name that no job wrote.
     """
     if frames := _frames(folder):
         raise CommandFailed(

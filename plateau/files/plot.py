@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
 
-from plateau import job_text as words
+from plateau import job_text
 from plateau.farm.model.job import CurvePoint, Job
 from plateau.farm.wire.figures import share, significant
 
@@ -61,9 +61,9 @@ def plot_job(job: Job, points: list[CurvePoint], path: Path) -> None:
         points,
         path,
         Marks(
-            window=words.slope_limit(job.spec).window,
-            stop_slope=words.stop_slope(job),
-            target=words.stop_fraction(job),
+            window=job_text.slope_limit(job.spec).window,
+            stop_slope=job_text.stop_slope(job),
+            target=job_text.stop_fraction(job),
             stops={"": job.spp} if job.state.ended else {},
         ),
     )

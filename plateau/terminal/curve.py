@@ -14,7 +14,8 @@ from typing import Final
 from plotille import Canvas
 from rich.text import Text
 
-from plateau.farm.model.job import CurvePoint
+from plateau import job_text
+from plateau.farm.model.job import CurvePoint, Job
 
 #: A smaller chart shows nothing; a wider one is hard to read.
 LEAST_COLUMNS: Final = 46
@@ -37,6 +38,18 @@ class _Line:
     style: str
     places: list[tuple[float, float]]  #: (spp, share of the image)
     dashed: bool = False
+
+
+def job_curve(job: Job, points: list[CurvePoint], *, columns: int, rows: int) -> Text:
+    """The curve of a job; see `terminal_curve`."""
+    return terminal_curve(
+        points,
+        target=job_text.stop_fraction(job),
+        forecast_spp=None if job.state.ended else points[-1].forecast_spp,
+        max_spp=job.spec.max_spp,
+        columns=columns,
+        rows=rows,
+    )
 
 
 def terminal_curve(

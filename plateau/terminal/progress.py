@@ -12,11 +12,11 @@ from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
-from plateau import job_text as words
+from plateau import job_text
 from plateau.farm.model.job import CurvePoint, Event, Job, utc_now
 from plateau.farm.model.states import JobState
 from plateau.farm.wire import figures
-from plateau.terminal.curve import LEAST_COLUMNS, LEAST_ROWS, terminal_curve
+from plateau.terminal.curve import LEAST_COLUMNS, LEAST_ROWS, job_curve
 
 #: The render rate is that of the slices of the last seconds.
 _RATE_S: Final = 20.0
@@ -99,7 +99,7 @@ class PlainProgress(Progress):
         if event.type == "point" and self._job is not None:
             point = self._points[-1]
             after = figures.duration((point.at - self._job.created_at).total_seconds())
-            self.note(words.point_line(self._job, point, self._rate(self._job), after))
+            self.note(job_text.point_line(self._job, point, self._rate(self._job), after))
 
     def refresh(self) -> None:
         """Print nothing: the passing time is worth no line."""
@@ -145,7 +145,7 @@ class LiveProgress(Progress):
         head.add_column(ratio=1)
         head.add_column(justify="right")
         now = utc_now()
-        times = filter(None, (words.time_left(job, now), figures.duration(job.duration_s(now))))
+        times = filter(None, (job_text.time_left(job, now), figures.duration(job.duration_s(now))))
         head.add_row(
             Text.assemble((Path(job.name).stem, "bold"), f"  {job.state.value}{variant}{size}"),
             " · ".join(times),
@@ -158,7 +158,7 @@ class LiveProgress(Progress):
         bar.add_row(ProgressBar(total=job.spec.max_spp, completed=spp), "   ".join(done))
         lines: list[Table | Text] = [head, bar]
         if self._points:
-            lines.append(Text("   ".join(words.point_figures(job, self._points[-1]))))
+            lines.append(Text("   ".join(job_text.point_figures(job, self._points[-1]))))
         elif job.state is not JobState.PAUSED:
             lines.append(Text(job.reason, style="dim"))
         if job.state is JobState.PAUSED:
@@ -173,14 +173,7 @@ class LiveProgress(Progress):
         room = console.width >= LEAST_COLUMNS and rows >= LEAST_ROWS
         if not (self._curve and room and console.encoding.startswith("utf")):
             return Text(sparkline([one.visible_pixels for one in self._points]), "cyan")
-        return terminal_curve(
-            self._points,
-            target=words.stop_fraction(job),
-            forecast_spp=None if job.state.ended else self._points[-1].forecast_spp,
-            max_spp=job.spec.max_spp,
-            columns=console.width,
-            rows=rows,
-        )
+        return job_curve(job, self._points, columns=console.width, rows=rows)
 
 
 def progress_on(console: Console, *, curve: bool = True) -> Progress:

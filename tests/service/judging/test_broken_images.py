@@ -11,7 +11,7 @@ import pytest
 import redis
 from PIL import Image
 
-from plateau import job_text as words
+from plateau import job_text
 from plateau.farm.images.exr import Pixels, decode_image
 from plateau.farm.model.job import Job, utc_now
 from plateau.farm.model.states import JobState
@@ -156,7 +156,7 @@ def test_a_few_are_left_out_and_every_figure_says_so(
         assert last.rules["visible"].value == last.estimate_fraction
         assert "2 pixels that are NaN or infinite are left out" in done.reason
     assert curve[0].visible_pixels == 0  # the first image, against itself
-    summary = words.summary(job_view(done), utc_now())
+    summary = job_text.summary(job_view(done), utc_now())
     assert "2 px (0.26 %) are NaN or infinite, and left out" in summary
     with live_api(redis_url, farm.store) as url, httpx.Client(base_url=url) as http:
         path = f"/v1/jobs/{job.id}"
@@ -175,7 +175,7 @@ def test_an_image_without_such_pixels_has_no_such_picture(farm: NoiseFarm, redis
     with farm.monitor():
         done = farm.finish(job)
     assert done.state is JobState.CONVERGED
-    assert "broken" not in words.summary(job_view(done), utc_now())
+    assert "broken" not in job_text.summary(job_view(done), utc_now())
     with live_api(redis_url, farm.store) as url, httpx.Client(base_url=url) as http:
         answer = http.get(f"/v1/jobs/{job.id}/non-finite.png")
     assert answer.status_code == 404
