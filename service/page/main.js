@@ -1,4 +1,4 @@
-// Which screen is shown: the path says, and going from one to another loads no page.
+// The router: the path determines the screen, and links between screens load no page.
 
 import { forgetKey, hasKey } from "./shared/api_key.js";
 import { byId, setAttribute } from "./shared/dom.js";
@@ -12,9 +12,9 @@ import * as study from "./study/study_screen.js";
 import * as submit from "./submit/submit_screen.js";
 import * as workers from "./workers/workers_screen.js";
 
-/** @typedef {(main: HTMLElement, context: ScreenContext) => void | Promise<void>} Screen  shows a screen in an empty place */
+/** @typedef {(main: HTMLElement, context: ScreenContext) => void | Promise<void>} Screen  shows a screen in an empty element */
 /** @typedef {{ id: string, signal: AbortSignal, go: (path: string) => void }} ScreenContext
- *   the id that the path has, what aborts when the screen is left, and what goes to another */
+ *   the id in the path, a signal that aborts when the screen is left, and the way to another screen */
 
 /** @type {[path: RegExp, name: string, screen: { open: Screen }][]} */
 const SCREENS = [
@@ -69,7 +69,7 @@ document.addEventListener("click", (event) => {
 });
 addEventListener("popstate", () => open({ focus: true }));
 
-// A file that is dropped beside its place would take the page away.
+// A file that is dropped beside its target would replace the page.
 for (const type of ["dragover", "drop"]) addEventListener(type, (event) => event.preventDefault());
 
 const forget = byId("forget-key");
@@ -77,11 +77,9 @@ forget.addEventListener("click", () => {
   forgetKey();
   location.reload();
 });
-const showForget = () => (forget.hidden = !hasKey());
-document.addEventListener("plateau-key", showForget);
-showForget();
 
 async function meet() {
+  forget.hidden = !hasKey();
   await meetMe();
   byId("submit").hidden = !maySubmit();
 }

@@ -70,10 +70,10 @@ class TestASubmission:
         # It did arrive. A change that is refused and taken back is no other request
         (made,) = ids(farm)
         page.get_by_text("More", exact=True).click()
-        page.get_by_label("Look every").fill("30")
+        page.get_by_label("Judge every").fill("30")
         page.get_by_role("button", name="Render it").click()
         expect(wrong).to_contain_text("step must be a multiple of slice_spp")
-        page.get_by_label("Look every").fill("100")
+        page.get_by_label("Judge every").fill("100")
         # And then
         page.get_by_role("button", name="Render it").click()
         leads_to(visitor, made)
@@ -101,7 +101,7 @@ class TestASubmission:
 
 @pytest.mark.parametrize(
     ("opens", "starts", "path"),
-    [("Go on…", "Go on", "continue"), ("Judge again…", "Judge it", "rejudge")],
+    [("Continue…", "Continue", "continue"), ("Judge again…", "Judge it", "rejudge")],
 )
 def test_a_job_that_goes_on_is_made_once(
     visit: Visit, farm: NoiseFarm, opens: str, starts: str, path: str

@@ -73,7 +73,7 @@ def test_a_job_is_judged_by_it_and_the_page_offers_it(
     expect(looks).to_have_value("5")
     expect(looks).to_have_attribute("max", "1000")
     looks.fill("3")
-    page.get_by_label("Look every").fill("25")
+    page.get_by_label("Judge every").fill("25")
     page.get_by_role("button", name="Render it").click()
     expect(page).to_have_url(re.compile("/jobs/[0-9a-f]{12}$"))
     expect(page.locator(".one-job .title .state")).to_have_text("converged", timeout=120_000)

@@ -40,7 +40,7 @@ def test_a_scene_is_submitted_and_rendered_to_its_end(
         page.get_by_text("Other rules", exact=True).click()
         page.get_by_role("radio", name="A number of samples").check()
         page.get_by_label("Stop at", exact=True).fill("50")
-        page.get_by_label("Look every").fill("25")
+        page.get_by_label("Judge every").fill("25")
         page.get_by_role("button", name="Render it").click()
         expect(page).to_have_url(re.compile("/jobs/[0-9a-f]{12}$"))
         expect(page.locator(".one-job .title .state")).to_have_text("converged", timeout=120_000)

@@ -39,7 +39,7 @@ def test_each_worker_says_what_it_does(visit: Visit, farm: NoiseFarm, client: re
         False,
         True,
     ]
-    page.get_by_role("button", name="Let it work: w-2").click()
+    page.get_by_role("button", name="Resume w-2").click()
     expect(second).to_contain_text("idle")
     # And what each renders is one step away
     first.get_by_role("link", name="box").click()

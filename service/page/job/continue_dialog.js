@@ -1,4 +1,4 @@
-// Going on with a job that has ended: to a stricter rule or a higher cap, as a new job.
+// Continuing an ended job, to a stricter rule or a higher cap, as a new job.
 
 import { openForm } from "../shared/dialogs.js";
 import { h } from "../shared/dom.js";
@@ -11,13 +11,13 @@ import { fieldIn } from "../shared/rules.js";
 import { LIMITS } from "../shared/spec_fields.js";
 
 /**
- * A button that asks how far; null where there is nothing to go on with.
+ * The button for it; null if the job cannot be continued.
  * @param {Api.JobView} job
  * @param {(path: string) => void} go
  */
-export function goOnButton(job, go) {
+export function continueButton(job, go) {
   if (!ENDED.has(job.state) || !job.finished_at || !job.spp || job.state === "failed" || !maySubmit()) return null;
-  return h("button", { onclick: () => ask(job, go) }, "Go on…");
+  return h("button", { onclick: () => ask(job, go) }, "Continue…");
 }
 
 /**
@@ -30,7 +30,7 @@ function ask(job, go) {
     const most = about.max ?? Infinity;
     return {
       ...about, value: Math.min(most, Math.max(cap, 2 * job.spp)), min: Math.min(most, job.spp + 1),
-      help: `It has ${whole(job.spp)} by now, and keeps them all.`,
+      help: `The job has ${whole(job.spp)} now; the new one keeps them all.`,
     };
   }));
   const asked = fieldIn("noise_target", rule);
@@ -40,7 +40,7 @@ function ask(job, go) {
     value: Number(Math.max(asked.min, job.state === "converged" ? target / 2 : target).toPrecision(3)),
   }]);
   const changes = () => ({ ...limits.values(), ...(asked && { rule: stricter.values() }) });
-  openForm(`Go on with ${title(job)}`, "Go on",
+  openForm(`Continue ${title(job)}`, "Continue",
     [h("p", {}, "A new job takes over its samples; this one stays as it is."), ...limits.elements, ...stricter.elements],
     { send: jobMaker(job.links.continue, changes, go) });
 }

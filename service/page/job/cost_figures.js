@@ -1,4 +1,4 @@
-// What a job saved and cost, in figures.
+// A job's savings and costs, in figures.
 
 import { h, setText } from "../shared/dom.js";
 import { duration, large, share, three, whole } from "../shared/figures.js";

@@ -10,7 +10,7 @@ import { maySteer } from "../shared/permissions.js";
 import { repeat } from "../shared/polling.js";
 import { meetRules } from "../shared/rules.js";
 import { studyButton } from "../study/make_study_dialog.js";
-import { goOnButton } from "./continue_dialog.js";
+import { continueButton } from "./continue_dialog.js";
 import { CostFigures } from "./cost_figures.js";
 import { CurveChart } from "./curve/curve_chart.js";
 import { reasonInWords } from "./reason.js";
@@ -33,8 +33,8 @@ export function open(main, { id, signal, go }) {
   const reason = h("p", { class: "reason" });
   const progress = h("progress", { max: 1, "aria-label": "Samples merged of the cap" });
   const earlier = h("a");
-  const before = h("p", { class: "summary", hidden: true }, "It goes on from ", earlier, ".");
-  const actions = h("div", { class: "job-actions", role: "group", "aria-label": "What you can do" });
+  const before = h("p", { class: "summary", hidden: true }, "It continues ", earlier, ".");
+  const actions = h("div", { class: "job-actions", role: "group", "aria-label": "Actions" });
   const chart = new CurveChart(signal);
   const viewer = new Viewer(signal);
   const facts = new CostFigures();
@@ -52,7 +52,7 @@ export function open(main, { id, signal, go }) {
       reason, progress),
     h("div", { class: "pair" }, viewer.element, chart.element),
     facts.element, records.element);
-  // Until the job is here, its place has a name for who listens.
+  // A heading for screen readers until the job has been fetched.
   const absent = h("div", { class: "nothing" }, h("h1", { class: "unseen" }, "A job"));
   main.append(screen, absent);
 
@@ -103,14 +103,14 @@ export function open(main, { id, signal, go }) {
     }
     setText(reason, reasonInWords(job));
     progress.hidden = ENDED.has(job.state);
-    // Of what is ahead, the forecast is what counts, where there is one.
+    // The forecast, if any, is a better goal than the cap.
     const goal = noiseTarget(job) != null && job.forecast_spp ? Math.min(job.forecast_spp, job.spec.max_spp) : job.spec.max_spp;
     progress.value = Math.min(1, job.spp / goal);
     setAttribute(progress, "title", `${whole(job.spp)} of ${whole(goal)} spp`);
     const kind = `${job.state} ${job.spec.priority} ${job.finished_at ?? ""} ${maySteer(job)}`;
     if (kind !== shown) {
       shown = kind;
-      const buttons = [goOnButton(job, go), rejudgeButton(job, go), studyButton(job, go)].filter((one) => one !== null);
+      const buttons = [continueButton(job, go), rejudgeButton(job, go), studyButton(job, go)].filter((one) => one !== null);
       actions.replaceChildren(...buttons, ...controls(() => newest, look));
     }
     chart.show(job, points);
@@ -132,6 +132,6 @@ export function open(main, { id, signal, go }) {
     records.tell(events);
     if (events.some(({ type }) => type !== "slice")) lookSoon();
   }, signal).catch(complain);
-  // Events say that something is new; images come a little later, and rates change in between.
+  // Events announce news; images come slightly later, and rates change between events.
   repeat(async () => (last = await look()), () => (last && !last.finished_at ? LOOK_MS : CALM_MS), signal);
 }

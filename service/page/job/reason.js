@@ -1,11 +1,11 @@
-// Why a job is in its state, in words for somebody who has not read the papers.
+// Why a job is in its state, in words for readers who do not know the papers.
 
 import { percent, pixels, sentence, three, whole } from "../shared/figures.js";
 import { noiseTarget, stopSlope } from "../shared/job_summary.js";
 import { parametersOf, ruleNamed } from "../shared/rules.js";
 
 /**
- * A sentence or two: what happened, and what it means.
+ * One or two sentences: what happened, and what it means.
  * @param {Api.JobView} job
  */
 export function reasonInWords(job) {
@@ -32,7 +32,7 @@ function converged(job) {
 }
 
 /**
- * What the rule says of a job that it has stopped; null where it has no words, or a figure is not known.
+ * The rule's own words for a job that it stopped; null if it has none, or a figure is not known.
  * @param {Api.JobView} job
  */
 function inItsRulesWords(job) {
@@ -69,9 +69,9 @@ function aim(job) {
   const { rule, max_spp: cap } = job.spec;
   const target = noiseTarget(job);
   if (target != null) {
-    if (job.forecast_spp == null) return `It goes on until that is ${percent(target)}, or to ${whole(cap)} spp.`;
+    if (job.forecast_spp == null) return `It continues until that is ${percent(target)}, or to ${whole(cap)} spp.`;
     const far = job.forecast_spp > cap ? `, which is beyond its cap of ${whole(cap)}` : "";
-    return `It goes on until that is ${percent(target)}, which is expected at ${whole(job.forecast_spp)} spp${far}.`;
+    return `It continues until that is ${percent(target)}, which is expected at ${whole(job.forecast_spp)} spp${far}.`;
   }
-  return `It goes on until the rule ${rule.name} stops it, or to ${whole(cap)} spp.`;
+  return `It continues until the rule ${rule.name} stops it, or to ${whole(cap)} spp.`;
 }

@@ -1,4 +1,4 @@
-// Judging the kept slices of an ended job again: by other rules, or as another display shows them.
+// Judging the kept slices of an ended job again: by other rules, or under another view.
 
 import { openForm } from "../shared/dialogs.js";
 import { h, setText } from "../shared/dom.js";
@@ -15,7 +15,7 @@ const STEP = LIMITS.filter(({ name }) => name === "step");
 /** @import { FieldAbout } from "../shared/form_fields.js" */
 
 /**
- * A button that asks how; null where the slices were not kept.
+ * The button for it; null if the slices were not kept.
  * @param {Api.JobView} job
  * @param {(path: string) => void} go
  */
@@ -63,7 +63,7 @@ function ask(job, go) {
 
   turn();
   const dialog = openForm(`Judge ${title(job)} again`, "Judge it", [
-    h("p", {}, `A new job looks at the slices that this one kept, up to ${whole(job.committed_spp)} spp, and says where it would have stopped. Nothing is rendered; this one stays as it is.`),
+    h("p", {}, `A new job judges the slices that this one kept, up to ${whole(job.committed_spp)} spp, and shows where it would have stopped. Nothing is rendered; this job stays as it is.`),
     h("div", { class: "field" }, h("label", { for: choice.id }, "The rule that ends it"), choice, help), ofRule,
     h("fieldset", { class: "watch" }, h("legend", {}, "Rules to watch beside it"), watched.map(({ label }) => label)),
     h("div", { class: "fields small" }, view.elements, step.elements),
@@ -75,7 +75,7 @@ function ask(job, go) {
 }
 
 /**
- * Fields with the values that a job had.
+ * Fields with the old job's values.
  * @param {FieldAbout[]} abouts
  * @param {object} had
  * @returns {FieldAbout[]}

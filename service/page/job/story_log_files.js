@@ -1,4 +1,4 @@
-// What is on record of a job: its story, who rendered its slices, its log, what was asked, its files.
+// A job's records: its files, its story, the workers of its slices, its log and its spec.
 
 import { downloadLink, get } from "../shared/api.js";
 import { h, setText, table } from "../shared/dom.js";
@@ -43,7 +43,7 @@ export class Records {
   }
 
   /**
-   * Takes in events of the job's stream.
+   * Adds events of the job's stream.
    * @param {JobEvent[]} events
    */
   tell(events) {
@@ -76,14 +76,14 @@ export class Records {
       ["curve.csv", "CSV", "the points of the curve", `${links.self}/curve.csv`],
     ];
     const ofBroken = [["non-finite.png", "Broken", "where the image is NaN or infinite", links.non_finite_png]];
-    const report = ["report.html", "Report", "all of it on one page that stands alone", links.report];
+    const report = ["report.html", "Report", "everything on one self-contained page", links.report];
     const files = [...(image ? ofImage : []), ...(points ? ofPoints : []), ...(broken ? ofBroken : [])];
     this.#files.replaceChildren(...(files.length ? [...files, report].map(([name, short, what, path]) => h("li", {},
       downloadLink(path, `${id}-${name}`, short), " ", h("span", {}, what)))
       : [h("li", {}, finished ? "It ended without any." : "They come with its first samples.")]));
   }
 
-  /** Fetches what is open, now and then while the job runs. */
+  /** Fetches the open parts, again and again while the job runs. */
   #fetch() {
     const job = this.#job;
     if (!job) return;

@@ -1,4 +1,4 @@
-// The flicker guard of a batch: whether its frames stop at the same noise, in words, and switching it on.
+// The dialog of a batch's flicker guard: it says whether the frames stop at the same noise, and guards them.
 
 import { get, send } from "../shared/api.js";
 import { openDialog } from "../shared/dialogs.js";
@@ -7,8 +7,10 @@ import { percent, several, whole } from "../shared/figures.js";
 import { messageOf, say } from "../shared/notices.js";
 import { maySubmit } from "../shared/permissions.js";
 
-/** What the fields are called that decide how much noise is left; others by their own names. */
-/** @type {Record<string, string>} */
+/**
+ * Names of the fields that determine how much noise is left.
+ * @type {Record<string, string>}
+ */
 const NAMES = {
   "rule.name": "rule", "rule.target": "target", "rule.min_spp": "rule's least spp", min_spp: "least spp", step: "step",
   "view.exposure_ev": "exposure", "view.white_luminance": "display white", "view.field_of_view_deg": "field of view",
@@ -17,9 +19,9 @@ const NAMES = {
 const SHARES = new Set(["rule.target"]);
 
 /**
- * Says in a dialog what the guard of a batch says.
+ * Opens the dialog.
  * @param {string} batch
- * @param {(id: string) => string} nameOf - what a job is called
+ * @param {(id: string) => string} nameOf - the name of a job
  */
 export async function showGuard(batch, nameOf) {
   const path = `/v1/batches/${encodeURIComponent(batch)}`;
@@ -77,7 +79,7 @@ function told(guard, nameOf, close) {
     guard.missed_jobs > 0 && h("p", { class: "bad" },
       `${several(guard.missed_jobs, "job")} ended short of what the rule asks: `, ...named,
       ". Render them again with a higher cap."),
-    guard.spp && guard.estimate_fraction && h("p", {}, `Those that converged did so at ${range(guard.spp, whole)} spp, and have ${range(guard.estimate_fraction, percent)} of their pixels left to see.`),
+    guard.spp && guard.estimate_fraction && h("p", {}, `Those that converged did so at ${range(guard.spp, whole)} spp, with noise left in ${range(guard.estimate_fraction, percent)} of their pixels.`),
     guard.jump && h("p", {}, "The largest change between neighbours: from ",
       link(guard.jump.jobs[0]), ` with ${percent(guard.jump.estimate_fraction[0])} to `,
       link(guard.jump.jobs[1]), ` with ${percent(guard.jump.estimate_fraction[1])}.`),

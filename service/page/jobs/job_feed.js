@@ -1,18 +1,18 @@
-// Which jobs the list knows, newest first, and how it keeps them up to date. Each look asks for the
-// newest page, for the jobs that render, and for one of the older pages in turn.
+// The jobs of the list, newest first, kept up to date. Each refresh fetches the newest page, the
+// rendering jobs, and one of the older pages in turn.
 
 import { get } from "../shared/api.js";
 import { ENDED } from "../shared/job_summary.js";
 
 const PAGE = 50;
-/** At most this number of jobs is asked for one by one in each look. */
+/** The most jobs that a refresh fetches one by one. */
 const SINGLE = 20;
 
 export class JobFeed {
   #asked;
   #signal;
   /**
-   * The older page whose turn is next, and the job that comes before it.
+   * The older page whose turn is next, and the job before it.
    * @type {{ cursor: string | null, after: string } | null}
    */
   #turn = null;
@@ -23,13 +23,13 @@ export class JobFeed {
    */
   jobs = [];
   /**
-   * The cursor of older jobs; null where there are none.
+   * The cursor of older jobs; null if there are none.
    * @type {string | null}
    */
   next = null;
 
   /**
-   * @param {URLSearchParams} asked - the `state` and the `batch` that are wanted, where any are
+   * @param {URLSearchParams} asked - the filters `state` and `batch`, if any
    * @param {AbortSignal} signal
    */
   constructor(asked, signal) {
@@ -57,7 +57,7 @@ export class JobFeed {
     this.jobs = this.jobs.map((job) => now.get(job.id) ?? job);
   }
 
-  /** Adds a page of older ones. */
+  /** Adds a page of older jobs. */
   async older() {
     const { jobs, next_cursor: next } = await this.#page({ limit: PAGE, cursor: this.next });
     const known = new Set(this.jobs.map(({ id }) => id));
@@ -67,7 +67,7 @@ export class JobFeed {
   }
 
   /**
-   * A page of the jobs that are wanted.
+   * A page of the filtered jobs.
    * @param {{ cursor?: string | null, limit: number, state?: string | null }} query
    * @returns {Promise<Api.JobPage>}
    */
@@ -77,28 +77,28 @@ export class JobFeed {
     return get(`/v1/jobs?${new URLSearchParams(given)}`, this.#signal);
   }
 
-  /** What renders, among all that is wanted: it changes with every look. */
+  /** The filtered jobs that are rendering, which change all the time. */
   async #rendering() {
     const state = this.#asked.get("state") || "rendering";
     return state === "rendering" ? (await this.#page({ state, limit: 200 })).jobs : [];
   }
 
   /**
-   * Looks at the next of the older pages; what is gone from it is left out.
+   * Fetches the next of the older pages, and drops the jobs that it no longer has.
    * @param {Api.JobPage} first
    */
   async #inTurn(first) {
     const turn = this.#turn ?? { cursor: first.next_cursor, after: first.jobs[first.jobs.length - 1].id };
     const { jobs: found, next_cursor: next } = await this.#page({ limit: PAGE, cursor: turn.cursor });
-    // Of a page that reaches further back than the list only what the list has.
+    // A page that reaches further back than the list adds nothing to it.
     const end = found.findIndex(({ id }) => id === this.jobs.at(-1)?.id);
     const jobs = end < 0 ? found : found.slice(0, end + 1);
     const start = this.jobs.findIndex(({ id }) => id === turn.after) + 1;
     const oldest = jobs.at(-1);
     const last = oldest ? this.jobs.findIndex(({ id }) => id === oldest.id) : -1;
     this.#turn = null;
-    if (!start) return [];  // that one has gone meanwhile: it begins anew with the next look
-    const rest = last < 0 || !next ? [] : this.jobs.slice(last + 1);  // after the last page there is nothing
+    if (!start) return [];  // the job before the page is gone: the next refresh starts anew
+    const rest = last < 0 || !next ? [] : this.jobs.slice(last + 1);  // nothing follows the last page
     this.jobs = [...this.jobs.slice(0, start), ...jobs, ...rest];
     if (oldest && rest.length) this.#turn = { cursor: next, after: oldest.id };
     else if (end < 0) this.next = next;

@@ -10,12 +10,12 @@ import { Sparkline } from "./sparkline.js";
 
 const PICTURE_EVERY_MS = 4000;
 
-/** A job of the list: how many workers serve it, and what tells it from the others of its batch. */
-/** @typedef {Api.JobView & { serving?: number, told?: string }} ListedJob */
-/** @typedef {(element: Element, tell: (seen: boolean) => void) => void} Visible  tells when an element comes into sight */
+/** @typedef {Api.JobView & { serving?: number, told?: string }} ListedJob
+ *   a job with the number of its workers, and its differences from the others of its batch */
+/** @typedef {(element: Element, tell: (seen: boolean) => void) => void} Visible  reports when an element comes into sight */
 /** @typedef {{ signal: AbortSignal, refresh: () => unknown, visible: Visible }} RowContext */
 
-/** How many more rows may fetch at once. */
+/** How many more rows may start a fetch now. */
 let free = 4;
 /** @type {((value?: unknown) => void)[]} */
 const waiting = [];
@@ -129,7 +129,7 @@ export class JobRow {
     try {
       await this.#picture.show(job.links.thumbnail_png, this.#signal);
     } catch (error) {
-      // Jobs of an older Plateau have none.
+      // Jobs of an older Plateau have no thumbnail.
       if (!isProblem(error, "no-image-yet") || !job.finished_at) throw error;
       await this.#picture.show(job.links.image_png, this.#signal);
     }
@@ -138,7 +138,7 @@ export class JobRow {
 }
 
 /**
- * What a job is called in a list: with what tells it from the others of its batch.
+ * A job's name in the list, with its differences from the others of its batch.
  * @param {ListedJob} job
  */
 export function nameOf(job) {

@@ -1,4 +1,4 @@
-// The list of jobs: what runs, how far it is, what came of the rest.
+// The list of jobs: their progress and their outcomes.
 
 import { get } from "../shared/api.js";
 import { h, KeyedList, setText } from "../shared/dom.js";
@@ -45,7 +45,7 @@ export function open(main, { signal, go }) {
     /** @type {{ element: Element, update(item: ListedJob | Group): void }} */
     ("batch" in item ? new BatchGroup(item, context) : new JobRow(item, context)));
 
-  // Only rows in sight ask for pictures and curves.
+  // Only visible rows fetch pictures and curves.
   /** @type {WeakMap<Element, (seen: boolean) => void>} */
   const inSight = new WeakMap();
   const observer = new IntersectionObserver((entries) => {
@@ -110,7 +110,7 @@ export function open(main, { signal, go }) {
 }
 
 /**
- * The jobs in their order, those of one batch together where its newest one is.
+ * The jobs in their order; those of one batch are together at the place of its newest job.
  * @param {ListedJob[]} jobs
  */
 function grouped(jobs) {

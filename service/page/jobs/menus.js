@@ -1,4 +1,4 @@
-// The menus of the list: what can be done to a job, and to a whole batch.
+// The menus of the list: actions on a job, and on a whole batch.
 
 import { send } from "../shared/api.js";
 import { confirmed } from "../shared/dialogs.js";
@@ -10,7 +10,7 @@ import { maySubmit } from "../shared/permissions.js";
 import { showGuard } from "./flicker_guard.js";
 
 /**
- * A menu of what can be done to a job of the list.
+ * The menu of a job.
  * @param {() => Api.JobView} jobNow
  * @param {() => unknown} refresh
  */
@@ -24,10 +24,10 @@ export function jobMenu(jobNow, refresh) {
 }
 
 /**
- * A menu of what can be done to a whole batch.
+ * The menu of a batch.
  * @param {string} batch
  * @param {() => Api.JobView[]} jobsNow
- * @param {(id: string) => string} nameOf - what a job is called
+ * @param {(id: string) => string} nameOf - the name of a job
  * @param {() => unknown} refresh
  */
 export function batchMenu(batch, jobsNow, nameOf, refresh) {
@@ -46,7 +46,7 @@ export function batchMenu(batch, jobsNow, nameOf, refresh) {
     if (!maySubmit()) return [guard];
     return [
       states.has("rendering") && h("button", { onclick: () => all("pause", `${batch} is paused`) }, "Pause all"),
-      states.has("paused") && h("button", { onclick: () => all("resume", `${batch} goes on`) }, "Resume all"),
+      states.has("paused") && h("button", { onclick: () => all("resume", `${batch} is resumed`) }, "Resume all"),
       h("button", { class: "danger", onclick: cancel }, "Cancel all"),
       guard,
     ];
@@ -57,8 +57,8 @@ export function batchMenu(batch, jobsNow, nameOf, refresh) {
 
 /**
  * A button with a menu that is filled when it opens and closes with a choice: its `element`, and
- * `name(text)` to say whose it is.
- * @param {() => (HTMLElement | false)[]} fill - makes what the menu holds
+ * `name(text)`, which sets its accessible name.
+ * @param {() => (HTMLElement | false)[]} fill - makes the menu's items
  */
 function menuButton(fill) {
   const menu = h("div", { class: "menu", popover: "auto" });
@@ -72,7 +72,7 @@ function menuButton(fill) {
     menu.style.top = `${place.bottom + scrollY + 4}px`;
     menu.style.right = `${Math.max(8, document.documentElement.clientWidth - place.right)}px`;
   });
-  // Before what was chosen happens, so that a dialog that it opens keeps the focus.
+  // Closed before the chosen action runs, so that a dialog that it opens keeps the focus.
   menu.addEventListener("submit", () => menu.hidePopover(), { capture: true });
   menu.addEventListener("click", ({ target }) => {
     if (target instanceof HTMLButtonElement && !target.form) menu.hidePopover();

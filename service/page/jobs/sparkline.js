@@ -1,4 +1,4 @@
-// A job's curve at a glance: what has changed since the first image, and the noise left.
+// A small picture of a job's curve: changes since the first image, and the noise left.
 
 import { setAttribute, svg } from "../shared/dom.js";
 

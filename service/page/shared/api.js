@@ -1,4 +1,4 @@
-// The API, as the page calls it. Where it answers 401, a key is asked for once and the call repeated.
+// The page's calls of the API. After a 401 the page asks for a key and repeats the call.
 
 import { askForKey, authorization } from "./api_key.js";
 import { h } from "./dom.js";
@@ -23,7 +23,7 @@ export class Problem extends Error {
 }
 
 /**
- * Whether the API refused with the problem of this name, the last part of its type.
+ * Whether the API refused with one of these problems, named by the last part of the type.
  * @param {unknown} error
  * @param {string[]} slugs
  */
@@ -32,18 +32,18 @@ export function isProblem(error, ...slugs) {
 }
 
 /**
- * Whether a request was given up because nobody wants its answer any more.
+ * Whether a request was aborted because nobody wants its answer any more.
  * @param {unknown} error
  */
 export function isAbort(error) {
   return error instanceof DOMException && error.name === "AbortError";
 }
 
-/** What is said where no answer to a change came. */
+/** The message after a change without an answer. */
 const NO_ANSWER = "The service did not answer, so it is not known whether this arrived. Try again.";
 
 /**
- * Calls with the key that is known, and again with another one where that is refused.
+ * Calls with the known key, and again with another if that is refused.
  * @param {(key: Record<string, string>) => Promise<Response>} call
  */
 async function withKey(call) {
@@ -81,7 +81,7 @@ export async function get(path, signal) {
 }
 
 /**
- * Sends a change; resolves to what it is answered.
+ * Sends a change; resolves to the answer.
  * @param {string} method
  * @param {string} path
  * @param {unknown} [body]
@@ -94,7 +94,7 @@ export async function send(method, path, body, headers = {}) {
 }
 
 /**
- * GETs bytes, with the tag that says whether they are new, and the spp of an image.
+ * GETs bytes, with their ETag, and the spp of an image.
  * @param {string} path
  * @param {AbortSignal} [signal]
  */
@@ -105,9 +105,9 @@ export async function bytes(path, signal) {
 }
 
 /**
- * A link that saves a file with the key; the browser would not send it.
+ * A link that saves a file; a plain link would not send the key.
  * @param {string} path
- * @param {string} name - of the file that is saved
+ * @param {string} name - of the saved file
  * @param {string} text
  */
 export function downloadLink(path, name, text) {
@@ -128,7 +128,7 @@ export function downloadLink(path, name, text) {
 }
 
 /**
- * Sends a form, saying how much of it has gone, which `fetch` cannot.
+ * Sends a form and reports its progress, which `fetch` cannot do.
  * @param {string} path
  * @param {FormData} form
  * @param {{ signal: AbortSignal, onProgress?: (sent: number, all: number) => void, headers?: Record<string, string> }} options
@@ -153,8 +153,7 @@ const RETRY_MS = 1000;
 /** @typedef {{ id: string, type: string, data: any }} JobEvent */
 
 /**
- * Reads a job's events from its beginning until they end, through outages.
- * (EventSource cannot send a key.)
+ * Reads a job's events from the first to the last, through outages. EventSource cannot send a key.
  * @param {string} path
  * @param {(events: JobEvent[]) => void} onEvents
  * @param {AbortSignal} signal

@@ -1,4 +1,4 @@
-// The API key, where the service wants one: asked for when it does, kept until the tab is closed.
+// The API key: the page asks for it when the service demands one, and keeps it until the tab closes.
 
 import { openDialog } from "./dialogs.js";
 import { h } from "./dom.js";
@@ -8,7 +8,7 @@ const NAME = "plateau-key";
 let asking = null;
 
 /**
- * The header that proves who we are; empty where no key is known.
+ * The header with the key; empty without a key.
  * @returns {Record<string, string>}
  */
 export function authorization() {
@@ -16,22 +16,22 @@ export function authorization() {
   return key ? { Authorization: `Bearer ${key}` } : {};
 }
 
-/** Whether a key is kept. */
+/** Whether the page has a key. */
 export function hasKey() {
   return sessionStorage.getItem(NAME) !== null;
 }
 
-/** Forgets it. */
+/** Forgets the key. */
 export function forgetKey() {
   sessionStorage.removeItem(NAME);
 }
 
 /**
- * Asks for a key, once however many calls want one; resolves to whether there is a new one.
+ * Asks for a key, once for all waiting calls; resolves to whether there is a new one.
  * @param {Record<string, string>} used - the header that was refused
  */
 export async function askForKey(used) {
-  // Another call has asked meanwhile: try with what it was told.
+  // Another call has asked meanwhile: try its key.
   if (authorization().Authorization !== used.Authorization) return true;
   asking ??= ask(Boolean(used.Authorization)).finally(() => (asking = null));
   return await asking;
@@ -54,7 +54,7 @@ function ask(refused) {
     h("p", { class: "bad", role: "alert" }, refused && "The service does not know this key, or it was revoked."),
     h("label", { for: "key" }, "API key"), input,
     h("div", { class: "answers" },
-      h("button", { type: "submit", class: "primary" }, "Go on")));
+      h("button", { type: "submit", class: "primary" }, "Continue")));
   return new Promise((resolve) => {
     dialog.addEventListener("close", () => {
       document.dispatchEvent(new Event("plateau-key"));

@@ -43,17 +43,17 @@ export function confirmed(question, explanation, yes, no = "Keep it") {
 /**
  * Opens a form whose request may be refused. It closes when `send` resolves; an error is shown in it.
  * @param {string} title
- * @param {string} yes - what the button that sends says
+ * @param {string} yes - the label of the button that sends
  * @param {(Child | Child[])[]} inside
  * @param {{ send: () => Promise<() => unknown>, refused?: (error: unknown) => void, wait?: (waits: boolean, button: HTMLElement) => void }} doing
- *   `send` resolves to what follows when the dialog is closed; `wait` is told when a request begins and ends
+ *   `send` resolves to what to do once the dialog has closed; `wait` is called when a request begins and ends
  */
 export function openForm(title, yes, inside, { send, refused, wait }) {
   const wrong = h("p", { class: "bad", role: "alert" });
   const button = h("button", { type: "submit", class: "primary" }, yes);
   const dialog = openDialog(title, { onsubmit: submit }, ...inside, wrong,
     h("div", { class: "answers" },
-      h("button", { type: "button", onclick: () => dialog.close() }, "Leave it"), button));
+      h("button", { type: "button", onclick: () => dialog.close() }, "Close"), button));
 
   /** @param {SubmitEvent} event */
   async function submit(event) {

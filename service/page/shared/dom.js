@@ -1,6 +1,6 @@
-// Elements from data. Text is always set as text: nothing here can turn a string into markup.
+// Elements from data. Text is always set as text, so no string can become markup.
 
-/** @typedef {Node | string | null | undefined | false} Child  what is absent is left out */
+/** @typedef {Node | string | null | undefined | false} Child  null, undefined and false are left out */
 /** @typedef {{ [Name in keyof GlobalEventHandlersEventMap as `on${Name}`]?:
  *   (event: GlobalEventHandlersEventMap[Name]) => unknown }} Listeners */
 /** @typedef {Listeners & Record<string,
@@ -46,7 +46,7 @@ function dressed(element, attributes, children) {
 }
 
 /**
- * A button whose text is a sign, with its meaning for screen readers and the pointer.
+ * A button whose text is a sign; its meaning is the tooltip and the accessible name.
  * @param {string} sign
  * @param {string} meaning
  * @param {() => void} act
@@ -56,7 +56,7 @@ export function signButton(sign, meaning, act) {
 }
 
 /**
- * A table that scrolls in its place.
+ * A scrolling table.
  * @param {string} label
  * @param {string[]} columns
  * @param {HTMLElement} body
@@ -75,7 +75,7 @@ export function byId(id) {
 }
 
 /**
- * What draws on a canvas.
+ * The drawing context of a canvas.
  * @param {HTMLCanvasElement} canvas
  * @param {CanvasRenderingContext2DSettings} [settings]
  */
@@ -84,7 +84,7 @@ export function drawing(canvas, settings) {
 }
 
 /**
- * Sets an element's text if it has another: an element that is not touched does not flicker.
+ * Sets an element's text if it differs, so that unchanged elements do not flicker.
  * @param {Element} element
  * @param {string} text
  */
@@ -104,7 +104,7 @@ export function setAttribute(element, name, value) {
 }
 
 /**
- * Makes a container's children those of the items, in order, moving and making only what differs.
+ * Keeps a container's children in step with a list of items, and makes and moves only what differs.
  * @template Item
  */
 export class KeyedList {

@@ -1,4 +1,4 @@
-// Figures in words, as farm/wire/figures.py and the command line say them; a test compares them.
+// Figures as text, the same as in farm/wire/figures.py and on the command line; a test compares them.
 
 const WHOLE = new Intl.NumberFormat("en-GB", { maximumFractionDigits: 0 });
 const THREE = new Intl.NumberFormat("en-GB", { maximumSignificantDigits: 3 });
@@ -13,7 +13,7 @@ const BYTES = [[2 ** 30, "GB"], [2 ** 20, "MB"], [2 ** 10, "kB"]];
 const NB = "\u00a0";
 
 /**
- * A whole number with its thousands apart.
+ * A whole number with separators of thousands.
  * @param {number} number
  */
 export function whole(number) {
@@ -21,7 +21,7 @@ export function whole(number) {
 }
 
 /**
- * A number with three digits that count, or all of its whole ones.
+ * A number with three significant digits, or with all digits of its whole part.
  * @param {number} number
  */
 export function three(number) {
@@ -29,7 +29,7 @@ export function three(number) {
 }
 
 /**
- * A number of pixels: whole ones, or two digits where there are fewer than ten.
+ * A number of pixels: whole, or with two digits below ten.
  * @param {number} count
  */
 export function pixels(count) {
@@ -45,7 +45,7 @@ export function percent(fraction) {
 }
 
 /**
- * A share of a cap, rounded down: it says 100 only where it is.
+ * A share of a cap, rounded down, so that only all of it is 100 %.
  * @param {number} fraction
  */
 export function share(fraction) {
@@ -64,7 +64,7 @@ export function large(number) {
 }
 
 /**
- * Seconds as people say them: 4.2 s, 3 min 20 s, 2 h 05 min.
+ * A duration: 4.2 s, 3 min 20 s, 2 h 05 min.
  * @param {number} seconds
  */
 export function duration(seconds) {
@@ -76,7 +76,7 @@ export function duration(seconds) {
 }
 
 /**
- * A duration that is only an expectation: to the minute, or to five seconds below two.
+ * An estimated duration: to the minute, or to five seconds below two minutes.
  * @param {number} seconds
  */
 export function roughly(seconds) {
@@ -86,7 +86,7 @@ export function roughly(seconds) {
 }
 
 /**
- * Bytes as people say them.
+ * A number of bytes, with a prefix.
  * @param {number} count
  */
 export function bytes(count) {
@@ -106,7 +106,7 @@ export function several(count, one) {
 }
 
 /**
- * A time in this place's clock: only its hours today, with its date before.
+ * A local time; with its date unless that is today's.
  * @param {string} iso
  */
 export function clock(iso) {
@@ -117,7 +117,7 @@ export function clock(iso) {
 }
 
 /**
- * The farm's own words as a sentence.
+ * The farm's words as a sentence.
  * @param {string} text
  */
 export function sentence(text) {

@@ -1,11 +1,10 @@
-// Fields of a form that stand for a spec: a label, an input, a sentence of help, and what is wrong.
+// Fields of a form for a spec: a label, an input, a sentence of help, and an error.
 
 import { Problem } from "./api.js";
 import { h, setText } from "./dom.js";
 
 /**
- * What a field asks for: a value of the spec, its bounds and what is said of it. The input shows the
- * value divided by `scale`.
+ * A field's value in the spec, its bounds and its texts. The input shows the value divided by `scale`.
  * @typedef {object} FieldAbout
  * @property {string} name
  * @property {string} label
@@ -30,7 +29,7 @@ export class Field {
   input;
 
   /**
-   * @param {string} part - how the API names that part of the spec in its errors
+   * @param {string} part - the API's name for the part of the spec, in its errors
    * @param {FieldAbout} about
    */
   constructor(part, about) {
@@ -52,7 +51,7 @@ export class Field {
     this.input.addEventListener("input", () => this.blame(""));
   }
 
-  /** Its value as the spec has it; undefined where it is empty and may be. */
+  /** The value for the spec; undefined if the field is optional and empty. */
   get value() {
     const { type, scale = 1, optional } = this.#about;
     const text = this.input.value.trim();
@@ -61,7 +60,7 @@ export class Field {
   }
 
   /**
-   * A value of the spec as the input has it.
+   * A value of the spec as the input shows it.
    * @param {number | string | undefined} value
    */
   #shown(value) {
@@ -69,7 +68,7 @@ export class Field {
   }
 
   /**
-   * Says what is wrong with it; "" where nothing is.
+   * Shows an error; "" removes it.
    * @param {string} message
    */
   blame(message) {
@@ -80,7 +79,7 @@ export class Field {
 }
 
 /**
- * Without the digits that 0.01 as a binary number would add.
+ * The number without the rounding errors of binary fractions.
  * @param {number} value
  */
 function rounded(value) {
@@ -98,7 +97,7 @@ export function fieldsOf(part, abouts) {
 }
 
 /**
- * The values of fields by their names, without those that are empty and may be.
+ * The values of fields by name, without empty optional ones.
  * @param {Field[]} fields
  * @returns {Record<string, string | number>}
  */
@@ -107,7 +106,7 @@ export function valuesOf(fields) {
 }
 
 /**
- * Shows at each field what the API refused of it; returns the fields that it named.
+ * Shows the API's errors at their fields; returns those fields.
  * @param {Field[]} fields
  * @param {unknown} error
  */

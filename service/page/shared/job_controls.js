@@ -1,4 +1,4 @@
-// What can be done to a job: pause, resume, cancel, and its priority.
+// The controls of a job: pause, resume, cancel, and priority.
 
 import { send } from "./api.js";
 import { confirmed } from "./dialogs.js";
@@ -10,8 +10,8 @@ import { maySteer } from "./permissions.js";
 import { PRIORITY } from "./spec_fields.js";
 
 /**
- * The controls for a job in its state; none where it has ended.
- * @param {() => Api.JobView} jobNow - the job as it is when one is pressed
+ * The controls for a job in its state; none for an ended job.
+ * @param {() => Api.JobView} jobNow - the job at the time of a click
  * @param {() => unknown} refresh
  */
 export function controls(jobNow, refresh) {
@@ -26,7 +26,7 @@ export function controls(jobNow, refresh) {
     found.push(h("button", { onclick: move(job.links.pause, `${name} is paused`) }, "Pause"));
   }
   if (job.state === "paused") {
-    found.push(h("button", { onclick: move(job.links.resume, `${name} goes on`) }, "Resume"));
+    found.push(h("button", { onclick: move(job.links.resume, `${name} is resumed`) }, "Resume"));
   }
   found.push(h("button", { class: "danger", onclick: cancel }, "Cancel"));
   async function cancel() {

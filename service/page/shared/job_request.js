@@ -1,4 +1,4 @@
-// A request that makes a job: sent again after its answer was lost, it makes no second one.
+// Requests that make one job, even if they are repeated after a lost answer.
 
 import { isAbort, Problem, send } from "./api.js";
 import { sentence } from "./figures.js";
@@ -7,8 +7,8 @@ export class OneJob {
   #key = newKey();
 
   /**
-   * Resolves to the job that `request(headers)` is answered. The key stays until it has made a job: a
-   * request that was refused has made none, and of a request without an answer nobody knows.
+   * Resolves to the job that `request(headers)` makes. The key stays the same until it has made a job: a
+   * refused request has made none, and one without an answer may have.
    * @param {(headers: Record<string, string>) => Promise<Api.JobView>} request
    * @returns {Promise<Api.JobView>}
    */
@@ -28,7 +28,7 @@ export class OneJob {
 }
 
 /**
- * What a form does that makes a job of another: sends the request, and resolves to what leads to the new job.
+ * The `send` of a form that makes a job from another one; it resolves to the way to the new job.
  * @param {string} path
  * @param {() => object} changes
  * @param {(path: string) => void} go

@@ -1,4 +1,4 @@
-// What follows from a job's JSON: its title, its rules, how long it took, what it saved.
+// Values derived from a job's JSON: its title, rules, duration and savings.
 
 import { duration, roughly } from "./figures.js";
 import { valueIn } from "./rules.js";
@@ -9,7 +9,7 @@ import { valueIn } from "./rules.js";
 export const ENDED = new Set(["converged", "exhausted", "cancelled", "failed"]);
 
 /**
- * A scene's name without what every name ends with.
+ * A scene's name without its suffix.
  * @param {Api.JobView} job
  */
 export function title(job) {
@@ -17,7 +17,7 @@ export function title(job) {
 }
 
 /**
- * How many pixels its image has; 0 before its size is known.
+ * The number of pixels of the image; 0 before its size is known.
  * @param {Api.JobView} job
  */
 export function imagePixels(job) {
@@ -25,7 +25,7 @@ export function imagePixels(job) {
 }
 
 /**
- * The slope of the curve at which a rule stops, in changed pixels per spp of this job's image; null where it has none.
+ * The slope at which a rule stops, in changed pixels per spp of this job's image; null if it has none.
  * @param {Api.JobView} job
  * @param {Rule} rule
  */
@@ -35,7 +35,7 @@ export function stopSlope(job, rule) {
 }
 
 /**
- * The first rule of the job that has a value in this role; undefined where none has.
+ * The job's first rule with a parameter in this role; undefined if none has one.
  * @param {Api.ParameterRole} role
  * @param {Api.JobView} job
  */
@@ -44,7 +44,7 @@ export function ruleWith(role, job) {
 }
 
 /**
- * The noise left, as a share of the pixels, at which the job ends; null where its rule looks at something else.
+ * The share of pixels with noise at which the job ends; null if its rule has no such target.
  * @param {Api.JobView} job
  */
 export function noiseTarget(job) {
@@ -52,7 +52,7 @@ export function noiseTarget(job) {
 }
 
 /**
- * Every rule of the job: the one that ends it first.
+ * The rules of the job; the first is the one that ends it.
  * @param {Api.JobView} job
  */
 export function rulesOf(job) {
@@ -68,14 +68,14 @@ export function durationSeconds(job) {
 }
 
 /**
- * What is left of a job's time, in words; "" where nobody can know.
+ * The time that a job still needs, in words; "" if it is unknown.
  * @param {Api.JobView} job
  */
 export function timeLeft(job) {
   if (job.state !== "rendering") return "";
   const { forecast_spp: forecast, committed_spp: committed } = job;
   if (noiseTarget(job) != null && job.forecast_s != null && forecast != null && forecast <= job.spec.max_spp) {
-    // The forecast is of the last point, and slices have come since.
+    // The forecast is the last point's, and slices have been committed since.
     const ahead = Math.max(0, forecast - committed) / Math.max(1, forecast - job.spp);
     const seconds = ahead * job.forecast_s;
     return seconds < 3 ? "any moment" : `about ${roughly(seconds)} left`;
@@ -95,7 +95,7 @@ export function took(job) {
 }
 
 /**
- * What a job would have cost otherwise: samples, and about how long machines would have worked on them.
+ * What a job saved: samples, and an estimate of their machine time.
  * @param {Api.JobView} job
  */
 export function savings(job) {

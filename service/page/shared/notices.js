@@ -1,20 +1,20 @@
-// What the page tells its reader: what was done, and what is wrong.
+// Messages to the user: what was done, and what is wrong.
 
 import { byId, setText } from "./dom.js";
 
 /**
- * Tells screen readers something, politely.
+ * Announces a text to screen readers.
  * @param {string} text
  */
 export function say(text) {
   setText(byId("said"), text);
 }
 
-/** Whether what is shown answers something that a person asked for; they may not have read it yet. */
+/** Whether the shown error answers a user's action; it stays, since the user may not have read it yet. */
 let lasting = false;
 
 /**
- * Shows what is wrong at the foot of the window; "" when all is well again.
+ * Shows an error at the foot of the window; "" removes it.
  * @param {unknown} wrong - an error, or a text
  */
 export function complain(wrong, lasts = false) {
@@ -24,13 +24,13 @@ export function complain(wrong, lasts = false) {
   place.hidden = !place.textContent;
 }
 
-/** Takes away what is wrong, now that all is well, unless it answers what somebody asked for. */
+/** Removes the error, unless it answers a user's action. */
 export function recovered() {
   if (!lasting) complain("");
 }
 
 /**
- * What an error says.
+ * The message of an error.
  * @param {unknown} error
  */
 export function messageOf(error) {
@@ -38,7 +38,7 @@ export function messageOf(error) {
 }
 
 /**
- * Does something and says so; what the API refuses is shown in its words.
+ * Does something and announces it, or shows the error.
  * @param {() => Promise<unknown>} work
  * @param {string} done
  * @param {() => unknown} refresh

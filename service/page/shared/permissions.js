@@ -1,14 +1,14 @@
-// What the key in hand allows, so that nothing is offered that would be refused.
+// What the current key allows, so that the page offers nothing that would be refused.
 
 import { get } from "./api.js";
 
 /**
- * Until the API has said otherwise everything is offered: it is the API that decides.
+ * Until the API has answered, the page offers everything; the API decides anyway.
  * @type {{ id: string | null, role: Api.Role }}
  */
 let known = { id: null, role: "admin" };
 
-/** Asks the API whose key it is; resolves when that is known. */
+/** Asks the API about the key. */
 export async function meetMe() {
   known = await get("/v1/key").catch(() => known);
 }
@@ -26,7 +26,7 @@ export function maySteer(thing) {
   return known.role === "admin" || (known.role === "submitter" && thing.owner === known.id);
 }
 
-/** Whether workers may be told what to do. */
+/** Whether workers may be drained and resumed. */
 export function maySteerWorkers() {
   return known.role === "admin";
 }

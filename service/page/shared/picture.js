@@ -1,10 +1,10 @@
-// Pictures of the API in <img> elements: fetched with the key, shown as blobs, let go afterwards.
+// Pictures of the API in <img> elements: fetched with the key, and shown as blobs.
 
 import { bytes } from "./api.js";
 import { h } from "./dom.js";
 
 /**
- * The URL of a picture that is ready to be shown; whoever shows it revokes it.
+ * The URL of a decoded picture; the caller revokes it.
  * @param {Blob} blob
  */
 export async function decoded(blob) {
@@ -13,7 +13,7 @@ export async function decoded(blob) {
   return image.src;
 }
 
-/** Shows in an <img> what is at a path; resolves to whether it has changed. */
+/** An <img> that shows the picture at a path. */
 export class Picture {
   #image;
   /** @type {string | null} */
@@ -22,7 +22,7 @@ export class Picture {
   #path = null;
   #wanted = "";
   /**
-   * Samples per pixel of the merged image that is shown, if the API says so.
+   * Samples per pixel of the shown image, if the API tells.
    * @type {number | null}
    */
   spp = null;
@@ -32,13 +32,14 @@ export class Picture {
     this.#image = image;
   }
 
-  /** The path of what is shown; null before anything is. */
+  /** The path of the shown picture; null before the first. */
   get path() {
     return this.#path;
   }
 
   /**
-   * Fetches it and shows it if it is new; the old one stays until the new one is decoded.
+   * Fetches a picture and shows it if it is new; resolves to whether it is. The old one stays until
+   * the new one is decoded.
    * @param {string} path
    * @param {AbortSignal} signal
    */
@@ -47,7 +48,7 @@ export class Picture {
     const { blob, tag, spp } = await bytes(path, signal);
     if (path === this.#path && tag && tag === this.#tag) return false;
     const url = await decoded(blob);
-    // Another was asked for meanwhile.
+    // Another picture was requested meanwhile.
     if (this.#wanted !== path) {
       URL.revokeObjectURL(url);
       return false;
@@ -60,7 +61,7 @@ export class Picture {
     return true;
   }
 
-  /** Frees the memory of what is shown. */
+  /** Frees the memory of the shown picture. */
   letGo() {
     if (this.#image.src.startsWith("blob:")) URL.revokeObjectURL(this.#image.src);
   }

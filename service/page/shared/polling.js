@@ -1,4 +1,4 @@
-// Waiting, and doing a thing again and again.
+// Waiting and polling.
 
 import { complain, recovered } from "./notices.js";
 
@@ -17,7 +17,7 @@ export function sleep(ms, signal) {
 }
 
 /**
- * Calls `work` again and again, `everyMs()` apart, while the page can be seen.
+ * Calls `work` again and again, `everyMs()` apart, while the page is visible.
  * @param {() => Promise<unknown>} work
  * @param {() => number} everyMs
  * @param {AbortSignal} signal

@@ -1,4 +1,4 @@
-// The stopping rules as the service describes them: the fields of a form, and what a parameter means beyond its rule.
+// The stopping rules as the service describes them: the fields of their forms, and the roles of their parameters.
 
 import { get } from "./api.js";
 import { complain, recovered } from "./notices.js";
@@ -12,13 +12,13 @@ import { sleep } from "./polling.js";
 const RETRY_MS = 1000;
 
 /**
- * Every rule, in the order in which to offer them; empty until `meetRules` has resolved.
+ * All rules, in the order of the forms; empty until `meetRules` has resolved.
  * @type {RuleAbout[]}
  */
 export const RULES = [];
 
 /**
- * Asks the service for its rules, until it has answered; once for all screens; rejects when the signal aborts.
+ * Fetches the rules, once for all screens, and tries until it succeeds; rejects when the signal aborts.
  * @param {AbortSignal} signal
  */
 export async function meetRules(signal) {
@@ -37,7 +37,7 @@ export async function meetRules(signal) {
 }
 
 /**
- * A parameter as a field of a form: `min`, `max` and `value` are the spec's own, a form shows them over `scale`.
+ * A parameter as a field of a form; `min`, `max` and `value` are those of the spec.
  * @param {Api.ParameterView} parameter
  * @returns {ParameterAbout}
  */
@@ -46,7 +46,7 @@ function field({ name, label, unit, help, scale, role, default: value, least: mi
 }
 
 /**
- * The rule of this name; undefined where the service had none when the page was opened.
+ * The rule of this name; undefined if the service has none.
  * @param {string} wanted
  */
 export function ruleNamed(wanted) {
@@ -54,7 +54,7 @@ export function ruleNamed(wanted) {
 }
 
 /**
- * The field of a rule whose parameter has this role; undefined where it has none.
+ * The field of a rule's parameter in this role; undefined if it has none.
  * @param {Api.ParameterRole} role
  * @param {{ name: string }} rule
  */
@@ -63,7 +63,7 @@ export function fieldIn(role, rule) {
 }
 
 /**
- * What a job's rule has in this role; null where it has nothing.
+ * The value of a job's rule in this role; null if it has none.
  * @param {Api.ParameterRole} role
  * @param {Rule} rule
  */
@@ -73,7 +73,7 @@ export function valueIn(role, rule) {
 }
 
 /**
- * The parameters of a job's rule, whichever rule it is.
+ * The parameters of a job's rule.
  * @param {Rule} rule
  * @returns {Record<string, number>}
  */
@@ -82,7 +82,7 @@ export function parametersOf({ name: _name, ...parameters }) {
 }
 
 /**
- * The rules that say something when they are watched: one that stops at a number of samples does not.
+ * The rules that are worth watching; one that stops at a number of samples is not.
  * @template {{ name: string }} Named
  * @param {Named[]} rules
  */

@@ -1,5 +1,5 @@
-// A spec but for its rules, as a form explains it: a sentence for each field.
-// Values, `min` and `max` are the spec's own (farm/model/spec.py), and a test compares them; a form shows them over `scale`.
+// The fields of a form for a spec, without its rules.
+// Values, `min` and `max` are those of farm/model/spec.py; a test compares them.
 
 /** @import { FieldAbout } from "./form_fields.js" */
 
@@ -9,19 +9,19 @@ const spp = { min: 1, max: 1_000_000, step: 1 };
 /** @type {FieldAbout[]} */
 export const VIEW = [
   { name: "exposure_ev", label: "Exposure", unit: "EV", value: 0, min: -100, max: 100, step: "any",
-    help: "In powers of two; noise is judged as bright as it is shown." },
+    help: "In powers of two; noise is judged at the brightness at which it is shown." },
   { name: "white_luminance", label: "Display white", unit: "cd/m²", value: 100, min: 0.01, max: 20000, step: "any",
     help: "How bright white is: about 100 for a desk, 300 for a bright monitor, 1000 for HDR." },
   { name: "field_of_view_deg", label: "Image width seen under", unit: "°", value: 45, min: 0.0001, max: 179.9, step: "any",
-    help: "The nearer the eye, the larger the angle, and the finer the noise that it sees." },
+    help: "The nearer the eye, the larger the angle, and the finer the visible noise." },
 ];
 
 /** @type {FieldAbout[]} */
 export const LIMITS = [
   { name: "max_spp", label: "At most", unit: "spp", value: 10000, ...spp,
     help: "The cap: the job ends there, converged or not." },
-  { name: "step", label: "Look every", unit: "spp", value: 100, ...spp,
-    help: "Samples between two judgements of the image; a whole number of slices." },
+  { name: "step", label: "Judge every", unit: "spp", value: 100, ...spp,
+    help: "Samples between two evaluations; a whole number of slices." },
   { name: "time_limit_s", label: "Time limit", unit: "min", value: "", scale: 60, min: 0.1, max: 366 * 86_400, step: "any", optional: true,
     help: "The job ends after this time, without pauses. Empty: no limit." },
 ];
@@ -32,10 +32,10 @@ export const PRIORITY = { min: -1000, max: 1000, step: 1 };
 export const MORE = [
   { name: "batch", label: "Batch", value: "", type: "text", maxlength: 100, optional: true, help: "A name that groups jobs." },
   { name: "min_spp", label: "No sooner than", unit: "spp", value: "", ...spp, optional: true,
-    help: "The job does not converge before, whatever its rule says." },
-  { name: "priority", label: "Priority", value: 0, ...PRIORITY, help: "Higher is served first." },
+    help: "The job does not converge earlier, whatever its rule says." },
+  { name: "priority", label: "Priority", value: 0, ...PRIORITY, help: "Higher priorities are served first." },
   { name: "slice_spp", label: "Slice", unit: "spp", value: 25, min: 1, max: 4096, step: 1,
     help: "What a worker renders at a time." },
-  { name: "seed", label: "Seed", value: 0, min: 0, max: 4095, step: 1, help: "Another one draws other samples." },
-  { name: "sensor", label: "Sensor", value: 0, min: 0, max: 1000, step: 1, help: "Which camera of the scene." },
+  { name: "seed", label: "Seed", value: 0, min: 0, max: 4095, step: 1, help: "Another seed draws other samples." },
+  { name: "sensor", label: "Sensor", value: 0, min: 0, max: 1000, step: 1, help: "The scene's camera, by its index." },
 ];

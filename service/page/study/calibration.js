@@ -1,13 +1,13 @@
-// What a browser cannot know of a screen, asked of who sits before it: how large and how far a pixel is.
+// Questions to an observer about what a browser cannot measure: the size and distance of a pixel.
 
 import { drawing, h, setText } from "../shared/dom.js";
 import { three } from "../shared/figures.js";
 
 /** A bank card (ISO/IEC 7810 ID-1). */
 const CARD_MM = { width: 85.6, height: 53.98 };
-/** What CSS takes a pixel for. */
+/** The nominal size of a CSS pixel. */
 const CSS_PX_PER_MM = 96 / 25.4;
-/** The sRGB value of half of white's light. */
+/** The sRGB code of half the light of white. */
 const HALF_GREY = 188;
 const PATCH = { width: 240, height: 72 };
 
@@ -47,7 +47,7 @@ export class Calibration {
     this.#show();
   }
 
-  /** What the API wants to know of it. */
+  /** The screen as the API takes it. */
   get screen() {
     const pitch = CARD_MM.width / (this.#size.valueAsNumber * devicePixelRatio);
     return {
@@ -67,7 +67,7 @@ export class Calibration {
   }
 }
 
-/** Lines as fine as the screen's pixels, beside the grey that should look alike. */
+/** Lines one screen pixel wide, beside the grey that should look equally bright. */
 function patch() {
   const canvas = h("canvas", { class: "patch", role: "img", "aria-label": "Fine lines at the left, plain grey at the right" });
   const scale = devicePixelRatio;

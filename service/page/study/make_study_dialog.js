@@ -1,4 +1,4 @@
-// Making an observer study of a job that kept its slices.
+// The dialog that makes an observer study of a job that kept its slices.
 
 import { get, send } from "../shared/api.js";
 import { openForm } from "../shared/dialogs.js";
@@ -7,11 +7,11 @@ import { roughly, several, whole } from "../shared/figures.js";
 import { imagePixels, title } from "../shared/job_summary.js";
 import { maySubmit } from "../shared/permissions.js";
 
-/** About how many seconds each pixel of a slice takes to be read and added. */
+/** Seconds to read and add a pixel of a slice, roughly. */
 const A_PIXEL_S = 6e-8;
 
 /**
- * A button that asks what is to be compared; null where nothing can be.
+ * The button for it; null if the job does not allow a study.
  * @param {Api.JobView} job
  * @param {(path: string) => void} go
  */
@@ -53,7 +53,7 @@ async function ask(job, go) {
       });
       return () => go(study.links.page);
     },
-    // All slices are merged within the one request: this says how many, and how long that takes.
+    // The request merges all slices, which takes long: say how many, and how long.
     wait(waits, button) {
       const slices = slicesOf(job) + slicesOf(others.get(reference.value));
       progress.hidden = !waits;

@@ -1,4 +1,4 @@
-// Taking part in a study: who and where one sits, then pair after pair. No result is shown here.
+// Taking part in a study: questions about the observer's seat, then the pairs. It shows no results.
 
 import { get, send } from "../shared/api.js";
 import { h, setText } from "../shared/dom.js";
@@ -50,9 +50,9 @@ export async function open(main, { id, signal }) {
         h("fieldset", {},
           h("legend", {}, "You"),
           h("div", { class: "field" }, h("label", { for: "pseudonym" }, "Pseudonym"), pseudonym,
-            h("p", { class: "help", id: "pseudonym-help" }, "Choose anything but your name. With it you can go on later, at the same screen and seat. Only your answers and what you say about your screen are kept under it."))),
+            h("p", { class: "help", id: "pseudonym-help" }, "Choose anything but your name. With it you can continue later, at the same screen and seat. Only your answers and what you say about your screen are stored with it."))),
         calibration.element, wrong,
-        h("div", { class: "send" }, h("button", { type: "submit", class: "primary large" }, "Go on"))));
+        h("div", { class: "send" }, h("button", { type: "submit", class: "primary large" }, "Continue"))));
 
     /** @param {SubmitEvent} event */
     async function submit(event) {
@@ -80,7 +80,7 @@ export async function open(main, { id, signal }) {
       return;
     }
     const room = h("p", { class: "bad", role: "status" });
-    const start = h("button", { class: "primary large" }, observer.answered.length ? "Go on" : "Begin");
+    const start = h("button", { class: "primary large" }, observer.answered.length ? "Continue" : "Begin");
     const full = h("button", { class: "large", onclick: () => document.documentElement.requestFullscreen?.().catch(() => {}) }, "Full screen");
     const look = () => {
       setText(room, missingRoom(study));
@@ -103,7 +103,7 @@ export async function open(main, { id, signal }) {
     screen.replaceChildren(
       h("h1", {}, observer.answered.length ? `Welcome back, ${observer.name}` : "Ready?"),
       h("p", { class: "lead" }, `${several(left, "pair")} to look at, from ${distance} cm.`),
-      h("p", {}, "Answer with the buttons, or with the keys ", h("kbd", {}, "D"), " (a difference) and ", h("kbd", {}, "S"), " (the same). Each answer is saved at once. You may stop whenever you like, and go on here."),
+      h("p", {}, "Answer with the buttons, or with the keys ", h("kbd", {}, "D"), " (a difference) and ", h("kbd", {}, "S"), " (the same). Each answer is saved at once. You may stop whenever you like, and continue here."),
       room, h("div", { class: "send" }, start, full));
     start.focus();
   }

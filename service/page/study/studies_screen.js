@@ -1,4 +1,4 @@
-// All observer studies: what each compares, who took part, and what it has found.
+// The list of observer studies: method, levels, participation and results.
 
 import { get } from "../shared/api.js";
 import { h } from "../shared/dom.js";
@@ -38,7 +38,7 @@ function row(study) {
 }
 
 /**
- * What kind of study it is.
+ * The method of a study, in words.
  * @param {Api.StudyView} study
  */
 export function methodInWords({ method }) {
@@ -46,7 +46,7 @@ export function methodInWords({ method }) {
 }
 
 /**
- * Where half of the answers see no difference any more.
+ * The threshold of 50 %, in words.
  * @param {Api.StudyResult} result
  */
 function halfInWords({ thresholds }) {

@@ -1,4 +1,4 @@
-// A study, for who runs it: what it compares, what was answered, and what follows from that.
+// A study, for its experimenter: what it compares, the answers and the results.
 
 import { downloadLink, get, isProblem, send } from "../shared/api.js";
 import { confirmed } from "../shared/dialogs.js";
@@ -34,7 +34,7 @@ export function open(main, { id, signal, go }) {
       return;
     }
     const now = JSON.stringify([study, maySubmit()]);
-    if (now === shown) return; // what is not touched keeps its focus
+    if (now === shown) return; // unchanged elements keep the focus
     shown = now;
     document.title = `${study.name} · Study · Plateau`;
     screen.replaceChildren(...parts(study));
@@ -50,7 +50,7 @@ export function open(main, { id, signal, go }) {
           h("div", {},
             h("h1", {}, study.name),
             h("p", { class: "summary" }, `${methodInWords(study)} · ${study.width} × ${study.height} · ${several(study.trials, "pair")} for each observer`)),
-          h("div", { class: "job-actions", role: "group", "aria-label": "What you can do" }, ...actions(study)))),
+          h("div", { class: "job-actions", role: "group", "aria-label": "Actions" }, ...actions(study)))),
       h("p", {}, "Images of ", h("a", { href: `/jobs/${study.job_id}` }, "a job"), `'s first slices, against ${whole(study.reference_spp)} spp of `,
         study.reference_job_id === study.job_id ? "the same job." : h("a", { href: `/jobs/${study.reference_job_id}` }, "another one.")),
       !study.independent && h("p", { class: "note" },
@@ -97,7 +97,7 @@ export function open(main, { id, signal, go }) {
 }
 
 /**
- * The thresholds that the answers bound; one that they do not would be a guess.
+ * The thresholds that the answers bound, in words.
  * @param {Api.StudyResult} result
  */
 function thresholds({ thresholds: found, answers }) {

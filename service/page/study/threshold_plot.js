@@ -1,4 +1,4 @@
-// How often a difference was seen, over spp: answers as points, the fit as a curve in its band.
+// A plot of how often a difference was seen, over spp: shares as points, the fit as a curve.
 
 import { h, svg } from "../shared/dom.js";
 import { whole } from "../shared/figures.js";
@@ -8,7 +8,7 @@ const HEIGHT = 280;
 const [LEFT, RIGHT, TOP, BOTTOM] = [44, 14, 12, 36];
 
 /**
- * The thresholds between whose bounds the answers leave them.
+ * The thresholds that have an interval.
  * @param {Api.Threshold[]} thresholds
  */
 export function boundedOf(thresholds) {

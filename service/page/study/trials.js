@@ -1,4 +1,4 @@
-// The pairs of a study, one after the other: two pictures, one question.
+// The trials of a study: pairs of pictures, each with one question.
 
 import { bytes, Problem, send } from "../shared/api.js";
 import { h, setText } from "../shared/dom.js";
@@ -6,14 +6,14 @@ import { complain, messageOf, say } from "../shared/notices.js";
 import { decoded } from "../shared/picture.js";
 import { sleep } from "../shared/polling.js";
 
-/** Between two pairs the screen is empty, so that nothing is told by what flickers. */
+/** The screen is empty between two pairs, so that flicker reveals nothing. */
 const EMPTY_MS = 400;
 const AGAIN_MS = 1500;
 const GAP_PX = 32;
 const CONTROLS_PX = 195;
 
 /**
- * Shows the pairs that have no answer yet; resolves when all have one, or the observer stops for now.
+ * Shows the pairs without an answer; resolves when all have one, or the observer stops for now.
  * @param {Api.StudyView} study
  * @param {Api.ObserverView} observer
  * @param {AbortSignal} signal
@@ -41,7 +41,7 @@ export async function runTrials(study, observer, signal) {
 }
 
 /**
- * What is missing, in words, for both pictures to fit into the window pixel by pixel; "" if they fit.
+ * A message if both pictures do not fit into the window pixel by pixel; "" if they do.
  * @param {Api.StudyView} study
  */
 export function missingRoom({ width, height }) {
@@ -66,7 +66,7 @@ async function fetchAll(trials, signal) {
 }
 
 /**
- * Sends an answer until it is kept: to send it twice is harmless.
+ * Sends an answer until it is stored; sending it twice is harmless.
  * @param {string} path
  * @param {Api.NewAnswer} answer
  * @param {AbortSignal} signal
@@ -120,7 +120,7 @@ class Pairs {
   }
 
   /**
-   * Shows a pair; resolves to what is answered, or to null where the observer stops for now.
+   * Shows a pair; resolves to the answer, or to null if the observer stops for now.
    * @param {string} left
    * @param {string} right
    * @returns {Promise<Api.NewAnswer | null>}

@@ -1,4 +1,4 @@
-// Submit a scene: bring it, see what was found in it, say when to stop.
+// Submitting a scene: upload it, see what the check found, and choose when to stop.
 
 import { get, isAbort, isProblem, Problem, upload } from "../shared/api.js";
 import { h, setText } from "../shared/dom.js";
@@ -29,7 +29,7 @@ class Submission {
   #go;
   /** @type {File | null} */
   #file = null;
-  /** The SHA-256 of the scene, once the API has it. */
+  /** The SHA-256 of the scene, once the API has stored it. */
   #sha256 = "";
   /** @type {AbortController | null} */
   #sending = null;
@@ -45,7 +45,7 @@ class Submission {
   #guard = h("input", { type: "checkbox", id: "flicker-guard" });
 
   #picker = h("input", { type: "file", accept: ".zip,.xml,application/zip,text/xml", id: "scene-file", class: "unseen",
-    onchange: () => { this.#bring(this.#picker.files); this.#picker.value = ""; } }); // so that the same may be brought again
+    onchange: () => { this.#bring(this.#picker.files); this.#picker.value = ""; } }); // reset, so that the same file can be chosen again
   #stored = h("select", { class: "stored", "aria-label": "A stored scene", hidden: true, onchange: () => { this.#takeStored(); } }, h("option", { value: "" }, "or take one that is stored…"));
   #progress = h("progress", { max: 1, value: 0, "aria-label": "Upload", hidden: true });
   #said = h("p", { class: "drop-said" }, "A Mitsuba XML, or a zip of one with its meshes and textures");
@@ -78,8 +78,8 @@ class Submission {
       h("fieldset", {}, h("legend", {}, "When is it done?"),
         h("div", { class: "choices", role: "radiogroup", "aria-label": "The rule that ends it" }, this.#rules.filter(({ featured }) => featured).map(({ element }) => element),
           h("details", {}, h("summary", {}, "Other rules"), h("div", { class: "choices" }, this.#rules.filter(({ featured }) => !featured).map(({ element }) => element))))),
-      h("fieldset", {}, h("legend", {}, "How is it looked at?"), h("div", { class: "fields" }, this.#view.elements)),
-      h("fieldset", {}, h("legend", {}, "And no further than"), h("div", { class: "fields" }, this.#limits.elements)),
+      h("fieldset", {}, h("legend", {}, "How is it viewed?"), h("div", { class: "fields" }, this.#view.elements)),
+      h("fieldset", {}, h("legend", {}, "Limits"), h("div", { class: "fields" }, this.#limits.elements)),
       h("details", {}, h("summary", {}, "More"),
         h("div", { class: "fields" }, this.#more.elements),
         h("p", { class: "check" }, this.#keep, h("label", { for: "keep-slices" },
@@ -88,7 +88,7 @@ class Submission {
           "Guard it against flicker: only jobs that stop alike may join")),
         h("fieldset", { class: "watch" }, h("legend", {}, "Rules to watch beside it: they stop nothing, and mark the curve where they would have"),
           watchable(this.#rules).map(({ watch, title }) => h("label", { class: "toggle" }, watch, title)))),
-      h("p", { class: "send" }, this.#button, h("span", { class: "hint" }, "The job can be cancelled at any time; what is rendered by then is kept.")));
+      h("p", { class: "send" }, this.#button, h("span", { class: "hint" }, "The job can be cancelled at any time; it keeps the image rendered by then.")));
     this.element = h("form", { class: "submit", novalidate: true, onsubmit: (event) => { event.preventDefault(); this.#submit(); } },
       h("h1", {}, "Submit a scene"), this.#picker, drop, this.#stored, this.#wrong, this.#summary, this.#rest);
     this.#choose(this.#chosen.name);
@@ -130,7 +130,7 @@ class Submission {
     this.#check();
   }
 
-  /** Has the API look at the scene with the parameters as they are; brings the file where it has to. */
+  /** Has the API check the scene with the current parameters; uploads the file if necessary. */
   async #check() {
     this.#sending?.abort();
     const sending = (this.#sending = new AbortController());
@@ -150,7 +150,7 @@ class Submission {
       }));
     } catch (error) {
       if (isAbort(error)) return;
-      // It may have gone while this page lay open.
+      // A sweep may have removed the scene while this page was open.
       if (isProblem(error, "unknown-scene") && this.#file) { this.#sha256 = ""; await this.#check(); return; }
       this.#showRefused(error);
     } finally {
@@ -180,7 +180,7 @@ class Submission {
     this.#summary.replaceChildren(...rows.filter(([, text]) => text).map(([name, text]) => h("div", {}, h("dt", {}, name), h("dd", {}, text))));
     if (!this.#parameters.length) {
       for (const [name, value] of Object.entries(found.parameters)) this.#addParameter(name, value);
-      this.#showParameters("The scene's parameters with their defaults; what you write replaces them.");
+      this.#showParameters("The scene's parameters with their defaults, which your values replace.");
     }
     this.#rest.hidden = false;
     say(`${found.name} is checked: ${found.width} by ${found.height} pixels.`);
@@ -204,7 +204,7 @@ class Submission {
   }
 
   /**
-   * The scene was refused: says why, and asks for a parameter's value where that is what is missing.
+   * Shows why the scene was refused, and a field for a parameter if its value is missing.
    * @param {unknown} error
    */
   #showRefused(error) {
@@ -221,7 +221,7 @@ class Submission {
   // When it is done.
 
   /**
-   * A rule with its place among the choices, and the box that has it watched.
+   * A rule with its radio button and fields, and the checkbox that watches it.
    * @param {RuleAbout} rule
    */
   #choice(rule) {
@@ -278,8 +278,8 @@ class Submission {
   }
 
   /**
-   * Shows what the API refused, at the fields that it names, and goes there.
-   * @param {unknown} error - null where nothing was refused
+   * Shows an error at the fields that it names, and moves the focus there.
+   * @param {unknown} error - null removes it
    */
   #blame(error) {
     const blamed = blame(this.#fields(), error);

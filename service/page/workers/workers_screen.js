@@ -1,4 +1,4 @@
-// Who renders: which workers live, what each does, and what troubles it.
+// The list of living workers: what each does, and its troubles.
 
 import { get, send } from "../shared/api.js";
 import { confirmed } from "../shared/dialogs.js";
@@ -12,7 +12,7 @@ import { repeat } from "../shared/polling.js";
 const EVERY_MS = 2000;
 
 /** @import { Screen } from "../main.js" */
-/** @typedef {Api.Worker & { jobName?: string }} NamedWorker  with what its job is called */
+/** @typedef {Api.Worker & { jobName?: string }} NamedWorker  with the name of its job */
 
 /** @type {Screen} */
 export function open(main, { signal }) {
@@ -76,9 +76,9 @@ class WorkerRow {
     this.#drain.addEventListener("click", async () => {
       const { id, drained } = this.#worker;
       const tell = (/** @type {string} */ what, /** @type {string} */ done) => attempt(() => send("POST", `/v1/workers/${encodeURIComponent(id)}/${what}`), done, refresh);
-      if (drained) await tell("resume", `${id} takes work again`);
+      if (drained) await tell("resume", `${id} is resumed`);
       else if (await confirmed(`Drain ${id}?`,
-        "It finishes the slice that it has in hand and takes no more, so that it can be stopped without a loss.", "Drain it", "Let it work")) {
+        "It finishes its slice and takes no more, so that it can be stopped without a loss.", "Drain it", "Keep it working")) {
         await tell("drain", `${id} takes no more work`);
       }
     });
@@ -88,8 +88,8 @@ class WorkerRow {
   update(worker) {
     this.#worker = worker;
     this.#drain.hidden = !maySteerWorkers();
-    setText(this.#drain, worker.drained ? "Let it work" : "Drain");
-    setAttribute(this.#drain, "aria-label", `${worker.drained ? "Let it work:" : "Drain"} ${worker.id}`);
+    setText(this.#drain, worker.drained ? "Resume" : "Drain");
+    setAttribute(this.#drain, "aria-label", `${worker.drained ? "Resume" : "Drain"} ${worker.id}`);
     const { id, host, pid, variants, threads, job, slice, samples_per_s: rate, last_error: error, trouble } = worker;
     setAttribute(this.element, "data-worker", id);
     setText(this.#name, id);

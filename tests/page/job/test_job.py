@@ -154,15 +154,15 @@ def test_an_ended_job_is_gone_on_with(visit: Visit, farm: NoiseFarm) -> None:
         until(lambda: farm.jobs.get(job.id).finished_at is not None, 60)
     visitor = visit(f"/jobs/{job.id}", expected={422})
     page = visitor.page
-    page.get_by_role("button", name="Go on…").click()
+    page.get_by_role("button", name="Continue…").click()
     # What cannot be is said in the dialog, which stays
     page.get_by_label("At most").fill("60")
-    page.get_by_role("button", name="Go on", exact=True).click()
+    page.get_by_role("button", name="Continue", exact=True).click()
     expect(page.get_by_role("dialog")).to_contain_text("must be a multiple of slice_spp")
     page.get_by_label("At most").fill("100")
     page.get_by_label("Noise that may be left").fill("0.05")
-    page.get_by_role("button", name="Go on", exact=True).click()
-    expect(page.get_by_text("It goes on from an earlier job, at 50 spp.")).to_be_visible()
+    page.get_by_role("button", name="Continue", exact=True).click()
+    expect(page.get_by_text("It continues an earlier job, at 50 spp.")).to_be_visible()
     new = farm.jobs.get(page.url.rpartition("/")[2])
     assert (new.continues, new.spec.max_spp) == (job.id, 100)
     assert new.spec.rule.model_dump()["target"] == 0.0005

@@ -19,19 +19,19 @@ def test_a_job_is_judged_again(visit: Visit, farm: NoiseFarm) -> None:
     # It starts with what was
     expect(dialog.get_by_label("The rule that ends it")).to_have_value("fixed")
     expect(dialog.get_by_label("Stop at")).to_have_value("200")
-    expect(dialog.get_by_label("Look every")).to_have_value("25")
+    expect(dialog.get_by_label("Judge every")).to_have_value("25")
     expect(dialog.get_by_label("No noise left to see")).to_be_checked()
     # What cannot be is said where it is
-    dialog.get_by_label("Look every").fill("30")
+    dialog.get_by_label("Judge every").fill("30")
     dialog.get_by_role("button", name="Judge it").click()
     expect(dialog.get_by_role("alert")).to_contain_text("step")
-    dialog.get_by_label("Look every").fill("50")
+    dialog.get_by_label("Judge every").fill("50")
     dialog.get_by_label("The rule that ends it").select_option("reverse")
     dialog.get_by_label("Points in the line").fill("3")
     dialog.get_by_label("Image width seen under").fill("20")
     dialog.get_by_label("Exposure").fill("-1")
     dialog.get_by_role("button", name="Judge it").click()
-    expect(page.get_by_text("It goes on from an earlier job")).to_be_visible()
+    expect(page.get_by_text("It continues an earlier job")).to_be_visible()
     new = farm.jobs.get(page.url.rpartition("/")[2])
     assert (new.continues, new.spec.max_spp, new.spec.step) == (job.id, 200, 50)
     rule = new.spec.rule.model_dump()
@@ -49,7 +49,7 @@ def test_a_job_is_judged_again(visit: Visit, farm: NoiseFarm) -> None:
 
 def test_only_where_slices_were_kept(visit: Visit, farm: NoiseFarm) -> None:
     page = visit(f"/jobs/{finished(farm).id}").page
-    expect(page.get_by_role("button", name="Go on…")).to_be_visible()
+    expect(page.get_by_role("button", name="Continue…")).to_be_visible()
     expect(page.get_by_role("button", name="Judge again…")).to_have_count(0)
 
 

@@ -98,7 +98,7 @@ def test_a_known_threshold_comes_back(
     page.get_by_label("From your eyes to the screen").fill("70")
     expect(page.locator(".calibration")).to_contain_text("61.1 pixels in a degree")
     page.get_by_label("From a step further away").select_option("true")
-    page.get_by_role("button", name="Go on").click()
+    page.get_by_role("button", name="Continue").click()
     expect(page.get_by_text("14 pairs to look at, from 70 cm.")).to_be_visible()
     page.get_by_role("button", name="Begin").click()
 
@@ -116,11 +116,11 @@ def test_a_known_threshold_comes_back(
     expect(page.locator(".pair-count")).to_have_text("6 of 14")
     # Who stops for now, or loads the page again, goes on where it stood
     page.get_by_role("button", name="Stop for now").click()
-    expect(page.get_by_role("button", name="Go on")).to_be_visible()
+    expect(page.get_by_role("button", name="Continue")).to_be_visible()
     page.reload()
     expect(page.get_by_role("heading", name="Welcome back, o-1")).to_be_visible()
     expect(page.get_by_text("9 pairs to look at")).to_be_visible()
-    page.get_by_role("button", name="Go on").click()
+    page.get_by_role("button", name="Continue").click()
     look_at(page, api, study.id, "o-1", range(5, 14))
     expect(page.get_by_role("heading", name="Thank you, that is all")).to_be_visible()
 
@@ -210,7 +210,7 @@ def test_anybody_can_take_part(visit: Visit, api: Client, job: Job, scheme: str)
     widths = page.evaluate("[document.documentElement.scrollWidth, innerWidth]")
     assert widths[0] <= widths[1]
     page.get_by_label("The rectangle is as wide as my card").check()
-    page.get_by_role("button", name="Go on").click()
+    page.get_by_role("button", name="Continue").click()
     page.get_by_role("button", name="Begin").click()
     expect(page.get_by_role("button", name="I see")).to_be_enabled()
     assert violations(page) == []

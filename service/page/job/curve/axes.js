@@ -1,4 +1,4 @@
-// How the axes of the curve are scaled, numbered and coloured.
+// The ranges, numbers and colours of the curve's axes.
 
 import { three } from "../../shared/figures.js";
 
@@ -18,7 +18,7 @@ export function fromZero(_plot, _min, max) {
 }
 
 /**
- * The range of a logarithmic axis: with room for the target, which may lie below all points.
+ * The range of a logarithmic axis; it includes the target, which may lie below all points.
  * @param {number | null} target
  * @returns {(plot: uPlot, min: number | null, max: number | null) => [number, number]}
  */
@@ -30,7 +30,7 @@ export function decades(target) {
 }
 
 /**
- * A number as an axis has room for it.
+ * A short form of a number for an axis.
  * @param {number} value
  */
 export function compact(value) {
@@ -39,7 +39,7 @@ export function compact(value) {
   return value >= 1 || value === 0 ? three(value) : value.toPrecision(1);
 }
 
-/** The colours of the plots, as the style sheet has them now. */
+/** The colours of the plots, from the current style sheet. */
 export function colours() {
   const style = getComputedStyle(document.documentElement);
   const of = (/** @type {string} */ name) => style.getPropertyValue(`--${name}`).trim();

@@ -18,7 +18,7 @@ const HEIGHT_BELOW = 200;
 const AXIS_PX = 58;
 
 export class CurveChart {
-  // `show` sets it before anything else is called.
+  // `show` sets it before anything else reads it.
   #job = /** @type {Api.JobView} */ (/** @type {unknown} */ (null));
   /** @type {Api.CurvePoint[]} */
   #points = [];
@@ -45,7 +45,7 @@ export class CurveChart {
   constructor(signal) {
     this.#host = h("div", {
       class: "plots", tabindex: 0, role: "group",
-      "aria-label": "Convergence curve. Left and right walk along its points, plus and minus zoom, 0 shows all.",
+      "aria-label": "Convergence curve. Left and right select a point, plus and minus zoom, 0 shows all.",
       onkeydown: (event) => this.#key(event),
     },
     h("p", { class: "plot-title" }, h("b", {}, "Changed since the first image"), ": pixels that differ visibly from it", this.#slope),
@@ -62,7 +62,7 @@ export class CurveChart {
       this.#host, this.#readout,
       this.#table.element);
     this.element = h("section", { class: "curve", "aria-labelledby": "curve-title" },
-      h("h2", { id: "curve-title" }, "Its way to the plateau"), this.#empty, this.#full);
+      h("h2", { id: "curve-title" }, "Convergence curve"), this.#empty, this.#full);
     const observer = new ResizeObserver(() => this.#resize());
     observer.observe(this.#above);
     const dark = matchMedia("(prefers-color-scheme: dark)");
@@ -84,11 +84,11 @@ export class CurveChart {
     this.#full.hidden = !points.length;
     this.#empty.hidden = points.length > 0;
     if (!points.length) {
-      setText(this.#empty, job.finished_at ? "The curve has no point: the job ended before its first step."
+      setText(this.#empty, job.finished_at ? "The curve has no points: the job ended before its first step."
         : `The curve begins at its first step, ${whole(job.spec.step)} spp.`);
       return;
     }
-    // Most looks bring nothing new.
+    // Most polls bring nothing new.
     const drawn = `${points.length} ${job.state}`;
     if (!rebuild && drawn === this.#drawn) return;
     this.#drawn = drawn;
@@ -255,7 +255,7 @@ export class CurveChart {
     this.#plots = [];
   }
 
-  // What is said of it.
+  // Words.
 
   #words() {
     const { slope } = this.#points[this.#points.length - 1];
@@ -301,7 +301,7 @@ export class CurveChart {
 }
 
 /**
- * On a logarithmic axis there is no place for zero.
+ * The value, or null if a logarithmic axis cannot show it.
  * @param {number | null} value
  * @param {{ input: HTMLInputElement }} toggle
  */

@@ -1,4 +1,4 @@
-// What is drawn over the curves: where each rule stops, the level aimed at, and the way there.
+// Marks on the curves: where each rule stops, the target, and the forecast.
 
 import { rulesOf } from "../../shared/job_summary.js";
 
@@ -7,7 +7,7 @@ import { rulesOf } from "../../shared/job_summary.js";
 /** @typedef {{ name: string, spp: number, own: boolean }} Stop */
 
 /**
- * Where each rule stopped, or would have, the job's own one first.
+ * Where each rule stopped or would have stopped; the job's own rule comes first.
  * @param {Api.JobView} job
  * @param {Api.CurvePoint[]} points
  * @returns {Stop[]}
@@ -20,7 +20,7 @@ export function stopsOf(job, points) {
 }
 
 /**
- * Where the last point says that the target is reached.
+ * The last point's forecast of where the target is reached.
  * @param {Api.CurvePoint[]} points
  */
 export function forecastOf(points) {
@@ -70,7 +70,7 @@ export function drawStops(plot, stops, theme, named) {
       ctx.stroke();
       if (!named) return;
       const text = own ? `${name} stops` : `${name} would stop`;
-      // To the left where there is no room to the right; from the top down, so that all stay legible.
+      // At the left if the right has no room; each name has its own line, so that all are legible.
       const room = x + ctx.measureText(text).width + 6 * unit < bbox.left + bbox.width;
       ctx.textAlign = room ? "left" : "right";
       ctx.fillText(text, x + (room ? 5 : -5) * unit, bbox.top + (14 + 15 * index) * unit);
@@ -79,7 +79,7 @@ export function drawStops(plot, stops, theme, named) {
 }
 
 /**
- * The horizontal line for which a rule waits: the noise that may be left, in pixels.
+ * A horizontal line at the target: the noise that may be left, in pixels.
  * @param {uPlot} plot
  * @param {number | null} target
  * @param {Theme} theme
@@ -103,7 +103,7 @@ export function drawLevel(plot, target, theme) {
 }
 
 /**
- * From the last estimate to the target, with the band in which it will be met.
+ * A line from the last estimate to the target, with the forecast's interval.
  * @param {uPlot} plot
  * @param {Api.CurvePoint[]} points
  * @param {number | null} target

@@ -1,4 +1,4 @@
-// The points of a curve in words: one of them in a line, all of them as a table.
+// The points of a curve as text: one in a line, all as a table.
 
 import { h, table } from "../../shared/dom.js";
 import { percent, pixels, three, whole } from "../../shared/figures.js";
@@ -20,14 +20,14 @@ export function told(point) {
   return parts.join(" · ");
 }
 
-/** The table, folded away until somebody wants it; a row is made once. */
+/** A collapsed table of all points. */
 export class PointTable {
   #rows = h("tbody");
   element = h("details", { class: "points" }, h("summary", {}, "The points as a table"),
     table("The points of the curve", COLUMNS, this.#rows));
 
   /**
-   * Adds the points that it has not shown yet: a point never changes.
+   * Adds the new points; a point never changes.
    * @param {Api.CurvePoint[]} points
    */
   show(points) {
@@ -37,7 +37,7 @@ export class PointTable {
 }
 
 /**
- * Between which counts the noise left is; "" where that is not known.
+ * The interval of the noise left; "" if it is not known.
  * @param {Api.CurvePoint} point
  * @param {string} to
  */

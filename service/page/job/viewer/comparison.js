@@ -1,4 +1,4 @@
-// Which two images of a job's way are compared: any two points of its curve that have one.
+// The choice of two images to compare: any points of the curve that have a picture.
 
 import { get } from "../../shared/api.js";
 import { h, setText } from "../../shared/dom.js";
@@ -31,7 +31,7 @@ export class Comparison {
       label("Left", this.#left), label("Right", this.#right), this.#hint);
   }
 
-  /** Where the wipe is, in percent of the image's width. */
+  /** The wipe's position, in percent of the image's width. */
   get percent() {
     return Number(this.#wipe.value);
   }
@@ -42,7 +42,7 @@ export class Comparison {
   }
 
   /**
-   * What lies at the left and at the right.
+   * The images at the left and at the right.
    * @returns {Source[]}
    */
   sides() {
@@ -57,7 +57,7 @@ export class Comparison {
   }
 
   /**
-   * Asks which images there are, and offers them.
+   * Fetches the list of images, and offers them.
    * @param {Api.JobView} job
    * @param {Api.CurvePoint[]} points
    * @param {AbortSignal} signal
@@ -84,13 +84,13 @@ export class Comparison {
   }
 
   /**
-   * What has to be known of the exposure of these two; "" where it is exact.
+   * A caveat about the exposure of these two; "" if it is exact.
    * @param {Source[]} sides
    */
   static doubt(sides) {
     const rough = sides.filter(({ exr }) => !exr).map(({ name }) => name);
     if (!rough.length) return "";
-    return `${rough.join(" and ")}: kept in 8 bits, so what was white stays flat, and dark shades show steps.`;
+    return `${rough.join(" and ")}: kept in 8 bits, so white areas stay flat, and dark shades show steps.`;
   }
 }
 

@@ -1,5 +1,5 @@
 // Reads the EXR files that Plateau writes: one part, scan lines, float32 R, G and B, zip or none.
-// See "OpenEXR File Layout" (openexr.com): what is needed of it is little.
+// See "OpenEXR File Layout" (openexr.com).
 
 const UNKNOWN_KIND = "not an EXR file of this kind";
 const MAGIC = 20000630;
@@ -36,7 +36,7 @@ export async function readExr(buffer) {
     const rows = Math.min(lines, height - first);
     const whole = rows * width * channels.length * 4;
     const packed = new Uint8Array(buffer, start + 8, size);
-    // A chunk that packing would not make smaller is stored as it is.
+    // A chunk that compression would not make smaller is stored uncompressed.
     const bytes = size === whole ? packed.slice() : unpredicted(await inflated(packed));
     const values = new Float32Array(bytes.buffer, bytes.byteOffset, whole / 4);
     let at = 0;
@@ -101,7 +101,7 @@ async function inflated(packed) {
 }
 
 /**
- * Undoes what precedes the zip: differences of neighbours, and the halves of all bytes interleaved.
+ * Undoes the predictor and the interleaving, which precede the compression.
  * @param {Uint8Array} bytes
  */
 function unpredicted(bytes) {

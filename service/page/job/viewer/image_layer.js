@@ -1,4 +1,4 @@
-// One of the two images that can be seen at once: as its display shows it, or at another exposure.
+// One of the viewer's two images, as the job's display shows it or at another exposure.
 
 import { bytes } from "../../shared/api.js";
 import { drawing, h } from "../../shared/dom.js";
@@ -6,7 +6,7 @@ import { Picture } from "../../shared/picture.js";
 import { readExr } from "./exr.js";
 import { linearised, toned } from "./tone_mapping.js";
 
-/** How long the linear image of a job that still renders is shown before it is fetched again. */
+/** How long the linear image of a running job is shown before it is fetched again. */
 const LINEAR_EVERY_MS = 4000;
 
 /** @import { LinearImage } from "./exr.js" */
@@ -14,11 +14,11 @@ const LINEAR_EVERY_MS = 4000;
 /**
  * What an image layer can show.
  * @typedef {object} Source
- * @property {string} [name] - what it is called
+ * @property {string} [name]
  * @property {string} png
- * @property {string | null} exr - the same in linear light; without it the light is that of the picture's 8 bits
+ * @property {string | null} exr - the same in linear light; null: the light comes from the picture's 8 bits
  * @property {number} ev - the exposure of the picture
- * @property {string | null} version - tells contents at one path apart; null where they change all the time
+ * @property {string | null} version - distinguishes contents of one path; null if they change all the time
  */
 
 export class ImageLayer {
@@ -31,7 +31,7 @@ export class ImageLayer {
   #under = null;
   element = h("div", { class: "side" }, this.#image, this.#canvas);
 
-  /** How large what is shown is, in its own pixels. */
+  /** The size of the image in its own pixels. */
   get size() {
     return { width: this.#image.naturalWidth, height: this.#image.naturalHeight };
   }
@@ -41,7 +41,7 @@ export class ImageLayer {
   }
 
   /**
-   * Says in words what it shows.
+   * Sets the description for screen readers.
    * @param {string} text
    */
   describe(text) {
@@ -53,7 +53,7 @@ export class ImageLayer {
   /**
    * Shows a source with its light times 2^more.
    *
-   * A request for another source that is still under way is given up; one for the same is waited for.
+   * It aborts a pending request for another source, and waits for one for the same.
    * @param {Source} source
    * @param {number} more
    * @param {AbortSignal} signal
@@ -72,7 +72,7 @@ export class ImageLayer {
   }
 
   /**
-   * Draws it with its light times 2^more; with none, or before its light has come, as a picture.
+   * Draws it with its light times 2^more; at 0, or until the light has been fetched, as a picture.
    * @param {number} more
    */
   expose(more) {
@@ -86,7 +86,7 @@ export class ImageLayer {
     linear.shown = more;
   }
 
-  /** Frees the memory of what is shown. */
+  /** Aborts a pending request and frees memory. */
   letGo() {
     this.#under?.stop.abort();
     this.#picture.letGo();

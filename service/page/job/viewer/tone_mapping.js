@@ -1,4 +1,4 @@
-// Linear radiance as the job's display shows it, at any exposure: what metric.encode_srgb does.
+// Linear radiance as the job's display shows it, at any exposure; the same as metric.encode_srgb.
 
 import { drawing, h } from "../../shared/dom.js";
 
@@ -59,7 +59,7 @@ export function toned({ width, height, planes: { R, G, B } }, ev) {
         if (value >= 1) { out[at] = 255; continue; }
         const index = bits[x] >>> SHIFT;
         const found = TABLE[index];
-        // Where the code changes within the table's step, it is worked out.
+        // The code is computed if it changes within the table's step.
         out[at] = found === TABLE[index + 1] ? found : code(value);
       }
     }
@@ -69,7 +69,7 @@ export function toned({ width, height, planes: { R, G, B } }, ev) {
 }
 
 /**
- * The linear light of an <img>, as far as its 8 bits tell.
+ * The linear light of an <img>, with the precision of its 8 bits.
  * @param {HTMLImageElement} image
  * @returns {LinearImage}
  */

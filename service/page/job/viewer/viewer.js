@@ -1,4 +1,4 @@
-// A job's image: as it improves, at any exposure, against earlier ones, and where it differs.
+// A job's image: the newest one, at any exposure, compared with earlier ones, and with its maps.
 
 import { isAbort, isProblem } from "../../shared/api.js";
 import { h, setAttribute, setText } from "../../shared/dom.js";
@@ -11,7 +11,7 @@ import { Stage } from "./zoom_pan.js";
 
 /** @import { Source } from "./image_layer.js" */
 
-/** What takes longer than this is said to be under way. */
+/** A fetch that takes longer is announced. */
 const SOON_MS = 400;
 /** @typedef {"image" | "compare" | "difference" | "broken" | "zones"} Mode */
 /** @type {[Mode, string][]} */
@@ -24,7 +24,7 @@ const MODES = [
 ];
 
 /**
- * Maps that lie over the image, by mode: their link, and the figure without which there is none.
+ * Maps over the image, by mode: the link, and the job's figure that is 0 without a map.
  * @type {Partial<Record<Mode, { link: string, where: "points" | "non_finite_pixels" }>>}
  */
 const MAPS = {
@@ -45,7 +45,7 @@ export class Viewer {
   #zones = new ZoneMap();
   #stage = new Stage([this.#lower.element, this.#upper.element, this.#zones.element], (at) => this.#wipeTo(at));
   /**
-   * The mode whose picture lies above; null before there is one.
+   * The mode whose picture is in the upper layer; null before there is one.
    * @type {Mode | null}
    */
   #aboveOf = null;
@@ -88,7 +88,7 @@ export class Viewer {
     const modes = h("div", { class: "modes", role: "group", "aria-label": "What is shown" }, [...this.#modes.values()]);
     this.#stage.element.hidden = true;
     this.element = h("section", { class: "viewer", "aria-labelledby": "image-title" },
-      h("div", { class: "viewer-head" }, h("h2", { id: "image-title" }, "Its image"), modes),
+      h("div", { class: "viewer-head" }, h("h2", { id: "image-title" }, "Image"), modes),
       this.#nothing, this.#stage.element, this.#caption,
       ...Object.values(this.#panels), this.#light);
     this.#turn("image");
@@ -99,7 +99,7 @@ export class Viewer {
   }
 
   /**
-   * Shows the job's newest image and its newest point; at most one look is under way.
+   * Shows the job's newest image and point; a call does nothing while another is under way.
    * @param {Api.JobView} job
    * @param {Api.CurvePoint[]} points
    */
@@ -126,7 +126,7 @@ export class Viewer {
   }
 
   /**
-   * Fetches what the chosen mode shows; what has not changed is not shown again.
+   * Fetches and shows what the chosen mode needs.
    * @param {Api.JobView} job
    */
   async #look(job) {
@@ -151,7 +151,7 @@ export class Viewer {
   }
 
   /**
-   * What lies below and, where there is something, above.
+   * The source of the lower layer, and of the upper one if it has any.
    * @param {Api.JobView} job
    * @returns {Source[]}
    */
@@ -173,7 +173,7 @@ export class Viewer {
     this.#choose();
   }
 
-  /** Shows what was just chosen; a look that is under way would show what was chosen before. */
+  /** Shows what was just chosen, even while a fetch for the previous choice is under way. */
   async #choose() {
     const job = this.#job;
     if (!job?.image_spp) return;
@@ -211,7 +211,7 @@ export class Viewer {
 
   // Exposure.
 
-  /** By how much the light differs from what was judged: of images, not of maps over them. */
+  /** The chosen exposure of images, relative to the judged one; 0 for maps. */
   #ev() {
     return this.#light.hidden ? 0 : Number(this.#exposure.input.value);
   }
@@ -221,7 +221,7 @@ export class Viewer {
     if (this.#ev() !== 0) this.#choose();
   }
 
-  /** Brings layers, sliders and words up to date with what is chosen and there. */
+  /** Updates layers, sliders and words. */
   #paint() {
     const ev = this.#ev();
     const sign = ev > 0 ? "+" : ev < 0 ? "−" : "";

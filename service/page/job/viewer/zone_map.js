@@ -1,4 +1,4 @@
-// A judgement by zones of the image, as a map over it.
+// The judgement by zones, as a map over the image.
 
 import { setText, svg } from "../../shared/dom.js";
 import { percent } from "../../shared/figures.js";
@@ -47,11 +47,11 @@ export class ZoneMap {
   }
 
   /**
-   * How strong a zone's colour is, by its fraction and its number of pixels.
+   * The opacity of a zone, by its fraction and its number of pixels.
    *
-   * Noise is measured by what the target allows the whole image: the colour begins at a tenth of that
-   * and is full at ten times it. So a few pixels in an image that may stop are faint, and the map fades
-   * as the image converges. A map that is scaled by its own maximum never does.
+   * Noise is relative to what the target allows the whole image: the colour starts at a tenth of that
+   * and is full at ten times it. So the map fades as the image converges, which a map scaled by its own
+   * maximum would not.
    * @param {Api.JobView} job
    * @param {number} fraction
    * @param {number} pixels
@@ -59,7 +59,7 @@ export class ZoneMap {
   #strength(job, fraction, pixels) {
     if (this.#measure === "visible_fraction") return STRONGEST * Math.sqrt(fraction);
     const rule = ruleWith("noise_target", job);
-    // A job without such a rule is measured by what the default rule allows.
+    // A job without such a rule is compared with the default rule's target.
     const usual = RULES.find((one) => one.default);
     const target = rule ? valueIn("noise_target", rule) : usual && fieldIn("noise_target", usual)?.value;
     const decades = Math.log10((fraction * pixels) / ((target ?? 0) * imagePixels(job)));
@@ -91,7 +91,7 @@ export class ZoneMap {
 }
 
 /**
- * Where zones begin and end along a line of pixels: what metric.zone_edges does.
+ * The edges of the zones along one axis, in pixels; the same as metric.zone_edges.
  * @param {number} size
  * @param {number} zones
  */

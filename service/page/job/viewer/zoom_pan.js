@@ -1,4 +1,4 @@
-// Where images lie on each other: zoom, pan, and a wipe between the two upper ones.
+// The stage for layers of images: zoom, pan, and a wipe between two layers.
 
 import { h, signButton } from "../../shared/dom.js";
 
@@ -22,8 +22,8 @@ export class Stage {
   #pointers = new Map();
 
   /**
-   * @param {Element[]} layers - lie on each other, the last one on top
-   * @param {(share: number) => void} onWipe - told where the pointer wipes
+   * @param {Element[]} layers - the last one is on top
+   * @param {(share: number) => void} onWipe - receives the pointer's position while it wipes
    */
   constructor(layers, onWipe) {
     this.#onWipe = onWipe;
@@ -49,7 +49,7 @@ export class Stage {
   }
 
   /**
-   * Says how large the image is.
+   * Sets the size of the image.
    * @param {number} width
    * @param {number} height
    */
@@ -62,7 +62,7 @@ export class Stage {
   }
 
   /**
-   * Shows a layer from this percentage of the width on to the right; all of it with null.
+   * Shows a layer to the right of this percentage of the width; with null, all of it.
    * @param {number | null} percent
    * @param {HTMLElement} layer
    */
@@ -74,7 +74,7 @@ export class Stage {
     this.#frame.classList.toggle("wiping", this.#wiping);
   }
 
-  // The view: how much larger than fitted, and where its middle is, in shares of the frame.
+  // The view: its scale relative to the fitted image, and its middle in shares of the frame.
 
   /** @param {Place & { scale: number }} view */
   #set({ scale, x, y }) {
@@ -103,7 +103,7 @@ export class Stage {
   }
 
   /**
-   * Where an event is.
+   * The position of an event in the frame.
    * @param {MouseEvent} event
    */
   #place(event) {
@@ -113,7 +113,7 @@ export class Stage {
 
   /** @param {WheelEvent} event */
   #wheel(event) {
-    // The page still scrolls over an image that fits.
+    // Over a fitted image, the wheel scrolls the page.
     if (!event.ctrlKey && this.#view.scale === 1) return;
     event.preventDefault();
     this.#zoom(2 ** (-event.deltaY / 200), this.#place(event));
