@@ -83,13 +83,7 @@ class FittedScene:
 
 
 def fit_table(path: Path) -> list[FittedScene]:
-    """Fit each scene of a table.
-
-    Raises
-    ------
-    CannotFit
-        It cannot be read, has neither form, or a row has no fit.
-    """
+    """Fit each scene of a table; `CannotFit` if it cannot be read, has neither form, or no fit."""
     try:
         with path.open(newline="", encoding="utf-8") as file:
             header, *rows = [row for row in csv.reader(file) if row]

@@ -68,20 +68,14 @@ class StudyCalls(Calls):
     def delete(self, study_id: str) -> None:
         """Remove a study with all its answers and pictures.
 
-        Raises
-        ------
-        ApiError
-            ``unknown-study``, ``not-your-study``.
+        Raises `ApiError`: ``unknown-study``, ``not-your-study``.
         """
         self._transport.send("DELETE", f"/v1/studies/{study_id}")
 
     def take_part(self, study_id: str, observer: str, screen: Screen) -> ObserverView:
         """Take part under a pseudonym, or continue; returns the pairs in the observer's order.
 
-        Raises
-        ------
-        ApiError
-            ``unknown-study``; ``cannot-study`` if it already has the most observers.
+        Raises `ApiError`: ``unknown-study``; ``cannot-study`` if it has the most observers already.
         """
         path = f"/v1/studies/{study_id}/observers/{observer}"
         asked = {"screen": screen.model_dump(mode="json")}
@@ -92,10 +86,7 @@ class StudyCalls(Calls):
     ) -> AnswerView:
         """Answer a pair; returns the answer that counts, which is the first.
 
-        Raises
-        ------
-        ApiError
-            ``unknown-study``, ``unknown-observer``, ``unknown-trial``.
+        Raises `ApiError`: ``unknown-study``, ``unknown-observer``, ``unknown-trial``.
         """
         path = f"/v1/studies/{study_id}/observers/{observer}/answers/{trial}"
         asked = {"seen": seen, "seconds": seconds}

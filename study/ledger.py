@@ -65,12 +65,9 @@ class Studies:
         return None if study_id is None else self.get(study_id)
 
     def create(self, study_id: str, request: dict[str, Any], owner: str, about: Any) -> Study:
-        """Add a study whose pictures are stored; a repeated request makes only one.
+        """Add a study whose pictures are stored, or return that of an equal request.
 
-        Raises
-        ------
-        CannotStudy
-            The farm has too many studies, or this one took too long to make.
+        Raises `CannotStudy` if the farm has too many studies, or this one took too long to make.
         """
         digest = _digest(request, owner)
         made = self._scripts.run(
@@ -120,10 +117,7 @@ class Studies:
     def join(self, study: Study, name: str, screen: Screen) -> Observer:
         """Add an observer; one who has joined before keeps the screen of the first time.
 
-        Raises
-        ------
-        StudyNotFound, CannotStudy
-            The study was forgotten, or has the most observers already.
+        Raises `StudyNotFound`, or `CannotStudy` if the study has the most observers already.
         """
         shown = screen.model_dump_json()
         outcome = self._scripts.run(
@@ -167,12 +161,7 @@ class Studies:
     ) -> Answer:
         """Record an answer durably, unless the pair has one; returns the answer that counts.
 
-        Raises
-        ------
-        TrialNotFound
-            The observer has no pair of this number.
-        StudyNotFound
-            The study was forgotten.
+        Raises `TrialNotFound` or `StudyNotFound`.
         """
         shown = study.pairs(observer.number)
         if trial >= len(shown):

@@ -18,10 +18,7 @@ _LIMITS: Final = tuple(0.005 * 80 ** (one / 11) for one in range(12))
 def kept_slices(jobs: Jobs, job: Job) -> list[KeptSlice]:
     """The job's slices from the first on, without a gap.
 
-    Raises
-    ------
-    CannotStudy
-        The job has not ended, kept no slices, or its pictures are too large for a screen.
+    Raises `CannotStudy` if the job has not ended, kept no slices, or is too large for a screen.
     """
     if job.finished_at is None:
         raise CannotStudy(

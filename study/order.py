@@ -41,16 +41,8 @@ class Pair:
 def pairs(study_id: str, levels: tuple[int, ...], method: Method, number: int) -> tuple[Pair, ...]:
     """The pairs in the order in which an observer sees them, each level twice.
 
-    Parameters
-    ----------
-    study_id
-        Seeds the shuffle of the levels and the sides.
-    levels
-        Spp of the test images, rising; at least two.
-    method
-        The study's method.
-    number
-        The observer's number, from 0, by which the order is counterbalanced.
+    `levels` are at least two, rising. The study's id seeds the shuffle; the observer's number, from
+    0, counterbalances the order.
     """
     first, second = _blocks(study_id, levels, method, number)
     sides = _sides(study_id, levels, number)

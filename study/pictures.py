@@ -34,22 +34,9 @@ def put_pictures(
 ) -> dict[str, str]:
     """Merge the slices and put the pictures of a study; returns the SHA-256 of each by its blob.
 
-    Parameters
-    ----------
-    store, study_id
-        The blob store, and the study whose pictures these are.
-    job
-        The job whose slices make the test images; all pictures have its exposure.
-    slices, reference
-        The slices of the job and of the reference, from the first on; equal if the job is its own
-        reference.
-    levels
-        Spp of the test images, rising.
-
-    Raises
-    ------
-    CannotStudy
-        A slice is gone, damaged or of another size.
+    The job's `slices` make the test images at these `levels`, in rising spp; they equal those of
+    the `reference` if the job is its own. Raises `CannotStudy` if a slice is gone, damaged or of
+    another size.
     """
     places = {spp: study_level(study_id, spp) for spp in levels}
     same = slices == reference

@@ -37,11 +37,10 @@ from plateau.service.api.points.stored_files import StoredFiles
 from plateau.service.api.problems.handlers import add_problem_handlers
 from plateau.service.api.routes import batches as routes_batches
 from plateau.service.api.routes import continuing as routes_continue
-from plateau.service.api.routes import docs as routes_docs
 from plateau.service.api.routes import farm as routes_farm
 from plateau.service.api.routes import images as routes_images
 from plateau.service.api.routes import jobs as routes_jobs
-from plateau.service.api.routes import page as routes_page
+from plateau.service.api.routes import pages as routes_pages
 from plateau.service.api.routes import previews as routes_previews
 from plateau.service.api.routes import report as routes_report
 from plateau.service.api.routes import results as routes_results
@@ -66,16 +65,9 @@ def create_app(
     access: Access = Access.UNTIL_KEYS,
     webhook_allow: tuple[str, ...] = (),
 ) -> FastAPI:
-    """Make the API over this Redis and this blob store.
+    """Make the API over this Redis and this blob store; it closes the hub and the checks.
 
-    Parameters
-    ----------
-    hub, checks
-        The fan-out of events, and the checks of scenes; both are closed with the app.
-    access
-        When requests need keys.
-    webhook_allow
-        Private networks and host names that may still receive webhooks.
+    `webhook_allow` are private networks and host names that may receive webhooks.
     """
 
     @asynccontextmanager
@@ -95,7 +87,7 @@ def create_app(
         generate_unique_id_function=lambda route: route.name,
         # A redirect would silently end an upload by curl.
         redirect_slashes=False,
-        # The framework's pages load files from elsewhere; `routes.docs` serves its own.
+        # The framework's pages load files from elsewhere; `routes.pages` serves its own.
         docs_url=None,
         redoc_url=None,
         # A job shows the spec that it was given, so one schema describes both.
@@ -130,8 +122,7 @@ def create_app(
         routes_scenes,
         routes_webhooks,
         routes_farm,
-        routes_page,
-        routes_docs,
+        routes_pages,
     ):
         app.include_router(routes.router)
     for extension in extensions("routes"):

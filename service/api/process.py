@@ -160,10 +160,8 @@ def spool_in(folder: Path) -> None:
 def access_at(host: str, keys: ApiKeys, *, open_to_all: bool) -> Access:
     """When an API that listens on this host demands keys.
 
-    Raises
-    ------
-    CannotListen
-        Other machines could reach it, and it would be open, or no usable key exists.
+    Raises `CannotListen` if other machines could reach it, and it would be open or no usable key
+    exists.
     """
     if is_loopback(host):
         return Access.OPEN if open_to_all else Access.UNTIL_KEYS

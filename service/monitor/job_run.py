@@ -69,14 +69,8 @@ class JobRun:
     def advance(self, crew: Crew) -> bool:
         """Do everything that can be done now; returns whether the job is finished.
 
-        Raises
-        ------
-        FenceLost
-            Another monitor owns the job.
-        StoreUnavailable
-            Call again later.
-        CorruptPartial, ValueError
-            A slice cannot be merged, now or later.
+        Raises `FenceLost` if another monitor owns the job, `StoreUnavailable` to be called again
+        later, and `CorruptPartial` or `ValueError` if a slice can never be merged.
         """
         job = self._jobs.get(self.owned.job_id)
         self._known = self._known.turn(job, crew.enough(job), time.monotonic())
@@ -208,13 +202,7 @@ class JobRun:
 
 
 def give_up(owned: Ownership, owners: Ownerships, reason: str) -> bool:
-    """Take the last step with a job that cannot continue; returns whether the job is finished.
-
-    Raises
-    ------
-    StoreUnavailable
-        Call again later.
-    """
+    """Take the last step with a job that cannot continue; returns whether the job is finished."""
     try:
         match last_step(owners.state(owned.job_id), reason):
             case steps.AbandonJob():

@@ -68,10 +68,7 @@ class Monitor:
     def run(self, stop: Stop) -> None:
         """Run jobs until `stop` is set; then leave them to the next monitor.
 
-        Raises
-        ------
-        Refused
-            Its protocol or layout is not the farm's, and it is not set to wait.
+        Raises `Refused` if its protocol or layout is not the farm's and it is not set to wait.
         """
         self._stop = stop
         self._sign_on()

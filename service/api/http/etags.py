@@ -47,9 +47,7 @@ class Known:
 def read_if_none_match(lines: list[str]) -> Known:
     """Parse the header's lines: a list of tags, or ``*``; anything else names nothing.
 
-    References
-    ----------
-    RFC 9110, sections 8.8.3 and 13.1.2: tags are compared weakly.
+    Tags are compared weakly (RFC 9110, sections 8.8.3 and 13.1.2).
     """
     text = ",".join(lines)
     if text.strip(" \t") == "*":

@@ -12,23 +12,11 @@ _QUALITY: Final = re.compile(r";[ \t]*q=([01](?:\.[0-9]{0,3})?)[ \t]*(?:;|$)", r
 
 
 def chosen(accept: str, offers: tuple[str, ...]) -> str:
-    """The media type on offer that the client prefers.
+    """The media type of these offers that the client prefers; the first wins a tie.
 
-    Parameters
-    ----------
-    accept
-        The header's value; empty without the header, which accepts all.
-    offers
-        Media types in lower case; the first wins a tie.
-
-    Raises
-    ------
-    Problem
-        None of them is acceptable.
-
-    References
-    ----------
-    RFC 9110, section 12.5.1: the most specific range that matches gives a type its quality.
+    `accept` is the header's value; empty, it accepts all. Raises the problem if no offer is
+    acceptable. The most specific range that matches a type gives its quality (RFC 9110, section
+    12.5.1).
     """
     ranges = dict(_range(part) for part in accept.split(",") if part.strip()) or {"*/*": 1.0}
     best = max(offers, key=lambda offer: _quality(offer, ranges))  # the first of equals

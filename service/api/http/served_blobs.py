@@ -57,22 +57,16 @@ def blob_response(
     has: Known,
     request: Request,
 ) -> Response:
-    """Serve the blob, or a 304.
+    """Serve the blob, or a 304; raises as `StoredFiles.require`.
 
     Its bytes must have this SHA-256; None skips the check, for blobs older than the digests.
-
-    Raises
-    ------
-    SpoiledBlob
-        Its bytes are damaged and cannot be made again.
-    FileNotFoundError
-        The blob does not exist.
     """
     if has.has(headers["ETag"]):
         return not_modified(headers)
     if sha256 is not None:
         farm.files.require(blob, sha256)
-        headers = {**headers, REPR_DIGEST: _repr_digest(sha256)}
+        digest = base64.b64encode(bytes.fromhex(sha256)).decode()
+        headers = {**headers, REPR_DIGEST: f"sha-256=:{digest}:"}
     size = farm.blobs.size(blob)
     if size is None:
         raise FileNotFoundError(blob)
@@ -84,7 +78,3 @@ def blob_response(
     chunks = farm.blobs.chunks(blob)
     content = chain([next(chunks, b"")], chunks)  # the first is read before the headers are sent
     return StreamingResponse(content, media_type=media_type, headers=headers)
-
-
-def _repr_digest(sha256: str) -> str:
-    return f"sha-256=:{base64.b64encode(bytes.fromhex(sha256)).decode()}:"

@@ -86,14 +86,14 @@ def _open_work(census: Census) -> Iterator[Metric]:
     )
     yield _gauge(
         "plateau_jobs_unserved",
-        "Jobs that wait, or render, though no worker lives that takes work and has their variant, "
+        "Jobs that wait or render without a living worker that takes work and has their variant, "
         "pool and tags; GET /v1/jobs says what they wait for.",
         census.jobs_unserved,
     )
     yield _gauge(
         "plateau_queue_age_seconds",
-        "Age of the oldest job of which nothing is rendered yet, paused ones left out; 0 where "
-        "there is none. Where it grows, the farm has too few workers.",
+        "Age of the oldest job without a rendered slice, except paused ones; 0 without such a job. "
+        "If it grows, the farm has too few workers.",
         census.queue_age_s,
     )
     yield _gauge(
@@ -193,8 +193,7 @@ def _totals(census: Census) -> Iterator[Metric]:
     )
     yield _counter(
         "plateau_wasted_seconds_total",
-        "Seconds, of those that render children spent, on slices of which another try was "
-        "committed first.",
+        "Seconds that render children spent on slices for which another try was committed first.",
         census.wasted_s,
     )
     yield _counter(

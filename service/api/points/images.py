@@ -48,25 +48,10 @@ class PointImages:
         encode: Callable[[Pixels], bytes],
         is_gone: Callable[[], Awaitable[bool]],
     ) -> bytes | None:
-        """The merged image of these slices as a file; None once the client has disconnected.
+        """The merged image of a job's first slices as a file; None once the client has left.
 
-        Parameters
-        ----------
-        job_id
-            The job of the slices.
-        slices
-            Its first slices, without a gap; at least one.
-        encode
-            Makes a file of a (height, width, 3) float32 linear image.
-        is_gone
-            Says whether the client has disconnected.
-
-        Raises
-        ------
-        TooManyWait
-            `MOST_WAITING` requests wait already.
-        SliceLost
-            A slice is gone or damaged.
+        `encode` makes a file of a (height, width, 3) float32 linear image. Raises `TooManyWait`, or
+        `SliceLost` if a slice is gone or damaged.
         """
         if self._waiting >= MOST_WAITING:
             raise TooManyWait

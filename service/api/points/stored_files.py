@@ -42,12 +42,8 @@ class StoredFiles:
     def require(self, name: str, sha256: str) -> None:
         """Make sure that the blob has this SHA-256; a damaged or lost one is made again.
 
-        Raises
-        ------
-        SpoiledBlob
-            It is damaged and cannot be made again.
-        FileNotFoundError
-            It is lost and cannot be made again.
+        If that is impossible, a damaged one raises `SpoiledBlob` and a lost one
+        `FileNotFoundError`.
         """
         if (name, sha256) in self._whole:
             return

@@ -31,29 +31,11 @@ class PointSums:
     def image(
         self, job_id: str, slices: Sequence[KeptSlice], *, is_given_up: Callable[[], bool]
     ) -> Pixels | None:
-        """The merged image, (height, width, 3) float32 linear radiance; None if given up.
+        """The merged image of a job's first slices; None if given up, which is asked before each.
 
-        Parameters
-        ----------
-        job_id
-            The job of the slices.
-        slices
-            Its first slices, without a gap; at least one.
-        is_given_up
-            Asked before each slice.
-
-        Raises
-        ------
-        SliceLost
-            A slice is gone or damaged.
+        It is (height, width, 3) float32 linear radiance. Slices are added in order and in float64,
+        as the monitor does. Raises `SliceLost` if a slice is gone or damaged.
         """
-        total = self._merged(job_id, slices, is_given_up)
-        return None if total is None else normalised(total)
-
-    def _merged(
-        self, job_id: str, slices: Sequence[KeptSlice], is_given_up: Callable[[], bool]
-    ) -> Sum | None:
-        """The sum of the slices, added in order and in float64 as the monitor does."""
         done, total = self._remembered(job_id, len(slices))
         for index in range(done, len(slices)):
             if is_given_up():
@@ -67,7 +49,7 @@ class PointSums:
             done = index + 1
         if total is not None:
             self._remember((job_id, done), total)
-        return total if done == len(slices) else None
+        return normalised(total) if total is not None and done == len(slices) else None
 
     def _remembered(self, job_id: str, slices: int) -> tuple[int, Sum | None]:
         """The number of slices in the longest usable sum, and that sum: a copy if it will grow."""

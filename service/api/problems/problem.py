@@ -159,12 +159,10 @@ def documented(*kinds: ProblemType, store: bool = True) -> dict[int | str, dict[
             kind.status, {"content": {MEDIA_TYPE: {"schema": _SCHEMA, "examples": {}}}}
         )
         known["description"] = "; ".join(filter(None, (known.get("description"), line)))
-        known["content"][MEDIA_TYPE]["examples"][kind.slug] = {"value": _example(kind)}
+        example = Problem(kind, examples.PROBLEM_DETAILS[kind.slug])
+        value = example.body(f"/v1/jobs/{examples.JOB_ID}")
+        known["content"][MEDIA_TYPE]["examples"][kind.slug] = {"value": value}
     return statuses
-
-
-def _example(kind: ProblemType) -> dict[str, Any]:
-    return Problem(kind, examples.PROBLEM_DETAILS[kind.slug]).body(f"/v1/jobs/{examples.JOB_ID}")
 
 
 def unavailable(method: str, path: str, error: Exception) -> Problem:

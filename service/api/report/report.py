@@ -43,6 +43,8 @@ def report_html(
     `pictures` has the PNG files that exist, by name; None stands for a damaged one.
     """
     name = escape(job.name)
+    # Readers of the report need not know whom the farm notifies.
+    spec = job.spec.model_dump(mode="json", exclude={"webhook"})
     return f"""<!doctype html>
 <html lang="en"><head><meta charset="utf-8">
 <meta name="viewport" content="width=device-width, initial-scale=1">
@@ -55,14 +57,9 @@ def report_html(
 <h2>Figures</h2>{_facts(job)}
 <h2>Points</h2>{_points(points)}
 <h2>Story</h2><ul>{_story(events)}</ul>
-<h2>What was asked</h2><pre>{_asked(job)}</pre>
+<h2>What was asked</h2><pre>{escape(json.dumps(spec, indent=2))}</pre>
 </body></html>
 """
-
-
-def _asked(job: Job) -> str:
-    # Readers of the report need not know whom the farm notifies.
-    return escape(json.dumps(job.spec.model_dump(mode="json", exclude={"webhook"}), indent=2))
 
 
 def _sentence(text: str) -> str:

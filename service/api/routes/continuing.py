@@ -27,24 +27,28 @@ from plateau.service.api.submission.submitted_spec import check_batch_name
 
 router = APIRouter(prefix="/v1/jobs/{job_id}", tags=["jobs"])
 
-_RESPONSES: Final[dict[int | str, dict[str, Any]]] = {
-    201: {
-        "headers": {
-            **idempotency.REPLAYED,
-            "Location": {"schema": {"type": "string"}, "description": "path of the new job"},
-        }
+_ROUTE: Final[dict[str, Any]] = {
+    "status_code": 201,
+    "openapi_extra": {"parameters": idempotency.PARAMETERS},
+    "responses": {
+        201: {
+            "headers": {
+                **idempotency.REPLAYED,
+                "Location": {"schema": {"type": "string"}, "description": "path of the new job"},
+            }
+        },
+        **documented(
+            problems.MALFORMED_REQUEST,
+            problems.UNKNOWN_JOB,
+            problems.CANNOT_CONTINUE,
+            problems.UNEVEN_BATCH,
+            problems.TOO_MANY_JOBS,
+            problems.KEY_REUSED,
+            problems.UPLOAD_TOO_LARGE,
+            problems.INVALID_REQUEST,
+            problems.INVALID_SPEC,
+        ),
     },
-    **documented(
-        problems.MALFORMED_REQUEST,
-        problems.UNKNOWN_JOB,
-        problems.CANNOT_CONTINUE,
-        problems.UNEVEN_BATCH,
-        problems.TOO_MANY_JOBS,
-        problems.KEY_REUSED,
-        problems.UPLOAD_TOO_LARGE,
-        problems.INVALID_REQUEST,
-        problems.INVALID_SPEC,
-    ),
 }
 
 
@@ -105,12 +109,7 @@ class Asker:
         return shown([new.job], self.farm, self.who)[0]
 
 
-@router.post(
-    "/continue",
-    status_code=201,
-    responses=_RESPONSES,
-    openapi_extra={"parameters": idempotency.PARAMETERS},
-)
+@router.post("/continue", **_ROUTE)
 def continue_job(job_id: JobId, asker: Annotated[Asker, Depends()], changes: Changes) -> JobView:
     """Continue an ended job, to a stricter rule or a higher cap, as a new job.
 
@@ -123,12 +122,7 @@ def continue_job(job_id: JobId, asker: Annotated[Asker, Depends()], changes: Cha
     return asker.start(*asker.look_at(job_id), changes.root)
 
 
-@router.post(
-    "/rejudge",
-    status_code=201,
-    responses=_RESPONSES,
-    openapi_extra={"parameters": idempotency.PARAMETERS},
-)
+@router.post("/rejudge", **_ROUTE)
 def rejudge_job(job_id: JobId, asker: Annotated[Asker, Depends()], changes: Changes) -> JobView:
     """Judge an ended job's slices again, under another view or by other rules, as a new job.
 

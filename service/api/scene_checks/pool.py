@@ -91,15 +91,7 @@ class SceneChecks:
 
     @asynccontextmanager
     async def turn(self, is_gone: IsGone) -> AsyncIterator["Turn"]:
-        """Wait for a turn, which lasts as long as the context.
-
-        Raises
-        ------
-        TooManyChecks
-            `MOST_WAITING` checks wait already, or the turn did not come within 20 s.
-        Gone
-            The client has disconnected.
-        """
+        """Wait for a turn, which lasts as long as the context; raises `TooManyChecks` or `Gone`."""
         if self._admitted >= _AT_A_TIME + MOST_WAITING:
             raise TooManyChecks
         self._admitted += 1
@@ -159,16 +151,7 @@ class Turn:
         """Check an upload with each of these sets of values, until one is refused.
 
         Other checks have their turns in between. After `total_s` seconds of CPU time the result
-        ends early, without an error.
-
-        Raises
-        ------
-        BundleError
-            The check exceeds its budget, whatever the values.
-        CheckEnded
-            Somebody killed the process.
-        Gone
-            The client has disconnected.
+        ends early, without an error. Raises as `CheckProcess.ask`, or `Gone`.
         """
         answer = await self._checks.ask(file, asked, self._is_gone)
         checked, spent_s = Checked.of(answer), answer["cpu_s"]

@@ -82,11 +82,10 @@ async def _submission(form: FormData, key: str) -> Submission:
     if unknown:
         message = f"there is no part {unknown[0]!r}; the parts are scene, scene_sha256 and spec"
         raise invalid_field(problems.INVALID_REQUEST, unknown[0], message)
-    return Submission(
-        spec=await _spec(form.get("spec")),
-        idempotency_key=key,
-        scene=_scene(form.get("scene"), form.get("scene_sha256")),
-    )
+    part = form.get("spec")
+    text = (await part.read(MOST_FIELD_BYTES)) if isinstance(part, UploadFile) else part
+    spec = submitted_spec(text or b"{}")
+    return Submission(spec, key, _scene(form.get("scene"), form.get("scene_sha256")))
 
 
 def _scene(upload: UploadFile | str | None, sha256: UploadFile | str | None) -> UploadFile | str:
@@ -108,11 +107,6 @@ def _scene(upload: UploadFile | str | None, sha256: UploadFile | str | None) -> 
         message = "must be 64 lower-case hexadecimal digits"
         raise invalid_field(problems.INVALID_REQUEST, "scene_sha256", message)
     return sha256
-
-
-async def _spec(part: UploadFile | str | None) -> JobSpec | BatchSpec:
-    text = (await part.read(MOST_FIELD_BYTES)) if isinstance(part, UploadFile) else part
-    return submitted_spec(text or b"{}")
 
 
 @dataclass(frozen=True)
@@ -162,7 +156,8 @@ def _stored(
     """Put the file into the blob store, unless it is there already."""
     size = _size(file)
     if isinstance(scene, str):
-        return StoredScene(sha256, _name_of_stored(sha256, farm.scenes), size, summary)
+        names = (known["name"] for known in farm.scenes.all() if known["sha256"] == sha256)
+        return StoredScene(sha256, next(names, sha256[:12]), size, summary)
     _check_quota(sha256, size, farm.scenes, who)
     farm.scenes.use(sha256)
     farm.blobs.put_once(blob_names.scene(sha256), file, size)
@@ -310,11 +305,6 @@ def _broken(error: BundleError, field: str = "") -> Problem:
         problem.detail = f"with {field}: {error}"
         problem.members["errors"] = [{"field": field, "message": str(error)}]
     return problem
-
-
-def _name_of_stored(sha256: str, scenes: SceneIndex) -> str:
-    names = (scene["name"] for scene in scenes.all() if scene["sha256"] == sha256)
-    return next(names, sha256[:12])
 
 
 def _clean_name(filename: str | None) -> str:

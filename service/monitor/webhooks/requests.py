@@ -56,16 +56,8 @@ def signed_headers(
 ) -> dict[str, str]:
     """The headers of Standard Webhooks, with a signature by each secret.
 
-    Parameters
-    ----------
-    message_id
-        The same for every try.
-    at
-        The time of this try.
-    body
-        The content to sign.
-    secrets
-        Keys in base64 after ``whsec_``.
+    `message_id` is the same for every try, `at` the time of this one. `secrets` are keys in base64
+    after ``whsec_``.
     """
     timestamp = int(at.timestamp())
     signed = f"{message_id}.{timestamp}.".encode() + body
@@ -81,17 +73,10 @@ def signed_headers(
 
 
 class Requests:
-    """Sends requests to allowed receivers.
+    """Sends requests to allowed receivers, with time-outs for connecting and for everything.
 
-    Parameters
-    ----------
-    receivers
-        The allowed addresses.
-    tls
-        Makes the TLS context at its first use; that takes a tenth of a second, and most farms have
-        no webhooks.
-    connect_s, total_s
-        Time-outs for connecting and for the whole request, in seconds.
+    `tls` makes the TLS context at its first use: that takes a tenth of a second, and most farms
+    have no webhooks.
     """
 
     def __init__(
@@ -112,13 +97,7 @@ class Requests:
         return self._make_tls()
 
     def post(self, url: str, headers: dict[str, str], body: bytes) -> Answer:
-        """Send the request; returns the receiver's answer.
-
-        Raises
-        ------
-        NoAnswer
-            The receiver is not allowed, or did not answer in time.
-        """
+        """Send the request; raises `NoAnswer` if the receiver is not allowed, or silent."""
         parts = urlsplit(url)
         plain = parts.scheme == "http"
         target = (parts.path or "/") + (f"?{parts.query}" if parts.query else "")

@@ -15,7 +15,7 @@ def test_a_job_is_judged_again(visit: Visit, farm: NoiseFarm) -> None:
     page = visit(f"/jobs/{job.id}", expected={404, 422}).page
     page.get_by_role("button", name="Judge again…").click()
     dialog = page.get_by_role("dialog")
-    expect(dialog).to_contain_text("up to 200 spp, and says where it would have stopped")
+    expect(dialog).to_contain_text("up to 200 spp, and shows where it would have stopped")
     # It starts with what was
     expect(dialog.get_by_label("The rule that ends it")).to_have_value("fixed")
     expect(dialog.get_by_label("Stop at")).to_have_value("200")

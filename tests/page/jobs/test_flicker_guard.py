@@ -88,5 +88,5 @@ def test_what_converged_is_summed_up(visit: Visit, farm: NoiseFarm, client: redi
         staged.finish(spp)
     page = visit(expected={404}).page  # the staged jobs have no images
     dialog = opened(page)
-    expect(dialog).to_contain_text("Those that converged did so at 200 to 400 spp, and have 0.025")
+    expect(dialog).to_contain_text("did so at 200 to 400 spp, with noise left in 0.025")
     expect(dialog).to_contain_text("The largest change between neighbours: from walk, n 1 with")

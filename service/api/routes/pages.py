@@ -1,0 +1,73 @@
+"""The web page, and the API's documentation page, without a build step and without outside files.
+
+The web page is a client of the API like any other. A page's content-security policy lets it run its
+own scripts, talk to this API and show pictures from it, and nothing else.
+"""
+
+from functools import cache
+from importlib.resources import files
+from pathlib import Path
+from typing import Final
+
+from fastapi import APIRouter, Response
+
+from plateau.service.api.http.etags import IfNoneMatch
+from plateau.service.api.http.static_files import OWN_ONLY, StaticFile, read_folder, serve
+
+router = APIRouter(include_in_schema=False)
+
+_SERVICE: Final = Path(__file__).parents[2]
+
+#: Trusted types without a policy: no script of ours can turn text into markup.
+_PAGE_POLICY: Final = {
+    **OWN_ONLY,
+    "style-src": "'self'",
+    "img-src": "'self' blob:",
+    "require-trusted-types-for": "'script'",
+    "trusted-types": "'none'",
+}
+#: Swagger UI uses inline styles, and icons inside its style sheet.
+_DOCS_POLICY: Final = {**OWN_ONLY, "style-src": "'self' 'unsafe-inline'", "img-src": "'self' data:"}
+
+
+@router.get("/")
+@router.get("/submit")
+@router.get("/workers")
+@router.get("/jobs/{job_id}")
+@router.get("/studies")
+@router.get("/studies/{study_id}")
+@router.get("/studies/{study_id}/observe")
+def page(has: IfNoneMatch) -> Response:
+    """Show the web page, which chooses its screen by the path."""
+    return serve(_page_files(), "index.html", has, _PAGE_POLICY)
+
+
+@router.get("/page/{name:path}")
+def page_file(name: str, has: IfNoneMatch) -> Response:
+    """Serve a file of the web page."""
+    return serve(_page_files(), name, has, _PAGE_POLICY)
+
+
+@router.get("/docs")
+def docs(has: IfNoneMatch) -> Response:
+    """Show the API's documentation, where calls can be tried: Swagger UI."""
+    return serve(_docs_files(), "docs.html", has, _DOCS_POLICY)
+
+
+@router.get("/docs/{name}")
+def docs_file(name: str, has: IfNoneMatch) -> Response:
+    """Serve a file of the documentation page."""
+    return serve(_docs_files(), name, has, _DOCS_POLICY)
+
+
+@cache
+def _page_files() -> dict[str, StaticFile]:
+    return read_folder(_SERVICE / "page")
+
+
+@cache
+def _docs_files() -> dict[str, StaticFile]:
+    """Our files, and the needed ones of Swagger UI, by name."""
+    swagger_ui = read_folder(Path(str(files("fastapi_offline") / "static")))
+    needed = {name: swagger_ui[name] for name in ("swagger-ui.css", "swagger-ui-bundle.js")}
+    return {**needed, **read_folder(_SERVICE / "api" / "docs_page")}
