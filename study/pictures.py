@@ -14,7 +14,7 @@ from plateau.farm.model.errors import CorruptPartial
 from plateau.farm.model.job import Job
 from plateau.metric import encode_srgb
 from plateau.service.api.points import KeptSlice
-from plateau.service.judging.films import checked_film
+from plateau.service.judging.films import checked_partial
 from plateau.service.judging.merge import Merge
 from plateau.study.ledger import study_level, study_reference
 from plateau.study.model import CannotStudy
@@ -43,22 +43,21 @@ def put_pictures(
     wanted = slices if same else slices[: levels[-1] // job.spec.slice_spp]
     digests = {}
     with _ONE_AT_A_TIME:
-        for merge in _merges(store, wanted, job.spec.slice_spp):
+        for merge in _merges(store, wanted, Merge.of(job.spec)):
             if merge.spp in places:
                 digests[places[merge.spp]] = _put(store, places[merge.spp], merge, job)
         if not same:
-            *_, merge = _merges(store, reference, slice_spp=1)
+            *_, merge = _merges(store, reference, Merge.of(job.spec))
         place = study_reference(study_id)
         digests[place] = _put(store, place, merge, job)
     return digests
 
 
-def _merges(store: Blobs, slices: list[KeptSlice], slice_spp: int) -> Iterator[Merge]:
-    """Yield the sum after each slice; it is one object that grows."""
-    merge = Merge(slice_spp=slice_spp)
+def _merges(store: Blobs, slices: list[KeptSlice], merge: Merge) -> Iterator[Merge]:
+    """Yield the sum after each slice: `merge`, which begins empty and grows."""
     for kept in slices:
         try:
-            merge.add(checked_film(store, kept.blob, kept.sha256))
+            merge.add_partial(checked_partial(store, kept.blob, kept.sha256))
         except (FileNotFoundError, CorruptPartial, ValueError) as error:
             raise CannotStudy(
                 f"slice {merge.slices} is lost or damaged ({error}); render the scene again with "

@@ -82,8 +82,16 @@ def merge_costs(store: Blobs, sizes: Sequence[tuple[int, int]]) -> dict[str, tup
     found = {}
     for width, height in sizes:
         name, pixels = f"{width}×{height}", np.ones((height, width, 4), np.float32)
-        about = {"job_id": "one", "variant": "llvm_ad_rgb", "scene_sha256": "0" * 64}
-        made = Partial(index=0, first_seed=0, last_seed=2, spp=25, pixels=pixels, **about)
+        made = Partial(
+            job_id="one",
+            index=0,
+            first_seed=0,
+            last_seed=2,
+            spp=25,
+            variant="llvm_ad_rgb",
+            scene_sha256="0" * 64,
+            pixels=pixels,
+        )
         store.put(name, encode_partial(made))
         merge, spent, content = Merge(slice_spp=25), [], b""
         for _ in range(_MERGES):

@@ -21,9 +21,15 @@ _COLOUR: Final = ("R", "G", "B")
 _WEIGHT: Final = 3  #: where W is
 _ALPHA: Final = 4  #: where A is, in a film that has it
 
+#: Linear R, G and B.
+Colour = tuple[float, float, float]
+BLACK: Final[Colour] = (0.0, 0.0, 0.0)
+
 #: A film has at most so many channels, whose names have at most so many characters.
 MOST_CHANNELS: Final = 64
 _LONGEST_NAME: Final = 64
+#: And so many values, of all pixels and channels together: 1 GiB in float32.
+MOST_VALUES: Final = 2**28
 
 
 @dataclass(frozen=True)
@@ -71,6 +77,15 @@ class Channels:
         if not set(self.ids) <= set(self.aovs):
             raise ValueError("ids are AOVs, and one of these is no channel of the film")
 
+    def check_size(self, width: int, height: int) -> None:
+        """Raise ValueError where a film of this size in pixels has too many values."""
+        values = width * height * len(self.names)
+        if values > MOST_VALUES:
+            raise ValueError(
+                f"{width}×{height} pixels of {len(self.names)} channels are {values:,} values, and "
+                f"a film has at most {MOST_VALUES:,}: ask for fewer AOVs, or a smaller film"
+            )
+
     @property
     def has_alpha(self) -> bool:
         """Whether there is A."""
@@ -85,6 +100,10 @@ class Channels:
     def judged(self) -> int:
         """How many channels, from the first on, say what is seen: R, G, B, W and, if any, A."""
         return _ALPHA + self.has_alpha
+
+    def seen(self) -> Channels:
+        """Return those that say what is seen."""
+        return Channels(self.names[: self.judged])
 
     def add(
         self, total: NDArray[np.float64] | None, film: NDArray[np.float32]
@@ -114,16 +133,44 @@ class Channels:
 
         A pixel that no sample has reached is 0 everywhere. Ids are as they are.
         """
+        return {
+            name: total[..., plane].astype(np.float32)
+            if name in self.ids
+            else _quotient(total[..., plane], total[..., _WEIGHT])
+            for plane, name in enumerate(self.names)
+            if plane != _WEIGHT
+        }
+
+    def seen_in(
+        self, total: NDArray[np.float64], background: Colour = BLACK
+    ) -> NDArray[np.float32]:
+        """Return what is seen of a sum of films: (height, width, 3) float32 linear radiance.
+
+        Parameters
+        ----------
+        total : ndarray, shape (height, width, at least `judged`), float64
+            The sum.
+        background : tuple of float
+            Linear R, G and B, seen where the image has alpha below 1. Where alpha is not finite,
+            the pixel counts as opaque.
+        """
+        image = np.empty((*total.shape[:2], 3), np.float32)
         weights = total[..., _WEIGHT]
-        reached = weights != 0
-        where: Any = True if reached.all() else reached
-        image = {}
-        with np.errstate(invalid="ignore", over="ignore"):
-            for plane, name in enumerate(self.names[: total.shape[-1]]):
-                if plane == _WEIGHT:
-                    continue
-                values = np.zeros(weights.shape, np.float32)
-                divisor = 1 if name in self.ids else weights
-                np.divide(total[..., plane], divisor, out=values, where=where, casting="same_kind")
-                image[name] = values
+        for plane in range(3):
+            image[..., plane] = _quotient(total[..., plane], weights)
+        if self.has_alpha and background != BLACK:
+            alpha = _quotient(total[..., _ALPHA], weights)
+            uncovered = np.where(np.isfinite(alpha), 1 - alpha, 0)
+            with np.errstate(invalid="ignore", over="ignore"):
+                image += uncovered[..., None] * np.array(background, np.float32)
         return image
+
+
+def _quotient(sums: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArray[np.float32]:
+    # Channel by channel, for rows of one of them are a quarter of the time of rows of several.
+    reached = weights != 0
+    where: Any = True if reached.all() else reached
+    values = np.zeros(weights.shape, np.float32)
+    with np.errstate(invalid="ignore", over="ignore"):
+        np.divide(sums, weights, out=values, where=where, casting="same_kind")
+    return values

@@ -1,19 +1,33 @@
 """EXR files: partials, which can be added, and images, which can be looked at."""
 
 import io
-from dataclasses import dataclass
-from typing import Any, Final
+import json
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Final, Literal
 
 import numpy as np
 import OpenEXR
 from numpy.typing import NDArray
 
+from plateau.farm.images.channels import Channels
 from plateau.farm.images.layers import read_layer
 from plateau.farm.model.errors import CorruptPartial
+from plateau.farm.model.exr_spec import Compression
 
 Pixels = NDArray[np.float32]
+#: What a header tells, by its names.
+Attributes = Mapping[str, Any]
 
-_PARTIAL_CHANNELS: Final = ("R", "G", "B", "W")
+_COMPRESSIONS: Final[dict[Compression, Any]] = {
+    "none": OpenEXR.NO_COMPRESSION,
+    "rle": OpenEXR.RLE_COMPRESSION,
+    "zips": OpenEXR.ZIPS_COMPRESSION,
+    "zip": OpenEXR.ZIP_COMPRESSION,
+    "piz": OpenEXR.PIZ_COMPRESSION,
+}
+_LARGEST_HALF: Final = 65504.0
+
 _ATTRIBUTES: Final[dict[str, type]] = {
     "job": str,
     "slice": int,
@@ -23,14 +37,19 @@ _ATTRIBUTES: Final[dict[str, type]] = {
     "variant": str,
     "scene_sha256": str,
 }
+# Partials from before films had other channels than R, G, B and W lack these.
+_CHANNELS: Final = "plateau:channels"
+_IDS: Final = "plateau:ids"
+_RENDERER: Final = "plateau:renderer"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Partial:
     """One slice's film before normalisation.
 
-    `pixels` is (height, width, 4) float32: the sums of filter-weighted R, G, B radiance, and of
-    the filter weights W. So partials merge by addition, with any reconstruction filter.
+    `pixels` is (height, width, channels) float32, of `channels`. So partials merge by addition,
+    with any reconstruction filter. `renderer` is its renderer's name and version, "" where the
+    partial is from before this was noted.
     """
 
     job_id: str
@@ -41,6 +60,8 @@ class Partial:
     variant: str
     scene_sha256: str
     pixels: Pixels
+    channels: Channels = field(default_factory=Channels)
+    renderer: str = ""
 
 
 def encode_partial(partial: Partial) -> bytes:
@@ -55,7 +76,13 @@ def encode_partial(partial: Partial) -> bytes:
         partial.scene_sha256,
     )
     attributes = {f"plateau:{name}": value for name, value in zip(_ATTRIBUTES, values, strict=True)}
-    return _encode(partial.pixels, _PARTIAL_CHANNELS, OpenEXR.NO_COMPRESSION, attributes)
+    names = partial.channels.names
+    # A file has its channels by their names' order in the alphabet.
+    attributes |= {_CHANNELS: json.dumps(names), _IDS: json.dumps(partial.channels.ids)}
+    if partial.renderer:
+        attributes[_RENDERER] = partial.renderer
+    planes = {name: partial.pixels[..., plane] for plane, name in enumerate(names)}
+    return _encode(planes, "none", attributes)
 
 
 def decode_partial(content: bytes) -> Partial:
@@ -68,9 +95,10 @@ def decode_partial(content: bytes) -> Partial:
     """
     try:
         with OpenEXR.File(io.BytesIO(content), separate_channels=True) as file:
-            channels = file.channels()
+            planes = file.channels()
             header = dict(file.header())
-            pixels = np.stack([channels[name].pixels for name in _PARTIAL_CHANNELS], axis=-1)
+            channels = _channels(header)
+            pixels = np.stack([planes[name].pixels for name in channels.names], axis=-1)
         job, index, first, last, spp, variant, scene = (
             of_type(header[f"plateau:{name}"]) for name, of_type in _ATTRIBUTES.items()
         )
@@ -85,19 +113,82 @@ def decode_partial(content: bytes) -> Partial:
         variant=variant,
         scene_sha256=scene,
         pixels=pixels,
+        channels=channels,
+        renderer=str(header.get(_RENDERER, "")),
     )
 
 
+def _channels(header: Attributes) -> Channels:
+    if _CHANNELS not in header:
+        return Channels()
+    return Channels(json.loads(header[_CHANNELS]), json.loads(header[_IDS]))
+
+
 def encode_image(
-    image: Pixels, attributes: dict[str, str | int] | None = None, *, compressed: bool = True
+    image: Pixels, attributes: Attributes | None = None, *, compressed: bool = True
 ) -> bytes:
     """An (height, width, 3) float32 image of linear Rec. 709 radiance as an EXR file.
 
     Compression (ZIP, without loss) takes ten times as long, for a few percent of a noisy image and
     much of a flat background.
     """
-    compression = OpenEXR.ZIP_COMPRESSION if compressed else OpenEXR.NO_COMPRESSION
-    return _encode(image, ("R", "G", "B"), compression, attributes or {})
+    planes = {name: image[..., plane] for plane, name in enumerate("RGB")}
+    return _encode(planes, "zip" if compressed else "none", attributes or {})
+
+
+def encode_layers(
+    planes: Mapping[str, Pixels],
+    attributes: Attributes,
+    *,
+    precision: Literal["float", "half"] = "float",
+    compression: Compression = "zip",
+    whole: Collection[str] = (),
+) -> bytes:
+    """Channels of one image as an EXR file.
+
+    Parameters
+    ----------
+    planes
+        (height, width) float32 by channel.
+    attributes
+        What the header tells.
+    precision
+        Of the values. Half has 11 significant bits and ends at ±65504, where finite values are cut.
+    compression
+        None of them loses anything.
+    whole
+        Channels that stay float32 whatever the precision is.
+    """
+    if precision == "half":
+        return _encode(
+            {
+                name: values if name in whole else _as_half(values)
+                for name, values in planes.items()
+            },
+            compression,
+            attributes,
+        )
+    return _encode(planes, compression, attributes)
+
+
+def _as_half(values: Pixels) -> NDArray[np.float16]:
+    cut = np.clip(values, -_LARGEST_HALF, _LARGEST_HALF)
+    return np.where(np.isinf(values), values, cut).astype(np.float16)
+
+
+def decode_layers(content: bytes) -> dict[str, Pixels]:
+    """Every channel of the first part of an EXR file: (height, width) float32 by name.
+
+    Raises
+    ------
+    ValueError
+        It is no EXR file, or is damaged.
+    """
+    try:
+        with OpenEXR.File(io.BytesIO(content), separate_channels=True) as file:
+            return {name: one.pixels.astype(np.float32) for name, one in file.channels().items()}
+    except (RuntimeError, MemoryError, UnicodeDecodeError) as error:
+        raise ValueError(f"the EXR file is damaged or cut short: {error}") from error
 
 
 def decode_image(content: bytes, layer: str | None = None) -> Pixels:
@@ -119,15 +210,16 @@ def decode_image(content: bytes, layer: str | None = None) -> Pixels:
 
 
 def _encode(
-    pixels: Pixels,
-    names: tuple[str, ...],
-    compression: Any,
-    attributes: dict[str, Any],
+    planes: Mapping[str, NDArray[Any]], compression: Compression, attributes: Attributes
 ) -> bytes:
-    header = {"compression": compression, "type": OpenEXR.scanlineimage, **attributes}
+    header = {
+        "compression": _COMPRESSIONS[compression],
+        "type": OpenEXR.scanlineimage,
+        **attributes,
+    }
     channels = {
-        name: np.ascontiguousarray(pixels[..., plane], dtype=np.float32)
-        for plane, name in enumerate(names)
+        name: np.ascontiguousarray(values, np.float16 if values.dtype == np.float16 else np.float32)
+        for name, values in planes.items()
     }
     stream = io.BytesIO()
     with OpenEXR.File(header, channels) as file:

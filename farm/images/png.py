@@ -2,6 +2,7 @@
 
 import io
 import zlib
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -9,6 +10,7 @@ import numpy as np
 import png
 from numpy.typing import NDArray
 from PIL import Image, UnidentifiedImageError
+from PIL.PngImagePlugin import PngInfo
 
 _BIT_DEPTH_OFFSET: Final = 24  # of a PNG file: signature, then the IHDR chunk
 
@@ -23,17 +25,24 @@ class CodeValues:
     alpha: NDArray[np.float32] | None
 
 
-def encode_png(pixels: NDArray[np.uint8], palette: NDArray[np.uint8] | None = None) -> bytes:
+def encode_png(
+    pixels: NDArray[np.uint8],
+    palette: NDArray[np.uint8] | None = None,
+    texts: Mapping[str, str] | None = None,
+) -> bytes:
     """A picture as a PNG file.
 
     It is (height, width, 3) or (height, width, 4) uint8, or (height, width) codes of a palette,
-    (256, 3) uint8.
+    (256, 3) uint8. Each of the `texts` becomes a text chunk under its keyword.
     """
     picture, stream = Image.fromarray(pixels), io.BytesIO()
     if palette is not None:
         picture.putpalette(palette.tobytes())
     # Of renderings no smaller than by the default strategy, in a half of its time or less.
-    picture.save(stream, "PNG", compress_level=1, compress_type=zlib.Z_RLE)
+    chunks = PngInfo()
+    for keyword, text in (texts or {}).items():
+        chunks.add_text(keyword, text)
+    picture.save(stream, "PNG", compress_level=1, compress_type=zlib.Z_RLE, pnginfo=chunks)
     return stream.getvalue()
 
 

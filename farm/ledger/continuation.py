@@ -211,10 +211,20 @@ def check(job: Job, remains: Remains, spec: JobSpec) -> None:
                 f"{name} makes other samples, so none could be taken over: submit the scene "
                 "as a new job",
             )
+    if spec.aovs != job.spec.aovs:
+        raise CannotContinue(
+            job.id,
+            f"its samples have {_aovs(job.spec)}, and more of them cannot have others: submit the "
+            "scene as a new job",
+        )
     if not remains.kept:
         _check_sums(job, remains, spec)
     if spec.max_spp > remains.slices * spec.slice_spp:
         _check_seeds(job, remains, spec)
+
+
+def _aovs(spec: JobSpec) -> str:
+    return f"the AOVs {', '.join(spec.aovs)}" if spec.aovs else "no AOVs"
 
 
 def _check_seeds(job: Job, remains: Remains, spec: JobSpec) -> None:

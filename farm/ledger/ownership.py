@@ -196,6 +196,7 @@ class Ownerships:
         verdict: dict[str, float | None] | None = None,
         results: str = "",
         sha256: Mapping[str, str] | None = None,
+        notes: tuple[str, ...] | None = None,
     ) -> None:
         """End the job; its remaining slices are withdrawn.
 
@@ -212,6 +213,8 @@ class Ownerships:
             job is concluded with this.
         sha256
             The digest of each file of the results by its name.
+        notes
+            All that is to be known of how it was rendered, where results are written.
 
         Raises
         ------
@@ -227,6 +230,7 @@ class Ownerships:
                 verdict=None if verdict is None else json.dumps(verdict),
                 results=results,
                 digests=_digests(results, sha256),
+                notes=None if notes is None else json.dumps(notes),
             )
         )
         if moved.outcome == "fenced":

@@ -1,11 +1,13 @@
 """What a user asks for: the specification of a job, checked field by field."""
 
 import json
-from typing import Annotated, Final, Literal
+from typing import Annotated, Any, Final, Literal
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from plateau.farm.model import renderers
+from plateau.farm.model.aovs import AOV_NAMES, AOVS, AovName
+from plateau.farm.model.exr_spec import ExrSpec
 from plateau.farm.model.place_names import DEFAULT_POOL, PlaceName, Tags
 from plateau.farm.model.rule_model import Strict
 from plateau.farm.model.rule_specs import (
@@ -26,6 +28,7 @@ __all__ = [
     "MOST_S",
     "MOST_SPP",
     "BatchSpec",
+    "ExrSpec",
     "FixedSpec",
     "JobSpec",
     "MultipleSpec",
@@ -54,6 +57,17 @@ Variant = Annotated[renderers.AnyVariant, _FROM_FULL_NAME]
 #: The longest time limit: a year.
 MOST_S: Final = 366 * 86_400
 
+Radiance = Annotated[float, Field(ge=0, le=1e6)]
+
+
+def _each_once(names: tuple[AovName, ...]) -> tuple[AovName, ...]:
+    if len(set(names)) < len(names):
+        raise ValueError("each AOV may be named once")
+    return names
+
+
+Aovs = Annotated[tuple[AovName, ...], AfterValidator(_each_once)]
+
 #: Samples per pixel.
 Spp = Annotated[int, Field(ge=1, le=MOST_SPP)]
 #: A list of parameters makes at most so many jobs.
@@ -78,6 +92,15 @@ class ViewSpec(Strict):
     primaries: Literal["rec709", "adobe1998"] = Field(
         default="rec709", description="the display's RGB primaries"
     )
+    background: tuple[Radiance, Radiance, Radiance] = Field(
+        default=(0.0, 0.0, 0.0),
+        description="linear R, G and B behind an image with alpha, where it is judged and in PNG "
+        "files; without alpha it changes nothing, nor does it change image.exr",
+    )
+
+    def of_display(self) -> dict[str, Any]:
+        """What `plateau.metric.View` takes: all but the background."""
+        return self.model_dump(exclude={"background"})
 
 
 class SharedSpec(Strict):
@@ -127,6 +150,12 @@ class SharedSpec(Strict):
         default=0, ge=0, le=4095, description="another seed draws samples independent of all others"
     )
     sensor: int = Field(default=0, ge=0, le=1000, description="index of the scene's sensor")
+    aovs: Aovs = Field(
+        default=(),
+        max_length=len(AOV_NAMES),
+        description="what image.exr has beside colour, such as albedo, normal or depth",
+    )
+    exr: ExrSpec = Field(default_factory=ExrSpec, description="how image.exr is written")
     rule: RuleSpec = Field(default_factory=VisibleSpec, description="the rule that ends the job")
     watch: tuple[RuleSpec, ...] = Field(
         default=(),
@@ -181,6 +210,11 @@ class SharedSpec(Strict):
     def max_slices(self) -> int:
         """The number of slices at the cap."""
         return self.max_spp // self.slice_spp
+
+    @property
+    def film_values(self) -> int:
+        """Values of a pixel of its films; a scene's own alpha and AOVs come on top."""
+        return 4 + sum(len(AOVS[name].channels) for name in self.aovs)
 
     def as_request(self) -> str:
         """The spec as JSON, the webhook's secret included: never to be stored, nor shown.

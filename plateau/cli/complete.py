@@ -86,6 +86,13 @@ def variants(incomplete: str) -> Offered:
     return [(name, "") for name in get_args(AnyVariant) if name.startswith(incomplete)]
 
 
+def aovs(incomplete: str) -> Offered:
+    """The AOVs, with what they are."""
+    from plateau.farm.model.aovs import AOVS
+
+    return [(name, aov.meaning) for name, aov in AOVS.items() if name.startswith(incomplete)]
+
+
 def _here(incomplete: str) -> list[Path]:
     hidden = incomplete.startswith(".")
     return sorted(

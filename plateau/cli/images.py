@@ -86,7 +86,10 @@ def diff(
 
 
 #: Options that say how to render.
-_RENDERING = ("define", "time_limit", "seed", "variant", "sensor", "keep_slices")
+_RENDERING = (
+    *("define", "time_limit", "seed", "variant", "sensor", "keep_slices"),
+    *("aov", "exr_precision", "exr_compression"),
+)
 
 
 @app.command()

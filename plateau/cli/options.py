@@ -134,6 +134,25 @@ def spec_from_options(
     sensor: Annotated[
         int | None, typer.Option(help="Index of the scene's sensor.", show_default="0")
     ] = None,
+    aov: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="What image.exr has beside colour: albedo, normal, depth, position, uv, shape_id "
+            "or primitive_id; may be repeated.",
+            autocompletion=complete.aovs,
+        ),
+    ] = None,
+    exr_precision: Annotated[
+        str | None,
+        typer.Option(help="Values of image.exr: float or half.", show_default="float"),
+    ] = None,
+    exr_compression: Annotated[
+        str | None,
+        typer.Option(
+            help="Compression of image.exr, without loss: none, rle, zips, zip or piz.",
+            show_default="zip",
+        ),
+    ] = None,
     exposure: Annotated[
         float | None, typer.Option(help="Exposure in EV.", show_default="0")
     ] = None,
@@ -147,6 +166,14 @@ def spec_from_options(
     primaries: Annotated[
         str | None,
         typer.Option(help="Primaries of the display: rec709 or adobe1998.", show_default="rec709"),
+    ] = None,
+    background: Annotated[
+        str | None,
+        typer.Option(
+            metavar="R,G,B",
+            help="Linear colour behind an image with alpha, where it is judged and in PNG files.",
+            show_default="0,0,0",
+        ),
     ] = None,
     priority: Annotated[
         int | None,

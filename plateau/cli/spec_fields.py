@@ -19,6 +19,10 @@ def spec_fields(
     primaries: str | None = None,
     time_limit: float | None = None,
     require: list[str] | None = None,
+    aov: list[str] | None = None,
+    exr_precision: str | None = None,
+    exr_compression: str | None = None,
+    background: str | None = None,
     **named_alike: object,
 ) -> dict[str, Any]:
     """The fields of a spec that were given; the options are in `plateau.cli.options`."""
@@ -27,11 +31,15 @@ def spec_fields(
         white_luminance=white_luminance,
         field_of_view_deg=field_of_view,
         primaries=primaries,
+        background=_colour(background) if background else None,
     )
+    exr = _given(precision=exr_precision, compression=exr_compression)
     return _given(
         **named_alike,
         time_limit_s=time_limit,
         requires=require or None,
+        aovs=aov or None,
+        exr=exr or None,
         parameters=dict(map(_definition, define)) if define else None,
         rule=_rule(rule) if rule else None,
         watch=list(map(_rule, watch)) if watch else None,
@@ -66,6 +74,14 @@ def _definition(text: str) -> tuple[str, str]:
     return name, value
 
 
+def _colour(text: str) -> list[float]:
+    try:
+        red, green, blue = map(float, text.split(","))
+    except ValueError:
+        raise typer.BadParameter(f"--background takes R,G,B, not {text!r}") from None
+    return [red, green, blue]
+
+
 def _rule(text: str) -> dict[str, str | int | float]:
     """A rule from its text: ``name`` or ``name:parameter=value,…``."""
     name, _, parameters = text.partition(":")
@@ -92,7 +108,10 @@ _OPTIONS: Final = {
     "field_of_view_deg": "field-of-view",
     "time_limit_s": "time-limit",
     "name": "rule",
+    "aovs": "aov",
     "requires": "require",
+    "precision": "exr-precision",
+    "compression": "exr-compression",
 }
 
 
@@ -102,7 +121,7 @@ def _message(location: tuple[int | str, ...], kind: str, message: str) -> str:
         return message
     if kind == "union_tag_invalid":
         return f"--{location[0]}: {message.replace('none called', 'no rule', 1)}"
-    name = str(location[-1])
+    name = next(str(one) for one in reversed(location) if isinstance(one, str))
     option = f"--{_OPTIONS.get(name, name).replace('_', '-')}"
     rule = next((str(one) for one in location[1:-1] if isinstance(one, str)), "")
     if location[0] in {"rule", "watch"} and name not in rule_options.owners():

@@ -99,17 +99,38 @@ class ResultCalls(Calls):
 
         return decode_image(self.image(job_id, "image.exr"))
 
+    def channels(self, job_id: str) -> "dict[str, NDArray[np.float32]]":
+        """The job's merged image by channel: the newest while it runs, in the end the final one.
+
+        Returns
+        -------
+        dict
+            (height, width) float32 by the names of image.exr: ``R``, ``G``, ``B``, then ``A`` where
+            the scene has alpha, and the channels of the job's AOVs (``albedo.R``, ``Z``). Colour is
+            linear Rec. 709 radiance, premultiplied.
+
+        Raises
+        ------
+        ApiError
+            ``unknown-job``; ``no-image-yet`` before anything of it can be seen.
+        """
+        with needs("images"):
+            from plateau.farm.images.exr import decode_layers
+
+        return decode_layers(self.image(job_id, "image.exr"))
+
     def film(self, job_id: str, index: int) -> "NDArray[np.float32]":
         """The film of one slice of a job that keeps its slices, before normalisation.
 
         So films can be added: with ``total`` the sum of some, their image is
-        ``total[..., :3] / total[..., 3:]``.
+        ``total[..., :3] / total[..., 3:4]``.
 
         Returns
         -------
         NDArray
-            (height, width, 4) float32: the sums of filter-weighted linear R, G and B, and of the
-            filter weights.
+            (height, width, channels) float32: the sums of filter-weighted linear R, G and B, and of
+            the filter weights; then those of alpha, where the scene has it, and of the job's AOVs.
+            Ids are no sums: a pixel has that of its first sample.
 
         Raises
         ------

@@ -11,13 +11,14 @@ All become slices, which are merged and judged by the same code that a job's are
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime, timezone
 from pathlib import Path
 
 import numpy as np
 
 from plateau.errors import PlateauError
+from plateau.farm.images.channels import Channels
 from plateau.farm.images.exr import Pixels, decode_image, decode_partial
 from plateau.farm.model.errors import CorruptPartial
 from plateau.farm.model.job import CurvePoint
@@ -54,19 +55,20 @@ class Series:
     cumulative: bool
     partials: bool
 
-    def films(self) -> Iterator[Pixels]:
-        """Each slice's film before normalisation, (height, width, 4) float32."""
+    def films(self) -> Iterator[tuple[Pixels, Channels]]:
+        """Each slice's film before normalisation, as `Merge.add` takes it: what is seen of it."""
         before = np.zeros(())
         for number, path in enumerate(self.files, start=1):
             if self.partials:
-                yield decode_partial(path.read_bytes()).pixels
+                partial = decode_partial(path.read_bytes())
+                yield partial.pixels[..., : partial.channels.judged], partial.channels.seen()
                 continue
             image = _image(path)
             total = image.astype(np.float64) * (self.spp * (number if self.cumulative else 1))
             colour = total - before if self.cumulative else total
             before = total
             weights = np.full((*image.shape[:2], 1), self.spp)
-            yield np.concatenate([colour, weights], axis=-1).astype(np.float32)
+            yield np.concatenate([colour, weights], axis=-1).astype(np.float32), Channels()
 
 
 @dataclass(frozen=True)
@@ -135,11 +137,11 @@ def judge_series(series: Series, spec: JobSpec) -> Judged:
     BrokenSeries
         Too many of its pixels are NaN or infinite, as would fail a job.
     """
-    judge, merge = Judge(spec), Merge(slice_spp=series.spp)
+    judge, merge = Judge(spec), replace(Merge.of(spec), slice_spp=series.spp)
     points: list[CurvePoint] = []
     for path, film in zip(series.files, series.films(), strict=True):
         try:
-            merge.add(film)
+            merge.add(*film)
         except ValueError as error:
             raise CannotJudge(f"{path}: {error}") from error
         if merge.spp % spec.step == 0:

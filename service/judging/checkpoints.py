@@ -15,6 +15,7 @@ from plateau.farm.blobs import store as blobs
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.ownership import Checkpoint, Ownership, Ownerships
 from plateau.farm.model.errors import CorruptPartial
+from plateau.farm.model.spec import JobSpec
 from plateau.service.judging.merge import Merge
 
 if TYPE_CHECKING:
@@ -48,7 +49,7 @@ class Checkpoints:
         """Save the sums and the rules' memory; then the partials in them go."""
         numbers, images = judge.memory()
         content = _pack(
-            {"rules": numbers},
+            {"rules": numbers, "film": merge.about()},
             {**merge.arrays(), **{f"rule:{name}": image for name, image in images.items()}},
         )
         saved = Checkpoint(
@@ -65,19 +66,19 @@ class Checkpoints:
             self._delete_own(*self._contained)
         self._contained = []
 
-    def recover(self, slice_spp: int, judge: Judge) -> Merge:
+    def recover(self, spec: JobSpec, judge: Judge) -> Merge:
         """The sums of the last checkpoint, with which the judge's rules remember what they had.
 
         Without a checkpoint that can be read, the sums of nothing.
         """
         if self._last is None:
-            return Merge(slice_spp=slice_spp)
+            return Merge.of(spec)
         try:
-            merge, memory = read_sums(self._blobs, self._last, slice_spp)
+            merge, memory = read_sums(self._blobs, self._last, spec)
         except (FileNotFoundError, CorruptPartial) as error:
             _LOG.warning("the merge starts again: %s", error)
             self._render_again(self._last)
-            return Merge(slice_spp=slice_spp)
+            return Merge.of(spec)
         judge.recall(*memory)
         return merge
 
@@ -97,7 +98,7 @@ class Checkpoints:
 
 
 def read_sums(
-    store: Blobs, checkpoint: Checkpoint, slice_spp: int
+    store: Blobs, checkpoint: Checkpoint, spec: JobSpec
 ) -> tuple[Merge, tuple[dict[str, Any], dict[str, NDArray[Any]]]]:
     """The sums of a checkpoint, and what rules remembered then, as `Judge.recall` takes it.
 
@@ -117,7 +118,9 @@ def read_sums(
         for name, image in arrays.items()
         if name.startswith("rule:")
     }
-    return Merge.from_arrays(slice_spp, checkpoint.slices, arrays), (about["rules"], images)
+    merge = Merge.of(spec)
+    merge.restore(checkpoint.slices, arrays, about.get("film", {}))
+    return merge, (about["rules"], images)
 
 
 def _pack(about: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> bytes:

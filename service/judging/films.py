@@ -5,9 +5,10 @@ import logging
 
 from plateau.farm.blobs import store as blobs
 from plateau.farm.blobs.store import Blobs
-from plateau.farm.images.exr import Pixels, decode_partial
+from plateau.farm.images.exr import Partial, decode_partial
 from plateau.farm.ledger.ownership import Ownership, Ownerships
 from plateau.farm.ledger.queue import SliceRecord
+from plateau.farm.model.aovs import AOVS, AovName
 from plateau.farm.model.errors import CorruptPartial
 from plateau.farm.model.states import MAX_TRIES
 from plateau.farm.process.log import concerning
@@ -15,8 +16,8 @@ from plateau.farm.process.log import concerning
 _LOG = logging.getLogger(__name__)
 
 
-def checked_film(store: Blobs, blob: str, sha256: str) -> Pixels:
-    """Return the film in a partial, (height, width, 4) float32 before normalisation.
+def checked_partial(store: Blobs, blob: str, sha256: str) -> Partial:
+    """Return a partial, as its worker uploaded it.
 
     Raises
     ------
@@ -30,19 +31,22 @@ def checked_film(store: Blobs, blob: str, sha256: str) -> Pixels:
     content = store.get(blob)
     if hashlib.sha256(content).hexdigest() != sha256:
         raise CorruptPartial(f"{blob} is not what its worker uploaded")
-    return decode_partial(content).pixels
+    return decode_partial(content)
 
 
 class Films:
     """The films of one job's slices, for the monitor that owns it."""
 
-    def __init__(self, owned: Ownership, owners: Ownerships, store: Blobs) -> None:
+    def __init__(
+        self, owned: Ownership, owners: Ownerships, store: Blobs, aovs: tuple[AovName, ...]
+    ) -> None:
+        self._expected = {channel for aov in aovs for channel in AOVS[aov].channels}
         self._owned = owned
         self._owners = owners
         self._blobs = store
 
-    def film(self, record: SliceRecord) -> Pixels | None:
-        """Return the slice's film; None where its partial is lost or spoiled.
+    def partial(self, record: SliceRecord) -> Partial | None:
+        """Return the slice's partial; None where it is lost or spoiled, or lacks AOVs.
 
         It is rendered again then, if the job still goes on.
 
@@ -53,12 +57,23 @@ class Films:
         """
         with concerning(self._owned.job_id, record.index):
             try:
-                return checked_film(self._blobs, record.blob, record.sha256)
+                return self._complete(
+                    checked_partial(self._blobs, record.blob, record.sha256), record
+                )
             except FileNotFoundError as error:
                 self._render_again(record, f"the blob store has no {record.blob}", error)
             except CorruptPartial as error:
                 self._render_again(record, str(error), error)
             return None
+
+    def _complete(self, partial: Partial, record: SliceRecord) -> Partial:
+        lacking = self._expected.difference(partial.channels.names)
+        if lacking:
+            raise CorruptPartial(
+                f"slice {record.index} lacks the channels {', '.join(sorted(lacking))}: worker "
+                f"{record.worker} is older than AOVs, so upgrade it"
+            )
+        return partial
 
     def _render_again(self, record: SliceRecord, cause: str, error: Exception) -> None:
         _LOG.warning("%s", cause)

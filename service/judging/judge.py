@@ -64,7 +64,7 @@ class Judge:
     """
 
     def __init__(self, spec: JobSpec) -> None:
-        self._metric = CompiledVisibleDifferences(View(**spec.view.model_dump()))
+        self._metric = CompiledVisibleDifferences(View(**spec.view.of_display()))
         self._own = spec.rule.name
         self._before: tuple[int, float] | None = None  # where its value was one evaluation ago
         self._min_spp, self._step = spec.min_spp or 0, spec.step

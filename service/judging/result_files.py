@@ -8,8 +8,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from plateau.farm.images.exr import Pixels, encode_image
+from plateau.farm.images.exr import Pixels, encode_layers
 from plateau.farm.images.png import encode_png
+from plateau.farm.model.spec import JobSpec
 from plateau.metric import (
     MAP_PALETTE,
     Mask,
@@ -19,6 +20,8 @@ from plateau.metric import (
     non_finite_map,
     non_finite_pixels,
 )
+from plateau.service.judging.facts import Facts, exr_header, png_texts
+from plateau.service.judging.merge import Merge
 
 #: The longer side of a thumbnail has so many pixels at most.
 LONGEST: Final = 192
@@ -29,35 +32,40 @@ _CAUSES: Final = (
 
 
 def result_files(
-    image: Pixels,
+    merge: Merge,
     visible: Mask | None,
+    facts: Facts,
+    spec: JobSpec,
     *,
-    job_id: str,
-    spp: int,
-    exposure_ev: float,
     compressed: bool,
 ) -> dict[str, bytes]:
     """The files by name.
 
     Parameters
     ----------
-    image
-        (height, width, 3) float32 linear radiance.
+    merge
+        The image.
     visible
         Where it differs visibly from the first image of the curve, (height, width) bool; None
         where there is none yet.
-    job_id, spp
-        Whose image it is, of how many samples per pixel.
-    exposure_ev
-        In stops, as the job's view has it.
+    facts
+        What the files say of themselves.
+    spec
+        The job's: how its EXR is written, and how bright its pictures are.
     compressed
-        Whether the EXR is, which takes a while.
+        Whether the EXR is, as the spec says, which takes a while.
     """
-    about: dict[str, str | int] = {"plateau:job": job_id, "plateau:spp": spp}
+    image, exposure_ev = merge.image(), spec.view.exposure_ev
     picture = encode_srgb(image, exposure_ev)
     files = {
-        "image.exr": encode_image(image, about, compressed=compressed),
-        "image.png": encode_png(picture),
+        "image.exr": encode_layers(
+            merge.layers(),
+            exr_header(facts),
+            precision=spec.exr.precision,
+            compression=spec.exr.compression if compressed else "none",
+            whole=("Z", *merge.channels.ids),
+        ),
+        "image.png": encode_png(picture, texts=png_texts(facts)),
         "thumbnail.png": encode_png(thumbnail(image, exposure_ev)),
     }
     if not np.isfinite(image).all():

@@ -12,6 +12,7 @@ from plateau.farm.ledger.ownership import Ownership, Ownerships
 from plateau.farm.ledger.queue import SliceRecord
 from plateau.farm.ledger.totals import MonitorWork
 from plateau.farm.model.errors import FenceLost, IllegalTransition
+from plateau.farm.model.states import JobState
 from plateau.service.judging.checkpoints import Checkpoints
 from plateau.service.judging.films import Films
 from plateau.service.judging.judge import Judge
@@ -51,10 +52,10 @@ class JobRun:
         self._judge = Judge(job.spec)
         self._point: dict[str, object] = {}  # the last judgement's
         self._in_hand: deque[SliceRecord] = deque()  # committed and not yet merged
-        self._films = Films(owned, owners, store)
+        self._films = Films(owned, owners, store, job.spec.aovs)
         self._results = ResultSets(owned, owners, store, job.spec)
         self._checkpoints = Checkpoints(owned, owners, store, keep_slices=job.spec.keep_slices)
-        self._merge = self._checkpoints.recover(job.spec.slice_spp, self._judge)
+        self._merge = self._checkpoints.recover(job.spec, self._judge)
         recovered = self._merge.slices
         self._known = Known(
             job=job,
@@ -100,10 +101,10 @@ class JobRun:
             case steps.ShowAndSave(show, save):
                 return self._show_and_save(show=show, save=save)
             case steps.ShowFirstSlice():
-                self._results.show(self._merge, self._judge)
+                self._results.show(known.job, self._merge, self._judge)
                 return replace(known, shown_spp=known.spp)
             case steps.ShowGlimpse():
-                return known.with_glimpse(self._results.show_glimpse(self._judge))
+                return known.with_glimpse(self._results.show_glimpse(known.job, self._judge))
             case steps.ReadClock():
                 job = self._jobs.get(self.owned.job_id)
                 return known.with_time(job, self._jobs.now_ms() / 1000)
@@ -127,10 +128,10 @@ class JobRun:
         """Merge the next slice, unless its partial is lost or damaged."""
         record = self._in_hand.popleft()
         started = time.monotonic()
-        film = self._films.film(record)
-        if film is None:
+        partial = self._films.partial(record)
+        if partial is None:
             return self._known.with_slice_lost()
-        self._merge.add(film)
+        self._merge.add_partial(partial)
         self._work.merges.note(time.monotonic() - started)
         self._checkpoints.note(record.blob)
         return self._known.with_slice_merged()
@@ -154,7 +155,7 @@ class JobRun:
     def _show_and_save(self, *, show: bool, save: bool) -> Known:
         known = self._known
         if show:
-            self._results.show(self._merge, self._judge)
+            self._results.show(known.job, self._merge, self._judge)
             known = self._known = replace(known, shown_spp=known.spp, shown_at_s=time.monotonic())
         if save:
             self._checkpoints.save(self._merge, self._judge)
@@ -163,23 +164,38 @@ class JobRun:
 
     def _end(self, step: steps.EndJob) -> None:
         """End the job, atomically with the final image if the step says so."""
-        results, sha256 = "", None
+        results, sha256, notes = "", None, None
         if step.with_image:
-            results, sha256 = self._results.write(self._merge, self._judge)
+            results, sha256 = self._write(step.state, step.reason)
+            notes = self._notes(self._known.job.notes)
         try:
-            self._owners.end(self.owned, step.state, step.reason, step.numbers, results, sha256)
+            self._owners.end(
+                self.owned, step.state, step.reason, step.numbers, results, sha256, notes
+            )
         except IllegalTransition as refused:
             _LOG.info("%s", refused)  # it has just been cancelled, or failed
 
     def _conclude(self, step: steps.ConcludeJob) -> None:
         results, sha256 = "", None
+        notes = step.notes
         if step.image == "merged":
-            results, sha256 = self._results.write(self._merge, self._judge)
+            results, sha256 = self._write(self._known.job.state, self._known.job.reason)
+            notes = self._notes(notes)
         elif step.image == "shown":
             results = self._jobs.results(self.owned.job_id)
-        self._owners.conclude(
-            self.owned, spp=step.spp, results=results, sha256=sha256, notes=step.notes
+        self._owners.conclude(self.owned, spp=step.spp, results=results, sha256=sha256, notes=notes)
+
+    def _write(self, state: JobState, reason: str) -> tuple[str, dict[str, str]]:
+        return self._results.write(
+            self._known.job, self._merge, self._judge, state=state, reason=reason
         )
+
+    def _notes(self, notes: tuple[str, ...]) -> tuple[str, ...]:
+        """The job's notes, and what is to be known of its image."""
+        non_finite = self._merge.non_finite()
+        if not non_finite:
+            return notes
+        return (*notes, f"image.exr has values that are NaN or infinite: {non_finite}")
 
     def _finish(self, *, keeps_sums: bool) -> None:
         # Read again: another monitor may have saved one while this one was suspended.

@@ -2,13 +2,17 @@
 
 import hashlib
 import logging
+from dataclasses import replace
 
 from plateau.farm.blobs import store as blobs
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.images.exr import decode_partial
 from plateau.farm.ledger.ownership import Ownership, Ownerships
 from plateau.farm.model.errors import CorruptPartial
+from plateau.farm.model.job import Job
 from plateau.farm.model.spec import JobSpec
+from plateau.farm.model.states import JobState
+from plateau.service.judging.facts import FILE, Facts, encode_facts, facts_of
 from plateau.service.judging.judge import Judge
 from plateau.service.judging.merge import Merge
 from plateau.service.judging.previews import Previews
@@ -34,7 +38,7 @@ class ResultSets:
         )
         self._shown: str | None = None
 
-    def show_glimpse(self, judge: Judge) -> int | None:
+    def show_glimpse(self, job: Job, judge: Judge) -> int | None:
         """Show the first pass of the first slice, since a slice may take minutes.
 
         Returns its spp, 0 if it cannot be shown, or None if there is none yet.
@@ -51,15 +55,16 @@ class ResultSets:
         except (FileNotFoundError, CorruptPartial) as error:
             _LOG.warning("the first pass cannot be shown: %s", error)
             return 0
-        glimpse = Merge(slice_spp=partial.spp)
-        glimpse.add(partial.pixels)
-        self.show(glimpse, judge)
+        glimpse = replace(Merge.of(self._spec), slice_spp=partial.spp)
+        glimpse.add_partial(partial)
+        self.show(job, glimpse, judge)
         self._blobs.delete(blob)
         return partial.spp
 
-    def show(self, merge: Merge, judge: Judge) -> None:
-        """Show the merged image."""
-        pictures = self._pictures(merge, judge, compressed=False)  # the next set comes soon
+    def show(self, job: Job, merge: Merge, judge: Judge) -> None:
+        """Show the merged image of a job that has not ended."""
+        facts = facts_of(job, merge, job.state, job.reason)
+        pictures = self._pictures(merge, judge, facts, compressed=False)  # the next set comes soon
         (written, sha256), before = self._put(merge.spp, pictures, self._owned.token), self._shown
         self._owners.show_results(self._owned, written, merge.spp, sha256)
         if self._spec.evaluates_at(merge.spp):
@@ -68,23 +73,34 @@ class ResultSets:
         if before not in {None, written}:
             self._blobs.delete(*self._blobs.names(f"{before}/"))
 
-    def write(self, merge: Merge, judge: Judge) -> tuple[str, dict[str, str]]:
+    def write(
+        self, job: Job, merge: Merge, judge: Judge, *, state: JobState, reason: str
+    ) -> tuple[str, dict[str, str]]:
         """Write the final pictures without showing them.
 
-        Returns the set's name, and the SHA-256 of each of its files by name.
+        Parameters
+        ----------
+        job, merge, judge
+            The job, its image and its rules.
+        state, reason
+            In which it ends, and why.
+
+        Returns
+        -------
+        The set's name, and the SHA-256 of each of its files by name.
         """
-        pictures = self._pictures(merge, judge, compressed=True)
+        facts = facts_of(job, merge, state, reason)
+        pictures = self._pictures(merge, judge, facts, compressed=True)
         return self._put(merge.spp, pictures, f"{self._owned.token}{blobs.FINAL}")
 
-    def _pictures(self, merge: Merge, judge: Judge, *, compressed: bool) -> dict[str, bytes]:
-        return result_files(
-            merge.image(),
-            judge.visible_map(merge),
-            job_id=self._owned.job_id,
-            spp=merge.spp,
-            exposure_ev=self._spec.view.exposure_ev,
-            compressed=compressed,
-        )
+    def _pictures(
+        self, merge: Merge, judge: Judge, facts: Facts, *, compressed: bool
+    ) -> dict[str, bytes]:
+        visible = judge.visible_map(merge)
+        return {
+            **result_files(merge, visible, facts, self._spec, compressed=compressed),
+            FILE: encode_facts(facts),
+        }
 
     def _put(self, spp: int, pictures: dict[str, bytes], token: str) -> tuple[str, dict[str, str]]:
         name = blobs.result_set(self._owned.job_id, spp, token)

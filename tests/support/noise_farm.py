@@ -33,25 +33,40 @@ SIZE = (24, 32)  # height, width
 
 def noise_film(index: int, spp: int, sigma: float) -> Pixels:
     """A slice of a grey ramp with noise of standard deviation `sigma` per sample."""
-    return _ramp(sigma).film(spp, seed=index)
+    return ramp(sigma).film(spp, seed=index)
 
 
 @cache
-def _ramp(sigma: float) -> Picture:
+def ramp(sigma: float, aovs: tuple[str, ...] = (), *, alpha: bool = False) -> Picture:
+    """What a farm's slices show: with AOVs, and with alpha."""
+    height, width = SIZE
     return Picture(
-        AnalyticScene(width=SIZE[1], height=SIZE[0], light="ramp", level=sigma, additive=True)
+        AnalyticScene(
+            width=width, height=height, light="ramp", level=sigma, additive=True, alpha=alpha
+        ),
+        aovs,
     )
 
 
 class NoiseFarm:
     """Everything of a farm but workers."""
 
-    def __init__(self, client: redis.Redis, url: str, folder: Path, sigma: float = 1.0) -> None:
+    def __init__(
+        self,
+        client: redis.Redis,
+        url: str,
+        folder: Path,
+        sigma: float = 1.0,
+        *,
+        alpha: bool = False,
+    ) -> None:
         self.jobs = Jobs(client)
         self.store = Blobs(str(folder / "blobs"))
         self.settings = Settings(redis_url=url, blobs=str(folder / "blobs"), lease_s=5.0)
         self.queue = SliceQueue(client, "noise", 60)
         self.sigma = sigma
+        self.alpha = alpha
+        self.blind = False  #: whether its worker is older than AOVs
 
     def submit(self, name: str = "noise", **spec: object) -> Job:
         return self.jobs.create(JobSpec.model_validate(spec), name=name, scene_sha256="00").job
@@ -106,15 +121,22 @@ class NoiseFarm:
     def glimpse(self, lease: Lease, spp: int, content: bytes | None = None) -> str:
         """Show the first pass of a slice, of so many spp; returns where it is."""
         name = blobs.glimpse(lease.job_id, "noise")
-        film = noise_film(lease.index, spp, self.sigma)
+        film = self._shown(lease).film(spp, seed=lease.index)
         self.store.put(name, content or self._partial(lease, spp, film))
         assert self.queue.glimpse(lease, name)
         return name
 
+    def film(self, lease: Lease) -> Pixels:
+        """The film of a slice."""
+        return self._shown(lease).film(lease.spec.slice_spp, seed=lease.index)
+
+    def _shown(self, lease: Lease) -> Picture:
+        return ramp(self.sigma, () if self.blind else lease.spec.aovs, alpha=self.alpha)
+
     def commit(self, lease: Lease, film: Pixels | None = None) -> Committed:
         spp = lease.spec.slice_spp
         if film is None:
-            film = noise_film(lease.index, spp, self.sigma)
+            film = self.film(lease)
         content = self._partial(lease, spp, film)
         name = blobs.partial(lease.job_id, lease.index, "noise")
         self.store.put(name, content)
@@ -150,5 +172,7 @@ class NoiseFarm:
                 variant=lease.variant,
                 scene_sha256=lease.scene_sha256,
                 pixels=film,
+                channels=self._shown(lease).channels,
+                renderer="analytic 1",
             )
         )

@@ -44,7 +44,9 @@ def ended_job(
         farm.commit(lease, film)
         merge.add(film)
     owners.end(owned, JobState.CONVERGED, "levelled off", {})
-    results, sha256 = ResultSets(owned, owners, farm.store, job.spec).write(merge, Judge(job.spec))
+    results, sha256 = ResultSets(owned, owners, farm.store, job.spec).write(
+        job, merge, Judge(job.spec), state=JobState.CONVERGED, reason="levelled off"
+    )
     owners.conclude(owned, spp=spp, results=results, sha256=sha256, notes=())
     owners.finish(owned, keeps_sums=False)
     return farm.jobs.get(job.id)

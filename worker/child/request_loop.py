@@ -113,9 +113,11 @@ def serve(
 
 def _channels(scene: Loaded) -> Channels:
     try:
-        return Channels(scene.channels, scene.ids)
+        channels = Channels(scene.channels, scene.ids)
+        channels.check_size(scene.width, scene.height)
     except ValueError as error:  # an AOV integrator takes whatever names its scene gives it
         raise SceneError(f"the film cannot be stored: {error}") from error
+    return channels
 
 
 def _render(

@@ -19,11 +19,11 @@ from typing import Final, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from plateau.farm.bundle import BundleLimits
+from plateau.farm.images.channels import MOST_VALUES, Channels
 from plateau.farm.model.seeds import Pass
 from plateau.farm.process.lifecycle import die_with_parent, plain_environment
 from plateau.worker.renderers import contract
-from plateau.worker.renderers.contract import CHANNELS, Answer, Loaded, Request, SceneError
+from plateau.worker.renderers.contract import Answer, Loaded, Request, SceneError
 from plateau.worker.supervisor.child_output import Words
 from plateau.worker.supervisor.scene_cache import loading_threads
 
@@ -31,7 +31,7 @@ _LOG = logging.getLogger(__name__)
 
 _A = TypeVar("_A", bound=Answer)
 
-#: A sum of passes before it is divided by its weights: (height, width, 4), R, G, B and W.
+#: A sum of passes before it is divided by its weights: (height, width, channels).
 Film = NDArray[np.float32]
 
 #: A cancelled render that is still running after this time is killed.
@@ -41,8 +41,8 @@ CANCEL_GRACE_S: Final = 2.0
 START_TIMEOUT_S: Final = 120.0
 _POLL_S: Final = 0.5  #: a silent child is killed at most this much after its deadline
 _LAST_WORDS: Final = 1000
-#: The films of a slice: its first pass and its sum, R, G, B and W of each pixel in float32.
-_LARGEST_FILMS_BYTES: Final = 2 * BundleLimits().max_pixels * 4 * 4
+#: The films of a slice: its first pass and its sum, in float32.
+_LARGEST_FILMS_BYTES: Final = 2 * MOST_VALUES * 4
 
 #: A render takes every core for hours. Processes that answer people need little of one, but soon.
 #: Idle cores still go to the child.
@@ -153,7 +153,14 @@ class RenderChild:
             _LOG.warning("the render child is not confined: %s", what)
         self._is_ready = True
 
-    def load(self, folder: Path, entry: str, parameters: dict[str, str], sensor: int) -> Loaded:
+    def load(
+        self,
+        folder: Path,
+        entry: str,
+        parameters: dict[str, str],
+        sensor: int,
+        aovs: tuple[str, ...] = (),
+    ) -> Loaded:
         """Load a scene, which takes the place of the one before."""
         self._ask(
             contract.Load(
@@ -161,23 +168,25 @@ class RenderChild:
                 entry=entry,
                 parameters=parameters,
                 sensor=sensor,
+                aovs=aovs,
                 threads=loading_threads(folder),
             )
         )
         self.await_ready()
         scene = self._expect(self._limits.load_timeout_s, "loading the scene", Loaded)
-        if scene.channels != CHANNELS:
-            raise SceneError(
-                f"the film has the channels {', '.join(scene.channels)}, and the farm stores "
-                f"{', '.join(CHANNELS)} alone"
-            )
-        self._shape = (scene.height, scene.width, len(CHANNELS))
+        try:
+            channels = Channels(scene.channels, scene.ids)
+            channels.check_size(scene.width, scene.height)
+        except (ValueError, TypeError) as error:  # an honest child says nothing of the kind
+            self.kill()
+            raise ChildDied(f"the render process said {scene!r}: {error}") from error
+        self._shape = (scene.height, scene.width, len(channels.names))
         return scene
 
     def render(
         self, passes: tuple[Pass, ...], show: Callable[[Film, int], None] | None = None
     ) -> tuple[Film, float]:
-        """Return the sum of these passes, (height, width, 4) float32, and its seconds.
+        """Return the sum of these passes, in float32, and its seconds.
 
         If the passes take a while, `show` is called with the film of the first and its spp.
         """

@@ -52,7 +52,7 @@ class RenderHost:
         first_seed, last_seed = schedule.seed_range(lease.index)
 
         def show_pass(film: Film, spp: int) -> None:
-            show(Glimpse(lease=lease, film=film, spp=spp, first_seed=first_seed))
+            show(Glimpse(lease=lease, scene=scene, film=film, spp=spp, first_seed=first_seed))
 
         film, render_s = child.render(
             schedule.passes(lease.index), show_pass if lease.index == 0 else None
@@ -113,9 +113,10 @@ class RenderHost:
     def _load(self, child: RenderChild, lease: Lease) -> Loaded:
         spec = lease.spec
         parameters = spec.parameter_strings()
-        wanted = (lease.scene_sha256, tuple(sorted(parameters.items())), spec.sensor)
+        wanted = (lease.scene_sha256, tuple(sorted(parameters.items())), spec.sensor, spec.aovs)
         if self._loaded is None or self._loaded[0] != wanted:
             self._loaded = None
             self._files, entry = self._scenes.scene(lease.scene_sha256)
-            self._loaded = (wanted, child.load(self._files, entry, parameters, spec.sensor))
+            loaded = child.load(self._files, entry, parameters, spec.sensor, spec.aovs)
+            self._loaded = (wanted, loaded)
         return self._loaded[1]

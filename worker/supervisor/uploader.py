@@ -7,13 +7,18 @@ import threading
 import time
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import cache
+from importlib.metadata import PackageNotFoundError, version
 from typing import Final
 
 from plateau.farm.blobs import store as blobs
 from plateau.farm.blobs.store import Blobs
+from plateau.farm.images.channels import Channels
 from plateau.farm.images.exr import Partial, encode_partial
 from plateau.farm.ledger.queue import Committed, Lease, SliceQueue, SliceRecord
+from plateau.farm.model import versions
 from plateau.farm.model.errors import StoreUnavailable
+from plateau.farm.model.renderers import variant_named
 from plateau.farm.process import log
 from plateau.farm.process.backoff import Backoff
 from plateau.worker.renderers.contract import Loaded
@@ -46,6 +51,7 @@ class Glimpse:
     """The first pass of a job's first slice, shown until the slice is committed."""
 
     lease: Lease
+    scene: Loaded
     film: Film
     spp: int
     first_seed: int
@@ -205,5 +211,17 @@ def _encoded(rendered: Rendered | Glimpse, spp: int, last_seed: int) -> bytes:
             variant=lease.variant,
             scene_sha256=lease.scene_sha256,
             pixels=rendered.film,
+            channels=Channels(rendered.scene.channels, rendered.scene.ids),
+            renderer=_renderer(lease.variant),
         )
     )
+
+
+@cache
+def _renderer(variant: str) -> str:
+    """The name and version of a variant's renderer, which may be a part of Plateau."""
+    name = variant_named(variant).renderer
+    try:
+        return f"{name} {version(name)}"
+    except PackageNotFoundError:
+        return f"{name} {versions.plateau()}"

@@ -79,6 +79,7 @@ class End(Command[Moved]):
     verdict: str | None = None  #: JSON: the numbers of the rule that fired
     results: str = ""  #: where they lie, if they are written
     digests: Mapping[str, str] | None = None  #: their SHA-256 by blob
+    notes: str | None = None  #: JSON; None where they stay as they are
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -16,10 +16,11 @@ from plateau.farm.blobs.store import Blobs
 from plateau.service.api.points import KeptSlice
 
 if TYPE_CHECKING:
+    from plateau.farm.images.channels import Colour
     from plateau.farm.images.exr import Pixels
     from plateau.service.api.points.sums import PointSums
 
-#: The largest film, cinema's 4K; merging it takes 0.4 GB.
+#: The largest film of R, G, B and W, cinema's 4K; merging it takes 0.4 GB.
 MOST_PIXELS: Final = 4096 * 2160
 #: Requests of all clients that may wait in one process.
 MOST_WAITING: Final = 8
@@ -47,11 +48,13 @@ class PointImages:
         slices: Sequence[KeptSlice],
         encode: Callable[[Pixels], bytes],
         is_gone: Callable[[], Awaitable[bool]],
+        background: Colour = (0.0, 0.0, 0.0),
     ) -> bytes | None:
         """The merged image of a job's first slices as a file; None once the client has left.
 
-        `encode` makes a file of a (height, width, 3) float32 linear image. Raises `TooManyWait`, or
-        `SliceLost` if a slice is gone or damaged.
+        `encode` makes a file of a (height, width, 3) float32 linear image, which is over
+        `background` where it has alpha. Raises `TooManyWait`, or `SliceLost` if a slice is gone or
+        damaged.
         """
         if self._waiting >= MOST_WAITING:
             raise TooManyWait
@@ -59,7 +62,7 @@ class PointImages:
         self._waiting += 1
         try:
             work = asyncio.get_running_loop().run_in_executor(
-                self._worker, self._made, job_id, slices, encode, gone
+                self._worker, self._made, job_id, slices, encode, background, gone
             )
             while not (await asyncio.wait([work], timeout=_ASKED_EVERY_S))[0]:
                 if await is_gone():
@@ -80,6 +83,7 @@ class PointImages:
         job_id: str,
         slices: Sequence[KeptSlice],
         encode: Callable[[Pixels], bytes],
+        background: Colour,
         gone: threading.Event,
     ) -> bytes | None:
         # Imported at the first use: numpy and the metric take a fifth of the API's start.
@@ -88,6 +92,9 @@ class PointImages:
         if self._sums is None:
             self._sums = PointSums(self._blobs)
         image = self._sums.image(
-            job_id, slices, is_given_up=lambda: gone.is_set() or self._closed.is_set()
+            job_id,
+            slices,
+            is_given_up=lambda: gone.is_set() or self._closed.is_set(),
+            background=background,
         )
         return None if image is None else encode(image)

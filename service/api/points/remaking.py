@@ -14,14 +14,15 @@ from plateau.farm.model.job import Job
 from plateau.metric import Mask
 from plateau.rules import CURVE
 from plateau.service.judging.checkpoints import read_sums
-from plateau.service.judging.films import checked_film
+from plateau.service.judging.facts import FILE, Facts, decode_facts, old_facts
+from plateau.service.judging.films import checked_partial
 from plateau.service.judging.merge import Merge
 from plateau.service.judging.result_files import result_files
 
 _LOG = logging.getLogger(__name__)
 
-#: The largest film that is merged for this; it takes 0.6 GB.
-MOST_PIXELS: Final = 2560 * 1440
+#: The values of the largest film that is merged for this; one of 2560 × 1440 pixels takes 0.6 GB.
+MOST_VALUES: Final = 2560 * 1440 * 4
 
 _Memory = tuple[dict[str, Any], dict[str, NDArray[Any]]]
 
@@ -35,19 +36,19 @@ def remade(blob: str, sha256: str, jobs: Jobs, store: Blobs) -> bytes | None:
     spp = blobs.spp_of_set(folder)
     try:
         job = jobs.get(job_id)
-        pixels = (job.width or 0) * (job.height or 0)
-        if job.finished_at is None or not spp or not 0 < pixels <= MOST_PIXELS:
+        values = (job.width or 0) * (job.height or 0) * job.spec.film_values
+        if job.finished_at is None or not spp or not 0 < values <= MOST_VALUES:
             return None
+        facts = _facts(f"{folder}/{FILE}", job, spp, store)
         merge, memory = _merged(job, spp, jobs, store)
     except (JobNotFound, FileNotFoundError, CorruptPartial, LookupError, ValueError) as error:
         _LOG.warning("%s cannot be made again: %s", name, error)
         return None
     files = result_files(
-        merge.image(),
+        merge,
         _visible(job, merge, memory) if picture == "difference.png" else None,
-        job_id=job.id,
-        spp=spp,
-        exposure_ev=job.spec.view.exposure_ev,
+        facts,
+        job.spec,
         compressed=folder.endswith(blobs.FINAL),
     )
     content = files.get(picture, b"")
@@ -61,15 +62,22 @@ def _merged(job: Job, spp: int, jobs: Jobs, store: Blobs) -> tuple[Merge, _Memor
         checkpoint = jobs.checkpoint(job.id)
         if checkpoint is None or checkpoint.slices * slice_spp != spp:
             raise LookupError(f"no sums of {spp} spp are kept")
-        return read_sums(store, checkpoint, slice_spp)
-    ledger, merge = jobs.ledger(job.id), Merge(slice_spp=slice_spp)
+        return read_sums(store, checkpoint, job.spec)
+    ledger, merge = jobs.ledger(job.id), Merge.of(job.spec)
     memory: _Memory = ({}, {})
     for index in range(spp // slice_spp):
-        merge.add(checked_film(store, ledger[index]["blob"], ledger[index]["sha256"]))
+        merge.add_partial(checked_partial(store, ledger[index]["blob"], ledger[index]["sha256"]))
         if job.spec.evaluates_at(merge.spp) and not memory[0]:
             numbers = {"first_spp": merge.spp, "points": []}
             memory = ({CURVE: numbers}, {f"{CURVE}:first": merge.image()})
     return merge, memory
+
+
+def _facts(blob: str, job: Job, spp: int, store: Blobs) -> Facts:
+    try:
+        return decode_facts(store.get(blob))
+    except FileNotFoundError:
+        return old_facts(job.id, spp)
 
 
 def _visible(job: Job, merge: Merge, memory: _Memory) -> Mask | None:

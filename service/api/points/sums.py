@@ -2,22 +2,33 @@
 
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from plateau.farm.blobs.store import Blobs
-from plateau.farm.images.exr import Pixels
+from plateau.farm.images.channels import BLACK, Channels, Colour
+from plateau.farm.images.exr import Partial, Pixels
 from plateau.farm.model.errors import CorruptPartial
 from plateau.service.api.points import KeptSlice, SliceLost
-from plateau.service.judging.films import checked_film
-from plateau.service.judging.merge import normalised
+from plateau.service.judging.films import checked_partial
 
 #: The most bytes of sums that are kept; the newest sum always is.
 _REMEMBERED: Final = 128 << 20
 
-Sum = NDArray[np.float64]
+
+@dataclass(frozen=True)
+class Sum:
+    """What is seen of slices, added: R, G, B, W and, if any, A."""
+
+    channels: Channels
+    total: NDArray[np.float64]
+
+    def copy(self) -> "Sum":
+        """The same, to add to."""
+        return Sum(self.channels, self.total.copy())
 
 
 class PointSums:
@@ -29,27 +40,37 @@ class PointSums:
         self._sums: OrderedDict[tuple[str, int], Sum] = OrderedDict()
 
     def image(
-        self, job_id: str, slices: Sequence[KeptSlice], *, is_given_up: Callable[[], bool]
+        self,
+        job_id: str,
+        slices: Sequence[KeptSlice],
+        *,
+        is_given_up: Callable[[], bool],
+        background: Colour = BLACK,
     ) -> Pixels | None:
         """The merged image of a job's first slices; None if given up, which is asked before each.
 
-        It is (height, width, 3) float32 linear radiance. Slices are added in order and in float64,
-        as the monitor does. Raises `SliceLost` if a slice is gone or damaged.
+        It is (height, width, 3) float32 linear radiance, over `background` where it has alpha.
+        Slices are added in order and in float64, as the monitor does. Raises `SliceLost` if a slice
+        is gone or damaged.
         """
-        done, total = self._remembered(job_id, len(slices))
+        done, found = self._remembered(job_id, len(slices))
         for index in range(done, len(slices)):
             if is_given_up():
                 break
-            film = self._film(index, slices[index])
-            if total is None:
-                total = np.zeros(film.shape, np.float64)
-            if film.shape != total.shape:
-                raise SliceLost(f"slice {index} has another size than those before it")
-            total += film
+            partial = self._partial(index, slices[index])
+            seen = partial.channels.seen()
+            film = partial.pixels[..., : partial.channels.judged]
+            if found is None:
+                found = Sum(seen, seen.add(None, film))
+            elif (film.shape, seen) != (found.total.shape, found.channels):
+                raise SliceLost(f"slice {index} has another size than those before it, or channels")
+            else:
+                seen.add(found.total, film)
             done = index + 1
-        if total is not None:
-            self._remember((job_id, done), total)
-        return normalised(total) if total is not None and done == len(slices) else None
+        if found is None:
+            return None
+        self._remember((job_id, done), found)
+        return found.channels.seen_in(found.total, background) if done == len(slices) else None
 
     def _remembered(self, job_id: str, slices: int) -> tuple[int, Sum | None]:
         """The number of slices in the longest usable sum, and that sum: a copy if it will grow."""
@@ -60,15 +81,18 @@ class PointSums:
         found = self._sums[job_id, done]
         return done, found if done == slices else found.copy()
 
-    def _remember(self, name: tuple[str, int], total: Sum) -> None:
-        self._sums[name] = total
+    def _remember(self, name: tuple[str, int], merged: Sum) -> None:
+        self._sums[name] = merged
         self._sums.move_to_end(name)
-        while len(self._sums) > 1 and sum(one.nbytes for one in self._sums.values()) > _REMEMBERED:
+        while (
+            len(self._sums) > 1
+            and sum(one.total.nbytes for one in self._sums.values()) > _REMEMBERED
+        ):
             self._sums.popitem(last=False)
 
-    def _film(self, index: int, kept: KeptSlice) -> Pixels:
+    def _partial(self, index: int, kept: KeptSlice) -> Partial:
         try:
-            return checked_film(self._blobs, kept.blob, kept.sha256)
+            return checked_partial(self._blobs, kept.blob, kept.sha256)
         except FileNotFoundError as error:
             raise SliceLost(f"slice {index} is gone") from error
         except CorruptPartial as error:

@@ -30,6 +30,7 @@ from plateau.service.api.routes.jobs import JobId
 from plateau.service.judging import previews
 
 if TYPE_CHECKING:
+    from plateau.farm.images.channels import Colour
     from plateau.farm.images.exr import Pixels
 
 router = APIRouter(prefix="/v1/jobs/{job_id}/previews", tags=["results"])
@@ -44,6 +45,8 @@ _PROBLEMS: Final = (
     problems.BUSY,
     problems.INVALID_REQUEST,
 )
+#: Behind what is linear: colour stays premultiplied.
+_NOTHING: Final = (0.0, 0.0, 0.0)
 #: ``Retry-After`` while too many requests wait, in seconds.
 _BUSY_S: Final = 5
 
@@ -91,7 +94,8 @@ async def get_preview_png(
     except (FileNotFoundError, SpoiledBlob) as error:
         if isinstance(error, SpoiledBlob) and not _can_be_merged(job):
             raise
-        return await _merged(request, job, spp, farm, (PNG, headers, _png(job)))
+        file = (PNG, headers, job.spec.view.background, _png(job, spp))
+        return await _merged(request, job, spp, farm, file)
 
 
 @router.get("/{spp}.exr", response_class=Response, responses=described(EXR, *_PROBLEMS))
@@ -103,23 +107,26 @@ async def get_preview_exr(
     headers = _headers(job, spp, "exr")
     if has.has(headers["ETag"]):
         return not_modified(headers)
-    return await _merged(request, job, spp, farm, (EXR, headers, _exr(job, spp)), has=has)
+    file = (EXR, headers, _NOTHING, _exr(job, spp))
+    return await _merged(request, job, spp, farm, file, has=has)
 
 
-_File = tuple[str, dict[str, str], "Callable[[Pixels], bytes]"]
+_File = tuple[str, dict[str, str], "Colour", "Callable[[Pixels], bytes]"]
 
 
 async def _merged(
     request: Request, job: Job, spp: int, farm: Parts, file: _File, has: Known | None = None
 ) -> Response:
-    media_type, headers, encode = file
+    media_type, headers, background, encode = file
     slices = await run_in_threadpool(_slices, farm, job, spp)
     if has is not None and has.anything:
         return not_modified(headers)
     if HEADERS_ONLY in request.scope:
         return Response(media_type=media_type, headers=headers)
     try:
-        content = await farm.points.encoded(job.id, slices, encode, request.is_disconnected)
+        content = await farm.points.encoded(
+            job.id, slices, encode, request.is_disconnected, background
+        )
     except TooManyWait as error:
         raise Problem(
             problems.BUSY,
@@ -144,7 +151,12 @@ def _slices(farm: Parts, job: Job, spp: int) -> list[KeptSlice]:
     if not job.spec.keep_slices:
         raise _cannot(job, spp, "did not keep its slices")
     if not _can_be_merged(job):
-        raise _cannot(job, spp, f"has more than {MOST_PIXELS:,} pixels, too many to merge again")
+        raise _cannot(
+            job,
+            spp,
+            f"has films of more than {MOST_PIXELS:,} pixels of 4 channels, too large to merge "
+            "again",
+        )
     ledger = farm.jobs.ledger(job.id)
     try:
         records = [ledger[index] for index in range(spp // job.spec.slice_spp)]
@@ -154,8 +166,8 @@ def _slices(farm: Parts, job: Job, spp: int) -> list[KeptSlice]:
 
 
 def _can_be_merged(job: Job) -> bool:
-    pixels = (job.width or 0) * (job.height or 0)
-    return job.spec.keep_slices and 0 < pixels <= MOST_PIXELS
+    values = (job.width or 0) * (job.height or 0) * job.spec.film_values
+    return job.spec.keep_slices and 0 < values <= 4 * MOST_PIXELS
 
 
 def _points(job: Job) -> list[int]:
@@ -170,12 +182,14 @@ def _points(job: Job) -> list[int]:
 # The encoders are imported at their first use, as in `plateau.service.api.points.images`.
 
 
-def _png(job: Job) -> "Callable[[Pixels], bytes]":
+def _png(job: Job, spp: int) -> "Callable[[Pixels], bytes]":
     def encoded(image: "Pixels") -> bytes:
         from plateau.farm.images.png import encode_png
         from plateau.metric import encode_srgb
+        from plateau.service.judging.facts import identity, png_texts
 
-        return encode_png(encode_srgb(image, job.spec.view.exposure_ev))
+        picture = encode_srgb(image, job.spec.view.exposure_ev)
+        return encode_png(picture, texts=png_texts(identity(job, spp)))
 
     return encoded
 
@@ -183,8 +197,9 @@ def _png(job: Job) -> "Callable[[Pixels], bytes]":
 def _exr(job: Job, spp: int) -> "Callable[[Pixels], bytes]":
     def encoded(image: "Pixels") -> bytes:
         from plateau.farm.images.exr import encode_image
+        from plateau.service.judging.facts import exr_header, identity
 
-        return encode_image(image, {"plateau:job": job.id, "plateau:spp": spp})
+        return encode_image(image, exr_header(identity(job, spp)))
 
     return encoded
 

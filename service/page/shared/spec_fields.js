@@ -26,6 +26,14 @@ export const LIMITS = [
     help: "The job ends after this time, without pauses. Empty: no limit." },
 ];
 
+/** What image.exr has beside colour: the names of farm/model/aovs.py. */
+export const AOVS = {
+  albedo: "Albedo", normal: "Normals", depth: "Depth", position: "Position", uv: "Texture coordinates",
+  shape_id: "Shape ids", primitive_id: "Primitive ids",
+};
+/** How image.exr is written, the default first (farm/model/exr_spec.py). */
+export const EXR = { precision: ["float", "half"], compression: ["zip", "none", "rle", "zips", "piz"] };
+
 export const PRIORITY = { min: -1000, max: 1000, step: 1 };
 
 /** @type {FieldAbout[]} */

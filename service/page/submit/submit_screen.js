@@ -7,7 +7,7 @@ import { blame, Field, fieldsOf, valuesOf } from "../shared/form_fields.js";
 import { OneJob } from "../shared/job_request.js";
 import { messageOf, say } from "../shared/notices.js";
 import { fieldIn, meetRules, RULES, watchable } from "../shared/rules.js";
-import { LIMITS, MORE, VIEW } from "../shared/spec_fields.js";
+import { AOVS, EXR, LIMITS, MORE, VIEW } from "../shared/spec_fields.js";
 
 /** @import { ScreenContext } from "../main.js" */
 /** @import { RuleAbout } from "../shared/rules.js" */
@@ -22,6 +22,14 @@ export async function open(main, { signal, go }) {
   main.append(waiting);
   const scenes = get("/v1/scenes", signal).catch(() => ({ scenes: [] }));
   await meetRules(signal).then(() => waiting.replaceWith(new Submission(signal, go, scenes).element), () => {});
+}
+
+/**
+ * @param {string} name
+ * @param {string[]} choices
+ */
+function select(name, choices) {
+  return h("select", { name }, choices.map((choice) => h("option", {}, choice)));
 }
 
 class Submission {
@@ -41,6 +49,11 @@ class Submission {
   #view = fieldsOf("spec.view", VIEW);
   #limits = fieldsOf("spec", LIMITS);
   #more = fieldsOf("spec", MORE);
+  #aovs = Object.keys(AOVS).map((name) => h("input", { type: "checkbox", value: name }));
+  #precision = select("precision", EXR.precision);
+  #compression = select("compression", EXR.compression);
+  #background = new Field("spec.view", { name: "background", label: "Background", type: "text", value: "", placeholder: "0, 0, 0", optional: true,
+    help: "Linear red, green and blue behind an image with alpha, where it is judged and shown." });
   #keep = h("input", { type: "checkbox", id: "keep-slices" });
   #guard = h("input", { type: "checkbox", id: "flicker-guard" });
 
@@ -81,7 +94,10 @@ class Submission {
       h("fieldset", {}, h("legend", {}, "How is it viewed?"), h("div", { class: "fields" }, this.#view.elements)),
       h("fieldset", {}, h("legend", {}, "Limits"), h("div", { class: "fields" }, this.#limits.elements)),
       h("details", {}, h("summary", {}, "More"),
-        h("div", { class: "fields" }, this.#more.elements),
+        h("div", { class: "fields" }, this.#more.elements, this.#background.element),
+        h("fieldset", { class: "watch" }, h("legend", {}, "Beside colour, image.exr has"),
+          Object.values(AOVS).map((title, place) => h("label", { class: "toggle" }, this.#aovs[place], title))),
+        h("p", { class: "check" }, h("label", {}, "Precision of image.exr ", this.#precision), h("label", {}, "Compression ", this.#compression)),
         h("p", { class: "check" }, this.#keep, h("label", { for: "keep-slices" },
           "Keep every slice, to compare any two points of the curve and to judge the job again (some MB each)")),
         h("p", { class: "check" }, this.#guard, h("label", { for: "flicker-guard" },
@@ -248,11 +264,15 @@ class Submission {
 
   #spec() {
     const { name, values } = this.#chosen;
+    const background = this.#background.value;
     const watched = this.#rules.filter(({ watch }) => watch.checked && !watch.disabled);
     return {
       ...this.#limits.values(), ...this.#more.values(),
       rule: { name, ...values() }, watch: watched.map(({ name }) => ({ name })),
-      view: this.#view.values(), parameters: valuesOf(this.#parameters), keep_slices: this.#keep.checked, flicker_guard: this.#guard.checked,
+      view: { ...this.#view.values(), ...(background === undefined ? {} : { background: String(background).split(",").map(Number) }) },
+      aovs: this.#aovs.filter(({ checked }) => checked).map(({ value }) => value),
+      exr: { precision: this.#precision.value, compression: this.#compression.value },
+      parameters: valuesOf(this.#parameters), keep_slices: this.#keep.checked, flicker_guard: this.#guard.checked,
     };
   }
 
@@ -274,7 +294,7 @@ class Submission {
   }
 
   #fields() {
-    return [...this.#chosen.fields, ...this.#view.fields, ...this.#limits.fields, ...this.#more.fields, ...this.#parameters];
+    return [...this.#chosen.fields, ...this.#view.fields, ...this.#limits.fields, ...this.#more.fields, this.#background, ...this.#parameters];
   }
 
   /**

@@ -1,19 +1,25 @@
 """Partials and images survive their EXR files; broken files are refused in words."""
 
 import io
+from dataclasses import replace
+from typing import get_args
 
 import numpy as np
 import OpenEXR
 import pytest
 
+from plateau.farm.images.channels import Channels
 from plateau.farm.images.exr import (
     Partial,
     decode_image,
+    decode_layers,
     decode_partial,
     encode_image,
+    encode_layers,
     encode_partial,
 )
 from plateau.farm.model.errors import CorruptPartial
+from plateau.farm.model.exr_spec import Compression
 
 RNG = np.random.default_rng(7)
 
@@ -39,6 +45,38 @@ def test_a_partial_comes_back_to_the_bit() -> None:
     assert back.pixels.tobytes() == partial.pixels.tobytes()
     for name in ("job_id", "index", "first_seed", "last_seed", "spp", "variant", "scene_sha256"):
         assert getattr(back, name) == getattr(partial, name)
+
+
+def test_a_partial_keeps_the_order_of_its_channels_and_what_is_an_id() -> None:
+    channels = Channels(("R", "G", "B", "W", "A", "albedo.R", "Z", "id.shape"), ("id.shape",))
+    pixels = RNG.normal(size=(5, 7, 8)).astype(np.float32)
+    partial = replace(a_partial(), pixels=pixels, channels=channels, renderer="mitsuba 3.9.1")
+    back = decode_partial(encode_partial(partial))
+    assert back.pixels.tobytes() == pixels.tobytes()
+    assert (back.channels, back.renderer) == (channels, "mitsuba 3.9.1")
+
+
+def test_a_partial_that_lacks_a_channel_it_names_is_refused() -> None:
+    content = encode_partial(a_partial())
+    named, longer = (f'["R", "G", "B", "{one}"'.encode() for one in ("W", "V"))
+    with pytest.raises(CorruptPartial, match="begin with R, G, B and W"):
+        decode_partial(content.replace(named, longer))
+
+
+def test_half_cuts_what_is_finite_and_leaves_the_rest() -> None:
+    values = np.array([[1e6, -1e6, 0.1, np.inf, -np.inf, np.nan]], np.float32)
+    content = encode_layers({"R": values, "Z": values}, {}, precision="half", whole=("Z",))
+    layers = decode_layers(content)
+    expected = np.array([[65504, -65504, np.float16(0.1), np.inf, -np.inf, np.nan]], np.float32)
+    np.testing.assert_array_equal(layers["R"], expected)
+    np.testing.assert_array_equal(layers["Z"], values)
+
+
+@pytest.mark.parametrize("compression", get_args(Compression))
+def test_no_compression_loses_anything(compression: Compression) -> None:
+    values = RNG.random((9, 4)).astype(np.float32)
+    content = encode_layers({"Z": values}, {}, compression=compression)
+    np.testing.assert_array_equal(decode_layers(content)["Z"], values)
 
 
 @pytest.mark.parametrize("keep", [0, 3, 200, 0.5, 0.99])

@@ -120,6 +120,8 @@ class TestOptions:
             "seed": str(spec.seed),
             "variant": spec.variant,
             "sensor": str(spec.sensor),
+            "exr-precision": spec.exr.precision,
+            "exr-compression": spec.exr.compression,
             "exposure": f"{spec.view.exposure_ev:g}",
             "white-luminance": f"{spec.view.white_luminance:g}",
             "field-of-view": f"{spec.view.field_of_view_deg:g}",
@@ -152,11 +154,17 @@ class TestOptions:
             exposure=-1.5,
             primaries="adobe1998",
             time_limit=60,
+            aov=["depth", "albedo"],
+            exr_precision="half",
+            background="0.5,1,0",
         )
         assert spec.parameters == {"width": "64", "text": "a=b"}
         assert spec.rule.model_dump() == {"name": "fixed", "spp": 50}
         assert (spec.view.exposure_ev, spec.view.primaries) == (-1.5, "adobe1998")
         assert spec.time_limit_s == 60
+        assert spec.aovs == ("depth", "albedo")
+        assert (spec.exr.precision, spec.exr.compression) == ("half", "zip")
+        assert spec.view.background == (0.5, 1, 0)
 
     @pytest.mark.parametrize(
         ("options", "words"),
@@ -174,6 +182,15 @@ class TestOptions:
                 ["--variant", "cuda"],
                 "--variant: must be auto, scalar_rgb, llvm_ad_rgb, cuda_ad_rgb or analytic:numpy",
             ),
+            (
+                ["--aov", "fog"],
+                "--aov: must be albedo, normal, depth, position, uv, shape_id or primitive_id",
+            ),
+            (["--aov", "uv", "--aov", "uv"], "--aov: each AOV may be named once"),
+            (["--exr-precision", "double"], "--exr-precision: must be float or half"),
+            (["--exr-compression", "dwaa"], "--exr-compression: must be none, rle, zips, zip or"),
+            (["--background", "white"], "--background takes R,G,B, not 'white'"),
+            (["--background", "0,0,-1"], "--background: must be at least 0"),
             (["-D", "width"], "NAME=VALUE"),
             (["-D", "=3"], "NAME=VALUE"),
         ],

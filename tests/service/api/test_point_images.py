@@ -13,6 +13,7 @@ import redis
 
 from plateau.farm.blobs import store as blobs
 from plateau.farm.blobs.store import Blobs
+from plateau.farm.images.channels import Channels
 from plateau.farm.images.exr import Pixels, decode_image, encode_image
 from plateau.farm.model.job import Job
 from plateau.service.api.points import KeptSlice, SliceLost
@@ -97,7 +98,8 @@ class TestOverHttp:
     ) -> None:
         root = f"/v1/jobs/{job.id}"
         # The last point's is the job's image, and a kept picture's is that picture
-        assert http.get(f"{root}/previews/150.exr").content == farm.picture(job, "image.exr")
+        linear = decode_image(http.get(f"{root}/previews/150.exr").content)
+        assert np.array_equal(linear, decode_image(farm.picture(job, "image.exr")))
         assert http.get(f"{root}/previews/150.png").content == farm.picture(job, "image.png")
         kept = farm.store.get(blobs.preview(job.id, 25))
         farm.store.delete(blobs.preview(job.id, 25))
@@ -239,7 +241,7 @@ class TestItsCost:
     ) -> None:
         sums = PointSums(store)
         sums.image("job", slices[:1], is_given_up=lambda: False)
-        sums._sums["job", 1] = np.zeros((2, 2, 4))
+        sums._sums["job", 1] = point_sums.Sum(Channels(), np.zeros((2, 2, 4)))
         with pytest.raises(SliceLost, match="another size"):
             sums.image("job", slices[:2], is_given_up=lambda: False)
 

@@ -17,7 +17,7 @@ from plateau.farm.model.errors import CorruptPartial
 from plateau.farm.model.job import Event
 from plateau.farm.model.states import JobState
 from plateau.farm.redis import keys
-from plateau.service.judging.films import checked_film
+from plateau.service.judging.films import checked_partial
 from tests.service.api.test_jobs import problem
 from tests.support.staged_job import HEIGHT, WIDTH, StagedJob
 from tests.support.until import until
@@ -87,7 +87,7 @@ def test_a_slice_is_a_partial_whatever_its_worker_said(
     # Then neither the API nor a monitor reads it
     problem(http.get(f"/v1/jobs/{job.id}/slices/0.exr"), 404, "unknown-slice")
     with pytest.raises(CorruptPartial, match="no partial's name"):
-        checked_film(store, secret, record["sha256"])
+        checked_partial(store, secret, record["sha256"])
 
 
 def test_the_ledger_shows_each_slice(http: httpx.Client, client: redis.Redis) -> None:

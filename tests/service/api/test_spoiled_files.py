@@ -161,7 +161,7 @@ def test_each_file_says_what_its_bytes_are(farm: NoiseFarm, api: httpx.Client) -
     noted = farm.jobs._redis.hkeys(keys.job(job.id, "digests"))
     results = farm.jobs.results(job.id).removeprefix(blobs.of_job(job.id))
     assert {one for one in noted if one.startswith("results/")} == {
-        f"{results}/{name}" for name in PICTURES
+        f"{results}/{name}" for name in (*PICTURES, "facts.json")
     }
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from plateau.farm.bundle.analytic import LIGHTS, NOISES, AnalyticScene
+from plateau.farm.model.aovs import AOV_NAMES
 from plateau.farm.model.seeds import Pass, SeedSchedule
 from plateau.worker.renderers.analytic import picture
 from plateau.worker.renderers.analytic.picture import Picture
@@ -30,9 +31,9 @@ def child(tmp_path):
     child.kill()
 
 
-def _load(child, folder, sensor=0, parameters=None, **fields):
+def _load(child, folder, sensor=0, parameters=None, aovs=(), **fields):
     (folder / "scenes" / "scene.json").write_text(json.dumps({"analytic": 1, **fields}))
-    return child.load(folder / "scenes", "scene.json", parameters or {}, sensor)
+    return child.load(folder / "scenes", "scene.json", parameters or {}, sensor, aovs)
 
 
 def test_a_child_renders_the_films_that_the_picture_has(child, tmp_path):
@@ -47,6 +48,39 @@ def test_a_child_renders_the_films_that_the_picture_has(child, tmp_path):
     assert again.tobytes() == film.tobytes()
     other, _ = child.render(SCHEDULE.passes(3))
     assert not np.array_equal(other, film)
+
+
+def test_a_child_renders_alpha_and_aovs_as_it_says(child, tmp_path):
+    scene = _load(child, tmp_path, aovs=AOV_NAMES, alpha=True, width=32, height=24)
+    assert scene.channels == (
+        *("R", "G", "B", "W", "A", "albedo.R", "albedo.G", "albedo.B", "N.X", "N.Y", "N.Z", "Z"),
+        *("P.X", "P.Y", "P.Z", "uv.U", "uv.V", "id.shape", "id.primitive"),
+    )
+    assert scene.ids == ("id.shape", "id.primitive")
+    passes = SCHEDULE.passes(2)
+    film, _ = child.render(passes)
+    made = Picture(AnalyticScene(width=32, height=24, alpha=True), AOV_NAMES)
+    assert film.tobytes() == made.slice_film(passes).tobytes()
+    # A sum of 25 samples, but for the ids, which are those of the first pass
+    planes = dict(zip(scene.channels, np.moveaxis(film, -1, 0), strict=True))
+    assert set(np.unique(planes["A"])) == {0, 12.5, 25}
+    assert np.allclose(
+        planes["Z"] / 25, np.broadcast_to(4 - 2 * (np.arange(24)[:, None] + 0.5) / 24, (24, 32))
+    )
+    assert set(np.unique(planes["id.shape"])) == set(range(1, 10))
+    assert np.array_equal(planes["id.shape"], made.film(*passes[0])[..., -2])
+    # The next scene has none of it
+    assert _load(child, tmp_path).channels == ("R", "G", "B", "W")
+
+
+def test_an_aov_that_it_does_not_have_is_refused_with_those_that_it_has(child, tmp_path):
+    with pytest.raises(SceneError, match=r"has no AOV 'fog'; it has albedo, normal, depth"):
+        _load(child, tmp_path, aovs=("fog",))
+
+
+def test_a_film_of_too_many_values_is_refused_before_it_is_rendered(child, tmp_path):
+    with pytest.raises(SceneError, match=r"8192×8192 pixels of 7 channels are 469,762,048 values"):
+        _load(child, tmp_path, aovs=("normal",), width=8192, height=8192)
 
 
 def test_a_scene_that_it_cannot_render_is_refused_in_words(child, tmp_path):

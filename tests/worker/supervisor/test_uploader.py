@@ -57,8 +57,10 @@ def test_a_glimpse_is_there_for_the_monitor_unless_it_comes_too_late(
     job.plan()
     lease = lease_one(queue)
     film = np.ones((HEIGHT, WIDTH, 4), np.float32)
+    scene = Loaded(width=WIDTH, height=HEIGHT)
+    glimpse = Glimpse(lease=lease, scene=scene, film=film, spp=4, first_seed=7)
     uploader = Uploader(store, queue, "worker-1")
-    uploader.show(Glimpse(lease=lease, film=film, spp=4, first_seed=7))
+    uploader.show(glimpse)
     owners = Ownerships(client, lease_s=60)
     until(lambda: owners.glimpse(job.id) is not None, 60)
     (name,) = store.names("")
@@ -71,7 +73,7 @@ def test_a_glimpse_is_there_for_the_monitor_unless_it_comes_too_late(
     job.picture(store, "image.png", b"a picture")
     (picture,) = store.names("")
     # Then another is not kept, as after a second try of the slice
-    uploader.show(Glimpse(lease=lease, film=film, spp=4, first_seed=7))
+    uploader.show(glimpse)
     uploader.close(30)
     assert store.names("") == [picture]
 

@@ -75,6 +75,7 @@ for_farm['end'] = function(it)
   if moved and it.results ~= '' then
     Job.show(id, it.results, redis.call('HGET', job_key(id), 'spp'), it.digests)
     redis.call('HSET', job_key(id), 'concluded', 1)
+    if it.notes then redis.call('HSET', job_key(id), 'notes', it.notes) end
   end
   return {outcome = 'ended'}
 end

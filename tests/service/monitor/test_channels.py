@@ -1,0 +1,237 @@
+"""The channels of a film, from the partials of slices to the image and its files."""
+
+import io
+import json
+from pathlib import Path
+
+import numpy as np
+import OpenEXR
+import pytest
+import redis
+from PIL import Image
+
+from plateau.farm.images.exr import decode_image, decode_layers
+from plateau.farm.model import versions
+from plateau.farm.model.job import Job
+from plateau.farm.model.states import JobState
+from plateau.metric import encode_srgb
+from plateau.service.api.points.remaking import remade
+from tests.support.every_time import save_every_time
+from tests.support.noise_farm import SIZE, NoiseFarm, ramp
+from tests.support.until import until
+
+AOVS = ("albedo", "depth", "shape_id")
+NAMES = {"R", "G", "B", "A", "albedo.R", "albedo.G", "albedo.B", "Z", "id.shape"}
+JOB = {"step": 20, "slice_spp": 10, "max_spp": 80, "rule": {"name": "fixed", "spp": 80}}
+
+
+@pytest.fixture
+def farm(client: redis.Redis, redis_url: str, tmp_path: Path) -> NoiseFarm:
+    return NoiseFarm(client, redis_url, tmp_path, sigma=0.1, alpha=True)
+
+
+def finished(farm: NoiseFarm, **spec: object) -> Job:
+    job = farm.submit(**{**JOB, **spec})
+    with farm.monitor():
+        return farm.finish(job)
+
+
+def header(content: bytes) -> dict[str, object]:
+    with OpenEXR.File(io.BytesIO(content), separate_channels=True) as file:
+        return dict(file.header())
+
+
+def pixel_types(content: bytes) -> dict[str, np.dtype]:
+    with OpenEXR.File(io.BytesIO(content), separate_channels=True) as file:
+        return {name: one.pixels.dtype for name, one in file.channels().items()}
+
+
+def test_one_exr_has_colour_alpha_and_the_aovs_by_name(farm: NoiseFarm) -> None:
+    done = finished(farm, aovs=AOVS)
+    layers = decode_layers(farm.picture(done, "image.exr"))
+    assert layers.keys() == NAMES
+    # Colour is the sum of the prefix over its weights, and so are alpha and the AOVs
+    made = ramp(0.1, AOVS, alpha=True)
+    names = made.channels.names
+    films = [made.film(10, seed=index).astype(np.float64) for index in range(8)]
+    image = sum(films)
+    for name in NAMES - {"id.shape"}:
+        expected = (image[..., names.index(name)] / 80).astype(np.float32)
+        assert np.array_equal(layers[name], expected), name
+    # Ids are whole numbers: each pixel has that of its first sample
+    assert np.array_equal(layers["id.shape"], films[0][..., names.index("id.shape")])
+    assert set(np.unique(layers["id.shape"])) == set(range(1, 10))
+    assert any(not np.array_equal(films[0][..., -1], film[..., -1]) for film in films)
+    # Who wants colour alone has it from the same file
+    colour = np.stack([layers[name] for name in "RGB"], axis=-1)
+    assert np.array_equal(decode_image(farm.picture(done, "image.exr")), colour)
+
+
+def test_colour_is_the_same_with_aovs_and_without(farm: NoiseFarm) -> None:
+    plain, rich = finished(farm), finished(farm, aovs=AOVS)
+    for name in ("image.png", "difference.png", "thumbnail.png"):
+        one, other = (
+            np.asarray(Image.open(io.BytesIO(farm.picture(job, name)))) for job in (plain, rich)
+        )
+        assert np.array_equal(one, other)
+    one, other = (
+        [point.model_dump(exclude={"at"}) for point in farm.jobs.curve(job.id)]
+        for job in (plain, rich)
+    )
+    assert one == other
+
+
+def test_channels_do_not_depend_on_the_order_of_commits_or_on_who_merges(
+    farm: NoiseFarm, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    save_every_time(monkeypatch)
+    undisturbed = finished(farm, aovs=AOVS)
+    # Given slices that come backwards, and a monitor that goes away after each point
+    job = farm.submit(**JOB, aovs=AOVS)
+    for points in range(1, 4):
+        with farm.monitor():
+            while farm.jobs.get(job.id).points < points:
+                leases = []
+                while (lease := farm.lease()) is not None:
+                    leases.append(lease)
+                for lease in reversed(leases):
+                    farm.commit(lease)
+    with farm.monitor():
+        farm.finish(job)
+    # Then every channel is the same to the bit
+    one, other = (decode_layers(farm.picture(each, "image.exr")) for each in (undisturbed, job))
+    assert one.keys() == other.keys() == NAMES
+    assert all(one[name].tobytes() == other[name].tobytes() for name in NAMES)
+
+
+def test_a_half_file_keeps_ids_and_depth_whole(farm: NoiseFarm) -> None:
+    exact = decode_layers(farm.picture(finished(farm, aovs=AOVS), "image.exr"))
+    half = finished(farm, aovs=AOVS, exr={"precision": "half", "compression": "piz"})
+    content = farm.picture(half, "image.exr")
+    assert header(content)["compression"] == OpenEXR.PIZ_COMPRESSION
+    whole = {name for name, dtype in pixel_types(content).items() if dtype == np.float32}
+    assert whole == {"Z", "id.shape"}
+    for name, values in decode_layers(content).items():
+        assert np.array_equal(values, exact[name] if name in whole else exact[name].astype("e"))
+
+
+def test_an_image_says_what_made_it(farm: NoiseFarm) -> None:
+    done = finished(farm, name="box.xml", aovs=AOVS)
+    said = header(farm.picture(done, "image.exr"))
+    schedule = done.spec.seed_schedule(done.variant or "", SIZE[1], SIZE[0])
+    own = {name.partition(":")[2]: value for name, value in said.items() if "plateau:" in name}
+    time = own.pop("time")
+    assert time.endswith("+00:00")
+    assert json.loads(own.pop("rule")) == {"name": "fixed", "spp": 80}
+    assert own == {
+        "job": done.id,
+        "spp": 80,
+        "scene": "box.xml",
+        "scene_sha256": "00",
+        "first_seed": str(schedule.seed_range(0).first),
+        "last_seed": str(schedule.seed_range(7).last),
+        "variant": "scalar_rgb",
+        "renderer": "analytic 1",
+        "state": "converged",
+        "reason": done.reason,
+        "plateau": versions.plateau(),
+    }
+    assert said["chromaticities"] == pytest.approx(
+        (0.64, 0.33, 0.3, 0.6, 0.15, 0.06, 0.3127, 0.329)
+    )
+    picture = Image.open(io.BytesIO(farm.picture(done, "image.png")))
+    assert picture.text == {
+        "plateau:job": done.id,
+        "plateau:spp": "80",
+        "plateau:scene": "box.xml",
+        "plateau:scene_sha256": "00",
+    }
+
+
+def test_an_image_of_a_running_job_says_what_is_known_then(farm: NoiseFarm) -> None:
+    job = farm.submit(**JOB, aovs=AOVS)
+    with farm.monitor():
+        farm.commit(farm.next_lease())
+        until(lambda: farm.jobs.get(job.id).image_spp)
+        content = farm.picture(job, "image.exr")
+    said = header(content)
+    assert (said["plateau:spp"], said["plateau:state"]) == (10, "rendering")
+    assert decode_layers(content).keys() == NAMES
+
+
+def test_a_background_is_seen_and_judged_and_the_exr_does_not_have_it(farm: NoiseFarm) -> None:
+    background = (0.5, 0.25, 1.0)
+    black = finished(farm, aovs=AOVS)
+    coloured = finished(farm, aovs=AOVS, view={"background": background})
+    # The EXR is the same, premultiplied
+    layers, before = (decode_layers(farm.picture(one, "image.exr")) for one in (coloured, black))
+    assert all(np.array_equal(layers[name], before[name]) for name in NAMES)
+    # The picture shows it where the image is not opaque
+    colour = np.stack([layers[name] for name in "RGB"], axis=-1)
+    over = colour + (1 - layers["A"][..., None]) * np.array(background, np.float32)
+    shown = np.asarray(Image.open(io.BytesIO(farm.picture(coloured, "image.png"))))
+    assert np.array_equal(shown, encode_srgb(over, 0.0))
+    assert not np.array_equal(over, colour)
+    # And noise is judged before it: on a bright background, less of it is seen
+    noise = [farm.jobs.curve(one.id)[0].estimate_pixels for one in (black, coloured)]
+    assert noise[0] != noise[1]
+
+
+def test_a_background_changes_nothing_without_alpha(farm: NoiseFarm) -> None:
+    farm.alpha = False
+    plain, coloured = finished(farm), finished(farm, view={"background": (1, 1, 1)})
+    for read in (decode_layers, lambda content: {"": np.asarray(Image.open(io.BytesIO(content)))}):
+        name = "image.exr" if read is decode_layers else "image.png"
+        one, other = (read(farm.picture(job, name)) for job in (plain, coloured))
+        assert all(np.array_equal(one[key], other[key]) for key in one)
+
+
+@pytest.mark.parametrize("how", ["by its rule", "by a person"])
+def test_aovs_that_are_not_finite_are_noted_and_end_nothing(farm: NoiseFarm, how: str) -> None:
+    job = farm.submit(**JOB, aovs=AOVS, view={"background": (1, 1, 1)})
+    names = ramp(0.1, AOVS, alpha=True).channels.names
+    with farm.monitor():
+
+        def step() -> bool:
+            lease = farm.lease()
+            if lease is not None:
+                film = farm.film(lease)
+                film[:12, :, names.index("Z")] = np.nan
+                film[0, 0, names.index("A")] = np.inf
+                farm.commit(lease, film)
+            if how == "by a person" and farm.jobs.get(job.id).points == 2:
+                farm.jobs.cancel(job.id)
+            return farm.is_finished(job)
+
+        until(step)
+    done = farm.jobs.get(job.id)
+    assert done.state is (JobState.CONVERGED if how == "by its rule" else JobState.CANCELLED)
+    assert done.non_finite_pixels == 0
+    assert done.notes == (
+        "image.exr has values that are NaN or infinite: A in 1 pixels, Z in 384 pixels",
+    )
+    layers = decode_layers(farm.picture(done, "image.exr"))
+    assert np.isnan(layers["Z"]).sum() == 384
+    assert np.isinf(layers["A"]).sum() == 1
+
+
+def test_slices_without_the_aovs_are_rendered_again_and_then_fail_the_job(farm: NoiseFarm) -> None:
+    # Given a worker that is older than AOVs
+    job = farm.submit(**JOB, aovs=AOVS)
+    farm.blind = True
+    with farm.monitor():
+        done = farm.finish(job)
+    assert done.state is JobState.FAILED
+    assert "slice 0 lacks the channels Z, albedo.B, albedo.G, albedo.R, id.shape" in done.reason
+    assert "upgrade it" in done.reason
+
+
+@pytest.mark.parametrize("name", ["image.exr", "image.png", "difference.png"])
+@pytest.mark.parametrize("keeps_slices", [False, True])
+def test_a_spoiled_file_is_made_again_with_all_that_it_said(
+    farm: NoiseFarm, name: str, keeps_slices: bool
+) -> None:
+    done = finished(farm, aovs=AOVS, keep_slices=keeps_slices, view={"background": (1, 1, 1)})
+    blob = f"{farm.jobs.results(done.id)}/{name}"
+    content = farm.store.get(blob)
+    assert remade(blob, farm.jobs.sha256(blob) or "", farm.jobs, farm.store) == content
