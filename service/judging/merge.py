@@ -123,10 +123,11 @@ class Merge:
 
         They are left so in image.exr. Colour has a limit of its own, see `flaw_of`.
         """
+        assert self._total is not None
         counts = {
-            name: int(np.count_nonzero(~np.isfinite(values)))
-            for name, values in self.layers().items()
-            if name not in "RGB"
+            name: int(np.count_nonzero(~np.isfinite(self._total[..., plane])))
+            for plane, name in enumerate(self.channels.names)
+            if name not in "RGBW"
         }
         return ", ".join(f"{name} in {count} pixels" for name, count in counts.items() if count)
 

@@ -167,7 +167,7 @@ class JobRun:
         results, sha256, notes = "", None, None
         if step.with_image:
             results, sha256 = self._write(step.state, step.reason)
-            notes = self._notes(self._known.job.notes)
+            notes = self._notes()
         try:
             self._owners.end(
                 self.owned, step.state, step.reason, step.numbers, results, sha256, notes
@@ -177,24 +177,28 @@ class JobRun:
 
     def _conclude(self, step: steps.ConcludeJob) -> None:
         results, sha256 = "", None
-        notes = step.notes
+        notes: tuple[str, ...] | None = None
         if step.image == "merged":
             results, sha256 = self._write(self._known.job.state, self._known.job.reason)
-            notes = self._notes(notes)
+            notes = self._notes(step.notes)
         elif step.image == "shown":
             results = self._jobs.results(self.owned.job_id)
-        self._owners.conclude(self.owned, spp=step.spp, results=results, sha256=sha256, notes=notes)
+        self._owners.conclude(
+            self.owned, spp=step.spp, results=results, sha256=sha256, notes=notes or step.notes
+        )
 
     def _write(self, state: JobState, reason: str) -> tuple[str, dict[str, str]]:
         return self._results.write(
             self._known.job, self._merge, self._judge, state=state, reason=reason
         )
 
-    def _notes(self, notes: tuple[str, ...]) -> tuple[str, ...]:
-        """The job's notes, and what is to be known of its image."""
+    def _notes(self, notes: tuple[str, ...] | None = None) -> tuple[str, ...] | None:
+        """These notes, or the job's own, and one on its image; None where that needs none."""
         non_finite = self._merge.non_finite()
         if not non_finite:
-            return notes
+            return None
+        if notes is None:  # read again: the first slice may have brought some since the turn began
+            notes = self._jobs.get(self.owned.job_id).notes
         return (*notes, f"image.exr has values that are NaN or infinite: {non_finite}")
 
     def _finish(self, *, keeps_sums: bool) -> None:

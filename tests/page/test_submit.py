@@ -10,7 +10,8 @@ import pytest
 from playwright.sync_api import Page, expect
 from pydantic import BaseModel
 
-from plateau.farm.model.spec import JobSpec, RuleSpec, ViewSpec
+from plateau.farm.model.aovs import AOV_NAMES
+from plateau.farm.model.spec import ExrSpec, JobSpec, RuleSpec, ViewSpec
 from plateau.farm.wire.examples import SCENE_XML
 from tests.page.conftest import Visit
 from tests.support.noise_farm import NoiseFarm
@@ -83,6 +84,34 @@ def test_another_rule_and_view(form: Page, farm: NoiseFarm, scene: Path) -> None
     assert spec.rule.model_dump() == {"name": "reverse", "window": 5, "epsilon": 0.5}
     assert spec.view.white_luminance == 300
     assert spec.watch == ()
+
+
+def test_channels_of_the_image_and_what_is_behind_it(
+    form: Page, farm: NoiseFarm, scene: Path
+) -> None:
+    choose(form, scene)
+    form.get_by_text("More", exact=True).click()
+    form.get_by_label("Albedo").check()
+    form.get_by_label("Shape ids").check()
+    form.get_by_label("Precision of image.exr").select_option("half")
+    form.get_by_label("Compression").select_option("piz")
+    form.get_by_label("Background").fill("0.5, 0, 1")
+    form.get_by_role("button", name="Render it").click()
+    expect(form).to_have_url(re.compile("/jobs/[0-9a-f]{12}$"))
+    spec = farm.jobs.get(form.url.rpartition("/")[2]).spec
+    assert spec.aovs == ("albedo", "shape_id")
+    assert (spec.exr.precision, spec.exr.compression) == ("half", "piz")
+    assert spec.view.background == (0.5, 0, 1)
+
+
+def test_the_form_has_every_aov_and_every_way_to_write_them(form: Page) -> None:
+    fieldset = form.get_by_role("group", name="Beside colour, image.exr has", include_hidden=True)
+    shown = fieldset.locator("input").evaluate_all("all => all.map(one => one.value)")
+    assert tuple(shown) == AOV_NAMES
+    for name, field in ExrSpec.model_fields.items():
+        choices = form.locator(f"select[name={name}] option").all_text_contents()
+        assert choices[0] == field.default
+        assert set(choices) == set(get_args(field.annotation))
 
 
 def test_a_frame_of_a_guarded_sequence(form: Page, farm: NoiseFarm, scene: Path) -> None:

@@ -30,7 +30,6 @@ from plateau.service.api.routes.jobs import JobId
 from plateau.service.judging import previews
 
 if TYPE_CHECKING:
-    from plateau.farm.images.channels import Colour
     from plateau.farm.images.exr import Pixels
 
 router = APIRouter(prefix="/v1/jobs/{job_id}/previews", tags=["results"])
@@ -45,8 +44,6 @@ _PROBLEMS: Final = (
     problems.BUSY,
     problems.INVALID_REQUEST,
 )
-#: Behind what is linear: colour stays premultiplied.
-_NOTHING: Final = (0.0, 0.0, 0.0)
 #: ``Retry-After`` while too many requests wait, in seconds.
 _BUSY_S: Final = 5
 
@@ -94,8 +91,7 @@ async def get_preview_png(
     except (FileNotFoundError, SpoiledBlob) as error:
         if isinstance(error, SpoiledBlob) and not _can_be_merged(job):
             raise
-        file = (PNG, headers, job.spec.view.background, _png(job, spp))
-        return await _merged(request, job, spp, farm, file)
+        return await _merged(request, job, spp, farm, (PNG, headers, _png(job, spp)))
 
 
 @router.get("/{spp}.exr", response_class=Response, responses=described(EXR, *_PROBLEMS))
@@ -107,17 +103,16 @@ async def get_preview_exr(
     headers = _headers(job, spp, "exr")
     if has.has(headers["ETag"]):
         return not_modified(headers)
-    file = (EXR, headers, _NOTHING, _exr(job, spp))
-    return await _merged(request, job, spp, farm, file, has=has)
+    return await _merged(request, job, spp, farm, (EXR, headers, _exr(job, spp)), has=has)
 
 
-_File = tuple[str, dict[str, str], "Colour", "Callable[[Pixels], bytes]"]
+_File = tuple[str, dict[str, str], "Callable[[Pixels], bytes]"]
 
 
 async def _merged(
     request: Request, job: Job, spp: int, farm: Parts, file: _File, has: Known | None = None
 ) -> Response:
-    media_type, headers, background, encode = file
+    media_type, headers, encode = file
     slices = await run_in_threadpool(_slices, farm, job, spp)
     if has is not None and has.anything:
         return not_modified(headers)
@@ -125,7 +120,7 @@ async def _merged(
         return Response(media_type=media_type, headers=headers)
     try:
         content = await farm.points.encoded(
-            job.id, slices, encode, request.is_disconnected, background
+            job.id, slices, encode, request.is_disconnected, job.spec.view.background
         )
     except TooManyWait as error:
         raise Problem(

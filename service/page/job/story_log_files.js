@@ -68,7 +68,7 @@ export class Records {
     if (kind === this.#filesShown) return;
     this.#filesShown = kind;
     const ofImage = [
-      ["image.exr", "EXR", "the merged image, linear float32", links.image_exr],
+      ["image.exr", "EXR", "the merged image, linear, with its alpha and AOVs", links.image_exr],
       ["image.png", "PNG", "the image as judged", links.image_png],
     ];
     const ofPoints = [

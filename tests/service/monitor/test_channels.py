@@ -62,9 +62,11 @@ def test_one_exr_has_colour_alpha_and_the_aovs_by_name(farm: NoiseFarm) -> None:
     assert np.array_equal(layers["id.shape"], films[0][..., names.index("id.shape")])
     assert set(np.unique(layers["id.shape"])) == set(range(1, 10))
     assert any(not np.array_equal(films[0][..., -1], film[..., -1]) for film in films)
-    # Who wants colour alone has it from the same file
-    colour = np.stack([layers[name] for name in "RGB"], axis=-1)
-    assert np.array_equal(decode_image(farm.picture(done, "image.exr")), colour)
+    # Who wants colour alone, or one layer, has it from the same file
+    content = farm.picture(done, "image.exr")
+    for layer, prefix in ((None, ""), ("albedo", "albedo.")):
+        colour = np.stack([layers[f"{prefix}{name}"] for name in "RGB"], axis=-1)
+        assert np.array_equal(decode_image(content, layer), colour)
 
 
 def test_colour_is_the_same_with_aovs_and_without(farm: NoiseFarm) -> None:

@@ -3,6 +3,7 @@
 import { get } from "../../shared/api.js";
 import { h, setText } from "../../shared/dom.js";
 import { several, whole } from "../../shared/figures.js";
+import { READ } from "./exr.js";
 
 /** @import { Source } from "./image_layer.js" */
 
@@ -102,8 +103,8 @@ export class Comparison {
 export function newestOf(job) {
   return {
     name: nameOfNewest(job),
-    png: job.links.image_png, exr: job.links.image_exr,
-    ev: job.spec.view.exposure_ev, version: job.finished_at,
+    png: job.links.image_png, exr: READ.includes(job.spec.exr.compression) ? job.links.image_exr : null,
+    background: job.spec.view.background, ev: job.spec.view.exposure_ev, version: job.finished_at,
   };
 }
 

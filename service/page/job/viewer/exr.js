@@ -1,15 +1,19 @@
-// Reads the EXR files that Plateau writes: one part, scan lines, float32 R, G and B, zip or none.
+// Reads colour and alpha of the EXR files that Plateau writes: one part, scan lines, half or float32.
 // See "OpenEXR File Layout" (openexr.com).
 
 const UNKNOWN_KIND = "not an EXR file of this kind";
 const MAGIC = 20000630;
 const MULTIPART_OR_TILES = 0x1a00;
+const HALF = 1;
 const FLOAT = 2;
-/** Lines in a chunk, by compression. */
+/** Lines in a chunk, by compression: none, zips and zip. */
 const LINES = new Map([[0, 1], [2, 1], [3, 16]]);
+/** The compressions that are read, by their names in a spec. */
+export const READ = ["none", "zips", "zip"];
+const SHOWN = ["R", "G", "B", "A"];
 
 /** @typedef {{ width: number, height: number, planes: Record<string, Float32Array> }} LinearImage
- *   linear radiance; the planes are R, G and B */
+ *   linear radiance; the planes are R, G and B, and A where there is alpha */
 
 /**
  * A file's pixels.
@@ -23,32 +27,64 @@ export async function readExr(buffer) {
   const { attribute, end } = header(view, 8);
   const channels = channelList(attribute("channels"));
   const lines = LINES.get(attribute("compression").getUint8(0));
-  if (!lines || channels.some(({ type }) => type !== FLOAT)) throw new Error(UNKNOWN_KIND);
+  if (!lines || channels.some(({ type }) => type !== FLOAT && type !== HALF)) throw new Error(UNKNOWN_KIND);
   const box = attribute("dataWindow");
   const [left, top, right, bottom] = [0, 4, 8, 12].map((offset) => box.getInt32(offset, true));
   const [width, height] = [right - left + 1, bottom - top + 1];
-  const planes = Object.fromEntries(channels.map(({ name }) => [name, new Float32Array(width * height)]));
+  const shown = channels.filter(({ name }) => SHOWN.includes(name));
+  const planes = Object.fromEntries(shown.map(({ name }) => [name, new Float32Array(width * height)]));
+  const pixelBytes = channels.reduce((sum, { type }) => sum + 2 * type, 0);
 
   const chunk = async (/** @type {number} */ number) => {
     const start = Number(view.getBigUint64(end + 8 * number, true));
     const first = view.getInt32(start, true) - top;
     const size = view.getInt32(start + 4, true);
     const rows = Math.min(lines, height - first);
-    const whole = rows * width * channels.length * 4;
+    const whole = rows * width * pixelBytes;
     const packed = new Uint8Array(buffer, start + 8, size);
     // A chunk that compression would not make smaller is stored uncompressed.
     const bytes = size === whole ? packed.slice() : unpredicted(await inflated(packed));
-    const values = new Float32Array(bytes.buffer, bytes.byteOffset, whole / 4);
+    const values = new DataView(bytes.buffer, bytes.byteOffset, whole);
     let at = 0;
     for (let row = first; row < first + rows; row += 1) {
-      for (const { name } of channels) {
-        planes[name].set(values.subarray(at, at + width), row * width);
-        at += width;
+      for (const { name, type } of channels) {
+        const plane = planes[name];
+        for (let x = 0; plane && x < width; x += 1) {
+          plane[row * width + x] = type === HALF ? ofHalf(values.getUint16(at + 2 * x, true)) : values.getFloat32(at + 4 * x, true);
+        }
+        at += 2 * type * width;
       }
     }
   };
   await Promise.all(Array.from({ length: Math.ceil(height / lines) }, (_, number) => chunk(number)));
   return { width, height, planes };
+}
+
+/**
+ * A number that is stored in 16 bits.
+ * @param {number} bits
+ */
+function ofHalf(bits) {
+  const sign = bits & 0x8000 ? -1 : 1;
+  const [exponent, fraction] = [(bits >> 10) & 31, bits & 1023];
+  if (exponent === 31) return fraction ? NaN : sign * Infinity;
+  return sign * (exponent ? 2 ** (exponent - 25) * (1024 + fraction) : 2 ** -24 * fraction);
+}
+
+/**
+ * The image over a colour, where it has alpha; a pixel whose alpha is not finite is opaque.
+ * @param {LinearImage} image
+ * @param {number[]} background - linear R, G and B
+ * @returns {LinearImage}
+ */
+export function over({ width, height, planes }, background) {
+  const { A, ...colour } = planes;
+  if (A) {
+    ["R", "G", "B"].forEach((name, channel) => {
+      colour[name] = colour[name].map((value, at) => value + (Number.isFinite(A[at]) ? 1 - A[at] : 0) * background[channel]);
+    });
+  }
+  return { width, height, planes: colour };
 }
 
 /**

@@ -3,7 +3,7 @@
 import { bytes } from "../../shared/api.js";
 import { drawing, h } from "../../shared/dom.js";
 import { Picture } from "../../shared/picture.js";
-import { readExr } from "./exr.js";
+import { over, readExr } from "./exr.js";
 import { linearised, toned } from "./tone_mapping.js";
 
 /** How long the linear image of a running job is shown before it is fetched again. */
@@ -17,6 +17,7 @@ const LINEAR_EVERY_MS = 4000;
  * @property {string} [name]
  * @property {string} png
  * @property {string | null} exr - the same in linear light; null: the light comes from the picture's 8 bits
+ * @property {number[]} [background] - linear R, G and B behind the linear image; without it, it is over black
  * @property {number} ev - the exposure of the picture
  * @property {string | null} version - distinguishes contents of one path; null if they change all the time
  */
@@ -107,16 +108,17 @@ export class ImageLayer {
     this.#linear = {
       png: source.png, version: source.version, at: Date.now(), shown: null,
       ev: source.exr ? source.ev : 0,
-      image: source.exr ? await linearOf(source.exr, signal) : linearised(this.#image),
+      image: source.exr ? await linearOf(source, source.exr, signal) : linearised(this.#image),
     };
   }
 }
 
 /**
- * @param {string} path
+ * @param {Source} source
+ * @param {string} path - of its linear image
  * @param {AbortSignal} signal
  */
-async function linearOf(path, signal) {
+async function linearOf({ background = [0, 0, 0] }, path, signal) {
   const { blob } = await bytes(path, signal);
-  return readExr(await blob.arrayBuffer());
+  return over(await readExr(await blob.arrayBuffer()), background);
 }
