@@ -20,8 +20,8 @@ from plateau.service.judging.previews import MOST as MOST_PREVIEWS
 from tests.support.real_farm import RealFarm
 from tests.support.until import until
 
-#: The pictures of any job that has an image.
-RESULTS = ("image.exr", "image.png", "thumbnail.png")
+#: The files of any job that has an image.
+RESULTS = ("image.exr", "image.png", "thumbnail.png", "facts.json")
 
 #: What Redis keeps of a job that is finished.
 KEPT = {"", "ledger", "seeds", "curve", "events", "log", "digests", "fence"}
