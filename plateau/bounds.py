@@ -1,4 +1,4 @@
-"""Numeric parameters with bounds: the bounds stand beside the default and are allowed values."""
+"""Numeric parameters with bounds, declared beside the default; the bounds are allowed values."""
 
 from __future__ import annotations
 

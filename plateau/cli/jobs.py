@@ -215,7 +215,7 @@ def resume(
 
 
 def _steer(
-    job_id: str | None, batch: str | None, what: str, *, url: str | None, as_json: bool
+    job_id: str | None, batch: str | None, action: str, *, url: str | None, as_json: bool
 ) -> None:
     """Cancel, pause or resume the one of the two that is named."""
     from plateau.commands.batches import steer as steer_batch
@@ -223,9 +223,9 @@ def _steer(
 
     job = o.one_of(job_id, batch)
     if batch is None:
-        steer_job(job, what, url=url, as_json=as_json)
+        steer_job(job, action, url=url, as_json=as_json)
     else:
-        steer_batch(batch, what, url=url, as_json=as_json)
+        steer_batch(batch, action, url=url, as_json=as_json)
 
 
 @app.command(context_settings={"ignore_unknown_options": True})  # -5 is a priority

@@ -116,5 +116,5 @@ class BatchCalls(Calls):
         """Resume the paused batch; returns the outcome for each job."""
         return self._steer_batch(name, "resume")
 
-    def _steer_batch(self, name: str, what: str) -> BatchSteered:
-        return self._transport.ask(BatchSteered, "POST", f"{batch_path(name)}/{what}")
+    def _steer_batch(self, name: str, action: str) -> BatchSteered:
+        return self._transport.ask(BatchSteered, "POST", f"{batch_path(name)}/{action}")

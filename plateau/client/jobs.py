@@ -166,8 +166,8 @@ class JobCalls(Calls):
         """
         return self._transport.read(SliceLog, f"/v1/jobs/{job_id}/slices/{index}/log")
 
-    def _steer(self, job_id: str, what: str) -> JobView:
-        return self._transport.ask(JobView, "POST", f"/v1/jobs/{job_id}/{what}")
+    def _steer(self, job_id: str, action: str) -> JobView:
+        return self._transport.ask(JobView, "POST", f"/v1/jobs/{job_id}/{action}")
 
 
 def submitted(

@@ -51,7 +51,7 @@ class Patience:
 
 
 class Transport:
-    """The connections to one service; parameters and attributes are those of `Client`."""
+    """The connections to one service; parameters and properties are those of `Client`."""
 
     def __init__(
         self,
@@ -60,8 +60,8 @@ class Transport:
         key: str | None,
         patience_s: float,
         timeout_s: float,
-        once_heard_s: float = 0.0,
-        on_version: Callable[[str], object] | None = None,
+        once_heard_s: float,
+        on_version: Callable[[str], object] | None,
     ) -> None:
         self.url = _checked(url)
         self.version: str | None = None
@@ -104,9 +104,7 @@ class Transport:
     def ask(self, kind: type[Model], method: str, path: str, **arguments: Any) -> Model:
         """The answer to a request as a model of this kind; fields of newer services are left out.
 
-        Raises
-        ------
-        ApiError, NotPlateau, Unreachable
+        The request is repeated like that of `send`.
         """
         answer = self.send(method, path, **arguments)
         try:
@@ -117,11 +115,8 @@ class Transport:
     def send(self, method: str, path: str, **arguments: Any) -> httpx.Response:
         """The answer to a request, which is repeated while the service is away.
 
-        The request must be safe to repeat. `arguments` are those of `httpx.Client.request`.
-
-        Raises
-        ------
-        ApiError, NotPlateau, Unreachable
+        The request must be safe to repeat. `arguments` are those of `httpx.Client.request`. Raises
+        `ApiError`, `NotPlateau` or `Unreachable`.
         """
         patience = Patience(self)
         while True:

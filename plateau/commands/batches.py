@@ -127,7 +127,7 @@ def show(name: str, *, url: str | None, as_json: bool) -> None:
     print(batch.model_dump_json(indent=2) if as_json else _summary(batch))
 
 
-def steer(name: str, what: str, *, url: str | None, as_json: bool) -> None:
+def steer(name: str, action: str, *, url: str | None, as_json: bool) -> None:
     """Cancel, pause or resume all jobs of a batch, and print the outcome for each."""
     with connect(url) as client:
         calls = {
@@ -135,7 +135,7 @@ def steer(name: str, what: str, *, url: str | None, as_json: bool) -> None:
             "pause": client.pause_batch,
             "resume": client.resume_batch,
         }
-        steered: BatchSteered = calls[what](name)
+        steered: BatchSteered = calls[action](name)
     if as_json:
         print(steered.model_dump_json(indent=2))
         return

@@ -1,11 +1,11 @@
 """`plateau workers | scenes`: the farm's workers and stored scenes."""
 
 import json
-from datetime import datetime, timezone
+from datetime import datetime
 
 from plateau.commands.connect import connect
 from plateau.errors import tell
-from plateau.farm.model.job import Worker
+from plateau.farm.model.job import Worker, utc_now
 from plateau.farm.wire.figures import duration
 from plateau.farm.wire.views import SceneView
 from plateau.job_text import size
@@ -34,7 +34,7 @@ def workers(*, url: str | None, as_json: bool) -> None:
     if as_json:
         print(json.dumps([worker.model_dump(mode="json") for worker in found], indent=2))
     else:
-        now = datetime.now(timezone.utc)
+        now = utc_now()
         print_rows(
             WORKER_COLUMNS,
             [worker_row(worker, now) for worker in found],

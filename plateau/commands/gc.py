@@ -83,10 +83,10 @@ def _report(
     )
 
 
-def _line(what: str, count: int, condition: str, days: float | None, option: str) -> str:
+def _line(name: str, count: int, condition: str, days: float | None, option: str) -> str:
     if days is None:
-        return f"  {what:<8}{'–':>8}  kept for ever: --{option} DAYS sets a limit"
-    return f"  {what:<8}{count:>8,}  {condition} more than {days:g} days ago"
+        return f"  {name:<8}{'–':>8}  kept for ever: --{option} DAYS sets a limit"
+    return f"  {name:<8}{count:>8,}  {condition} more than {days:g} days ago"
 
 
 def _seconds(days: float | None) -> float | None:

@@ -153,11 +153,11 @@ def list_jobs(
         _warn_of_waiting([job for job in jobs if job.waits_for])
 
 
-def steer(job_id: str, what: str, *, url: str | None, as_json: bool) -> None:
+def steer(job_id: str, action: str, *, url: str | None, as_json: bool) -> None:
     """Cancel, pause or resume a job."""
     with connect(url) as client:
         calls = {"cancel": client.cancel, "pause": client.pause, "resume": client.resume}
-        job = calls[what](whole_id(client, job_id))
+        job = calls[action](whole_id(client, job_id))
     print(job.model_dump_json(indent=2) if as_json else f"{job.id} {job.state.value}")
 
 

@@ -94,7 +94,7 @@ class Tree:
         self._redis_backoff = Backoff(0.5, 30.0)
         self._redis_start_at = 0.0  # restart it not before this
         self._members: list[Member] = []
-        self._api_says: TextIO | None = None  # where the API writes its URL once it answers
+        self._api_pipe: TextIO | None = None  # where the API writes its URL once it answers
 
     def __enter__(self) -> "Tree":
         with suppress(OSError):
@@ -111,11 +111,10 @@ class Tree:
 
     def await_api(self) -> str:
         """The API's URL, once it answers; call it once, before `check`."""
-        api, says = self._members[0], self._api_says
-        if says is None:
-            raise ValueError("the tree is not entered")
-        with says:
-            self.url = self._wait_for_url(api, says)
+        api, pipe = self._members[0], self._api_pipe
+        assert pipe is not None, "the tree is not entered"
+        with pipe:
+            self.url = self._wait_for_url(api, pipe)
         api.arguments += ("--port", self.url.rpartition(":")[2])
         self.data.note_url(self.url)
         return self.url
@@ -166,8 +165,8 @@ class Tree:
             for member in ones:
                 member.kill()
         self._members = []
-        if self._api_says is not None:
-            self._api_says.close()
+        if self._api_pipe is not None:
+            self._api_pipe.close()
         if self._redis is not None:
             self._redis.stop()
             self._redis = None
@@ -204,7 +203,7 @@ class Tree:
         ]
         self._members = [api, *others]
         reads, writes = os.pipe()
-        self._api_says = os.fdopen(reads)
+        self._api_pipe = os.fdopen(reads)
         try:
             api.start(
                 passed=(writes,), more=("--port", str(self.door.port), "--ready-fd", str(writes))

@@ -2,8 +2,8 @@
 
 import json
 from dataclasses import asdict, dataclass
-from datetime import datetime, timezone
 
+from plateau.farm.model.job import utc_now
 from plateau.scale.tasks import Look, Plan, TaskState
 
 
@@ -48,7 +48,7 @@ class Report(Plan):
 
     def as_json(self) -> str:
         """All fields and the time, on one line."""
-        now = datetime.now(timezone.utc).isoformat(timespec="milliseconds")
+        now = utc_now().isoformat(timespec="milliseconds")
         return json.dumps({"time": now, **asdict(self)})
 
     def in_words(self) -> str:

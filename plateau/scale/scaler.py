@@ -36,7 +36,7 @@ class Scaler:
     _labels: set[str] = field(default_factory=set)  #: of our workers, past ones included
 
     def run(self, every_s: float, stop: threading.Event) -> None:
-        """Look every `every_s` seconds until `stop` is set; an error waits for the next look."""
+        """Look every `every_s` seconds until `stop` is set, also after an error."""
         while not stop.is_set():
             try:
                 self.step()

@@ -1,6 +1,6 @@
 """The input and the output of the policy.
 
-A job of the batch system is called a *task* here, since a job is an image.
+A job of the batch system is called a *task* here, since a *job* is an image to render.
 """
 
 from dataclasses import dataclass

@@ -2,17 +2,16 @@
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from datetime import datetime, timezone
 
 from rich.console import Console, Group
 from rich.live import Live
-from rich.progress_bar import ProgressBar
-from rich.table import Table
 from rich.text import Text
 
+from plateau.farm.model.job import utc_now
 from plateau.farm.model.states import JobState
 from plateau.farm.wire import figures
 from plateau.farm.wire.batch_views import BatchView
+from plateau.terminal.progress import progress_bar
 
 #: Shows the current state of a batch.
 Show = Callable[[BatchView], None]
@@ -51,11 +50,8 @@ def in_states(states: Mapping[JobState, int]) -> str:
 
 def _lines(batch: BatchView) -> Group:
     ended = sum(count for state, count in batch.states.items() if state.ended)
-    bar = Table.grid(padding=(0, 2), expand=True)
-    bar.add_column(ratio=1)
-    bar.add_column(justify="right", no_wrap=True)
-    done = filter(None, (f"{ended:,} of {batch.jobs:,} jobs", _left(batch)))
-    bar.add_row(ProgressBar(total=batch.jobs, completed=ended), "   ".join(done))
+    done = f"{ended:,} of {batch.jobs:,} jobs"
+    bar = progress_bar(batch.jobs, ended, done, _left(batch))
     state = in_states(batch.states)
     if not batch.guard.even:
         state += f"   not even: `plateau batch {batch.name}` says why"
@@ -66,5 +62,5 @@ def _left(batch: BatchView) -> str:
     """The time that the batch still needs; "" if unknown."""
     if batch.forecast_end_at is None:
         return ""
-    seconds = (batch.forecast_end_at - datetime.now(timezone.utc)).total_seconds()
+    seconds = (batch.forecast_end_at - utc_now()).total_seconds()
     return f"about {figures.roughly(max(0.0, seconds))} left"

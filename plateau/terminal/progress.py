@@ -151,11 +151,8 @@ class LiveProgress(Progress):
             " · ".join(times),
         )
         spp = max(job.spp, job.committed_spp) if not job.state.ended else job.spp
-        bar = Table.grid(padding=(0, 2), expand=True)
-        bar.add_column(ratio=1)
-        bar.add_column(justify="right", no_wrap=True)
-        done = filter(None, (f"{spp:,} of at most {job.spec.max_spp:,} spp", self._rate(job)))
-        bar.add_row(ProgressBar(total=job.spec.max_spp, completed=spp), "   ".join(done))
+        cap = job.spec.max_spp
+        bar = progress_bar(cap, spp, f"{spp:,} of at most {cap:,} spp", self._rate(job))
         lines: list[Table | Text] = [head, bar]
         if self._points:
             lines.append(Text("   ".join(job_text.point_figures(job, self._points[-1]))))
@@ -181,6 +178,15 @@ def progress_on(console: Console, *, curve: bool = True) -> Progress:
     if console.is_terminal and not console.is_dumb_terminal:
         return LiveProgress(console, curve=curve)
     return PlainProgress(console)
+
+
+def progress_bar(total: int, completed: int, *notes: str) -> Table:
+    """A bar with notes at its right; empty notes are left out."""
+    bar = Table.grid(padding=(0, 2), expand=True)
+    bar.add_column(ratio=1)
+    bar.add_column(justify="right", no_wrap=True)
+    bar.add_row(ProgressBar(total=total, completed=completed), "   ".join(filter(None, notes)))
+    return bar
 
 
 def sparkline(values: list[int]) -> str:
