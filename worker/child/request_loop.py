@@ -33,6 +33,7 @@ from plateau.worker.renderers.contract import (
     Stopped,
     SumDone,
     Working,
+    Zone,
     answer_line,
     read_request,
     renderer_for,
@@ -139,7 +140,8 @@ def _render(
         answer(Working())
         return requests.cancelled_id == request.id
 
-    for film in renderer.render(passes, is_cancelled=is_cancelled):
+    zones = [Zone(*one) for one in request.zones]
+    for film in renderer.render(passes, zones=zones, is_cancelled=is_cancelled):
         total = channels.add(total, film)
         summed += 1
         if summed == 1 and request.glimpse:

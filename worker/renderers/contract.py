@@ -5,7 +5,7 @@ supervisor knows a renderer by these lines alone. Each request is one object, wh
 its kind::
 
     {"do": "load", "id": 1, "folder": …, "entry": …, "parameters": {…}, "aovs": ["depth"]}
-    {"do": "render", "id": 2, "passes": [[spp, seed], …], "glimpse": false}
+    {"do": "render", "id": 2, "passes": [[spp, seed], …], "glimpse": false, "zones": []}
     {"do": "cancel", "id": 2}
 
 and each answer is one object, whose ``"is"`` names its kind::
@@ -21,7 +21,8 @@ and each answer is one object, whose ``"is"`` names its kind::
 
 The classes below say what each means. Pixels do not go through the socket: the child writes them
 into a file that it inherits too. A film lies there as height × width × channels values in float32,
-from the byte ``at`` on, until the next request to render. The end of the socket's stream is the end
+from the byte ``at`` on, until the next request to render. The film of zones has pixels × channels
+values instead, as `Renderer.render` says. The end of the socket's stream is the end
 of the child.
 
 `plateau.worker.child` serves these requests for any class that fits `Renderer`. A renderer is a
@@ -55,6 +56,13 @@ class Zone(NamedTuple):
     y: int
     width: int
     height: int
+
+    def with_border(self, border: int, film_width: int, film_height: int) -> Zone:
+        """Return the zone with as much of a border of so many pixels as lies on the film."""
+        left, top = max(0, self.x - border), max(0, self.y - border)
+        right = min(film_width, self.x + self.width + border)
+        bottom = min(film_height, self.y + self.height + border)
+        return Zone(left, top, right - left, bottom - top)
 
 
 class SceneError(Exception):
@@ -101,13 +109,15 @@ class Load:
 class Render:
     """Render passes, each of so many spp with a seed; answered by `SumDone` or `Stopped`.
 
-    With `glimpse`, a `FirstPass` comes before that where the other passes take a while.
+    With `glimpse`, a `FirstPass` comes before that where the other passes take a while. With
+    `zones`, each an x, y, width and height, these parts of the film alone are rendered.
     """
 
     kind: ClassVar = "render"
     id: int = 0
     passes: Sequence[tuple[int, int]]
     glimpse: bool = False
+    zones: Sequence[Sequence[int]] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -143,6 +153,8 @@ class Loaded:
     ids : tuple of str
         The channels whose values are the numbers of things, which must not be averaged. There, a
         film has the value of the pixel's first sample, and not a sum.
+    border : int
+        How many pixels beyond its own a sample contributes to, to each side.
     """
 
     kind: ClassVar = "loaded"
@@ -151,6 +163,7 @@ class Loaded:
     notes: tuple[str, ...] = ()
     channels: tuple[str, ...] = CHANNELS
     ids: tuple[str, ...] = ()
+    border: int = 0
 
 
 @dataclass(frozen=True, kw_only=True)

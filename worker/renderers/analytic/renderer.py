@@ -14,11 +14,11 @@ from plateau.worker.renderers.analytic.picture import Picture
 from plateau.worker.renderers.contract import Loaded, SceneError, check_aovs
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator
+    from collections.abc import Callable, Iterable, Iterator, Sequence
 
     from numpy.typing import NDArray
 
-    from plateau.worker.renderers.contract import Load
+    from plateau.worker.renderers.contract import Load, Zone
 
 
 class Renderer:
@@ -58,7 +58,11 @@ class Renderer:
         )
 
     def render(
-        self, passes: Iterable[tuple[int, int]], *, is_cancelled: Callable[[], bool]
+        self,
+        passes: Iterable[tuple[int, int]],
+        *,
+        zones: Sequence[Zone] = (),
+        is_cancelled: Callable[[], bool],
     ) -> Iterator[NDArray[np.float32]]:
         """Yield the film of each pass, in order."""
         if self._picture is None:
@@ -66,4 +70,6 @@ class Renderer:
         for spp, seed in passes:
             if is_cancelled():
                 return
-            yield self._picture.film(spp, seed)
+            film = self._picture.film(spp, seed)
+            parts = [film[y : y + h, x : x + w].reshape(-1, film.shape[-1]) for x, y, w, h in zones]
+            yield np.concatenate(parts) if parts else film

@@ -130,20 +130,12 @@ class PassFilm:
             Of the whole film (height, width, channels). Of zones (pixels, channels): zone after
             zone, each row by row, with as much of its border as lies on the film.
         """
-        parts = []
-        border = self._border
-        for film, (x, y, w, h) in zip(self._films, self._zones, strict=True):
-            left, top = min(x, border), min(y, border)
-            right = min(self._one.width - x - w, border)
-            bottom = min(self._one.height - y - h, border)
-            if self._whole_film or not border:
-                left = top = right = bottom = 0
-            parts.append(
-                film[
-                    border - top : border + h + bottom,
-                    border - left : border + w + right,
-                ].astype(np.float32, copy=False)
-            )
+        shown = []
+        for film, zone in zip(self._films, self._zones, strict=True):
+            margin = 0 if self._whole_film else self._border
+            x, y, w, h = zone.with_border(margin, self._one.width, self._one.height)
+            left, top = x - zone.x + self._border, y - zone.y + self._border
+            shown.append(film[top : top + h, left : left + w].astype(np.float32, copy=False))
         if self._whole_film:
-            return parts[0]
-        return np.concatenate([part.reshape(-1, part.shape[-1]) for part in parts])
+            return shown[0]
+        return np.concatenate([part.reshape(-1, part.shape[-1]) for part in shown])

@@ -55,6 +55,7 @@ class Renderer:
             height=one.height,
             channels=one.channels.names,
             ids=one.channels.ids,
+            border=0 if self._kernel is None else self._kernel.border,
             notes=one.notes,
         )
 
