@@ -12,15 +12,30 @@ scenes in `plateau.farm.bundle.formats`. ``docs/renderers.md`` says what a new r
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final, Literal
+from typing import Final, Literal, get_args
 
 MITSUBA: Final = "mitsuba"
 ANALYTIC: Final = "analytic"
 
 #: Every variant, as it is stored and shown.
-RenderVariant = Literal["scalar_rgb", "llvm_ad_rgb", "cuda_ad_rgb", "analytic:numpy"]
+RenderVariant = Literal[
+    "scalar_rgb",
+    "llvm_ad_rgb",
+    "cuda_ad_rgb",
+    "analytic:numpy",
+    "scalar_spectral",
+    "scalar_spectral_polarized",
+    "llvm_ad_mono",
+    "llvm_ad_mono_polarized",
+    "llvm_ad_spectral",
+    "llvm_ad_spectral_polarized",
+    "cuda_ad_mono",
+    "cuda_ad_mono_polarized",
+    "cuda_ad_spectral",
+    "cuda_ad_spectral_polarized",
+]
 #: And what a job may ask for: in one list, so that a mistyped name is answered with all of them.
-AnyVariant = Literal["auto", "scalar_rgb", "llvm_ad_rgb", "cuda_ad_rgb", "analytic:numpy"]
+AnyVariant = Literal["auto", RenderVariant]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,19 +66,28 @@ class VariantFacts:
     on_gpu: bool = False
     works_everywhere: bool = False
 
+    @property
+    def backend(self) -> str:
+        """What compiles or runs it: variants of one backend work where one of them does."""
+        return f"{self.renderer}:{self.own_name.partition('_')[0]}"
+
+
+def _facts(shown: RenderVariant) -> VariantFacts:
+    if shown == "analytic:numpy":
+        return VariantFacts(renderer=ANALYTIC, own_name="numpy", works_everywhere=True)
+    if shown.startswith("scalar"):
+        return VariantFacts(
+            renderer=MITSUBA,
+            own_name=shown,
+            seeds="scalar",
+            renders_in_parts=False,
+            works_everywhere=True,
+        )
+    return VariantFacts(renderer=MITSUBA, own_name=shown, on_gpu=shown.startswith("cuda"))
+
 
 VARIANTS: Final[dict[RenderVariant, VariantFacts]] = {
-    "scalar_rgb": VariantFacts(
-        renderer=MITSUBA,
-        own_name="scalar_rgb",
-        seeds="scalar",
-        renders_in_parts=False,
-        works_everywhere=True,
-    ),
-    "llvm_ad_rgb": VariantFacts(renderer=MITSUBA, own_name="llvm_ad_rgb"),
-    "cuda_ad_rgb": VariantFacts(renderer=MITSUBA, own_name="cuda_ad_rgb", on_gpu=True),
-    # Its passes are those of Mitsuba's kernel: it stands in for that where a farm is simulated.
-    "analytic:numpy": VariantFacts(renderer=ANALYTIC, own_name="numpy", works_everywhere=True),
+    shown: _facts(shown) for shown in get_args(RenderVariant)
 }
 
 

@@ -126,7 +126,8 @@ def spec_from_options(
     variant: Annotated[
         str | None,
         typer.Option(
-            help="auto, scalar_rgb, llvm_ad_rgb, cuda_ad_rgb or analytic:numpy.",
+            help="auto; scalar_rgb, llvm_ad_rgb or cuda_ad_rgb; spectral, mono or polarized in the "
+            "place of rgb (docs/renderers.md); or analytic:numpy.",
             show_default="auto",
             autocompletion=complete.variants,
         ),

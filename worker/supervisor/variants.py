@@ -67,8 +67,10 @@ class VariantChoice:
     @property
     def variants(self) -> tuple[str, ...]:
         """All variants known to work here, the best first."""
-        working = (probe.variant for probe in self.tried if probe.ok)
-        return tuple(dict.fromkeys((*working, *_EVERYWHERE)))
+        working = [probe.variant for probe in self.tried if probe.ok]
+        backends = {variant_named(one).backend for one in working}
+        alike = (name for name, known in VARIANTS.items() if known.backend in backends)
+        return tuple(dict.fromkeys((*working, *_EVERYWHERE, *alike)))
 
     @property
     def of_mitsuba(self) -> tuple[str, ...]:

@@ -154,7 +154,8 @@ class TestChoice:
         monkeypatch.setattr(variants, "llvm_libraries", lambda: ())
         choice = choose(tmp_path)
         assert choice.variant == SCALAR
-        assert choice.variants == (SCALAR, "analytic:numpy")
+        spectral = ("scalar_spectral", "scalar_spectral_polarized")
+        assert choice.variants == (SCALAR, "analytic:numpy", *spectral)
         assert choice.why == "scalar_rgb: neither a CUDA driver nor an LLVM library was found"
 
     def test_a_library_that_fails_is_passed_over_and_named(self, tmp_path, broken_library):
@@ -175,7 +176,9 @@ class TestChoice:
         monkeypatch.setattr(variants, "_identity", lambda _: {})
         choice = choose(tmp_path)
         assert (choice.variant, choice.llvm_library) == (LLVM, good)
-        assert choice.variants == (LLVM, SCALAR, "analytic:numpy")
+        assert choice.variants[:3] == (LLVM, SCALAR, "analytic:numpy")
+        assert {"llvm_ad_spectral", "llvm_ad_mono", "scalar_spectral"} < set(choice.variants)
+        assert "cuda_ad_spectral" not in choice.variants
         assert [one.library for one in choice.tried] == [str(broken_library), good]
 
     def test_every_candidate_is_tried_on_demand(self, tmp_path, broken_library):

@@ -54,6 +54,13 @@ _NO_WEIGHTS = (
     "'path' or 'volpath'"
 )
 
+#: What becomes of light in variants that do not render RGB.
+_KINDS_OF_LIGHT = {
+    "spectral": "spectra are rendered, and stored as linear RGB (Rec. 709)",
+    "mono": "one channel of light is rendered, and stored as R, G and B alike",
+    "polarized": "polarisation is rendered, and not stored",
+}
+
 #: The film's pixel formats with alpha.
 _WITH_ALPHA = {"rgba", "luminance_alpha", "xyza"}
 
@@ -193,14 +200,14 @@ def _adapt(variant: str, nodes: list[Any]) -> tuple[str, ...]:
         # Mitsuba would invent one, and the person would get an image that they never described.
         if kind not in kinds:
             raise SceneError(f"the scene has no {name}; add a <{name}> to it")
-    notes: list[str] = []
+    notes = [note for kind, note in _KINDS_OF_LIGHT.items() if kind in variant]
     for node in nodes:
         if node.props.plugin_name() == "moment":
             notes += _unwrap(node, nodes)
         if node.type == mi.ObjectType.Sampler:
             notes += _adapt_sampler(node)
         elif node.type == mi.ObjectType.Film:
-            notes += _adapt_film(node.props)
+            notes += _adapt_film(variant, node.props)
         elif node.type == mi.ObjectType.Integrator:
             notes += _adapt_integrator(variant, node.props)
     return tuple(dict.fromkeys(notes))
@@ -228,7 +235,7 @@ def _adapt_sampler(node: Any) -> Iterable[str]:
         )
 
 
-def _adapt_film(properties: Any) -> Iterable[str]:
+def _adapt_film(variant: str, properties: Any) -> Iterable[str]:
     if properties.plugin_name() != "hdrfilm":
         raise SceneError(
             f"the scene's film is a '{properties.plugin_name()}', and the farm renders 'hdrfilm' "
@@ -238,10 +245,16 @@ def _adapt_film(properties: Any) -> Iterable[str]:
         # Said here: sensors divide by the film's size, and complain of their field of view.
         if properties.has_property(name) and not properties[name]:
             raise SceneError(f"the film's {name} is 0; make it 1 or more")
-    pixels = str(properties.get("pixel_format", "rgb"))
-    properties["pixel_format"] = ours = "rgba" if pixels.lower() in _WITH_ALPHA else "rgb"
-    if pixels.lower() != ours:
-        yield f"the film's pixel_format was changed from '{pixels}' to '{ours}': results are RGB"
+    asked = str(properties.get("pixel_format", "rgb"))
+    has_alpha = asked.lower() in _WITH_ALPHA
+    if "mono" in variant:
+        properties["pixel_format"] = "luminance_alpha" if has_alpha else "luminance"
+    else:
+        properties["pixel_format"] = ours = "rgba" if has_alpha else "rgb"
+        if asked.lower() != ours:
+            yield (
+                f"the film's pixel_format was changed from '{asked}' to '{ours}': results are RGB"
+            )
     for name, (ours, why) in _FILM.items():
         theirs = properties[name] if properties.has_property(name) else ours
         if str(theirs).lower() != ours:
