@@ -42,11 +42,14 @@ RULES = "fixed, successive, multiple, reverse, myszkowski, visible"
         ("batch", "x" * 101, "must have at most 100 characters"),
         ("batch", 1, "must be text"),
         (
-            *("variant", "cuda"),
-            "must be auto, scalar_rgb, llvm_ad_rgb, cuda_ad_rgb, analytic:numpy, scalar_spectral, "
-            "scalar_spectral_polarized, llvm_ad_mono, llvm_ad_mono_polarized, llvm_ad_spectral, "
-            "llvm_ad_spectral_polarized, cuda_ad_mono, cuda_ad_mono_polarized, cuda_ad_spectral or "
-            "cuda_ad_spectral_polarized",
+            "variant",
+            "cuda",
+            (
+                "must be auto, scalar_rgb, llvm_ad_rgb, cuda_ad_rgb, analytic:numpy, "
+                "scalar_spectral, scalar_spectral_polarized, llvm_ad_mono, llvm_ad_mono_polarized, "
+                "llvm_ad_spectral, llvm_ad_spectral_polarized, cuda_ad_mono, "
+                "cuda_ad_mono_polarized, cuda_ad_spectral or cuda_ad_spectral_polarized"
+            ),
         ),
         ("pool", "a b", input_errors.PATTERNS[PLACE]),
         ("requires", ("a",) * 17, "must have at most 16 entries"),
