@@ -24,24 +24,20 @@ def position(event_id: str) -> tuple[int, int]:
     return int(ms), int(number)
 
 
-def frame(event: Event) -> str:
-    """The event as a frame of a Server-Sent Events stream; its data include its time as ``at``."""
-    data = json.dumps({"at": event.at.isoformat(), **event.data})
-    return f"id: {event.id}\nevent: {event.type}\ndata: {data}\n\n"
-
-
 @dataclass(frozen=True)
 class Told:
     """An event as the watchers receive it."""
 
     position: tuple[int, int]
     is_last: bool
-    frame: bytes
+    frame: bytes  #: of a Server-Sent Events stream; its data include the event's time as ``at``
 
     @classmethod
     def of(cls, event: Event) -> "Told":
         """Encode the event."""
-        return cls(position(event.id), event.type == "finished", frame(event).encode())
+        data = json.dumps({"at": event.at.isoformat(), **event.data})
+        frame = f"id: {event.id}\nevent: {event.type}\ndata: {data}\n\n"
+        return cls(position(event.id), event.type == "finished", frame.encode())
 
 
 class Watcher:

@@ -131,7 +131,12 @@ async def stored_scene(
             with await run_in_threadpool(_opened, asked.scene, farm) as file:
                 sha256 = await run_in_threadpool(_sha256, file)
                 if isinstance(asked.scene, str) and sha256 != asked.scene:
-                    raise _damaged(asked.scene)
+                    raise Problem(
+                        problems.UNKNOWN_SCENE,
+                        f"the copy of scene {asked.scene} that is stored here is damaged; remove "
+                        f"the blob {blob_names.scene(asked.scene)} and send the file itself as the "
+                        "part scene",
+                    )
                 summary = await _checked(turn, file, asked.spec)
                 store = partial(_stored, asked.scene, sha256, file, summary, farm, who)
                 return await run_in_threadpool(store)
@@ -154,7 +159,8 @@ def _stored(
     who: Caller,
 ) -> StoredScene:
     """Put the file into the blob store, unless it is there already."""
-    size = _size(file)
+    size = os.fstat(file.fileno()).st_size
+    file.seek(0)  # the check has moved it
     if isinstance(scene, str):
         names = (known["name"] for known in farm.scenes.all() if known["sha256"] == sha256)
         return StoredScene(sha256, next(names, sha256[:12]), size, summary)
@@ -234,20 +240,6 @@ def _opened(scene: UploadFile | str, farm: Parts) -> BinaryIO:
         file.flush()  # another process reads it
         on_error.pop_all()
     return file
-
-
-def _damaged(sha256: str) -> Problem:
-    return Problem(
-        problems.UNKNOWN_SCENE,
-        f"the copy of scene {sha256} that is stored here is damaged; remove the blob "
-        f"{blob_names.scene(sha256)} and send the file itself as the part scene",
-    )
-
-
-def _size(file: BinaryIO) -> int:
-    size = file.seek(0, os.SEEK_END)
-    file.seek(0)
-    return size
 
 
 def _sha256(file: BinaryIO) -> str:

@@ -99,7 +99,7 @@ class Submission {
           Object.values(AOVS).map((title, place) => h("label", { class: "toggle" }, this.#aovs[place], title))),
         h("p", { class: "check" }, h("label", {}, "Precision of image.exr ", this.#precision), h("label", {}, "Compression ", this.#compression)),
         h("p", { class: "check" }, this.#keep, h("label", { for: "keep-slices" },
-          "Keep every slice, to compare any two points of the curve and to judge the job again (some MB each)")),
+          "Keep every slice, to compare any two points of the curve and to judge the job again (a few MB each)")),
         h("p", { class: "check" }, this.#guard, h("label", { for: "flicker-guard" },
           "Guard it against flicker: only jobs that stop alike may join")),
         h("fieldset", { class: "watch" }, h("legend", {}, "Rules to watch beside it: they stop nothing, and mark the curve where they would have"),
