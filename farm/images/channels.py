@@ -78,7 +78,9 @@ class Channels:
             raise ValueError("ids are AOVs, and one of these is no channel of the film")
 
     def check_size(self, width: int, height: int) -> None:
-        """Raise ValueError where a film of this size in pixels has too many values."""
+        """Raise ValueError where these are no width and height, or the film has too many values."""
+        if not all(type(side) is int and side > 0 for side in (width, height)):
+            raise ValueError(f"a film of {width!r}×{height!r} pixels has no size")
         values = width * height * len(self.names)
         if values > MOST_VALUES:
             raise ValueError(

@@ -30,10 +30,14 @@ def stops_by(spec: JobSpec) -> dict[str, Value]:
     values: dict[str, Value] = {}
     for name, value in spec.model_dump(include=set(EVEN)).items():
         if isinstance(value, dict):
-            values |= {f"{name}.{part}": one for part, one in value.items()}
+            values |= {f"{name}.{part}": _value(one) for part, one in value.items()}
         else:
             values[name] = value
     return values
+
+
+def _value(part: Value | tuple[float, ...]) -> Value:
+    return ", ".join(f"{one:g}" for one in part) if isinstance(part, tuple) else part
 
 
 def differences(values: dict[str, Value], others: dict[str, Value]) -> list[Difference]:

@@ -72,7 +72,7 @@ def exr_header(facts: Facts) -> dict[str, Any]:
 def png_texts(facts: Facts) -> dict[str, str]:
     """The text chunks of a PNG file: what does not change, since kept pictures are made again."""
     named = ("job", "spp", "scene", "scene_sha256") if _is_new(facts) else ()
-    return {f"plateau:{name}": str(facts[name]) for name in named}
+    return {f"plateau:{name}": str(facts[name]) for name in named if facts.get(name)}
 
 
 def _is_new(facts: Facts) -> bool:

@@ -127,7 +127,7 @@ class Merge:
         counts = {
             name: int(np.count_nonzero(~np.isfinite(self._total[..., plane])))
             for plane, name in enumerate(self.channels.names)
-            if name not in "RGBW"
+            if name not in {"R", "G", "B", "W"}
         }
         return ", ".join(f"{name} in {count} pixels" for name, count in counts.items() if count)
 

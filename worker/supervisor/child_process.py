@@ -177,7 +177,7 @@ class RenderChild:
         try:
             channels = Channels(scene.channels, scene.ids)
             channels.check_size(scene.width, scene.height)
-        except (ValueError, TypeError) as error:  # an honest child says nothing of the kind
+        except ValueError as error:  # an honest child says nothing of the kind
             self.kill()
             raise ChildDied(f"the render process said {scene!r}: {error}") from error
         self._shape = (scene.height, scene.width, len(channels.names))

@@ -298,6 +298,7 @@ class TestTheGuard:
             ({"min_spp": 500}, "min_spp", 500, None),
             ({"step": 50}, "step", 50, 100),
             ({"view": {"exposure_ev": 1}}, "view.exposure_ev", 1.0, 0.0),
+            ({"view": {"background": [1, 0.5, 0]}}, "view.background", "1, 0.5, 0", "0, 0, 0"),
         ],
     )
     def test_names_the_job_that_stops_otherwise_and_how(

@@ -118,7 +118,7 @@ def test_a_half_file_keeps_ids_and_depth_whole(farm: NoiseFarm) -> None:
 
 
 def test_an_image_says_what_made_it(farm: NoiseFarm) -> None:
-    done = finished(farm, name="box.xml", aovs=AOVS)
+    done = finished(farm, name="küche 厨房.xml", aovs=AOVS)
     said = header(farm.picture(done, "image.exr"))
     schedule = done.spec.seed_schedule(done.variant or "", SIZE[1], SIZE[0])
     own = {name.partition(":")[2]: value for name, value in said.items() if "plateau:" in name}
@@ -128,7 +128,7 @@ def test_an_image_says_what_made_it(farm: NoiseFarm) -> None:
     assert own == {
         "job": done.id,
         "spp": 80,
-        "scene": "box.xml",
+        "scene": "küche 厨房.xml",
         "scene_sha256": "00",
         "first_seed": str(schedule.seed_range(0).first),
         "last_seed": str(schedule.seed_range(7).last),
@@ -145,7 +145,7 @@ def test_an_image_says_what_made_it(farm: NoiseFarm) -> None:
     assert picture.text == {
         "plateau:job": done.id,
         "plateau:spp": "80",
-        "plateau:scene": "box.xml",
+        "plateau:scene": "küche 厨房.xml",
         "plateau:scene_sha256": "00",
     }
 

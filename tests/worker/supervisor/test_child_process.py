@@ -15,7 +15,7 @@ import psutil
 import pytest
 
 from plateau.farm.model.seeds import Pass
-from plateau.worker.renderers.contract import SceneError
+from plateau.worker.renderers.contract import Loaded, SceneError, answer_line
 from plateau.worker.supervisor.child_process import (
     Cancelled,
     ChildDied,
@@ -213,3 +213,22 @@ def test_it_does_not_outlive_a_supervisor_that_is_killed(tmp_path: Path) -> None
     supervisor.kill()
     supervisor.communicate()
     child.wait(60)
+
+
+@pytest.mark.parametrize(
+    ("lie", "why"),
+    [
+        (Loaded(width=8, height=8, channels=("R", "G", "B")), "begin with R, G, B and W"),
+        (Loaded(width=8, height=8, ids=("Z",)), "ids are AOVs"),
+        (Loaded(width=2**20, height=2**20), "at most 268,435,456"),
+        (Loaded(width="8", height=8), "has no size"),
+        (Loaded(width=-8, height=-8), "has no size"),
+    ],
+)
+def test_a_film_that_no_honest_child_has_ends_it(tmp_path: Path, lie: Loaded, why: str) -> None:
+    child = RenderChild("analytic:numpy", None, LIMITS, tmp_path / "home", [tmp_path])
+    child.await_ready()
+    child._received = answer_line(lie).encode()  # as if it had come from the child
+    with pytest.raises(ChildDied, match=why):
+        child.load(tmp_path, "scene.json", {}, 0)
+    assert not child.alive
