@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from plateau.farm.images.channels import Channels
 from plateau.farm.images.layers import read_layer
+from plateau.farm.images.zones import Zone
 from plateau.farm.model.errors import CorruptPartial
 from plateau.farm.model.exr_spec import Compression
 
@@ -40,6 +41,7 @@ _ATTRIBUTES: Final[dict[str, type]] = {
 # Partials from before films had other channels than R, G, B and W lack these.
 _CHANNELS: Final = "plateau:channels"
 _IDS: Final = "plateau:ids"
+_ZONES: Final = "plateau:zones"
 _RENDERER: Final = "plateau:renderer"
 
 
@@ -48,8 +50,9 @@ class Partial:
     """One slice's film before normalisation.
 
     `pixels` is (height, width, channels) float32, of `channels`. So partials merge by addition,
-    with any reconstruction filter. `renderer` is its renderer's name and version, "" where the
-    partial is from before this was noted.
+    with any reconstruction filter. A slice of `zones` has (pixels, channels) instead: zone after
+    zone, each row by row. `renderer` is its renderer's name and version, "" where the partial is
+    from before this was noted.
     """
 
     job_id: str
@@ -61,6 +64,7 @@ class Partial:
     scene_sha256: str
     pixels: Pixels
     channels: Channels = field(default_factory=Channels)
+    zones: tuple[Zone, ...] = ()
     renderer: str = ""
 
 
@@ -81,7 +85,11 @@ def encode_partial(partial: Partial) -> bytes:
     attributes |= {_CHANNELS: json.dumps(names), _IDS: json.dumps(partial.channels.ids)}
     if partial.renderer:
         attributes[_RENDERER] = partial.renderer
-    planes = {name: partial.pixels[..., plane] for plane, name in enumerate(names)}
+    pixels = partial.pixels
+    if partial.zones:
+        attributes[_ZONES] = json.dumps(partial.zones)
+        pixels = pixels[None]  # as one row
+    planes = {name: pixels[..., plane] for plane, name in enumerate(names)}
     return _encode(planes, "none", attributes)
 
 
@@ -99,6 +107,7 @@ def decode_partial(content: bytes) -> Partial:
             header = dict(file.header())
             channels = _channels(header)
             pixels = np.stack([planes[name].pixels for name in channels.names], axis=-1)
+            zones = tuple(Zone(*map(int, one)) for one in json.loads(header.get(_ZONES, "[]")))
         job, index, first, last, spp, variant, scene = (
             of_type(header[f"plateau:{name}"]) for name, of_type in _ATTRIBUTES.items()
         )
@@ -112,8 +121,9 @@ def decode_partial(content: bytes) -> Partial:
         spp=spp,
         variant=variant,
         scene_sha256=scene,
-        pixels=pixels,
+        pixels=pixels[0] if zones else pixels,
         channels=channels,
+        zones=zones,
         renderer=str(header.get(_RENDERER, "")),
     )
 

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plateau.farm.images.channels import Channels
+from plateau.farm.images.zones import Zone
 from plateau.worker.child.films import Films, FilmsNotWritten
 from plateau.worker.renderers.contract import (
     Answer,
@@ -33,7 +34,6 @@ from plateau.worker.renderers.contract import (
     Stopped,
     SumDone,
     Working,
-    Zone,
     answer_line,
     read_request,
     renderer_for,

@@ -35,7 +35,7 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from importlib import import_module
-from typing import TYPE_CHECKING, Any, ClassVar, Final, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, ClassVar, Final, Protocol
 
 from plateau.farm.model.renderers import variant_named
 
@@ -45,24 +45,10 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from plateau.farm.images.zones import Zone
+
 #: The channels with which every film begins, see `plateau.farm.images.channels`.
 CHANNELS: Final = ("R", "G", "B", "W")
-
-
-class Zone(NamedTuple):
-    """A rectangle of the film, in pixels from its upper left corner."""
-
-    x: int
-    y: int
-    width: int
-    height: int
-
-    def with_border(self, border: int, film_width: int, film_height: int) -> Zone:
-        """Return the zone with as much of a border of so many pixels as lies on the film."""
-        left, top = max(0, self.x - border), max(0, self.y - border)
-        right = min(film_width, self.x + self.width + border)
-        bottom = min(film_height, self.y + self.height + border)
-        return Zone(left, top, right - left, bottom - top)
 
 
 class SceneError(Exception):

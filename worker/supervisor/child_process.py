@@ -11,7 +11,7 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final, TypeVar
@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plateau.farm.images.channels import MOST_VALUES, Channels
+from plateau.farm.images.zones import Zone, pixels_of
 from plateau.farm.model.seeds import Pass
 from plateau.farm.process.lifecycle import die_with_parent, plain_environment
 from plateau.worker.renderers import contract
@@ -94,7 +95,7 @@ class RenderChild:
     ) -> None:
         self._limits = limits
         self._request_id = 0
-        self._shape = (0, 0, 0)  # of the loaded scene's films
+        self._scene: Loaded | None = None
         self._cancelled_at: float | None = None
         self._lock = threading.Lock()
         self._words = Words()
@@ -180,26 +181,35 @@ class RenderChild:
         except ValueError as error:  # an honest child says nothing of the kind
             self.kill()
             raise ChildDied(f"the render process said {scene!r}: {error}") from error
-        self._shape = (scene.height, scene.width, len(channels.names))
+        self._scene = scene
         return scene
 
     def render(
-        self, passes: tuple[Pass, ...], show: Callable[[Film, int], None] | None = None
+        self,
+        passes: tuple[Pass, ...],
+        show: Callable[[Film, int], None] | None = None,
+        zones: Sequence[Zone] = (),
     ) -> tuple[Film, float]:
         """Return the sum of these passes, in float32, and its seconds.
 
-        If the passes take a while, `show` is called with the film of the first and its spp.
+        If the passes take a while, `show` is called with the film of the first and its spp. Of
+        zones the film is (pixels, channels), as `contract.Renderer.render` says.
         """
-        self._ask(contract.Render(passes=passes, glimpse=show is not None))
+        assert self._scene is not None
+        self._ask(contract.Render(passes=passes, glimpse=show is not None, zones=zones))
         while True:
             answer = self._next_answer(self._limits.pass_timeout_s, "rendering a pass")
             if isinstance(answer, contract.FirstPass) and show is not None:
-                show(self._film(answer.at), answer.spp)
+                show(self._film(self._scene, zones, answer.at), answer.spp)
             elif isinstance(answer, contract.SumDone):
-                return self._film(answer.at), answer.render_s
+                return self._film(self._scene, zones, answer.at), answer.render_s
 
-    def _film(self, at: int) -> Film:
-        film = np.empty(self._shape, np.float32)
+    def _film(self, scene: Loaded, zones: Sequence[Zone], at: int) -> Film:
+        shape: tuple[int, ...] = (scene.height, scene.width)
+        if zones:
+            bordered = (one.with_border(scene.border, scene.width, scene.height) for one in zones)
+            shape = (pixels_of(bordered),)
+        film = np.empty((*shape, len(scene.channels)), np.float32)
         # By position: the place in the file is the child's, which may be writing.
         if os.preadv(self._films.fileno(), [film.data], at) < film.nbytes:
             self.kill()

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from plateau.farm.bundle.analytic import LIGHTS, NOISES, AnalyticScene
+from plateau.farm.images.exr import Partial, decode_partial, encode_partial
+from plateau.farm.images.zones import Zone
 from plateau.farm.model.aovs import AOV_NAMES
 from plateau.farm.model.seeds import Pass, SeedSchedule
 from plateau.worker.renderers.analytic import picture
@@ -81,6 +83,30 @@ def test_an_aov_that_it_does_not_have_is_refused_with_those_that_it_has(child, t
 def test_a_film_of_too_many_values_is_refused_before_it_is_rendered(child, tmp_path):
     with pytest.raises(SceneError, match=r"8192×8192 pixels of 7 channels are 469,762,048 values"):
         _load(child, tmp_path, aovs=("normal",), width=8192, height=8192)
+
+
+def test_a_child_renders_zones_of_a_film_and_a_partial_stores_them(child, tmp_path):
+    _load(child, tmp_path, width=32, height=24)
+    passes = SCHEDULE.passes(2)
+    whole, _ = child.render(passes)
+    zones = (Zone(16, 0, 16, 16), Zone(0, 16, 16, 8))
+    film, _ = child.render(passes, zones=zones)
+    expected = [whole[y : y + h, x : x + w].reshape(-1, 4) for x, y, w, h in zones]
+    assert np.array_equal(film, np.concatenate(expected))
+    partial = Partial(
+        job_id="0123456789ab",
+        index=2,
+        first_seed=passes[0].seed,
+        last_seed=passes[-1].seed,
+        spp=25,
+        variant=VARIANT,
+        scene_sha256="0" * 64,
+        pixels=film,
+        zones=zones,
+    )
+    read = decode_partial(encode_partial(partial))
+    assert read.zones == zones
+    assert np.array_equal(read.pixels, film)
 
 
 def test_a_scene_that_it_cannot_render_is_refused_in_words(child, tmp_path):

@@ -18,7 +18,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from plateau.worker.renderers.contract import Load, Zone
+    from plateau.farm.images.zones import Zone
+    from plateau.worker.renderers.contract import Load
 
 
 class Renderer:
