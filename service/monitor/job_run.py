@@ -193,11 +193,11 @@ class JobRun:
         )
 
     def _notes(self, notes: tuple[str, ...] | None = None) -> tuple[str, ...] | None:
-        """These notes, or the job's own, and one on its image; None where that needs none."""
+        """The job's notes with one about NaN and infinity in image.exr; None if it has neither."""
         non_finite = self._merge.non_finite()
         if not non_finite:
             return None
-        if notes is None:  # read again: the first slice may have brought some since the turn began
+        if notes is None:  # read again: the first slice may have added some in this turn
             notes = self._jobs.get(self.owned.job_id).notes
         return (*notes, f"image.exr has values that are NaN or infinite: {non_finite}")
 

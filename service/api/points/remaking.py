@@ -21,7 +21,7 @@ from plateau.service.judging.result_files import result_files
 
 _LOG = logging.getLogger(__name__)
 
-#: The values of the largest film that is merged for this; one of 2560 × 1440 pixels takes 0.6 GB.
+#: The most values of a film that is merged for this; one of 2560 × 1440 pixels takes 0.6 GB.
 MOST_VALUES: Final = 2560 * 1440 * 4
 
 _Memory = tuple[dict[str, Any], dict[str, NDArray[Any]]]

@@ -21,13 +21,13 @@ _REMEMBERED: Final = 128 << 20
 
 @dataclass(frozen=True)
 class Sum:
-    """What is seen of slices, added: R, G, B, W and, if any, A."""
+    """The sum of the slices' visible channels: R, G, B, W and A, if any."""
 
     channels: Channels
     total: NDArray[np.float64]
 
     def copy(self) -> "Sum":
-        """The same, to add to."""
+        """A copy that can grow."""
         return Sum(self.channels, self.total.copy())
 
 

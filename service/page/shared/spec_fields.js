@@ -26,7 +26,7 @@ export const LIMITS = [
     help: "The job ends after this time, without pauses. Empty: no limit." },
 ];
 
-/** What image.exr has beside colour: the names of farm/model/aovs.py. */
+/** The channels of image.exr beside colour, by their names in farm/model/aovs.py. */
 export const AOVS = {
   albedo: "Albedo", normal: "Normals", depth: "Depth", position: "Position", uv: "Texture coordinates",
   shape_id: "Shape ids", primitive_id: "Primitive ids",
