@@ -1,11 +1,11 @@
 """The API under load, on a machine that renders meanwhile: `make bench-api`.
 
-`plateau up` runs here with all its parts: embedded Redis, API, monitor, and a worker that renders
-on every core. In each round the farm is first idle (its job is paused), then it renders, then it
-renders while hundreds watch the job's events. In each of these phases the same requests are made:
-a job, pages of a list of thousands, new jobs. Beside each of them, in the same phase, a bare
-Starlette app on the same server (`bench.support.bare.app`) answers such requests with the same
-bytes: the ratio is what Plateau itself costs.
+`plateau up` runs with all its parts: embedded Redis, API, monitor, and a worker that renders on
+every core. In each round the farm is first idle (its job is paused), then renders, then renders
+while hundreds watch the job's events. Each phase makes the same requests: a job, pages of a list of
+thousands, new jobs. In the same phase a bare Starlette app on the same server
+(`bench.support.bare.app`) answers such requests with the same bytes: the ratio is Plateau's own
+cost.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 _BARE = "a bare Starlette app that answers the same bytes"
 _AT_ONCE = "POSTs of new scenes by several at once"
-#: What the bare app's requests are called, by what they are compared with.
+#: The bare app's request for each kind of request.
 _COMPARED = {
     "GET a job": "GET a job's bytes, bare",
     "page: ": "page, bare",
@@ -46,17 +46,17 @@ def main() -> None:
             "Latencies are a client's; GETs count from the moment at which they were due.",
             "Farm, bare app and clients share one machine.",
             "Each round has its own median, p99 and slowest; a figure is the median of its rounds.",
-            "A point's way goes from its time in Redis to when the last watcher's process has it.",
-            "The listed jobs have ended; one in 200 has failed, and is in the batch asked for.",
-            "A POST of a new scene is answered when its blob and its job are on the disk.",
-            "Where other work had a share of the cores, the spread is mostly its doing.",
+            "A point's way goes from its time in Redis to its arrival at the last watcher.",
+            "The listed jobs have ended; one in 200 has failed, and is in the requested batch.",
+            "A POST of a new scene is answered when its blob and its job are on disk.",
+            "If other work had a share of the cores, it causes most of the spread.",
         ],
     )
     markdown.fill(markdown.DOCS / "performance.md", tables(report))
 
 
 def figures(found: Found) -> list[Figure]:
-    """Return what was found: of each round its median, its 99th percentile and its slowest."""
+    """Return the figures: of each round its median, its 99th percentile and its slowest."""
     return [
         *(one for phase in PHASES for one in _latencies(phase, found)),
         *_watching(found),

@@ -1,8 +1,9 @@
-"""How far off the half-buffer estimate and its forecast are, on noise of which the truth is known.
+"""The error of the half-buffer estimate and its forecast: `make bench-estimate`.
 
-`make bench-estimate`. For each scene and noise, the truth is how many pixels visibly differ from
-the converged image. Beside it stand the estimate, how often the truth lies in its band, and how
-often the spp at which the estimate really falls to the target lies in the forecast's band.
+The noise is synthetic, so the truth is known: how many pixels visibly differ from the converged
+image. For each scene and noise this is compared with the estimate, and counted are how often the
+truth lies in the estimate's band, and how often the spp at which the estimate really falls to the
+target lies in the forecast's band.
 """
 
 import argparse
@@ -19,21 +20,21 @@ from plateau.metric import Evidence, View
 from plateau.metric.compiled import CompiledVisibleDifferences
 
 TARGET = 0.002
-#: Where fewer pixels are visible in all runs together, luck decides over a ratio.
+#: With fewer visible pixels in all runs together, a ratio is a matter of luck.
 FEW = 20
 _SHARES = ("truth in the band", "forecast in its band")
-#: From one spp to the next.
+#: The ratio of one spp to the one before.
 GRID_STEP = 1.05
 _NOTES = (
     "Ratios are of sums over the seeds, so that seeds with few visible pixels do not dominate.",
-    "Bands are meant to hold nine cases of ten.",
+    "Bands are designed to hold nine cases of ten.",
     "A forecast is judged by the first spp on a grid of 5 % where the estimate is at its target.",
 )
 
 
 @dataclass
 class Row:
-    """What was found at one spp of one scene and noise, over the seeds."""
+    """Sums over the seeds, at one spp of one scene and noise."""
 
     truth: float = 0.0
     estimate: float = 0.0
@@ -106,7 +107,7 @@ def _rows(scene: str, noise: str, size: int, seeds: int) -> dict[int, Row]:
             if reached is None or ahead.low_spp is None or ahead.high_spp is None:
                 continue
             rows[spp].forecasts += 1
-            # The crossing lies between the last step of the grid and this one.
+            # The crossing lies between the last spp of the grid and this one.
             rows[spp].forecasts_in_band += (
                 ahead.low_spp <= reached and reached / GRID_STEP <= ahead.high_spp
             )

@@ -1,12 +1,12 @@
-"""How soon things are seen and done in a farm at work: `make bench-latency`.
+"""How soon results are visible in a farm at work: `make bench-latency`.
 
-`plateau up` runs here with all its parts and one warm worker, which renders on every core. One job
-after the other is submitted by HTTP, and watched to its end and beyond:
+`plateau up` runs with all its parts and one warm worker, which renders on every core. One job after
+the other is submitted over HTTP, and watched to its end and beyond:
 
 - submit to first preview: from before the POST until `GET …/image.png` answers with an image;
 - commit to point: from the commit that completes a step until the point of the curve is in Redis;
-- verdict to idle: from the end of the job until its render child has stopped, by its CPU time. The
-  small jobs end by the default rule, of which nobody knows before when it stops; the large ones
+- verdict to idle: from the end of the job until its render child is idle, by its CPU time. The
+  small jobs end by the default rule, whose stopping point is not known in advance; the large ones
   are cancelled after their first point.
 """
 
@@ -55,13 +55,13 @@ class Kind:
 
     @property
     def name(self) -> str:
-        """What the report calls them."""
+        """Their name in the report."""
         return f"{self.scene} {self.size}×{self.size}"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
-    """What is submitted, after one job of each kind that does not count."""
+    """The jobs that are submitted, after one of each kind that is not counted."""
 
     kinds: tuple[Kind, ...] = (
         Kind(scene="still", size=128, jobs=100),
@@ -73,7 +73,7 @@ class Plan:
 
 @dataclass(frozen=True)
 class Found:
-    """Seconds, by kind of job and by what was measured; and what else was on the cores."""
+    """Seconds by kind of job and by measure; and other work's share of the cores."""
 
     seconds: dict[str, dict[str, list[float]]]
     others: list[float]
@@ -97,15 +97,15 @@ def main() -> None:
         notes=[
             "One job at a time; a first job of each kind is not counted.",
             "Points and ends are timed by Redis's clock, which is this machine's.",
-            "The kernel counts CPU time in hundredths of a second: so exact is the time to idle.",
-            "Where other work had a share of the cores, times are too long.",
+            "The time to idle is exact to the hundredths of a second of the kernel's CPU times.",
+            "If other work had a share of the cores, times are too long.",
         ],
     )
     markdown.fill(markdown.DOCS / "performance.md", tables(report))
 
 
 def measure(plan: Plan) -> Found:
-    """Return what was found of each kind of job."""
+    """Submit the jobs and return their times."""
     found = Found({one.name: defaultdict(list) for one in plan.kinds}, [])
     with tempfile.TemporaryDirectory() as folder:
         farm = ServiceFarm(Path(folder), jobs=0, threads=plan.threads)
@@ -131,7 +131,7 @@ def _take(
     into: Mapping[str, list[float]],
     stored: str | None = None,
 ) -> str:
-    """Submit one job, see it through, and note what was measured; returns its scene's SHA-256."""
+    """Submit one job, wait for its end, and note its times; return its scene's SHA-256."""
     spec = JobSpec(
         seed=seed,
         variant=plan.variant,
@@ -161,7 +161,7 @@ def _take(
 
 
 def figures(found: Found) -> list[Figure]:
-    """Return what was found: of each kind and measure all values, and their 99th percentile."""
+    """Return the figures: for each kind and measure all values, and their 99th percentile."""
     made = []
     for kind, measures in found.seconds.items():
         for name, seconds in measures.items():

@@ -1,10 +1,10 @@
 """The most memory that each process of a farm takes: `make bench-memory`.
 
 For each size a farm of its own (`plateau up`, one worker) renders one job of a cheap scene with few
-samples, and people look at its images. Another farm, for the same size, then has many jobs at
-once, which all have five points of their curve; their slices are made up, since only the monitor
-and the API could tell many jobs from one: a worker has one scene at a time. Memory is the most that
-a process had resident, as the kernel counts it (VmHWM): what it shares with others is included.
+samples, and serves its images. Another farm of the same size then has many jobs at once, each with
+five points of its curve. Their slices are made up, since a worker has one scene at a time: only the
+monitor and the API take more for many jobs. Memory is the most that a process had resident, as the
+kernel counts it (VmHWM), shared memory included.
 """
 
 from __future__ import annotations
@@ -32,26 +32,26 @@ if TYPE_CHECKING:
 
 _SCENE = STILL
 SIZES = {"512²": (512, 512), "1080p": (1920, 1080), "2160p": (3840, 2160)}
-#: Of the farms that render: the other has no use for its worker.
+#: The processes of the farms that render; the other leaves its worker idle.
 ROLES = ("API", "monitor", "worker", "render child")
 _STEP = 2
-#: Of 1 spp: five points of the curve, by which `reverse` has kept what it knows of the first image.
+#: Of 1 spp: five points of the curve, so that `reverse` has stored the percept of the first image.
 _SLICES = 10
-_PATIENCE_S = 1200.0  #: for the points of many large images
+_PATIENCE_S = 1200.0  #: until many large images have their points
 
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
-    """Which farms there are."""
+    """The farms to be measured."""
 
-    #: Width and height, and how many jobs at once the second farm has.
     sizes: Mapping[str, tuple[int, int]] = field(default_factory=lambda: SIZES)
+    #: How many jobs the second farm has at once.
     many: Mapping[str, int] = field(default_factory=lambda: dict.fromkeys(SIZES, 20))
     threads: int = field(default_factory=lambda: len(os.sched_getaffinity(0)))
     variant: Variant = "auto"
 
 
-#: MB by role, by how many jobs there were at once, by size.
+#: MB by size, by jobs at once, by role.
 Found = dict[str, dict[int, dict[str, float]]]
 
 
@@ -69,7 +69,7 @@ def main() -> None:
         notes=[
             "Each row is a farm of its own, with an embedded Redis and local blobs.",
             "One job is rendered; the slices of many are made up: noise, committed as by a worker.",
-            "What processes share (libraries) is counted in each.",
+            "Shared libraries are counted in each process.",
         ],
     )
     markdown.fill(markdown.DOCS / "operations.md", tables(report))
@@ -80,7 +80,7 @@ def _size_of(one: Figure) -> str:
 
 
 def measure(plan: Plan) -> Found:
-    """Return what each farm's processes took."""
+    """Return the memory of each farm's processes."""
     found: Found = {}
     for name, (width, height) in plan.sizes.items():
         found[name] = {
@@ -132,7 +132,7 @@ def _many_made_up(plan: Plan, count: int, width: int, height: int) -> dict[str, 
                 )
                 for job_id in jobs:
                     _look(client, job_id)
-                time.sleep(1.0)  # the last checkpoint is on its way
+                time.sleep(1.0)  # until the last checkpoint is written
             return {role: mb for role, mb in peaks(farm).items() if role in ("API", "monitor")}
 
 
@@ -143,7 +143,7 @@ def _look(client: Client, job_id: str) -> None:
 
 
 def figures(found: Found) -> list[Figure]:
-    """Return what was found, and what the monitor takes for each further job."""
+    """Return the figures, with the monitor's memory for each further job."""
     made = []
     for size, farms in found.items():
         for jobs, roles in farms.items():

@@ -1,7 +1,7 @@
-"""How much one slow worker among fast ones holds up a job: `python -m bench.mixed`.
+"""How much one slow worker among fast ones delays a job: `make bench-mixed`.
 
-Real Redis and a real monitor; simulated workers, of which one takes ten times as long as the others
-for a slice. Its slices hold up the image, unless those that are late are given to a second worker.
+Redis and the monitor are real; the workers are simulated, and one of them takes ten times as long
+for a slice. Its slices delay the image, unless a second worker may render those that are late.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ _FACTOR = "LATE_FACTOR, LATE_LEAST_MS, USUAL_OF = 2,"
 
 @dataclass(frozen=True)
 class Case:
-    """Who renders, and whether late slices are tried twice."""
+    """The workers, and whether late slices are rendered a second time."""
 
     name: str
     workers: int
-    slow: int = 0  #: so many of them
+    slow: int = 0  #: how many of them are
     second_tries: bool = True
 
 
@@ -82,14 +82,14 @@ def main() -> None:
             "slice_spp": JobSpec().slice_spp,
         },
         notes=[
-            "One job at a time: where others wait, workers render for those meanwhile.",
+            "One job at a time; with others in the queue, workers would render those meanwhile.",
             "Workers are simulated; Redis and monitor are real.",
         ],
     )
 
 
 def measure(case: Case, pass_s: float, spp: int, jobs: int) -> list[Ended]:
-    """Render one job after the other by the case's workers."""
+    """Have the case's workers render one job after the other."""
     slowness = {f"worker-{number}": SLOWNESS for number in range(case.slow)}
     ended = []
     with (
@@ -105,7 +105,7 @@ def measure(case: Case, pass_s: float, spp: int, jobs: int) -> list[Ended]:
 
 @contextmanager
 def _tries(*, second: bool) -> Iterator[None]:
-    """No slice is late, where none is to be tried twice."""
+    """Without second tries, keep Redis from ever finding a slice late."""
     if second:
         yield
         return

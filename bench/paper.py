@@ -1,9 +1,9 @@
 """The paper's experiment on our own scenes and our own farm: `make bench-paper`.
 
 For each scene the farm renders a series of slices and an independent reference; every rule then
-judges the same slices. Renders are kept in a folder, so that a run that was stopped goes on, and
-images are judged anew without being rendered. What was found of each scene is kept in the results,
-so that scenes can be run one after the other, on different days.
+judges the same slices. Renders stay in a folder, so that a stopped run can continue and images can
+be judged again. The results keep each scene's measurements, so that scenes can be run on different
+days.
 
 At 256×256 and 10,000 spp all eight take 10.5 thousand million samples and 2 GB of disk. The paper's
 own size is --size 512.
@@ -27,7 +27,7 @@ _NOTES = (
     f"True: at most {TARGET:.1%} of the pixels differ visibly from the independent reference.",
     "The reference has noise of its own, so true is later than against a converged image.",
     "Every rule judges the same slices, at the default view and with its default parameters.",
-    "No rule ends a series: each goes on to the cap.",
+    "No rule ends a series: each continues to the cap.",
 )
 
 
@@ -39,7 +39,7 @@ def main() -> None:
 
 
 def run(todo: list[Case], size: Size, data: Path, *, workers: int) -> list[Measured]:
-    """Render what is not rendered yet, judge it, and report on it and on all that was known."""
+    """Render and judge these scenes, and report on all that the results hold."""
     data.mkdir(parents=True, exist_ok=True)
     folder = _folder()
     folder.mkdir(parents=True, exist_ok=True)
@@ -94,7 +94,7 @@ def draw(found: list[Measured], folder: Path) -> None:
 
 
 def figures(found: list[Measured]) -> list[Figure]:
-    """Return how far off each contender's stop was, over all scenes that it stopped on."""
+    """Return the error of each rule's stop, over all scenes on which it stopped."""
     named = []
     for name in found[0].curves:
         errors = [tables.stops(one)[name].error for one in found]

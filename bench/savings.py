@@ -1,12 +1,12 @@
-"""What stopping saves, ours and others': `make bench-savings`.
+"""What our stopping rules and those of others save: `make bench-savings`.
 
-For all eight scenes of the experiment, machine time until a rule stops over that of the fixed
-10,000 spp, and how many pixels are then still visibly wrong: our rules `visible` and `reverse`,
-LuxCore's halt rule, and Cycles' noise threshold, all on the same slices.
+For all eight scenes of the experiment: the machine time until a rule stops, relative to that of the
+fixed 10,000 spp, and how many pixels are then still visibly wrong. The rules are our `visible` and
+`reverse`, LuxCore's halt rule, and Cycles' noise threshold, all on the same slices.
 
-It works on the renders of `make bench-paper`: the longest that the folder has of each scene, and
-renders what is not there. Then it renders a few slices of each scene again, alone, to time them.
-What was found of each scene is kept in the results, so that scenes can be run one after the other.
+It uses the renders of `make bench-paper`, the longest of each scene, and makes those that are
+missing. Then it renders a few slices of each scene again, alone, to time them. The results keep
+each scene's measurements, so that scenes can be run one after the other.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ from bench.support.report import Figure, write_report
 from plateau.farm.model.spec import JobSpec
 
 _NOTES = (
-    "Machine time is core seconds: of rendering, times the spp, and of each look, times the looks.",
+    "Machine time is core seconds: of one spp times the spp, and of an evaluation times those.",
     "It leaves out what all have in common: loading, merging, reading and writing.",
-    f"LuxCore's rule looks every {SLICE_SPP} or {2 * SLICE_SPP} spp, Cycles' at the latter.",
-    "Pixels still visibly wrong are the VDP's, against the independent reference.",
-    "Its noise is taken out where the series goes far enough to say, and else counted in.",
+    f"LuxCore's rule is evaluated every {SLICE_SPP} or {2 * SLICE_SPP} spp, Cycles' at the latter.",
+    "Pixels still visibly wrong are counted by the VDP, against the independent reference.",
+    "Its noise is subtracted if the series is long enough, and otherwise included.",
 )
 
 
@@ -44,7 +44,7 @@ def main() -> None:
 
 
 def run(todo: list[Case], size: Size, data: Path, *, workers: int) -> list[Spending]:
-    """Judge and time these scenes, and report on them and on all that was known."""
+    """Judge and time these scenes, and report on all that the results hold."""
     data.mkdir(parents=True, exist_ok=True)
     folder = _folder()
     folder.mkdir(parents=True, exist_ok=True)
@@ -88,7 +88,7 @@ def tables_of(found: list[Spending]) -> dict[str, str]:
 
 
 def figures(one: Spending) -> list[Figure]:
-    """Return what came out of one scene."""
+    """Return the figures of one scene."""
     fixed = [FIXED_SPP * spp_s for spp_s in one.spp_s]
     named = [report.figure(f"{one.name}: {FIXED}", fixed, "core seconds")]
     for rule in RULES:

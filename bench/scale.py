@@ -1,10 +1,10 @@
 """The control plane under many workers and many jobs: `make bench-scale`.
 
-An embedded Redis and real monitors, as `plateau` starts them, with workers that are simulated: they
-lease, put real small partials, commit and renew by the code that workers use, and only wait where
-those would render. First what each request costs Redis; then every number of workers with every
-number of jobs; then as many slices a second as are asked for, of one monitor and of two; then what
-workers without jobs, and jobs without workers, cost.
+Redis and the monitors are real, as `plateau` starts them. The workers are simulated: they lease,
+put real small partials, commit and renew by the code of real workers, but do not render.
+Measured are the cost of each request to Redis; every number of workers with every number of jobs;
+given rates of slices, with one monitor and with two; and the cost of workers without jobs, and of
+jobs without workers.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 
 _LOG = ": Redis's log"
 _PARTIAL = ": a partial"
-#: Of a farm that is planned: its workers, for how long each renders a slice, and what is asked of
-#: Redis for each slice, with an evaluation after every fourth.
+#: A planned farm: its workers, how long each renders a slice, and the requests to Redis for each
+#: slice, with an evaluation after every fourth.
 _PLANNED = 10_000
 _PLANNED_RENDER_S = (10, 60, 300)
 _HEARTBEAT_S = 5
@@ -56,18 +56,18 @@ def main() -> None:
         settings=asdict(plan),
         notes=[
             "Redis, monitors and the processes that simulate workers share one machine.",
-            "A simulated worker waits where a real one renders; its partials are 16×16 pixels.",
-            "Jobs are as by default: 25 spp a slice, an evaluation after four; no rule ends them.",
-            "Redis waits for its disk as it does for users; blobs are in memory, but where said.",
-            "What is merged is what monitors report every two seconds.",
-            "A latency is a simulated worker's, who shares a process with hundreds of others.",
+            "A simulated worker waits instead of rendering; its partials are 16×16 pixels.",
+            "Jobs have defaults: 25 spp a slice, an evaluation after four; no rule ends them.",
+            "Redis waits for its disk as it does for users; blobs are in memory unless stated.",
+            "Merges are those that monitors report every two seconds.",
+            "A simulated worker, whose latencies these are, shares a process with hundreds.",
         ],
     )
     markdown.fill(markdown.DOCS / "scale.md", tables(report))
 
 
 def figures(found: Found) -> list[Figure]:
-    """Return what was found: the costs of requests, then what was seen under each load."""
+    """Return the figures: the costs of requests, then those of each load."""
     return [
         *(one for name, cost in found.costs.items() for one in _costs(name, *cost)),
         *(one for name, cost in found.merges.items() for one in _merges(name, *cost)),
@@ -200,7 +200,7 @@ def tables(report: dict[str, Any]) -> dict[str, str]:
 
 
 def _plan(found: dict[str, float], sizes: Sequence[str]) -> str:
-    """Return what so many workers would ask for, by the costs of their requests one by one."""
+    """Return what a planned farm would need, by the costs of its single requests."""
 
     def asked(of: str) -> float:
         return sum(times * found[f"{name}{of}"] for name, times in _ASKED.items())

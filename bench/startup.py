@@ -1,9 +1,9 @@
 """From the command line to the results of a job that converges at once: `make bench-startup`.
 
 `plateau render` starts Redis, API, monitor and worker, renders the two steps that the default rule
-needs, writes its results and stops all of it. One Mitsuba process imports Mitsuba, loads the scene
-and renders the same passes. Both run in turns, with kernels that Dr.Jit finds compiled, and in an
-empty home where it has to compile them. Beside that, `plateau --help`.
+needs, writes its results and stops all processes. One Mitsuba process imports Mitsuba, loads the
+scene and renders the same passes. They alternate, with kernels that Dr.Jit has compiled before, and
+in an empty home where it has to compile them. `plateau --help` is timed as well.
 """
 
 from __future__ import annotations
@@ -49,15 +49,15 @@ _COLUMNS = {
 class Plan:
     """What is started, and how often."""
 
-    pairs: int = 5  #: of each kind, after one that does not count
+    pairs: int = 5  #: of each kind, after one that is not counted
     helps: int = 10
     size: int = 256  #: of the image, in pixels
-    variant: str | None = None  #: the one that a worker takes by itself
+    variant: str | None = None  #: by default the one that a worker takes by itself
 
 
 @dataclass(frozen=True)
 class Found:
-    """What it took: pairs of `plateau render` and Mitsuba alone, by what was compiled before."""
+    """The times of `plateau render` and of Mitsuba alone in pairs, by `KERNELS`."""
 
     spp: int
     pairs: dict[str, list[tuple[Taken, Taken]]]
@@ -81,16 +81,16 @@ def main() -> None:
             "variant": choose(Settings().cache).variant,
         },
         notes=[
-            "A first run of each is not counted: modules are compiled in it, and files read.",
-            "Which variant works here, and the metric's kernels, are known from before in all.",
-            "Where other work had a share of the cores, times are too long.",
+            "A first run of each is not counted: it compiles modules and reads files.",
+            "The variant of this machine and the metric's kernels are cached in all runs.",
+            "If other work had a share of the cores, times are too long.",
         ],
     )
     markdown.fill(markdown.DOCS / "performance.md", tables(report))
 
 
 def measure(plan: Plan) -> Found:
-    """Return what starts take; raises where the job did not converge."""
+    """Time the starts; raise if a job did not converge."""
     choice = choose(Settings().cache)
     pairs: dict[str, list[tuple[Taken, Taken]]] = {kind: [] for kind in KERNELS}
     with tempfile.TemporaryDirectory() as folder:
@@ -103,7 +103,7 @@ def measure(plan: Plan) -> Found:
         for number in range(plan.pairs):
             for kind in KERNELS:
                 took = {}
-                # Whichever goes first alternates, so that a machine that slows down slows both.
+                # The first to run alternates, so that a machine that slows down slows both.
                 for name in ("ours", "bare")[:: 1 if number % 2 else -1]:
                     if kind == "kernels compiled":
                         shutil.rmtree(cache / "home")
@@ -119,13 +119,13 @@ def measure(plan: Plan) -> Found:
 
 def _environment(cache: Path) -> dict[str, str]:
     environment = {**os.environ, "PLATEAU_CACHE": str(cache)}
-    # As for most users: what was imported once need not be compiled again.
+    # As for most users: modules are compiled at their first import only.
     environment.pop("PYTHONDONTWRITEBYTECODE", None)
     return environment
 
 
 def _render(plan: Plan, choice: VariantChoice, cache: Path) -> tuple[int, Taken]:
-    """The spp at which `plateau render` has converged, and what it took."""
+    """Return the spp at which `plateau render` converged, and its times."""
     with tempfile.TemporaryDirectory() as out:
         command = [sys.executable, "-m", "plateau", "render", str(_SCENE), "--out", out]
         command += [f"-Dwidth={plan.size}", f"-Dheight={plan.size}"]
@@ -183,7 +183,7 @@ def _help() -> Taken:
 
 
 def figures(found: Found) -> list[Figure]:
-    """Return what was found."""
+    """Return the figures."""
     made = []
     for kind, pairs in found.pairs.items():
         columns = {

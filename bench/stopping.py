@@ -1,9 +1,9 @@
-"""When each rule stops, on noise of which the truth is known: `make bench-stopping`.
+"""When each rule stops, on noise whose truth is known: `make bench-stopping`.
 
-Three studies: dependence on the step, on the image's size and on the level of the noise. For every
-rule, over many seeds: its stop over the spp at which the truth falls to the target (1 is on time,
-below is early), the share of pixels still visibly wrong when it stopped, and how often that was a
-false stop.
+Three studies vary the step, the image's size and the level of the noise. Measured are, for every
+rule over many seeds: its stop relative to the spp at which the truth falls to the target (1 is on
+time, below is early), the share of pixels still visibly wrong then, and how often that was a false
+stop.
 """
 
 from __future__ import annotations
@@ -35,11 +35,11 @@ if TYPE_CHECKING:
 
 #: The rules in the order of the paper, with their defaults; `fixed` does not look at the image.
 JUDGED = ("successive", "multiple", "reverse", "myszkowski", "visible")
-#: On time is where no more than this share of the pixels differs visibly from the truth.
+#: On time means: no more than this share of the pixels differs visibly from the truth.
 TARGET = 0.0002
-#: A stop with more of them than this is a false one.
+#: A stop with a larger share than this is a false one.
 FALSE = 0.001
-#: A rule that has not stopped after so many times the spp that are on time has failed to.
+#: A rule that has not stopped by this multiple of the spp on time never stops.
 CAP = 12.0
 
 _NOTES = (
@@ -48,7 +48,7 @@ _NOTES = (
     f"A rule that has not stopped by {CAP:g} times that spp counts as never, and not in lateness.",
     "Every rule has its default parameters and judges at the default view, step after step.",
     "A larger image fills the same angle, so its noise is finer.",
-    "The noise is independent from pixel to pixel, and no light is found late.",
+    "The noise is independent from pixel to pixel, and no light path is found only late.",
 )
 
 
@@ -68,21 +68,18 @@ class Stop:
     """Where a rule stopped."""
 
     spp: int
-    #: Share of the pixels that differed visibly from the truth.
-    wrong: float
-    #: `spp` over the spp that are on time.
-    lateness: float
+    wrong: float  #: share of the pixels that differed visibly from the truth
+    lateness: float  #: `spp` over the spp on time
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a rule did in one case, over all seeds."""
+    """The stops of a rule in one case, over all seeds."""
 
     case: Case
     rule: str
     stops: list[Stop]
-    #: How often it had not stopped by the cap.
-    never: int
+    never: int  #: how often it had not stopped by the cap
 
     @property
     def false(self) -> float:
@@ -99,7 +96,7 @@ def main() -> None:
 
 
 def run(*, seeds: int, quick: bool) -> list[Outcome]:
-    """Run the three studies, write their report and their pictures, and return what came out."""
+    """Run the three studies, write their report and their pictures, and return the outcomes."""
     base = Case(size=48) if quick else Case()
     scenes = [base] if quick else [base, replace(base, scene="ramp"), heavy_tailed(base)]
     studies = {
@@ -150,7 +147,7 @@ def table(report: dict[str, Any]) -> str:
 
 
 def _cell(found: dict[str, dict[str, Any]]) -> str:
-    """Return the lateness with its spread, and how often the stop was false or there was none."""
+    """Return the lateness with its spread, and how often the stop was false or missing."""
     words = []
     if "lateness" in found:
         late, spread = found["lateness"]["value"], found["lateness"]["spread"]
@@ -171,7 +168,7 @@ def _sizes(base: int) -> tuple[int, ...]:
 
 
 def outcomes(case: Case, seeds: int) -> list[Outcome]:
-    """Return what every rule does in this case."""
+    """Return the outcome of every rule in this case."""
     stops: dict[str, list[Stop]] = {name: [] for name in JUDGED}
     on_time = max(float(np.median([_on_time(case, seed) for seed in range(seeds)])), 1.0)
     for seed in range(seeds):
@@ -188,7 +185,7 @@ def _on_time(case: Case, seed: int) -> float:
     allowed = allowed_pixels(TARGET, case.size**2)
 
     def is_wrong(spp: int) -> bool:
-        # Each look is a render of its own: what one seed gives here is but one draw.
+        # Each call renders anew, so the result of one seed is one draw.
         image = next(render.images([spp]))[1]
         return metric.compare(truth, metric.percept(image)).count > allowed
 
@@ -204,7 +201,7 @@ def _on_time(case: Case, seed: int) -> float:
 
 
 def _judge(case: Case, seed: int, cap: int) -> dict[str, tuple[int, float]]:
-    """Return where each rule stopped and what share of the pixels was still wrong there."""
+    """Return the spp at which each rule stopped and the share of pixels still wrong then."""
     metric = CompiledVisibleDifferences(View())
     render = Render(case.scene, case.noise, case.level, case.size, seed)
     truth = metric.percept(render.truth)
@@ -260,7 +257,7 @@ def _line(case: Case, found: list[Outcome]) -> str:
 
 
 def plot(study: str, found: list[list[Outcome]], path: Path) -> None:
-    """Write a picture of the lateness of every rule over what the study varies."""
+    """Write a picture of the lateness of every rule over the study's variable."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure as Picture
 

@@ -1,10 +1,11 @@
 """CPU time of one evaluation of the metric, as a job makes it: `make bench-vdp`.
 
 In a job the reference is prepared once; an evaluation prepares the new image, compares, maps and
-counts. All ways take turns in one run, so that a busy machine slows every one of them:
+counts. All ways take turns in one run, so that a busy machine slows them alike:
 
 - plain: numpy, every formula for every pixel (`bench.support.bare.vdp_ways`), reference prepared
-once - numpy: `metric.VisibleDifferences`, which works masking out only where it decides; likewise
+  once
+- numpy: `metric.VisibleDifferences`, which computes masking only for pixels that need it; likewise
 - compiled: `plateau.metric.compiled`, likewise, on one thread
 - FLIP (`pip install flip-evaluator`), on both images, CPU time of all its threads
 - PerceptualDiff, where it is on the PATH, on both images, reading them included
@@ -34,7 +35,7 @@ if TYPE_CHECKING:
 
 SIZES = {"512²": (512, 512), "1080p": (1080, 1920), "2160p": (2160, 3840)}
 #: Standard deviation of the noise over the signal's: as after a few samples per pixel, and as near
-#: a stop, where most pixels need their threshold elevation worked out.
+#: a stop, where most pixels need their threshold elevation.
 NOISES = {"strong noise": 0.2, "weak noise": 0.02}
 
 _GOALS = {
@@ -168,7 +169,7 @@ def _ours(reference: Any, test: Any) -> dict[str, Callable[[], float | None]]:
 
 
 def _in_a_fresh_process(size: str) -> list[Figure]:
-    """Return what it takes to start, without and with kernels in the cache, and the memory."""
+    """Return the costs of starting, without and with cached kernels, and the memory."""
     with tempfile.TemporaryDirectory() as folder:
         files = [Path(folder, name) for name in ("reference.npy", "test.npy")]
         for file, image in zip(files, noisy_pair(SIZES[size], NOISES["weak noise"]), strict=True):

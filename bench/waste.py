@@ -1,7 +1,7 @@
 """Samples that are rendered for nothing, and how long workers wait: `make bench-waste`.
 
-Real Redis and a real monitor; simulated workers, which take the time of a render to make noise of
-which the truth is known, and do all else that real ones do: cancel within a slice, too.
+Redis and the monitor are real. The workers are simulated: they take a render's time to make noise
+whose truth is known, and otherwise do what real ones do, also cancel within a slice.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from bench.support.farms.synthetic_noise import Render
 from bench.support.report import Figure, figure, write_report
 from plateau.farm.model.spec import JobSpec
 
-#: Samples that may be wasted, of those in the image, by the number of workers.
+#: Largest share of samples that may be wasted, relative to those in the image, by workers.
 GOALS = {2: 0.03, 16: 0.08}
 SIZE = 96
 SCENES = ("checks", "ramp")
@@ -26,11 +26,11 @@ SCENES = ("checks", "ramp")
 
 @dataclass(frozen=True)
 class Ended:
-    """One job, and what was spent on it."""
+    """One job, and its cost."""
 
     spp: int
-    wasted: float  #: samples rendered but not in the image, of those in it
-    waited: float  #: of the workers' time until its end, how much they had nothing to do
+    wasted: float  #: samples rendered but not in the image, relative to those in it
+    waited: float  #: share of the workers' time in which they had nothing to do
 
 
 def main() -> None:
@@ -59,7 +59,7 @@ def main() -> None:
             "spp": sorted(one.spp for one in found[options.workers[0]]),
         },
         notes=[
-            "One job at a time: where others wait, a worker without work here renders for those.",
+            "One job at a time; with others in the queue, idle workers would render those.",
             "Workers are simulated, so that sixteen fit this machine; Redis and monitor are real.",
         ],
     )
@@ -67,7 +67,7 @@ def main() -> None:
 
 
 def figures(workers: int, ended: list[Ended]) -> list[Figure]:
-    """Return what so many workers have wasted and waited, of all jobs and of each."""
+    """Return what the workers wasted and how long they waited, in all jobs and in each."""
     goal = GOALS.get(workers)
     final, wasted = sum(one.spp for one in ended), sum(one.spp * one.wasted for one in ended)
     return [
@@ -85,7 +85,7 @@ def figures(workers: int, ended: list[Ended]) -> list[Figure]:
 
 
 def measure(renders: list[Render], workers: int, pass_s: float) -> list[Ended]:
-    """Render one job after the other by so many simulated workers."""
+    """Have simulated workers render one job after the other."""
     ended = []
     with noise_farm(workers, pass_s) as (jobs, crew):
         for render in renders:

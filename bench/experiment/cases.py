@@ -10,18 +10,15 @@ from importlib import import_module
 class Case:
     """One scene under one light."""
 
-    #: As the paper calls it: ``BAR 1``.
-    name: str
-    #: A folder of `scenes`.
-    family: str
-    #: What the scene's `intensity` is set to.
-    intensity: float
-    #: Seeds of the series and of the reference: no two renders of a family share their samples.
+    name: str  #: as in the paper: ``BAR 1``
+    family: str  #: a folder of `scenes`
+    intensity: float  #: the scene's parameter of that name
+    #: Seeds of the series and of the reference; no two renders of a family share samples.
     seeds: tuple[int, int]
 
     @property
     def slug(self) -> str:
-        """The name, as files are called."""
+        """The name in file names."""
         return self.name.lower().replace(" ", "-")
 
 

@@ -1,4 +1,4 @@
-"""The rules that are compared, with the parameters of the paper where it gives any."""
+"""The rules that are compared, with the paper's parameters if it gives any."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from plateau.metric import create_rule
 if TYPE_CHECKING:
     from plateau.metric import Rule
 
-#: Share of the pixels that rules and forecasts are held against.
+#: The share of pixels still visibly wrong at which a rule should stop.
 TARGET = 0.001
 
 

@@ -1,4 +1,4 @@
-"""What rendering and looking cost on this machine, in core seconds."""
+"""What rendering and evaluating cost on this machine, in core seconds."""
 
 from __future__ import annotations
 
@@ -26,22 +26,22 @@ if TYPE_CHECKING:
     from bench.experiment.renders import Rendered
     from bench.experiment.spending import Spending
 
-#: How many looks are timed; the first is not counted.
+#: How many evaluations are timed; the first is not counted.
 _LOOKS: Final = 8
 
 
 def add_costs(spent: Spending, renders: Rendered) -> None:
-    """Measure what rendering and looking cost in a scene, and write it into what was spent."""
+    """Measure what rendering and evaluating a scene cost, and add it to `spent`."""
     rate = render_rate(scenes.FOLDER / renders.case.family, renders.parameters, slice_spp=SLICE_SPP)
     spent.spp_s, spent.others = rate.spp_s, rate.others
     spent.look_s = look_costs(renders)
 
 
 def look_costs(renders: Rendered) -> dict[str, list[float]]:
-    """Return the core seconds of looks at a series' first images, by rule.
+    """Return the core seconds of evaluating a series' first images, by rule.
 
-    Ours is all that a job does at a point of its curve: both rules, the estimate, the forecast and
-    the zones, whichever of them ends it.
+    For our rules that is all the work of a job at a point of its curve: both rules, the estimate,
+    the forecast and the zones.
     """
     metric, judge = CompiledVisibleDifferences(View()), Judge(JobSpec())
     luxcore, cycles, adaptive = LuxCoreHalt(metric.view), CyclesThreshold(), CyclesAdaptive()

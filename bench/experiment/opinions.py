@@ -1,6 +1,6 @@
-"""Second opinions: how far an image is from the reference, as other metrics of the field see it.
+"""Second opinions: how far an image is from the reference by other metrics of the field.
 
-Both are extras that a run does without where they are not installed (`pip install .[opinions]`).
+Both are optional: a run leaves out those that are not installed (`pip install .[opinions]`).
 
 - FLIP (Andersson et al. 2020, doi:10.1145/3406183): mean error, 0 for no difference.
 - ColorVideoVDP (Mantiuk et al. 2024, doi:10.1145/3658144): quality in just objectionable
@@ -22,12 +22,12 @@ if TYPE_CHECKING:
 
     from plateau.metric import Image, View
 
-#: Opinions by name, with the module that each needs.
+#: The module that each metric needs.
 _MODULES = {"FLIP": "flip_evaluator", "ColorVideoVDP": "pycvvdp"}
 
 
 def opinions(reference: Image, test: Image, view: View) -> dict[str, float]:
-    """Return what each metric that is installed says of a test image."""
+    """Return the value of each installed metric for a test image."""
     said: dict[str, Callable[[Image, Image, View], float]] = {"FLIP": _flip, "ColorVideoVDP": _jod}
     shown = displayed(reference, view), displayed(test, view)
     return {name: say(*shown, view) for name, say in said.items() if find_spec(_MODULES[name])}

@@ -1,4 +1,4 @@
-"""The command line of the benchmarks that work on the experiment's renders."""
+"""The command line of the benchmarks that use the experiment's renders."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from plateau import scenes
 
 @dataclass(frozen=True, kw_only=True)
 class Options:
-    """What was asked for."""
+    """The parsed command line."""
 
     cases: list[Case]
     size: Size
@@ -23,7 +23,7 @@ class Options:
 
 
 def parse(description: str | None, *, step: int) -> Options:
-    """Return what the command line asks for; the cap has to be a multiple of `step` spp."""
+    """Parse the command line; the cap has to be a multiple of `step` spp."""
     parser = argparse.ArgumentParser(
         description=description, formatter_class=argparse.RawDescriptionHelpFormatter
     )

@@ -1,7 +1,7 @@
-"""Stopping rules of other renderers, as their published formulas, on our slices.
+"""Stopping rules of other renderers, by their published formulas, on our slices.
 
-Written from the formulas, for comparison alone; no job can name them. Where a product does more
-than its formula, the class says so.
+They serve comparison alone; no job can name them. If a product does more than its formula, the
+class says so.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ if TYPE_CHECKING:
     from plateau.metric import Image, Mask, View
     from plateau.metric.display import Plane
 
-#: LuxCore's image pipeline ends in this gamma.
+#: The gamma at the end of LuxCore's image pipeline.
 LUXCORE_GAMMA = 2.2
 #: Cycles multiplies the threshold that a user sets by this.
 CYCLES_FACTOR = 5.0
-#: What keeps Cycles' error finite where an image is black.
+#: Keeps Cycles' error finite in black pixels.
 CYCLES_EPSILON = 1e-4
 
 
@@ -31,14 +31,14 @@ CYCLES_EPSILON = 1e-4
 class LuxCoreHalt:
     """LuxCore's noise threshold: ends a render when no displayed pixel changes any more.
 
-    Each image is held against the one of the check before, in the displayed image's values of 0 to
-    1; the render ends when no channel of any pixel differs by more than `threshold`. How far checks
-    are apart is the caller's.
+    Each check compares the displayed image, with values from 0 to 1, with that of the check before.
+    The render ends when no channel of any pixel differs by more than `threshold`. The caller
+    chooses the distance between checks.
 
     Notes
     -----
-    The product's displayed image is what its tone mapping makes of the render; here it is what our
-    view makes of it, with the same gamma. Its default threshold is 5/256, rounded here to 0.02.
+    The product displays the render by its tone mapping; here our view does, with the same gamma.
+    Its default threshold is 5/256, rounded here to 0.02.
 
     References
     ----------
@@ -53,16 +53,16 @@ class LuxCoreHalt:
     _before: Image | None = field(default=None, init=False)
 
     def stops(self, spp: int, image: Image) -> bool:
-        """Return whether the render ends with this image, and keep it for the next check."""
+        """Return whether the render ends with this image; keep the image for the next check."""
         if spp <= self.warm_up_spp:
             return False
         before, self._before = self._before, luxcore_displayed(image, self.view)
-        # A NaN is over no threshold, as in LuxCore.
+        # A NaN exceeds no threshold, as in LuxCore.
         return before is not None and not (np.abs(self._before - before) > self.threshold).any()
 
 
 def luxcore_displayed(image: Image, view: View) -> Image:
-    """Return an image's displayed values, (H, W, 3) float32 in [0, 1], gamma and all.
+    """Return an image's displayed values with gamma, (H, W, 3) float32 in [0, 1].
 
     Examples
     --------
@@ -77,8 +77,8 @@ def luxcore_displayed(image: Image, view: View) -> Image:
 def cycles_error(image: Image, half: Image) -> Plane:
     """Return Cycles' error of each pixel, (H, W).
 
-    |I - A| summed over the channels, over 1e-4 + the square root of the summed I where that is
-    under 1, and 1e-4 + the sum itself above.
+    That is |I - A| summed over the channels, divided by 1e-4 plus s, or plus the square root of s
+    if s is under 1, where s is the sum of I.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ def cycles_error(image: Image, half: Image) -> Plane:
     Notes
     -----
     After H. Dammertz et al., A hierarchical automatic stopping condition for Monte Carlo global
-    illumination, WSCG 2010, section 2.1, but for the part above 1.
+    illumination, WSCG 2010, section 2.1, except for s of 1 or more.
 
     References
     ----------
@@ -114,20 +114,20 @@ class CyclesThreshold:
 
     Notes
     -----
-    That is when Cycles takes no more samples at all. It takes none of a single pixel from the
-    moment on at which that one is done: see `CyclesAdaptive`.
+    Cycles then takes no more samples at all. It stops sampling a single pixel as soon as that pixel
+    is done: see `CyclesAdaptive`.
 
     References
     ----------
-    As `cycles_error`; and intern/cycles/scene/integrator.cpp for the factor of 5 and the default
-    minimum of 64 spp that goes with a threshold of 0.01.
+    As `cycles_error`; intern/cycles/scene/integrator.cpp for the factor of 5 and for the default
+    minimum of 64 spp with a threshold of 0.01.
     """
 
     threshold: float = 0.01
     min_spp: int = 64
 
     def done(self, image: Image, half: Image) -> Mask:
-        """Return the pixels that are done, (H, W). One that is NaN never is."""
+        """Return the pixels that are done, (H, W). A NaN never is."""
         done: Mask = cycles_error(image, half) < CYCLES_FACTOR * self.threshold
         return done
 
@@ -138,14 +138,14 @@ class CyclesThreshold:
 
 @dataclass
 class CyclesAdaptive:
-    """Cycles' adaptive sampling: every pixel ends by itself, and goes on beside one that has not.
+    """Cycles' adaptive sampling: each pixel ends by itself, unless a neighbour is unfinished.
 
-    It takes samples two slices at a time, the first of which make up A. A pixel that is done gets
-    none until one of its eight neighbours is found not to be.
+    It takes samples two slices at a time; the first of each two make up A. A finished pixel gets no
+    samples until one of its eight neighbours is found unfinished.
 
     Notes
     -----
-    Cycles checks every 16 spp, here it is every two slices. It ends a pixel by the same check.
+    Cycles checks every 16 spp; here the check follows every two slices.
 
     References
     ----------
@@ -161,28 +161,23 @@ class CyclesAdaptive:
 
     @property
     def mean_spp(self) -> float:
-        """Samples that a pixel took, on average."""
+        """The mean samples per pixel."""
         return 0.0 if self._spp is None else float(self._spp.mean())
 
     @property
     def image(self) -> Image:
-        """The image of what each pixel took, (H, W, 3) float32."""
+        """The image of these samples, (H, W, 3) float32."""
         return _normalised(self._total)
 
     @property
     def active_pixels(self) -> int:
-        """How many pixels still want samples."""
+        """How many pixels still get samples."""
         return 0 if self._active is None else int(self._active.sum())
 
     def add(self, first: NDArray[Any], second: NDArray[Any], spp: int) -> bool:
-        """Add two slices of `spp` together to the pixels that want them; return whether all ended.
+        """Add two slices to the unfinished pixels; return whether all pixels are finished.
 
-        Parameters
-        ----------
-        first, second
-            Films before normalisation, (H, W, 4).
-        spp
-            Of both together.
+        `first` and `second` are films before normalisation, (H, W, 4), with `spp` in all.
         """
         if self._total is None or self._half is None or self._spp is None or self._active is None:
             self._total, self._half = np.zeros(first.shape), np.zeros(first.shape)

@@ -1,4 +1,4 @@
-"""The experiment's pictures: the paper's figures 4 to 6 on our scenes, and what is true."""
+"""The experiment's pictures: the paper's figures 4 to 6 on our scenes, and the truth."""
 
 from __future__ import annotations
 
@@ -27,14 +27,7 @@ _DPI: Final = 110
 def plot_counts(series: Sequence[Measured], rules: Sequence[str], path: Path) -> None:
     """Write what rules counted, evaluation by evaluation: figures 4 and 5.
 
-    Parameters
-    ----------
-    series
-        One panel for each.
-    rules
-        Contenders with their steps, a line for each.
-    path
-        The PNG file.
+    Each series has a panel, and each rule, a contender with its step, has a line.
     """
     with panels(_names(series), path, "visible pixels") as every:
         for axes, one in zip(every, series, strict=True):
@@ -68,10 +61,7 @@ def plot_reverse(series: Sequence[Measured], path: Path) -> None:
 
 
 def plot_truth(series: Sequence[Measured], path: Path) -> None:
-    """Write what is true, by the independent reference, and the half-buffer estimate with its band.
-
-    Both axes are logarithmic.
-    """
+    """Write the truth by the independent reference, and the half-buffer estimate with its band."""
     with panels(_names(series), path, "pixels still visibly wrong") as every:
         for axes, one in zip(every, series, strict=True):
             known = [
@@ -95,10 +85,7 @@ def plot_truth(series: Sequence[Measured], path: Path) -> None:
 def panels(
     names: Sequence[str], path: Path, label: str, *, columns: int = 2
 ) -> Iterator[Sequence[Axes]]:
-    """Offer one panel for each name, and write the picture when they are drawn.
-
-    The legend is the first panel's.
-    """
+    """Yield a panel for each name; then write the picture, with the first panel's legend."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 

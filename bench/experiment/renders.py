@@ -1,7 +1,7 @@
-"""The renders that the experiment needs, made by the farm, each once.
+"""The renders that the experiment needs, each made once by the farm.
 
-For each scene a job of the whole cap that keeps its slices, and a reference of as many samples from
-another seed. They are kept in a folder, so that a run that was stopped goes on where it was.
+For each scene these are a job of the whole cap that keeps its slices, and a reference of as many
+samples from another seed. They stay in a folder, so that a stopped run can continue.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from bench.experiment.cases import Case
 
-#: Spp of one slice: the finest step at which a series can be judged.
+#: Spp of one slice, the smallest step at which a series can be judged.
 SLICE_SPP = 50
 _KINDS = ("series", "reference")
 
@@ -29,22 +29,18 @@ _KINDS = ("series", "reference")
 class Size:
     """How large the experiment is."""
 
-    #: Pixels across and down.
-    pixels: int
-    #: Samples per pixel of every series, and of every reference.
-    cap: int
+    pixels: int  #: across and down
+    cap: int  #: spp of every series and every reference
 
 
 @dataclass(frozen=True)
 class Rendered:
-    """What was rendered of one scene."""
+    """The renders of one scene."""
 
     case: Case
     size: Size
-    #: The slices of the series, as `plateau judge` takes them.
-    slices: Path
-    #: The reference's EXR.
-    reference: Path
+    slices: Path  #: a folder that `plateau judge` can read
+    reference: Path  #: an EXR
 
     @property
     def parameters(self) -> dict[str, str]:
@@ -53,16 +49,13 @@ class Rendered:
 
 
 def rendered(case: Case, size: Size, data: Path, *, workers: int) -> Rendered:
-    """Return the renders of a scene, made now where the folder does not have them yet."""
+    """Return the renders of a scene; make those that the folder does not have yet."""
     series, reference = (_render(case, size, data, kind, workers=workers) for kind in _KINDS)
     return Rendered(case, size, series / "slices", reference / "image.exr")
 
 
 def longest(case: Case, pixels: int, data: Path) -> Size | None:
-    """Return the size of the longest renders of a scene that a folder has; None where it has none.
-
-    They are as many pixels across and down as asked for.
-    """
+    """Return the size of a folder's longest renders of a scene with these pixels; None if none."""
     names = [f"{case.slug}-{pixels}-*-{kind}" for kind in _KINDS]
     series, reference = (
         {int(one.name.split("-")[-2]) for one in data.glob(name)} for name in names
@@ -107,5 +100,5 @@ def _render(case: Case, size: Size, data: Path, kind: str, *, workers: int) -> P
 
 
 def _step(cap: int) -> int:
-    """Return a step that divides the cap; a fixed number of samples needs no curve."""
+    """Return a step that divides the cap: these jobs need no curve."""
     return next(step for step in (1000, 500, 100, SLICE_SPP) if cap % step == 0)

@@ -1,4 +1,4 @@
-"""The picture of docs/savings.md: where each rule ends each scene, and what is left to be seen."""
+"""The picture of docs/savings.md: where each rule ends each scene, and the noise left there."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from bench.experiment.spending import Spending
 
-#: Marker and ink of each rule: ours are round, the others have corners.
+#: Marker and colour of each rule; ours are round.
 _MARKS: Final = dict(
     zip(
         RULES,
@@ -33,14 +33,14 @@ _MARKS: Final = dict(
         strict=True,
     )
 )
-#: Where less than a pixel is wrong, in per cent: the lower edge.
+#: Drawn if less than a pixel is wrong, in per cent.
 _NONE: Final = 0.0007
 
 
 def plot_savings(every: Sequence[Spending], path: Path) -> None:
-    """Write a panel for each scene: a mark for each rule, on the curve of what is left to be seen.
+    """Write a panel for each scene: a mark for each rule, on the curve of the noise left.
 
-    A hollow mark did not end the scene; one with a line down has at most so many pixels wrong.
+    A rule with a hollow mark did not end the scene; a line below a mark means "at most".
     """
     names = [one.name for one in every]
     with panels(names, path, "pixels still visibly wrong, %", columns=4) as every_axes:

@@ -1,4 +1,4 @@
-"""The tables of docs/savings.md: what each rule spends, and what it leaves to be seen."""
+"""The tables of docs/savings.md: what each rule spends, and the noise that it leaves."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def time_ratios(spent: Spending, rule: str) -> list[float]:
-    """Return a rule's machine time over that of the fixed samples, run by run of the renderer."""
+    """Return a rule's machine time over that of the fixed samples, for each timed slice."""
     stop = spent.stops[rule]
     looking_s = stop.looks * statistics.median(spent.look_s[rule])
     return [(stop.spp * spp_s + looking_s) / (FIXED_SPP * spp_s) for spp_s in spent.spp_s]
@@ -54,7 +54,7 @@ def summary_table(every: Sequence[Spending]) -> str:
     for rule in RULES:
         stops = [one.stops[rule] for one in every]
         least = [statistics.median(time_ratios(one, rule)) for one in every]
-        # A scene that the rule did not end has cost at least so much, and nobody knows how much.
+        # If the rule did not end the scene, its cost is only known to be at least this.
         most = [ratio if stop.ended else math.inf for ratio, stop in zip(least, stops, strict=True)]
         left = [one.left(rule) for one in every]
         wrong = [many.pixels / one.pixels**2 for many, one in zip(left, every, strict=True)]
@@ -75,7 +75,7 @@ def summary_table(every: Sequence[Spending]) -> str:
 
 
 def cost_table(every: Sequence[Spending]) -> str:
-    """Return what rendering and looking cost, scene by scene."""
+    """Return what rendering and evaluating cost, scene by scene."""
     head = ["scene", "one spp", "one evaluation of ours", "LuxCore's", "Cycles'", "other work"]
     rows = []
     for one in every:
@@ -96,7 +96,7 @@ def _bounds(least: float, most: float) -> str:
 
 
 def _over(share: float, left: Sequence[Left], wrong: Sequence[float]) -> str:
-    """Return in how many scenes more than a share is wrong, and in how many that is not known."""
+    """Return in how many scenes more than a share is wrong, and how many are unsure."""
     over = [many.how for many, one in zip(left, wrong, strict=True) if one > share]
     unsure = over.count("at most")
     return f"{len(over) - unsure}" + (f", {unsure} unsure" if unsure else "")
@@ -127,6 +127,6 @@ def _wrong(spent: Spending, left: Left) -> list[str]:
 
 
 def _name(rule: str) -> str:
-    """Return a rule's name as documents show it: ours are set as code."""
+    """Return a rule's name for a document: ours are set as code."""
     first, _, rest = rule.partition(",")
     return f"`{first}`{',' if rest else ''}{rest}" if first in {"visible", "reverse"} else rule

@@ -1,6 +1,6 @@
-"""One series of slices, judged from end to end: what every rule says, and what is true.
+"""One series of slices, judged from end to end: the value of every rule, and the truth.
 
-Nothing here stops: every rule goes on to the cap, so that its whole curve can be drawn.
+No rule stops a series here: each continues to the cap, so that its whole curve can be drawn.
 """
 
 from __future__ import annotations
@@ -26,43 +26,36 @@ if TYPE_CHECKING:
 
 #: The paper's two steps, in spp.
 STEPS = (50, 100)
-#: Where forecasts are made and other metrics asked, in spp.
+#: The spp at which forecasts are made and other metrics are asked.
 ASKED_AT = (50, 100, 200, 400, 800, 1600, 3200, 6400)
 
 
 @dataclass
 class Curve:
-    """What one rule said, evaluation after evaluation."""
+    """The verdicts of one rule, evaluation by evaluation."""
 
     spp: list[int] = field(default_factory=list)
-    #: The number that the rule watches; None where it had none yet.
-    value: list[float | None] = field(default_factory=list)
-    #: Pixels that it found visible, where it counts any.
-    visible: list[float | None] = field(default_factory=list)
-    #: Where it would have stopped; None where it would not have.
-    stop: int | None = None
+    value: list[float | None] = field(default_factory=list)  #: None while it has none
+    visible: list[float | None] = field(default_factory=list)  #: pixels; None if it counts none
+    stop: int | None = None  #: spp; None if it never stopped
 
 
 @dataclass
 class Measured:
-    """What one series has to tell."""
+    """The results of one series."""
 
     name: str
     pixels: int
     cap: int
-    #: Spp at which the merged image was looked at.
-    spp: list[int] = field(default_factory=list)
-    #: D(independent reference, I_n), in pixels.
-    truth: list[int] = field(default_factory=list)
-    #: The half-buffer estimate with its band, in pixels; None while there are no two halves.
+    spp: list[int] = field(default_factory=list)  #: of each evaluation
+    truth: list[int] = field(default_factory=list)  #: D(independent reference, I_n), in pixels
+    #: The half-buffer estimate with its band, in pixels; None without two halves.
     estimate: list[list[float] | None] = field(default_factory=list)
-    #: The forecast of the spp at which 0.1 % are left, with its band, at `ASKED_AT`; None where it
-    #: was out of reach, or there were no two halves.
+    #: The forecast of the spp at which 0.1 % are left, with its band, at `ASKED_AT`; None if it is
+    #: out of reach or without two halves.
     forecast: list[list[int] | None] = field(default_factory=list)
-    #: What other metrics said at `ASKED_AT`, by name, where they are installed.
-    opinions: dict[str, list[float]] = field(default_factory=dict)
-    #: By contender and step: ``reverse @100``.
-    curves: dict[str, Curve] = field(default_factory=dict)
+    opinions: dict[str, list[float]] = field(default_factory=dict)  #: by metric, at `ASKED_AT`
+    curves: dict[str, Curve] = field(default_factory=dict)  #: by rule and step: ``reverse @100``
 
     def write(self, path: Path) -> None:
         """Write it as JSON."""
@@ -77,7 +70,7 @@ class Measured:
 
 
 def merges(renders: Rendered) -> Iterator[Merge]:
-    """Return the merge after every slice; the same one each time, a slice further."""
+    """Yield the merge after every slice: always the same object, with one slice more."""
     merge = Merge(slice_spp=SLICE_SPP)
     for path in sorted(renders.slices.glob("*.exr")):
         merge.add(decode_partial(path.read_bytes()).pixels)
@@ -85,7 +78,7 @@ def merges(renders: Rendered) -> Iterator[Merge]:
 
 
 def evidence(merge: Merge, metric: CompiledVisibleDifferences) -> Evidence:
-    """Return what a rule is shown of a merge."""
+    """Return the evidence of a merge for the rules."""
     halves = merge.halves()
     return Evidence(
         spp=merge.spp,

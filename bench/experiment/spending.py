@@ -1,6 +1,6 @@
-"""What each rule makes of one series of slices: the samples it spends, and what is left to see.
+"""What each rule spends on one series of slices, and how many pixels are then visibly wrong.
 
-Every rule sees the same slices, ours as a job with their defaults would, and ends for itself.
+Every rule sees the same slices, ours with a job's defaults, and stops on its own.
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ if TYPE_CHECKING:
     from plateau.farm.images.exr import Pixels
     from plateau.metric import Image, Rule
 
-#: What everything is compared with: rendering so many spp, whatever the image looks like.
+#: The basis of comparison: this many spp, whatever the image looks like.
 FIXED_SPP: Final = 10_000
 FIXED: Final = f"fixed {FIXED_SPP:,} spp"
-#: Checks of LuxCore's rule, in spp: its own are 64 apart, which is no whole number of slices.
+#: Spp between checks of LuxCore's rule. Its own 64 are no whole number of slices.
 LUXCORE_STEPS: Final = (SLICE_SPP, 2 * SLICE_SPP)
 CYCLES: Final = "Cycles, whole image"
 CYCLES_ADAPTIVE: Final = "Cycles, pixel by pixel"
@@ -47,16 +47,11 @@ RULES: Final = (*OURS, *LUXCORE, CYCLES, CYCLES_ADAPTIVE)
 class Stop:
     """Where one rule ended one series."""
 
-    #: Samples that a pixel took, on average; all that were rendered where the rule did not end it.
-    spp: float
-    #: Whether the rule ended the series.
-    ended: bool
-    #: How often the rule had looked at the image.
-    looks: int
-    #: D(independent reference, image) then, in pixels.
-    seen: int
-    #: Pixels that still wanted samples; None for a rule that does not tell them apart.
-    unfinished: int | None = None
+    spp: float  #: mean of the pixels; the whole cap if the rule did not end the series
+    ended: bool  #: whether the rule ended the series
+    looks: int  #: evaluations by the rule
+    seen: int  #: D(independent reference, image) then, in pixels
+    unfinished: int | None = None  #: pixels; None for a rule that judges only the whole image
 
 
 @dataclass(frozen=True)
@@ -64,33 +59,26 @@ class Left:
     """How many pixels are still visibly wrong."""
 
     pixels: float
-    #: How well that is known: "", "about" or "at most".
-    how: str
+    how: str  #: how well that is known: "", "about" or "at most"
 
 
 @dataclass
 class Spending:
-    """What all rules made of one series, and what that costs on this machine."""
+    """Where all rules ended one series, and what that costs on this machine."""
 
     name: str
     pixels: int
     cap: int
-    #: Spp at which the merged image was held against the reference.
-    spp: list[int] = field(default_factory=list)
-    #: D(independent reference, I_n), in pixels.
-    truth: list[int] = field(default_factory=list)
-    #: By rule.
-    stops: dict[str, Stop] = field(default_factory=dict)
-    #: Core seconds to render one spp of the whole image, run by run.
-    spp_s: list[float] = field(default_factory=list)
-    #: By rule: core seconds of one look, run by run.
-    look_s: dict[str, list[float]] = field(default_factory=dict)
-    #: Share of the cores that other work had meanwhile.
-    others: float = 0.0
+    spp: list[int] = field(default_factory=list)  #: of each comparison with the reference
+    truth: list[int] = field(default_factory=list)  #: D(independent reference, I_n), in pixels
+    stops: dict[str, Stop] = field(default_factory=dict)  #: by rule
+    spp_s: list[float] = field(default_factory=list)  #: core seconds of one spp, slice by slice
+    look_s: dict[str, list[float]] = field(default_factory=dict)  #: of an evaluation, by rule
+    others: float = 0.0  #: other work's share of the cores while slices were timed
 
     @property
     def measured(self) -> Measured:
-        """What is true of the series."""
+        """The truth of the series."""
         return Measured(self.name, self.pixels, self.cap, self.spp, self.truth)
 
     def left(self, rule: str) -> Left:
@@ -98,11 +86,11 @@ class Spending:
         return self.left_by(self.stops[rule], evenly=rule != CYCLES_ADAPTIVE)
 
     def left_by(self, stop: Stop, *, evenly: bool = True) -> Left:
-        """Return how many pixels were still visibly wrong, the noise of the reference taken out.
+        """Return how many pixels were still visibly wrong, without the noise of the reference.
 
-        That is done as in docs/paper.md. Where pixels have different spp, the reference is taken to
-        have added as much as to an image with as many samples spread evenly. Late in a series what
-        it added is not known: there are at most as many as are seen against the reference.
+        docs/paper.md says how. If pixels differ in spp, the reference's noise is taken to add as
+        much as to an image whose samples are spread evenly. Late in a series its part is unknown,
+        and the count against the reference is an upper bound.
         """
         true = truth_at(self.measured, stop.spp)
         if true is None or not stop.seen:
@@ -126,16 +114,15 @@ class Spending:
 
 @dataclass
 class WholeImage:
-    """A rule that judges one merged image after the other."""
+    """A rule that judges the merged image as a whole."""
 
-    #: Spp between two looks.
-    step: int
+    step: int  #: spp between two evaluations
     stops: Callable[[Evidence], bool]
     looks: int = 0
 
 
 def whole_image_rules(view: View) -> dict[str, WholeImage]:
-    """Return fresh rules by name, all but the one that ends pixels one by one."""
+    """Return new rules by name, except the one that ends pixels one by one."""
     step = JobSpec().step
     ours: dict[str, Rule] = {
         "visible": create_rule("visible"),
@@ -167,7 +154,7 @@ def _by_error(rule: CyclesThreshold) -> Callable[[Evidence], bool]:
 
 
 def spend(renders: Rendered) -> Spending:
-    """Let every rule end a series for itself, and hold what it left against the reference."""
+    """Let every rule end a series, and compare the image that it left with the reference."""
     metric = CompiledVisibleDifferences(View())
     reference = metric.percept(decode_image(renders.reference.read_bytes()))
     spent = Spending(renders.case.name, renders.size.pixels, renders.size.cap)
@@ -200,7 +187,7 @@ def spend(renders: Rendered) -> Spending:
 
 
 def _unfinished(merge: Merge) -> int:
-    """Return how many pixels Cycles' rule still waits for."""
+    """Return how many pixels keep Cycles' rule from ending."""
     halves = merge.halves()
     assert halves is not None
     return int((~CyclesThreshold().done(merge.image(), halves[0][0])).sum())
@@ -228,6 +215,6 @@ class _Pairs:
         return self.ended
 
     def stop(self, seen: int) -> Stop:
-        """Return where it stands."""
+        """Return its present state as a stop."""
         rule = self.rule
         return Stop(rule.mean_spp, self.ended, self.looks, seen, rule.active_pixels)

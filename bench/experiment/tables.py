@@ -1,4 +1,4 @@
-"""The experiment's tables, in Markdown: what docs/paper.md shows is written by this."""
+"""The Markdown tables of docs/paper.md."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ if TYPE_CHECKING:
 
     from bench.experiment.series import Measured
 
-#: What the paper renders without a rule, in spp.
+#: Spp that the paper renders without a rule.
 PAPER_CAP = 10_000
-#: Where the estimate is held against the truth, in spp.
+#: The spp at which the estimate is compared with the truth.
 _ESTIMATED_AT = (100, 200, 400, 800, 1600, 3200)
-#: Where the forecast is held against the truth, in spp.
+#: The spp at which the forecast is compared with the truth.
 _FORECAST_AT = (100, 200, 400, 800, 1600)
 #: A stop further from the truth than this misses the goal.
 GOAL = 0.10
-#: A stop where so many times the target is still visible is a false one.
+#: A stop with more than this many times the target still visible is a false one.
 FALSE_STOP = 3.0
 
 
@@ -34,15 +34,10 @@ FALSE_STOP = 3.0
 class Stop:
     """Where one contender stopped in one series."""
 
-    scene: str
-    #: None where it had not stopped by the cap.
-    spp: int | None
-    #: `spp` over the true one, less 1; None where either is unknown.
-    error: float | None
-    #: Share of the pixels still visibly wrong when it stopped, the reference's noise taken out.
-    wrong: float | None
-    #: Share of the paper's 10,000 spp that were not rendered.
-    saved: float
+    spp: int | None  #: None if it had not stopped by the cap
+    error: float | None  #: `spp` over the true one, less 1; None if either is unknown
+    wrong: float | None  #: share of pixels visibly wrong then, without the reference's noise
+    saved: float  #: share of the paper's 10,000 spp that were not rendered
 
 
 def stops(measured: Measured) -> dict[str, Stop]:
@@ -53,7 +48,6 @@ def stops(measured: Measured) -> dict[str, Stop]:
         spp = curve.stop
         wrong = None if spp is None else truth_at(measured, spp)
         found[name] = Stop(
-            measured.name,
             spp,
             error=None if spp is None or true is None else spp / true - 1,
             wrong=None if wrong is None else wrong / measured.pixels**2,
@@ -63,7 +57,7 @@ def stops(measured: Measured) -> dict[str, Stop]:
 
 
 def truth_table(series: Sequence[Measured]) -> str:
-    """Return from which spp on each image is converged, by target."""
+    """Return the spp from which each image is converged, by target."""
     head = ["scene", "rendered to"]
     head += [f"{target:.2%} against the reference" for target in TARGETS]
     head += [f"{target:.2%} against the truth" for target in TARGETS]

@@ -1,8 +1,8 @@
 """When an image is converged, by an independent reference.
 
 The reference R_N has noise of its own: D(R_N, I_m) sees as much noise as D(truth, I_n) would, where
-1/n = 1/m + 1/N. So an image falls under a target against the reference later than it would against
-the converged image; `converged_spp` takes that out.
+1/n = 1/m + 1/N. So an image reaches a target against the reference later than against the converged
+image; `converged_spp` corrects for that.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ TARGETS: Final = (0.01, 0.001, 0.0001)
 
 
 def reference_spp(measured: Measured, target: float) -> int | None:
-    """Return the spp from which on D(R_N, I_n) stays under a target; None where it never does."""
+    """Return the spp from which on D(R_N, I_n) stays under a target; None if it never does."""
     allowed = allowed_pixels(target, measured.pixels**2)
     counts = dict(zip(measured.spp, measured.truth, strict=True))
     last_above = max((spp for spp, count in counts.items() if count > allowed), default=0)
@@ -29,10 +29,7 @@ def reference_spp(measured: Measured, target: float) -> int | None:
 
 
 def true_spp(measured: Measured, target: float) -> float | None:
-    """Return the spp from which on D(truth, I_n) stays under a target; None where it never does.
-
-    That is `reference_spp` with the noise of the reference taken out.
-    """
+    """Return `reference_spp` without the noise of the reference: that of D(truth, I_n)."""
     spp = reference_spp(measured, target)
     return None if spp is None else converged_spp(spp, measured.cap)
 
@@ -49,10 +46,7 @@ def converged_spp(spp: float, reference_spp: int) -> float:
 
 
 def truth_at(measured: Measured, spp: float) -> float | None:
-    """Return D(truth, I_n) at `spp`, in pixels, the reference's noise taken out.
-
-    None where the series does not reach far enough to say.
-    """
+    """Return D(truth, I_n) at `spp`, in pixels; None if the series does not reach far enough."""
     if spp >= measured.cap:
         return None
     seen = 1 / (1 / spp - 1 / measured.cap)

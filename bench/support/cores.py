@@ -1,4 +1,4 @@
-"""CPU time: what the whole machine spends, and what a family of processes does."""
+"""CPU time of the whole machine, and of this process with its descendants."""
 
 from __future__ import annotations
 
@@ -16,17 +16,16 @@ if TYPE_CHECKING:
 
 @dataclass
 class Taken:
-    """What a stretch of work took, once it is over."""
+    """The cost of some work, once it is over."""
 
     wall_s: float = 0.0
-    cpu_s: float = 0.0  #: of this process's children that ended meanwhile, and theirs
-    #: How much of the cores everything else took meanwhile, this machine's host included.
-    others: float = 0.0
+    cpu_s: float = 0.0  #: of this process's descendants that ended meanwhile
+    others: float = 0.0  #: share of the cores that all other work took, the host's included
 
 
 @contextmanager
 def timed() -> Iterator[Taken]:
-    """Yield what the context takes; its numbers are there when it is left."""
+    """Measure the context; the numbers are set when it is left."""
     taken = Taken()
     ours, all_, started = children_cpu_s(), machine_cpu_s(), time.monotonic()
     yield taken
@@ -37,14 +36,14 @@ def timed() -> Iterator[Taken]:
 
 @dataclass
 class Others:
-    """What everything but this process and all below it did, once that is over."""
+    """All work but that of this process and its descendants, once it is over."""
 
-    share: float = 0.0  #: of the cores, this machine's host included
+    share: float = 0.0  #: of the cores, the host's included
 
 
 @contextmanager
 def others_meanwhile() -> Iterator[Others]:
-    """Yield what other work does in the context; its share is there when the context is left."""
+    """Measure other work during the context; its share is set when the context is left."""
     others = Others()
     started, ours, all_ = time.monotonic(), family_cpu_s(), machine_cpu_s()
     yield others
@@ -57,13 +56,13 @@ def _share(cpu_s: float, wall_s: float) -> float:
 
 
 def children_cpu_s() -> float:
-    """Return the CPU seconds of this process's children that have ended, and of theirs."""
+    """Return the CPU seconds of this process's descendants that have ended."""
     used = resource.getrusage(resource.RUSAGE_CHILDREN)
     return used.ru_utime + used.ru_stime
 
 
 def machine_cpu_s() -> float:
-    """Return the CPU seconds that the machine has spent on anything, or that its host withheld."""
+    """Return the CPU seconds that the machine has spent, or that its host withheld."""
     times = psutil.cpu_times()
     # Guests' time is part of the user's.
     idle = {"idle", "iowait", "guest", "guest_nice"}
@@ -71,7 +70,7 @@ def machine_cpu_s() -> float:
 
 
 def family_cpu_s() -> float:
-    """Return the CPU seconds of this process, of all below it that live, and of those it buried."""
+    """Return the CPU seconds of this process and all its descendants, alive or ended."""
     ours = psutil.Process()
     used = ours.cpu_times()
     spent = used.user + used.system + used.children_user + used.children_system

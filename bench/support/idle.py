@@ -1,4 +1,4 @@
-"""When a farm's render children come to rest, seen from outside: by their CPU time."""
+"""When a farm's render children become idle, observed by their CPU time."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from typing import TYPE_CHECKING
 import psutil
 
 if TYPE_CHECKING:
-    from types import TracebackType
+    pass
 
-#: Between two looks; the kernel counts CPU time in hundredths of a second.
+#: Between two readings; the kernel counts CPU time in hundredths of a second.
 _LOOK_S = 0.01
-#: A child that spent nothing for so long is idle: its shortest pause at work is far shorter.
+#: A child that used no CPU time for this long is idle: its pauses at work are far shorter.
 _REST_S = 0.4
 
 
 class RenderChildren:
-    """Watches the render children below a process while the context lasts."""
+    """Watches the render children among a process's descendants while the context lasts."""
 
     def __init__(self, pid: int) -> None:
         self._root = psutil.Process(pid)
@@ -34,17 +34,12 @@ class RenderChildren:
         self._thread.start()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._over.set()
         self._thread.join()
 
     def idle_since(self) -> float:
-        """When they last spent anything, in seconds of `time.time`; waits until they are idle."""
+        """Wait until they are idle; return when they last used CPU time, as `time.time`."""
         while time.time() < self._changed_at + _REST_S:
             time.sleep(_LOOK_S)
         return self._changed_at

@@ -1,7 +1,7 @@
-"""Tables of figures in Markdown, and their places in the documents that show them.
+"""Tables of figures in Markdown, and their places in the documents.
 
 A place is a pair of comments, ``<!-- NAME -->`` and ``<!-- /NAME -->``. A benchmark writes its
-tables there, so that no figure is copied by hand.
+tables between them, so that no figure is copied by hand.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 
 def spread(one: Mapping[str, Any], decimals: int) -> str:
-    """Return a figure of a report: its median, and the lowest and the highest of its runs."""
+    """Return a figure of a report as text: its median, lowest and highest value."""
     values = one["value"], one["spread"]["lowest"], one["spread"]["highest"]
     return "{} ({} to {})".format(*(f"{value:.{decimals}f}" for value in values))
 
 
 def machine(report: Mapping[str, Any], shown: Sequence[str]) -> str:
-    """Return the machine, these settings of a report and the other work meanwhile as a table."""
+    """Return a table of a report's machine, these settings, and the other work meanwhile."""
     about, settings = report["machine"], report["settings"]
     others = next(one for one in report["figures"] if one["name"] == OTHERS)
     row = [f"{about['cpu']}, {about['os']}", about["cores"], *map(settings.get, shown)]
@@ -41,13 +41,13 @@ def machine(report: Mapping[str, Any], shown: Sequence[str]) -> str:
 
 
 def places(document: Path) -> dict[str, str]:
-    """Return what stands in each place of a document, by name."""
+    """Return the content of each place of a document, by name."""
     place = r"<!-- ([\w-]+) -->\n\n?(.*?)\n?<!-- /\1 -->"
     return dict(re.findall(place, document.read_text(), re.DOTALL))
 
 
 def fill(document: Path, tables: Mapping[str, str]) -> None:
-    """Put tables into their places in a document; one without a place is left out."""
+    """Write tables into their places in a document; skip those without a place."""
     text = document.read_text()
     for name in tables.keys() & places(document).keys():
         start, end = f"<!-- {name} -->\n", f"<!-- /{name} -->"

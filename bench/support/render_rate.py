@@ -1,4 +1,4 @@
-"""What one sample per pixel of a scene costs to render, without any farm around it."""
+"""The cost of one sample per pixel of a scene, rendered without a farm."""
 
 from __future__ import annotations
 
@@ -23,25 +23,16 @@ _SLICES = 5
 
 @dataclass(frozen=True)
 class RenderRate:
-    """What rendering takes."""
+    """The cost of rendering."""
 
-    #: Core seconds for one sample in every pixel, slice by slice.
-    spp_s: list[float]
-    #: Share of the cores that other work had meanwhile.
-    others: float
+    spp_s: list[float]  #: core seconds of one sample in every pixel, slice by slice
+    others: float  #: other work's share of the cores meanwhile
 
 
 def render_rate(scene: Path, parameters: Mapping[str, str], slice_spp: int) -> RenderRate:
-    """Return what it takes one Mitsuba process, on all cores, to render slices of a scene.
+    """Have one Mitsuba process render slices of a scene on all cores, and return the cost.
 
-    Parameters
-    ----------
-    scene
-        A folder with a ``scene.xml``.
-    parameters
-        Values of its ``$parameters``, ``width`` and ``height`` among them.
-    slice_spp
-        Samples per pixel of a slice.
+    `scene` is a folder with a ``scene.xml``; `width` and `height` are among its `parameters`.
     """
     choice, threads = choose(Settings().cache), len(os.sched_getaffinity(0))
     schedule = SeedSchedule(

@@ -1,4 +1,4 @@
-"""What a benchmark leaves behind: its figures, and the machine and the moment they belong to."""
+"""The report of a benchmark: its figures, the machine and the date."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ OTHERS = "other work on the cores meanwhile"
 
 @dataclass(frozen=True, kw_only=True)
 class Spread:
-    """How far the runs behind a figure lie apart."""
+    """The range of the runs behind a figure."""
 
     lowest: float
     highest: float
@@ -37,16 +37,13 @@ class Spread:
 
 @dataclass(frozen=True, kw_only=True)
 class Figure:
-    """One number, with all that it takes to read it."""
+    """One number, with everything needed to read it."""
 
     name: str
     value: float
-    #: Of `value` and `spread`: ``ratio``, ``s``, ``spp/s``.
-    unit: str
-    #: What it is compared with, in words; None for a plain measurement.
-    compared_with: str | None = None
-    #: What it should be, in words; None where nothing was promised.
-    goal: str | None = None
+    unit: str  #: such as ``ratio``, ``s``, ``spp/s``
+    compared_with: str | None = None  #: in words; None for a plain measurement
+    goal: str | None = None  #: in words
     spread: Spread | None = None
 
 
@@ -77,7 +74,7 @@ def p99(values: Sequence[float]) -> float:
 
 
 def others_figure(shares: Sequence[float]) -> Figure:
-    """Return which share of the cores other work had: where it had any, times are too long."""
+    """Return other work's share of the cores, which makes times too long."""
     return figure(OTHERS, shares, "of the cores", goal="none, for figures to quote")
 
 
@@ -140,7 +137,7 @@ def in_words(one: Figure) -> str:
 
 
 def machine() -> dict[str, Any]:
-    """Return what of this machine a figure may depend on, its load at this moment included."""
+    """Return everything about this machine that may affect a figure, its present load included."""
     libraries = llvm_libraries()
     return {
         "cpu": _cpu_model(),

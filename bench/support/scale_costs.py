@@ -1,4 +1,4 @@
-"""What each thing that a worker or a monitor asks of Redis costs it, and what a merge costs."""
+"""What each request of a worker or a monitor costs Redis, and what a merge costs."""
 
 from __future__ import annotations
 
@@ -24,16 +24,10 @@ _MERGES = 7
 
 
 def costs(farm: ControlPlane, *, jobs: int, turns: int) -> dict[str, tuple[float, float]]:
-    """Return of each request the µs of Redis's CPU, and the bytes that it adds to Redis's log.
+    """Return the µs of Redis's CPU and the bytes of Redis's log for each request.
 
-    Parameters
-    ----------
-    farm
-        A control plane without monitors and without jobs.
-    jobs
-        So many wait meanwhile.
-    turns
-        How often each request is made.
+    The control plane has no monitors and no jobs; this many `jobs` wait during the measurement.
+    Each request is made `turns` times.
     """
     owners, queue = Ownerships(farm.client, lease_s=600), SliceQueue(farm.client, "one", 600)
     owned: list[Ownership] = []
@@ -75,9 +69,9 @@ def costs(farm: ControlPlane, *, jobs: int, turns: int) -> dict[str, tuple[float
 
 
 def merge_costs(store: Blobs, sizes: Sequence[tuple[int, int]]) -> dict[str, tuple[float, float]]:
-    """Return for each size, width and height, the CPU ms of one merge, and a partial's bytes.
+    """Return the CPU ms of one merge and a partial's bytes for each width and height.
 
-    As a monitor does it: the partial is fetched, checked, decoded and added.
+    As in a monitor, the partial is fetched, checked, decoded and added.
     """
     found = {}
     for width, height in sizes:

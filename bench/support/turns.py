@@ -1,8 +1,8 @@
-"""Process trees that run in turns: a machine that slows down for a while slows each alike.
+"""Process trees that run in turns, so that a machine that slows down slows them alike.
 
-Two runs of a minute each, one after the other, differ by more than what is to be measured where the
-machine's speed drifts, as that of a virtual one does. So both live at once, and run and are stopped
-(SIGSTOP) in turns of a fraction of a second; each has a time of its own, that of its turns.
+The speed of a virtual machine drifts. Two runs of a minute, one after the other, then differ by
+more than is to be measured. So both are alive at once and run in turns of a fraction of a second,
+stopped (SIGSTOP) in between; the clock of each counts its own turns only.
 """
 
 from __future__ import annotations
@@ -20,22 +20,20 @@ from bench.support.cores import children_cpu_s
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-#: Long beside what a turn's change takes (some milliseconds), short beside a machine's moods.
+#: Long compared with a change of turns (some milliseconds), short compared with the drift.
 TURN_S: Final = 0.5
 _LOOK_EVERY_S: Final = 0.005
 
 
 @dataclass
 class Ran:
-    """What a process tree had, once it has ended."""
+    """The turns of a process tree and its CPU time, once it has ended."""
 
-    #: Its turns, from when to when, in seconds of `time.time`.
-    turns: list[tuple[float, float]] = field(default_factory=list)
-    #: CPU seconds of the tree.
+    turns: list[tuple[float, float]] = field(default_factory=list)  #: start and end, `time.time`
     cpu_s: float = 0.0
 
     def own_s(self, until: float = float("inf")) -> float:
-        """Return how many seconds of its turns lie before a moment of `time.time`."""
+        """Return the seconds of its turns before a moment of `time.time`."""
         return sum(max(0.0, min(end, until) - start) for start, end in self.turns)
 
 
@@ -45,21 +43,21 @@ def take_turns(
     *,
     after_turn: Callable[[str], None] = lambda _name: None,
 ) -> dict[str, Ran]:
-    """Let processes, each with all below it, run in turns until all have ended.
+    """Let processes, each with its descendants, run in turns until all have ended.
 
     Parameters
     ----------
     processes
-        By name, in the order of their turns; just started.
+        Newly started processes by name, in the order of their turns.
     turn_s
-        How long a turn is.
+        Seconds of a turn.
     after_turn
-        Called with its name after the turn of one that has not ended.
+        Called with the name of a process after its turn, unless it has ended.
 
     Raises
     ------
     ChildProcessError
-        One failed. All are killed then.
+        One failed; all others are killed.
     """
     ran = {name: Ran() for name in processes}
     trees = {name: _Tree(process) for name, process in processes.items()}
@@ -88,10 +86,10 @@ def take_turns(
 
 
 class _Tree:
-    """A process and all below it.
+    """A process and its descendants.
 
-    Who is in it is looked up when its turn is over, since a look takes milliseconds: so a turn
-    begins and ends for all of them at once.
+    These are looked up after a turn, since that takes milliseconds: so a turn begins and ends for
+    all of them at once.
     """
 
     def __init__(self, root: psutil.Popen) -> None:
@@ -102,7 +100,7 @@ class _Tree:
         self._signal(self._members, signal.SIGCONT)
 
     def stop(self) -> float:
-        """Return when all had stopped that were there as the turn began."""
+        """Stop all; return when those known at the start of the turn had stopped."""
         self._signal(self._members, signal.SIGSTOP)
         stopped_at = time.time()
         while born := [one for one in self._below() if one not in self._members]:
@@ -112,7 +110,7 @@ class _Tree:
         return stopped_at
 
     def status(self, within_s: float) -> int | None:
-        """Return the root's exit code, once it has ended; None where it goes on for so long."""
+        """Return the root's exit code once it ends; None if it still runs after `within_s`."""
         deadline = time.monotonic() + within_s
         status: int | None = None
         while status is None and time.monotonic() < deadline:
@@ -121,7 +119,7 @@ class _Tree:
         return status
 
     def kill(self) -> None:
-        """End all of it."""
+        """Kill all processes."""
         self._signal([*self._members, *self._below()], signal.SIGKILL)
         self._root.wait()
 

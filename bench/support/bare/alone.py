@@ -1,4 +1,4 @@
-"""Has one Mitsuba process render passes alone, as `bench.support.bare.mitsuba` does."""
+"""Starts one Mitsuba process that renders passes alone: `bench.support.bare.mitsuba`."""
 
 from __future__ import annotations
 
@@ -22,22 +22,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Alone:
-    """What one Mitsuba process is to render."""
+    """The work of one Mitsuba process."""
 
-    #: A folder with a ``scene.xml``.
-    scene: Path
-    #: Values of its ``$parameters``.
-    parameters: Mapping[str, str]
+    scene: Path  #: a folder with a ``scene.xml``
+    parameters: Mapping[str, str]  #: of the scene
     passes: Iterable[Pass]
-    #: What Mitsuba runs with.
     variant: str
     llvm_library: str | None
     threads: int
-    #: The worker's, whose home has the kernels that Dr.Jit has compiled.
-    cache: Path
-    #: Where the image goes, as .npy; nowhere else.
-    image: Path | None = None
-    #: What the process has beside these.
+    cache: Path  #: the worker's; its home has the kernels that Dr.Jit has compiled
+    image: Path | None = None  #: an .npy file for the image, which is otherwise dropped
     environment: Mapping[str, str] = field(default_factory=lambda: os.environ)
 
     def render(self) -> dict[str, Any]:
@@ -46,7 +40,7 @@ class Alone:
         Raises
         ------
         ChildProcessError
-            It failed; why is on standard error.
+            It failed; the reason is on standard error.
         """
         with tempfile.TemporaryFile() as told:
             process = self.start(told)
@@ -55,7 +49,7 @@ class Alone:
             return read_told(told)
 
     def start(self, told: IO[bytes]) -> psutil.Popen:
-        """Start the process; what it says, for `read_told`, goes into the file."""
+        """Start the process; it writes its answer, for `read_told`, into the file."""
         request = {
             "variant": self.variant,
             "threads": self.threads,
@@ -83,7 +77,7 @@ class Alone:
 
 
 def read_told(told: IO[bytes]) -> dict[str, Any]:
-    """Return what a process that has ended said."""
+    """Return the answer of a process that has ended."""
     told.seek(0)
     answer: dict[str, Any] = json.load(told)
     return answer

@@ -1,10 +1,10 @@
-"""What uvicorn and Starlette do by themselves: answers with the bytes that they were given.
+"""A bare app on uvicorn and Starlette: it answers with the bytes that it was given.
 
     python -m bench.support.bare.app < ANSWERS.json
 
-`ANSWERS.json` is an object of texts by name. The URL is printed once the app listens there:
-``GET /NAME`` answers the text of that name; ``POST /NAME`` likewise, once its form is read; and
-``GET /stream/NAME`` sends it as an event, again and again, to all who listen at the same time.
+`ANSWERS.json` is an object of texts by name. The app prints its URL once it listens. ``GET /NAME``
+answers with the text of that name; ``POST /NAME`` does so after it has read the form; and ``GET
+/stream/NAME`` repeatedly sends it as an event, to all clients at the same time.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ _PAUSE_S = 0.7
 
 
 class _Ticker:
-    """The time of the last event, for all who wait for the next."""
+    """The time of the last event, for all streams that wait for the next."""
 
     def __init__(self) -> None:
         self._tick = asyncio.Condition()
@@ -90,7 +90,7 @@ def main() -> None:
         lifespan=lifespan,
     )
     listener = listen("127.0.0.1", 0)
-    listener.listen()  # whoever connects before the loop runs waits a moment
+    listener.listen()  # clients that connect before the loop runs wait for it
     print(url_of(listener), flush=True)
     config = uvicorn.Config(app, log_level="warning", access_log=False, timeout_graceful_shutdown=1)
     uvicorn.Server(config).run(sockets=[listener])

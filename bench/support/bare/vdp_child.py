@@ -1,6 +1,6 @@
 """One comparison of two .npy files in a fresh process, as `bench.vdp` starts it.
 
-Prints, as JSON, what starting costs and how much memory it takes.
+Prints the cost of starting, and the memory, as JSON.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def main() -> None:
 
 
 def peak_mib() -> float | None:
-    """Return the most memory that this process has held; None where the system does not tell."""
+    """Return the most memory that this process has held; None if the system does not tell."""
     # `getrusage` would count the parent's as well.
     status = Path("/proc/self/status")
     if not status.exists():

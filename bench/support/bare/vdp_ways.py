@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 
 class PlainPredictor(VisibleDifferences):
-    """The formulas one after the other, each for every pixel, without a thought for speed."""
+    """Applies each formula to every pixel, one after the other, without regard for speed."""
 
     def visible(self, reference: Percept, test: Percept) -> Mask:
         """Return the map of visible pixels."""
@@ -57,10 +57,10 @@ class PlainPredictor(VisibleDifferences):
 
 
 class Flip:
-    """NVIDIA's FLIP in a process of its own, which it may end."""
+    """NVIDIA's FLIP in a process of its own, since it may crash."""
 
     def __init__(self, reference: Image, test: Image) -> None:
-        # What a screen can show, as FLIP's "LDR" wants it.
+        # FLIP's "LDR" takes values that a screen can show.
         pair = (np.clip(reference, 0, 1), np.clip(test, 0, 1))
         self._child = ProcessPoolExecutor(
             1, multiprocessing.get_context("spawn"), initializer=_receive, initargs=pair
@@ -84,7 +84,7 @@ class Flip:
 
 
 class PerceptualDiff:
-    """Yee's own program, where a user has it; it reads PNG files and runs on one thread."""
+    """Yee's own program, if it is installed; it reads PNG files and runs on one thread."""
 
     def __init__(self, reference: Image, test: Image, folder: Path) -> None:
         self._files = [folder / "reference.png", folder / "test.png"]
@@ -111,14 +111,14 @@ class PerceptualDiff:
 
 
 def cpu_s(evaluate: Callable[[], Any]) -> float:
-    """Return the CPU time that this process takes to evaluate something."""
+    """Return the CPU time of a call in this process."""
     started = time.process_time()
     evaluate()
     return time.process_time() - started
 
 
 def noisy_pair(shape: tuple[int, int], noise: float) -> tuple[Image, Image]:
-    """Return two noisy images of one scene, of light that a screen can show."""
+    """Return two noisy images of one scene, with light that a screen can show."""
     rng = np.random.default_rng(2007)
     y, x = np.mgrid[0 : 1 : shape[0] * 1j, 0 : 1 : shape[1] * 1j].astype(np.float32)
     checks = np.where((np.floor(9 * x) + np.floor(6 * y)) % 2 == 0, 0.8, 0.25)

@@ -1,4 +1,4 @@
-"""A farm whose memory is looked at: real processes, and slices that are rendered or made up."""
+"""The memory of a farm's processes, and slices for them that nobody renders."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ from plateau.farm.redis.link import connect
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator
 
-#: Words of a process's command line, by what it is called here.
+#: A word of each process's command line.
 _ROLES = {
     "API": "api",
     "monitor": "monitor",
     "worker": "worker",
     "render child": "plateau.worker.child",
 }
-#: No worker here has it: so its slices are left to `made_up`.
+#: A variant that no worker here has, so that its slices are left to `made_up`.
 MADE_UP = "cuda_ad_rgb"
 _WORKER = "made-up"
 _LEASE_S = 600.0
@@ -38,7 +38,7 @@ _LOOK_S = 0.01
 
 
 def peaks(farm: ServiceFarm) -> dict[str, float]:
-    """The most memory that each process of a farm ever had resident, in MB, by its role."""
+    """Return the most memory that each process of a farm ever had resident, in MB, by role."""
     found = {}
     for process in psutil.Process(farm.pid).children(recursive=True):
         with suppress(psutil.NoSuchProcess):
@@ -59,10 +59,10 @@ def _peak_mb(pid: int) -> float:
 def made_up(
     redis_url: str, store: str, jobs: Collection[str], *, slices: int, width: int, height: int
 ) -> Iterator[None]:
-    """Commit so many slices of each of these jobs: noise, put and committed as a worker does it.
+    """Commit this many slices of noise for each job, as a worker does.
 
-    Slices are taken as the queue gives them; those that are not wanted stay leased while the
-    context lasts, so that it goes on to the next job.
+    The queue chooses the slices. Those of finished jobs stay leased while the context lasts, so
+    that the queue offers the next job's.
     """
     with connect(redis_url) as client:
         queue, keeps = SliceQueue(client, _WORKER, _LEASE_S), Blobs(store)
@@ -71,7 +71,7 @@ def made_up(
             while any(count > 0 for count in left.values()):
                 lease = queue.lease((MADE_UP,), None, in_turn=False)
                 if lease is None:
-                    time.sleep(_LOOK_S)  # the monitor plans the next ones
+                    time.sleep(_LOOK_S)  # until the monitor plans the next ones
                     continue
                 if left[lease.job_id] <= 0:
                     kept.append(lease)
@@ -82,7 +82,7 @@ def made_up(
 
 
 def _commit(queue: SliceQueue, store: Blobs, lease: Lease, width: int, height: int) -> bool:
-    """Put and commit the slice; returns whether it counts."""
+    """Put and commit the slice; return whether it counts."""
     content = made_up_partial(
         width=width,
         height=height,

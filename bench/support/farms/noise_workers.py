@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from plateau.farm.model.spec import JobSpec
     from plateau.farm.redis.client import RedisClient
 
-#: As `plateau.worker.supervisor.supervisor` has it.
+# As in `plateau.worker.supervisor.supervisor`.
 _IDLE_S = 0.5
 _LEASE_S = 15.0
 _VARIANT = "analytic:numpy"
@@ -42,20 +42,20 @@ _PATIENCE_S = 600.0
 
 @dataclass
 class Spent:
-    """What workers have done since it was cleared."""
+    """The work of all workers since the last `clear`."""
 
     spp: int = 0  #: in passes that were rendered to their end
-    busy_s: float = 0.0  #: of all workers, upload and commit included
-    at_work: int = 0  #: workers that have a slice in hand
+    busy_s: float = 0.0  #: upload and commit included
+    at_work: int = 0  #: workers that have a slice
     _lock: threading.Lock = field(default_factory=threading.Lock)
 
     def clear(self) -> None:
-        """Begin again; who is at work stays so."""
+        """Start again, with the same workers at work."""
         with self._lock:
             self.spp, self.busy_s = 0, 0.0
 
     def add(self, *, spp: int = 0, busy_s: float = 0.0, at_work: int = 0) -> None:
-        """Count what a worker has done."""
+        """Add a worker's work."""
         with self._lock:
             self.spp += spp
             self.busy_s += busy_s
@@ -63,16 +63,9 @@ class Spent:
 
 
 class NoiseCrew:
-    """Workers that render one after the other what `render` says.
+    """Workers that render the scene `render`, a pass in `pass_s` seconds.
 
-    Parameters
-    ----------
-    client, store
-        Redis and the blob store of the farm.
-    pass_s
-        Seconds that a pass takes.
-    slowness
-        Of workers that take a multiple of that.
+    `slowness` has a factor for each worker that takes longer.
     """
 
     render: Render
@@ -90,26 +83,26 @@ class NoiseCrew:
         self._ended: set[str] = set()
 
     def work(self, worker: str, stop: Stop) -> None:
-        """Be one worker until `stop` is set."""
+        """Run one worker until `stop` is set."""
         queue = SliceQueue(self._client, worker, _LEASE_S)
-        work_there_is = Wake(self._client, keys.wake_worker(worker))
-        work_there_is.wait(0.0, stop)
+        new_work = Wake(self._client, keys.wake_worker(worker))
+        new_work.wait(0.0, stop)
         said = about(worker, (_VARIANT,), datetime.now(timezone.utc).isoformat())
         queue.heartbeat(said, ())
         while not stop.is_set():
             lease = queue.lease((_VARIANT,), None, in_turn=False)
             if lease is None:
-                work_there_is.wait(min(_IDLE_S, queue.look_again_s), stop)
+                new_work.wait(min(_IDLE_S, queue.look_again_s), stop)
                 continue
             started = time.monotonic()
             self.spent.add(at_work=1)
             self._serve(queue, lease, worker, stop)
             self.spent.add(at_work=-1, busy_s=time.monotonic() - started)
             queue.heartbeat(said, ())
-        work_there_is.close()
+        new_work.close()
 
     def listen(self, stop: Stop) -> None:
-        """Hear which jobs have ended, for all."""
+        """Listen for jobs that end, on behalf of all workers."""
         news = Wake(self._client, keys.WAKE_WORKERS)
         while not stop.is_set():
             self._ended |= {word.removeprefix("ended ") for word in news.wait(_IDLE_S, stop)}
@@ -118,7 +111,7 @@ class NoiseCrew:
     def _serve(self, queue: SliceQueue, lease: Lease, worker: str, stop: Stop) -> None:
         started, spec, size = time.monotonic(), lease.spec, self.render.size
         pass_s = self._pass_s * self._slowness.get(worker, 1.0)
-        over = {lease.job_id, f"{lease.job_id} {lease.entry}"}  # as the news of it has it
+        over = {lease.job_id, f"{lease.job_id} {lease.entry}"}  # as announced
         schedule = spec.seed_schedule(lease.variant, size, size)
         passes = schedule.passes(lease.index)
         for one in passes:

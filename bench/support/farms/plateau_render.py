@@ -1,4 +1,4 @@
-"""Runs `plateau render` as a user does, and looks at what its processes use meanwhile."""
+"""Runs `plateau render` as a user does, and samples the CPU time of its processes."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Look:
-    """CPU seconds that the farm's processes had used at one moment, those that had ended too."""
+    """CPU seconds of the farm's processes until one moment, ended processes included."""
 
     at: float  #: in seconds of `time.time`
     all_: float
@@ -28,7 +28,7 @@ class Look:
 
 
 class Watch:
-    """What `plateau render` and all below it use, look by look."""
+    """Samples the CPU time of `plateau render` and its descendants."""
 
     def __init__(self, root: psutil.Process) -> None:
         self._root = root
@@ -37,7 +37,7 @@ class Watch:
         self.looks = [Look(at=time.time(), all_=0.0, monitor=0.0)]
 
     def look(self) -> None:
-        """Note what each had used by now; one that has ended, what it had by the look before."""
+        """Take a sample; a process that has ended counts as in the sample before."""
         for process in (self._root, *self._root.children(recursive=True)):
             with suppress(psutil.NoSuchProcess):  # it ended a moment ago
                 times = process.cpu_times()
@@ -63,16 +63,16 @@ def render(
     scene
         A folder or a file, as on the command line.
     out
-        Where the results go.
+        The folder for the results.
     parameters
         Values of the scene's ``$parameters``.
     options
-        Of the command, ``--step`` say; where the value is True, without one.
+        Options of the command, such as ``--step``; a flag has the value True.
 
     Raises
     ------
     subprocess.CalledProcessError
-        The command failed; why is on standard error.
+        The command failed; the reason is on standard error.
     """
     with start(scene, out, parameters=parameters, options=options) as process:
         if process.wait():

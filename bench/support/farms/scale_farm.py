@@ -1,4 +1,4 @@
-"""The control plane of a farm, Redis and monitors as `plateau` starts them, and what it spends."""
+"""A farm's control plane, Redis and monitors as `plateau` starts them, and its costs."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
 _START_S = 120.0
-#: A monitor says three times in this time what it has done.
+#: A monitor reports its work three times in this time.
 _MONITOR_LEASE_S = 6.0
-#: Jobs that no rule ends while they are looked at.
+#: Jobs that no rule ends during a measurement.
 SPEC = JobSpec(max_spp=1_000_000, rule=FixedSpec(spp=1_000_000))
-#: So many at once make the jobs, and share the time that Redis takes to write to its disk.
+#: How many threads create jobs, so that they share Redis's waits for its disk.
 _HANDS = 16
 #: Processes of simulated workers, at most.
 _CREWS = 4
@@ -42,40 +42,31 @@ _CREWS = 4
 
 @dataclass(frozen=True, kw_only=True)
 class Sample:
-    """What was spent until a moment: seconds, calls, bytes, slices."""
+    """The costs up to a moment: seconds, calls, bytes, slices."""
 
     at: float
     redis_cpu_s: float
-    commands: float  #: those that scripts call included
-    scripts: float  #: that were run
-    scripts_us: float  #: in them
-    log_bytes: float  #: that Redis has written
+    commands: float  #: those of scripts included
+    scripts: float  #: runs
+    scripts_us: float  #: of all runs
+    log_bytes: float  #: written by Redis
     monitors_cpu_s: float
-    merged_at: float  #: when monitors last said what they had done, by Redis's clock
+    merged_at: float  #: when monitors last reported their work, by Redis's clock
     merges: float
     merges_us: float
     evaluations: float
     evaluations_us: float
 
     def since(self, before: Sample) -> Sample:
-        """What was spent between two moments; `at` and `merged_at` are how long that was."""
+        """Return the costs between two moments; `at` and `merged_at` are then durations."""
         own, other = asdict(self), asdict(before)
         return Sample(**{one.name: own[one.name] - other[one.name] for one in fields(self)})
 
 
 class ControlPlane:
-    """An embedded Redis and so many monitors, in a folder of their own, while the context lasts.
+    """An embedded Redis in `folder`, and monitors, while the context lasts.
 
-    Parameters
-    ----------
-    folder
-        Of Redis, where it waits for the disk.
-    blobs
-        The folder of the blob store.
-    monitors
-        How many.
-    fsync
-        Whether every write to Redis is on the disk before it is answered, as Plateau has it.
+    With `fsync`, every write to Redis is on disk before it is answered, as always in Plateau.
     """
 
     def __init__(self, folder: Path, blobs: Path, *, monitors: int = 1, fsync: bool = True) -> None:
@@ -123,7 +114,7 @@ class ControlPlane:
         return process
 
     def add_jobs(self, count: int) -> float:
-        """Make so many jobs; returns how long it took until slices of all of them were planned."""
+        """Create jobs; return the seconds until slices of all of them were planned."""
         started = time.monotonic()
         with ThreadPoolExecutor(_HANDS) as hands:
             made = list(hands.map(lambda _: self._add_job(), range(count)))
@@ -139,7 +130,7 @@ class ControlPlane:
 
     @contextmanager
     def workers(self, count: int, *, render_s: float, size: int) -> Iterator[list[Slice]]:
-        """So many simulated workers; when the context has ended, the list has what they did."""
+        """Run simulated workers while the context lasts; the list then has their slices."""
         done: list[Slice] = []
         crews = min(_CREWS, count)
         with ExitStack() as over:
@@ -150,7 +141,7 @@ class ControlPlane:
                     self._server.url, self._blobs, f"crew-{number}", workers, render_s, size
                 )
                 started.append(over.enter_context(_crew(crew)))
-            for process in started:  # they import and connect side by side
+            for process in started:  # all import and connect at the same time
                 if _pipe(process.stdout).readline() != "ready\n":
                     raise AssertionError("simulated workers did not start")
             for process in started:
@@ -162,7 +153,7 @@ class ControlPlane:
                 done += [Slice(**one) for one in json.load(_pipe(process.stdout))]
 
     def sample(self) -> Sample:
-        """What was spent so far."""
+        """Return the costs so far."""
         pipe = self.client.pipeline(transaction=False)
         for section in ("cpu", "commandstats", "persistence"):
             pipe.info(section)
@@ -218,7 +209,7 @@ def _crew(crew: Crew) -> Iterator[subprocess.Popen[str]]:
 
 
 def _kill(process: subprocess.Popen[Any]) -> None:
-    """End a process with which there is nothing more to do; nobody needs what it has in hand."""
+    """Kill a process whose work is no longer needed."""
     process.kill()
     for stream in (process.stdin, process.stdout):
         if stream is not None and not stream.closed:

@@ -1,8 +1,8 @@
-"""Workers that do all that a worker does but render: a process of many, each with its connections.
+"""A process of many simulated workers, each with its own connections, which do not render.
 
-Each leases a slice, waits for as long as it is said to render, puts a partial that was made ahead
-into the blob store, and commits it, by the code that real workers use; without work it waits for a
-hint. Each renews its leases, and listens for jobs that end.
+Each leases a slice, waits as long as a render would take, puts a prepared partial into the blob
+store and commits it, by the code of real workers. Without work it waits to be woken. Each renews
+its leases, and listens for jobs that end.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from plateau.farm.redis import keys
 from plateau.farm.redis.link import connect
 from plateau.farm.redis.wake import Wake
 
-#: As `plateau.worker.supervisor.supervisor` has them.
+# As in `plateau.worker.supervisor.supervisor`.
 _IDLE_S, _TURN_S, _HEARTBEAT_S, _LEASE_S = (0.5, 5.0), 20.0, 5.0, 15.0
 _VARIANTS = ("llvm_ad_rgb", "scalar_rgb")
 _STACK_BYTES = 1 << 19
@@ -35,14 +35,14 @@ _STACK_BYTES = 1 << 19
 
 @dataclass(frozen=True)
 class Crew:
-    """What a process of simulated workers is started with."""
+    """The arguments of a process of simulated workers."""
 
     redis_url: str
     blobs: str
     name: str
     workers: int
-    render_s: float  #: that a slice takes, on average
-    size: int  #: of the partials, in pixels, as their width and their height
+    render_s: float  #: mean time of a slice
+    size: int  #: width and height of the partials in pixels
 
 
 @dataclass(frozen=True)
@@ -79,9 +79,7 @@ class _Worker:
             wake.wait(0.0, self._stop)
 
     def run(self) -> None:
-        self._stop.wait(
-            self._random.uniform(0, self._crew.render_s)
-        )  # they do not begin all at once
+        self._stop.wait(self._random.uniform(0, self._crew.render_s))  # workers start unevenly
         idle = Backoff(*_IDLE_S)
         while not self._stop.is_set():
             started = time.monotonic()
@@ -98,12 +96,9 @@ class _Worker:
             self._serve(lease, started)
             self._held = None
 
-    def _render(self) -> None:
-        self._stop.wait(self._crew.render_s * self._random.uniform(0.8, 1.2))
-
     def _serve(self, lease: Lease, started: float) -> None:
         leased = time.monotonic()
-        self._render()
+        self._stop.wait(self._crew.render_s * self._random.uniform(0.8, 1.2))
         rendered = time.monotonic()
         name = blobs.partial(lease.job_id, lease.index, f"{self.id}-{lease.tries}")
         self._store.put(name, self._content)
@@ -131,7 +126,7 @@ class _Worker:
 
 
 def _keep_alive(workers: list[_Worker], stop: Stop) -> None:
-    """Send every worker's heartbeat in turn, evenly over its interval, and hear its news."""
+    """Send the workers' heartbeats, evenly over the interval, and read their announcements."""
     for worker in cycle(workers):
         if stop.wait(_HEARTBEAT_S / len(workers)):
             return
@@ -140,7 +135,7 @@ def _keep_alive(workers: list[_Worker], stop: Stop) -> None:
 
 
 def main() -> None:
-    """Work until standard input ends, then write what was done to standard output as JSON."""
+    """Work until standard input ends, then write the slices to standard output as JSON."""
     crew, stop = Crew(**json.loads(sys.argv[1])), Stop()
     # The same for every slice: no rule is to be satisfied.
     content = made_up_partial(width=crew.size, height=crew.size, spp=25, variant=_VARIANTS[0])

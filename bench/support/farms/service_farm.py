@@ -1,4 +1,4 @@
-"""A whole farm on this machine, as `plateau up` starts it, with thousands of jobs behind it."""
+"""A whole farm on this machine, as `plateau up` starts it, with thousands of finished jobs."""
 
 from __future__ import annotations
 
@@ -28,28 +28,20 @@ from plateau.farm.redis.link import connect
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-    from types import TracebackType
 
 _START_S = 120.0
-#: One job in so many is in the batch that is listed, and one in so many has failed.
+#: One job in this many has failed and is in the batch `BATCH`.
 RARE = 200
 BATCH = "a rare batch"
-#: As many at once as share the time that Redis takes to write to its disk.
+#: How many threads create jobs, so that they share Redis's waits for its disk.
 _HANDS = 16
 
 
 class ServiceFarm:
     """`plateau up` with one worker, in a folder of its own, while the context lasts.
 
-    Parameters
-    ----------
-    folder
-        Its data.
-    jobs
-        So many finished ones are there already when it starts: one in `RARE` failed and in the
-        batch `BATCH`, the others cancelled.
-    threads
-        Of the render child.
+    It starts with this many finished `jobs`, of which one in `RARE` has failed and the others are
+    cancelled. `threads` are those of the render child.
     """
 
     def __init__(self, folder: Path, *, jobs: int, threads: int) -> None:
@@ -86,23 +78,18 @@ class ServiceFarm:
         self.pid = self._process.pid
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._client.close()
         with self._process:  # which closes its output and waits
             self._process.terminate()
 
     def steer(self, job_id: str, to: str) -> None:
-        """Pause a job, and wait until its worker has nothing to do; or resume it, until it has."""
+        """Pause a job and wait until its worker is idle, or resume it and wait until it works."""
         httpx.post(f"{self.url}/v1/jobs/{job_id}/{to}", trust_env=False).raise_for_status()
         self.wait(lambda: any(one.job for one in self.jobs.workers()) == (to == "resume"))
 
     def clear(self, keep: str) -> None:
-        """Cancel every job that has not ended, but for one."""
+        """Cancel every unfinished job but one."""
         for state in (JobState.QUEUED, JobState.RENDERING):
             found, _ = self.jobs.search(state=state, limit=100_000)
             for job in found:
@@ -128,7 +115,7 @@ def _said(pattern: str, text: str) -> str:
 
 
 def _fill(folder: Path, count: int) -> None:
-    """Make a data folder with so many finished jobs."""
+    """Make a data folder with this many finished jobs."""
     server = EmbeddedRedis(folder / "redis")
     try:
         with connect(server.url) as client:

@@ -1,7 +1,7 @@
-"""Renders of which the truth is known, judged without a farm.
+"""Renders whose truth is known, judged without a farm.
 
-What a rule or an estimate makes of them can be held against what is true. The image and its noise
-are those of the analytic renderer.
+Rules and estimates can be compared with that truth. The image and its noise are those of the
+analytic renderer.
 """
 
 from __future__ import annotations
@@ -20,22 +20,18 @@ from plateau.worker.renderers.analytic.picture import Picture
 if TYPE_CHECKING:
     from plateau.metric import Image
 
-#: What tables call the noises of `plateau.farm.bundle.analytic.NOISES` that they name otherwise.
+#: The noises of `plateau.farm.bundle.analytic.NOISES` that have another name in tables.
 _NOISES = {"Gaussian": "gaussian", "with fireflies": "fireflies"}
 
 
 @dataclass(frozen=True)
 class Render:
-    """One render that goes on for as long as it is asked to."""
+    """One render that can continue without end."""
 
-    #: One of `plateau.farm.bundle.analytic.LIGHTS`.
-    scene: str
-    #: Gaussian, heavy-tailed, filtered, or with fireflies.
-    noise: str
-    #: Standard deviation of one sample over the scene's own light.
-    level: float
-    #: Pixels across and down.
-    size: int
+    scene: str  #: one of `plateau.farm.bundle.analytic.LIGHTS`
+    noise: str  #: Gaussian, heavy-tailed, filtered, or with fireflies
+    level: float  #: standard deviation of one sample over the scene's own light
+    size: int  #: pixels across and down
     seed: int
 
     @cached_property
@@ -57,10 +53,9 @@ class Render:
         return self.picture.truth
 
     def images(self, spps: list[int]) -> Iterator[tuple[int, Image, tuple[Half, Half]]]:
-        """Return the merged image and its two halves at each of these spp, 2 or more and ascending.
+        """Yield the merged image and its two halves at each of these spp, ascending from 2 or more.
 
-        Every image holds the samples of the one before. Where an odd number is added, the halves
-        take turns at the sample more.
+        Every image holds the samples of the one before. At odd spp the first half has one more.
         """
         rng = np.random.default_rng([self.seed, self.size])
         sums = np.zeros((2, self.size, self.size, 3))

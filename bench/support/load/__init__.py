@@ -1,1 +1,1 @@
-"""Clients that put a load on a farm, and note what they see."""
+"""Clients that put a load on a farm and measure its answers."""

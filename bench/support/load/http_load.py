@@ -1,6 +1,6 @@
 """A client that costs little itself: requests as bytes, one keep-alive connection for each caller.
 
-What a library's client would add to a latency is not the server's.
+A library's client would add its own time to the server's latency.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from urllib.parse import urlsplit
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator, Iterator, Mapping
 
-#: A server closes a connection that was not used for longer.
+#: A connection unused for longer is not used again, since the server may close it.
 _KEPT_ALIVE_S = 3.0
 _BOUNDARY = "a-part-of-the-benchmark"
 
 
 @dataclass(frozen=True)
 class Call:
-    """A server's URL and a request to it, as it goes over the wire."""
+    """A server's URL and the bytes of a request to it."""
 
     url: str
     request: bytes
@@ -39,7 +39,7 @@ class Connection:
     @classmethod
     @asynccontextmanager
     async def to(cls, url: str) -> AsyncIterator[Connection]:
-        """Open one, and close it in the end."""
+        """Open a connection for the context."""
         host, port = address(url)
         reader, writer = await asyncio.open_connection(host, port, limit=1 << 24)
         try:
@@ -49,7 +49,7 @@ class Connection:
             await writer.wait_closed()
 
     async def answer(self, request: bytes) -> bytes:
-        """Return the body of the answer, or raise where its status is no 2xx."""
+        """Return the body of the answer; raise if its status is not 2xx."""
         self._writer.write(request)
         head = await self._reader.readuntil(b"\r\n\r\n")
         length = next(
@@ -77,7 +77,7 @@ def get(path: str, accept: str = "application/json") -> bytes:
 
 
 def post_form(path: str, fields: Mapping[str, str], scene: bytes | None = None) -> bytes:
-    """Return a POST of a form with these fields and, where one is given, a file named `scene`."""
+    """Return a POST of a form with these fields and, if given, the file `scene`."""
     start = f"--{_BOUNDARY}\r\nContent-Disposition: form-data; name="
     parts = [f'{start}"{name}"\r\n\r\n{value}\r\n'.encode() for name, value in fields.items()]
     if scene is not None:
@@ -93,10 +93,10 @@ def post_form(path: str, fields: Mapping[str, str], scene: bytes | None = None) 
 async def at_a_rate(
     calls: Mapping[str, Call], *, per_s: float, seconds: float
 ) -> dict[str, list[float]]:
-    """Make each of these calls at random moments, so often a second; return latencies in seconds.
+    """Make each of these calls at random moments, at this rate; return latencies in seconds.
 
-    They count from the moment at which a request was due: one that had to wait for another counts
-    its wait, as the user does who sends it.
+    A latency counts from the moment at which the request was due, so that a wait for another
+    request counts, as it does for a user.
     """
 
     async def often(name: str, call: Call) -> list[float]:
@@ -122,7 +122,7 @@ async def at_a_rate(
 
 
 async def in_turn(calls: Mapping[str, Iterator[Call]], *, turns: int) -> dict[str, list[float]]:
-    """Make each of these calls once, and so on for so many turns; return latencies in seconds."""
+    """Make each of these calls in turn, this many times; return latencies in seconds."""
     found: dict[str, list[float]] = {name: [] for name in calls}
     async with AsyncExitStack() as closing:
         connections: dict[str, Connection] = {}
@@ -140,7 +140,7 @@ async def in_turn(calls: Mapping[str, Iterator[Call]], *, turns: int) -> dict[st
 
 
 async def at_once(calls: Iterator[Call], *, callers: int, turns: int) -> float:
-    """Return how many calls a second are answered when so many callers make so many each."""
+    """Return the answers a second when this many callers each make `turns` calls."""
 
     async def caller(first: Call) -> None:
         async with Connection.to(first.url) as connection:

@@ -1,4 +1,4 @@
-"""What `bench.scale` puts a control plane under, and what is seen there."""
+"""The loads of `bench.scale` on a control plane, and what is measured under them."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from bench.support.farms.scale_workers import Slice
 
-#: Of images, in pixels, for which merges are planned.
+#: Sizes in pixels of the images whose merges are timed.
 _SIZES = ((512, 512), (1920, 1080))
 
 
@@ -29,11 +29,11 @@ class Plan:
 
     workers: tuple[int, ...] = (1, 100, 1000)  #: each with each of the jobs
     jobs: tuple[int, ...] = (1, 30, 1000)
-    render_s: float = 2.0  #: that a slice takes there
-    rates: tuple[float, ...] = (1000.0,)  #: slices/s, asked of as many workers
+    render_s: float = 2.0  #: of a slice there
+    rates: tuple[float, ...] = (1000.0,)  #: slices/s, asked of the most workers
     monitors: tuple[int, ...] = (1, 2)  #: with each of the rates
     waiting: int = 1000  #: workers without jobs, and then jobs without workers
-    turns: int = 300  #: of each request whose cost is taken
+    turns: int = 300  #: of each request whose cost is measured
     warm_s: float = 1.0  #: after the first slices were committed
     seconds: float = 3.0
     size: int = 16  #: of partials, in pixels
@@ -42,13 +42,13 @@ class Plan:
 
 @dataclass(frozen=True, kw_only=True)
 class Seen:
-    """What a control plane did under one load."""
+    """The measurements under one load."""
 
     name: str
     planned_s: float  #: until slices of all jobs were planned
     spent: Sample
     slices: tuple[Slice, ...]  #: those that were committed meanwhile
-    others: float  #: how much of the cores everything else took
+    others: float  #: other work's share of the cores
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class Found:
 
 
 def measure(plan: Plan) -> Found:
-    """Return what is found; takes some minutes as planned by default."""
+    """Measure every load and cost; the default plan takes some minutes."""
     with _control_plane(plan, monitors=0) as farm:
         cost = costs(farm, jobs=max(plan.jobs), turns=plan.turns)
     with tempfile.TemporaryDirectory(dir=plan.folder) as folder:

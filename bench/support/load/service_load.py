@@ -1,4 +1,4 @@
-"""What `bench.api` asks of a farm: requests of each kind in each phase, and what came of them."""
+"""The requests of `bench.api` to a farm, of each kind in each phase, and their latencies."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ from plateau.scenes import FOLDER
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-#: The farm's job is paused; it renders; and hundreds watch it.
+#: The farm's job is paused; it renders; it renders while hundreds watch.
 PHASES = ("idle", "rendering", "watched")
-#: What nobody here renders, so that a posted job stays in the queue.
+#: No worker here has this variant, so that a posted job stays in the queue.
 _POSTED = JobSpec(variant="cuda_ad_rgb", priority=-1000)
 _SCENE = """<scene version="3.0.0">
   <integrator type="path"/>
@@ -56,7 +56,7 @@ class Plan:
     seconds: float = 20.0  #: of GETs, and of watching, in each phase
     per_s: float = 20.0  #: GETs a second of each kind
     turns: int = 20  #: of pages and of POSTs, in each phase
-    callers: int = 8  #: who POST at once
+    callers: int = 8  #: that POST at once
     size: int = 256  #: of the image that is rendered, in pixels
     slice_spp: int = 25  #: and a point after each
     threads: int = field(default_factory=lambda: len(os.sched_getaffinity(0)))
@@ -65,20 +65,17 @@ class Plan:
 
 @dataclass(frozen=True)
 class Found:
-    """What was measured: by phase, then by name, the latencies in seconds of each round."""
+    """The measurements of all rounds; times are in seconds."""
 
-    latencies: dict[str, dict[str, list[list[float]]]]
-    #: POSTs a second, of several callers.
-    rates: dict[str, list[float]]
-    #: Seconds from a point's time until the last watcher had it, for each point of each round.
-    delays: list[list[float]]
-    bare_delays: list[list[float]]  #: and of the bare app's events
-    #: How much of the cores everything else took meanwhile, this machine's host included.
-    others: list[float]
+    latencies: dict[str, dict[str, list[list[float]]]]  #: by phase, request and round
+    rates: dict[str, list[float]]  #: POSTs a second of all callers, by phase
+    delays: list[list[float]]  #: from each point's time until the last watcher had it, by round
+    bare_delays: list[list[float]]  #: the same for the bare app's events
+    others: list[float]  #: other work's share of the cores, the host's included
 
 
 def measure(plan: Plan) -> Found:
-    """Return what the farm does under this load."""
+    """Put this load on a farm and return the measurements."""
     found = Found(defaultdict(lambda: defaultdict(list)), defaultdict(list), [], [], [])
     with tempfile.TemporaryDirectory() as folder:
         farm = ServiceFarm(Path(folder), jobs=plan.jobs, threads=plan.threads)
@@ -126,7 +123,7 @@ class _Load:
         }
 
     def samples(self) -> dict[str, str]:
-        """What the bare app is to answer: a job, a page, an event's data."""
+        """Return the bare app's answers: a job, a page, an event's data."""
         url = f"{self._farm.url}/v1/jobs"
         with httpx.Client(trust_env=False) as http:
             happened = http.get(
@@ -139,7 +136,7 @@ class _Load:
             }
 
     def take_round(self, found: Found) -> None:
-        """Take every figure once in each phase."""
+        """Measure everything once in each phase."""
         events = f"/v1/jobs/{self._job}/events"
         for phase in PHASES:
             self._farm.steer(self._job, "pause" if phase == "idle" else "resume")
@@ -206,7 +203,7 @@ def _delays(watch: Watchers) -> list[float]:
 
 @contextmanager
 def _bare_app(answers: dict[str, str]) -> Iterator[str]:
-    """The URL of a bare app with these answers."""
+    """Start a bare app with these answers; yield its URL."""
     with subprocess.Popen(
         [sys.executable, "-m", "bench.support.bare.app"],
         cwd=ROOT,

@@ -1,8 +1,8 @@
-"""Many who watch one stream of events, and when each event reached the first and the last of them.
+"""Many watchers of one stream of events, and when each event reached the first and the last.
 
     python -m bench.support.load.watchers URL PATH COUNT
 
-Prints `ready` when all are answered; at the end of its input it prints, as a JSON list, a
+Prints `ready` when all are connected; at the end of its input it prints a JSON list with a
 `Received` for each event.
 """
 
@@ -23,26 +23,24 @@ from bench.support.load.http_load import address, get
 if TYPE_CHECKING:
     from types import TracebackType
 
-#: So long after the end, an event of before may still reach those who lack it.
+#: How long after the end an earlier event may still arrive.
 _PATIENCE_S = 15.0
 _EVENT = re.compile(rb"id: (\d+)-(\d+)\nevent: (\w+)\n")
 
 
 @dataclass(kw_only=True)
 class Received:
-    """An event, and who has it."""
+    """An event and its arrival; times are those of `time.time`."""
 
     type: str
-    #: Seconds of `time.time`: when it was written, by its id, and when the first and the last of
-    #: its receivers had it.
-    at: float
-    first: float
-    last: float
+    at: float  #: when it was written, by its id
+    first: float  #: at the first watcher
+    last: float  #: at the last watcher so far
     receivers: int
 
 
 class Watchers:
-    """So many watchers of a stream, in a process of their own, while the context lasts."""
+    """Watchers of a stream, in a process of their own, while the context lasts."""
 
     def __init__(self, url: str, path: str, count: int) -> None:
         self._count = count
@@ -73,7 +71,7 @@ class Watchers:
             self.received = self._checked([Received(**one) for one in json.loads(said)])
 
     def _checked(self, received: list[Received]) -> list[Received]:
-        """Return the points, each of which all must have."""
+        """Return the points; raise if a watcher lacks an event."""
         for one in received:
             if one.receivers != self._count:
                 raise AssertionError(f"{one.receivers} of {self._count} received {one}")
@@ -81,7 +79,7 @@ class Watchers:
 
 
 class _Watcher(asyncio.Protocol):
-    """One connection; it looks at what it receives as little as it can."""
+    """One connection, which reads as little of each event as possible."""
 
     def __init__(self, request: bytes, events: dict[tuple[int, int], Received]) -> None:
         self._request = request
