@@ -30,14 +30,14 @@ from bench.support.report import (
 from bench.support.turns import TURN_S
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.process.settings import Settings
-from plateau.scenes import FOLDER
+from plateau.scenes import FOLDER, NAMES
 from plateau.worker.supervisor.variants import choose
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-_SCENES = ("box", "bar", "oculist", "plants")
 _SIZES = ((128, 128), (256, 256), (512, 512), (1920, 1080))
+_QUICK_SIZES = ((128, 128), (512, 512))
 EFFICIENCY = "efficiency: samples per second once under way, merged and judged"
 CPU = "CPU time of a sample once under way"
 WHOLE = "samples per second from the command line to the results"
@@ -61,8 +61,8 @@ class Effort:
     pairs: int = 3
     seconds: float = 60.0  #: of a run's own time, unless four steps take longer
     step: int = JobSpec().step
-    rounds: int = 3  #: of the calibration, each with so many samples or one call of each size
-    samples: int = 2**22
+    rounds: int = 3  #: of the calibration
+    samples: int = 2**22  #: of each size of call in a round, unless one call has more
     turn_s: float = TURN_S
 
 
@@ -71,7 +71,7 @@ _QUICK = Effort(pairs=1, seconds=10, step=50, rounds=2)
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--scenes", nargs="+", choices=_SCENES, default=_SCENES)
+    parser.add_argument("--scenes", nargs="+", choices=NAMES, default=NAMES)
     parser.add_argument(
         "--sizes", nargs="+", type=_size, metavar="WIDTHxHEIGHT", help="default: four sizes"
     )
@@ -92,7 +92,7 @@ def main() -> None:
         if (value := getattr(options, name)) is not None
     }
     effort = replace(_QUICK if options.quick else Effort(), **asked)
-    sizes = options.sizes or (_SIZES[:3:2] if options.quick else _SIZES)
+    sizes = options.sizes or (_QUICK_SIZES if options.quick else _SIZES)
 
     choice, threads = choose(Settings().cache), len(os.sched_getaffinity(0))
     cases = [
@@ -120,7 +120,7 @@ def main() -> None:
             "The bare renderer is under way from the end of its first call.",
             "The calibration and a first run of each compile the kernels; they are not counted.",
             "A run's seconds are those of its own turns; in the other's it is stopped.",
-            "What a clock makes the farm do, it does twice as often in a second of its own.",
+            "Work that the farm does by the clock falls on its own seconds twice as often.",
             "Only render children are niced: other work on the cores slows the farm more.",
         ],
     )

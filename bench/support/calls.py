@@ -1,7 +1,7 @@
 """The bare renderer at its fastest: how many samples per pixel each of its calls should have.
 
-A call of Mitsuba costs some milliseconds beside its samples, so small calls are slow where the film
-is small. Large ones take memory, a wavefront's 2^32 samples at the very most.
+A call of Mitsuba costs some milliseconds besides its samples, which slows small calls of small
+films. Large calls take memory, and have 2^32 samples at most.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from plateau.worker.supervisor.variants import VariantChoice
 
-#: spp of a call that are tried.
+#: The spp of a call that are tried.
 CALLS_SPP: Final = (16, 32, 64, 128, 256)
 #: Samples of the largest call: some 2 GB of a JIT variant's memory.
 LARGEST_CALL: Final = 2**26
@@ -66,7 +66,7 @@ class Case:
 
 
 def calls_that_fit(case: Case, spp: int) -> list[int]:
-    """Return the spp of a call that fit memory, three calls or more in an image of so many spp."""
+    """Return the spp of calls that fit memory and three times or more into an image of `spp`."""
     most = min(LARGEST_CALL // case.pixels, spp // 3)
     return [one for one in CALLS_SPP if one <= most] or [max(1, most)]
 
@@ -76,8 +76,8 @@ def call_rates(
 ) -> dict[int, float]:
     """Return samples per second by the spp of a call, the best of some rounds over all of them.
 
-    A round renders so many samples in calls of each size, or one call where that has more. The
-    first compiles the kernels; with two or more it is hardly ever the best.
+    A round renders this many samples with each size of call, or one call if that has more. The
+    first round compiles the kernels; with two or more it is hardly ever the best.
     """
     calls = {spp: max(1, samples // (spp * case.pixels)) for spp in calls_spp}
     readings = list(calls) * rounds

@@ -15,13 +15,9 @@ import subprocess
 import sys
 import time
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING
 
 from bench import ROOT
 from bench.support.load.http_load import address, get
-
-if TYPE_CHECKING:
-    from types import TracebackType
 
 #: How long after the end an earlier event may still arrive.
 _PATIENCE_S = 15.0
@@ -58,13 +54,8 @@ class Watchers:
             raise AssertionError("the watchers were not let in")
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        said, _ = self._process.communicate()
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        said = self._process.communicate()[0]
         if kind is None:
             if self._process.returncode:
                 raise AssertionError("the watchers ended early")
