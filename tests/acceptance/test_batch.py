@@ -22,7 +22,7 @@ SPEC = JobSpec.model_validate(
         "slice_spp": 20,
         "max_spp": 2000,
         "min_spp": 100,
-        "rule": {"name": "reverse", "window": 2, "epsilon": 50.0},
+        "rule": {"name": "reverse", "window": 2, "epsilon": 500.0},
     }
 )
 
