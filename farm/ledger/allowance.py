@@ -1,10 +1,10 @@
-"""How many requests a key may make: a bucket for each key in Redis, shared by all API processes.
+"""The rate limit of a key's requests: a bucket in Redis, shared by all API processes.
 
 A bucket holds `burst` requests and fills at the key's rate (the generic cell rate algorithm: one
 number for each key, the time at which the bucket will be full). Redis syncs each write to the disk,
-which costs milliseconds, so a process takes a handful of requests at a time and grants them from
-memory: at most a tenth of a burst, or of what a minute gives, and for a minute. So a key never gets
-more than its rate and its burst; a process that leaves some of its handful unused wastes them.
+which costs milliseconds. So a process takes a handful of requests at a time, at most a tenth of a
+burst or of a minute's rate, and grants them from memory for a minute. A key never gets more than
+its rate and its burst; requests left of a handful are lost.
 """
 
 import threading
@@ -17,7 +17,7 @@ from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.commands.api_keys import Take
 from plateau.farm.redis.scripts import Scripts
 
-#: A handful that was not used by then is taken anew. So a key's last use is known to a minute.
+#: A handful expires after this; so a key's last use is known to a minute.
 _HANDFUL_S: Final = 60.0
 
 
@@ -36,12 +36,9 @@ class Allowance:
         self._in_hand: dict[str, _Handful] = {}
 
     def seconds_to_wait(self, key: ApiKey) -> float:
-        """0 where the key may make a request now, which is then counted; else when it may again.
+        """Count a request and return 0, or return the wait until the key may make the next.
 
-        Raises
-        ------
-        StoreUnavailable
-            Redis is away.
+        Raises `StoreUnavailable` when Redis is away.
         """
         if self._granted_from_memory(key.id):
             return 0.0

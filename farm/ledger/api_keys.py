@@ -1,10 +1,10 @@
-"""API keys: made, looked up, given another secret, revoked; kept in one hash of Redis.
+"""API keys, kept in one hash of Redis.
 
 A key is shown once, as ``plateau_<id>_<secret>``; its id is no secret and names it from then on.
-The secret has 256 random bits, so its plain SHA-256 is stored: what slows guessing down, as scrypt
-does for passwords, would cost each request milliseconds and protect nothing: nobody guesses that.
+The secret has 256 random bits, so a plain SHA-256 of it is stored: a slow hash, such as scrypt,
+would cost each request milliseconds, and nobody can guess the secret anyway.
 
-A revoked key stays, so that it is known whose a job was, and so that nothing is open again.
+A revoked key stays: its jobs keep an owner, and the API does not become open again.
 """
 
 import hashlib
@@ -31,14 +31,14 @@ _SHOWN: Final = re.compile(r"plateau_([0-9a-f]{12})_([0-9a-f]{64})")
 
 
 class Role(str, Enum):
-    """What a key may do; each may what those before it may."""
+    """What a key may do; each role includes those before it."""
 
     VIEWER = "viewer"  #: look at everything
     SUBMITTER = "submitter"  #: submit jobs, and steer its own
     ADMIN = "admin"  #: steer everybody's jobs
 
     def includes(self, other: "Role") -> bool:
-        """Whether who has this role may do what the other may."""
+        """Whether this role may do what the other may."""
         roles = list(Role)
         return roles.index(self) >= roles.index(other)
 
@@ -64,7 +64,7 @@ class KeyLimits(BaseModel):
 
 
 class ApiKey(BaseModel):
-    """What is known of a key; its secret is not."""
+    """A key without its secret."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -78,7 +78,7 @@ class ApiKey(BaseModel):
 
     @property
     def usable(self) -> bool:
-        """Whether it was not revoked."""
+        """Whether the key was not revoked."""
         return self.revoked_at is None
 
 
@@ -90,7 +90,7 @@ class ApiKeys:
         self._scripts = Scripts(client)
 
     def create(self, name: str, role: Role, limits: KeyLimits) -> tuple[ApiKey, str]:
-        """A new key, and the form in which it is shown this once."""
+        """A new key, and its only showing."""
         key_id = secrets.token_hex(6)
         secret, sha256 = _new_secret()
         key = ApiKey(
@@ -100,15 +100,15 @@ class ApiKeys:
         return key, _shown(key_id, secret)
 
     def admit(self, shown: str, name: str, role: Role, limits: KeyLimits) -> ApiKey:
-        """The key that somebody else made, in the form in which it is shown; known from now on.
+        """Store a key that somebody else made, given as it is shown; returns it.
 
-        One of the same id gets this name, role, secret and limits, so doing it again is harmless,
-        and another secret of that id is a rotation.
+        A known key of this id gets this name, role, secret and limits: repeating it is harmless,
+        and another secret is a rotation.
 
         Raises
         ------
         UnknownKey
-            It has not the form of a key, or the key of that id was revoked.
+            It does not have the form of a key, or the key of this id was revoked.
         """
         match = _SHOWN.fullmatch(shown)
         if match is None:
@@ -125,15 +125,12 @@ class ApiKeys:
         if self._put(new):
             return new
 
-        def changed(key: ApiKey) -> ApiKey:
-            if not key.usable:
-                raise UnknownKey(f"key {key_id} ({key.name}) was revoked; make another")
-            return new.model_copy(update={"created_at": key.created_at})
-
-        return self._change(key_id, changed)
+        return self._change(
+            key_id, lambda key: new.model_copy(update={"created_at": _alive(key).created_at})
+        )
 
     def rotate(self, key_id: str) -> tuple[ApiKey, str]:
-        """The same key with another secret, and the form in which that is shown this once.
+        """The same key with another secret, and its only showing.
 
         The old secret opens nothing from now on; the key's jobs stay its own.
 
@@ -143,16 +140,11 @@ class ApiKeys:
             There is no such key, or it was revoked.
         """
         secret, sha256 = _new_secret()
-
-        def changed(key: ApiKey) -> ApiKey:
-            if not key.usable:
-                raise UnknownKey(f"key {key_id} ({key.name}) was revoked; make another")
-            return key.model_copy(update={"sha256": sha256})
-
-        return self._change(key_id, changed), _shown(key_id, secret)
+        key = self._change(key_id, lambda key: _alive(key).model_copy(update={"sha256": sha256}))
+        return key, _shown(key_id, secret)
 
     def revoke(self, key_id: str) -> ApiKey:
-        """The key, which opens nothing from now on; revoking it again is harmless.
+        """Revoke the key: it opens nothing from now on. Repeating it is harmless.
 
         Raises
         ------
@@ -165,14 +157,14 @@ class ApiKeys:
         )
 
     def all(self) -> list[ApiKey]:
-        """Every key that was ever made, by age."""
+        """Every key ever made, by age."""
         with unavailable_as_farm_error():
             texts = self._redis.hvals(keys.API_KEYS)
         found = [ApiKey.model_validate_json(text) for text in texts]
         return sorted(found, key=lambda key: key.created_at)
 
     def last_used(self) -> dict[str, datetime]:
-        """When each key was last used, to a minute; those that never were are left out."""
+        """When each key was last used, to a minute, without keys that never were."""
         with unavailable_as_farm_error():
             used = self._redis.hgetall(keys.API_KEYS_USED)
         return {key_id: moment(at) for key_id, at in used.items()}
@@ -183,7 +175,7 @@ class ApiKeys:
             return bool(self._redis.exists(keys.API_KEYS))
 
     def find(self, shown: str) -> ApiKey | None:
-        """The key that is shown in this form, where it is known and was not revoked."""
+        """The key of this showing, if it is known and was not revoked."""
         match = _SHOWN.fullmatch(shown)
         if match is None:
             return None
@@ -202,7 +194,7 @@ class ApiKeys:
         return owner or "" if known else None
 
     def _change(self, key_id: str, changed: Callable[[ApiKey], ApiKey]) -> ApiKey:
-        """The key after a change; where two change it at once, one after the other."""
+        """Change a key and return it; simultaneous changes are done one after the other."""
         while True:
             with unavailable_as_farm_error():
                 text = self._redis.hget(keys.API_KEYS, key_id)
@@ -215,7 +207,7 @@ class ApiKeys:
                 return key
 
     def _put(self, key: ApiKey, instead_of: str = "") -> bool:
-        """Store the key; False where what is stored is another by now."""
+        """Store the key; False where another version is stored by now."""
         known = key.model_dump_json()
         return self._scripts.run(PutKey(key=key.id, instead_of=instead_of, known=known))
 
@@ -225,10 +217,16 @@ class ApiKeys:
 
 
 def opens(key: ApiKey, shown: str) -> bool:
-    """Whether the shown form is the key's, and it was not revoked; its time tells nothing."""
+    """Whether it is the key's showing, and the key was not revoked; in constant time."""
     match = _SHOWN.fullmatch(shown)
     secret = match[2] if match is not None and match[1] == key.id else ""
     return hmac.compare_digest(_sha256(secret), key.sha256) and key.usable
+
+
+def _alive(key: ApiKey) -> ApiKey:
+    if not key.usable:
+        raise UnknownKey(f"key {key.id} ({key.name}) was revoked; make another")
+    return key
 
 
 def _new_secret() -> tuple[str, str]:

@@ -1,6 +1,6 @@
 """Batches in Redis: listed, summed up, and steered as one.
 
-A batch is there from the first job of its name until the last one is forgotten.
+A batch exists from the first job of its name until the last is forgotten.
 """
 
 import json
@@ -22,10 +22,10 @@ from plateau.farm.redis.commands.jobs import End, Moved, Outcome, Pause, Resume
 from plateau.farm.redis.link import unavailable_as_farm_error
 from plateau.farm.redis.scripts import Scripts
 
-#: So many jobs are read, or moved, in one round trip.
+#: Jobs that are read, or moved, in one round trip.
 _AT_ONCE: Final = 250
 
-#: What of a job's hash a summary needs.
+#: The fields of a job's hash that a summary needs.
 _FIELDS: Final = (
     *("state", "spec", "spp", "committed", "slice_spp", "machine_ms", "latest", "width", "height"),
     *("created_at", "started_at", "ended_at", "finished_at", "held", "samples_saved"),
@@ -33,7 +33,7 @@ _FIELDS: Final = (
 
 
 class Steer(Enum):
-    """What can be done with all jobs of a batch at once."""
+    """A change to all jobs of a batch at once."""
 
     CANCEL = "cancel"
     PAUSE = "pause"
@@ -50,7 +50,7 @@ class Batches:
     def page(
         self, *, before: int | None = None, limit: int = 20
     ) -> tuple[list[BatchLine], int | None]:
-        """Batches by their newest jobs, below the number `before`, and the number to go on from."""
+        """Batches by their newest jobs, below the number `before`, and the next page's number."""
         rows = self._scripts.run(commands.Batches(before=before, limit=limit))
         found = [
             BatchLine(
@@ -65,7 +65,7 @@ class Batches:
         return found, rows[-1].number if len(rows) == limit else None
 
     def get(self, name: str) -> Batch:
-        """The batch, summed up over its jobs, or `BatchNotFound`."""
+        """A summary of the batch's jobs, or `BatchNotFound`."""
         with unavailable_as_farm_error():
             pipe = self._redis.pipeline(transaction=True)
             pipe.zrange(keys.batch(name), 0, -1)
@@ -79,14 +79,9 @@ class Batches:
         return summarise(name, members, guarded=bool(guarded), now=now)
 
     def guard(self, name: str, check: Callable[[str, str | None], None] = lambda *_: None) -> Batch:
-        """Let the batch take only jobs that stop as those that it has; repeating it is harmless.
+        """Let the batch take only jobs that stop as its own do; repeating it is harmless.
 
-        Parameters
-        ----------
-        name
-            The batch.
-        check
-            Raises where the caller may not steer this job of this owner: a guard concerns them all.
+        `check` gets each job's id and owner, and raises where the caller may not steer the job.
 
         Raises
         ------
@@ -108,7 +103,7 @@ class Batches:
                 compared = guarded_batches.compared(self._redis, name, asked)
             except UnevenBatch as error:
                 raise UnevenBatch(name, error.job_id, error.differs, joins=False) from None
-            # Who joins it in between is compared too.
+            # A job that joins in between is compared, too.
             guard = commands.Guard(batch=name, compared=compared)
             if self._scripts.run(guard) != "changed":
                 return self.get(name)
@@ -121,18 +116,10 @@ class Batches:
         by: str = "a user",
         may_touch: Callable[[str], bool] = lambda _: True,
     ) -> list[Steered]:
-        """Cancel, pause or resume each job of the batch that can be; repeating it is harmless.
+        """Cancel, pause or resume each job of the batch; repeating it is harmless.
 
-        To pause is also to hold back the jobs that have not begun.
-
-        Parameters
-        ----------
-        name, steer
-            The batch, and what is to be done.
-        by
-            Who does it, for the jobs' stories.
-        may_touch
-            Whether the caller may steer a job of this owner (an API key's id, or "").
+        A pause also holds back queued jobs. Jobs whose owner (an API key's id, or "") `may_touch`
+        refuses are left alone. `by` is for the jobs' stories.
 
         Raises
         ------
@@ -168,7 +155,7 @@ class Batches:
             for job_id in some:
                 pipe.hmget(keys.job(job_id), _FIELDS)
             for job_id, values in zip(some, pipe.execute(), strict=True):
-                if values[0] is None:  # it was forgotten a moment ago
+                if values[0] is None:  # forgotten a moment ago
                     continue
                 with records.leaving_out_unreadable(), records.reading(job_id):
                     members.append(_member(job_id, dict(zip(_FIELDS, values, strict=True)), specs))
@@ -176,7 +163,6 @@ class Batches:
 
 
 def _move(steer: Steer, job_id: str, by: str) -> Command[Moved]:
-    """The command that does it."""
     if steer is Steer.CANCEL:
         reason = f"cancelled with its batch by {by}"
         return End(job=job_id, target=JobState.CANCELLED, reason=reason)
@@ -185,7 +171,7 @@ def _move(steer: Steer, job_id: str, by: str) -> Command[Moved]:
     return Resume(job=job_id, reason=f"resumed with its batch by {by}")
 
 
-#: The state in which a job is that was moved.
+#: The state of a job after its move.
 _THEN: Final[dict[Outcome, JobState]] = {
     "ended": JobState.CANCELLED,
     "paused": JobState.PAUSED,
@@ -193,8 +179,6 @@ _THEN: Final[dict[Outcome, JobState]] = {
     "rendering": JobState.RENDERING,
     "queued": JobState.QUEUED,
 }
-
-_ENDED: Final = "it has ended"
 
 
 def _steered(job_id: str, steer: Steer, answer: Moved | None) -> Steered:
@@ -206,7 +190,7 @@ def _steered(job_id: str, steer: Steer, answer: Moved | None) -> Steered:
         return Steered(job=job_id, done=False, state=None, why_not="it was just forgotten")
     found = JobState(answer.state)
     done = steer is Steer.RESUME and found is JobState.QUEUED  # nothing holds it back
-    return Steered(job=job_id, done=done, state=found, why_not=None if done else _ENDED)
+    return Steered(job=job_id, done=done, state=found, why_not=None if done else "it has ended")
 
 
 def _member(job_id: str, fields: dict[str, str | None], specs: dict[str, JobSpec]) -> Member:
@@ -235,7 +219,7 @@ def _member(job_id: str, fields: dict[str, str | None], specs: dict[str, JobSpec
 
 
 def _shared_spec(text: str, specs: dict[str, JobSpec]) -> JobSpec:
-    """The spec but for its parameters, read once for all jobs that have it in common."""
+    """The spec without its parameters, read once for all jobs that share it."""
     fields = {**json.loads(text), "parameters": {}}
     shared = json.dumps(fields)
     if shared not in specs:

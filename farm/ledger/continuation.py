@@ -1,17 +1,16 @@
-"""Goes on with a job that has ended: a new job that takes over its samples.
+"""Continues a job that has ended: a new job takes over its samples.
 
-The old job stays as it is, with its image, its curve and its reason. The new one starts where the
-samples end that are left of the old one, so that no sample is rendered twice, and its image is to
-the bit that of a job that was never stopped there. What is left of an ended job is either
+The old job keeps its image, its curve and its reason. The new one starts after the old one's last
+kept sample, so that no sample is rendered twice, and its image is to the bit that of a job that
+never stopped there. An ended job has kept either
 
-- its *slices*, where it kept them: they are merged again, so anything may change but how they were
-  sampled. Where the cap is not beyond them, nothing is rendered at all;
-- or its *sums*, the last checkpoint: they go on, and so does the curve. Then the view, the step and
-  the zones stay, and a rule that must see earlier images can only be one that saw them.
+- its *slices*, if asked to: they are merged again, so everything may change but their sampling. A
+  cap that is not beyond them renders nothing;
+- or its *sums*, the last checkpoint: the merge and the curve continue from it. Then the view, the
+  step and the zones stay, and a rule that compares with earlier images must have seen them.
 
-Where more is to be rendered, the cap must be one with which the samples that there are would have
-been drawn just so: on scalar variants it decides their passes and seeds (see
-`plateau.farm.model.seeds`).
+If more is to be rendered, the kept samples must be those that a job of the new cap draws: on scalar
+variants the cap decides passes and seeds (see `plateau.farm.model.seeds`).
 """
 
 import hashlib
@@ -35,21 +34,21 @@ from plateau.farm.redis.link import unavailable_as_farm_error
 from plateau.farm.redis.scripts import Scripts
 from plateau.rules import as_offered
 
-#: What determines the samples.
+#: The fields of a spec that determine the samples, ...
 _SAMPLING: Final = ("slice_spp", "variant", "seed", "sensor", "parameters")
-#: What concerns the old job alone.
+#: ... that the new job does not inherit, ...
 _OWN: Final = ("batch", "flicker_guard", "webhook")
-#: What the points of a curve have in common.
+#: ... and that all points of a curve have in common.
 _JUDGING: Final = ("view", "step", "zones")
 
 
 @dataclass(frozen=True)
 class Remains:
-    """What is left of an ended job: its first slices."""
+    """The first slices of an ended job, as far as they were kept."""
 
     slices: int
     checkpoint: str  #: of their sums, as JSON; "" where the slices themselves are kept
-    seeds: tuple[SeedRange, ...]  #: of each of them
+    seeds: tuple[SeedRange, ...]  #: of each slice
 
     @property
     def kept(self) -> bool:
@@ -58,7 +57,7 @@ class Remains:
 
 
 class Continuations:
-    """Goes on with jobs that have ended. Methods raise `StoreUnavailable` when Redis is away."""
+    """Continues jobs that have ended. Methods raise `StoreUnavailable` when Redis is away."""
 
     def __init__(self, client: RedisClient) -> None:
         self._redis = client
@@ -66,7 +65,7 @@ class Continuations:
         self._jobs = Jobs(client)
 
     def remains(self, job: Job) -> Remains:
-        """What is left of the job to go on from.
+        """The job's kept slices or sums.
 
         Raises
         ------
@@ -108,31 +107,14 @@ class Continuations:
         idempotency_key: str = "",
         owner: str = "",
     ) -> Created:
-        """The new job that goes on with the ended one; it is rendering at once.
-
-        Parameters
-        ----------
-        job
-            The ended one.
-        remains
-            What is left of it.
-        spec
-            Of the new job, checked by `check`.
-        idempotency_key
-            A request that is repeated with it makes one job.
-        owner
-            Id of the API key that asks for it, if any.
+        """Create the job of `spec`, passed by `check`, that continues `job`; it renders at once.
 
         Raises
         ------
         JobNotFound, CannotContinue
             The job, or what was left of it, went in the meantime.
-        TooManyJobs
-            The owner has as many open jobs as it may.
-        TooManyNeeds
-            As `Jobs.create` raises it.
-        UnevenBatch
-            The batch that it is to join is guarded, and it would not stop as the others do.
+        TooManyJobs, TooManyNeeds, UnevenBatch
+            As `Jobs.create` raises them.
         """
         compared = guarded_batches.compared(self._redis, spec.batch, spec) if spec.batch else ""
         digest = hashlib.sha256(f"{job.id} {spec.as_request()}".encode()).hexdigest()
@@ -160,13 +142,12 @@ class Continuations:
 
 
 def changed_spec(spec: JobSpec, changes: dict[str, Any]) -> dict[str, Any]:
-    """The fields of the spec with these changes: a JSON merge patch (RFC 7396), but for one thing.
+    """The fields of the spec with these changes: a JSON merge patch (RFC 7396), with one exception.
 
-    Objects are merged and null means the default; a rule that has a name is another rule, so
-    nothing of the one before stays in it. The batch and the webhook were the old job's own.
+    Objects are merged and null means the default. The exception: a rule with a name replaces the
+    whole rule. The batch, the guard and the webhook are not inherited.
     """
-    own = dict.fromkeys(_OWN)
-    had: dict[str, Any] = _merged(spec.model_dump(mode="json"), own)
+    had: dict[str, Any] = _merged(spec.model_dump(mode="json"), dict.fromkeys(_OWN))
     merged: dict[str, Any] = _merged(had, changes, JobSpec.model_fields)
     rule = changes.get("rule")
     if isinstance(rule, dict) and "name" in rule:
@@ -175,7 +156,7 @@ def changed_spec(spec: JobSpec, changes: dict[str, Any]) -> dict[str, Any]:
 
 
 def _merged(target: Any, patch: Any, known: Collection[str] = ()) -> Any:
-    """The target with the patch; a null whose name is not there stays, unless that is `known`."""
+    """The target with the patch; a null of a missing name stays, unless the name is `known`."""
     if not isinstance(patch, dict):
         return patch
     merged = dict(target) if isinstance(target, dict) else {}
@@ -185,19 +166,19 @@ def _merged(target: Any, patch: Any, known: Collection[str] = ()) -> Any:
         elif name in merged or name in known:
             merged.pop(name, None)
         else:
-            merged[name] = None  # for the check of the whole, which knows no such field
+            merged[name] = None  # the check of the whole spec refuses an unknown field
     return merged
 
 
 def _known_in(name: str, part: Any) -> Collection[str]:
-    """What a part of a spec may have that the old job's has not."""
+    """The names that a part of a spec may have and the old job's part lacks."""
     if name == "parameters" and isinstance(part, dict):
         return part.keys()
     return WebhookSpec.model_fields if name == "webhook" else ()
 
 
 def check(job: Job, remains: Remains, spec: JobSpec) -> None:
-    """Return where a job of this spec can go on from what remains of the ended one.
+    """Return if a job of this spec can continue the ended one.
 
     Raises
     ------
@@ -228,7 +209,7 @@ def _aovs(spec: JobSpec) -> str:
 
 
 def _check_seeds(job: Job, remains: Remains, spec: JobSpec) -> None:
-    """Refuse a cap whose samples would not be the continuation of those that there are."""
+    """Refuse a cap that draws other samples than the kept ones."""
 
     def goes_on(cap: int) -> bool:
         return _draws(job, remains, cap)
@@ -236,7 +217,7 @@ def _check_seeds(job: Job, remains: Remains, spec: JobSpec) -> None:
     if goes_on(spec.max_spp):
         return
     slice_spp = spec.slice_spp
-    # Those that go on, if any, are next to each other, and the old cap is one or is below them.
+    # Possible caps, if any, are a run, and the old cap is in it or below it.
     caps = range((remains.slices + 1) * slice_spp, MOST_SPP + 1, slice_spp)
     old = max(0, job.spec.max_spp // slice_spp - remains.slices - 1)
     if old < len(caps) and goes_on(caps[old]):
@@ -256,8 +237,8 @@ def _check_seeds(job: Job, remains: Remains, spec: JobSpec) -> None:
 
 
 def _draws(job: Job, remains: Remains, cap: int) -> bool:
-    """Whether a job with this cap (spp) draws the samples that remain of the ended one."""
-    # It has samples, so these are known.
+    """Whether a job with this cap (spp) draws the ended job's kept samples."""
+    # The job has samples, so these are known.
     assert job.variant is not None
     assert job.width is not None
     assert job.height is not None

@@ -1,4 +1,4 @@
-"""Guarded batches in Redis: they take only jobs that stop at the same visible noise."""
+"""Guarded batches in Redis: all their jobs stop at the same visible noise."""
 
 from plateau.farm.model.errors import UnevenBatch
 from plateau.farm.model.flicker import differences, stops_by
@@ -9,14 +9,14 @@ from plateau.farm.redis.link import unavailable_as_farm_error
 
 
 def compared(client: RedisClient, batch: str, spec: JobSpec) -> str:
-    """The number of the batch's newest job, if new ones of this spec had to be even with its jobs.
+    """The number of the batch's newest job, once a new job of this spec may join the batch.
 
     "" where nothing guards the batch, or where it has no jobs yet.
 
     Raises
     ------
     UnevenBatch
-        They are not.
+        The batch is guarded, and the new job is not even with its jobs.
     """
     with unavailable_as_farm_error():
         pipe = client.pipeline(transaction=True)

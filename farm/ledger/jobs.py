@@ -39,15 +39,15 @@ from plateau.farm.redis.scripts import Scripts
 
 @dataclass(frozen=True, kw_only=True)
 class Created:
-    """What became of a request to create a job."""
+    """The answer to a request to create a job."""
 
     job: Job
-    repeated: bool  #: the idempotency key was known: this is the job that it made then
-    conflict: bool  #: it was known for another request
+    repeated: bool  #: the idempotency key was known: an earlier request made this job
+    conflict: bool  #: the key was known for another request
 
 
 def request_key(idempotency_key: str, owner: str) -> str:
-    """The idempotency key as it is stored: each owner has keys of its own."""
+    """The idempotency key as Redis has it: each owner has their own keys."""
     return f"{owner}:{idempotency_key}" if owner and idempotency_key else idempotency_key
 
 
@@ -75,9 +75,9 @@ class Jobs:
         TooManyJobs
             Its owner, an API key's id, has as many open jobs as it may.
         TooManyNeeds
-            It needs another pool or other tags than all open jobs, and there are many already.
+            It needs another pool or other tags than all open jobs, whose needs are many already.
         UnevenBatch
-            Its batch is guarded, and it would not stop as the others do.
+            Its batch is guarded, and the job would stop otherwise than the batch's jobs.
         """
         return self.create_all(
             [spec],
@@ -98,9 +98,9 @@ class Jobs:
         digest: str = "",
         owner: str = "",
     ) -> Created:
-        """Create a job of each spec, all or none of them; as `create`, and returns the first.
+        """As `create`, for each spec, all or none; returns the first job.
 
-        They differ in their parameters only.
+        The specs differ only in their parameters.
         """
         batch = specs[0].batch or ""
         jobs = tuple(
@@ -108,7 +108,8 @@ class Jobs:
             for spec in specs
         )
         made = Made(outcome="changed")
-        while made.outcome == "changed":  # the batch, since it was looked at: others get on
+        while made.outcome == "changed":  # another job has joined the batch since it was compared
+            compared = guarded_batches.compared(self._redis, batch, specs[0]) if batch else ""
             made = self._scripts.run(
                 Create(
                     idempotency=request_key(idempotency_key, owner),
@@ -116,22 +117,14 @@ class Jobs:
                     priority=specs[0].priority,
                     batch=batch,
                     guarded=specs[0].flicker_guard,
-                    compared=guarded_batches.compared(self._redis, batch, specs[0])
-                    if batch
-                    else "",
+                    compared=compared,
                     jobs=jobs,
                 )
             )
         return self.created(made)
 
     def created(self, made: Made) -> Created:
-        """What became of a request for new jobs, by what the script answered.
-
-        Raises
-        ------
-        TooManyJobs, TooManyNeeds
-            None was created.
-        """
+        """The script's answer to a request for new jobs, or `TooManyJobs`, or `TooManyNeeds`."""
         if made.outcome == "too many":
             raise TooManyJobs(made.has, made.most)
         if made.outcome == "too varied":
@@ -143,7 +136,7 @@ class Jobs:
         )
 
     def get(self, job_id: str) -> Job:
-        """The job, or `JobNotFound`; or `UnreadableJob`, as from all that return a job."""
+        """The job, or `JobNotFound`; or `UnreadableJob`, as from all methods that return a job."""
         with unavailable_as_farm_error():
             pipe = self._redis.pipeline(transaction=False)
             records.ask_for(pipe, job_id)
@@ -161,10 +154,7 @@ class Jobs:
         before: int | None = None,
         limit: int = 50,
     ) -> tuple[list[Job], int | None]:
-        """Jobs, newest first, below the number `before`, and the number to go on from.
-
-        Of one state, of one batch, of one owner, or all; see `plateau.farm.ledger.listing`.
-        """
+        """A page of jobs; see `plateau.farm.ledger.listing.jobs_before`."""
         return jobs_before(
             self._redis, state=state, batch=batch, owner=owner, before=before, limit=limit
         )
@@ -176,7 +166,7 @@ class Jobs:
         return [records.curve_point(fields["point"], fields["at"]) for _, fields in entries]
 
     def events(self, job_id: str, after: str = BEFORE_ALL_EVENTS) -> list[Event]:
-        """What happened to the job since the event `after`."""
+        """The job's events after the event `after`."""
         with unavailable_as_farm_error():
             entries = self._redis.xrange(keys.job(job_id, "events"), min=f"({after}")
         return [records.event(event_id, fields) for event_id, fields in entries]
@@ -203,9 +193,9 @@ class Jobs:
         return self._move(target, job_id, End(job=job_id, target=target, reason=reason))
 
     def pause(self, job_id: str, reason: str = "paused by a user") -> Job:
-        """Pause the job: no slice of it is leased any more; pausing it again is harmless.
+        """Pause the job: none of its slices is leased any more; pausing it again is harmless.
 
-        Slices that are being rendered are still committed, merged and judged, so it may yet
+        Slices that are being rendered are still committed, merged and judged, so the job may yet
         converge or reach its cap. Its time limit stands still.
 
         Raises
@@ -216,7 +206,7 @@ class Jobs:
         return self._move(JobState.PAUSED, job_id, Pause(job=job_id, reason=reason))
 
     def resume(self, job_id: str, reason: str = "resumed by a user") -> Job:
-        """Let a paused job go on; resuming one that is rendering is harmless.
+        """Resume a paused job; resuming one that is rendering is harmless.
 
         Raises
         ------
@@ -226,7 +216,7 @@ class Jobs:
         return self._move(JobState.RENDERING, job_id, Resume(job=job_id, reason=reason))
 
     def set_priority(self, job_id: str, priority: int) -> Job:
-        """Give the job another priority, by which the next lease goes.
+        """Give the job another priority, which the next lease respects.
 
         Raises
         ------
@@ -241,14 +231,14 @@ class Jobs:
         return self.get(job_id)
 
     def results(self, job_id: str) -> str:
-        """Where the job's last results are in the blob store; "" where it has none yet."""
+        """The blob prefix of the job's last results; "" where it has none yet."""
         with unavailable_as_farm_error():
             return self._redis.hget(keys.job(job_id), "results") or ""
 
     def sha256(self, blob: str) -> str | None:
-        """What the bytes of a result or a preview of a job have to be.
+        """The SHA-256 of a job's result or preview.
 
-        None where that was not noted: by a Plateau before this one, or the blob went.
+        None where an older Plateau did not note it, or the blob went.
         """
         job_id, name = blobs.in_job(blob)
         with unavailable_as_farm_error():
@@ -256,7 +246,7 @@ class Jobs:
         return sha256
 
     def checkpoint(self, job_id: str) -> Checkpoint | None:
-        """Where the sums of the job's first slices are, if they are kept."""
+        """The job's last checkpoint, if it is kept."""
         return checkpoint_of(self._redis, job_id)
 
     def ledger(self, job_id: str) -> dict[int, dict[str, Any]]:
@@ -265,7 +255,7 @@ class Jobs:
             return records.ledger(self._redis.hgetall(keys.job(job_id, "ledger")))
 
     def log(self, job_id: str) -> list[LogEntry]:
-        """How each try of a slice ended, by time: the newest 2000 or so that left any words."""
+        """How each try of a slice ended, by time: the newest 2000 or so with a log entry."""
         with unavailable_as_farm_error():
             pipe = self._redis.pipeline(transaction=True)
             pipe.xrange(keys.job(job_id, "log"))
@@ -274,7 +264,7 @@ class Jobs:
         return slice_log((fields for _, fields in entries), records.ledger(committed))
 
     def log_of(self, job_id: str, index: int) -> tuple[dict[str, Any] | None, list[LogEntry]]:
-        """One slice's record in the ledger, where it has one, and how each try of it ended."""
+        """One slice's record in the ledger, if it has one, and how each try of it ended."""
         with unavailable_as_farm_error():
             pipe = self._redis.pipeline(transaction=True)
             pipe.xrange(keys.job(job_id, "log"))
@@ -285,7 +275,7 @@ class Jobs:
         return ledger.get(index), slice_log(written, ledger)
 
     def workers(self, within_s: float = ALIVE_S) -> list[Worker]:
-        """The workers whose heartbeat was heard within so many seconds."""
+        """The workers that sent a heartbeat in the last `within_s` seconds."""
         with unavailable_as_farm_error():
             now = self.now_ms()
             alive = self._redis.zrangebyscore(keys.WORKERS, now - within_s * 1000, "+inf")
@@ -295,19 +285,18 @@ class Jobs:
             return [records.worker(fields) for fields in pipe.execute() if fields]
 
     def kinds(self, within_s: float = ALIVE_S) -> list[Kind]:
-        """The kinds of workers that take work: one of each was heard within so many seconds."""
+        """The kinds of workers that asked for work in the last `within_s` seconds."""
         with unavailable_as_farm_error():
             since = self.now_ms() - within_s * 1000
-            return [
-                Kind.read(kind) for kind in self._redis.zrangebyscore(keys.KINDS, since, "+inf")
-            ]
+            kinds = self._redis.zrangebyscore(keys.KINDS, since, "+inf")
+            return [Kind.read(kind) for kind in kinds]
 
     def now_ms(self) -> int:
-        """Redis's clock in milliseconds: the only one that counts."""
+        """Redis's clock in milliseconds, which all processes go by."""
         return now_ms(self._redis)
 
     def census(self, *, from_priority: int | None = None) -> Census:
-        """What the whole farm has to do, and has done; demand is by jobs from this priority on."""
+        """The whole farm's work, done and to do; demand counts jobs of this priority or above."""
         return take_census(self._scripts, from_priority=from_priority)
 
     def ping(self) -> None:
@@ -316,7 +305,7 @@ class Jobs:
             self._redis.ping()
 
     def _move(self, target: JobState, job_id: str, command: Command[Moved]) -> Job:
-        """The job, moved by a command that a user may give."""
+        """Run a user's command that moves the job, and return the job."""
         moved = self._scripts.run(command)
         if moved.outcome == "illegal":
             if moved.state == "missing":

@@ -1,6 +1,6 @@
-"""Lists jobs by their number of creation, newest first: all, in a state, of a batch or an owner.
+"""Lists jobs, newest first: all, in a state, of a batch or of an owner.
 
-Each of the four has an index, so a page costs what is on it and not what is stored.
+Each of the four has an index, so the cost of a page does not grow with the stored jobs.
 """
 
 from typing import Final
@@ -12,7 +12,7 @@ from plateau.farm.redis import keys
 from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.link import unavailable_as_farm_error
 
-#: Of a batch's jobs, so many states are looked at together.
+#: Jobs of an index that are filtered together.
 _LOOKED_AT: Final = 500
 
 
@@ -25,16 +25,10 @@ def jobs_before(
     before: int | None = None,
     limit: int = 50,
 ) -> tuple[list[Job], int | None]:
-    """The newest jobs below the number `before`, and the number to go on from, if there are more.
+    """The newest jobs, and the next page's number, None after the last page.
 
-    Parameters
-    ----------
-    state, batch, owner
-        Only jobs in this state, of this batch, or of this owner (an API key's id).
-    before
-        A number that an earlier call returned.
-    limit
-        Most jobs to return.
+    Only those below the number `before`, which an earlier call returned, in this state, of this
+    batch and of this owner (an API key's id).
     """
     index, wanted = _index(state, batch, owner)
     found: list[Job] = []
@@ -57,7 +51,7 @@ def jobs_before(
                 if len(found) + len(rows) > limit:
                     rows, more = rows[: limit - len(found)], True
                     before = int(rows[-1][1])
-            # One that has moved on since its index was read is in the wrong place by now.
+            # A job may have left the state since its index was read.
             found += (
                 job for job in _jobs(client, [row[0] for row in rows]) if state in {None, job.state}
             )
@@ -70,17 +64,11 @@ def jobs_before(
 def _index(
     state: JobState | None, batch: str | None, owner: str | None
 ) -> tuple[str, dict[str, str]]:
-    """The index that has what is wanted, and the fields that its jobs are still to be sieved by."""
-    wanted = {
-        field: value
-        for field, value in (("batch", batch), ("owner", owner), ("state", state))
-        if value is not None
-    }
+    """The index that has the wanted jobs, and the fields by which they are still to be filtered."""
+    wanted = {} if state is None else {"state": state.value}
     if batch is not None:
-        del wanted["batch"]
-        return keys.batch(batch), wanted
+        return keys.batch(batch), wanted if owner is None else {"owner": owner, **wanted}
     if owner is not None:
-        del wanted["owner"]
         return keys.jobs_of_key(owner), wanted
     return keys.JOBS if state is None else keys.in_state(state.value), {}
 
@@ -97,7 +85,7 @@ def _matching(
 
 
 def _jobs(client: RedisClient, job_ids: list[str]) -> list[Job]:
-    """These jobs, but for those that were forgotten a moment ago, or cannot be read."""
+    """These jobs, without those that were forgotten a moment ago or cannot be read."""
     pipe = client.pipeline(transaction=False)
     for job_id in job_ids:
         records.ask_for(pipe, job_id)

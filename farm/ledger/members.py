@@ -1,6 +1,6 @@
-"""Monitors and APIs as members of a farm: they say that they live and what they speak.
+"""Monitors and APIs as members of a farm: their heartbeats, and the versions that they speak.
 
-What all of them speak is what a worker has to; see `plateau.farm.model.versions`.
+A worker must speak what all of them speak; see `plateau.farm.model.versions`.
 """
 
 import json
@@ -26,11 +26,11 @@ from plateau.farm.redis.scripts import Scripts
 
 _LOG = logging.getLogger(__name__)
 
-_UPGRADE_S: Final = 30.0  #: between two looks whether the farm speaks what this process does
+_UPGRADE_S: Final = 30.0  #: between two tries of a refused process to join
 
 
 class Membership:
-    """One API's: said with each heartbeat, until it signs off."""
+    """An API's membership: it lasts from heartbeat to heartbeat, until the API signs off."""
 
     def __init__(self, client: RedisClient, lease_s: float) -> None:
         self.id = process_id()
@@ -39,12 +39,12 @@ class Membership:
         self._started_at = datetime.now(timezone.utc)
 
     def heartbeat(self) -> None:
-        """Say that the API lives, for the length of a lease.
+        """Report that the API lives, for the length of a lease.
 
         Raises
         ------
         Refused
-            It does not speak what the other APIs and the monitors do.
+            It speaks no version that all other APIs and monitors speak.
         WrongLayout
             The data has another layout by now.
         StoreUnavailable
@@ -60,7 +60,7 @@ class Membership:
         self._scripts.load()
 
     def sign_off(self) -> None:
-        """Say that it stops."""
+        """Report that the API stops."""
         self._say(None)
 
     def _say(self, about: str | None) -> None:
@@ -68,7 +68,7 @@ class Membership:
 
 
 def process_id() -> str:
-    """An id for this process that no other has: its machine, its process id, and a random part."""
+    """A unique id for this process: its machine, its process id, and a random part."""
     return f"{socket.gethostname()}-{os.getpid()}-{secrets.token_hex(2)}"
 
 
@@ -80,12 +80,12 @@ def sign_on(
     *,
     patient: bool,
 ) -> None:
-    """Say with this heartbeat that a process lives, once it is let in, or `stop` is set.
+    """Return once the process's first heartbeat was accepted, or `stop` is set.
 
     Raises
     ------
     Refused
-        It does not speak what the farm does, unless it is `patient`: then it waits until it does.
+        It does not speak the farm's versions. With `patient` it waits for an upgrade instead.
     StoreUnavailable
         Redis is away.
     """
@@ -103,12 +103,12 @@ def sign_on(
 
 
 def wait_for_upgrade(stop: threading.Event) -> None:
-    """Return when a process that was refused may ask again, or once `stop` is set."""
+    """Return when a refused process may try again, or once `stop` is set."""
     stop.wait(_UPGRADE_S * random.uniform(0.5, 1.5))
 
 
 def note_refused(client: RedisClient, role: ProcessRole, why: Refused) -> None:
-    """Note that this process was refused, for those who look for it; they see it for an hour."""
+    """Note that this process was refused, for an hour, for people who look for it."""
     host = socket.gethostname()
     about = {
         "role": role,
@@ -121,7 +121,7 @@ def note_refused(client: RedisClient, role: ProcessRole, why: Refused) -> None:
 
 
 def refused_within(client: RedisClient, seconds: float) -> list[RefusedProcess]:
-    """Who was refused in the last so many seconds, the newest first."""
+    """The processes that were refused in the last `seconds`, the newest first."""
     with unavailable_as_farm_error():
         texts = client.hvals(keys.REFUSED)
         now = moment(now_ms(client))

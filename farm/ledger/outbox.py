@@ -1,9 +1,9 @@
 """The outbox of webhooks: messages that wait for their receivers, and how their tries ended.
 
 The commands that change a job put a message into the outbox in the same step (``lua/outbox.lua``),
-with the job as it was then. From there any number of monitors deliver it: one at a time, by a
-lease, at least once, always under the same id. What is due is kept for each receiver apart, so that
-one who does not answer is in nobody's way.
+with the job as it was then. Any number of monitors deliver it: one at a time, by a lease, at least
+once, always under the same id. Each receiver has its own queue, so that a silent one delays no
+other.
 """
 
 import base64
@@ -32,40 +32,39 @@ from plateau.farm.redis.commands.webhooks import (
 from plateau.farm.redis.link import unavailable_as_farm_error
 from plateau.farm.redis.scripts import Scripts
 
-#: A message is tried so often, then given up: with the delays below, after a day or so.
+#: Tries before a message is given up: with the delays below, after a day or so.
 MOST_TRIES: Final = 14
-#: Seconds before the second try; before each further one three times as many, up to the longest.
+#: Seconds before the second try; the delay triples with each try, up to the longest.
 _FIRST_DELAY_S: Final = 5.0
 _LONGEST_DELAY_S: Final = 4 * 3600.0
 
-#: For how long messages are signed with the farm's former secret too.
+#: For how long messages are also signed with the farm's former secret.
 _OLD_SECRET_MS: Final = 86_400_000
 _OLD_SECRETS: Final = 3
 
 
 def retry_delay_s(tries: int, asked_s: float = 0.0) -> float:
-    """How long to wait after so many failed tries, in seconds, with a quarter of jitter.
+    """Seconds to wait after this many failed tries, with a quarter of jitter.
 
-    Where the receiver asked to be left alone for longer (``Retry-After``), that long, but never
-    more than four hours.
+    A receiver may ask for longer (``Retry-After``), up to four hours.
     """
     delay_s = min(_FIRST_DELAY_S * 3.0 ** (tries - 1), _LONGEST_DELAY_S)
     return max(delay_s * random.uniform(0.75, 1.25), min(asked_s, _LONGEST_DELAY_S))
 
 
 def new_secret() -> str:
-    """A secret to sign webhooks with, as Standard Webhooks has it."""
+    """A secret to sign webhooks with, in the form of Standard Webhooks."""
     return SECRET_PREFIX + base64.b64encode(secrets.token_bytes(32)).decode()
 
 
 def message_id(job_id: str, number: int) -> str:
-    """The ``webhook-id`` of a job's message: the same at every try, and when it is sent again."""
+    """The ``webhook-id`` of a job's message: the same at every try and redelivery."""
     return f"msg_{job_id}_{number}"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Taken:
-    """A delivery that is leased to who took it from the outbox."""
+    """A delivery that is leased to its taker."""
 
     job_id: str
     number: int  #: of the job's messages, from 1
@@ -78,7 +77,7 @@ class Taken:
     secrets: tuple[str, ...] = field(repr=False)  #: each signs; never empty
     token: str
     fields: dict[str, str] = field(repr=False)  #: the job's, as they were when it happened
-    sealed: dict[str, str] = field(repr=False)  #: and what workers cannot change of it
+    sealed: dict[str, str] = field(repr=False)  #: the job's that workers cannot change
 
     @property
     def id(self) -> str:
@@ -99,10 +98,10 @@ class Outbox:
         self._scripts = Scripts(client)
 
     def take(self, lease_s: float, busy: Iterable[str] = ()) -> Taken | None:
-        """Lease the delivery that is due first of a receiver that is not busy; None without one.
+        """Lease the first due delivery to a receiver that is not busy; None without one.
 
-        It comes back when the lease runs out. Of a job one is tried at a time, in the order of
-        what happened as long as none fails.
+        It becomes due again when the lease runs out. Deliveries of one job are tried one at a time,
+        in the order of their events as long as none fails.
         """
         token = secrets.token_hex(8)
         lease_ms = round(lease_s * 1000)
@@ -135,18 +134,10 @@ class Outbox:
         took_s: float,
         delay_s: float = 0.0,
     ) -> bool:
-        """Say how the try ended; False where the lease was lost, and nothing was done.
+        """Report how the try ended; False where the lease was lost, and nothing was done.
 
-        Parameters
-        ----------
-        taken
-            The delivery.
-        end
-            ``failed`` is tried again, after `delay_s`.
-        status, error, took_s
-            What the log tells of it.
-        delay_s
-            Seconds until the next try.
+        A ``failed`` one is tried again after `delay_s`. `status`, `error` and `took_s` are for the
+        log.
         """
         answer = self._scripts.run(
             SettleDelivery(
@@ -163,7 +154,7 @@ class Outbox:
         return answer == "settled"
 
     def deliveries(self, job_id: str) -> list[Delivery]:
-        """The job's messages, by number: the newest hundred, with their newest tries."""
+        """The job's newest hundred messages, by number, with their newest tries."""
         with unavailable_as_farm_error():
             pipe = self._redis.pipeline(transaction=True)
             pipe.hgetall(keys.job(job_id, "deliveries"))
@@ -181,20 +172,20 @@ class Outbox:
         ]
 
     def redeliver(self, job_id: str, number: int) -> Delivery | None:
-        """Have a message tried now, whatever became of it; None where the job has none such."""
+        """Have a message tried now, whatever its state; None where the job has no such message."""
         if self._scripts.run(Redeliver(job=job_id, number=number)) == "unknown":
             return None
         return next((one for one in self.deliveries(job_id) if one.number == number), None)
 
     def farm_secrets(self) -> tuple[str, ...]:
-        """The secret that signs where a job brings none, and for a day those before it."""
+        """The secret for jobs without their own, and for a day those before it."""
         return tuple(self._scripts.run(FarmSecrets(secret=new_secret())).split())
 
     def renew_farm_secret(self) -> str:
-        """Another secret for the farm; for a day messages are signed with the former one too.
+        """Give the farm another secret; for a day messages are also signed with the former ones.
 
-        And with the one before that, if it was renewed twice: where the answer was lost, nobody has
-        seen the secret between.
+        With more than one, since a renewal whose answer was lost is repeated, and nobody has seen
+        its secret.
         """
         renewed = new_secret()
         self._scripts.run(

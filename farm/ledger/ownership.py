@@ -1,4 +1,4 @@
-"""Jobs as the monitor sees them: own one, plan its slices, extend its curve, end it.
+"""A monitor's jobs: own one, plan its slices, extend its curve, end it.
 
 A job has one owner at a time: a lease in Redis with a fencing token. Every write below carries
 the token and is refused, with `FenceLost`, once another monitor has taken over.
@@ -40,13 +40,13 @@ from plateau.farm.redis.scripts import Scripts
 
 
 class Checkpoint(BaseModel):
-    """Where the sums of a job's first slices are kept."""
+    """The sums of a job's first slices."""
 
     model_config = ConfigDict(frozen=True)
 
-    blob: str  #: its key in the blob store
+    blob: str  #: its name in the blob store
     sha256: str  #: of its bytes
-    slices: int  #: how many are in the sums
+    slices: int  #: the number of slices in the sums
 
 
 def checkpoint_of(client: RedisClient, job_id: str) -> Checkpoint | None:
@@ -73,7 +73,7 @@ class Ownerships:
         self._lease_ms = round(lease_s * 1000)
 
     def unfinished(self) -> set[str]:
-        """The jobs that a monitor still has work with."""
+        """The jobs that still need a monitor."""
         with unavailable_as_farm_error():
             return set(self._redis.smembers(keys.UNFINISHED))
 
@@ -87,21 +87,21 @@ class Ownerships:
         return [job_id for _, job_id in sorted(one for one in known if one[0] is not None)]
 
     def acquire(self, job_id: str) -> Ownership | None:
-        """Own the job, unless another monitor does."""
+        """Own the job, or None where another monitor does."""
         token = self._scripts.run(Own(job=job_id, lease_ms=self._lease_ms))
         return Ownership(job_id, token) if token else None
 
     def renew(self, owned: tuple[Ownership, ...]) -> set[str]:
-        """Keep owning these jobs; returns those that were lost."""
+        """Renew the leases of these jobs; returns the jobs that were lost."""
         lost = self._scripts.run(Renew(lease_ms=self._lease_ms, owned=_named(owned)))
         return set(lost)
 
     def disown(self, owned: tuple[Ownership, ...]) -> None:
-        """Give the jobs to whichever monitor comes next."""
+        """Give up these jobs for the next monitor."""
         self._scripts.run(Disown(owned=_named(owned)))
 
     def committed(self, job_id: str, indices: range) -> list[SliceRecord]:
-        """The ledger's records from the first index on, up to the first that is missing."""
+        """The ledger's records of these slices, up to the first missing one."""
         if not indices:
             return []
         with unavailable_as_farm_error():
@@ -114,7 +114,7 @@ class Ownerships:
         return records
 
     def state(self, job_id: str) -> JobState | None:
-        """The job's state, whatever else of it can be read; None where Redis has lost the job."""
+        """The job's state, even of an unreadable job; None where Redis has lost the job."""
         with unavailable_as_farm_error():
             state = self._redis.hget(keys.job(job_id), "state")
         return None if state is None else JobState(state)
@@ -129,7 +129,7 @@ class Ownerships:
         self._checked(Save(job=owned.job_id, token=owned.token, checkpoint=known))
 
     def glimpse(self, job_id: str) -> str | None:
-        """Where the first pass of the job's first slice is, while there is nothing else to see."""
+        """The blob of the first pass of the job's first slice, as long as it has no results."""
         with unavailable_as_farm_error():
             blob, results = self._redis.hmget(keys.job(job_id), "glimpse", "results")
         return None if results else blob
@@ -137,7 +137,7 @@ class Ownerships:
     def show_results(
         self, owned: Ownership, results: str, spp: int, sha256: Mapping[str, str] | None = None
     ) -> None:
-        """Say where the job's last set of results is in the blob store, and of how many spp.
+        """Note the blob prefix of the job's last set of results, and its spp.
 
         `sha256` has the digest of each file of the set by its name.
         """
@@ -147,15 +147,15 @@ class Ownerships:
         )
 
     def note_blob(self, owned: Ownership, blob: str, sha256: str | None) -> None:
-        """Note what a blob of the job has to be, before it is put; None forgets one that went."""
+        """Note the digest of a blob before it is put; None forgets a blob that went."""
         name = blobs.in_job(blob)[1]
         self._checked(NoteBlob(job=owned.job_id, token=owned.token, blob=name, sha256=sha256))
 
     def reject(self, owned: Ownership, record: SliceRecord, cause: str) -> int:
-        """Have a slice rendered again whose partial is lost or spoiled.
+        """Have a slice with a lost or spoiled partial rendered again.
 
-        Returns how often that has happened to the slice; 0 where it is not in the ledger so, or
-        where the job has ended, and nothing was done.
+        Returns how often that has happened to the slice; 0, with nothing done, where the ledger has
+        another record or the job has ended.
         """
         times = self._checked(
             Reject(
@@ -169,18 +169,12 @@ class Ownerships:
         return times or 0
 
     def plan(self, owned: Ownership, slices: range, expected_spp: int | None = None) -> None:
-        """Let these slices be leased; those planned before are left alone.
+        """Let all slices up to the last of these be leased; planned ones are left alone.
 
-        Planned are always the slices from the first on, so those before these are planned too.
-        Where the job is expected to end tells the census how much work is left.
+        `expected_spp`, where the job is expected to end, tells the census how much work is left.
         """
         self._checked(
-            Plan(
-                job=owned.job_id,
-                token=owned.token,
-                stop=slices.stop,
-                expected_spp=expected_spp,
-            )
+            Plan(job=owned.job_id, token=owned.token, stop=slices.stop, expected_spp=expected_spp)
         )
 
     def append_point(self, owned: Ownership, spp: int, point: dict[str, object]) -> None:
@@ -200,21 +194,9 @@ class Ownerships:
     ) -> None:
         """End the job; its remaining slices are withdrawn.
 
-        Parameters
-        ----------
-        owned
-            The job.
-        target, reason
-            The state it comes to, and why.
-        verdict
-            The numbers of the rule that fired.
-        results
-            Where its last results are in the blob store, where they are written already: then the
-            job is concluded with this.
-        sha256
-            The digest of each file of the results by its name.
-        notes
-            All that is to be known of how it was rendered, where results are written.
+        `verdict` has the numbers of the rule that fired. If the last results are written already,
+        `results` is their blob prefix, `sha256` has the digest of each file by its name, `notes`
+        say how it was rendered, and the job is concluded, too.
 
         Raises
         ------
@@ -247,20 +229,10 @@ class Ownerships:
         sha256: Mapping[str, str] | None = None,
         notes: tuple[str, ...],
     ) -> None:
-        """Say that the results of an ended job are written: nothing else of it is needed.
+        """Note that the results of an ended job are written: its other blobs may go.
 
-        Parameters
-        ----------
-        owned
-            The job.
-        spp
-            Samples per pixel in its final image.
-        results
-            Where its results are in the blob store; "" where it has none.
-        sha256
-            The digest of each file of the results by its name; None where they were shown before.
-        notes
-            All that is to be known of how it was rendered.
+        `results` is their blob prefix, or "" without results. `sha256` has the digest of each file
+        by its name; None where `show_results` has noted them.
         """
         self._checked(
             Conclude(
@@ -279,14 +251,14 @@ class Ownerships:
             return bool(self._redis.hexists(keys.job(job_id), "concluded"))
 
     def finish(self, owned: Ownership, *, keeps_sums: bool) -> None:
-        """Say that everything else was cleared; no monitor has work with the job any more.
+        """Note that the job's other blobs were cleared: it needs no monitor any more.
 
-        `keeps_sums` leaves its last checkpoint for another job to go on from.
+        `keeps_sums` leaves its last checkpoint for a job that continues it.
         """
         self._checked(Finish(job=owned.job_id, token=owned.token, keeps_sums=keeps_sums))
 
     def abandon(self, owned: Ownership) -> None:
-        """Say that Redis has lost the job: no monitor has work with it any more."""
+        """Note that Redis has lost the job: it needs no monitor any more."""
         self._checked(Abandon(job=owned.job_id, token=owned.token))
 
     def _checked(self, command: OwnerCommand[Answer]) -> Answer:

@@ -1,7 +1,7 @@
-"""Which blob store belongs to which Redis: each has an id that the other has too.
+"""Pairs a blob store with its Redis by an id that both have.
 
-A worker on another store would fail every job; an empty folder where a disk should be mounted holds
-no blob; a Redis that lost its data knows no job, and all results would look like nobody's.
+A worker on another store would fail every job. An empty folder in place of a mounted disk holds no
+blob. For a Redis that lost its data, all results would belong to no job.
 """
 
 import secrets
@@ -18,9 +18,9 @@ from plateau.farm.redis.scripts import Scripts
 
 
 def check_pair(client: RedisClient, store: Blobs) -> None:
-    """Return where Redis and the blob store belong together; the first time, pair them.
+    """Return if Redis and the blob store belong together; the first time, pair them.
 
-    From then on `store` also knows its folder from an empty one.
+    From then on `store` can tell its folder from an empty one.
 
     Raises
     ------
@@ -40,10 +40,10 @@ def check_pair(client: RedisClient, store: Blobs) -> None:
 
 
 def _check_pair(client: RedisClient, store: Blobs) -> None:
-    # In this order: while another process pairs them, the id is there before the mark is.
+    # In this order: a process that pairs them writes the id before the mark.
     theirs = store.mark()
     ours, paired = client.hmget(keys.STORE, "id", "paired")
-    if theirs is None and paired is not None:  # between the two
+    if theirs is None and paired is not None:  # paired between the two reads
         theirs = store.mark()
     if theirs is None and paired is None:
         if not client.exists(keys.JOBS) and any(store.listing(blobs.JOBS)):

@@ -1,4 +1,4 @@
-"""The queue as a worker sees it: lease a slice, keep the lease, commit it or give it back."""
+"""A worker's side of the queue: lease a slice, keep the lease, commit it or give it back."""
 
 import json
 from dataclasses import dataclass
@@ -21,19 +21,19 @@ from plateau.farm.redis.scripts import Scripts
 
 @dataclass(frozen=True, kw_only=True)
 class Lease:
-    """One slice, this worker's until it commits, gives it back, or stops renewing it."""
+    """One slice, this worker's until it commits it, gives it back, or stops renewing the lease."""
 
     job_id: str
     entry: str  #: the entry of the job's stream
     index: int
-    tries: int  #: how often the slice was leased, this time included
+    tries: int  #: the number of leases of the slice, this one included
     variant: str
     spec: JobSpec
     scene_sha256: str
 
 
 class SliceRecord(BaseModel):
-    """A slice's line in the ledger."""
+    """A slice's record in the ledger."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -41,7 +41,7 @@ class SliceRecord(BaseModel):
     spp: int
     first_seed: int
     last_seed: int
-    blob: str  #: the partial's key in the blob store
+    blob: str  #: the partial's name in the blob store
     sha256: str  #: of the partial's bytes
     worker: str
     render_s: float
@@ -51,10 +51,10 @@ class Committed(str, Enum):
     """The queue's answer to a commit."""
 
     COMMITTED = "committed"
-    DUPLICATE = "duplicate"  #: the ledger has this slice of another try: the partial can go
+    DUPLICATE = "duplicate"  #: the ledger has another try of this slice: the partial can go
     ENDED = "ended"  #: the job has ended
-    STALE = "stale"  #: nothing was committed for long, and others render with another variant now
-    OVERLAP = "overlap"  #: its seeds are in the ledger under another slice: a bug, refused
+    STALE = "stale"  #: after a long pause without commits, others render with another variant
+    OVERLAP = "overlap"  #: another slice in the ledger has its seeds: a bug, refused
 
 
 class SliceQueue:
@@ -65,9 +65,9 @@ class SliceQueue:
     client, worker_id
         Redis, and who asks.
     lease_s
-        A lease that is not renewed for so long may be taken from its worker.
+        A lease that is not renewed for this long may be taken from its worker.
     pool, tags
-        It takes jobs of this pool alone, and of those only what requires no other tags.
+        The worker takes only jobs of this pool that require no other tags.
     """
 
     def __init__(
@@ -88,9 +88,9 @@ class SliceQueue:
 
     @property
     def look_again_s(self) -> float:
-        """When there was nothing to do: in so many seconds there may be, though nobody says so.
+        """After `lease` found nothing: seconds until it may, without a message from Redis.
 
-        A slice may be late by then that another worker has.
+        By then another worker's slice may be late.
         """
         return self._look_again_s
 
@@ -99,7 +99,7 @@ class SliceQueue:
     ) -> Lease | None:
         """The next slice for this worker, or None where there is nothing to do.
 
-        `variants` are what it can render with, best first. While `in_turn`, it keeps to the job
+        `variants` are those that it can render, best first. While `in_turn`, it keeps to the job
         whose scene it has loaded.
         """
         offer = Offer(again=True)
@@ -129,9 +129,9 @@ class SliceQueue:
         )
 
     def glimpse(self, lease: Lease, blob: str) -> bool:
-        """Say where the first pass of a job's first slice can be seen, as a partial of its own.
+        """Report the blob of the first pass of a job's first slice, a partial of its own.
 
-        Returns whether anyone will look: the lease may be lost, or there is an image already.
+        Returns False where nobody needs it: the lease is lost, or the job has an image already.
         """
         answer = self._scripts.run(
             Glimpse(job=lease.job_id, entry=lease.entry, worker=self._worker, blob=blob)
@@ -150,8 +150,8 @@ class SliceQueue:
     ) -> Committed:
         """Enter the slice into the ledger, once; safe to repeat.
 
-        The first commit of a slice counts, also where its lease ran out meanwhile. As in the other
-        reports, `said` is what the render child printed, for the job's log.
+        The first commit of a slice counts, even after its lease ran out. As in the other reports,
+        `said` is the render child's output, for the job's log.
         """
         return Committed(
             self._scripts.run(
@@ -172,7 +172,7 @@ class SliceQueue:
         )
 
     def died(self, lease: Lease, cause: str, machine_s: float, said: str = "") -> str:
-        """Say that the render child died on the slice; the third death fails the job."""
+        """Report that the render child died on the slice; the third death fails the job."""
         return self._scripts.run(
             Died(
                 job=lease.job_id,
@@ -195,10 +195,7 @@ class SliceQueue:
         unfit: bool = False,
         said: str = "",
     ) -> None:
-        """Give the slice back untouched, for the next worker to take at once.
-
-        `unfit`: because this worker can render nothing.
-        """
+        """Give the slice back for the next worker; `unfit` because this one can render nothing."""
         self._scripts.run(
             HandBack(
                 job=lease.job_id,
@@ -213,7 +210,7 @@ class SliceQueue:
         )
 
     def fail(self, lease: Lease, reason: str, machine_s: float = 0.0, said: str = "") -> None:
-        """Fail the job: its scene cannot be rendered by anyone."""
+        """Fail the job: no worker can render its scene."""
         self._scripts.run(
             Fail(
                 job=lease.job_id,
@@ -227,7 +224,7 @@ class SliceQueue:
         )
 
     def heartbeat(self, about: dict[str, object], leases: tuple[Lease, ...]) -> tuple[Lease, ...]:
-        """Say that the worker lives and renew its leases; returns those that it has no more."""
+        """Report that the worker lives, and renew its leases; returns the lost ones."""
         held = {LeaseName(lease.job_id, lease.entry): lease for lease in leases}
         lost = self._scripts.run(
             Heartbeat(
@@ -244,6 +241,6 @@ class SliceQueue:
         self._scripts.run(Leave(worker=self._worker))
 
     def ended(self, job_id: str) -> bool:
-        """Whether the job has ended, or is not known at all."""
+        """Whether the job has ended, or is unknown."""
         with unavailable_as_farm_error():
             return self._redis.zscore(keys.OPEN, job_id) is None

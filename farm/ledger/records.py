@@ -1,4 +1,4 @@
-"""Jobs and what belongs to them as Redis has them, read as `plateau.farm.model.job`."""
+"""Converts between Redis's fields and the records of `plateau.farm.model.job`."""
 
 import json
 import logging
@@ -22,7 +22,7 @@ _LOG = logging.getLogger(__name__)
 
 
 def curve_point(text: str, at: str) -> CurvePoint:
-    """A point as `append_point` stored it; what a newer Plateau has added is left out."""
+    """A point as `append_point` stored it, without the fields of a newer Plateau."""
     return CurvePoint.model_validate({**json.loads(text), "at": moment(at)}, extra="ignore")
 
 
@@ -35,7 +35,7 @@ def event(event_id: str, fields: dict[str, str]) -> Event:
 
 
 def slice_record(text: str) -> dict[str, Any]:
-    """A slice's record as `commit` stored it, and when that was (``at``, in ms)."""
+    """A slice's record as `commit` stored it, with the time of the commit (``at``, in ms)."""
     stored = json.loads(text)
     return {**json.loads(stored["record"]), "at": float(stored["at"])}
 
@@ -46,23 +46,20 @@ def ledger(records: dict[str, str]) -> dict[int, dict[str, Any]]:
 
 
 def worker(fields: dict[str, str]) -> Worker:
-    """A worker as its last heartbeat described it, and whether it was drained.
-
-    What a newer Plateau's worker says beyond that is left out.
-    """
+    """A worker as its last heartbeat described it, without the fields of a newer Plateau."""
     about = json.loads(fields["about"])
     known = {**about, "drained": "drained" in fields, "seen_at": moment(fields["seen_at"])}
     return Worker.model_validate(known, extra="ignore")
 
 
 def prefix_length(indices: Container[int]) -> int:
-    """How many first slices are among these indices, without a gap."""
+    """The number of indices from 0 on without a gap."""
     return next(index for index in count() if index not in indices)
 
 
 @contextmanager
 def reading(job_id: str) -> Iterator[None]:
-    """Raise `UnreadableJob` where what is read of the job in this context makes no sense."""
+    """Raise `UnreadableJob` where reading the job's fields in this context fails."""
     try:
         yield
     except (KeyError, TypeError, ValueError) as error:
@@ -71,7 +68,7 @@ def reading(job_id: str) -> Iterator[None]:
 
 @contextmanager
 def leaving_out_unreadable() -> Iterator[None]:
-    """Log `UnreadableJob`: for lists, from which one job must not keep all others."""
+    """Log `UnreadableJob`: one unreadable job must not spoil a list."""
     try:
         yield
     except UnreadableJob as error:
@@ -79,13 +76,13 @@ def leaving_out_unreadable() -> Iterator[None]:
 
 
 def ask_for(pipe: Pipeline, job_id: str) -> None:
-    """Ask for what makes a `Job`: two hashes, as `job` takes them."""
+    """Ask for the two hashes that `job` takes."""
     pipe.hgetall(keys.job(job_id))
     pipe.hgetall(keys.job(job_id, "sealed"))
 
 
 def job(job_id: str, fields: dict[str, str], sealed: dict[str, str]) -> Job:
-    """A job as its hash has it, and what workers cannot change of it; or `UnreadableJob`."""
+    """A job from its hash and the one that workers cannot change; or `UnreadableJob`."""
     with reading(job_id):
         return _job(fields, sealed)
 
@@ -171,7 +168,7 @@ def new_job(spec: JobSpec, *, name: str, scene_sha256: str, owner: str = "") -> 
 
 
 def _spec(fields: dict[str, str]) -> JobSpec:
-    """What the job's user asked for, with what was changed since."""
+    """The spec as its user asked for it, with later changes."""
     spec = stored_spec(fields["spec"])
     if "priority" in fields:
         spec = spec.model_copy(update={"priority": int(fields["priority"])})
@@ -191,7 +188,7 @@ def _seconds_to_forecast(latest: dict[str, Any], fields: dict[str, str]) -> floa
     paused_ms = int(fields.get("latest_paused_ms", 0))  # before the last point
     rendering_ms = float(fields["latest_at"]) - float(fields["started_at"]) - paused_ms
     rendered = latest["spp"] - int(fields.get("continued_spp", 0))
-    if rendered <= 0:  # the points are those of the job that this one goes on with
+    if rendered <= 0:  # the points are those of the job that this one continues
         return None
     spp_per_ms = rendered / max(1.0, rendering_ms)
     seconds: float = max(0, latest["forecast_spp"] - latest["spp"]) / spp_per_ms / 1000

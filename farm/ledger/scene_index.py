@@ -1,4 +1,4 @@
-"""Which scenes the blob store holds, and when each was last wanted."""
+"""The scenes in the blob store, and when each was last used."""
 
 import json
 import time
@@ -12,7 +12,7 @@ from plateau.farm.redis.commands.scenes import DisuseScene, RememberScene, UseSc
 from plateau.farm.redis.link import unavailable_as_farm_error
 from plateau.farm.redis.scripts import Scripts
 
-#: Removing a scene's blob takes milliseconds, as a rule.
+#: Far longer than removing a scene's blob usually takes.
 _SCENE_GOES_S: Final = 5.0
 
 
@@ -24,15 +24,15 @@ class SceneIndex:
         self._scripts = Scripts(client)
 
     def use(self, sha256: str) -> None:
-        """Note that the scene is wanted, before anyone looks whether the blob store has it.
+        """Note the use of a scene, before anyone asks the blob store for it.
 
-        From now on no sweep removes it for an hour at least; see `plateau.farm.sweep.scenes`. Where
-        one is just removing it, this waits until that is done.
+        From now on no sweep removes it for at least an hour; see `plateau.farm.sweep.scenes`. If a
+        sweep is just removing it, this waits for the end of that.
 
         Raises
         ------
         StoreUnavailable
-            That takes long: call again later.
+            The removal takes too long: call again later.
         """
         patience = time.monotonic() + _SCENE_GOES_S
         is_going = self._scripts.run(UseScene(sha256=sha256))
@@ -52,7 +52,7 @@ class SceneIndex:
         self._scripts.run(RememberScene(sha256=sha256, summary=json.dumps(summary)))
 
     def bytes_of(self, owner: str) -> int:
-        """How many bytes the stored scenes have that this key, by its id, was the first to send."""
+        """Bytes of the stored scenes that this key, by its id, was the first to send."""
         return sum(scene["bytes"] for scene in self.all() if scene.get("owner") == owner)
 
     def has(self, sha256: str) -> bool:
@@ -61,7 +61,7 @@ class SceneIndex:
             return bool(self._redis.hexists(keys.SCENES, sha256))
 
     def all(self) -> Iterator[dict[str, Any]]:
-        """The scenes that the blob store holds, with their summaries."""
+        """The stored scenes with their summaries."""
         with unavailable_as_farm_error():
             scenes = self._redis.hgetall(keys.SCENES)
         for sha256, summary in scenes.items():

@@ -1,4 +1,4 @@
-"""What every process checks at its start: the layout in Redis, and that the blobs belong to it."""
+"""The checks of every process at its start: Redis's layout, and its pairing with the blobs."""
 
 import logging
 import math
@@ -27,21 +27,20 @@ from plateau.farm.redis.scripts import library
 _LOG = logging.getLogger(__name__)
 
 _RETRY_S: Final = 1.0
-#: Who was killed is taken for alive for so long at most, and so is waited for.
+#: A killed process counts as alive for at most this long.
 _FADE_S: Final = ALIVE_S + 5.0
-#: Between two lines about what is waited for.
+#: Between two log lines about the wait.
 _SAY_AGAIN_S: Final = 60.0
 
-#: From each older layout that can be brought forward, the Lua that turns it into the next. It must
-#: not fail half-way: Redis undoes nothing.
+#: By older layout, the Lua that migrates it to the next. It must not fail half-way: Redis has no
+#: rollback.
 _MIGRATIONS: Final[dict[int, str]] = {}
 
 _CHECK: Final = """
--- Bring the layout to the version that is wanted, where the migrations lead there and nobody works
--- with it as it is.
--- ARGV: the version wanted, ms after which a worker that was not heard of is gone
--- Returns the version that the data then has, where another than the wanted one is left as it was
--- found, and who lives for whom it was left.
+-- Migrate the layout to the wanted version, if the migrations lead there and no process that works
+-- with the present layout lives.
+-- ARGV: the wanted version, ms without a heartbeat after which a worker is dead
+-- Returns the version of the data, and the living processes that prevented a migration.
 local wanted = tonumber(ARGV[1])
 
 local function who_lives()
@@ -72,7 +71,7 @@ return {ARGV[1]}
 
 
 def check_schema(client: RedisClient) -> None:
-    """Return once Redis holds this Plateau's layout: its own, none yet, or an older one migrated.
+    """Return once Redis has this Plateau's layout: an older one is migrated, an empty Redis set up.
 
     Any number of processes may call it at once: it is one atomic script.
 
@@ -81,7 +80,7 @@ def check_schema(client: RedisClient) -> None:
     SchemaMismatch
         The layout is newer, or too old to be migrated; nothing was changed.
     OldProcesses
-        It is older, and processes live that work with it.
+        The layout is older, and processes that work with it live.
     StoreUnavailable
         Redis is away.
     """
@@ -100,7 +99,7 @@ def check_schema(client: RedisClient) -> None:
 
 
 def _brought_forward(client: RedisClient) -> list[str]:
-    """What the script answers that brings the layout to this version where it can."""
+    """Run the script that migrates the layout, and return its answer."""
     with unavailable_as_farm_error():
         life_ms = round(ALIVE_S * 1000)
         answer: list[str] = client.eval(_script(_MIGRATIONS), 0, versions.LAYOUT, life_ms)
@@ -108,11 +107,10 @@ def _brought_forward(client: RedisClient) -> list[str]:
 
 
 def await_schema(client: RedisClient, stop: threading.Event, *, patient: bool = False) -> None:
-    """As `check_schema`, but wait for who may just have stopped; unchecked where `stop` is set.
+    """As `check_schema`, but with a wait; unchecked where `stop` is set.
 
-    Who was killed is taken for alive for a while, so `OldProcesses` is raised only where some are
-    left after that. With `patient`, whatever makes this Plateau `Incompatible` is waited
-    for until it changes.
+    Killed processes count as alive for a while: `OldProcesses` is raised only if some are left
+    after that. With `patient`, this waits as long as Plateau is `Incompatible`.
     """
     waits = _Waits(patient=patient)
     while not stop.is_set():
@@ -127,7 +125,7 @@ def await_schema(client: RedisClient, stop: threading.Event, *, patient: bool = 
 def await_checks(
     client: RedisClient, store: Blobs, stop: threading.Event, *, patient: bool = False
 ) -> None:
-    """As `await_schema` and `check_pair`, once all answer; unchecked where `stop` is set before."""
+    """As `await_schema` and `check_pair`, with a wait for both stores; unchecked at `stop`."""
     while not stop.is_set():
         try:
             await_schema(client, stop, patient=patient)
@@ -141,7 +139,7 @@ def await_checks(
 
 
 class _Waits:
-    """Waits between two looks at a layout that does not suit, for as long as there is hope."""
+    """Waits between two checks of a wrong layout, as long as it may change."""
 
     def __init__(self, *, patient: bool) -> None:
         self._patient = patient
@@ -149,7 +147,7 @@ class _Waits:
         self._said_at = -math.inf
 
     def before_next(self, error: Incompatible, stop: threading.Event) -> None:
-        """Wait before the next look, or raise the error where there should be none."""
+        """Wait before the next check, or raise the error if waiting is of no use."""
         now = time.monotonic()
         fades = isinstance(error, OldProcesses) and now < self._until
         if not (self._patient or fades):

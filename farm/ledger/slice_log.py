@@ -1,7 +1,7 @@
-"""A job's log: how each try of a slice ended, and what the render child printed meanwhile.
+"""A job's log: how each try of a slice ended, and the render child's output.
 
 The commands write an entry in the same step in which they decide, so that log and ledger never
-disagree. A slice that was committed without a word has no entry: its line in the ledger is one.
+disagree. A slice that was committed without output has no entry: its ledger record serves as one.
 """
 
 from collections.abc import Iterable, Mapping
@@ -13,17 +13,12 @@ from plateau.farm.model.job import LogEntry, moment
 def slice_log(
     written: Iterable[Mapping[str, str]], ledger: Mapping[int, Mapping[str, Any]]
 ) -> list[LogEntry]:
-    """The entries that were written and those that the ledger stands for, by time.
+    """The written entries and those from the ledger, by time.
 
-    Parameters
-    ----------
-    written
-        The entries of the job's stream, in their order.
-    ledger
-        The committed slices' records by index, from the same moment.
+    `ledger` has the committed slices' records by index, read in the same moment.
     """
     entries = [_entry(fields) for fields in written]
-    # A slice whose partial was rejected after its commit may have been committed once more.
+    # A slice may be committed again after its partial was rejected.
     last = {entry.slice: entry.what for entry in entries if entry.what in {"committed", "rejected"}}
     silent = (record for index, record in ledger.items() if last.get(index) != "committed")
     return sorted([*entries, *map(_committed, silent)], key=lambda entry: entry.at)

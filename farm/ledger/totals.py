@@ -1,8 +1,8 @@
-"""What the whole farm has done and has to do: counted in Redis, read in one round trip.
+"""The whole farm's work, done and to do: counted in Redis, read in one round trip.
 
 Totals only grow. The commands that end a job or commit a slice count it in the same step, and
-monitors report what they did, so a restart of any process loses nothing, and any process can answer
-for all. What there is to do now is counted afresh over the jobs that have not ended.
+monitors report their work, so a restart of any process loses nothing, and any process can answer
+for all. The work to do is counted afresh over the open jobs.
 """
 
 import json
@@ -23,28 +23,19 @@ from plateau.farm.redis.commands.members import MonitorHeartbeat
 from plateau.farm.redis.commands.sweeps import NoteSweep
 from plateau.farm.redis.scripts import Scripts
 
-#: How tries of slices end, as the totals have them: as in a job's log
-#: (`plateau.farm.model.job.TryEnd`), and ``late`` (rendered when the job had ended) and ``lost``
-#: (its worker fell silent).
+#: How tries of slices end: `plateau.farm.model.job.TryEnd`, ``late`` (rendered when the job had
+#: ended) and ``lost`` (its worker fell silent).
 TRY_ENDS: Final = (
-    "committed",
-    "duplicate",
-    "stale",
-    "late",
-    "handed-back",
-    "unfit",
-    "died",
-    "lost",
-    "failed",
-    "rejected",
+    *("committed", "duplicate", "stale", "late", "handed-back"),
+    *("unfit", "died", "lost", "failed", "rejected"),
 )
 #: The states at which jobs end.
 ENDS: Final = tuple(state.value for state in JobState if state.ended)
 
-#: How tries of deliveries of webhooks end: after ``failed``, another follows.
+#: How tries of webhook deliveries end; after ``failed``, another try follows.
 DELIVERY_TRY_ENDS: Final = ("delivered", "failed", "given-up")
 
-#: What a slice takes, as long as none of this farm's was ever rendered.
+#: A guess of a slice's time, until the farm has rendered one.
 _SLICE_MS: Final = 1000.0
 
 MERGE_BOUNDS_S: Final = (0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 10.0)
@@ -53,18 +44,18 @@ EVALUATION_BOUNDS_S: Final = (0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 5.0, 
 
 @dataclass(frozen=True, kw_only=True)
 class Demand:
-    """Slices that want a worker: what a farm that grows and shrinks has workers for."""
+    """Slices that need a worker, for an autoscaler."""
 
-    waiting: int = 0  #: planned, and nobody's yet; those of paused jobs wait for nobody
-    leased: int = 0  #: a worker's
-    # What follows is estimated, and no part of what makes two of these equal.
+    waiting: int = 0  #: planned and not leased, without those of paused jobs
+    leased: int = 0
+    # Estimates, which do not count in comparisons.
     left: int = field(default=0, compare=False)  #: until the jobs end, planned or not
-    #: What one worker would take for those, in seconds, by what the jobs' slices took until now.
+    #: Seconds of one worker for those, by the mean time of the jobs' slices so far.
     work_s: float = field(default=0.0, compare=False)
 
     @property
     def slices(self) -> int:
-        """All of them: a worker that has one is needed as much as one for which one waits."""
+        """All slices: a worker is needed for each, leased or waiting."""
         return self.waiting + self.leased
 
 
@@ -74,8 +65,8 @@ class Census:
 
     jobs: dict[str, int]  #: that have not ended, by state
     jobs_stored: int  #: whatever their state
-    jobs_unserved: int  #: for which no worker lives that takes work and fits
-    queue_age_s: float  #: since the oldest was created of which nothing is rendered; 0 without one
+    jobs_unserved: int  #: without a suitable living worker that takes work
+    queue_age_s: float  #: age of the oldest job without a rendered slice; 0 without one
     #: Of open jobs, by their class: variant ("auto" for any), pool, and tags with commas between.
     demand: dict[str, Demand]
     workers: dict[str, int]  #: alive: idle, rendering or out_of_service
@@ -84,26 +75,26 @@ class Census:
     jobs_created: int
     jobs_ended: dict[str, int]  #: by the state at which they ended
     tries: dict[str, int]  #: of slices, by how they ended
-    samples: int  #: in slices that were committed
-    samples_saved: int  #: as `plateau.farm.model.job.Job` has it, of all jobs that ever were
+    samples: int  #: in committed slices
+    samples_saved: int  #: the sum of `plateau.farm.model.job.Job.samples_saved` over all jobs ever
     second_tries: int  #: of slices that were late
-    machine_s: float  #: that render children spent
-    wasted_s: float  #: of those on slices of which another try was committed first
+    machine_s: float  #: of render children
+    wasted_s: float  #: of those on tries of slices of which another was committed first
     merges: Histogram  #: of one slice, its fetch included
     evaluations: Histogram  #: of a merged image by all rules of its job
     webhooks_waiting: int  #: messages that wait for a try, or are being tried
     webhook_tries: dict[str, int]  #: by how they ended
-    webhooks_dropped: int  #: messages that were forgotten before they could be delivered
-    swept_at: float | None  #: when a sweep was last done, in s since 1970
+    webhooks_dropped: int  #: messages that were forgotten before their delivery
+    swept_at: float | None  #: when the last sweep ended, in s since 1970
 
     @property
     def slices(self) -> dict[str, int]:
-        """Slices of open jobs that wait for a worker, and that are leased to one."""
+        """Waiting and leased slices of open jobs."""
         demand = self.demand_for()
         return {"waiting": demand.waiting, "leased": demand.leased}
 
     def demand_by_variant(self) -> dict[str, Demand]:
-        """The demand in all pools, by the variant that the jobs need, "auto" for any."""
+        """The demand in all pools, by the jobs' variant, "auto" for any."""
         by_variant: dict[str, list[Demand]] = {}
         for needed, demand in self.demand.items():
             by_variant.setdefault(needed.partition(" ")[0], []).append(demand)
@@ -116,10 +107,10 @@ class Census:
         pool: str | None = None,
         tags: Collection[str] | None = None,
     ) -> Demand:
-        """What wants workers that render with one of these variants, in this pool, with these tags.
+        """The demand for workers of this pool that have one of these variants and these tags.
 
-        With no variants, no pool or no tags given, workers that have any. A job that any variant
-        suits counts for all: the first lease pins it to one.
+        An omitted argument matches any. A job that any variant suits counts for all: the first
+        lease pins it to one.
         """
 
         def suits(needed: str) -> bool:
@@ -136,7 +127,7 @@ class Census:
 def take_census(
     scripts: Scripts, within_s: float = 15.0, *, from_priority: int | None = None
 ) -> Census:
-    """Count the farm; workers that were not heard of for `within_s` are left out.
+    """Count the farm; workers without a heartbeat for `within_s` are left out.
 
     Jobs of a priority below `from_priority` are counted, but are no demand.
     """
@@ -192,16 +183,16 @@ def _sum(demands: Iterable[Demand]) -> Demand:
 
 
 def _mean_slice_ms(totals: dict[str, int]) -> float:
-    """What a slice of a job took of which none is rendered yet: as long as others did."""
+    """The mean time of all slices: an estimate for jobs without a rendered slice."""
     committed = totals.get("tries committed", 0)
     return totals.get("machine ms", 0) / committed if committed else _SLICE_MS
 
 
 class MonitorWork:
-    """What one monitor has done since it started, and its heartbeat that reports it.
+    """One monitor's work since its start, and the heartbeat that reports it.
 
-    A monitor counts as alive for the length of a lease after its last heartbeat. One that is killed
-    takes with it what it has done since then.
+    A monitor counts as alive for the length of a lease after its last heartbeat. A killed monitor's
+    work since then is not counted.
     """
 
     def __init__(self, client: RedisClient, monitor_id: str, lease_s: float) -> None:
@@ -213,12 +204,12 @@ class MonitorWork:
         self._started_at = datetime.now(timezone.utc)
 
     def heartbeat(self, jobs: int) -> None:
-        """Say that the monitor is alive, owns so many jobs, and has done this much.
+        """Report that the monitor lives, its number of jobs, and its work.
 
         Raises
         ------
         Refused
-            It does not speak what the other monitors and the APIs do.
+            It speaks no version that all other monitors and APIs speak.
         """
         about = {
             "id": self._id,
@@ -242,5 +233,5 @@ class MonitorWork:
 
 
 def note_sweep(client: RedisClient) -> None:
-    """Note that a sweep was done just now."""
+    """Note that a sweep has just ended."""
     Scripts(client).run(NoteSweep())

@@ -1,4 +1,4 @@
-"""Steering workers: a drained one takes no more work, and says so, until it is let work again."""
+"""Drains workers, which then take no more work, and resumes them."""
 
 from collections.abc import Iterable
 from datetime import datetime
@@ -11,7 +11,7 @@ from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.commands.members import Drain
 from plateau.farm.redis.scripts import Scripts
 
-#: A worker lives whose heartbeat was heard within so many seconds.
+#: A worker lives for this long after its last heartbeat.
 ALIVE_S: Final = 15.0
 _REMEMBERED_S: Final = 3600.0
 
@@ -24,9 +24,9 @@ class Workers:
         self._scripts = Scripts(client)
 
     def drain(self, worker_id: str) -> None:
-        """Give the worker no more slices; what it has in hand it finishes. Harmless to repeat.
+        """Give the worker no more slices; it finishes those that it has. Harmless to repeat.
 
-        It holds for the worker's life: one that is started again has another id.
+        A restarted worker has another id, and is not drained.
 
         Raises
         ------
@@ -40,10 +40,9 @@ class Workers:
         self._tell(worker_id, drains=False)
 
     def refused(self, alive: Iterable[Worker]) -> list[RefusedProcess]:
-        """Who was not let into the farm in the last hour, the newest first.
+        """The processes that were refused in the last hour, the newest first.
 
-        `alive` are the workers that live: of a machine on which one was let in since, nothing is
-        told.
+        Workers on a machine where one of `alive`, the living workers, started later are left out.
         """
         let_in: dict[str, datetime] = {}
         for worker in alive:

@@ -1,4 +1,4 @@
-"""A batch as its users see it: how far its jobs are, and whether they are even."""
+"""A batch as its users see it: the progress of its jobs, and whether they are even."""
 
 from collections import Counter
 from collections.abc import Iterable
@@ -13,7 +13,7 @@ from plateau.farm.model.flicker import Value, differences, stops_by
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
 
-#: So many differences, or jobs that missed their target, are named.
+#: Most differences, and jobs that missed their target, that are named.
 _NAMED: Final = 100
 
 
@@ -23,7 +23,7 @@ class _Record(BaseModel):
 
 
 class Extent(_Record):
-    """How far the values of several jobs lie apart."""
+    """The range of a value over several jobs."""
 
     least: float
     most: float
@@ -104,10 +104,10 @@ class Batch(_Record):
 
 @dataclass(frozen=True, kw_only=True)
 class Member:
-    """What a summary needs of a job."""
+    """The facts of a job that a summary needs."""
 
     id: str
-    spec: JobSpec  #: of a job that is alike but for its parameters
+    spec: JobSpec  #: without the job's own parameters
     state: JobState
     held: bool
     spp: int
@@ -135,11 +135,11 @@ class BatchLine:
 
 @dataclass(frozen=True, kw_only=True)
 class Steered:
-    """What became of one job of a batch."""
+    """The result of steering one job of a batch."""
 
     job: str
-    done: bool  #: it is so now, perhaps it was before
-    state: JobState | None  #: in which it is, or which forbids it; None where it was not asked
+    done: bool  #: the job is in the wanted state now, or was before
+    state: JobState | None  #: its state, which may forbid it; None where it was not asked
     why_not: str | None
 
 
@@ -167,7 +167,7 @@ def summarise(name: str, members: list[Member], *, guarded: bool, now: datetime)
 
 
 def _guard(members: list[Member], *, guarded: bool) -> Guard:
-    stops = [_stops(member) for member in members]
+    stops = [stops_by(member.spec) for member in members]
     usual = dict(Counter(tuple(values.items()) for values in stops).most_common(1)[0][0])
     usual_spec = members[stops.index(usual)].spec
     rule = usual_spec.rule.behaviour
@@ -184,11 +184,7 @@ def _guard(members: list[Member], *, guarded: bool) -> Guard:
         if member.film is not None and member.film != film[0][0]
     ]
     converged = [member for member in members if member.state is JobState.CONVERGED]
-    missed = [
-        member.id
-        for member in members
-        if member.state.ended and member.state is not JobState.CONVERGED
-    ]
+    missed = [one.id for one in members if one.state.ended and one.state is not JobState.CONVERGED]
     return Guard(
         guarded=guarded,
         even=not differs,
@@ -202,10 +198,6 @@ def _guard(members: list[Member], *, guarded: bool) -> Guard:
         estimate_fraction=_extent(_left(converged)),
         jump=_jump(members),
     )
-
-
-def _stops(member: Member) -> dict[str, Value]:
-    return stops_by(member.spec)
 
 
 def _size(film: tuple[int, int]) -> str:
@@ -239,11 +231,11 @@ def _jump(members: list[Member]) -> Jump | None:
 
 
 def _forecast(members: list[Member], now: datetime) -> datetime | None:
-    """When the last job will end, if the farm goes on at its mean rate while it had work with it.
+    """When the last job will end, at the farm's mean rate while it worked on the batch.
 
-    A job's own forecast is taken, or the cap where that comes first; one that has none yet is
-    taken to need what those needed that have ended by their rule. Where nobody can say, or a job
-    waits for a person, there is no forecast.
+    A job ends at its own forecast, or at its cap where that comes first; without a forecast it is
+    taken to need the mean spp of the converged jobs. None where a job's end is unknown, or a job
+    waits for a person.
     """
     to_come = [member for member in members if not member.state.ended]
     if not to_come or any(one.held or one.state is JobState.PAUSED for one in to_come):
@@ -276,7 +268,7 @@ def _last_spp(member: Member, usual: float | None) -> float | None:
 
 
 def _busy_s(members: list[Member], now: datetime) -> float:
-    """For how long any job of the batch was being rendered."""
+    """Seconds in which any job of the batch was being rendered."""
     times = sorted(
         (one.started_at, one.ended_at or now) for one in members if one.started_at is not None
     )

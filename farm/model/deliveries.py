@@ -1,4 +1,4 @@
-"""Messages to webhooks as users see them: what became of each, and of each try."""
+"""Messages to webhooks as users see them, with their tries."""
 
 from datetime import datetime
 from typing import Literal

@@ -1,4 +1,4 @@
-"""How long things take: a histogram that only grows, as Prometheus wants it."""
+"""Histograms of durations that only grow, as Prometheus needs them."""
 
 import time
 from bisect import bisect_left
@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Histogram:
-    """How many runs took at most how long, and how long all took together."""
+    """The number of runs up to each bound, and the total time of all runs."""
 
     buckets: tuple[tuple[float, int], ...]  #: (bound in s, runs up to it), the last bound infinite
     sum_s: float
@@ -30,27 +30,21 @@ class Durations:
 
     @contextmanager
     def timed(self) -> Iterator[None]:
-        """Note how long the context lasts; not where it ends by an error."""
+        """Note the duration of the context, unless it ends with an error."""
         started = time.monotonic()
         yield
         self.note(time.monotonic() - started)
 
     def numbers(self, name: str) -> dict[str, int]:
-        """The runs noted so far, as numbers that can be added up: runs by bucket, and µs in all."""
+        """The noted runs as numbers that can be added: the runs of each bucket, and µs in all."""
         runs = zip(self._bounds_s, self._runs, strict=True)
         return {f"{name} le {bound:g}": n for bound, n in runs} | {f"{name} us": self._sum_us}
 
 
 def histogram(numbers: Mapping[str, int], name: str, bounds_s: tuple[float, ...]) -> Histogram:
-    """The histogram of the sums of `Durations.numbers`.
+    """The histogram of the sums of `Durations.numbers` under this name.
 
-    Parameters
-    ----------
-    numbers, name
-        The sums, among others perhaps, and the name that was given to `numbers`.
-    bounds_s
-        Bounds that it has in any case, beside those for which there is a number: an older Plateau
-        may have had others.
+    It has these bounds, and those of the sums: an older Plateau may have had others.
     """
     runs = dict.fromkeys((*bounds_s, float("inf")), 0)
     for key, number in numbers.items():

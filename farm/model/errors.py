@@ -1,38 +1,38 @@
-"""Everything that `farm` raises on purpose.
+"""The errors of `farm`.
 
 ::
 
     FarmError
     ├── JobNotFound        no job of that id
-    ├── UnreadableJob      what Redis has of the job is nothing that this Plateau knows
+    ├── UnreadableJob      this Plateau cannot read the job's data in Redis
     ├── IllegalTransition  the job's state does not allow this move; carries its story
     ├── BatchNotFound      no batch of that name
-    ├── UnevenBatch        a guarded batch has other jobs than the one that is to join it
+    ├── UnevenBatch        the jobs of a guarded batch would not stop alike
     ├── JobEnded           the job has ended and cannot be changed any more; carries its story
-    ├── CannotContinue     no job can go on with this one so
+    ├── CannotContinue     no job can continue this one in the wanted way
     ├── FenceLost          another monitor owns the job now
     ├── WorkerNotFound     no worker of that id lives
-    ├── TooManyJobs        the key that asks for a job has as many open ones as it may
-    ├── TooManyNeeds       open jobs need too many different pools and tags for another
-    ├── UnknownKey         no API key of that id that could be changed so
+    ├── TooManyJobs        the API key has as many open jobs as it may
+    ├── TooManyNeeds       open jobs need too many different pools and tags
+    ├── UnknownKey         no API key of that id, or it was revoked
     ├── StoreUnavailable   Redis or the blob store cannot be reached, or refuses
-    │   ├── BlobsUnavailable   of the two, the blob store
-    │   └── NotPermitted       Redis does not let this process's user do what it asks
-    ├── WrongStore         the blob store is not the one that belongs to this Redis, or cannot be
+    │   ├── BlobsUnavailable   the blob store does
+    │   └── NotPermitted       Redis does not permit a command to this process's user
+    ├── WrongStore         the blob store does not belong to this Redis, or cannot be one
     ├── Incompatible       this Plateau cannot work on the farm that it is to join
-    │   ├── SchemaMismatch     the data in Redis is of a layout that it cannot work with
-    │   ├── WrongLayout        nor any more: another Plateau has changed the layout meanwhile
-    │   ├── OldProcesses       it would bring the layout forward, but others need it as it is
+    │   ├── SchemaMismatch     it cannot work with the layout of the data in Redis
+    │   ├── WrongLayout        another Plateau has changed the layout meanwhile
+    │   ├── OldProcesses       a migration would shut out processes that live
     │   └── Refused            the farm speaks other versions of the protocol
-    └── CorruptBlob        a blob is not what its name says
-        └── CorruptPartial     a partial is not what its ledger entry says
+    └── CorruptBlob        a blob does not match its name
+        └── CorruptPartial     a partial does not match its ledger record
 """
 
 from plateau.farm.model import versions
 
 
 class FarmError(Exception):
-    """Something in the contract between Plateau's processes did not hold."""
+    """The base of all errors of `farm`."""
 
 
 class JobNotFound(FarmError):
@@ -44,7 +44,7 @@ class JobNotFound(FarmError):
 
 
 class UnreadableJob(FarmError):
-    """What Redis has of the job is nothing that this Plateau knows."""
+    """This Plateau cannot read the job's data in Redis."""
 
     def __init__(self, job_id: str, error: Exception) -> None:
         why = f"it has no {error}" if isinstance(error, KeyError) else str(error)
@@ -65,7 +65,7 @@ class IllegalTransition(FarmError):
 
 
 class BatchNotFound(FarmError):
-    """There is no job of this batch."""
+    """There is no batch of this name."""
 
     def __init__(self, name: str) -> None:
         super().__init__(f"there is no batch {name!r}")
@@ -73,7 +73,6 @@ class BatchNotFound(FarmError):
 
 
 def _value(value: object) -> str:
-    """A field's value as people write it."""
     return "not set" if value is None else str(value)
 
 
@@ -83,12 +82,12 @@ class UnevenBatch(FarmError):
     Attributes
     ----------
     batch, job_id
-        The batch, and the job of it that is otherwise.
+        The batch, and its job that differs.
     differs
         The fields in which they differ: name, value asked for, value of that job.
     joins
-        Whether a job was to join it; else the batch was to be guarded, and it is its newest job
-        that has the values asked for.
+        Whether a job was to join the batch. Otherwise the batch was to be guarded, and the values
+        asked for are those of its newest job.
     """
 
     def __init__(
@@ -117,7 +116,7 @@ class UnevenBatch(FarmError):
 
 
 class JobEnded(FarmError):
-    """The job has ended: what it asks for cannot be changed any more."""
+    """The job has ended and cannot be changed any more."""
 
     def __init__(self, job_id: str, state: str, story: tuple[str, ...] = ()) -> None:
         super().__init__("\n  ".join([f"job {job_id} is {state}: it has ended", *story]))
@@ -135,7 +134,7 @@ class WorkerNotFound(FarmError):
 
 
 class CannotContinue(FarmError):
-    """No job can go on with this one, or not so; the message says why."""
+    """No job can continue this one, or not in the wanted way; the message says why."""
 
     def __init__(self, job_id: str, why: str) -> None:
         super().__init__(f"job {job_id} cannot be continued: {why}")
@@ -184,10 +183,10 @@ class BlobsUnavailable(StoreUnavailable):
 
 
 class NotPermitted(StoreUnavailable):
-    """Redis does not let this process's user do what it asks; see `plateau.farm.redis.acl`.
+    """Redis does not permit a command to this process's user; see `plateau.farm.redis.acl`.
 
-    As when Redis is away, nobody fails a job for it: a newer Plateau may have met an older ACL
-    file, and goes on when that is mended.
+    As when Redis is away, no job fails for it: the ACL file may be one of an older Plateau, and
+    work continues once it is replaced.
     """
 
     def __init__(self, said: str) -> None:
@@ -199,7 +198,7 @@ class NotPermitted(StoreUnavailable):
 
 
 class WrongStore(FarmError):
-    """The blob store is not the one that belongs to this Redis, or lacks what it must have."""
+    """The blob store does not belong to this Redis, or lacks a feature that it must have."""
 
 
 class Incompatible(FarmError):
@@ -207,11 +206,11 @@ class Incompatible(FarmError):
 
 
 class SchemaMismatch(Incompatible):
-    """The data in Redis is of a layout that this Plateau cannot work with."""
+    """This Plateau cannot work with the layout of the data in Redis."""
 
 
 def needs_other_layout(found: str) -> str:
-    """How a message begins that is about data of another layout."""
+    """The beginning of each message about data of another layout."""
     return (
         f"the data in Redis has layout {found}, and this Plateau, {versions.plateau()}, works with "
         f"layout {versions.LAYOUT}"
@@ -232,7 +231,7 @@ class WrongLayout(Incompatible):
 
 
 class OldProcesses(Incompatible):
-    """Processes live that could not read the data any more if its layout was brought forward."""
+    """A migration would shut out processes that live."""
 
     def __init__(self, found: str, who: tuple[str, ...]) -> None:
         super().__init__(
@@ -244,15 +243,10 @@ class OldProcesses(Incompatible):
 
 
 class Refused(Incompatible):
-    """The farm speaks other versions of the protocol than this process.
-
-    Attributes
-    ----------
-    too_old
-        Whether it is the process that is too old; else it is too new.
-    """
+    """The farm speaks other versions of the protocol than this process."""
 
     def __init__(self, oldest: int, newest: int, plateau: str) -> None:
+        #: whether the process is too old, not too new
         self.too_old = oldest > versions.NEWEST
         what_to_do = (
             f"too old: install Plateau {plateau} here"
@@ -269,8 +263,8 @@ class Refused(Incompatible):
 
 
 class CorruptBlob(FarmError):
-    """A blob is not what its name says."""
+    """A blob does not match its name."""
 
 
 class CorruptPartial(CorruptBlob):
-    """A partial does not match what the ledger says of it."""
+    """A partial does not match its ledger record."""

@@ -1,4 +1,4 @@
-"""Which workers may render a job: those of its pool that have its tags and its variant.
+"""The workers that may render a job: those of its pool that have its tags and its variant.
 
 Redis has both sides as text, so that a lease compares strings: see ``farm/redis/lua/waiting.lua``.
 """
@@ -19,7 +19,7 @@ ANY: Final = "auto"
 
 @dataclass(frozen=True)
 class Kind:
-    """What a worker can do for jobs."""
+    """The variants, pool and tags of a worker."""
 
     variants: tuple[str, ...]  #: best first
     pool: str = DEFAULT_POOL
@@ -27,17 +27,17 @@ class Kind:
 
     @property
     def text(self) -> str:
-        """As Redis has it."""
+        """The kind as Redis has it."""
         return f"{self.pool} {','.join(self.variants)} {','.join(sorted(self.tags))}"
 
     @staticmethod
     def read(text: str) -> Kind:
-        """The kind that Redis has as this text."""
+        """The kind of a `text`."""
         pool, variants, tags = text.split(" ")
         return Kind(_names(variants), pool, _names(tags))
 
     def serves(self, job: Job) -> bool:
-        """Whether such a worker may render the job, as far as a variant is known already."""
+        """Whether such a worker may render the job; one that has no variant yet takes any."""
         variant = job.variant or job.spec.variant
         return (
             self.pool == job.spec.pool
@@ -52,12 +52,12 @@ def _names(text: str) -> tuple[str, ...]:
 
 
 def need(spec: SharedSpec) -> str:
-    """What a job needs of a worker beside its variant, as Redis has it."""
+    """A job's pool and tags, as Redis has them."""
     return f"{spec.pool} {','.join(spec.requires)}".rstrip()
 
 
 def waits_for(job: Job, kinds: Iterable[Kind]) -> str | None:
-    """What the job waits for, in words, where no worker of these kinds may render it."""
+    """The worker that the job waits for, in words; None if one of these kinds may render it."""
     if job.state.value not in {"queued", "rendering"} or job.held:
         return None
     if any(kind.serves(job) for kind in kinds):

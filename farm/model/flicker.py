@@ -1,8 +1,8 @@
-"""What the frames of a sequence have to have in common to stop at the same visible noise.
+"""The fields that the frames of a sequence must share to stop at the same visible noise.
 
-Frames that stop with different amounts of noise flicker. How much is left in one is decided by its
-rule with the target, by the least spp, by how often it is judged and by how it is looked at. Jobs
-that are alike in these are *even*; a batch with a guarded job takes even ones only.
+Frames that stop with different amounts of noise flicker. The amount depends on the rule and its
+target, on the least spp, the step and the view. Jobs with the same of these are *even*; a guarded
+batch takes only even jobs.
 """
 
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from typing import Final
 
 from plateau.farm.model.spec import JobSpec
 
-#: The fields of a spec that even jobs have in common.
+#: The fields of a spec that even jobs share.
 EVEN: Final = ("rule", "min_spp", "step", "view")
 
 Value = str | int | float | bool | None
@@ -26,7 +26,7 @@ class Difference:
 
 
 def stops_by(spec: JobSpec) -> dict[str, Value]:
-    """What decides how much noise is left in a job's image: values by the names of their fields."""
+    """The values that decide how much noise a job leaves, by the names of their fields."""
     values: dict[str, Value] = {}
     for name, value in spec.model_dump(include=set(EVEN)).items():
         if isinstance(value, dict):
@@ -41,7 +41,7 @@ def _value(part: Value | tuple[float, ...]) -> Value:
 
 
 def differences(values: dict[str, Value], others: dict[str, Value]) -> list[Difference]:
-    """Where `stops_by` of a job differs from that of others; of another rule, just its name."""
+    """Differences between a job's `stops_by` and others'; of another rule only the name."""
     names = sorted(values.keys() | others.keys())
     if values["rule.name"] != others["rule.name"]:
         names = [name for name in names if name == "rule.name" or not name.startswith("rule.")]

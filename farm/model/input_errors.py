@@ -1,8 +1,8 @@
-"""What is wrong with a value that somebody gave, in plain English, for API and command line.
+"""The errors of a user's values in plain English, for API and command line.
 
-Pydantic finds what is wrong; its own messages speak of inputs, literals and patterns, which who
-wrote the value has never heard of. Each message here goes on from the name of the field: ``step:
-must be above 0``. None repeats the value, which may be a secret.
+Pydantic finds the errors, but its messages speak of inputs, literals and patterns, of which users
+know nothing. A message here follows the name of the field: ``step: must be above 0``. None repeats
+the value, which may be a secret.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Final
 if TYPE_CHECKING:
     from pydantic_core import ErrorDetails
 
-#: What a pattern asks for. A test finds patterns without words.
+#: The message for each pattern; a test finds patterns without one.
 PATTERNS: Final = {
     r"^[0-9a-f]{12}$": "must be an id: 12 characters, each a digit or a letter from a to f",
     r"^([0-9a-f]{64})?$": "must be a SHA-256: 64 characters, each a digit or a letter from a to f",
@@ -28,7 +28,7 @@ PATTERNS: Final = {
 
 
 def message(error: ErrorDetails) -> str:
-    """What is wrong with a field, by one of the errors that a `ValidationError` lists."""
+    """The message for one of the errors that a `ValidationError` lists."""
     words = _WORDS.get(error["type"])
     if isinstance(words, str):
         return words
@@ -40,7 +40,7 @@ def message(error: ErrorDetails) -> str:
 
 
 def either(messages: Iterable[str]) -> str:
-    """The messages of one field that may be of several kinds, in one, each of them once."""
+    """One message from those of a field of several possible types, each once."""
     several = list(dict.fromkeys(messages))
     begin = "must be "
     if len(several) > 1 and all(one.startswith(begin) for one in several):

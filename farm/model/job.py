@@ -16,7 +16,7 @@ def moment(milliseconds: str | int | float) -> datetime:
 
 
 def utc_now() -> datetime:
-    """Now, by the clock of this machine."""
+    """Now, by this machine's clock."""
     return datetime.now(timezone.utc)
 
 
@@ -170,7 +170,7 @@ class Job(_Record):
         return self.samples_saved / (self.spec.max_spp * self.width * self.height)
 
 
-#: An `Event.id` that comes before those of all events.
+#: An `Event.id` before those of all events.
 BEFORE_ALL_EVENTS: Final = "0-0"
 
 
@@ -183,8 +183,7 @@ class Event(_Record):
     at: datetime
 
 
-#: How a try of a slice ended. ``unfit``: handed back by a worker that found that it can render
-#: nothing; ``rejected``: its partial was lost or spoiled after it had been committed.
+#: How a try of a slice ended; `LogEntry.what` explains each.
 TryEnd = Literal[
     "committed", "duplicate", "stale", "handed-back", "unfit", "died", "failed", "rejected"
 ]

@@ -1,4 +1,4 @@
-"""What pools and tags may be called."""
+"""The names of pools and tags."""
 
 from typing import Annotated, Final
 
@@ -8,12 +8,7 @@ from pydantic import AfterValidator, Field
 DEFAULT_POOL: Final = "default"
 
 PlaceName = Annotated[
-    str,
-    Field(
-        min_length=1,
-        max_length=40,
-        pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$",
-    ),
+    str, Field(min_length=1, max_length=40, pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$")
 ]
 
 

@@ -1,12 +1,13 @@
-"""The renderers of the farm and their variants: what everyone but a worker has to know of them.
+"""The renderers of the farm and their variants, as the whole farm knows them.
 
 A renderer is a program that renders slices. A variant is one way in which it draws samples: two
-variants draw other samples of the same scene, so a job keeps to one. A variant's full name is
-``RENDERER:VARIANT``. Mitsuba's variants are stored and shown without ``mitsuba:``, and taken with
-it or without. All others are named in full.
+variants draw different samples of a scene, so a job keeps to one. A variant's full name is
+``RENDERER:VARIANT``. Mitsuba's variants are stored and shown without ``mitsuba:``, and accepted
+with it or without. All others are named in full.
 
-What a renderer is to a worker is in `plateau.worker.renderers.contract`, and the format of its
-scenes in `plateau.farm.bundle.formats`. ``docs/renderers.md`` says what a new renderer takes.
+`plateau.worker.renderers.contract` is a renderer's interface to a worker, and
+`plateau.farm.bundle.formats` has the format of its scenes. ``docs/renderers.md`` says what a new
+renderer needs.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from typing import Final, Literal, get_args
 MITSUBA: Final = "mitsuba"
 ANALYTIC: Final = "analytic"
 
-#: Every variant, as it is stored and shown.
+#: Every variant by its stored and shown name.
 RenderVariant = Literal[
     "scalar_rgb",
     "llvm_ad_rgb",
@@ -34,41 +35,26 @@ RenderVariant = Literal[
     "cuda_ad_spectral",
     "cuda_ad_spectral_polarized",
 ]
-#: And what a job may ask for: in one list, so that a mistyped name is answered with all of them.
+#: The variants that a job may ask for; one list, so that the error for another name has them all.
 AnyVariant = Literal["auto", RenderVariant]
 
 
 @dataclass(frozen=True, kw_only=True)
 class VariantFacts:
-    """What the farm knows of a variant.
+    """The farm's facts of a variant."""
 
-    Attributes
-    ----------
-    renderer : str
-        The renderer's name: that of its package in `plateau.worker.renderers`.
-    own_name : str
-        The variant, as the renderer itself calls it.
-    seeds : {"distinct", "scalar"}
-        Which seeds give independent samples, see `plateau.farm.model.seeds`: any that are distinct,
-        or those of Mitsuba's scalar variants.
-    renders_in_parts : bool
-        Whether a pass is rendered in parts, and so may have any number of samples.
-    on_gpu : bool
-        Whether a GPU's driver renders: it needs more than a confined child may have.
-    works_everywhere : bool
-        Whether it needs nothing of a machine, so that a worker offers it without a trial.
-    """
-
-    renderer: str
-    own_name: str
+    renderer: str  #: its package in `plateau.worker.renderers`
+    own_name: str  #: the renderer's own name of the variant
+    #: seeds of independent samples (`plateau.farm.model.seeds`): any distinct ones, or those of
+    #: Mitsuba's scalar variants
     seeds: Literal["distinct", "scalar"] = "distinct"
-    renders_in_parts: bool = True
-    on_gpu: bool = False
-    works_everywhere: bool = False
+    renders_in_parts: bool = True  #: pass by parts, so that a pass may have any number of samples
+    on_gpu: bool = False  #: whether it renders on a GPU, whose driver a confined child cannot use
+    works_everywhere: bool = False  #: on any machine, so that a worker offers it without a trial
 
     @property
     def backend(self) -> str:
-        """What compiles or runs it: variants of one backend work where one of them does."""
+        """The variant's compiler or runtime: where one variant of a backend works, all do."""
         return f"{self.renderer}:{self.own_name.partition('_')[0]}"
 
 
@@ -92,7 +78,7 @@ VARIANTS: Final[dict[RenderVariant, VariantFacts]] = {
 
 
 def shown_name(variant: str) -> str:
-    """Return a variant's name as it is stored and shown; a name that is none stays as it is.
+    """Return a variant's stored and shown name; an unknown name stays as it is.
 
     Examples
     --------
@@ -103,7 +89,7 @@ def shown_name(variant: str) -> str:
 
 
 def variant_named(name: str) -> VariantFacts:
-    """Return what the farm knows of a variant, by the name that it is stored and shown under.
+    """Return the farm's facts of a variant, by its stored and shown name.
 
     Raises
     ------
@@ -117,9 +103,9 @@ def variant_named(name: str) -> VariantFacts:
 
 
 def variant_for(asked: str, renderer: str) -> RenderVariant | Literal["auto"]:
-    """Return the variant that a job of this renderer's scene has, by the one that was asked for.
+    """Return the variant of a job of this renderer's scene, by the variant asked for.
 
-    Mitsuba's ``auto`` stays: the first worker decides. Of other renderers it is the first variant.
+    Mitsuba's ``auto`` stays: the first worker decides. For other renderers it is their first one.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The models by which a job's specification is checked: strict ones, and one made of each rule."""
+"""The base of the models that check a job's specification, and the model of each rule."""
 
 from typing import Annotated, Any, Literal
 
@@ -8,31 +8,31 @@ from plateau.rules import Parameter, StoppingRule, create
 
 
 class Strict(BaseModel):
-    """Frozen, and unknown fields are refused.
+    """A frozen model that refuses unknown fields.
 
-    Each number has a least and a greatest value, both allowed: so a form, a schema and the metric
-    can have the very same, and what is out of bounds is refused before anything is rendered.
+    Each number has inclusive bounds: a form, a schema and the metric share them, and a value out of
+    bounds is refused before anything is rendered.
 
-    Defaults are given by name (``Field(default=…)``): from one by position, a user's type checker
-    would not learn that the field may be left out.
+    Defaults are given by name (``Field(default=…)``): a user's type checker does not see a default
+    given by position.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
 class RuleModel(Strict):
-    """A rule as a job names it: its name and its parameters."""
+    """A rule in a job's specification: its name and its parameters."""
 
     name: str
 
     @property
     def behaviour(self) -> StoppingRule:
-        """The rule itself, by which to know what it does."""
+        """The rule itself."""
         return create(**self.model_dump())
 
 
 def rule_model(rule: type[StoppingRule], module: str) -> type[RuleModel]:
-    """The model of what a job may say of a rule, for a module to have."""
+    """The model of a rule in a job's specification, for the module of this name."""
     fields: dict[str, Any] = {
         "name": (Literal[rule.name], rule.name),
         **{name: _field(one) for name, one in rule.parameters().items()},

@@ -1,4 +1,4 @@
-"""The specification of each rule that is installed; type checkers read the stub beside this file.
+"""The specification of each installed rule; type checkers read the stub beside this file.
 
 `make manual` writes the stub, and a test compares it with the rules.
 """

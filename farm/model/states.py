@@ -5,7 +5,7 @@ from typing import Final
 
 
 class JobState(str, Enum):
-    """Where a job stands."""
+    """The state of a job."""
 
     QUEUED = "queued"
     RENDERING = "rendering"
@@ -17,7 +17,7 @@ class JobState(str, Enum):
 
     @property
     def ended(self) -> bool:
-        """Whether nothing can happen to the job any more."""
+        """Whether no move leads out of the state."""
         return not JOB_MOVES[self]
 
 
@@ -28,7 +28,7 @@ _ENDS: Final = frozenset(
 JOB_MOVES: Final[dict[JobState, frozenset[JobState]]] = {
     JobState.QUEUED: frozenset({JobState.RENDERING, JobState.CANCELLED, JobState.FAILED}),
     JobState.RENDERING: _ENDS | {JobState.PAUSED},
-    # What was being rendered when it was paused may be all that the rule, or the cap, waited for.
+    # The slices in hand at a pause may be the last that the rule, or the cap, needed.
     JobState.PAUSED: _ENDS | {JobState.RENDERING},
     JobState.CONVERGED: frozenset(),
     JobState.EXHAUSTED: frozenset(),
@@ -43,7 +43,7 @@ def sources(target: JobState) -> tuple[JobState, ...]:
 
 
 class SliceState(str, Enum):
-    """Where a slice stands; it is read off the job's stream and ledger, never stored."""
+    """The state of a slice; the job's stream and ledger tell it, it is never stored."""
 
     PLANNED = "planned"  #: in the stream, given to nobody
     LEASED = "leased"  #: in the stream's pending list
@@ -62,5 +62,5 @@ SLICE_MOVES: Final[dict[SliceState, frozenset[SliceState]]] = {
     SliceState.POISONED: frozenset(),
 }
 
-#: So many workers may die on one slice before its job fails.
+#: Workers that may die on one slice before its job fails.
 MAX_TRIES: Final = 3

@@ -1,9 +1,9 @@
-"""Where a job's changes are to be told, as its user asks for it."""
+"""A job's webhook, as its user asks for it."""
 
 import base64
 import binascii
 import re
-from typing import Final, Literal
+from typing import Final, Literal, get_args
 from urllib.parse import SplitResult, urlsplit
 
 from pydantic import BaseModel, ConfigDict, Field, SecretStr, field_validator
@@ -12,21 +12,13 @@ WebhookEvent = Literal[
     "queued", "rendering", "paused", "converged", "exhausted", "cancelled", "failed", "finished"
 ]
 
-#: All but ``queued``, which tells who submits the job nothing new.
-DEFAULT_EVENTS: Final[tuple[WebhookEvent, ...]] = (
-    "rendering",
-    "paused",
-    "converged",
-    "exhausted",
-    "cancelled",
-    "failed",
-    "finished",
-)
+#: All but ``queued``, which is no news to the user who submits the job.
+DEFAULT_EVENTS: Final[tuple[WebhookEvent, ...]] = get_args(WebhookEvent)[1:]
 
 SECRET_PREFIX: Final = "whsec_"
 _SECRET_BYTES: Final = range(24, 65)  # as Standard Webhooks has it
 _PORTS: Final = {"https": 443, "http": 80}
-#: What is shown for a path that is not shown. ASCII, as a URL has to be: clients read it as one.
+#: Shown in place of a hidden path. ASCII, as clients read the whole as a URL.
 _HIDDEN: Final = "/..."
 
 
@@ -48,7 +40,7 @@ class WebhookSpec(BaseModel):
         description="the states to report, and `finished`: all results are written",
         json_schema_extra={"minItems": 1},
     )
-    # Never shown again: it is left out wherever a spec is written, but for `JobSpec.as_request`.
+    # Excluded wherever a spec is written, except in `JobSpec.as_request`.
     secret: SecretStr | None = Field(
         default=None,
         exclude=True,
@@ -102,17 +94,17 @@ class WebhookSpec(BaseModel):
 
     @property
     def receiver(self) -> str:
-        """Who is asked: scheme, host and port, without the path, which may be confidential."""
+        """Scheme, host and port, without the path, which may be confidential."""
         parts = self.parts
         return f"{parts.scheme}://{parts.hostname}:{parts.port or _PORTS[parts.scheme]}"
 
     @property
     def is_hidden(self) -> bool:
-        """Whether this is what others are shown of a webhook, and no URL to send anything to."""
+        """Whether this is a `hidden` webhook, whose URL leads nowhere."""
         return self.url.endswith(_HIDDEN) and self.parts.path == _HIDDEN
 
     def hidden(self) -> "WebhookSpec":
-        """The same for those who are not to know its path, which is often all that opens it."""
+        """The webhook without its secret and its path, which is often the only protection."""
         return self.model_copy(
             update={"url": f"{self.parts.scheme}://{self.parts.netloc}{_HIDDEN}", "secret": None}
         )

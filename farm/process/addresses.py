@@ -2,22 +2,15 @@
 
 Webhooks go to public addresses, and to those that the farm's owner names.
 
-A submitter chooses the URL, and the farm stands inside somebody's network: without a guard, anyone
-who may submit a job could have it send requests to machines that he cannot reach himself. So a host
-is resolved here, every address it has is checked, and the connection goes to one of the addresses
-that were checked: a name that means something else a moment later gains nothing.
+A submitter chooses the URL, and the farm is inside a private network: without a guard, any
+submitter could have it send requests to machines that only the farm can reach. So a host is
+resolved here, all its addresses are checked, and the connection goes to a checked address: a later
+change of the name has no effect.
 """
 
 import socket
 from collections.abc import Callable, Sequence
-from ipaddress import (
-    IPv4Address,
-    IPv4Network,
-    IPv6Address,
-    IPv6Network,
-    ip_address,
-    ip_network,
-)
+from ipaddress import IPv4Address, IPv4Network, IPv6Address, IPv6Network, ip_address, ip_network
 from typing import Final, TypeAlias
 from urllib.parse import urlsplit
 
@@ -26,40 +19,32 @@ Network: TypeAlias = IPv4Network | IPv6Network
 
 #: IPv6 addresses that a gateway turns into the IPv4 address in their last 32 bits (RFC 6052).
 _NAT64: Final = IPv6Network("64:ff9b::/96")
-#: And those that mean the IPv4 address in their last 32 bits, which is long out of use (RFC 4291).
+#: The deprecated ones that mean the IPv4 address in their last 32 bits (RFC 4291).
 _COMPATIBLE: Final = IPv6Network("::/96")
 
-#: Special ones (IANA) that `ipaddress` of some Pythons we run on takes for public.
+#: Special networks (IANA) that `ipaddress` of some supported Pythons takes for public.
 _SPECIAL: Final[tuple[Network, ...]] = tuple(
-    map(
-        ip_network,
-        ("192.0.0.0/24", "192.88.99.0/24", "64:ff9b:1::/48", "3fff::/20", "5f00::/16"),
-    )
+    map(ip_network, ("192.0.0.0/24", "192.88.99.0/24", "64:ff9b:1::/48", "3fff::/20", "5f00::/16"))
 )
 
 _SETTING: Final = "PLATEAU_WEBHOOK_ALLOW"
 
 
 class ReceiverRefused(Exception):
-    """The farm sends no webhook there."""
+    """The farm sends no webhook to this receiver."""
 
 
 def look_up(host: str, port: int) -> list[str]:
-    """The addresses of a host, as the system's resolver gives them."""
+    """The addresses of a host, by the system's resolver."""
     found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
     return list(dict.fromkeys(str(address[0]) for *_, address in found))
 
 
 class Receivers:
-    """Who may be sent webhooks.
+    """The allowed receivers of webhooks.
 
-    Parameters
-    ----------
-    allow
-        Networks (``10.0.0.0/8``, ``192.168.1.7``) and host names that are no public ones and may be
-        sent webhooks all the same, by http too.
-    look_up
-        The addresses of a host name.
+    `allow` has networks (``10.0.0.0/8``, ``192.168.1.7``) and host names that are allowed though
+    they are not public, by http too. `look_up` resolves host names.
     """
 
     def __init__(
@@ -75,12 +60,12 @@ class Receivers:
                 self._names.add(_name(entry))
 
     def check(self, url: str) -> None:
-        """Return where nothing speaks against the URL before its host is resolved.
+        """Check the URL without resolving its host.
 
         Raises
         ------
         ReceiverRefused
-            Its host is written as an address that is refused, or it is http to a public one.
+            Its host is an address that is refused, or it is http to a public host.
         """
         parts = urlsplit(url)
         host = parts.hostname or ""
@@ -95,19 +80,12 @@ class Receivers:
                 raise _unencrypted(host)
 
     def addresses(self, host: str, port: int, *, plain: bool) -> list[str]:
-        """The addresses of the host, to one of which the connection has to go.
-
-        Parameters
-        ----------
-        host, port
-            The receiver.
-        plain
-            Whether it is asked by http.
+        """The checked addresses of the host for a connection, which is `plain` by http.
 
         Raises
         ------
         ReceiverRefused
-            One of its addresses, or all by http, are refused; or it has none.
+            The host has no address, or one that is refused.
         """
         try:
             found = self._look_up(host, port)
@@ -138,7 +116,7 @@ def _name(host: str) -> str:
 
 
 def _written(host: str) -> Address | None:
-    """The address that a host is written as, in any form that a resolver takes for one."""
+    """The address that a host is written as, in any form that a resolver accepts."""
     try:
         return ip_address(host)
     except ValueError:
@@ -150,7 +128,7 @@ def _written(host: str) -> Address | None:
 
 
 def _meant(address: Address) -> Address:
-    """The IPv4 address that an IPv6 one stands for, where it does."""
+    """The IPv4 address inside an IPv6 one, if it has one; otherwise the address."""
     if isinstance(address, IPv4Address):
         return address
     inside = address.ipv4_mapped or address.sixtofour
@@ -160,7 +138,7 @@ def _meant(address: Address) -> Address:
 
 
 def _is_public(address: Address) -> bool:
-    """Whether anyone on the internet could send to the address himself."""
+    """Whether anyone on the internet can send to the address."""
     if isinstance(address, IPv6Address) and address.is_site_local:
         return False
     return address.is_global and not (
@@ -184,8 +162,7 @@ def _private(host: str) -> ReceiverRefused:
 def _unencrypted(host: str) -> ReceiverRefused:
     return ReceiverRefused(
         f"messages to {host} would go by plain HTTP, which anyone on the way can read: use https, "
-        f"or have it "
-        f"named in the farm's {_SETTING}"
+        f"or have it named in the farm's {_SETTING}"
     )
 
 

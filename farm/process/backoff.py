@@ -1,15 +1,12 @@
-"""How long to wait before trying again what failed because something was away."""
+"""Delays between tries while a service is away."""
 
 import random
 
 
 class Backoff:
-    """Delays that double up to a limit, each spread by half, so that a farm does not retry as one.
+    """Delays that double from `first_s` up to `longest_s`.
 
-    Parameters
-    ----------
-    first_s, longest_s
-        The first delay and the longest, in seconds, before they are spread.
+    A jitter of half spreads each delay, so that a farm's processes do not retry at once.
     """
 
     def __init__(self, first_s: float, longest_s: float) -> None:
@@ -24,5 +21,5 @@ class Backoff:
         return delay_s
 
     def reset(self) -> None:
-        """Begin again with the first delay: it worked."""
+        """Begin again with the first delay, after a success."""
         self._next_s = self._first_s

@@ -1,7 +1,7 @@
-"""What a power loss cannot take back: files and folders whose entries are on the disk.
+"""Files and folders that are safe from a power loss.
 
-A file that was written, even renamed into place, is in memory until it is synced; so is its name
-until the folder that holds the name is.
+A written file, even one renamed into place, is only in memory until it is synced; so is its name
+until its folder is synced.
 """
 
 import os
@@ -9,7 +9,7 @@ import time
 from pathlib import Path
 from typing import Final
 
-#: A change within the same tick of a file system's clock as the one before does not show.
+#: Two changes within a tick of a file system's clock look like one.
 _TICK_S: Final = 2.0
 _MOST_KNOWN: Final = 1000
 
@@ -31,7 +31,7 @@ def sync_tree(root: Path) -> None:
 
 
 def make_folder(folder: Path) -> None:
-    """Make the folder, and those above it that are missing, to stay; it may exist."""
+    """Make the folder and the missing ones above it, safe from a power loss; it may exist."""
     if folder.is_dir():
         return
     make_folder(folder.parent)
@@ -40,17 +40,17 @@ def make_folder(folder: Path) -> None:
 
 
 class FolderSync:
-    """Syncs the folders below a root, but not those that have not changed since they last were.
+    """Syncs the folders below a root that have changed since their last sync, by any process.
 
-    Even one that has nothing to write costs the disk a flush. Changes by other processes count.
+    A sync costs the disk a flush, even with nothing to write.
     """
 
     def __init__(self, root: Path) -> None:
         self._root = root
-        self._known: dict[Path, tuple[int, int]] = {}  # as they were when they were last synced
+        self._known: dict[Path, tuple[int, int]] = {}  # inode and mtime at the last sync
 
     def up_from(self, folder: Path) -> None:
-        """Sync the folder and each one above it, the root the last."""
+        """Sync the folder and each one above it, up to the root."""
         while folder != self._root:
             self._sync(folder)
             folder = folder.parent

@@ -1,26 +1,11 @@
-"""Functions of the C library that Python has not, with their errors raised."""
+"""Functions of the C library that Python lacks, with their errors raised."""
 
 import ctypes
 import os
 
 
 def call(function: str, *arguments: object, what: str = "") -> int:
-    """Return what the function answers; it answers with a negative number where it failed.
-
-    Parameters
-    ----------
-    function : str
-        Its name.
-    *arguments
-        As `ctypes` takes them.
-    what : str
-        What to call it in an error, where its own name says little.
-
-    Raises
-    ------
-    OSError
-        It failed.
-    """
+    """Call the function; `OSError`, which calls it `what`, where its answer is negative."""
     libc = ctypes.CDLL(None, use_errno=True)
     answer: int = getattr(libc, function)(*arguments)
     if answer < 0:

@@ -1,6 +1,6 @@
-"""Processes that others look after, and may not look into.
+"""Supervised and confined processes.
 
-A sign of life, children that end with their parent, bounds, and memory that is shut.
+Signs of life, children that end with their parent, resource limits, and protected memory.
 """
 
 import contextlib
@@ -18,7 +18,7 @@ from plateau.farm.process import libc
 
 _LOG = logging.getLogger(__name__)
 
-#: What a process needs of the environment that keeps no secrets of Plateau's, or of the cloud's.
+#: The environment of a process that may know no secrets, neither Plateau's nor a cloud's.
 _PLAIN = ("PATH", "LANG", "LC_ALL", "PYTHONPATH", "VIRTUAL_ENV", "LD_LIBRARY_PATH")
 
 _PR_SET_PDEATHSIG = 1
@@ -28,8 +28,8 @@ _PR_SET_DUMPABLE = 4
 def die_with_parent(signal_number: int = signal.SIGTERM) -> Callable[[], None]:
     """A ``preexec_fn``: the kernel sends the child this signal when its parent is gone.
 
-    On Linux; elsewhere it does nothing and a parent that is killed outright leaves the child.
-    The signal is tied to the thread that starts the child, so start it from one that stays.
+    On Linux; elsewhere it does nothing, and the child of a killed parent lives on. The signal comes
+    when the thread that started the child ends, so start it from a thread that stays.
     """
     if not sys.platform.startswith("linux"):
         return lambda: None
@@ -44,12 +44,12 @@ def die_with_parent(signal_number: int = signal.SIGTERM) -> Callable[[], None]:
 
 
 def plain_environment() -> dict[str, str]:
-    """Return this process's environment without credentials: nothing of Redis or the blob store."""
+    """Return this process's environment without credentials for Redis or the blob store."""
     return {name: os.environ[name] for name in _PLAIN if name in os.environ}
 
 
 def limit(kind: int, most: int) -> None:
-    """Bound what this process may take of a resource (``RLIMIT_…``), from now on and for good."""
+    """Limit this process's use of a resource (``RLIMIT_…``), irrevocably."""
     _, hard = resource.getrlimit(kind)
     most = most if hard == resource.RLIM_INFINITY else min(most, hard)
     resource.setrlimit(kind, (most, most))
@@ -58,13 +58,13 @@ def limit(kind: int, most: int) -> None:
 def shut_memory() -> None:
     """Keep other processes of this user from this one's memory, environment and open files.
 
-    Credentials are there. It leaves no core dump either. Who is root still gets in; and a program
-    that is started from here begins with its memory open.
+    They have credentials. This also prevents a core dump. Root still has access; and a program
+    started from here is not protected.
 
     Raises
     ------
     OSError
-        This system has no such thing, or refuses it.
+        This system cannot do it, or refuses it.
     """
     if not sys.platform.startswith("linux"):
         raise OSError(errno.ENOSYS, f"there is no way to on {sys.platform}")
@@ -72,14 +72,14 @@ def shut_memory() -> None:
 
 
 def forget_life(file: Path | None) -> None:
-    """Remove the sign of life of a process that was here before this one."""
+    """Remove the sign of life of an earlier process."""
     if file is not None:
         with contextlib.suppress(OSError):
             file.unlink()
 
 
 def show_life(file: Path | None) -> None:
-    """Touch the file by which others see that this process goes on, where they asked for one."""
+    """Touch the file by which probes see that this process lives, if one is set."""
     if file is None:
         return
     try:

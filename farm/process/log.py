@@ -1,8 +1,8 @@
-"""Structured logs: every line of a Plateau process says who wrote it and what it is about.
+"""Structured logs: every line of a Plateau process names its writer and its subject.
 
-Modules log by `logging` as ever. Here, once for each process, every record (a library's too) is
-given the process's own fields (``role``, ``worker`` or ``monitor``) and those of what the thread is
-about at the time (``job``, ``slice``), and is written as a line for people or for programs.
+Modules use `logging` as usual. Each record, a library's too, gets the fields of the process
+(``role``, ``worker`` or ``monitor``) and of the thread's subject (``job``, ``slice``), and is
+written as a line for people or for programs.
 """
 
 import copy
@@ -24,20 +24,20 @@ from typing import TYPE_CHECKING, Final, TextIO
 
 from plateau.farm.process.settings import LogFormat
 
-#: The fields of this process: who it is does not depend on what any of its threads is about.
+#: The fields of this process, the same in all its threads.
 _PROCESS: Final[dict[str, str]] = {}
-#: Those of what this thread or task is about: ``job`` and, where it is about one, ``slice``.
+#: The fields of this thread's or task's subject: ``job`` and, if any, ``slice``.
 _CONCERN: Final[ContextVar[dict[str, str | int]]] = ContextVar("concern")
 
-#: So often a line is written within so many seconds; after that it is counted.
+#: A line is written this many times in this many seconds; further ones are counted.
 _TOLD_TIMES: Final = 5
 _RUN_S: Final = 60.0
-#: So many different lines are remembered.
+#: Most different lines that are remembered.
 _MOST_RUNS: Final = 1000
 
 #: A value that a line of text shows as it is; others are quoted.
 _WORD: Final = re.compile(r"[^\s='\"]+")
-#: A log that is longer is begun anew; as much again is in the one before it.
+#: A longer log is rotated; the file of older lines is at most as long.
 MOST_BYTES: Final = 10_000_000
 
 
@@ -55,8 +55,8 @@ def set_up(role: str, log_format: LogFormat) -> None:
 
     Notes
     -----
-    A line that comes more than five times within a minute is counted from then on. How often it
-    came is said ahead of the next line of any kind that follows that minute, or at the end.
+    A line that comes more than five times within a minute is counted from then on. The count is
+    written ahead of the next line after that minute, or at the end.
     """
     _PROCESS.clear()
     identify(role=role)
@@ -73,10 +73,10 @@ def identify(**fields: str) -> None:
 
 @contextmanager
 def concerning(job: str, index: int | None = None) -> Iterator[None]:
-    """Give this thread's lines the field `job` and, where one is given, `slice` meanwhile.
+    """Give this thread's lines the field `job` and, if given, `slice`, within the context.
 
-    An exception that leaves it takes the fields along to whoever logs it, out to the next such
-    context or to the thread's end.
+    After an exception the fields stay, for the line that logs it, until the next such context or
+    the thread's end.
     """
     around = concerns()
     concern(job, index)
@@ -85,19 +85,19 @@ def concerning(job: str, index: int | None = None) -> Iterator[None]:
 
 
 def concern(job: str, index: int | None = None) -> None:
-    """As `concerning`, until this thread or task ends or is about something else."""
+    """As `concerning`, until this thread or task ends or gets another subject."""
     _CONCERN.set({"job": job} if index is None else {"job": job, "slice": index})
 
 
 def concerns() -> dict[str, str | int]:
-    """The fields of what this thread or task is about."""
+    """The fields of this thread's or task's subject."""
     return _CONCERN.get({})
 
 
 def printable(text: str) -> str:
-    """The text with control characters escaped but for line ends: a scene may have put them there.
+    """The text with its control characters escaped, except line ends.
 
-    What a terminal would obey (colours, titles, moves of the cursor) is shown instead.
+    A scene may contain them: a terminal would obey them (colours, titles, moves of the cursor).
     """
     return "".join(
         letter if letter.isprintable() or letter == "\n" else ascii(letter)[1:-1] for letter in text
@@ -106,19 +106,19 @@ def printable(text: str) -> str:
 
 if TYPE_CHECKING:
     _StreamHandler = logging.StreamHandler[TextIO]
-else:  # before Python 3.11 it is no generic
+else:  # not generic before Python 3.11
     _StreamHandler = logging.StreamHandler
 
 
 @dataclass
 class _Run:
-    """One line as it comes again and again."""
+    """A repeated line."""
 
     first: logging.LogRecord
     times: int = 1
 
     def summary(self) -> logging.LogRecord:
-        """A line that says how often it came, beyond those that were written."""
+        """A line with the number of repetitions that were not written."""
         said = copy.copy(self.first)
         more = self.times - _TOLD_TIMES
         said.msg = f"{self.first.getMessage()} [{more:,} times more within {_RUN_S:g} s]"
@@ -127,14 +127,14 @@ class _Run:
 
 
 class _Counting(_StreamHandler):
-    """Writes a line a few times and counts it then: who can cause one cannot fill the disk."""
+    """Writes a line a few times, then counts it: nobody can fill the disk by causing one."""
 
     def __init__(self, stream: TextIO) -> None:
         super().__init__(stream)
         self._runs: OrderedDict[tuple[object, ...], _Run] = OrderedDict()  # by age
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Write the record, or count it; its fields are those of its thread."""
+        """Write the record with its thread's fields, or count it."""
         fields = record.__dict__["plateau_fields"] = _fields()
         self._end_runs(before=record.created - _RUN_S)
         error = record.exc_info[1] if record.exc_info else None
@@ -151,7 +151,7 @@ class _Counting(_StreamHandler):
             super().emit(record)
 
     def close(self) -> None:
-        """Say what was counted."""
+        """Write the counts."""
         with self.lock or nullcontext():
             self._end_runs(before=math.inf)
         super().close()
@@ -182,10 +182,7 @@ class _Json(logging.Formatter):
 
 
 class _Text(logging.Formatter):
-    """Every record as a line, and an exception below it.
-
-    No message looks like several lines, or like a line of somebody else's.
-    """
+    """Every record as a line, and an exception below it; no message can forge a line."""
 
     def format(self, record: logging.LogRecord) -> str:
         message = printable(" | ".join(record.getMessage().splitlines()))
@@ -200,7 +197,7 @@ class _Text(logging.Formatter):
 
 
 def _time(record: logging.LogRecord) -> str:
-    """When it was made, as ISO 8601 in UTC, to the microsecond."""
+    """The record's time as ISO 8601 in UTC, to the microsecond."""
     made = datetime.fromtimestamp(record.created, timezone.utc)
     return made.isoformat(timespec="microseconds").replace("+00:00", "Z")
 
@@ -214,10 +211,10 @@ def _quoted(value: str) -> str:
 
 
 def rotate(log: Path, most_bytes: int = MOST_BYTES) -> bool:
-    """Begin a log anew that is too long, and keep what it had as ``NAME.log.1``; return whether.
+    """Move the lines of a log that is too long to ``NAME.log.1``; return whether it was.
 
-    Who writes to it goes on, in append mode, and need not know. A line that is written between the
-    copy and the cut is lost. Where the disk has no room for the copy, there is none.
+    A process that writes to it in append mode notices nothing. A line written between the copy and
+    the cut is lost. A disk without room for the copy gets none.
     """
     try:
         if log.stat().st_size <= most_bytes:

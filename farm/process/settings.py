@@ -1,4 +1,4 @@
-"""What the environment says, read once by the entry points and handed down."""
+"""The settings from the environment, which the entry points read once and hand down."""
 
 import re
 from ipaddress import ip_network
@@ -13,20 +13,20 @@ from plateau.farm.model.place_names import DEFAULT_POOL, PlaceName, Tags
 
 LogFormat = Literal["text", "json"]
 
-#: A lease lasts so many heartbeats at least, so that one may be late. And where no worker is heard
-#: of for half a lease, the whole farm is thought silent and nothing is taken back (slices.lua).
+#: Least heartbeats in a lease, so that one may be late. After half a lease without any worker's
+#: heartbeat the whole farm counts as silent, and no lease is reclaimed (slices.lua).
 LEASE_HEARTBEATS: Final = 2.5
 
-#: The longest time that a setting may name, in seconds: a day for what is waited for here and now.
+#: The upper bound of most settings in seconds.
 _DAY_S: Final = 86_400.0
-#: And in days: ten years.
+#: The upper bound of settings in days: ten years.
 _MOST_DAYS: Final = 3_653.0
-#: More than any machine has, in GiB.
+#: In GiB, more than any machine has.
 _MOST_GB: Final = 2.0**20
 
 _HOST_NAME: Final = re.compile(r"[A-Za-z0-9_-]+(\.[A-Za-z0-9_-]+)*\.?")
 
-#: A file; "" is none, so that the setting can be taken back for a process.
+#: A file; "" means none, so that the setting can be undone for one process.
 _File = Annotated[Path | None, BeforeValidator(lambda given: None if given == "" else given)]
 
 _DIRS = platformdirs.PlatformDirs("plateau", appauthor=False)
@@ -178,8 +178,7 @@ class Settings(BaseSettings):
         "though they are private, by http too",
     )
     alive_file: Path | None = Field(
-        None,
-        description="a file that a worker or a monitor touches at each heartbeat, for probes",
+        None, description="a file that a worker or a monitor touches at each heartbeat, for probes"
     )
     label: str | None = Field(
         None,

@@ -1,4 +1,4 @@
-"""The order to stop, of which a wait on sockets hears too."""
+"""The order to stop, which also ends a wait on sockets."""
 
 import math
 import os
@@ -9,14 +9,14 @@ from typing import Protocol
 
 
 class Readable(Protocol):
-    """What can be polled: a socket, or a `Stop`."""
+    """A socket, or a `Stop`."""
 
     def fileno(self) -> int:
-        """Its file descriptor."""
+        """The file descriptor to poll."""
 
 
 class Stop(threading.Event):
-    """An event that is set once, and is readable from then on for `select.poll` and its kin."""
+    """An event that is set once, and from then on is readable for `select.poll`."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -31,12 +31,12 @@ class Stop(threading.Event):
         super().set()
 
     def fileno(self) -> int:
-        """What to poll."""
+        """The file descriptor to poll."""
         return self._readable
 
 
 def await_any(*readable: Readable, timeout_s: float | None = None) -> None:
-    """Wait until one of them is readable, for so long at most."""
+    """Wait until one of them is readable, or for `timeout_s`."""
     poll = select.poll()
     for one in readable:
         poll.register(one, select.POLLIN)

@@ -1,11 +1,10 @@
-"""Forgets finished jobs, and lets go of the sums from which another job could have gone on.
+"""Forgets finished jobs, and drops the sums from which another job could have continued.
 
-Only a finished job is forgotten: no monitor has work with it, and none takes it again. A zombie
-worker or monitor that comes back to it is told that the job has ended, or has lost its fence; what
-it put before is an orphan.
+Only a finished job is forgotten: it needs no monitor any more. A zombie worker learns that the job
+has ended, and a zombie monitor loses its fence; the blobs that they put are orphans.
 
-A job that another one goes on with stays as long as that one: its slices may be all that the other
-has. Its sums stay until the other has sums of its own, or has let these go too.
+A job that another one continues stays as long as that one, which may depend on its slices. Its sums
+stay until the other job has its own, or has dropped these, too.
 """
 
 from collections import defaultdict
@@ -32,11 +31,11 @@ class FinishedJobs:
         self._redis = client
         self._scripts = Scripts(client)
         self._removal = removal
-        self.forgotten: set[str] = set()  #: or those that would be, where nothing is removed
-        self.sums = 0  #: checkpoints that went, though their jobs stay
+        self.forgotten: set[str] = set()  #: in a dry run, the jobs that would be
+        self.sums = 0  #: dropped checkpoints of jobs that stay
 
     def forget(self, older_than_s: float) -> None:
-        """Forget the jobs that have been finished for so long."""
+        """Forget the jobs that finished this long ago."""
         older_than_ms = round(older_than_s * 1000)
         continuing = self._continuing()
         for job_id in self._finished_for(older_than_ms):
@@ -51,7 +50,7 @@ class FinishedJobs:
                 self._removal.remove(list(stored))
 
     def let_sums_go(self, older_than_s: float) -> None:
-        """Let the sums go of jobs that have been finished for so long."""
+        """Drop the sums of jobs that finished this long ago."""
         older_than_ms = round(older_than_s * 1000)
         continuing, left = self._continuing(), dict(field_of_all(self._redis, "checkpoint"))
         for job_id in self.forgotten:
@@ -75,7 +74,7 @@ class FinishedJobs:
                     self.sums += self._removal.remove([StoredBlob(blob, size)])
 
     def _continuing(self) -> defaultdict[str, list[str]]:
-        """Of each job, the jobs that go on with it."""
+        """The jobs that continue each job."""
         continuing = defaultdict[str, list[str]](list)
         for job_id, continues in field_of_all(self._redis, "continues"):
             if continues is not None:
@@ -83,10 +82,7 @@ class FinishedJobs:
         return continuing
 
     def _finished_for(self, older_than_ms: int) -> list[str]:
-        """The jobs that have been finished for so long, from the newest on.
-
-        So one that goes on with another comes before it.
-        """
+        """The jobs that finished this long ago, newest first, so continuing jobs before the old."""
         before = now_ms(self._redis) - older_than_ms
         newest_first = reversed(list(field_of_all(self._redis, "finished_at")))
         return [job_id for job_id, at in newest_first if at is not None and float(at) <= before]

@@ -1,12 +1,12 @@
 """Removes blobs that nothing refers to.
 
-A job is in Redis before its first blob is put, and its id is never given again. So a blob in a
-listing whose job Redis does not know, when asked after the listing, belongs to a job that is gone
-for good. Of a finished job the set of results and the ledger change no more, so whatever else it
-has in these places is what a process left that was killed, or came too late. Of an unfinished job
-nothing is touched, and neither is a kind of blob that this module does not know.
+A job is in Redis before its first blob is put, and its id is never reused. So a blob whose job
+Redis does not know after the listing belongs to a job that is gone for good. The set of results and
+the ledger of a finished job do not change any more, so its other results and partials are leftovers
+of processes that were killed or late. Blobs of unfinished jobs, and unknown kinds of blobs, are
+left alone.
 
-Extensions have blobs of their own, and say themselves which nobody needs.
+Extensions name the orphans among their own blobs.
 """
 
 from collections.abc import Callable, Collection
@@ -24,17 +24,12 @@ from plateau.farm.sweep.removal import Removal
 
 
 def remove_orphans(client: RedisClient, removal: Removal, forgotten: Collection[str]) -> int:
-    """Remove blobs of unknown jobs, and what finished ones do not need; returns how many.
+    """Remove blobs of unknown jobs, and unneeded ones of finished jobs; returns how many.
 
-    Parameters
-    ----------
-    client, removal
-        Redis, and what removes from the blob store that belongs to it.
-    forgotten
-        Jobs whose blobs this sweep has removed, or counted, already.
+    The sweep has removed, or counted, the blobs of `forgotten` jobs already.
     """
     found: dict[str, list[StoredBlob]] = {}
-    # A job's blobs come one after the other; where a store mixes them, it is asked for twice.
+    # A listing usually has a job's blobs in a row; otherwise the job is read again.
     for job_id, stored in groupby(removal.store.listing(blobs.JOBS), _job_of):
         if job_id not in forgotten:
             keeps = _keeps(client, job_id)
@@ -51,7 +46,7 @@ def remove_orphans(client: RedisClient, removal: Removal, forgotten: Collection[
 
 
 def _keeps(client: RedisClient, job_id: str) -> Callable[[str], bool]:
-    """Whether the job, as Redis knows it now, keeps the blob of a name."""
+    """A function of a blob's name: whether the job, as Redis has it now, keeps the blob."""
     spec, finished_at, results, checkpoint = client.hmget(
         keys.job(job_id), "spec", "finished_at", "results", "checkpoint"
     )
@@ -62,7 +57,7 @@ def _keeps(client: RedisClient, job_id: str) -> Callable[[str], bool]:
     kept: set[str] = set()
     try:
         keeps_slices = stored_spec(spec).keep_slices
-    except ValueError:  # a newer Plateau knows what it needs
+    except ValueError:  # only a newer Plateau can read it
         return lambda _: True
     if keeps_slices:
         ledger = records.ledger(client.hgetall(keys.job(job_id, "ledger")))

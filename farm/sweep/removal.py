@@ -1,4 +1,4 @@
-"""What a sweep removes from the blob store, and how much that is."""
+"""A sweep's removals from the blob store, counted."""
 
 from collections.abc import Iterable
 from contextlib import suppress
@@ -6,20 +6,12 @@ from typing import Final
 
 from plateau.farm.blobs.store import Blobs, StoredBlob
 
-#: No put takes so long.
+#: Longer than any put takes.
 _LEFT_S: Final = 86_400.0
 
 
 class Removal:
-    """Removes blobs, or says what would be removed, and counts them.
-
-    Parameters
-    ----------
-    store
-        Where the blobs are.
-    dry_run
-        Remove nothing.
-    """
+    """Removes blobs and counts them; in a dry run only counts them."""
 
     def __init__(self, store: Blobs, *, dry_run: bool) -> None:
         self.store = store
@@ -36,7 +28,7 @@ class Removal:
         return self.blobs - before
 
     def remove_half_put(self) -> int:
-        """Remove what puts left that were killed; returns how many they were."""
+        """Remove the files of killed puts; returns how many they were."""
         before = self.blobs
         for path in self.store.leftovers(_LEFT_S):
             with suppress(FileNotFoundError):  # another sweep was first

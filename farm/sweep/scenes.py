@@ -1,24 +1,24 @@
 """Removes scenes that no job has.
 
-The danger is one that is submitted again just as it goes: the API sees its blob and does not put it
-again, the sweep removes it, and the job has no scene. Therefore
+The danger: a scene is submitted again while a sweep removes it. If the API sees the blob, does not
+put it again, and the sweep then removes it, the job has no scene. Therefore
 
-1. the API notes the use (`SceneIndex.use`), then looks whether the scene is going, then at the
-   blob;
-2. a sweep fixes a moment, an hour in the past or more, then reads which scenes the jobs have, and
-   asks ``forget_scene`` for each other scene that was last used before that moment: the
-   script looks once more, forgets the scene and says that it is going, in one step; the sweep
-   removes the blob; then it says that the scene is gone.
+1. the API notes the use (`SceneIndex.use`), then checks that the scene is not going, then looks for
+   the blob;
+2. a sweep chooses a moment at least an hour ago, reads the scenes of all jobs, and runs
+   ``forget_scene`` for each other scene that was last used before that moment: in one step the
+   script checks the use again, forgets the scene and marks it as going. The sweep then removes the
+   blob and the mark.
 
-Where the note is first, the script finds it and keeps the scene. Where the script is first, the
-API finds the scene going, waits, and then puts the blob again. A job that is created after the
-sweep has read the jobs has a note that is younger than the moment, unless its API took an hour
-between note and job. A sweep that dies in between leaves the scene going for five minutes, in
-which the API answers 503 for this scene. What is left open: a sweep that is suspended for these
-minutes exactly between its look at the clock and its call to the blob store.
+If the note comes first, the script finds it and keeps the scene. If the script comes first, the API
+finds the mark, waits, and puts the blob again. A job that is created after the sweep has read the
+jobs has a note later than the moment, unless its API took an hour between note and job. A sweep
+that dies in between leaves the mark for five minutes, in which the API answers 503 for this scene.
+One gap remains: a sweep that is suspended for these minutes exactly between its look at the clock
+and its call to the blob store.
 
-A scene without a note, from before there were notes or from a sweep that died, gets one by the
-first sweep that sees it; its time runs from then.
+The first sweep that sees a scene without a note, which an older Plateau or a sweep that died may
+leave, notes a use at that moment.
 """
 
 import time
@@ -34,28 +34,22 @@ from plateau.farm.redis.scripts import Scripts
 from plateau.farm.sweep.finished_jobs import field_of_all
 from plateau.farm.sweep.removal import Removal
 
-#: A scene that was used within this time is kept. No request takes so long.
+#: A scene used within this time, which is longer than any request, is kept.
 _IN_USE_S: Final = 3600.0
-#: So long the API takes a scene's blob not to be there, should a sweep die while it removes it.
+#: The lifetime of the mark that a scene is going, should the sweep die.
 _GOING_S: Final = 300.0
-#: By then the removal must have begun: the rest of the time is for the blob store's own retries.
+#: The removal must begin by then: the rest of the time is for the blob store's retries.
 _BEGINS_WITHIN_S: Final = 60.0
-_AT_ONCE: Final = 1000  #: scenes that a script is given
+_AT_ONCE: Final = 1000  #: scenes in one command
 
 
 def remove_scenes(
     client: RedisClient, removal: Removal, unused_for_s: float, forgotten: Collection[str]
 ) -> int:
-    """Remove scenes of no job that were not used for so long; returns how many.
+    """Remove unused scenes of no job; returns how many.
 
-    Parameters
-    ----------
-    client, removal
-        Redis, and what removes from the blob store that belongs to it.
-    unused_for_s
-        An hour at least; less is taken for that.
-    forgotten
-        Jobs that need no scene any more, though Redis may know them.
+    They are unused for `unused_for_s`, and at least for an hour. `forgotten` jobs need no scene any
+    more, though in a dry run Redis still has them.
     """
     before = now_ms(client) - round(max(unused_for_s, _IN_USE_S) * 1000)
     stored = {
@@ -79,7 +73,7 @@ def remove_scenes(
             if scripts.run(forget) != "forgotten":
                 continue
         if time.monotonic() - asked > _BEGINS_WITHIN_S:
-            continue  # we were suspended, and by now the API may count on the blob
+            continue  # the sweep was suspended, and by now the API may rely on the blob
         removed += removal.remove([stored[sha256]] if sha256 in stored else [])
         if not removal.dry_run:
             scripts.run(SceneGone(sha256=sha256))
