@@ -1,6 +1,4 @@
 """Redis itself: the connection, its keys, its scripts and users, and the embedded server.
 
-What is kept there is in `plateau.farm.ledger`.
-
-The reasons are in docs/decisions/redis.md.
+`plateau.farm.ledger` has the records in it, docs/decisions/redis.md the reasons.
 """

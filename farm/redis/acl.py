@@ -1,35 +1,35 @@
-"""Who may touch what in Redis: a user for each kind of process, as rules for Redis's ACL file.
+"""The rights in Redis: a user for each kind of process, as rules for Redis's ACL file.
 
 ========================  ========================================================================
 user                      may
 ========================  ========================================================================
-``plateau-worker``        the queue: leases, ledgers, what is said of slices and of the workers
+``plateau-worker``        the queue: leases, ledgers, reports of slices and of the workers
 ``plateau-monitor``       that, and jobs, scenes, webhooks with their secrets, and the sweeps
-``plateau-api``           that, and batches, studies, what keys have used; keys themselves to read
-``plateau-admin``         everything of Plateau's, for `plateau keys`, `gc` and `doctor`; and end a
+``plateau-api``           that, and batches, studies and the use of keys; read the keys themselves
+``plateau-admin``         all of Plateau's data, for `plateau keys`, `gc` and `doctor`; and end a
                           script, a client or the server that hangs
 ``plateau-replica``       follow a master, for replicas of it
 ``plateau-sentinel``      watch servers and promote a replica
 ========================  ========================================================================
 
-Whoever asks runs the script (`plateau.farm.redis.scripts`) with the rights of its user. A worker
-can run any script that a monitor, an API or the administrator has loaded, but none goes beyond the
-keys, channels and commands given here. Of Plateau's script it can run the commands for workers
-alone: before any other the script touches a key that workers may not. A worker can load no script:
-Redis runs one at a time, and one that does not end stops the farm until the server is killed. Nor
-does a command of Plateau's loop for good over what a worker has written.
+The script (`plateau.farm.redis.scripts`) runs with the rights of its caller's user. A worker can
+run any script that a monitor, an API or the administrator has loaded, but within the keys, channels
+and commands given here. Of Plateau's script it can run only the commands for workers: before any
+other the script touches a key that is forbidden to workers. A worker can load no script: Redis runs
+one at a time, and an endless one would stop the farm until the server is killed. Nor does a command
+of Plateau's loop endlessly over a worker's data.
 
-A worker in wrong hands can still spoil the queue: write what it likes into a job's hash and ledger,
-so mark a job as failed or done, show a wrong image, have a webhook say what did not happen, have a
-sweep remove a job that it calls old, stop others from getting slices by entries that no script can
-read; fill Redis's memory; and keep Redis busy for as long as it is connected. It sees the names of
-all keys, since a lease makes its index afresh where that was damaged. It cannot learn or change
-what opens the API, signs a webhook, says where one goes, whose a job is, or which monitor owns it.
-To be rid of one, give its user another password in the file; then ``plateau-admin`` may have Redis
-read it (`ACL LOAD`) and end the connections (`CLIENT KILL USER plateau-worker`).
+A hostile worker can still spoil the queue: it can write anything into a job's hash and ledger, and
+so mark a job as failed or done, show a wrong image, forge an event of a webhook, have a sweep
+remove a job as old, or block other workers by unreadable entries; it can fill Redis's memory, and
+keep Redis busy while it is connected. It sees the names of all keys, since a lease rebuilds a
+damaged index. It cannot learn or change API keys, secrets and addresses of webhooks, owners of
+jobs, or the tokens of monitors. To shut it out, give its user another password in the file; then
+``plateau-admin`` may have Redis read it (`ACL LOAD`) and end the connections
+(`CLIENT KILL USER plateau-worker`).
 
-Redis has users since 6.0 and rights to read alone (``%R~``) since 7.0: on 6.2 whoever may read a
-key may write it.
+Redis has users since 6.0 and read-only rights (``%R~``) since 7.0: on 6.2 the right to read a key
+is one to write it.
 """
 
 import hashlib
@@ -42,23 +42,14 @@ from plateau.farm.redis import keys
 from plateau.farm.redis.keys import PREFIX
 from plateau.farm.redis.scripts import for_workers
 
-#: Ids of jobs and keys have twelve digits; a star would match the parts of a job too.
+#: Ids of jobs and keys have twelve digits; a star would match the parts of a job, too.
 _ID: Final = "?" * 12
 
 #: The parts of a job that are the queue.
 QUEUE_PARTS: Final = (
-    "slices",
-    "lost",
-    "leases",
-    "paces",
-    "outrun",
-    "ledger",
-    "seeds",
-    "deaths",
-    "spoiled",
-    "events",
-    "log",
-    # A script that moves a job puts a message for its webhook there, without address and secret.
+    *("slices", "lost", "leases", "paces", "outrun", "ledger"),
+    *("seeds", "deaths", "spoiled", "events", "log"),
+    # A command that moves a job puts a message for its webhook there, without address and secret.
     "deliveries",
 )
 
@@ -83,7 +74,7 @@ _QUEUE: Final = (
     keys.TOTALS,
     keys.REFUSED,
     f"{PREFIX}told:*",
-    # A job that fails is no longer one of its key's open ones, and its webhook has something due.
+    # A job that fails leaves its key's open jobs, and its webhook gets a message.
     f"{PREFIX}key:{_ID}:open",
     keys.RECEIVERS,
     keys.webhooks_due("*"),
@@ -125,36 +116,29 @@ _API: Final = (
 )
 _READ_BY_API: Final = (keys.API_KEYS,)
 
-#: What a worker asks for beside its scripts, to listen and to see whether it belongs here.
+#: The commands of a worker beside its scripts, to listen and to check schema and pairing.
 _WORKER_COMMANDS: Final = (
     *("evalsha", "time", "get", "hmget", "zscore"),
     *("subscribe", "unsubscribe", "ping", "select", "acl|whoami"),
 )
-#: Neither configures the server, nor looks over all its keys, nor removes them all.
+#: Without those that configure the server, list all its keys, or remove them all.
 _DATA_COMMANDS: Final = ("+@all", "-@admin", "-@dangerous", "+info", "+acl|whoami")
-#: And ends what hangs: a script, a client, or the server, where a script that has written does not
-#: let itself be killed.
+#: With those that end a script, a client, or the server, since a script that has written cannot be
+#: killed otherwise.
 _ADMIN_COMMANDS: Final = (
-    *(
-        *_DATA_COMMANDS,
-        "+config|get",
-        "+acl|log",
-        "+acl|load",
-        "+slowlog|get",
-        "+client|list",
-        "+client|kill",
-    ),
+    *_DATA_COMMANDS,
+    *("+config|get", "+acl|log", "+acl|load", "+slowlog|get", "+client|list", "+client|kill"),
     *("+script|kill", "+shutdown"),
 )
-#: As Redis's documentation has them.
+#: From Redis's documentation.
 _REPLICA: Final = ("+psync", "+replconf", "+ping")
 _SENTINEL: Final = (
     *("+multi", "+slaveof", "+ping", "+exec", "+subscribe", "+config|rewrite", "+role", "+publish"),
     *("+info", "+client|setname", "+client|kill", "+script|kill"),
 )
 
-#: Who shows no password is nobody. But Redis 7 replays its log with the rights of this user: if it
-#: had none, every transaction would be dropped at a start, and what scripts wrote are such.
+#: Nobody can log in as the default user. It still needs all rights: Redis 7 replays its log with
+#: them, and would otherwise drop every transaction at a start, such as the writes of scripts.
 _NOBODY: Final = "user default reset off ~* &* +@all"
 
 _HINTS: Final = f"&{PREFIX}wake:*"
@@ -162,7 +146,7 @@ _HINTS: Final = f"&{PREFIX}wake:*"
 
 @cache
 def worker_commands() -> tuple[str, ...]:
-    """Redis's commands that a worker needs: those that run where it asks, and some by itself."""
+    """Redis's commands that a worker needs: those of its scripts, and its own."""
     called = {name.lower() for name in re.findall(r"redis\.call\('(\w+)'", for_workers())}
     return tuple(sorted(called | set(_WORKER_COMMANDS)))
 

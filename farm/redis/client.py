@@ -1,9 +1,9 @@
-# ruff: noqa: A002, D102  (names are redis-py's, and its documentation tells of them)
-"""What Plateau asks of a Redis client, with types.
+# ruff: noqa: A002, D102  (names are redis-py's, and its documentation explains them)
+"""The methods of a Redis client that Plateau uses, with types.
 
-redis-py's own say of each answer that it may be awaited, and nothing of `decode_responses`. These
-are what `plateau.farm.redis.link.connect` returns: text, and answers at once. Nothing here writes:
-whatever does is a command of the script (`plateau.farm.redis.scripts`).
+In redis-py's own types each answer may be awaitable, and `decode_responses` is ignored. These are
+the types of `plateau.farm.redis.link.connect`: text, and synchronous answers. No method writes: all
+writes are commands of the script (`plateau.farm.redis.scripts`).
 """
 
 from collections.abc import Sequence

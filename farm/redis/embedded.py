@@ -20,7 +20,7 @@ _START_S: Final = 30.0
 _LONGEST_SOCKET_PATH: Final = 100
 _STOP_S: Final = 15.0
 _BLOCK_BYTES: Final = 4096
-#: A log that was just rewritten ends in one, whose last bytes may be zero.
+#: A freshly rewritten log ends in a checksum, whose last bytes may be zero.
 _CHECKSUM_BYTES: Final = 8
 
 
@@ -36,10 +36,10 @@ def find_redis_server() -> Path | None:
 
 
 def _cut_unwritten_end(data: Path) -> None:
-    """Cut off the zeros in which a power loss in mid-write may leave Redis's log to end.
+    """Cut off the zeros at the end of Redis's log that a power loss in mid-write may leave.
 
-    A file's new length can get to the disk before its bytes do. Nobody was told of that write; but
-    while Redis drops half a command from the end of its log, it does not start on zeros.
+    A file's new length can get to the disk before its bytes do. That write was never acknowledged.
+    Redis drops half a command from the end of its log, but does not start on zeros.
     """
     for log in (data / "appendonly.aof", *(data / "appendonlydir").glob("*.incr.aof")):
         if log.exists():
@@ -51,7 +51,7 @@ def _cut_unwritten_end(data: Path) -> None:
 
 
 def _end_of_bytes(file: BinaryIO, end: int) -> int:
-    """Where the zeros begin in which the file ends."""
+    """The offset of the zeros at the file's end."""
     while end:
         start = max(0, end - _BLOCK_BYTES)
         file.seek(start)
@@ -63,22 +63,15 @@ def _end_of_bytes(file: BinaryIO, end: int) -> int:
 
 
 class EmbeddedRedis:
-    """A Redis of our own. Every acknowledged write is on disk: ``appendfsync always``.
+    """A private Redis. Every acknowledged write is on disk: ``appendfsync always``.
 
-    It stops itself where a write cannot get to the disk, and can then be started again.
-
-    Parameters
-    ----------
-    data
-        Folder of its files; a later server on the same folder has all that this one had.
-    wait
-        Whether it is waited for until it answers; else `await_ready` does that, which must be
-        called.
+    It stops itself where a write cannot get to the disk, and can then be started again. Its data
+    stays in the folder `data` for a later server. Without `wait`, call `await_ready`.
 
     Raises
     ------
     StoreUnavailable
-        There is no server binary, or it did not start; the message carries its last words.
+        There is no server binary, or it did not start; the message has the end of its log.
     """
 
     def __init__(self, data: Path, *, wait: bool = True) -> None:
@@ -91,7 +84,7 @@ class EmbeddedRedis:
             )
         make_folder(data.absolute())
         self._data = data
-        # In the data folder, where it goes with the rest, unless its path would be too long.
+        # In the data folder, with the other files, unless its path would be too long.
         socket = data.absolute() / "redis.sock"
         self._elsewhere: tempfile.TemporaryDirectory[str] | None = None
         if len(os.fsencode(socket)) > _LONGEST_SOCKET_PATH:
@@ -125,13 +118,13 @@ class EmbeddedRedis:
                 raise
 
     def start(self) -> None:
-        """Start the server again where it has died."""
+        """Start the server again after its death."""
         self._launch()
         self.await_ready()
 
     def _launch(self) -> None:
         _cut_unwritten_end(self._data)
-        # A session of its own, so that a Ctrl-C in the terminal does not stop it before the rest.
+        # A session of its own, so that a Ctrl-C in the terminal does not stop it first.
         self.process = subprocess.Popen(
             self._command,
             stdin=subprocess.DEVNULL,
@@ -143,7 +136,7 @@ class EmbeddedRedis:
         )
 
     def await_ready(self) -> None:
-        """Return once the server answers; where it does not, it is stopped."""
+        """Return once the server answers, or stop it and raise `StoreUnavailable`."""
         try:
             self._wait_until_ready()
             for folder in (self._data / "appendonlydir", self._data):  # the former from Redis 7 on
@@ -154,7 +147,7 @@ class EmbeddedRedis:
             raise
 
     def _wait_until_ready(self) -> None:
-        # Its client takes a tenth of a second to import, in which the server starts.
+        # The import takes a tenth of a second, in which the server starts.
         import redis
 
         from plateau.farm.redis.link import connect
@@ -173,7 +166,7 @@ class EmbeddedRedis:
         client.close()
 
     def rotate_log(self) -> None:
-        """Begin its log anew where that is too long; the server opens it for each line."""
+        """Rotate the log if it is too long; the server opens it for each line."""
         rotate(self._log)
 
     def last_words(self) -> str:

@@ -1,4 +1,4 @@
-"""What a Redis should be like to carry a farm, and what this one is: for `plateau doctor`."""
+"""Checks a Redis for its fitness to carry a farm, for `plateau doctor`."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -19,16 +19,16 @@ _RESTRICTED: Final = "plateau-"
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing about a Redis."""
+    """The result of one check."""
 
     name: str
-    detail: str  #: with what to do, where it is not well
+    detail: str  #: with the remedy, if it is not ok
     ok: bool = True
     needed: bool = False  #: whether nothing works without it
 
 
 def examine(url: str) -> Iterator[Finding]:
-    """All that can be said of the Redis at the URL, by the rights of its user; never a password."""
+    """The findings about the Redis at the URL, within the rights of its user; never a password."""
     where = without_password(url)
     try:
         with connect(url) as client, unavailable_as_farm_error():
@@ -102,7 +102,7 @@ def _persistence(client: RedisClient, about: dict[str, Any]) -> Finding:
     try:
         with unavailable_as_farm_error():
             policy = client.config_get("appendfsync").get("appendfsync")
-    except (NotPermitted, redis.exceptions.ResponseError):  # the latter of managed ones
+    except (NotPermitted, redis.exceptions.ResponseError):  # the latter from a managed Redis
         return Finding(name, "appendonly yes; appendfsync is not for this user to ask")
     if policy == "always":
         return Finding(name, "appendonly yes, appendfsync always")

@@ -4,24 +4,24 @@
 key                       type    what                                                 lifetime
 ========================= ======= ==================================================== =========
 plateau:schema            string  version of this layout, see `ledger.schema`           for ever
-plateau:protocol          hash    what all living monitors and APIs speak; farm.versions for ever
-plateau:refused           hash    machine and role → JSON of who was last refused       1 h
-plateau:store             hash    id that the blob store has too; `ledger.pairing`       for ever
+plateau:protocol          hash    versions that all living monitors and APIs speak     for ever
+plateau:refused           hash    machine and role → JSON of the last refused process   1 h
+plateau:store             hash    id that the blob store has, too; `ledger.pairing`     for ever
 plateau:created           string  counter: jobs created so far                         for ever
 plateau:jobs              zset    job id, scored by its number of creation             the job's
 plateau:jobs:open         zset    jobs that have not ended, scored by priority         till end
-plateau:jobs:unfinished   set     jobs that a monitor still has work with              till done
+plateau:jobs:unfinished   set     jobs that still need a monitor                       till done
 plateau:waiting           zset    queues, "PRIORITY CLASS", in which a job waits for   their jobs'
                                   a worker, scored by priority; see waiting.lua
 plateau:waiting:Q         zset    each owner's next job in queue Q                     its jobs'
 plateau:waiting:Q:ID      zset    each batch's, and each single job, of key ID or ""   its jobs'
 plateau:waiting:Q:ID:NAME zset    the jobs of a batch that wait, scored by number      its jobs'
 plateau:needs             hash    pool and tags that open jobs need → how many jobs     the jobs'
-plateau:late              zset    "ID CLASS" of jobs, scored by when the slice is late   till then
-                                  that holds up their image (ms)
+plateau:late              zset    "ID CLASS" of jobs, scored by when the slice that     till then
+                                  holds up their image is late (ms)
 plateau:kinds             zset    pool, variants and tags of workers that take work,   1 h
                                   scored by the last heartbeat of one (ms)
-plateau:idle              hash    workers that have nothing to do → 1                   while so
+plateau:idle              hash    idle workers → 1                                      while so
 plateau:idle:kinds        set     their kinds, and maybe others                        till woken
 plateau:idle:KIND         set     those of the kind, and maybe others                  till woken
 plateau:share:ID          hash    of key ID or "": priority → spp leased, queue → the  till none
@@ -30,23 +30,23 @@ plateau:share:ID:NAME     hash    the same of a batch                           
 plateau:leases            zset    "ID ENTRY" of each lease, scored by its renewal (ms)  the lease's
 plateau:jobs:in:STATE     zset    jobs in this state, scored as in plateau:jobs        the jobs'
 plateau:batches           zset    batch name, scored by the number of its newest job   its jobs'
-plateau:batches:guarded   set     batches of which all jobs have to stop alike         its jobs'
+plateau:batches:guarded   set     batches whose jobs must all stop alike               its jobs'
 plateau:batch:NAME        zset    the batch's jobs, scored as in plateau:jobs          its jobs'
 plateau:scenes            hash    scene SHA-256 → JSON summary                         the scene's
 plateau:scenes:used       zset    scene SHA-256, scored by its last use (ms)           the scene's
 plateau:scene:SHA:going   string  set while the scene's blob is being removed          5 min
-plateau:swept             string  set by the monitor that sweeps: no other need to     1 h
+plateau:swept             string  set by the monitor that sweeps, for all others       1 h
 plateau:workers           zset    worker id, scored by last heartbeat (ms)             1 h
 plateau:worker:ID         hash    its description; ``drained`` where it is, ``blamed``   1 h
                                   for slices with which it was lost
 plateau:monitors          zset    monitor id, scored by when its heartbeat is overdue  1 h
-plateau:monitor:ID        hash    the monitor's description, and what of its work is   1 d
-                                  in the totals
+plateau:monitor:ID        hash    the monitor's description, and its share of the      1 d
+                                  totals
 plateau:apis              zset    API id, scored by when its heartbeat is overdue      1 h
 plateau:api:ID            hash    the API's description                                1 d
 plateau:totals            hash    counters of the whole farm; see `ledger.totals`      for ever
-plateau:heard             string  when any worker's heartbeat came last (ms)           for ever
-plateau:told:BLOB         string  set when it was said that this partial does not count  1 h
+plateau:heard             string  time of the last heartbeat of any worker (ms)        for ever
+plateau:told:BLOB         string  set when a worker was told that its partial is unused  1 h
 plateau:grace             string  set while no lease is taken from its worker          a lease
 plateau:keys              hash    key id → JSON of an API key; see `ledger.api_keys`     for ever
 plateau:keys:used         hash    key id → when it was last used (ms), to a minute     for ever
@@ -56,7 +56,7 @@ plateau:key:ID:jobs       zset    the key's jobs, scored by their number of crea
 plateau:webhooks          zset    receivers of webhooks, scored by when one is due      till told
 plateau:webhooks:due:URL  zset    job:number of deliveries to one, by when due (ms)    till told
 plateau:webhooks:secret   string  the farm's own secret, where a job brings none       for ever
-plateau:webhooks:before   string  those before it, which sign too                      1 d
+plateau:webhooks:before   string  those before it, which also sign                     1 d
 plateau:idempotency:KEY   string  JSON of job id and request digest                    24 h
 plateau:studies           zset    observer study, scored by its creation (ms)          the study's
 plateau:studies:asked     hash    digest of a request → the study that it made         the study's
@@ -66,24 +66,24 @@ plateau:study:ID:observers hash   pseudonym → JSON of number and screen       
 plateau:study:ID:answers  hash    pseudonym:number of a pair → JSON of the answer      the study's
 plateau:job:ID            hash    the job; see `ledger.jobs`                           the job's
 plateau:job:ID:slices     stream  slices that were leased; group `workers` holds them  till end
-plateau:job:ID:lost       zset    leased entries that nobody has, scored by slice      till end
+plateau:job:ID:lost       zset    leased entries without a worker, scored by slice     till end
 plateau:job:ID:leases     hash    slice index → since when it is leased (ms), the       till end
                                   pace of its worker, the entry, and a second try's
-plateau:job:ID:paces      hash    worker → ms for which it had its last slice, or had   till end
-                                  it when another try was first
-plateau:job:ID:outrun     hash    entry whose slice was committed by another try →      till end
-                                  the worker that did; till its own worker says so
+plateau:job:ID:paces      hash    worker → ms for which it had its last slice, until    till end
+                                  its commit or that of another try
+plateau:job:ID:outrun     hash    entry whose slice another try committed → the worker  till end
+                                  of that try; till its own worker reports
 plateau:job:ID:ledger     hash    slice index → JSON of its commit                     the job's
 plateau:job:ID:seeds      zset    "first-last" of each commit, scored by first         till done
 plateau:job:ID:deaths     hash    slice index → JSON list of the causes                till end
 plateau:job:ID:spoiled    hash    slice index → how often its partial was lost         till end
 plateau:job:ID:curve      stream  points; the entry's id is spp-0                      the job's
 plateau:job:ID:events     stream  state, image, point, slice, trouble, finished        the job's
-plateau:job:ID:log        stream  how tries of slices ended and what was printed, ~2000  the job's
-plateau:job:ID:sealed     hash    what workers cannot change: the API key that made it,  the job's
+plateau:job:ID:log        stream  how tries of slices ended, and their output, ~2000   the job's
+plateau:job:ID:sealed     hash    fields that workers cannot change: the job's API key,  the job's
                                   ``owner`` and ``owner_name``
-plateau:job:ID:digests    hash    blob, without jobs/ID/ → SHA-256 of its bytes: of the  the job's
-                                  results that are shown, and of previews
+plateau:job:ID:digests    hash    blob, without jobs/ID/ → SHA-256 of its bytes: of     the job's
+                                  shown results and of previews
 plateau:job:ID:webhook    hash    its webhook's receiver, url and secret                the job's
 plateau:job:ID:deliveries hash    number → JSON of a webhook's message, its state, …   the job's
 plateau:job:ID:tries      stream  how tries of deliveries ended, ~1000                 the job's
@@ -91,13 +91,12 @@ plateau:job:ID:owner      string  fencing token of the monitor that owns the job
 plateau:job:ID:fence      string  counter: fencing tokens given out                    the job's
 ========================= ======= ==================================================== =========
 
-Channels, hints only (who misses one looks again within some seconds):
+Channels carry only hints (a process that misses one looks again within some seconds):
 ``plateau:wake:workers`` (``ended ID``, and ``ended ID ENTRY`` where another try was first),
-``plateau:wake:workers:ID`` (``planned``, to one that had nothing to do),
+``plateau:wake:workers:ID`` (``planned``, to an idle one),
 ``plateau:wake:monitors`` (``free ID``, or a job id) and ``plateau:wake:webhooks`` (a job id).
 
-Writers: everything is written by the script in ``farm/redis/lua``, but for the migrations of
-`plateau.farm.ledger.schema`.
+The script in ``farm/redis/lua`` writes all keys, but in migrations `plateau.farm.ledger.schema`.
 """
 
 from typing import Final
@@ -142,8 +141,7 @@ WAKE_MONITORS: Final = PREFIX + "wake:monitors"
 FREE: Final = "free "
 WAKE_WEBHOOKS: Final = PREFIX + "wake:webhooks"
 
-
-#: So many different needs (pool and tags) open jobs may have at once: a lease may look at each.
+#: Most different needs (pool and tags) of open jobs: a lease may look at each.
 MOST_NEEDS: Final = 64
 
 #: The consumer group of every job's slices.
@@ -151,25 +149,9 @@ GROUP: Final = "workers"
 
 #: The keys of a job beside its hash.
 JOB_PARTS: Final = (
-    "slices",
-    "lost",
-    "leases",
-    "paces",
-    "outrun",
-    "ledger",
-    "seeds",
-    "deaths",
-    "spoiled",
-    "curve",
-    "events",
-    "log",
-    "sealed",
-    "digests",
-    "webhook",
-    "deliveries",
-    "tries",
-    "owner",
-    "fence",
+    *("slices", "lost", "leases", "paces", "outrun", "ledger", "seeds", "deaths", "spoiled"),
+    *("curve", "events", "log", "sealed", "digests", "webhook", "deliveries", "tries"),
+    *("owner", "fence"),
 )
 
 
@@ -184,7 +166,7 @@ def in_state(state: str) -> str:
 
 
 def batch(name: str) -> str:
-    """The key of the index of a batch's jobs; whatever the name is, it is no other key."""
+    """The key of the index of a batch's jobs; no name makes it another key."""
     return f"{PREFIX}batch:{name}"
 
 
@@ -209,7 +191,7 @@ def api(api_id: str) -> str:
 
 
 def wake_worker(worker_id: str) -> str:
-    """The channel on which one worker hears that there is something to do."""
+    """The channel that wakes one idle worker."""
     return f"{WAKE_WORKERS}:{worker_id}"
 
 
@@ -219,17 +201,17 @@ def study(study_id: str, part: str = "") -> str:
 
 
 def webhooks_due(receiver: str) -> str:
-    """The key of what is to be delivered to a receiver of webhooks."""
+    """The key of the deliveries to a receiver of webhooks."""
     return f"{RECEIVERS}:due:{receiver}"
 
 
 def scene_going(sha256: str) -> str:
-    """The key that says that the scene's blob is being removed."""
+    """The key of the mark that the scene's blob is being removed."""
     return f"{PREFIX}scene:{sha256}:going"
 
 
-#: The same names for the script, which finds jobs by itself. (So Plateau needs one Redis
-#: with one keyspace: standalone, Sentinel or managed; not a cluster.)
+#: The names for the script, which builds keys itself. (So Plateau needs a Redis with one keyspace:
+#: standalone, Sentinel or managed; not a cluster.)
 LUA: Final = f"""
 local PREFIX, GROUP = '{PREFIX}', '{GROUP}'
 local JOBS, UNFINISHED, OPEN = '{JOBS}', '{UNFINISHED}', '{OPEN}'

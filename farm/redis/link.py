@@ -14,16 +14,15 @@ from plateau.farm.model.errors import NotPermitted, StoreUnavailable
 from plateau.farm.redis import url as redis_url
 from plateau.farm.redis.client import RedisClient
 
-#: Longer than any blocking read, so that none is taken for a dead connection.
+#: Longer than any blocking read, so that none looks like a dead connection.
 SOCKET_TIMEOUT_S = 10.0
 _CONNECT_S: Final = 5.0
 #: A sentinel answers at once, or another one is asked.
 _SENTINEL_S: Final = 2.0
 
-#: A connection on which nothing comes is probed, and given up when nothing was heard for 10 s: a
-#: network may fail without a word. So long, too, the kernel tries to bring over what was sent
-#: before, of a connection that we have closed as well: a command that was given up can still be
-#: carried out so much later. Platforms have not all of these.
+#: A quiet connection is probed, and given up after 10 s of silence: a network may fail without an
+#: error. For the same time the kernel tries to deliver what was sent, even after a close: Redis may
+#: still run a command that its caller has given up. Platforms lack some of these.
 _SILENCE: Final = {
     getattr(socket, name): value
     for name, value in (
@@ -37,17 +36,11 @@ _SILENCE: Final = {
 
 
 def connect(url: str, answer_s: float = SOCKET_TIMEOUT_S) -> RedisClient:
-    """A client of the Redis at `url` that never sends a command twice by itself.
+    """A client of the Redis at `url` that waits up to `answer_s` seconds for an answer.
 
-    redis-py retries ten times by default; a write whose answer was lost would then be stored
-    twice. Here an error reaches the caller, who knows what may be repeated.
-
-    `answer_s` is how long an answer is waited for, in seconds.
-
-    Raises
-    ------
-    BadRedisUrl
-        It is no such URL; see `plateau.farm.redis.url`.
+    It never sends a command twice by itself. redis-py retries ten times by default, and would store
+    a write twice whose answer was lost. Here the caller, who knows what may be repeated, gets the
+    error. `BadRedisUrl` for a wrong URL; see `plateau.farm.redis.url`.
     """
     options = {"retry": Retry(NoBackoff(), 0), **link_options(url, answer_s)}
     opened: RedisClient = open_link(url, redis.Redis, redis.Sentinel, options)
@@ -55,21 +48,21 @@ def connect(url: str, answer_s: float = SOCKET_TIMEOUT_S) -> RedisClient:
 
 
 def connect_to_renew(url: str, lease_s: float) -> RedisClient:
-    """A client for who renews leases: where an answer is lost, there is time to ask again.
+    """A client to renew leases: it waits for a fifth of the lease, and a second or more.
 
-    It waits for a fifth of the lease at most, but never for less than a second.
+    So a lost answer leaves time to ask again.
     """
     return connect(url, min(SOCKET_TIMEOUT_S, max(1.0, lease_s / 5)))
 
 
 def link_options(url: str, answer_s: float = SOCKET_TIMEOUT_S) -> dict[str, Any]:
-    """What all connections to the Redis at `url` have in common, as redis-py's options."""
+    """redis-py's options for all connections to the Redis at `url`."""
     options: dict[str, Any] = {
         "decode_responses": True,
         "protocol": 2,
         "socket_timeout": answer_s,
         "socket_connect_timeout": min(_CONNECT_S, answer_s),
-        "driver_info": None,  # it does not introduce itself: not every user may
+        "driver_info": None,  # the connection does not introduce itself: not every user may
     }
     if not url.startswith("unix:"):
         options |= {"socket_keepalive": True, "socket_keepalive_options": _SILENCE}
@@ -77,10 +70,10 @@ def link_options(url: str, answer_s: float = SOCKET_TIMEOUT_S) -> dict[str, Any]
 
 
 def open_link(url: str, client: Any, sentinel: Any, options: dict[str, Any]) -> Any:
-    """A client of one of redis-py's kinds; where sentinels are named, of whom they call master.
+    """A client of the URL's Redis, or of the master that its sentinels name.
 
-    `client` and `sentinel` are its classes, for threads or for asyncio; of the URL's parameters
-    and the options the former count for more.
+    `client` and `sentinel` are redis-py's classes, for threads or for asyncio. The URL's parameters
+    overrule the options.
     """
     sentinels = redis_url.sentinels_of(url)
     if sentinels is None:
@@ -93,7 +86,7 @@ def open_link(url: str, client: Any, sentinel: Any, options: dict[str, Any]) -> 
 
 
 def now_ms(client: RedisClient) -> int:
-    """Redis's clock in milliseconds: the only one that counts."""
+    """Redis's clock in milliseconds, which all processes go by."""
     seconds, microseconds = client.time()
     return int(seconds) * 1000 + int(microseconds) // 1000
 
@@ -104,23 +97,21 @@ _AWAY: Final = (
     redis.exceptions.OutOfMemoryError,
     redis.exceptions.ReadOnlyError,
 )
-#: What Redis answers while it is full, loading, failing over, or cannot write to its disk. Inside a
-#: script the words stand somewhere in a longer message.
+#: Redis's answers while it is full, loading, failing over, or cannot write to its disk. Inside a
+#: script they are part of a longer message.
 _REFUSES: Final = re.compile(
     r"\b(OOM|MISCONF|LOADING|BUSY|READONLY|MASTERDOWN|NOREPLICAS|TRYAGAIN|CLUSTERDOWN)\b"
 )
-
-
-#: And where an ACL keeps the user from a key, a channel or a command; of a script Redis 6.2 says so
-#: in its own words.
+#: Its answers where the user may not use a key, a channel or a command; the second is Redis 6.2's,
+#: from a script.
 _FORBIDS: Final = re.compile(r"\bNOPERM\b|The user executing the script can't")
 
 
 @contextmanager
 def unavailable_as_farm_error() -> Iterator[None]:
-    """Raise `StoreUnavailable` where redis-py raises because Redis is away or refuses for now.
+    """Raise `StoreUnavailable` for redis-py's errors while Redis is away or refuses temporarily.
 
-    And `NotPermitted` where Redis never lets this user do this.
+    And `NotPermitted` where this user lacks the right.
     """
     try:
         yield

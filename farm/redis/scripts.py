@@ -1,14 +1,13 @@
-"""The one script of ``farm/redis/lua``: each write to Redis is a command of it, done as a whole.
+"""The one script of ``farm/redis/lua``: each write to Redis is an atomic command of it.
 
-The script is assembled from files: first what its commands share, then the commands by subject,
-each opened by a comment that states its contract, and last ``dispatch.lua``, which runs the command
-that is asked for. Before anything else it looks whether the layout is the one that it was written
-for.
+The script is assembled from files: first the functions that commands share, then the commands by
+subject, each with a comment that states its contract, and last ``dispatch.lua``, which checks the
+layout and runs the command asked for.
 
-Redis has to know a script before it runs it. Whoever may gives it the text where it does not, so a
-farm on an embedded Redis need not think of it. Workers on a Redis with users may not: who can give
-Redis a script can give it one that never ends (`plateau.farm.redis.acl`). Monitors and APIs see to
-it, with each heartbeat, since a Redis that starts again, or takes over, knows no scripts.
+Redis runs only a script that was loaded. A process with the right to load it does so when it is
+missing. Workers on a Redis with users lack the right, since they could load an endless script
+(`plateau.farm.redis.acl`). Monitors and APIs load it for them with each heartbeat: a Redis that
+restarts, or takes over, has no scripts.
 """
 
 import hashlib
@@ -31,7 +30,7 @@ from plateau.farm.redis.link import unavailable_as_farm_error
 
 _LUA: Final = files("plateau.farm.redis") / "lua"
 
-#: What the commands share, a file for each namespace; these and base.lua may use each other.
+#: The shared functions, a file for each namespace; these and base.lua may use each other.
 _NAMESPACES: Final = {
     "Waiting": "waiting",
     "Outbox": "outbox",
@@ -40,7 +39,7 @@ _NAMESPACES: Final = {
     "Member": "members",
     "New": "new_jobs",
 }
-#: The commands by subject: those that workers run, and all others.
+#: The subjects of commands: for workers, and all others.
 _FOR_WORKERS: Final = ("lease", "slices", "workers")
 _FOR_FARM: Final = (
     *("jobs", "owners", "batches", "scenes", "sweeps", "webhooks"),
@@ -48,13 +47,12 @@ _FOR_FARM: Final = (
 )
 
 _WRONG_LAYOUT: Final = re.compile(r"\bWRONGLAYOUT (\S+)")
-
-#: What a command says to whom speaks what the farm does not; see members.lua.
+#: The answer to a process that does not speak the farm's versions; see members.lua.
 _REFUSED: Final = re.compile(r"\bREFUSED (\d+) (\d+) (\S+)")
 
 
 def _moves_in_lua() -> str:
-    """The table of moves, so that the scripts enforce the one that Python has."""
+    """Python's table of a job's moves, for the script to enforce."""
     rows = (
         f"{start.value} = {{{', '.join(f'{end.value} = true' for end in sorted(ends))}}}"
         for start, ends in JOB_MOVES.items()
@@ -63,12 +61,12 @@ def _moves_in_lua() -> str:
 
 
 def _part(name: str) -> str:
-    """The text of a file; what is local in it stays so."""
+    """The text of a file, in a block that keeps its locals."""
     return f"do\n{(_LUA / f'{name}.lua').read_text()}end\n"
 
 
 def library() -> str:
-    """What the commands share, as Lua."""
+    """The functions that commands share."""
     return "".join(
         (
             versions.in_lua(),
@@ -86,7 +84,7 @@ def _commands(subjects: Iterable[str]) -> str:
 
 
 def for_workers() -> str:
-    """All that runs where a worker asks."""
+    """All Lua that runs for a worker."""
     return library() + _commands(_FOR_WORKERS) + (_LUA / "dispatch.lua").read_text()
 
 
@@ -98,7 +96,7 @@ def text() -> str:
             library(),
             "local for_workers, for_farm, subjects = {}, {}, {}\n",
             _commands(_FOR_WORKERS),
-            # Defined where one of them is asked for: a worker's commands do not wait for that.
+            # Defined only when one of them is asked for, to save time for workers.
             *(
                 f"subjects[#subjects + 1] = function()\n{_commands([one])}end\n"
                 for one in _FOR_FARM
@@ -115,9 +113,9 @@ def commands(whose: str = "workers|farm") -> set[str]:
 
 @contextmanager
 def _answers_as_farm_errors() -> Iterator[None]:
-    """Raise `WrongLayout` or `Refused` where a script answers that this Plateau does not fit.
+    """Raise `WrongLayout` or `Refused` where the script answers so.
 
-    And `StoreUnavailable` where Redis forgot the script as it was asked for.
+    And `StoreUnavailable` where Redis has just forgotten the script.
     """
     try:
         yield
@@ -140,17 +138,17 @@ class Scripts:
         self._sha1 = hashlib.sha1(self._text.encode(), usedforsecurity=False).hexdigest()
 
     def run(self, command: Command[Answer]) -> Answer:
-        """What is answered to the command.
+        """Run the command and return its answer.
 
         Raises
         ------
         StoreUnavailable
-            Redis cannot be reached; whether the command was done is then unknown, and each may be
-            repeated. Or Redis does not know the script, and this user may not load it.
+            Redis cannot be reached; the command may have been done, and every command may be
+            repeated. Or Redis lacks the script, and this user may not load it.
         WrongLayout
             The data has another layout by now than this Plateau's: nothing was done.
         Refused
-            By commands that say so: the farm does not speak what this Plateau does.
+            By some commands: the farm and this process share no version of the protocol.
         """
         with unavailable_as_farm_error(), _answers_as_farm_errors():
             try:
@@ -161,9 +159,9 @@ class Scripts:
         return command.read_answer(text)
 
     def run_each(self, commands: Sequence[Command[Answer]]) -> list[Answer]:
-        """What is answered to each of the commands, in one round trip.
+        """Run the commands in one round trip and return their answers; raises as `run` does.
 
-        Others may come in between two of them. Raises what `run` does.
+        Other clients' commands may run between them.
         """
         self.load()
         with unavailable_as_farm_error(), _answers_as_farm_errors():
@@ -177,7 +175,7 @@ class Scripts:
         return self._sha1, 0, command.lua_name(), command.as_json()
 
     def load(self) -> None:
-        """See to it that Redis knows the script, also for workers; raises what `run` does."""
+        """Load the script if Redis lacks it, for workers, too; raises as `run` does."""
         with unavailable_as_farm_error():
             [known] = self._redis.script_exists(self._sha1)
             if not known:

@@ -1,4 +1,4 @@
-"""Where a Redis is and how to be let in, as ``PLATEAU_REDIS_URL`` says it.
+"""``PLATEAU_REDIS_URL``: the address of a Redis, and the credentials for it.
 
 ::
 
@@ -8,10 +8,10 @@
     rediss+sentinel://…                                   with TLS, to the sentinels too
     unix:///run/redis/redis.sock
 
-Parameters (``?ssl_ca_certs=…&ssl_certfile=…``) are those of redis-py; with sentinels there are also
-``sentinel_username`` and ``sentinel_password``, where these want any.
+Parameters (``?ssl_ca_certs=…&ssl_certfile=…``) are those of redis-py, and for sentinels also
+``sentinel_username`` and ``sentinel_password``.
 
-A URL may hold a password, so nothing here that raises repeats any part of it but names of files.
+A URL may hold a password, so errors repeat no part of it except names of files.
 """
 
 import re
@@ -27,8 +27,8 @@ _HIGHEST_PORT: Final = 65535
 _FORM: Final = "redis+sentinel://host1:26379,host2:26379/mymaster/0"
 _HIDDEN: Final = "***"
 
-#: A URL's parts, by RFC 3986. Python's `urlsplit` takes a list of sentinels for one host; whether
-#: this may hold an IPv6 address depends on Python's version.
+#: A URL's parts, by RFC 3986. Python's `urlsplit` takes a list of sentinels for one host, and only
+#: some versions accept an IPv6 address in it.
 _URL: Final = re.compile(
     r"(?P<scheme>[^:/?#]+)://(?P<netloc>[^/?#]*)(?P<path>[^?#]*)(?:\?(?P<query>[^#]*))?"
 )
@@ -38,17 +38,17 @@ _ADDRESS: Final = re.compile(
 
 
 class BadRedisUrl(ValueError):
-    """It is no URL of a Redis; the message says why, and shows no password."""
+    """This is no URL of a Redis; the message says why, and shows no password."""
 
 
 @dataclass(frozen=True)
 class Sentinels:
-    """Who knows where the Redis is: the master of this name, whichever server that is by now."""
+    """The servers that know the present master of a name."""
 
     addresses: tuple[tuple[str, int], ...]  #: host and port of each
-    service: str
-    options: dict[str, Any]  #: what redis-py's connections to the Redis take
-    own_options: dict[str, Any]  #: and those to the sentinels
+    service: str  #: the master's name
+    options: dict[str, Any]  #: redis-py's, for connections to the Redis
+    own_options: dict[str, Any]  #: and to the sentinels
 
 
 @dataclass(frozen=True)
@@ -64,19 +64,13 @@ class _Parts:
 
 
 def check(url: str) -> None:
-    """Return where the URL can mean a Redis; raise `BadRedisUrl` where it cannot."""
+    """Return if the URL can mean a Redis, or raise `BadRedisUrl`."""
     if sentinels_of(url) is None:
         _options(url)
 
 
 def sentinels_of(url: str) -> Sentinels | None:
-    """The sentinels that the URL names, or None where it names a Redis itself.
-
-    Raises
-    ------
-    BadRedisUrl
-        The URL can mean neither.
-    """
+    """The URL's sentinels, or None where it names a Redis itself; `BadRedisUrl` for neither."""
     parts = _parts(url)
     if not parts.scheme.endswith("+sentinel"):
         return None
@@ -100,12 +94,12 @@ def sentinels_of(url: str) -> Sentinels | None:
 
 
 def uses_tls(url: str) -> bool:
-    """Whether what goes to this Redis and comes from it is encrypted."""
+    """Whether connections to this Redis are encrypted."""
     return url.startswith("rediss")
 
 
 def without_password(url: str) -> str:
-    """The URL as it may be shown: its passwords are hidden, whether it can be read or not."""
+    """The URL with its passwords hidden, even if it is malformed."""
     shown = re.sub(r"(?<=://)([^:@/]*):.*@", rf"\1:{_HIDDEN}@", url, flags=re.DOTALL)
     return re.sub(r"(?i)(\w*password=)[^&#]*", rf"\1{_HIDDEN}", shown)
 
@@ -133,18 +127,18 @@ def with_password(url: str, password: str) -> str:
 
 
 def with_parameters(url: str, parameters: dict[str, str]) -> str:
-    """The URL with these parameters; those that it has itself count for more."""
+    """The URL with these parameters; its own overrule them."""
     parts = _parts(url)
     both = {**parameters, **dict(parse_qsl(parts.query))}
     return replace(parts, query=urlencode(both, safe="/")).url
 
 
 def _parts(url: str) -> _Parts:
-    """The URL's parts, if they are what was meant: a password may hold what looks like an end."""
+    """The URL's parts; `BadRedisUrl` where an unescaped password may have split them wrongly."""
     scheme = url.partition("://")[0]
     if scheme not in _SCHEMES or "://" not in url:
         raise BadRedisUrl(f"must begin with one of {', '.join(f'{one}://' for one in _SCHEMES)}")
-    found = _URL.fullmatch(url)  # which has no match where there is a fragment
+    found = _URL.fullmatch(url)  # a URL with a fragment does not match
     if found is None or not url.isprintable():
         raise _unreadable()
     parts = _Parts(**found.groupdict(default=""))
@@ -156,8 +150,8 @@ def _parts(url: str) -> _Parts:
 
 
 def _options(url: str) -> dict[str, Any]:
-    """What redis-py's connections take, of a URL without sentinels."""
-    from redis.connection import parse_url  # takes 0.1 s, which not every command has need of
+    """redis-py's options for connections, of a URL without sentinels."""
+    from redis.connection import parse_url  # takes 0.1 s, and not every command needs it
 
     _parts(url)
     try:

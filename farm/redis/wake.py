@@ -1,4 +1,4 @@
-"""Waking each other up: hints over pub/sub, so that nobody polls quickly and nobody waits long."""
+"""Hints over pub/sub, so that no process polls often and none waits long."""
 
 import time
 from typing import Any, Final
@@ -8,14 +8,14 @@ from plateau.farm.process.stop import Stop, await_any
 from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.link import unavailable_as_farm_error
 
-#: So long nothing is heard before Redis is asked whether it is still there, and so long its answer
-#: may take: else a listener whose connection is dead, but not closed, would be deaf for good.
+#: After this silence the listener pings Redis, and waits this long for the answer: otherwise it
+#: would never notice a connection that is dead but not closed.
 _QUIET_S: Final = 10.0
 _ANSWER_S: Final = 5.0
 
 
 class Wake:
-    """Messages on one channel. A lost one costs nothing but the wait for the next look."""
+    """Messages on one channel. A lost one costs only the wait for the next look."""
 
     def __init__(
         self,
@@ -30,13 +30,11 @@ class Wake:
         self._quiet_s = quiet_s
         self._answer_s = answer_s
         self._subscribed = False
-        self._heard_at = 0.0  # when anything came
-        self._asked_at: float | None = None  # since when an answer is due
+        self._heard_at = 0.0  # time of the last message of any kind
+        self._asked_at: float | None = None  # time of a ping that is not answered yet
 
     def wait(self, timeout_s: float, stop: Stop) -> set[str]:
-        """The messages that arrived, after waiting up to `timeout_s` for the first.
-
-        The wait ends when `stop` is set.
+        """The messages that arrived, after a wait of up to `timeout_s`, or until `stop`, for one.
 
         Raises
         ------
@@ -63,14 +61,14 @@ class Wake:
                 left_s = deadline - time.monotonic()
                 if heard or stop.is_set() or left_s <= 0:
                     return heard
-                # redis-py waits for its socket alone: who is to hear of a stop would look for it.
+                # redis-py waits only for its socket; this wait also ends at a stop.
                 socket = self._pubsub.connection._sock
                 await_any(socket, stop, timeout_s=min(left_s, self._check_s()))
             elif message["type"] == "message":
                 heard.add(message["data"])
 
     def _next(self) -> dict[str, Any] | None:
-        """What has come by now, if anything; sees to it that something still could."""
+        """The next message that has arrived, if any; pings Redis after a silence."""
         message: dict[str, Any] | None = self._pubsub.get_message(timeout=0.0)
         if message is not None:
             self._heard_at, self._asked_at = time.monotonic(), None
@@ -82,7 +80,7 @@ class Wake:
         return message
 
     def _check_s(self) -> float:
-        """In how many seconds it is high time that something came."""
+        """Seconds until a ping, or the answer to it, is due."""
         if self._asked_at is None:
             return self._heard_at + self._quiet_s - time.monotonic()
         return self._asked_at + self._answer_s - time.monotonic()

@@ -1,4 +1,4 @@
-"""API keys are put, and requests taken from their buckets."""
+"""Commands that store API keys and take requests from their buckets."""
 
 from dataclasses import dataclass
 
@@ -7,7 +7,7 @@ from plateau.farm.redis.commands.command import Command
 
 @dataclass(frozen=True, kw_only=True)
 class PutKey(Command[bool]):
-    """Put what is known of a key; whether it was still what it was before is answered."""
+    """Store a key; answers whether the stored one was still `instead_of`."""
 
     key: str
     instead_of: str  #: JSON; "" for a new key
@@ -19,14 +19,14 @@ class Handful:
     """Requests that were taken out of a bucket."""
 
     taken: int
-    wait_ms: float  #: until there is one, where none was taken
+    wait_ms: float  #: until the next request, if none was taken
 
 
 @dataclass(frozen=True, kw_only=True)
 class Take(Command[Handful]):
-    """Take up to so many requests out of a key's bucket."""
+    """Take up to `wanted` requests out of a key's bucket."""
 
     key: str
     wanted: int
     interval_ms: float  #: in which the bucket gains one
-    burst: int  #: requests that it holds
+    burst: int  #: most requests in the bucket

@@ -1,4 +1,4 @@
-"""Batches are listed and guarded."""
+"""Commands that list and guard batches."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -27,7 +27,7 @@ class Batches(Command[Items[BatchRow]]):
 
 @dataclass(frozen=True, kw_only=True)
 class Guard(Command[Literal["guarded", "changed", "missing"]]):
-    """Let a batch take only jobs that stop as its others do."""
+    """Let a batch take only jobs that stop as its own do."""
 
     batch: str
-    compared: str  #: number of its newest job when all of them were found to stop alike
+    compared: str  #: number of its newest job when its jobs were compared

@@ -1,4 +1,4 @@
-"""The farm is counted."""
+"""The command that counts the farm."""
 
 from dataclasses import dataclass
 
@@ -7,13 +7,13 @@ from plateau.farm.redis.commands.command import Command
 
 @dataclass(frozen=True, kw_only=True)
 class Work:
-    """What the open jobs of one class have to give."""
+    """The slices of the open jobs of one class."""
 
-    waiting: int  #: slices
+    waiting: int
     leased: int
     left: float  #: until the jobs end
-    work_ms: float  #: what one worker would take for those, by what their jobs' slices took
-    unmeasured: float  #: those left of jobs without any
+    work_ms: float  #: one worker's time for those, by the mean of their job's slices
+    unmeasured: float  #: of those left, the slices of jobs without a mean
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,5 +38,5 @@ class CensusRow:
 class Census(Command[CensusRow]):
     """Count the farm."""
 
-    alive_ms: int  #: a worker that was not heard of for longer is gone
-    least_priority: int | None  #: of jobs that are demand
+    alive_ms: int  #: a worker without a heartbeat for longer is dead
+    least_priority: int | None  #: of jobs that count as demand

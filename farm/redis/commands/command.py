@@ -1,4 +1,4 @@
-"""What all commands have in common."""
+"""The base of all commands."""
 
 import json
 import re
@@ -11,15 +11,15 @@ from pydantic import BeforeValidator, TypeAdapter
 Answer = TypeVar("Answer")
 Item = TypeVar("Item")
 
-#: A list in an answer: Lua has one kind of table, so one without items comes as an object.
+#: A list in an answer; Lua has one kind of table, so an empty list comes as an object.
 Items = Annotated[tuple[Item, ...], BeforeValidator(lambda found: found or ())]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Command(Generic[Answer]):
-    """A command of the script; its fields are what Lua finds in its table, but for those None.
+    """A command of the script; Lua gets a table of its fields that are not None.
 
-    JSON from Lua has 14 digits, so what must come back to the bit passes as text.
+    JSON from Lua has 14 digits, so a number that must come back to the bit passes as text.
     """
 
     @classmethod
@@ -29,12 +29,12 @@ class Command(Generic[Answer]):
         return re.sub(r"(?<!^)(?=[A-Z])", "_", cls.__name__).lower()
 
     def as_json(self) -> str:
-        """Its fields, as the script takes them."""
+        """Its fields for the script."""
         given = {name: value for name, value in vars(self).items() if value is not None}
         return json.dumps(given, ensure_ascii=False, allow_nan=False, default=vars)
 
     def read_answer(self, text: str) -> Answer:
-        """What the script answers to it."""
+        """The script's answer to it."""
         kind: Any = type(self)
         found: Answer = _adapter(kind).validate_json(text)
         return found
@@ -42,6 +42,6 @@ class Command(Generic[Answer]):
 
 @cache
 def _adapter(command: Any) -> TypeAdapter[Any]:
-    """Reads what a command of this class is answered: the type in the brackets behind its base."""
+    """Reads answers to a command of this class; the type is in the brackets behind its base."""
     (base,) = command.__orig_bases__
     return TypeAdapter(get_args(base)[0])

@@ -1,15 +1,15 @@
-"""Jobs are created, gone on with, steered and ended."""
+"""Commands that create, continue, steer and end jobs."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-from plateau.farm.redis.commands.command import Command
+from plateau.farm.redis.commands.command import Answer, Command
 
 
 @dataclass(frozen=True)
 class NewJob:
-    """A job to be created: its id, and the fields of its hash."""
+    """The id of a new job, and the fields of its hash."""
 
     id: str
     fields: Mapping[str, str | int]
@@ -17,44 +17,44 @@ class NewJob:
 
 @dataclass(frozen=True, kw_only=True)
 class Made:
-    """How a request for new jobs went."""
+    """The answer to a request for new jobs."""
 
     outcome: Literal[
         "created", "repeated", "conflict", "changed", "missing", "too varied", "too many"
     ]
-    job: str = ""  #: the first, where it is created, repeated or in conflict
-    has: int = 0  #: how many open jobs, or different needs, there are where these are too many
-    most: int = 0  #: how many open jobs there may be
+    job: str = ""  #: the first, if created, repeated or in conflict
+    has: int = 0  #: open jobs, or different needs, if too many
+    most: int = 0  #: open jobs that are allowed
 
 
 @dataclass(frozen=True, kw_only=True)
-class Create(Command[Made]):
-    """Create jobs, all of one batch where they are many; all or none."""
+class CreationCommand(Command[Answer]):
+    """A command that creates jobs."""
 
     idempotency: str  #: key, or ""
     digest: str  #: of the request
     priority: int
     batch: str  #: or ""
-    guarded: bool  #: whether all jobs of the batch have to stop alike
+    guarded: bool  #: whether all jobs of the batch must stop alike
     compared: str  #: number of the batch's newest job that they were compared with, or ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Create(CreationCommand[Made]):
+    """Create jobs, many of one batch or a single one; all or none."""
+
     jobs: tuple[NewJob, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Continue(Command[Made]):
-    """Create a job that goes on with a finished one; other fields are as in `Create`."""
+class Continue(CreationCommand[Made]):
+    """Create a job that continues a finished one."""
 
     job: NewJob
     old: str  #: the finished one
-    slices: int  #: its first ones, which are taken over
+    slices: int  #: its first slices, which are taken over
     checkpoint: str  #: JSON, of their sums; "" where the slices are kept
-    judged_spp: int  #: the last of the curve that is taken over
-    idempotency: str
-    digest: str
-    priority: int
-    batch: str
-    guarded: bool
-    compared: str
+    judged_spp: int  #: the last point of the curve that is taken over
 
 
 Outcome = Literal["ended", "paused", "held", "rendering", "queued", "changed", "illegal", "fenced"]
@@ -62,10 +62,10 @@ Outcome = Literal["ended", "paused", "held", "rendering", "queued", "changed", "
 
 @dataclass(frozen=True, kw_only=True)
 class Moved:
-    """What became of a job that was to be moved."""
+    """The answer to a move of a job."""
 
     outcome: Outcome
-    state: str = ""  #: the one that forbids it, or ``missing``, where it is illegal
+    state: str = ""  #: if illegal, the state that forbids it, or ``missing``
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,11 +73,11 @@ class End(Command[Moved]):
     """End a job."""
 
     job: str
-    target: str  #: the state that it comes to
+    target: str  #: the state at its end
     reason: str
     token: str | None = None  #: its owner's; None where a user ends it
     verdict: str | None = None  #: JSON: the numbers of the rule that fired
-    results: str = ""  #: where they lie, if they are written
+    results: str = ""  #: their blob prefix, if they are written
     digests: Mapping[str, str] | None = None  #: their SHA-256 by blob
     notes: str | None = None  #: JSON; None where they stay as they are
 
@@ -88,12 +88,12 @@ class Pause(Command[Moved]):
 
     job: str
     reason: str
-    holds_back: bool = False  #: also one that is queued
+    holds_back: bool = False  #: hold back a queued one, too
 
 
 @dataclass(frozen=True, kw_only=True)
 class Resume(Command[Moved]):
-    """Let a paused job go on, or one that is held back begin."""
+    """Resume a paused job, or release one that is held back."""
 
     job: str
     reason: str

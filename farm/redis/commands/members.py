@@ -1,4 +1,4 @@
-"""Monitors and APIs say that they live; workers are drained; Redis and blob store are paired."""
+"""Heartbeats of monitors and APIs, draining of workers, pairing of Redis and blob store."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -9,17 +9,17 @@ from plateau.farm.redis.commands.command import Command
 
 @dataclass(frozen=True, kw_only=True)
 class MonitorHeartbeat(Command[None]):
-    """Say that a monitor lives, and what it has done since it started."""
+    """Report that a monitor lives, and its work since its start."""
 
     monitor: str
     about: str | None  #: JSON; None where it signs off
-    life_ms: int  #: after that it is taken for dead
+    life_ms: int  #: after this time without a heartbeat it counts as dead
     done: Mapping[str, int]  #: by total
 
 
 @dataclass(frozen=True, kw_only=True)
 class ApiHeartbeat(Command[None]):
-    """Say that an API lives."""
+    """Report that an API lives."""
 
     api: str
     about: str | None  #: JSON; None where it signs off
@@ -32,12 +32,12 @@ class Drain(Command[Literal["drained", "working", "missing"]]):
 
     worker: str
     drains: bool
-    alive_ms: int  #: it lives if it was heard of within this time
+    alive_ms: int  #: after this time without a heartbeat it counts as dead
 
 
 @dataclass(frozen=True, kw_only=True)
 class Pair(Command[str]):
-    """Give Redis the id that it shares with its blob store; the one that it has is answered."""
+    """Give Redis the id that it shares with its blob store; answers the id that it has now."""
 
     id: str
     is_marked: bool  #: whether the blob store has it

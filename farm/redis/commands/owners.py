@@ -1,4 +1,4 @@
-"""What the owner of a job does: a monitor, by the fencing token of its ownership."""
+"""Commands of a job's owner: a monitor, by the fencing token of its ownership."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ class OwnedJob:
 
 @dataclass(frozen=True, kw_only=True)
 class Own(Command[str | None]):
-    """Take a job that nobody owns; the token is answered."""
+    """Take a job that nobody owns; answers the token."""
 
     job: str
     lease_ms: int
@@ -25,7 +25,7 @@ class Own(Command[str | None]):
 
 @dataclass(frozen=True, kw_only=True)
 class Renew(Command[Items[str]]):
-    """Keep owning jobs; those that were lost are answered."""
+    """Renew the ownership of jobs; answers those that were lost."""
 
     lease_ms: int
     owned: tuple[OwnedJob, ...]
@@ -40,7 +40,7 @@ class Disown(Command[None]):
 
 @dataclass(frozen=True, kw_only=True)
 class OwnerCommand(Command[Answer]):
-    """A command of the owner's; ``fenced``, or None, is answered to who is not."""
+    """A command of the owner's; another monitor gets the answer ``fenced``, or None."""
 
     job: str
     token: str
@@ -64,7 +64,7 @@ class AppendPoint(OwnerCommand[Literal["appended", "known", "fenced"]]):
 
 @dataclass(frozen=True, kw_only=True)
 class Reject(OwnerCommand[int | None]):
-    """Have a slice rendered again; how often that has happened to it is answered."""
+    """Have a slice rendered again; answers how often that has happened to it."""
 
     index: int
     blob: str
@@ -75,17 +75,17 @@ class Reject(OwnerCommand[int | None]):
 class Show(OwnerCommand[Literal["shown", "fenced"]]):
     """Show a set of results."""
 
-    results: str  #: where they lie in the blob store
+    results: str  #: their blob prefix
     spp: int
     digests: Mapping[str, str] | None  #: their SHA-256 by blob
 
 
 @dataclass(frozen=True, kw_only=True)
 class NoteBlob(OwnerCommand[Literal["noted", "fenced"]]):
-    """Note what a blob of the job has to be."""
+    """Note the digest of a blob of the job."""
 
     blob: str  #: without jobs/ID/
-    sha256: str | None  #: None where it has gone
+    sha256: str | None  #: None to forget it
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,7 +97,7 @@ class Save(OwnerCommand[Literal["saved", "fenced"]]):
 
 @dataclass(frozen=True, kw_only=True)
 class Conclude(OwnerCommand[Literal["concluded", "fenced"]]):
-    """Say that the results of an ended job are written."""
+    """Note that the results of an ended job are written."""
 
     spp: int
     results: str  #: "" where it has none
@@ -107,11 +107,11 @@ class Conclude(OwnerCommand[Literal["concluded", "fenced"]]):
 
 @dataclass(frozen=True, kw_only=True)
 class Finish(OwnerCommand[Literal["finished", "fenced"]]):
-    """Say that all else of an ended job is cleared."""
+    """Note that an ended job is cleared."""
 
     keeps_sums: bool
 
 
 @dataclass(frozen=True, kw_only=True)
 class Abandon(OwnerCommand[Literal["abandoned", "kept", "fenced"]]):
-    """Say that Redis has lost the job."""
+    """Note that Redis has lost the job."""

@@ -1,4 +1,4 @@
-"""Which scenes are stored, and which are wanted."""
+"""Commands that keep the index of scenes, and their use."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -8,14 +8,14 @@ from plateau.farm.redis.commands.command import Command
 
 @dataclass(frozen=True, kw_only=True)
 class UseScene(Command[bool]):
-    """Note that a scene is wanted; whether its blob is just being removed is answered."""
+    """Note the use of a scene; answers whether its blob is being removed."""
 
     sha256: str
 
 
 @dataclass(frozen=True, kw_only=True)
 class DisuseScene(Command[None]):
-    """Take the note back."""
+    """Take the note of a use back."""
 
     sha256: str
 
@@ -30,22 +30,22 @@ class RememberScene(Command[None]):
 
 @dataclass(frozen=True, kw_only=True)
 class NoteScenes(Command[None]):
-    """Take scenes to be used now of which nobody knows when they were."""
+    """Note a use now for scenes without one."""
 
     scenes: tuple[str, ...]  #: their SHA-256
 
 
 @dataclass(frozen=True, kw_only=True)
 class ForgetScene(Command[Literal["forgotten", "kept"]]):
-    """Forget a scene that was not used since a moment."""
+    """Forget a scene that was last used before a moment."""
 
     sha256: str
     before_ms: int
-    going_ms: int  #: the longest that the removal of its blob may take
+    going_ms: int  #: longest time of the removal of its blob
 
 
 @dataclass(frozen=True, kw_only=True)
 class SceneGone(Command[None]):
-    """Say that the blob of a forgotten scene is removed."""
+    """Note that the blob of a forgotten scene is removed."""
 
     sha256: str

@@ -1,21 +1,21 @@
-"""The queue: slices are leased to workers, who commit them or give them back."""
+"""Commands of workers for the queue: they lease slices, and commit them or give them back."""
 
 from dataclasses import dataclass
 from typing import Literal
 
-from plateau.farm.redis.commands.command import Command
+from plateau.farm.redis.commands.command import Answer, Command
 
 CommitEnd = Literal["committed", "duplicate", "ended", "stale", "overlap"]
 
 
 @dataclass(frozen=True, kw_only=True)
 class LeasedSlice:
-    """A slice, and what is needed to render it."""
+    """A slice, and the data to render it."""
 
     job: str
     entry: str  #: of the job's stream
     index: int
-    tries: int  #: how often it was leased, this time included
+    tries: int  #: the number of its leases, this one included
     variant: str
     spec: str  #: JSON
     scene: str  #: its SHA-256
@@ -23,11 +23,11 @@ class LeasedSlice:
 
 @dataclass(frozen=True, kw_only=True)
 class Offer:
-    """What a worker gets that asks for a slice."""
+    """The answer to a worker that asks for a slice."""
 
     slice: LeasedSlice | None = None
-    again: bool = False  #: what was come upon needed no rendering: ask again
-    wait_ms: float | None = None  #: where there is none: when another worker's may be late
+    again: bool = False  #: the slice that was found needs no rendering: ask again
+    wait_ms: float | None = None  #: without a slice: until another worker's may be late
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,68 +43,59 @@ class Lease(Command[Offer]):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Commit(Command[CommitEnd]):
-    """Enter a rendered slice into the ledger."""
+class LeaseCommand(Command[Answer]):
+    """A command about a leased slice."""
 
     job: str
     entry: str
     worker: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class TryCommand(LeaseCommand[Answer]):
+    """A command that ends a try of a slice."""
+
     index: int
-    record: str  #: JSON of a `plateau.farm.ledger.queue.SliceRecord`
     machine_ms: int
+    said: str  #: the render child's output
+
+
+@dataclass(frozen=True, kw_only=True)
+class Commit(TryCommand[CommitEnd]):
+    """Enter a rendered slice into the ledger."""
+
+    record: str  #: JSON of a `plateau.farm.ledger.queue.SliceRecord`
     width: int
     height: int
     notes: str  #: JSON
     variant: str
-    said: str  #: what the render child printed
 
 
 @dataclass(frozen=True, kw_only=True)
-class Glimpse(Command[Literal["noted", "lost", "late"]]):
-    """Say where the first pass of a job's first slice is."""
+class Glimpse(LeaseCommand[Literal["noted", "lost", "late"]]):
+    """Note the blob of the first pass of a job's first slice."""
 
-    job: str
-    entry: str
-    worker: str
     blob: str
 
 
 @dataclass(frozen=True, kw_only=True)
-class Died(Command[Literal["put back", "poisoned", "lost"]]):
-    """Say that a render child died on a slice."""
+class Died(TryCommand[Literal["put back", "poisoned", "lost"]]):
+    """Report that a render child died on a slice."""
 
-    job: str
-    entry: str
-    worker: str
-    index: int
     cause: str
     most_tries: int
-    machine_ms: int
-    said: str
 
 
 @dataclass(frozen=True, kw_only=True)
-class HandBack(Command[Literal["put back", "lost"]]):
-    """Give a slice back unharmed."""
+class HandBack(TryCommand[Literal["put back", "lost"]]):
+    """Give a slice back that nobody died on."""
 
-    job: str
-    entry: str
-    worker: str
-    index: int
     what: Literal["handed-back", "unfit"]
     cause: str
-    machine_ms: int
-    said: str
 
 
 @dataclass(frozen=True, kw_only=True)
-class Fail(Command[Literal["failed", "lost"]]):
+class Fail(TryCommand[Literal["failed", "lost"]]):
     """Fail a job whose scene cannot be rendered."""
 
-    job: str
-    entry: str
-    worker: str
-    index: int
     reason: str
-    machine_ms: int
-    said: str

@@ -1,4 +1,4 @@
-"""Observer studies are made, taken part in, answered and forgotten."""
+"""Commands for observer studies: create, join, answer and forget them."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -11,12 +11,12 @@ class BeginStudy(Command[None]):
     """Let the pictures of a study be put."""
 
     study: str
-    making_ms: int  #: for so long
+    making_ms: int  #: the time for it
 
 
 @dataclass(frozen=True, kw_only=True)
 class MadeStudy:
-    """How a request for a study went."""
+    """The answer to a request for a study."""
 
     outcome: Literal["created", "repeated", "late", "too many"]
     study: str = ""
@@ -30,7 +30,7 @@ class CreateStudy(Command[MadeStudy]):
     digest: str  #: of the request and its owner
     owner: str  #: or ""
     about: str  #: JSON
-    most: int  #: studies that there may be
+    most: int  #: studies that are allowed
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,12 +40,12 @@ class JoinStudy(Command[Literal["joined", "known", "full", "missing"]]):
     study: str
     name: str  #: a pseudonym
     screen: str  #: JSON
-    most: int  #: observers that there may be
+    most: int  #: observers that are allowed
 
 
 @dataclass(frozen=True, kw_only=True)
 class AnswerStudy(Command[str | None]):
-    """Note an observer's answer to a pair; the one that counts is answered, as it is stored."""
+    """Note an observer's answer to a pair; answers the stored one, which counts."""
 
     study: str
     name: str

@@ -1,4 +1,4 @@
-"""Sweeps, and what they remove of finished jobs."""
+"""Commands that begin sweeps, and remove finished jobs and their sums."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -15,12 +15,12 @@ class BeginSweep(Command[bool]):
 
 @dataclass(frozen=True, kw_only=True)
 class NoteSweep(Command[None]):
-    """Note that a sweep was done."""
+    """Note that a sweep has ended."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Forget(Command[Literal["forgotten", "kept", "missing"]]):
-    """Forget a job that has been finished for so long."""
+    """Forget a job that finished this long ago."""
 
     job: str
     finished_for_ms: int
@@ -28,8 +28,8 @@ class Forget(Command[Literal["forgotten", "kept", "missing"]]):
 
 @dataclass(frozen=True, kw_only=True)
 class DropSums(Command[Literal["dropped", "kept"]]):
-    """Let the sums go of a job that has been finished for so long."""
+    """Drop the sums of a job that finished this long ago."""
 
     job: str
     finished_for_ms: int
-    continued_by: tuple[str, ...]  #: the jobs that go on with it, as far as they are known
+    continued_by: tuple[str, ...]  #: the known jobs that continue it

@@ -18,7 +18,7 @@ class DueDelivery:
     url: str = field(repr=False)  #: "" where Redis has lost it, as for the next two
     secret: str = field(repr=False)
     spec: str  #: JSON
-    sealed: dict[str, str]  #: what workers cannot change of the job
+    sealed: dict[str, str]  #: the job's fields that workers cannot change
     tries: int
     now: str  #: ms
     delivery: str  #: JSON
@@ -26,7 +26,7 @@ class DueDelivery:
 
 @dataclass(frozen=True, kw_only=True)
 class TakeDelivery(Command[DueDelivery | None]):
-    """Lease the delivery that is due first."""
+    """Lease the first due delivery."""
 
     token: str
     lease_ms: int
@@ -35,7 +35,7 @@ class TakeDelivery(Command[DueDelivery | None]):
 
 @dataclass(frozen=True, kw_only=True)
 class SettleDelivery(Command[Literal["settled", "lost"]]):
-    """Say how a try of a delivery ended."""
+    """Report how a try of a delivery ended."""
 
     job: str
     number: int
@@ -57,7 +57,7 @@ class Redeliver(Command[Literal["queued", "unknown"]]):
 
 @dataclass(frozen=True, kw_only=True)
 class FarmSecrets(Command[str]):
-    """Have the farm's secrets, the newest first, with blanks between; this one if it has none."""
+    """Answers the farm's secrets, newest first, with blanks between; this one if it has none."""
 
     secret: str = field(repr=False)
 
@@ -67,5 +67,5 @@ class RenewFarmSecret(Command[None]):
     """Give the farm another secret."""
 
     secret: str = field(repr=False)
-    signs_for_ms: int  #: how long those before it sign still
-    most: int  #: how many of them
+    signs_for_ms: int  #: for which earlier ones still sign
+    most: int  #: earlier ones that still sign

@@ -1,4 +1,4 @@
-"""Workers say that they live, that they leave, and that they were refused."""
+"""Commands of workers: they report that they live, leave, or were refused."""
 
 from dataclasses import dataclass
 
@@ -7,7 +7,7 @@ from plateau.farm.redis.commands.command import Command, Items
 
 @dataclass(frozen=True)
 class LeaseName:
-    """Which lease it is: the job, and the entry of its stream."""
+    """The name of a lease: the job, and the entry of its stream."""
 
     job: str
     entry: str
@@ -15,7 +15,7 @@ class LeaseName:
 
 @dataclass(frozen=True, kw_only=True)
 class Heartbeat(Command[Items[LeaseName]]):
-    """Say that a worker lives, and renew its leases; those that it has lost are answered."""
+    """Report that a worker lives, and renew its leases; answers the lost ones."""
 
     worker: str
     about: str  #: JSON

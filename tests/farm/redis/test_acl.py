@@ -277,7 +277,7 @@ def test_the_queue_asks_for_the_commands_of_workers_alone() -> None:
     known = vars(plateau.farm.ledger.queue)
     kinds = [*known.values(), *vars(known["commands"]).values()]
     asked = {kind for kind in kinds if isinstance(kind, type) and issubclass(kind, Command)}
-    ran = {kind.lua_name() for kind in asked - {Command}}
+    ran = {kind.lua_name() for kind in asked if not kind.__name__.endswith("Command")}
     assert ran == commands("workers") - {"refused"}  # which others run, too
     assert set(QUEUE_PARTS) <= set(keys.JOB_PARTS)
 
