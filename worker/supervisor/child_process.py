@@ -253,7 +253,7 @@ class RenderChild:
             self._socket.sendall(contract.request_line(request).encode())
 
     def _expect(self, timeout_s: float, doing: str, kind: type[_A]) -> _A:
-        """The next answer, of this kind; errors as the class says."""
+        """Return the next answer, which has to be of this kind."""
         answer = self._next_answer(timeout_s, doing)
         if not isinstance(answer, kind):
             self.kill()
@@ -261,7 +261,7 @@ class RenderChild:
         return answer
 
     def _next_answer(self, timeout_s: float, doing: str) -> Answer:
-        """The next answer to the request; errors as the class says."""
+        """Return the next answer to the request; see the class for its errors."""
         deadline = time.monotonic() + timeout_s
         while b"\n" not in self._received:
             now, cancelled_at = time.monotonic(), self._cancelled_at
