@@ -1,4 +1,4 @@
-"""What every family's build has in common: its parameters and film, what its files are."""
+"""The common part of every family's build: parameters, film and files."""
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -7,7 +7,7 @@ from plateau.scenes.mesh import Mesh
 
 
 def numbers(vector: Iterable[float]) -> str:
-    """Return numbers as an attribute of the XML has them."""
+    """Return numbers in the form of an XML attribute."""
     return ", ".join(f"{number:g}" for number in vector)
 
 
@@ -17,12 +17,11 @@ def document(
     *,
     bright: float,
     dim: float,
-    max_depth: int,
     field_of_view_deg: float,
     origin: str,
     target: str,
 ) -> str:
-    """Return a family's XML: its two lights, path tracer and film as every family has them.
+    """Return a family's XML, with the path tracer, the film and the parameters of all families.
 
     Parameters
     ----------
@@ -32,10 +31,8 @@ def document(
         Materials, shapes and lights, as elements four spaces in.
     bright, dim
         Values of `intensity` of its first and of its second scene.
-    max_depth
-        Of the path tracer.
     field_of_view_deg, origin, target
-        Of the camera, whose up is y; points are three numbers apart by commas.
+        Of the camera, whose up is y; a point is three numbers separated by commas.
     """
     name = family.upper()
     return f"""\
@@ -48,7 +45,7 @@ def document(
     <default name="width" value="512"/>
     <default name="height" value="512"/>
     <default name="intensity" value="{bright:g}"/>
-    <default name="max_depth" value="{max_depth}"/>
+    <default name="max_depth" value="8"/>
 
     <integrator type="path">
         <integer name="max_depth" value="$max_depth"/>
@@ -69,6 +66,15 @@ def document(
 
 {contents}</scene>
 """
+
+
+def shape(identifier: str, mesh: str, bsdf: str) -> str:
+    """Return a mesh with one material as a shape."""
+    return f"""\
+    <shape type="ply" id="{identifier}">
+        <string name="filename" value="meshes/{mesh}.ply"/>
+        <ref id="{bsdf}"/>
+    </shape>"""
 
 
 def scene_files(

@@ -1,4 +1,4 @@
-"""Stopping rules, a file for each: what it says of itself, its judgement and its memory.
+"""Stopping rules, one module for each: its description, its judgement and its memory.
 
 The reasons are in docs/decisions/stopping.md.
 """
@@ -8,13 +8,13 @@ from plateau.rules import create
 
 
 def create_rule(name: str, **parameters: object) -> Rule:
-    """Return a fresh rule of this name; parameters left out take the paper's values.
+    """Return a fresh rule of this name; omitted parameters have their defaults.
 
     Raises
     ------
     ValueError
-        If there is no such rule, it has no such parameter, a value is out of its bounds, or it
-        cannot judge.
+        If there is no such rule, it has no such parameter, a value is out of its bounds, or the
+        rule cannot judge.
 
     Examples
     --------

@@ -1,10 +1,10 @@
-"""What every stopping rule answers, and what it keeps.
+"""The interface of a stopping rule: its verdicts and its memory.
 
-A rule is told the story one evaluation at a time. It may keep earlier images and counts; all that
-it keeps is in its `Memory`, so that a monitor that takes over a job goes on to the same verdicts.
+A rule sees one evaluation at a time. It may keep earlier images and counts, all of them in its
+`Memory`, so that a monitor that takes over a job reaches the same verdicts.
 
-The files of rules import numerics only where they judge: the command line, the API and the page's
-form read what they say of themselves (`plateau.rules`), and wait for no more.
+The modules of rules import numerics only inside the functions that judge. The command line, the API
+and the page's form read the descriptions (`plateau.rules`) and must not wait for numerics.
 """
 
 from __future__ import annotations
@@ -22,33 +22,33 @@ if TYPE_CHECKING:
     from plateau.metric.display import Mask
     from plateau.metric.rules.evidence import Evidence
 
-#: What json can write and read back without loss.
+#: A value that json writes and reads back without loss.
 Json: TypeAlias = "dict[str, Json] | list[Json] | str | int | float | bool | None"
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """What a rule makes of the evidence."""
+    """A rule's judgement of the evidence."""
 
     #: Whether to stop rendering.
     stop: bool
-    #: The number that the rule watches; None where it has none yet.
+    #: The number that the rule watches; None while it has none.
     value: float | None
     #: Every number behind the verdict, by name.
     numbers: dict[str, float | None]
     #: The verdict in plain words, numbers included.
     reason: str
-    #: What `value` must come down to; None where the rule waits for something else.
+    #: The rule stops when `value` falls to this; None if it stops for another reason.
     limit: float | None = None
-    #: The map of visible pixels that was judged, (H, W) bool, where there is one.
+    #: The map of visible pixels that was judged, (H, W) bool, if any.
     visible: Mask | None = field(default=None, repr=False, compare=False)
 
 
 @dataclass(frozen=True, eq=False)
 class Memory:
-    """What of a rule must outlive its process, and nothing more."""
+    """The state of a rule that must outlive its process."""
 
-    #: Counts and the like; `json` writes and reads it without loss.
+    #: Counts and the like.
     numbers: dict[str, Json] = field(default_factory=dict)
     #: Images by name, (H, W, 3) float32.
     images: dict[str, NDArray[np.float32]] = field(default_factory=dict)
@@ -60,31 +60,31 @@ class Rule(StoppingRule, ABC):
 
     @abstractmethod
     def judge(self, evidence: Evidence) -> Verdict:
-        """Return the verdict on this evidence, and remember what later ones need.
+        """Return the verdict on this evidence, and remember what later verdicts need.
 
-        Evaluations come in order of spp, one image size and one view throughout.
+        Evaluations come in order of spp, with one image size and one view.
 
         Raises
         ------
         ValueError
-            If they do not.
+            If the order or the size is violated.
         """
 
     @abstractmethod
     def stored_images(self, evaluations: int) -> int:
-        """Return how many images the rule keeps after so many evaluations at equal steps.
+        """Return how many images the rule keeps after this many evaluations at equal steps.
 
-        That is what it costs in memory and in every checkpoint: 12 bytes a pixel for each. The one
-        percept that any rule holds, of the first image in `reverse`, adds 41 to the memory alone.
+        Each costs 12 bytes per pixel in memory and in every checkpoint. Only `reverse` also holds a
+        percept, that of its first image, which takes 41 bytes per pixel of memory.
         """
 
     @abstractmethod
     def memory(self) -> Memory:
-        """Return what the rule must keep: recalled by a fresh rule, later verdicts are the same."""
+        """Return the state with which a fresh rule reaches the same later verdicts."""
 
     @abstractmethod
     def recall(self, memory: Memory) -> None:
-        """Take up where the rule that gave this memory left off.
+        """Restore the state of the rule that returned this memory.
 
         Raises
         ------

@@ -1,13 +1,13 @@
-"""What the rules share that compare the merged image with earlier ones."""
+"""The shared part of the rules that compare the merged image with earlier ones."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from plateau.metric.rules.base import Memory, Verdict, require_later
+from plateau.metric.rules.base import Memory, Rule, Verdict, require_later
 from plateau.metric.rules.reasons import counted, darkness, left_out
-from plateau.rules import PAPER_PIXELS, parameter
+from plateau.rules import MOST_SPP, PAPER_PIXELS, parameter
 
 if TYPE_CHECKING:
     from plateau.metric.display import Image
@@ -27,11 +27,11 @@ class EarlierImages:
 
     @property
     def spps(self) -> list[int]:
-        """At how many samples per pixel they were, ascending."""
+        """Their samples per pixel, ascending."""
         return list(self._images)
 
     def require_before(self, evidence: Evidence) -> None:
-        """Raise ValueError unless this evaluation comes after all of them and is of their size."""
+        """Raise ValueError unless this evaluation is later than all of them and of their size."""
         if not self._images:
             return
         from plateau.metric.display import as_image
@@ -50,7 +50,7 @@ class EarlierImages:
         self._images[evidence.spp] = evidence.kept_image
 
     def forget(self, spps: list[int]) -> None:
-        """Let go of the images at these spp."""
+        """Drop the images at these spp."""
         for spp in spps:
             del self._images[spp]
 
@@ -63,7 +63,7 @@ class EarlierImages:
 
     @classmethod
     def of(cls, memory: Memory) -> EarlierImages | None:
-        """Return what a memory holds; None where it is not one of such images."""
+        """Return the images of a memory; None if it holds anything else."""
         if not memory.numbers and not memory.images:
             return cls()
         from plateau.metric.display import as_image
@@ -77,8 +77,29 @@ class EarlierImages:
         return None
 
 
+@dataclass(kw_only=True)
+class RuleOverEarlierImages(Rule):
+    """A rule whose memory is merged images of earlier evaluations."""
+
+    _earlier: EarlierImages = field(
+        default_factory=EarlierImages, init=False, repr=False, compare=False
+    )
+
+    def memory(self) -> Memory:
+        """Return the earlier images that later verdicts need."""
+        return self._earlier.memory()
+
+    def recall(self, memory: Memory) -> None:
+        """Restore the images of an earlier rule with the same parameters."""
+        earlier = EarlierImages.of(memory)
+        # A rule evaluates once per sample at most.
+        if earlier is None or len(earlier.spps) > self.stored_images(MOST_SPP):
+            raise ValueError(f"not a memory of the rule {self.name!r}")
+        self._earlier = earlier
+
+
 def differing_pixels() -> float:
-    """Return the field for the visible pixels at 512×512 by which images may differ."""
+    """Return a rule's field for the threshold: visible pixels at 512×512 at which to stop."""
     return parameter(
         1.0,
         0,
@@ -93,8 +114,8 @@ def differing_pixels() -> float:
 def allowed_pixels(threshold: float, pixels: int) -> float:
     """Return how many pixels of an image may still differ visibly.
 
-    The threshold holds for 512×512 pixels and scales with their number. It is never less than one
-    pixel: no single one, a firefly's say, may hold up a whole image.
+    The threshold holds for 512×512 pixels and scales with their number. The result is at least 1,
+    so that a single pixel, such as a firefly, cannot keep a whole image from converging.
 
     Examples
     --------
@@ -105,7 +126,7 @@ def allowed_pixels(threshold: float, pixels: int) -> float:
 
 
 def first_verdict(evidence: Evidence, threshold: float, words: str) -> Verdict:
-    """Return the verdict of a rule that has too few earlier images yet, and says so."""
+    """Return the verdict of a rule that has too few earlier images yet; `words` is its reason."""
     return Verdict(
         stop=False,
         value=None,
@@ -132,11 +153,11 @@ def verdict_on(
     spp
         Samples per pixel of the earlier image.
     difference
-        Between the two.
+        Between the two images.
     threshold
         In visible pixels at 512×512.
     seen_from
-        How the reason calls the earlier image.
+        The reason's name for the earlier image.
     """
     visible = difference.finite_count
     allowed = allowed_pixels(threshold, evidence.pixels)

@@ -1,4 +1,4 @@
-"""What every stopping rule is given at an evaluation."""
+"""The input of every stopping rule at an evaluation."""
 
 from __future__ import annotations
 
@@ -18,21 +18,21 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """What is known at one evaluation. Work that several rules need is done once, when asked for.
+    """The images of one evaluation. What several rules need is computed once, on first use.
 
     Raises
     ------
     ValueError
-        If there is no sample, or the halves do not add up to the whole.
+        If there is no sample, or the samples of the halves do not add up to `spp`.
     """
 
     #: Samples per pixel in the merged image.
     spp: int
     #: The merged image: (H, W, 3) float32 linear radiance.
     image: Image
-    #: The even- and the odd-indexed slices apart; None while there are not two of them.
+    #: The even- and the odd-indexed slices; None while there are fewer than two slices.
     halves: tuple[Half, Half] | None
-    #: The predictor, under the view in which to judge.
+    #: The predictor, for the view under which to judge.
     metric: VisibleDifferences
 
     def __post_init__(self) -> None:
@@ -60,7 +60,7 @@ class Evidence:
 
     @cached_property
     def _model(self) -> tuple[NoiseModel, Percept] | None:
-        """The merged image taken apart, and the percept of what is left without its noise."""
+        """The noise model of the merged image, and the percept of its clean image."""
         if self.halves is None:
             return None
         model = noise_model(self.metric, self.image, self.halves)
@@ -73,16 +73,16 @@ class Evidence:
 
     @cached_property
     def kept_image(self) -> Image:
-        """A copy of the merged image for rules to keep, one for all of them; it cannot be changed.
+        """A read-only copy of the merged image, shared by all rules that keep it.
 
-        A copy, for the monitor may go on adding to its own.
+        The monitor may add further samples to the merged image itself.
         """
         image: Image = as_image(self.image).copy()
         image.flags.writeable = False
         return image
 
     def forecast(self, target: float, *, guess: int | None = None) -> Forecast | None:
-        """Return where the estimate will fall to this share of the pixels; None without halves.
+        """Return the forecast for this target fraction of the pixels; None without halves.
 
         `guess` is the spp of an earlier forecast for this target, which saves work.
         """

@@ -1,4 +1,4 @@
-"""Algorithm 4.1 of the paper: stop at a fixed number of samples, whatever the image looks like."""
+"""Algorithm 4.1 of the paper: stop at a fixed number of samples."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 @dataclass(kw_only=True)
 class Fixed(Rule):
-    """Stops when the image has as many samples per pixel as asked for. Remembers nothing.
+    """Stops when the image has the requested samples per pixel, and remembers nothing.
 
     References
     ----------

@@ -24,9 +24,9 @@ def least_squares_slope(points: Sequence[tuple[float, float]]) -> float:
 
 
 def power_law_at_the_end(points: Sequence[tuple[int, float]]) -> float:
-    """Return what the power law through (spp, count) points says at the last of them.
+    """Return the power law through (spp, count) points, evaluated at the last of them.
 
-    Counts may be 0: the line is laid through the logarithms of spp and of count + ½.
+    It is the line through the logarithms of spp and of count + ½, so counts may be 0.
 
     Examples
     --------

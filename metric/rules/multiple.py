@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
-from plateau.metric.rules.base import Memory, Rule, Verdict
 from plateau.metric.rules.earlier import (
-    EarlierImages,
+    RuleOverEarlierImages,
     allowed_pixels,
     differing_pixels,
     first_verdict,
@@ -16,25 +15,26 @@ from plateau.metric.rules.earlier import (
 from plateau.rules import parameter
 
 if TYPE_CHECKING:
+    from plateau.metric.rules.base import Verdict
     from plateau.metric.rules.evidence import Evidence
     from plateau.metric.vdp import Difference
 
 
 @dataclass(kw_only=True)
-class Multiple(Rule):
+class Multiple(RuleOverEarlierImages):
     """Stops when no image of the window differs visibly from the one after it.
 
-    That is when all of D(I_m, R), …, D(I_m+w-1, R) ≤ threshold, where R is the image after the
-    window. The window then moves on by one image: the paper's own stops, such as 1700, 1900 and
-    2100 spp at a step of 100, cannot come from windows laid end to end.
+    It compares all of D(I_m, R), …, D(I_m+w-1, R) with the threshold; R is the image after the
+    window. The window then moves by one image. Windows laid end to end cannot explain the paper's
+    stops, such as 1700, 1900 and 2100 spp at a step of 100.
 
     Notes
     -----
-    The threshold is in visible pixels at 512×512, scales with the pixel count and is never under
-    one pixel. Pixels that are NaN or infinite are left out.
+    The threshold is in visible pixels at 512×512, scales with the pixel count and is at least one
+    pixel. Pixels that are NaN or infinite are left out.
 
-    The oldest image differs most, so the window is gone through from there and no further than the
-    first one above the threshold, as in the paper's loop: w comparisons are paid only at a stop.
+    The comparisons begin with the oldest image, which differs most, and end at the first image
+    above the threshold, as in the paper's loop. So only a stop costs w comparisons.
 
     It stores w images, the window.
 
@@ -68,15 +68,11 @@ class Multiple(Rule):
     #: Visible pixels at 512×512 by which any of them may still differ.
     threshold: float = differing_pixels()
 
-    _earlier: EarlierImages = field(
-        default_factory=EarlierImages, init=False, repr=False, compare=False
-    )
-
     def judge(self, evidence: Evidence) -> Verdict:
         """Return whether the whole window looks like the image after it.
 
-        The value is the visible pixels against the first image of the window above the threshold,
-        or, where there is none, the most against any.
+        The value is the visible pixels against the first image above the threshold, or the most
+        against any image if none is above it.
         """
         self._earlier.require_before(evidence)
         verdict = self._verdict(evidence)
@@ -85,19 +81,8 @@ class Multiple(Rule):
         return verdict
 
     def stored_images(self, evaluations: int) -> int:
-        """Return the window, once there are images enough."""
+        """Return the length of the window, or the evaluations while there are fewer."""
         return min(evaluations, self.window)
-
-    def memory(self) -> Memory:
-        """Return the images of the window."""
-        return self._earlier.memory()
-
-    def recall(self, memory: Memory) -> None:
-        """Take up the images of an earlier rule of the same window."""
-        earlier = EarlierImages.of(memory)
-        if earlier is None or len(earlier.spps) > self.window:
-            raise ValueError(f"not a memory of the rule 'multiple' with a window of {self.window}")
-        self._earlier = earlier
 
     def _verdict(self, evidence: Evidence) -> Verdict:
         spps = self._earlier.spps

@@ -3,35 +3,40 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
-from plateau.metric.rules.base import Memory, Rule, Verdict
-from plateau.metric.rules.earlier import EarlierImages, differing_pixels, first_verdict, verdict_on
+from plateau.metric.rules.earlier import (
+    RuleOverEarlierImages,
+    differing_pixels,
+    first_verdict,
+    verdict_on,
+)
 from plateau.rules import parameter
 
 if TYPE_CHECKING:
+    from plateau.metric.rules.base import Verdict
     from plateau.metric.rules.evidence import Evidence
 
 
 @dataclass(kw_only=True)
-class Myszkowski(Rule):
+class Myszkowski(RuleOverEarlierImages):
     """Stops when the image looks like that of half its samples: D(I_αn, I_n) ≈ 0, α = 0.5.
 
-    With α = 0.5 the two differ with the variance that separates I_n from the converged image, so
-    the count stands for the one that nobody can take.
+    With α = 0.5 the two images differ with the variance that separates I_n from the converged
+    image, so the count stands for the difference from the converged image.
 
     Notes
     -----
-    "≈ 0" is a threshold in visible pixels at 512×512, which scales with the pixel count and is
-    never under one pixel. Pixels that are NaN or infinite are left out.
+    "≈ 0" is a threshold in visible pixels at 512×512, which scales with the pixel count and is at
+    least one pixel. Pixels that are NaN or infinite are left out.
 
-    Where there is no image at exactly αn, as at every odd multiple of the step, the newest one
-    before it stands in. It differs a little more, so that errs on the side of more samples. The
-    paper seems to have judged at even multiples alone: all its stops are multiples of 200 spp.
+    At odd multiples of the step no image has exactly αn spp. The newest image before αn takes its
+    place: it differs a little more, which errs on the side of more samples. The paper seems to have
+    judged at even multiples alone, because all its stops are multiples of 200 spp.
 
-    It stores every image from αn on: half as many as there were evaluations, 50 at 10000 spp and a
-    step of 100. The rule `visible` asks the same question without them.
+    It stores every image from αn on, which is half of the evaluations: 50 at 10000 spp and a step
+    of 100. The rule `visible` asks the same question without stored images.
 
     References
     ----------
@@ -65,12 +70,8 @@ class Myszkowski(Rule):
     #: Visible pixels at 512×512 by which the two may differ.
     threshold: float = differing_pixels()
 
-    _earlier: EarlierImages = field(
-        default_factory=EarlierImages, init=False, repr=False, compare=False
-    )
-
     def judge(self, evidence: Evidence) -> Verdict:
-        """Return whether the two look alike; the value is by how many pixels they do not."""
+        """Return whether the two images look alike; the value is the pixels that differ."""
         self._earlier.require_before(evidence)
         candidates = [spp for spp in self._earlier.spps if spp <= self.alpha * evidence.spp]
         if candidates:
@@ -90,16 +91,5 @@ class Myszkowski(Rule):
         return verdict
 
     def stored_images(self, evaluations: int) -> int:
-        """Return how many images there are from αn on, the last at or before it included."""
+        """Return the number of images from αn on, with the last one at or before it."""
         return evaluations - max(math.floor(self.alpha * evaluations) - 1, 0)
-
-    def memory(self) -> Memory:
-        """Return the images from αn on."""
-        return self._earlier.memory()
-
-    def recall(self, memory: Memory) -> None:
-        """Take up the images of an earlier rule of the same α."""
-        earlier = EarlierImages.of(memory)
-        if earlier is None:
-            raise ValueError("not a memory of the rule 'myszkowski'")
-        self._earlier = earlier

@@ -1,4 +1,4 @@
-"""Words that the reasons of several rules share."""
+"""Phrases that the reasons of several rules share."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 
 
 def darkness(evidence: Evidence) -> str | None:
-    """Return, in words, that the image is too dark for its noise to show; None where it is not."""
+    """Return a phrase for an image too dark for visible noise; None for a brighter one."""
     from plateau.metric.vdp import COLOUR_LUMINANCE
 
     brightest = float(evidence.percept.levels[evidence.metric.adaptation_level].max())
@@ -20,9 +20,9 @@ def darkness(evidence: Evidence) -> str | None:
 
 
 def counted(pixels: float) -> str:
-    """Return a number of pixels in words: whole ones, or their halves below ten.
+    """Return a number of pixels in words: halves below ten, whole numbers above.
 
-    It rounds as `plateau.farm.wire.figures.pixels`, which this package does not know; a test
+    It rounds like `plateau.farm.wire.figures.pixels`, which this package must not import. A test
     compares the two.
 
     Examples
@@ -38,7 +38,7 @@ def counted(pixels: float) -> str:
 
 
 def left_out(non_finite: float) -> str:
-    """Return the words, if any are due, about pixels that no sample will repair.
+    """Return a phrase about pixels that are not finite, empty if there are none.
 
     Examples
     --------

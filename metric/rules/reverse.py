@@ -1,11 +1,11 @@
 """Algorithm 4.4 of the paper, the reverse comparison, after which Plateau is named.
 
 The first image stays the reference. The more the merged image improves, the more it differs from
-that first, noisy one; when the count of visible pixels has climbed to its plateau, more samples
-change nothing that a person could see.
+the noisy first one. When the count of visible pixels has risen to its plateau, more samples change
+nothing visible.
 
-The first image is part of every later one: samples are added and never restarted. Against an
-independent reference the curve would fall.
+Every later image contains the samples of the first. Against an independent reference the curve
+would fall.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ class Reverse(Rule):
 
     I_first is the image of the first evaluation. The slope is that of a least-squares line through
     the last `window` points (n, D), n > first; the rule stops when it is at most ε. The comparison
-    of I_first with itself is no point of the curve: the paper's window is rendered after the
-    reference, and its 0, known before looking, would only tilt the first line.
+    of I_first with itself is no point of the curve: the paper renders its window after the
+    reference, and the certain 0 would tilt the first line.
 
     Notes
     -----
@@ -60,7 +60,7 @@ class Reverse(Rule):
     stores: ClassVar[str] = "one image"
     order: ClassVar[int] = 4
     featured: ClassVar[bool] = True
-    continues: ClassVar[bool] = True  # it makes the curve, so every job's judge keeps one
+    continues: ClassVar[bool] = True  # every job's judge keeps one, for the curve
     stopped: ClassVar[str] = (
         "compared with the first image hardly anything changes any more. The curve rises by "
         "{slope} pixels per spp; you asked for less than {slope_limit}."
@@ -104,12 +104,11 @@ class Reverse(Rule):
         reference, first_spp = self._reference(evidence)
         difference = evidence.metric.compare(reference, evidence.percept)
         visible, pixels = difference.visible, difference.finite_count
-        if difference.non_finite:  # they stay so: no plateau to wait for
+        if difference.non_finite:  # more samples do not change these pixels
             visible = visible & evidence.finite
         if evidence.spp > first_spp:
             self._points = [*self._points, (evidence.spp, pixels)][-self.window :]
 
-        # The line, as soon as there are points enough.
         slope = least_squares_slope(self._points) if len(self._points) == self.window else None
         epsilon = self.epsilon * evidence.pixels / PAPER_PIXELS
         return Verdict(
@@ -130,7 +129,7 @@ class Reverse(Rule):
         )
 
     def stored_images(self, evaluations: int) -> int:
-        """Return 1, the first image, as soon as there is one."""
+        """Return 1 after the first evaluation."""
         return min(evaluations, 1)
 
     def memory(self) -> Memory:
@@ -143,19 +142,19 @@ class Reverse(Rule):
         )
 
     def recall(self, memory: Memory) -> None:
-        """Take up the first image and the points of an earlier rule, of its own window."""
+        """Restore the first image and the points; of these, no more than the window holds."""
         self._first_spp, self._first_image, self._first_percept, self._points = None, None, None, []
         if memory.numbers or memory.images:
             self._first_spp, self._first_image, self._points = self._parse(memory)
 
     def _reference(self, evidence: Evidence) -> tuple[Percept, int]:
-        """Return the percept and the spp of the first image, which this one is if none was."""
+        """Return the percept and the spp of the first image; the first evidence provides it."""
         if self._first_image is None or self._first_spp is None:
             self._first_spp = evidence.spp
             self._first_image = evidence.kept_image
         else:
             require_later(evidence.spp, self._points[-1][0] if self._points else self._first_spp)
-        # Of the kept image: a percept may read its image as late as when it is compared.
+        # Of the kept image, because a percept may read its image only when it is compared.
         if self._first_percept is None:
             self._first_percept = evidence.metric.percept(self._first_image)
         return self._first_percept, self._first_spp
@@ -188,7 +187,7 @@ class Reverse(Rule):
 
 
 def _point(row: Json) -> list[tuple[int, int]]:
-    """Return the point in a row of a memory, or none if it is something else."""
+    """Return the point in a row of a memory as a list, empty for any other row."""
     match row:
         case [int(spp), int(pixels)]:
             return [(spp, pixels)]
@@ -197,5 +196,5 @@ def _point(row: Json) -> list[tuple[int, int]]:
 
 
 def _why_invisible(evidence: Evidence) -> str:
-    """Return, in words, why no noise of this image was seen from the start."""
+    """Return a phrase for why the curve has stayed at 0."""
     return darkness(evidence) or "the first image already looked like the present one"

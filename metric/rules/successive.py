@@ -2,30 +2,35 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
-from plateau.metric.rules.base import Memory, Rule, Verdict
-from plateau.metric.rules.earlier import EarlierImages, differing_pixels, first_verdict, verdict_on
+from plateau.metric.rules.earlier import (
+    RuleOverEarlierImages,
+    differing_pixels,
+    first_verdict,
+    verdict_on,
+)
 
 if TYPE_CHECKING:
+    from plateau.metric.rules.base import Verdict
     from plateau.metric.rules.evidence import Evidence
 
 
 @dataclass(kw_only=True)
-class Successive(Rule):
+class Successive(RuleOverEarlierImages):
     """Stops when the newest samples changed nothing visible: D(I_n-step, I_n) ≤ threshold.
 
-    It depends on the step, as the paper shows and `docs/stopping.md` measures: a small one changes
-    nothing that can be seen, however noisy the image is.
+    It depends on the step, as the paper shows and `docs/stopping.md` measures: a small step changes
+    nothing visible, however noisy the image is.
 
     Notes
     -----
     The paper stops where the differences "become null". Here the threshold is in visible pixels at
-    512×512, scales with the pixel count and is never under one pixel, so that no single one can
-    hold up an image. Pixels that are NaN or infinite are left out.
+    512×512, scales with the pixel count and is at least one pixel. Pixels that are NaN or infinite
+    are left out.
 
-    It stores one image, the one before.
+    It stores one image, that of the evaluation before.
 
     References
     ----------
@@ -49,12 +54,8 @@ class Successive(Rule):
     #: Visible pixels at 512×512 that may still change.
     threshold: float = differing_pixels()
 
-    _earlier: EarlierImages = field(
-        default_factory=EarlierImages, init=False, repr=False, compare=False
-    )
-
     def judge(self, evidence: Evidence) -> Verdict:
-        """Return whether nothing has changed; the value is how many pixels visibly did."""
+        """Return whether nothing has changed; the value is the pixels that visibly changed."""
         self._earlier.require_before(evidence)
         before = self._earlier.spps
         if before:
@@ -74,16 +75,5 @@ class Successive(Rule):
         return verdict
 
     def stored_images(self, evaluations: int) -> int:
-        """Return 1, the image before, as soon as there is one."""
+        """Return 1 after the first evaluation."""
         return min(evaluations, 1)
-
-    def memory(self) -> Memory:
-        """Return the image before."""
-        return self._earlier.memory()
-
-    def recall(self, memory: Memory) -> None:
-        """Take up the image before."""
-        earlier = EarlierImages.of(memory)
-        if earlier is None or len(earlier.spps) > 1:
-            raise ValueError("not a memory of the rule 'successive'")
-        self._earlier = earlier

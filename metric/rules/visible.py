@@ -1,4 +1,4 @@
-"""Plateau's own rule: stop when hardly a pixel is left that a person would see change."""
+"""Plateau's own rule: stop when hardly a pixel would still change visibly."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from plateau.metric.rules.base import Json
     from plateau.metric.rules.evidence import Evidence
 
-#: A line through fewer would go through all of them.
+#: Any line through fewer points meets all of them.
 LEAST_POINTS = 3
 
 
@@ -22,18 +22,18 @@ LEAST_POINTS = 3
 class Visible(Rule):
     """Stops when the half-buffer estimate and its trend are at most `target`.
 
-    The estimate says how many pixels a person would see differ from the converged image. Its trend
-    is the power law through the evaluations since half the samples: it guards against a lucky look,
-    since looking often is a way of stopping early by luck, and asks for no evaluation more. While
-    there are only two evaluations, both have to pass.
+    The estimate is the number of pixels that differ visibly from the converged image. Its trend is
+    the power law through the evaluations since half the samples. With frequent evaluations one of
+    them may be low by chance; the trend guards against that, and costs no further evaluation. While
+    there are only two evaluations, both must pass.
 
     Notes
     -----
-    The default target, two pixels in ten thousand, is where the recorded Cornell box stood at about
-    1150 spp; half of the paper's observers saw no difference in its BOX 1 from 1193 spp on. The
-    target is never less than one pixel. Pixels that are NaN or infinite are left out.
+    The recorded Cornell box reached the default target, two pixels in ten thousand, at about 1150
+    spp; half of the paper's observers saw no difference in its BOX 1 from 1193 spp on. The target
+    is at least one pixel. Pixels that are NaN or infinite are left out.
 
-    Light that no path has found yet is invisible to this rule as to every other.
+    Like every other rule, it cannot know of light that no path has found yet.
 
     It stores no image.
     """
@@ -50,7 +50,7 @@ class Visible(Rule):
     criterion: ClassVar[str] = "the half-buffer estimate and its trend ≤ `target`, n ≥ `min_spp`"
     order: ClassVar[int] = 6
     featured: ClassVar[bool] = True
-    continues: ClassVar[bool] = True  # it is the default, and every job's judge keeps one
+    continues: ClassVar[bool] = True  # every job's judge keeps one
     stopped: ClassVar[str] = (
         "the noise left is {noise_left}, by its own estimate, and you allowed {target}."
     )
@@ -80,7 +80,7 @@ class Visible(Rule):
     )
 
     _newest_spp: int | None = field(default=None, init=False, repr=False, compare=False)
-    #: The evaluations that the trend is of: spp, and the estimate in pixels.
+    #: The points of the trend: spp, and the estimate in pixels.
     _points: list[tuple[int, float]] = field(
         default_factory=list, init=False, repr=False, compare=False
     )
@@ -115,7 +115,7 @@ class Visible(Rule):
         )
 
     def stored_images(self, evaluations: int) -> int:  # noqa: ARG002 - part of the interface
-        """Return 0: the halves are the monitor's own."""
+        """Return 0: the monitor keeps the halves."""
         return 0
 
     def memory(self) -> Memory:
@@ -126,7 +126,7 @@ class Visible(Rule):
         return Memory({"spp": self._newest_spp, "points": points})
 
     def recall(self, memory: Memory) -> None:
-        """Take up the evaluations of an earlier rule."""
+        """Restore the evaluations of an earlier rule."""
         self._newest_spp, self._points = None, []
         if not memory.numbers and not memory.images:
             return
@@ -163,21 +163,21 @@ class Visible(Rule):
 
 
 def _recent(points: list[tuple[int, float]]) -> list[tuple[int, float]]:
-    """Return the points since half the samples of the last, and no fewer than a line needs."""
+    """Return the points since half the samples of the last, at least as many as a line needs."""
     newest, _ = points[-1]
     first = next(index for index, (spp, _) in enumerate(points) if 2 * spp >= newest)
     return points[min(first, max(len(points) - LEAST_POINTS, 0)) :]
 
 
 def _trend(points: list[tuple[int, float]]) -> float | None:
-    """Return how many pixels the trend leaves visible; None where one point makes no trend."""
+    """Return the visible pixels by the trend; None with fewer than two points."""
     if len(points) >= LEAST_POINTS:
         return power_law_at_the_end(points)
     return max(count for _, count in points) if len(points) > 1 else None
 
 
 def _point(row: Json) -> list[tuple[int, float]]:
-    """Return the point in a row of a memory, or none if it is something else."""
+    """Return the point in a row of a memory as a list, empty for any other row."""
     match row:
         case [int(spp), int(pixels) | float(pixels)]:
             return [(spp, pixels)]

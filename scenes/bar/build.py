@@ -1,9 +1,9 @@
 """Builds the bar: `python -m plateau.scenes.bar.build` writes scene.xml, meshes/ and textures/.
 
-A small bar of our own towards evening, in metres. The bowls over the counter and the coves hide
-their light from all but the ceiling; a wide window in the right wall, which the picture does not
-show, gives soft daylight from the side, and panels of lit onyx glow behind the bottles.
-Takouachet et al. (2007) judged such a room; nothing of theirs is used.
+A small bar of our own towards evening, in metres. The bowls over the counter and the coves light
+the ceiling only. A wide window in the right wall, outside the picture, gives soft daylight from the
+side, and panels of lit onyx glow behind the bottles. Takouachet et al. (2007) judged such a room;
+nothing of theirs is used.
 """
 
 from collections.abc import Iterable
@@ -12,16 +12,14 @@ from pathlib import Path
 from plateau.scenes.bar import fittings, room, stock, vessels
 from plateau.scenes.bar.pictures import textures
 from plateau.scenes.bar.stock import Copy
-from plateau.scenes.build import document, numbers, scene_files, write_files
+from plateau.scenes.build import document, numbers, scene_files, shape, write_files
 from plateau.scenes.mesh import Mesh, Vector
 
-HERE = Path(__file__).parent
-
-#: What the radiances of all lights are in parts of, in the units of the image: 1 is white at EV 0.
+#: `intensity`, the factor of all radiances, in the units of the image, where 1 is white at EV 0.
 BRIGHT = 80.0  # BAR 1
 DIM = 40.0  # BAR 2
 
-#: The camera: where it is, where it looks, and how wide, in degrees.
+#: The camera: its place, its target and its horizontal field of view.
 EYE: Vector = (0.62, 1.52, 2.55)
 TARGET: Vector = (-0.62, 1.17, -0.6)
 FIELD_OF_VIEW_DEG = 52.0
@@ -111,14 +109,14 @@ def scene_xml() -> str:
 {_glass("cocktail_level", 1.34, 1.0, (1.0, 1.0, 1.0))}\
 {_glass("whisky", 1.5, 1.36, (0.93, 0.60, 0.22))}\
 {_glass("whisky_level", 1.36, 1.0, (1.0, 1.0, 1.0))}
-{_shape("floor", "chequers")}
-{_shape("ceiling", "ceiling")}
-{_shape("walls", "paint")}
-{_shape("mirror", "silvering")}
-{_shape("wood", "walnut")}
-{_shape("slab", "stone")}
-{_shape("trim", "brass")}
-{_shape("tiles", "glaze")}
+{shape("floor_mesh", "floor", "chequers")}
+{shape("ceiling_mesh", "ceiling", "ceiling")}
+{shape("walls_mesh", "walls", "paint")}
+{shape("mirror_mesh", "mirror", "silvering")}
+{shape("wood_mesh", "wood", "walnut")}
+{shape("slab_mesh", "slab", "stone")}
+{shape("trim_mesh", "trim", "brass")}
+{shape("tiles_mesh", "tiles", "glaze")}
     <shape type="ply" id="rail_mesh">
         <string name="filename" value="meshes/rail.ply"/>
         <transform name="to_world">
@@ -140,7 +138,6 @@ def scene_xml() -> str:
         contents,
         bright=BRIGHT,
         dim=DIM,
-        max_depth=8,
         field_of_view_deg=FIELD_OF_VIEW_DEG,
         origin=numbers(EYE),
         target=numbers(TARGET),
@@ -193,14 +190,6 @@ def _file(name: str) -> str:
     return f'<string name="filename" value="meshes/{name}.ply"/>'
 
 
-def _shape(name: str, bsdf: str) -> str:
-    return f"""\
-    <shape type="ply" id="{name}_mesh">
-        {_file(name)}
-        <ref id="{bsdf}"/>
-    </shape>"""
-
-
 def _merged(material: str, copies: Iterable[Copy]) -> str:
     """Return all copies of one material as one shape."""
     text = "".join(_copy(copy, material) for copy in copies)
@@ -235,9 +224,9 @@ def _window() -> str:
 
 
 def _light(name: str, shape: str, where: str, colour: Vector, weight: float) -> str:
-    """Return a light whose colour is in parts of `intensity`: `d65` is what can scale a colour.
+    """Return a light whose colour is relative to `intensity`; only `d65` can scale a colour.
 
-    The weight is how often shadow rays go to it, next to the others.
+    The weight is relative: how often shadow rays sample this light.
     """
     return f"""\
     <shape type="{shape}" id="{name}">
@@ -258,10 +247,5 @@ def files() -> dict[str, bytes]:
     return scene_files(scene_xml(), meshes(), textures())
 
 
-def write(folder: Path) -> None:
-    """Write the scene into a folder."""
-    write_files(folder, files())
-
-
 if __name__ == "__main__":
-    write(HERE)
+    write_files(Path(__file__).parent, files())

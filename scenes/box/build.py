@@ -2,18 +2,16 @@
 
 A room of our own, 2.4 wide, 2 high and 2.2 deep, open towards the camera: an ochre wall, a teal
 wall, a tall block, a low plinth with a glossy ball on it, and one rectangle of white light in the
-ceiling. It is of the kind that Goral et al. (1984, doi:10.1145/800031.808601) made the test of
-global illumination, with none of the data of Cornell's.
+ceiling. Goral et al. (1984, doi:10.1145/800031.808601) made such a room the test of global
+illumination; none of the Cornell box's data is used.
 """
 
 from pathlib import Path
 
-from plateau.scenes.build import document, scene_files, write_files
+from plateau.scenes.build import document, scene_files, shape, write_files
 from plateau.scenes.mesh import Mesh, ball, block, quads
 
-HERE = Path(__file__).parent
-
-#: Radiance of the light, in the units of the image: what is 1 there is white at EV 0.
+#: Radiance of the light, in the units of the image, where 1 is white at EV 0.
 BRIGHT = 20.0  # BOX 1
 DIM = 10.0  # BOX 2
 
@@ -55,12 +53,12 @@ def scene_xml() -> str:
         <float name="alpha" value="0.2"/>
     </bsdf>
 
-{_shape("room", "white")}
-{_shape("left", "ochre")}
-{_shape("right", "teal")}
-{_shape("block", "white")}
-{_shape("plinth", "white")}
-{_shape("ball", "glaze")}
+{shape("room", "room", "white")}
+{shape("left", "left", "ochre")}
+{shape("right", "right", "teal")}
+{shape("block", "block", "white")}
+{shape("plinth", "plinth", "white")}
+{shape("ball", "ball", "glaze")}
 
     <!-- The light: 0.8 by 0.6, a hair below the ceiling, facing down. -->
     <shape type="rectangle" id="light">
@@ -79,19 +77,10 @@ def scene_xml() -> str:
         contents,
         bright=BRIGHT,
         dim=DIM,
-        max_depth=8,
         field_of_view_deg=27.5,
         origin="0, 1.0, 5.1",
         target="0, 1.0, 0",
     )
-
-
-def _shape(name: str, bsdf: str) -> str:
-    return f"""\
-    <shape type="ply" id="{name}">
-        <string name="filename" value="meshes/{name}.ply"/>
-        <ref id="{bsdf}"/>
-    </shape>"""
 
 
 def files() -> dict[str, bytes]:
@@ -99,10 +88,5 @@ def files() -> dict[str, bytes]:
     return scene_files(scene_xml(), meshes(), textures={})
 
 
-def write(folder: Path) -> None:
-    """Write the scene into a folder."""
-    write_files(folder, files())
-
-
 if __name__ == "__main__":
-    write(HERE)
+    write_files(Path(__file__).parent, files())

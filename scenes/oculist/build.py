@@ -1,16 +1,16 @@
 """Builds OCULIST: `python -m plateau.scenes.oculist.build` writes scene.xml, meshes/ and textures/.
 
-A museum case about an eye in mosaic, between inscribed tablets, with three oculists' stamps and
-four bronze instruments on a woven cloth. Takouachet et al. (2007) judged such a case, dense with
-fine texture and relief, as the one in which their predictor of visible differences stopped too
-early. Nothing of theirs is used: letters, words, patterns and shapes are our own.
+A museum case with an eye in mosaic between inscribed tablets, three oculists' stamps and four
+bronze instruments on a woven cloth. In such a case, dense with fine texture and relief, the
+predictor of Takouachet et al. (2007) stopped too early. Nothing of theirs is used: letters, words,
+patterns and shapes are our own.
 """
 
 from pathlib import Path
 
 import numpy as np
 
-from plateau.scenes.build import document, numbers, scene_files, write_files
+from plateau.scenes.build import document, numbers, scene_files, shape, write_files
 from plateau.scenes.mesh import Vector
 from plateau.scenes.noise import noise
 from plateau.scenes.oculist.case import meshes
@@ -18,16 +18,14 @@ from plateau.scenes.oculist.lettering import Field, cut
 from plateau.scenes.oculist.mosaic import mosaic
 from plateau.scenes.oculist.textures import cloth, grain, grey, inscribed, png, tinted, wood
 
-HERE = Path(__file__).parent
-
-#: Radiance of the lights, in the units of the image: what is 1 there is white at EV 0.
+#: Radiance of the lights, in the units of the image, where 1 is white at EV 0.
 BRIGHT = 80.0  # OCULIST 1
 DIM = 40.0  # OCULIST 2
 
-#: The camera: where it is, where it looks, and how wide, in degrees.
+#: The camera: its place, its target and its horizontal field of view.
 ORIGIN, TARGET, FIELD_OF_VIEW_DEG = (0.0, 2.75, 3.35), (0.0, 0.475, -0.05), 30.8
 
-#: What is inscribed.
+#: The inscriptions.
 FRIEZE = ("NEC·PLVRES·RADII·QVAM·OCVLVS·VIDET",)  # nor more rays than the eye can see
 LEFT = (
     "VISVS·LVCIS·EST",
@@ -59,7 +57,7 @@ RIGHT = (
 )
 _CARDS = (("INSTRVMENTA", "AENEA", "SAEC II"), ("LAPIS OCVLARI", "GALLIA", "SAEC II"))
 
-#: Looks by name: those in relief with its height in units of the scene, and those without.
+#: Materials by name: those in relief with its height in units of the scene, and the flat ones.
 _RELIEFS = {
     "cloth": 0.008,
     "mosaic": 0.010,
@@ -107,7 +105,7 @@ def scene_xml() -> str:
     """Return the scene's XML."""
     reliefs = [_relief(name, height) for name, height in _RELIEFS.items()]
     looks = "\n".join([*reliefs, *map(_flat, _FLAT)])
-    shapes = "\n".join(map(_shape, (*_RELIEFS, *_FLAT, *_PLAIN)))
+    shapes = "\n".join(shape(f"{name}_mesh", name, name) for name in (*_RELIEFS, *_FLAT, *_PLAIN))
     contents = f"""\
 {looks}
     <bsdf type="roughconductor" id="bronze">
@@ -132,7 +130,6 @@ def scene_xml() -> str:
         contents,
         bright=BRIGHT,
         dim=DIM,
-        max_depth=8,
         field_of_view_deg=FIELD_OF_VIEW_DEG,
         origin=numbers(ORIGIN),
         target=numbers(TARGET),
@@ -164,14 +161,6 @@ def _flat(name: str) -> str:
     </bsdf>"""
 
 
-def _shape(name: str) -> str:
-    return f"""\
-    <shape type="ply" id="{name}_mesh">
-        <string name="filename" value="meshes/{name}.ply"/>
-        <ref id="{name}"/>
-    </shape>"""
-
-
 def _light(name: str, origin: Vector, target: Vector, half: tuple[float, float]) -> str:
     return f"""\
     <shape type="rectangle" id="{name}">
@@ -190,10 +179,5 @@ def files() -> dict[str, bytes]:
     return scene_files(scene_xml(), meshes(), textures())
 
 
-def write(folder: Path) -> None:
-    """Write the scene into a folder."""
-    write_files(folder, files())
-
-
 if __name__ == "__main__":
-    write(HERE)
+    write_files(Path(__file__).parent, files())

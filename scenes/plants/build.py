@@ -19,8 +19,6 @@ from plateau.scenes.plants import flora, masonry
 from plateau.scenes.plants.pictures import textures, to_png
 from plateau.scenes.plants.planting import SUN, Placement, placements
 
-HERE = Path(__file__).parent
-
 #: What scales sun and sky alike: at 1 the sun's irradiance is `SUN_COLOUR`, facing it.
 BRIGHT = 24.0  # PLANTS 1
 DIM = 12.0  # PLANTS 2
@@ -105,7 +103,6 @@ def scene_xml() -> str:
         contents,
         bright=BRIGHT,
         dim=DIM,
-        max_depth=8,
         field_of_view_deg=FIELD_OF_VIEW_DEG,
         origin=_numbers(EYE, 2),
         target=_numbers(TARGET, 2),
@@ -256,10 +253,5 @@ def files() -> dict[str, bytes]:
     return scene_files(scene_xml(), meshes(), pictures)
 
 
-def write(folder: Path) -> None:
-    """Write the scene into a folder."""
-    write_files(folder, files())
-
-
 if __name__ == "__main__":
-    write(HERE)
+    write_files(Path(__file__).parent, files())
