@@ -1,9 +1,9 @@
 """The named channels of a film, and how films are added.
 
-A film is (height, width, channels). Its first channels are R, G, B and W: sums of radiance, each
-sample weighted by the reconstruction filter, and the sums of the weights. A film with alpha has A
-next, weighted alike. AOVs follow. They are weighted sums too, but for ids (numbers of objects and
-primitives): there a pixel has the value of its first sample, and a sum of films that of its first.
+A film is (height, width, channels). Its first channels are R, G, B and W: the sums of radiance, in
+which the reconstruction filter weights each sample, and the sums of the weights. A film with alpha
+has A next, and AOVs follow; they are weighted sums as well. Ids (numbers of shapes and primitives)
+are not: a pixel has the value of its first sample, and a sum of films has the values of its first.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ _ALPHA: Final = 4  #: where A is, in a film that has it
 Colour = tuple[float, float, float]
 BLACK: Final[Colour] = (0.0, 0.0, 0.0)
 
-#: A film has at most so many channels, whose names have at most so many characters.
+#: The most channels of a film, and the most characters of a channel's name.
 MOST_CHANNELS: Final = 64
 _LONGEST_NAME: Final = 64
-#: And so many values, of all pixels and channels together: 1 GiB in float32.
+#: The most values of a film, in all pixels and channels together: 1 GiB in float32.
 MOST_VALUES: Final = 2**28
 
 
@@ -39,14 +39,14 @@ class Channels:
     Parameters
     ----------
     names : sequence of str
-        R, G, B, W; then A, where the film has alpha; then AOVs.
+        R, G, B, W; then A, if the film has alpha; then AOVs.
     ids : sequence of str
-        Those AOVs that must not be averaged.
+        The AOVs that must not be averaged.
 
     Raises
     ------
     ValueError
-        These are no channels of a film; the message says why.
+        No film has such channels; the message says why.
     """
 
     names: Sequence[str] = (*_COLOUR, "W")
@@ -78,7 +78,7 @@ class Channels:
             raise ValueError("ids are AOVs, and one of these is no channel of the film")
 
     def check_size(self, width: int, height: int) -> None:
-        """Raise ValueError where these are no width and height, or the film has too many values."""
+        """Raise ValueError for a size in pixels that a film with these channels cannot have."""
         if not all(type(side) is int and side > 0 for side in (width, height)):
             raise ValueError(f"a film of {width!r}×{height!r} pixels has no size")
         values = width * height * len(self.names)
@@ -90,7 +90,7 @@ class Channels:
 
     @property
     def has_alpha(self) -> bool:
-        """Whether there is A."""
+        """Whether A is one of them."""
         return "A" in self.names
 
     @property
@@ -100,26 +100,26 @@ class Channels:
 
     @property
     def judged(self) -> int:
-        """How many channels, from the first on, say what is seen: R, G, B, W and, if any, A."""
+        """The number of leading channels that are judged: R, G, B, W and, if the film has it, A."""
         return _ALPHA + self.has_alpha
 
     def seen(self) -> Channels:
-        """Return those that say what is seen."""
+        """Return the channels that are judged."""
         return Channels(self.names[: self.judged])
 
     def add(
         self, total: NDArray[np.float64] | None, film: NDArray[np.float32]
     ) -> NDArray[np.float64]:
-        """Return a sum of films with the next one added, in place; ids stay those of the first.
+        """Return a sum of films with the next film added, in place; ids stay those of the first.
 
         Parameters
         ----------
         total : ndarray, shape (height, width, channels), float64, or None
-            The sum so far; None where this film is the first.
+            The sum so far; None for the first film.
         film : ndarray, shape (height, width, channels), float32
-            A film, or sum of films, of these channels.
+            A film, or a sum of films, of these channels.
         """
-        with np.errstate(invalid="ignore", over="ignore"):  # a scene may have infinite pixels
+        with _infinities():
             if total is None:
                 return np.add(0.0, film, dtype=np.float64)
             if not self.ids:
@@ -131,17 +131,19 @@ class Channels:
             return total
 
     def normalised(self, total: NDArray[np.float64]) -> dict[str, NDArray[np.float32]]:
-        """Return the image that a sum of films is: (height, width) float32 by channel, without W.
+        """Return the image of a sum of films: (height, width) float32 by channel, without W.
 
-        A pixel that no sample has reached is 0 everywhere. Ids are as they are.
+        Sums are divided by W, and are 0 where no sample has reached the pixel. Ids are not divided.
         """
-        return {
-            name: total[..., plane].astype(np.float32)
-            if name in self.ids
-            else _quotient(total[..., plane], total[..., _WEIGHT])
-            for plane, name in enumerate(self.names)
-            if plane != _WEIGHT
-        }
+        reached = _reached(total)
+        image = {}
+        for plane, name in enumerate(self.names):
+            if name in self.ids:
+                image[name] = total[..., plane].astype(np.float32)
+            elif plane != _WEIGHT:
+                image[name] = np.zeros(total.shape[:2], np.float32)
+                _divide(total, plane, reached, image[name])
+        return image
 
     def seen_in(
         self, total: NDArray[np.float64], background: Colour = BLACK
@@ -153,26 +155,35 @@ class Channels:
         total : ndarray, shape (height, width, at least `judged`), float64
             The sum.
         background : tuple of float
-            Linear R, G and B, seen where the image has alpha below 1. Where alpha is not finite,
-            the pixel counts as opaque.
+            Linear R, G and B behind an image with alpha. Pixels whose alpha is NaN or infinite
+            count as opaque.
         """
-        image = np.empty((*total.shape[:2], 3), np.float32)
-        weights = total[..., _WEIGHT]
+        reached = _reached(total)
+        image = np.zeros((*total.shape[:2], 3), np.float32)
         for plane in range(3):
-            image[..., plane] = _quotient(total[..., plane], weights)
+            _divide(total, plane, reached, image[..., plane])
         if self.has_alpha and background != BLACK:
-            alpha = _quotient(total[..., _ALPHA], weights)
-            uncovered = np.where(np.isfinite(alpha), 1 - alpha, 0)
-            with np.errstate(invalid="ignore", over="ignore"):
+            alpha = np.zeros(total.shape[:2], np.float32)
+            _divide(total, _ALPHA, reached, alpha)
+            with _infinities():
+                uncovered = np.where(np.isfinite(alpha), 1 - alpha, 0)
                 image += uncovered[..., None] * np.array(background, np.float32)
         return image
 
 
-def _quotient(sums: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArray[np.float32]:
-    # Channel by channel, for rows of one of them are a quarter of the time of rows of several.
-    reached = weights != 0
-    where: Any = True if reached.all() else reached
-    values = np.zeros(weights.shape, np.float32)
-    with np.errstate(invalid="ignore", over="ignore"):
-        np.divide(sums, weights, out=values, where=where, casting="same_kind")
-    return values
+def _reached(total: NDArray[np.float64]) -> Any:
+    """The pixels that have samples, as numpy's ``where`` takes them."""
+    reached = total[..., _WEIGHT] != 0
+    return True if reached.all() else reached
+
+
+def _divide(total: NDArray[np.float64], plane: int, reached: Any, out: NDArray[np.float32]) -> None:
+    """Divide one channel of a sum by W: row by row of one channel takes a quarter of the time."""
+    weights = total[..., _WEIGHT]
+    with _infinities():
+        np.divide(total[..., plane], weights, out=out, where=reached, casting="same_kind")
+
+
+def _infinities() -> np.errstate:
+    """Keep numpy from warning of infinite values, which a scene may have."""
+    return np.errstate(invalid="ignore", over="ignore")

@@ -1,4 +1,4 @@
-"""EXR files: partials, which can be added, and images, which can be looked at."""
+"""EXR files: partials, which merge by addition, and images."""
 
 import io
 import json
@@ -17,7 +17,7 @@ from plateau.farm.model.errors import CorruptPartial
 from plateau.farm.model.exr_spec import Compression
 
 Pixels = NDArray[np.float32]
-#: What a header tells, by its names.
+#: The attributes of a file's header, by name.
 Attributes = Mapping[str, Any]
 
 _COMPRESSIONS: Final[dict[Compression, Any]] = {
@@ -38,7 +38,7 @@ _ATTRIBUTES: Final[dict[str, type]] = {
     "variant": str,
     "scene_sha256": str,
 }
-# Partials from before films had other channels than R, G, B and W lack these.
+# Older partials, of R, G, B and W, lack these.
 _CHANNELS: Final = "plateau:channels"
 _IDS: Final = "plateau:ids"
 _ZONES: Final = "plateau:zones"
@@ -49,10 +49,9 @@ _RENDERER: Final = "plateau:renderer"
 class Partial:
     """One slice's film before normalisation.
 
-    `pixels` is (height, width, channels) float32, of `channels`. So partials merge by addition,
-    with any reconstruction filter. A slice of `zones` has (pixels, channels) instead: zone after
-    zone, each row by row. `renderer` is its renderer's name and version, "" where the partial is
-    from before this was noted.
+    `pixels` is (height, width, channels) float32, in the order of `channels`. A slice of `zones` has
+    (pixels, channels) instead: zone after zone, each row by row. `renderer` is the renderer's name
+    and version; older partials have "" there.
     """
 
     job_id: str
@@ -69,7 +68,7 @@ class Partial:
 
 
 def encode_partial(partial: Partial) -> bytes:
-    """The partial as an EXR file, uncompressed: noise does not shrink (0.5 % with ZIP)."""
+    """Return a partial as an EXR file, uncompressed: ZIP shrinks noise by 0.5 %."""
     values = (
         partial.job_id,
         partial.index,
@@ -81,7 +80,7 @@ def encode_partial(partial: Partial) -> bytes:
     )
     attributes = {f"plateau:{name}": value for name, value in zip(_ATTRIBUTES, values, strict=True)}
     names = partial.channels.names
-    # A file has its channels by their names' order in the alphabet.
+    # An EXR file sorts its channels by name, so their order is an attribute.
     attributes |= {_CHANNELS: json.dumps(names), _IDS: json.dumps(partial.channels.ids)}
     if partial.renderer:
         attributes[_RENDERER] = partial.renderer
@@ -94,12 +93,12 @@ def encode_partial(partial: Partial) -> bytes:
 
 
 def decode_partial(content: bytes) -> Partial:
-    """The partial in an EXR file.
+    """Return the partial in an EXR file.
 
     Raises
     ------
     CorruptPartial
-        It is no EXR file, is cut short, or lacks a channel or an attribute.
+        The content is no EXR file, is cut short, or lacks a channel or an attribute.
     """
     try:
         with OpenEXR.File(io.BytesIO(content), separate_channels=True) as file:
@@ -137,10 +136,10 @@ def _channels(header: Attributes) -> Channels:
 def encode_image(
     image: Pixels, attributes: Attributes | None = None, *, compressed: bool = True
 ) -> bytes:
-    """An (height, width, 3) float32 image of linear Rec. 709 radiance as an EXR file.
+    """Return a (height, width, 3) float32 image of linear Rec. 709 radiance as an EXR file.
 
-    Compression (ZIP, without loss) takes ten times as long, for a few percent of a noisy image and
-    much of a flat background.
+    Compression (ZIP, lossless) takes ten times as long. It saves a few percent of a noisy image,
+    and much of a flat background.
     """
     planes = {name: image[..., plane] for plane, name in enumerate("RGB")}
     return _encode(planes, "zip" if compressed else "none", attributes or {})
@@ -154,20 +153,20 @@ def encode_layers(
     compression: Compression = "zip",
     whole: Collection[str] = (),
 ) -> bytes:
-    """Channels of one image as an EXR file.
+    """Return the channels of an image as an EXR file.
 
     Parameters
     ----------
     planes
         (height, width) float32 by channel.
     attributes
-        What the header tells.
+        Attributes of the header.
     precision
-        Of the values. Half has 11 significant bits and ends at ±65504, where finite values are cut.
+        "half" has 11 significant bits, and clips finite values at ±65504.
     compression
-        None of them loses anything.
+        A lossless compression.
     whole
-        Channels that stay float32 whatever the precision is.
+        Channels that stay float32 in a half file.
     """
     if precision == "half":
         return _encode(
@@ -187,12 +186,12 @@ def _as_half(values: Pixels) -> NDArray[np.float16]:
 
 
 def decode_layers(content: bytes) -> dict[str, Pixels]:
-    """Every channel of the first part of an EXR file: (height, width) float32 by name.
+    """Return each channel of an EXR file's first part: (height, width) float32 by name.
 
     Raises
     ------
     ValueError
-        It is no EXR file, or is damaged.
+        The content is no EXR file, or a damaged one.
     """
     try:
         with OpenEXR.File(io.BytesIO(content), separate_channels=True) as file:
@@ -202,15 +201,15 @@ def decode_layers(content: bytes) -> dict[str, Pixels]:
 
 
 def decode_image(content: bytes, layer: str | None = None) -> Pixels:
-    """A layer of an EXR file as (height, width, 3) float32, as `images.layers` chooses it.
+    """Return a layer of an EXR file as (height, width, 3) float32, as `images.layers` chooses it.
 
-    Half and float channels are read; a lone luminance channel ``Y`` becomes grey. Colours of a
-    transparent image are premultiplied, so they are those over black, and alpha is left out.
+    Half and float channels are read; a lone luminance channel ``Y`` becomes grey. Alpha is left
+    out: a transparent image has premultiplied colours, which are its colours over black.
 
     Raises
     ------
     ValueError
-        It is no EXR file, is damaged, or has no such layer.
+        The content is no EXR file, is damaged, or has no such layer.
     """
     try:
         with OpenEXR.File(io.BytesIO(content), separate_channels=True) as file:

@@ -30,15 +30,21 @@ def encode_png(
     palette: NDArray[np.uint8] | None = None,
     texts: Mapping[str, str] | None = None,
 ) -> bytes:
-    """A picture as a PNG file.
+    """Return a picture as a PNG file.
 
-    It is (height, width, 3) or (height, width, 4) uint8, or (height, width) codes of a palette,
-    (256, 3) uint8. Each of the `texts` becomes a text chunk under its keyword.
+    Parameters
+    ----------
+    pixels
+        (height, width, 3 or 4) uint8, or (height, width) codes of the palette.
+    palette
+        (256, 3) uint8.
+    texts
+        Text chunks by keyword.
     """
     picture, stream = Image.fromarray(pixels), io.BytesIO()
     if palette is not None:
         picture.putpalette(palette.tobytes())
-    # Of renderings no smaller than by the default strategy, in a half of its time or less.
+    # On renderings this strategy compresses as well as the default one, in half its time or less.
     chunks = PngInfo()
     for keyword, text in (texts or {}).items():
         chunks.add_text(keyword, text)

@@ -1,4 +1,4 @@
-"""Checkpoints of a job: its sums and what its rules remember, in one blob."""
+"""Checkpoints of a job: its sums and the memory of its rules, in one blob."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ _LOG = logging.getLogger(__name__)
 class Checkpoints:
     """The last checkpoint of a job, and the partials that are not in it yet.
 
-    A partial goes once a checkpoint contains it, unless the job keeps its slices. A checkpoint that
-    is lost or spoiled costs the work in it and nothing else: its slices are rendered again.
+    A partial is deleted once a checkpoint contains it, unless the job keeps its slices. The slices
+    of a lost or damaged checkpoint are rendered again.
     """
 
     def __init__(
@@ -42,11 +42,11 @@ class Checkpoints:
         self._last = owners.checkpoint(owned.job_id)
 
     def note(self, partial: str) -> None:
-        """Say that the sums contain this partial now."""
+        """Note that the sums contain this partial."""
         self._contained.append(partial)
 
     def save(self, merge: Merge, judge: Judge) -> None:
-        """Save the sums and the rules' memory; then the partials in them go."""
+        """Save the sums and the rules' memory, then delete the partials in them."""
         numbers, images = judge.memory()
         content = _pack(
             {"rules": numbers, "film": merge.about()},
@@ -67,9 +67,9 @@ class Checkpoints:
         self._contained = []
 
     def recover(self, spec: JobSpec, judge: Judge) -> Merge:
-        """The sums of the last checkpoint, with which the judge's rules remember what they had.
+        """Return the sums of the last checkpoint, and restore the judge's memory.
 
-        Without a checkpoint that can be read, the sums of nothing.
+        Without a readable checkpoint, the sums are empty.
         """
         if self._last is None:
             return Merge.of(spec)
@@ -83,12 +83,12 @@ class Checkpoints:
         return merge
 
     def _delete_own(self, *names: str) -> None:
-        """Delete these blobs, but for those of a job that this one goes on with."""
+        """Delete those of these blobs that are the job's own, not those of the job it continues."""
         own = blobs.of_job(self._owned.job_id)
         self._blobs.delete(*(name for name in names if name.startswith(own)))
 
     def _render_again(self, lost: Checkpoint) -> None:
-        """Have every slice rendered again whose partial went when this checkpoint had it."""
+        """Have the slices of a lost checkpoint rendered again whose partials are deleted."""
         records = self._owners.committed(self._owned.job_id, range(lost.slices))
         folders = {f"{record.blob.rpartition('/')[0]}/" for record in records}
         stored = {name for folder in folders for name in self._blobs.names(folder)}
@@ -100,14 +100,14 @@ class Checkpoints:
 def read_sums(
     store: Blobs, checkpoint: Checkpoint, spec: JobSpec
 ) -> tuple[Merge, tuple[dict[str, Any], dict[str, NDArray[Any]]]]:
-    """The sums of a checkpoint, and what rules remembered then, as `Judge.recall` takes it.
+    """Return the sums of a checkpoint, and the rules' memory as `Judge.recall` takes it.
 
     Raises
     ------
     FileNotFoundError
         The blob store does not have it.
     CorruptPartial
-        It is not what was saved.
+        Its bytes are not those that were saved.
     """
     content = store.get(checkpoint.blob)
     if hashlib.sha256(content).hexdigest() != checkpoint.sha256:
@@ -124,14 +124,14 @@ def read_sums(
 
 
 def _pack(about: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> bytes:
-    """Numbers and arrays as the bytes of one ``.npz`` file."""
+    """Return numbers and arrays as one ``.npz`` file."""
     stream = io.BytesIO()
     np.savez(stream, allow_pickle=False, about=np.array(json.dumps(about)), **arrays)
     return stream.getvalue()
 
 
 def _unpack(content: bytes) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-    """What `_pack` was given."""
+    """Return what `_pack` was given."""
     with np.load(io.BytesIO(content), allow_pickle=False) as file:
         arrays = {name: file[name] for name in file.files}
     about: dict[str, Any] = json.loads(str(arrays.pop("about")))

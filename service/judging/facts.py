@@ -1,4 +1,4 @@
-"""What image files say of themselves: in the header of an EXR, and in text chunks of a PNG."""
+"""The metadata of image files: attributes of an EXR's header, and text chunks of a PNG."""
 
 import json
 from collections.abc import Mapping
@@ -8,8 +8,8 @@ from plateau.farm.model import versions
 from plateau.farm.model.job import Job, utc_now
 from plateau.service.judging.merge import Merge
 
-#: By name, without ``plateau:``. They are a file of the set of results, for its images to be made
-#: again to the byte.
+#: By name, without ``plateau:``. Each set of results stores them in a file, so that its images can
+#: be made again to the byte.
 Facts = Mapping[str, str | int]
 FILE: Final = "facts.json"
 
@@ -18,16 +18,16 @@ _CHROMATICITIES: Final = (0.64, 0.33, 0.3, 0.6, 0.15, 0.06, 0.3127, 0.329)
 
 
 def facts_of(job: Job, merge: Merge, state: str, reason: str) -> Facts:
-    """What is known of a merged image now.
+    """Return what is known of a merged image at this time.
 
     Parameters
     ----------
     job
-        Whose image it is.
+        The job of the image.
     merge
         The image.
     state, reason
-        Of the job, with this image.
+        The job's state with this image, and the reason for it.
     """
     known: dict[str, str | int] = {
         **identity(job, merge.spp),
@@ -43,34 +43,34 @@ def facts_of(job: Job, merge: Merge, state: str, reason: str) -> Facts:
 
 
 def identity(job: Job, spp: int) -> Facts:
-    """Whose image it is, and of how many samples per pixel: that never changes."""
+    """Return the facts that never change: job, spp and scene."""
     return {"job": job.id, "spp": spp, "scene": job.name, "scene_sha256": job.scene_sha256}
 
 
 def old_facts(job_id: str, spp: int) -> Facts:
-    """What images said that were written before there were facts."""
+    """Return the facts of images in sets that have no file of facts."""
     return {"job": job_id, "spp": spp}
 
 
 def encode_facts(facts: Facts) -> bytes:
-    """The facts as their file."""
+    """Return the facts as a file."""
     return json.dumps(facts).encode()
 
 
 def decode_facts(content: bytes) -> Facts:
-    """The facts in a file; ValueError where it is none."""
+    """Return the facts in a file; ValueError if it is not JSON."""
     facts: Facts = json.loads(content)
     return facts
 
 
 def exr_header(facts: Facts) -> dict[str, Any]:
-    """The attributes of an EXR file."""
+    """Return the attributes of an EXR file."""
     attributes = {f"plateau:{name}": value for name, value in facts.items()}
     return attributes | {"chromaticities": _CHROMATICITIES} if _is_new(facts) else attributes
 
 
 def png_texts(facts: Facts) -> dict[str, str]:
-    """The text chunks of a PNG file: what does not change, since kept pictures are made again."""
+    """Return the text chunks of a PNG file: only what never changes, as previews are remade."""
     named = ("job", "spp", "scene", "scene_sha256") if _is_new(facts) else ()
     return {f"plateau:{name}": str(facts[name]) for name in named if facts.get(name)}
 

@@ -1,4 +1,4 @@
-"""Fetches the films of committed slices, each checked against its line in the ledger."""
+"""Fetches the partials of committed slices, and checks each against its record in the ledger."""
 
 import hashlib
 import logging
@@ -24,7 +24,7 @@ def checked_partial(store: Blobs, blob: str, sha256: str) -> Partial:
     FileNotFoundError
         The blob store does not have it.
     CorruptPartial
-        It is not what its worker uploaded.
+        Its bytes are not those that the worker uploaded.
     """
     if not blobs.is_partial(blob):
         raise CorruptPartial(f"{blob!r} is no partial's name")
@@ -35,7 +35,7 @@ def checked_partial(store: Blobs, blob: str, sha256: str) -> Partial:
 
 
 class Films:
-    """The films of one job's slices, for the monitor that owns it."""
+    """The partials of a job's slices, for the monitor that owns the job."""
 
     def __init__(
         self, owned: Ownership, owners: Ownerships, store: Blobs, aovs: tuple[AovName, ...]
@@ -46,14 +46,14 @@ class Films:
         self._blobs = store
 
     def partial(self, record: SliceRecord) -> Partial | None:
-        """Return the slice's partial; None where it is lost or spoiled, or lacks AOVs.
+        """Return the slice's partial, or None if it is lost, is damaged or lacks AOVs.
 
-        It is rendered again then, if the job still goes on.
+        The slice is then rendered again, unless the job has ended.
 
         Raises
         ------
         CorruptPartial
-            That has happened to it too often.
+            The slice was rendered too often.
         """
         with concerning(self._owned.job_id, record.index):
             try:

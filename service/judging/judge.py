@@ -1,4 +1,4 @@
-"""Judges a job's merged image: the rule that ends it, the rules it watches, and the curve."""
+"""Judges a job's merged image: by the rule that ends it and the rules it watches; and the curve."""
 
 import math
 from dataclasses import dataclass, replace
@@ -30,7 +30,7 @@ from plateau.service.judging.result_files import flaw_of
 def warm_up() -> None:
     """Compile the metric's kernels, or load them from their cache, before a job waits for them.
 
-    Some 10 s where they have never been compiled on this machine, less than 1 s later.
+    It takes some 10 s the first time on a machine, and less than 1 s later.
     """
     metric, image = CompiledVisibleDifferences(View()), np.zeros((16, 16, 3), np.float32)
     reference = metric.percept(image)
@@ -39,7 +39,7 @@ def warm_up() -> None:
     metric.denoised(image, image)
 
 
-#: Rules of which every job's judge has the memory, whichever rules the job names.
+#: Rules that every job's judge evaluates, so that a continuation has their memory.
 REMEMBERED_ANYWAY: Final = (CURVE, DEFAULT)
 
 
@@ -49,18 +49,18 @@ class Judgement:
 
     point: dict[str, object]
     verdict: Verdict
-    #: At which spp the job's own rule is likely to be satisfied; None where nothing tells.
+    #: The spp at which the job's own rule is likely to be satisfied; None if unknown.
     expected_spp: int | None
-    #: Why the image is no result, whatever the rules say, in words; None where it may be one.
+    #: Why the image cannot be a result, whatever the rules say; None if it can.
     flaw: str | None
 
 
 class Judge:
-    """The rules of one job, with what they remember.
+    """The rules of one job, with their memory.
 
-    The curve is always that of the reverse comparison, whatever rule ends the job: where neither
-    the rule nor a watched one is `reverse`, one with the paper's parameters is kept beside them.
-    So is one of `visible`: a job that goes on with this one may want what it remembers.
+    The curve is that of the rule `reverse`, whatever rule ends the job. Unless the job names
+    `reverse`, the judge adds it with the paper's parameters. It adds `visible` in the same way,
+    for a job that continues this one.
     """
 
     def __init__(self, spec: JobSpec) -> None:
@@ -80,7 +80,7 @@ class Judge:
                 self._rules[name] = create_rule(name)
 
     def judge(self, merge: Merge) -> Judgement:
-        """Evaluate every rule on the merged image; once for each evaluation, in order of spp."""
+        """Evaluate every rule on the merged image; to be called once a point, by rising spp."""
         halves = merge.halves()
         evidence = Evidence(
             spp=merge.spp,
@@ -94,7 +94,7 @@ class Judge:
         self._curve_map = (merge.spp, visible)
         curve = _curve(verdicts[CURVE])
         flaw = flaw_of(evidence.image) if curve["non_finite_pixels"] else None
-        # Of an image that is no result, nothing is said that was judged of the rest of its pixels.
+        # An image that cannot be a result has no estimate, which would be one of its other pixels.
         estimate = None if flaw else evidence.estimate
         forecast = evidence.forecast(self._target) if self._target and not flaw else None
         point = {
@@ -113,7 +113,7 @@ class Judge:
         return Judgement(point, self._not_too_early(own, merge.spp), expected, flaw)
 
     def _expected_spp(self, own: Verdict, forecast: Forecast | None, spp: int) -> int | None:
-        """Where the rule is likely to be satisfied: by the forecast, or by where its value goes."""
+        """Return the spp at which the rule is likely to be satisfied: see `expected_end_spp`."""
         before, self._before = self._before, None if own.value is None else (spp, own.value)
         forecast_spp = None if forecast is None else forecast.spp
         crossing = None
@@ -122,7 +122,7 @@ class Judge:
         return self._rules[self._own].expected_end_spp(forecast_spp, crossing)
 
     def _not_too_early(self, verdict: Verdict, spp: int) -> Verdict:
-        """The rule's verdict, which ends no job before its `min_spp`."""
+        """Return the rule's verdict, changed so that it ends no job before its `min_spp`."""
         if not verdict.stop or not self._min_spp or spp - self._step >= self._min_spp:
             return verdict
         stop = spp >= self._min_spp
@@ -132,7 +132,7 @@ class Judge:
         )
 
     def visible_map(self, merge: Merge) -> NDArray[np.bool_] | None:
-        """Where the merged image differs visibly from the first one of the curve."""
+        """Return where the merged image differs visibly from the first image of the curve."""
         if self._curve_map is not None and self._curve_map[0] == merge.spp:
             return self._curve_map[1]
         first = self._rules[CURVE].memory().images.get("first")
@@ -153,7 +153,7 @@ class Judge:
         }
 
     def memory(self) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-        """What the rules must remember across a restart: numbers, and images by name."""
+        """Return the rules' memory for a checkpoint: numbers, and images by name."""
         memories = {name: rule.memory() for name, rule in self._rules.items()}
         numbers = {name: memory.numbers for name, memory in memories.items()}
         images = {
@@ -164,7 +164,7 @@ class Judge:
         return numbers, images
 
     def recall(self, numbers: dict[str, Any], images: dict[str, NDArray[Any]]) -> None:
-        """Take up what `memory` gave; a rule that it does not name begins here."""
+        """Restore what `memory` returned; a rule that it does not name starts without memory."""
         for name, rule in self._rules.items():
             if name not in numbers:
                 continue
@@ -177,7 +177,7 @@ class Judge:
 
 
 def _crossing(before: tuple[int, float], now: tuple[int, float], limit: float) -> int | None:
-    """At which spp the line through two values comes down to the limit; None where it rises."""
+    """Return the spp at which the line through two values falls to the limit; None if it rises."""
     (earlier, higher), (spp, value) = before, now
     if value <= limit:
         return spp

@@ -1,4 +1,4 @@
-"""The merged image of a job: partials added up, and what a restart needs to continue."""
+"""The merged image of a job: the sum of its partials."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -16,27 +16,27 @@ from plateau.farm.model.spec import SharedSpec
 class Merge:
     """The sum of a contiguous prefix of slices, added in index order in float64.
 
-    So the image does not depend on which workers rendered it, nor in which order they finished.
+    So the image depends neither on which workers rendered it nor on the order of their commits.
 
     Notes
     -----
-    Two sums are kept: of all slices and of the even-indexed ones; the odd-indexed ones are the
-    difference. The first is (height, width, channels) float64, of `channels`; the second has what
-    is seen alone: R, G, B, W and, if any, A.
+    The merge keeps two sums: of all slices, (height, width, channels) float64, and of those with
+    an even index, which has the judged channels alone: R, G, B, W and, if the film has it, A. The
+    slices with an odd index are the difference.
     """
 
     slice_spp: int
-    background: Colour = BLACK  #: what is seen behind an image with alpha
-    slices: int = 0  #: how many are in the sums: the prefix 0 … slices − 1
+    background: Colour = BLACK  #: behind an image with alpha
+    slices: int = 0  #: in the sums: the slices 0 … slices − 1
     channels: Channels = field(default_factory=Channels)
-    #: What is known of how the slices were made: first_seed, last_seed, variant and renderer.
+    #: How the slices were made: first_seed, last_seed, variant, renderer. Empty if not known.
     origin: dict[str, str] = field(default_factory=dict)
     _total: NDArray[np.float64] | None = field(default=None, repr=False)
     _even: NDArray[np.float64] | None = field(default=None, repr=False)
 
     @classmethod
     def of(cls, spec: SharedSpec) -> "Merge":
-        """The sums of nothing, for a job of this spec."""
+        """Return empty sums for a job of this spec."""
         return cls(slice_spp=spec.slice_spp, background=spec.view.background)
 
     @property
@@ -52,12 +52,12 @@ class Merge:
         film
             Its film before normalisation, (height, width, channels) float32.
         channels
-            Of the film; R, G, B and W where they are not given.
+            The film's channels; by default R, G, B and W.
 
         Raises
         ------
         ValueError
-            Its size or its channels are not those of the slices before.
+            The slices before have another size or other channels.
         """
         channels = channels or Channels()
         if self._total is None:
@@ -80,7 +80,7 @@ class Merge:
 
     def add_partial(self, partial: Partial) -> None:
         """Add the next slice as its worker uploaded it; raises as `add`."""
-        is_known = bool(self.origin) or not self.slices  # of all slices before it
+        is_known = bool(self.origin) or not self.slices
         self.add(partial.pixels, partial.channels)
         if is_known:
             before = self.origin.get("renderer", "")
@@ -89,24 +89,24 @@ class Merge:
                 "first_seed": self.origin.get("first_seed", str(partial.first_seed)),
                 "last_seed": str(partial.last_seed),
                 "variant": partial.variant,
-                "renderer": ", ".join(dict.fromkeys(names)),  # workers may have several versions
+                "renderer": ", ".join(dict.fromkeys(names)),  # each version once
             }
 
     def image(self) -> Pixels:
-        """The merged image as it is seen: (height, width, 3) float32 linear radiance.
+        """Return the image that is judged: (height, width, 3) float32 linear radiance.
 
-        Where it has alpha, it is over the background.
+        An image with alpha is over the background.
         """
         assert self._total is not None
         return self._seen(self._total)
 
     def layers(self) -> dict[str, Pixels]:
-        """The merged image by channel: (height, width) float32; colour is premultiplied."""
+        """Return the image by channel: (height, width) float32, with premultiplied colour."""
         assert self._total is not None
         return self.channels.normalised(self._total)
 
     def halves(self) -> tuple[tuple[Pixels, int], tuple[Pixels, int]] | None:
-        """The images of the even- and of the odd-indexed slices, each with its spp."""
+        """Return the images of the even and of the odd slices, each with its spp."""
         if self.slices < 2 or self._total is None or self._even is None:
             return None
         odd = self.slices // 2
@@ -119,9 +119,9 @@ class Merge:
         )
 
     def non_finite(self) -> str:
-        """Which of alpha and the AOVs are NaN or infinite, and in how many pixels; "" where none.
+        """Return which alpha and AOV channels have NaN or infinite pixels, in words; "" if none.
 
-        They are left so in image.exr. Colour has a limit of its own, see `flaw_of`.
+        They stay so in image.exr. Colour is judged by `result_files.flaw_of`.
         """
         assert self._total is not None
         counts = {
@@ -132,13 +132,13 @@ class Merge:
         return ", ".join(f"{name} in {count} pixels" for name, count in counts.items() if count)
 
     def arrays(self) -> dict[str, NDArray[Any]]:
-        """What a checkpoint keeps of the sums."""
+        """Return the arrays of a checkpoint."""
         assert self._total is not None
         assert self._even is not None
         return {"total": self._total, "even": self._even}
 
     def about(self) -> dict[str, Any]:
-        """What a checkpoint keeps beside the sums, as JSON has it."""
+        """Return what a checkpoint says of its arrays, for JSON."""
         return {
             "channels": self.channels.names,
             "ids": self.channels.ids,
@@ -148,10 +148,7 @@ class Merge:
     def restore(
         self, slices: int, arrays: Mapping[str, NDArray[Any]], about: Mapping[str, Any]
     ) -> None:
-        """Take up the sums of a checkpoint, in the place of none.
-
-        One from before films had other channels than R, G, B and W does not name them.
-        """
+        """Take over the sums of a checkpoint; an older one does not name R, G, B and W."""
         if "channels" in about:
             self.channels = Channels(about["channels"], about["ids"])
             self.origin = about["origin"]

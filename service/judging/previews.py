@@ -1,4 +1,4 @@
-"""What a job looked like on its way: a bounded number of pictures at points of its curve."""
+"""The previews of a job: a bounded number of pictures at points of its curve."""
 
 import hashlib
 from collections.abc import Callable
@@ -8,25 +8,25 @@ from typing import Final
 from plateau.farm.blobs import store as blobs
 from plateau.farm.blobs.store import Blobs
 
-#: A job keeps so many pictures of its way at most, and no more than so many bytes of them.
+#: The most previews of a job, and the most bytes of them.
 MOST: Final = 256
 MOST_BYTES: Final = 64 << 20
-#: However large they are, it keeps so many.
+#: The previews that a job may have however large they are.
 LEAST: Final = 24
 
 
 class Previews:
     """The pictures that a job keeps beside its newest, spread over its curve.
 
-    A picture is what the merged image looked like at some spp, which does not depend on who merged
-    it: a monitor that takes over goes on with those that it finds.
+    A picture does not depend on which monitor merged it, so a monitor that takes over the job
+    keeps the pictures that it finds.
 
     Parameters
     ----------
     store, job_id
-        Where they lie, and whose they are.
+        The blob store, and the job.
     note
-        Told the SHA-256 of a blob before it is put, and None once it has gone.
+        Called with the SHA-256 of a blob before it is stored, and with None once it is deleted.
     """
 
     def __init__(
@@ -38,7 +38,7 @@ class Previews:
         self._sizes: dict[int, int] | None = None
 
     def keep(self, spp: int, png: bytes) -> None:
-        """Keep a picture; where there are too many, those go that are missed least."""
+        """Keep a picture, and delete the least useful ones while there are too many."""
         if self._sizes is None:
             listing = self._blobs.listing(blobs.previews(self._job_id))
             self._sizes = {blobs.spp_of_preview(one.name): one.size for one in listing}
@@ -54,14 +54,14 @@ class Previews:
 
 
 def kept(store: Blobs, job_id: str) -> list[int]:
-    """At which spp there is a picture, in order."""
+    """Return the spp of the job's previews, in order."""
     return sorted(blobs.spp_of_preview(name) for name in store.names(blobs.previews(job_id)))
 
 
 def missed_least(spps: list[int]) -> int:
-    """The spp whose neighbours are closest to each other, as a ratio; never the first or the last.
+    """Return the spp whose neighbours have the smallest ratio; never the first or the last.
 
-    Noise falls with the square root of spp, so pictures at equal ratios are equal steps to the eye.
+    Noise falls with the square root of spp, so equal ratios of spp are equal steps to the eye.
     """
     ratios = [after / before for before, after in pairwise(spps)]
     gaps = [one * next_one for one, next_one in pairwise(ratios)]

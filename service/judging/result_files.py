@@ -1,6 +1,6 @@
-"""The files of a set of results: what a merged image looks like, and what is marked on it.
+"""The files of a set of results.
 
-They depend on nothing but the image, so that one that was spoiled can be made again to the byte.
+They depend on the image and its facts alone, so a damaged file can be made again to the byte.
 """
 
 from typing import Any, Final
@@ -23,7 +23,7 @@ from plateau.metric import (
 from plateau.service.judging.facts import Facts, exr_header, png_texts
 from plateau.service.judging.merge import Merge
 
-#: The longer side of a thumbnail has so many pixels at most.
+#: The most pixels of a thumbnail's longer side.
 LONGEST: Final = 192
 
 _CAUSES: Final = (
@@ -39,7 +39,7 @@ def result_files(
     *,
     compressed: bool,
 ) -> dict[str, bytes]:
-    """The files by name.
+    """Return the files by name.
 
     Parameters
     ----------
@@ -47,13 +47,13 @@ def result_files(
         The image.
     visible
         Where it differs visibly from the first image of the curve, (height, width) bool; None
-        where there is none yet.
+        before there is one.
     facts
-        What the files say of themselves.
+        The metadata.
     spec
-        The job's: how its EXR is written, and how bright its pictures are.
+        The job's spec.
     compressed
-        Whether the EXR is, as the spec says, which takes a while.
+        Whether to compress the EXR as the spec says; this is slow.
     """
     image, exposure_ev = merge.image(), spec.view.exposure_ev
     picture = encode_srgb(image, exposure_ev)
@@ -76,17 +76,16 @@ def result_files(
 
 
 def thumbnail(image: Pixels, exposure_ev: float) -> NDArray[np.uint8]:
-    """A small (height, width, 3) uint8 sRGB picture of a linear image.
+    """Return a small (height, width, 3) uint8 sRGB picture of a linear image.
 
-    Light is averaged before it is encoded, so that a thumbnail is as bright as its image; that a
-    noisy image looks smooth in it is what any look from afar does.
+    Radiance is averaged before it is encoded, so the thumbnail is as bright as the image.
 
     Parameters
     ----------
     image
-        (height, width, 3) float32 linear radiance; what is not finite counts as black.
+        (height, width, 3) float32 linear radiance; NaN and infinities count as black.
     exposure_ev
-        In stops, as in `metric.encode_srgb`.
+        The exposure in stops, as in `metric.encode_srgb`.
     """
     factor = -(-max(image.shape[:2]) // LONGEST)
     if factor > 1:
@@ -95,7 +94,7 @@ def thumbnail(image: Pixels, exposure_ev: float) -> NDArray[np.uint8]:
 
 
 def _block_means(image: NDArray[Any], factor: int) -> Pixels:
-    """The means of blocks of factor × factor pixels; the last ones may be smaller."""
+    """Return the means of blocks of factor × factor pixels; the last blocks may be smaller."""
     for axis in (0, 1):
         starts = np.arange(0, image.shape[axis], factor)
         sizes = np.diff([*starts, image.shape[axis]])
@@ -106,20 +105,15 @@ def _block_means(image: NDArray[Any], factor: int) -> Pixels:
 
 
 def non_finite_png(image: Pixels, exposure_ev: float) -> bytes:
-    """The picture that marks the pixels that are NaN or infinite on a merged image in dim grey."""
+    """Return a PNG that marks NaN and infinite pixels on the image in dim grey."""
     codes = non_finite_map(encode_srgb(image, exposure_ev), non_finite_pixels(image))
     return encode_png(codes, MAP_PALETTE)
 
 
 def flaw_of(image: Pixels) -> str | None:
-    """What is wrong with a merged image, in words; None where it may be a result.
+    """Return why a (height, width, 3) float32 image cannot be a result; None if it can.
 
-    A sum that is NaN or infinite stays so: an image with too many of them never mends.
-
-    Parameters
-    ----------
-    image
-        (height, width, 3) float32.
+    More samples do not help: a sum that is NaN or infinite stays so.
     """
     found = non_finite_pixels(image)
     allowed = allowed_non_finite(found.nan.size)

@@ -1,4 +1,4 @@
-"""The render child: the process that hosts a renderer, and may die of it.
+"""The render child: the process that hosts a renderer, and may crash with it.
 
 It shuts itself in before it imports numpy or the renderer and before it sees a scene. What it does
 then is in `plateau.worker.child.request_loop`.

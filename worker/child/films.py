@@ -1,9 +1,9 @@
-"""The file through which a render child hands over its films, without a name and of bounded size.
+"""The unnamed file, of bounded size, in which a render child hands over its films.
 
-The sum of a slice lies at the beginning, and behind it, where there is one, the glimpse of its
-first pass. A scene's films are of one size, so the room for the sum is taken once, when the scene
-is loaded: a disk that is full shows before anything is rendered, and a glimpse takes no room that
-the sum needs.
+The sum of a slice is at the beginning of the file. The film of its first pass, which is shown until
+the sum is there (a glimpse), may follow. All films of a scene have one size, so the space for the
+sum is taken when the scene is loaded: a full disk is found before anything is rendered, and a
+glimpse cannot take the space of the sum.
 """
 
 import errno
@@ -18,7 +18,7 @@ _CHUNK_BYTES: Final = 1 << 20
 
 
 class FilmsNotWritten(Exception):
-    """This machine's disk takes no film; the message says why."""
+    """This machine's disk takes no film; the message is the reason."""
 
 
 class Films:
@@ -27,7 +27,7 @@ class Films:
     Parameters
     ----------
     file
-        An unbuffered file of which nothing else is asked.
+        An unbuffered file that nothing else writes.
     """
 
     def __init__(self, file: BinaryIO) -> None:
@@ -35,14 +35,14 @@ class Films:
         self._room = 0  # bytes of one film
 
     def make_room(self, width: int, height: int, channels: int) -> None:
-        """Take the room for the sum of a scene of this size, in the place of the one before.
+        """Take the space for the sums of a scene of this size, instead of the scene before.
 
         Raises
         ------
         FilmsNotWritten
-            There is none. No room is taken then.
+            The disk has no space; none is taken.
         OSError
-            The film is larger than a file of this process may be.
+            The film is larger than the process's limit on files.
         """
         self._room = width * height * channels * _VALUE_BYTES
         taken = self._file.seek(0, io.SEEK_END)
@@ -55,14 +55,14 @@ class Films:
             raise
 
     def write_sum(self, film: NDArray[np.float32]) -> int:
-        """Write the sum of a slice; return where it begins. Raises as `make_room`."""
+        """Write the sum of a slice, and return its position. Raises as `make_room`."""
         self._write(_bytes(film), 0)
         return 0
 
     def write_glimpse(self, film: NDArray[np.float32]) -> int | None:
-        """Write the film of a first pass; return where it begins, or None where it finds no room.
+        """Write the film of a first pass, and return its position, or None without space.
 
-        It stays until the next `drop_glimpse`.
+        It stays until `drop_glimpse`.
         """
         try:
             self._write(_bytes(film), self._room)
@@ -72,7 +72,7 @@ class Films:
         return self._room
 
     def drop_glimpse(self) -> None:
-        """Give back the room of a glimpse, if there is one."""
+        """Free the space of the glimpse, if there is one."""
         self._file.truncate(self._room)
 
     def _write(self, rest: memoryview, at: int) -> None:
@@ -81,7 +81,7 @@ class Films:
             while rest:
                 rest = rest[self._file.write(rest) :]
         except OSError as error:
-            if error.errno == errno.EFBIG:  # no fault of the disk: the limit on what a scene takes
+            if error.errno == errno.EFBIG:  # the limit on what a scene may take
                 raise
             raise FilmsNotWritten(error.strerror or str(error)) from error
 

@@ -1,7 +1,7 @@
-"""What a render child does: it answers its supervisor's requests, and renders meanwhile.
+"""The loop of a render child: it reads its supervisor's requests, renders, and answers.
 
-The messages are those of `plateau.worker.renderers.contract`. The end of the stream is the end of
-the child, in the middle of a pass too: it never outlives its supervisor.
+The messages are those of `plateau.worker.renderers.contract`. The child ends when the stream of
+requests ends, even in the middle of a pass: it never outlives its supervisor.
 """
 
 import contextlib
@@ -39,12 +39,12 @@ from plateau.worker.renderers.contract import (
     renderer_for,
 )
 
-#: Where the rest of a slice takes less, its first pass is not worth showing.
+#: A first pass is shown only if the rest of the slice takes longer.
 _GLIMPSE_S: Final = 0.3
 
 
 class Requests:
-    """Requests as they come in, read by a thread of their own so that a cancel overtakes."""
+    """The requests, read by a thread of their own so that a cancel is seen during a render."""
 
     def __init__(self, stream: TextIO) -> None:
         self._stream = stream
@@ -92,7 +92,7 @@ def serve(
         answers.flush()
 
     films = Films(os.fdopen(films_fd, "wb", buffering=0))
-    # Here, where the supervisor's death is noticed: to import a renderer may take a second.
+    # The import may take a second; by now the child notices if its supervisor dies.
     renderer = renderer_for(variant, threads)
     answer(Ready(stays_open=stays_open))
     channels = Channels()
@@ -116,7 +116,7 @@ def _channels(scene: Loaded) -> Channels:
     try:
         channels = Channels(scene.channels, scene.ids)
         channels.check_size(scene.width, scene.height)
-    except ValueError as error:  # an AOV integrator takes whatever names its scene gives it
+    except ValueError as error:  # a scene may name its own AOVs
         raise SceneError(f"the film cannot be stored: {error}") from error
     return channels
 
@@ -129,7 +129,7 @@ def _render(
     answer: Callable[[Answer], None],
     films: Films,
 ) -> None:
-    """Sum the passes, in order, in float64, into the file of films; say so, or of a cancel."""
+    """Write the sum of the passes, added in order in float64, and answer; or answer a cancel."""
     started = time.monotonic()
     total: NDArray[np.float64] | None = None
     summed = 0
