@@ -45,7 +45,7 @@ def test_an_ended_job_goes_on_under_the_id_that_is_printed(farm: NoiseFarm) -> N
     assert (new["continues"], new["continued_spp"]) == (job.id, 40)
     # What was given is another, and the rest is as it was
     assert new["spec"]["rule"] == {"name": "visible", "target": 0.01, "min_spp": 200}
-    assert new["spec"]["view"] == job.spec.view.model_dump()
+    assert new["spec"]["view"] == job.spec.view.model_dump(mode="json")
     code, out, _ = plateau("continue", job.id, "--max-spp", "600", "--spp", "500")
     assert farm.jobs.get(out.strip()).spec.max_spp == 600
     assert farm.jobs.get(out.strip()).spec.rule.model_dump() == {"name": "fixed", "spp": 500}
