@@ -49,9 +49,9 @@ _RENDERER: Final = "plateau:renderer"
 class Partial:
     """One slice's film before normalisation.
 
-    `pixels` is (height, width, channels) float32, in the order of `channels`. A slice of `zones` has
-    (pixels, channels) instead: zone after zone, each row by row. `renderer` is the renderer's name
-    and version; older partials have "" there.
+    `pixels` is (height, width, channels) float32, in the order of `channels`. A slice of `zones`
+    has (pixels, channels) instead: zone after zone, each row by row. `renderer` is the renderer's
+    name and version; older partials have "" there.
     """
 
     job_id: str
