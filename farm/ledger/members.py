@@ -57,7 +57,6 @@ class Membership:
             "started_at": self._started_at.isoformat(),
         }
         self._say(json.dumps(about))
-        self._scripts.load()
 
     def sign_off(self) -> None:
         """Report that the API stops."""

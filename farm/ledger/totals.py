@@ -219,7 +219,6 @@ class MonitorWork:
             "started_at": self._started_at.isoformat(),
         }
         self._report(json.dumps(about))
-        self._scripts.load()
 
     def sign_off(self) -> None:
         """Report for the last time."""

@@ -197,17 +197,20 @@ class Monitor:
         return self._crew
 
     def _keep_owning(self, over: threading.Event) -> None:
-        backoff, wait_s = Backoff(_AGAIN_S, self._lease_s / 3), self._lease_s / 3
+        every_s = self._lease_s / 3
+        backoff, wait_s = Backoff(_AGAIN_S, every_s), every_s
         while not over.wait(wait_s):
             show_life(self._alive_file)
-            owned, wait_s = tuple(self._owned.values()), self._lease_s / 3
+            owned, began = tuple(self._owned.values()), time.monotonic()
             try:
                 self._renewals.renew(owned)
                 self._work.heartbeat(len(owned))
                 backoff.reset()
+                # The answers' time counts: where Redis is far, a lease would run out meanwhile.
+                wait_s = max(0.0, began + every_s - time.monotonic())
             except StoreUnavailable as error:
                 _LOG.warning("ownership was not renewed: %s", error)
-                wait_s = min(wait_s, backoff.delay_s())
+                wait_s = min(every_s, backoff.delay_s())
 
     def _disown(self) -> None:
         try:
