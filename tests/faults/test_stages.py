@@ -99,7 +99,7 @@ def test_a_monitor_that_is_killed(
 @pytest.mark.parametrize(
     ("stage", "signal_name"),
     cases(
-        product(["while its child loads", "in mid-pass"], ["SIGKILL", "SIGTERM", "SIGSEGV"]),
+        product(["while its child loads", "in mid-pass"], ["SIGKILL", "SIGSEGV"]),
         [("in mid-pass", "SIGKILL")],
     ),
 )
@@ -115,6 +115,19 @@ def test_a_render_child_that_is_hit(
     assert_same(outcome(farm, job), undisturbed)
     (trouble,) = (one for one in farm.jobs.events(job) if one.type == "trouble")
     assert signal_name in str(trouble.data["cause"])
+
+
+@pytest.mark.parametrize("stage", cases(["while its child loads", "in mid-pass"], ["in mid-pass"]))
+def test_a_render_child_that_is_told_to_stop_renders_on(
+    farm: FaultyFarm, undisturbed: Outcome, submit: Submit, stage: str
+) -> None:
+    """Its worker alone ends it: service managers signal every process at once."""
+    where, when, nth = WORKER_STAGES[stage]
+    farm.start("monitor")
+    job = submit()
+    farm.start_armed("worker", where, when=when, time=nth, signal_name="SIGTERM", target="children")
+    assert_same(outcome(farm, job), undisturbed)
+    assert [one for one in farm.jobs.events(job) if one.type == "trouble"] == []
 
 
 def test_a_render_child_that_hangs(farm: FaultyFarm, undisturbed: Outcome, submit: Submit) -> None:
