@@ -1,13 +1,13 @@
-"""Removes what nobody needs any more: old jobs, unused scenes, and blobs that nothing refers to.
+"""Removes old jobs, unused scenes, and blobs that nothing refers to.
 
-A sweep may be killed at any point and run beside another: what Redis says of a job or a scene goes
-first, in one atomic script, and its blobs after it. What a killed sweep leaves are blobs that
-nothing refers to, and the next one takes them. Why nothing goes that is needed, `finished_jobs`,
-`orphans` and `scenes` say, each for its own.
+A sweep may be killed at any point and run beside another: it removes the records of a job or a
+scene first, in one atomic command, and its blobs afterwards. A killed sweep leaves blobs that
+nothing refers to, for the next one. `finished_jobs`, `orphans` and `scenes` explain why nothing
+goes that is needed.
 
-**Whose blobs?** A Redis that lost its data, or the wrong one, knows none of the jobs, and all
-results would be orphans. So nothing is removed where `plateau.farm.ledger.pairing` says that the
-two do not belong together.
+A Redis that lost its data, or the wrong one, knows none of the jobs, and all results would be
+orphans. So nothing is removed unless `plateau.farm.ledger.pairing` finds that the two belong
+together.
 """
 
 from dataclasses import dataclass
@@ -30,8 +30,8 @@ __all__ = ["Swept", "is_due", "sweep"]
 class Swept:
     """What a sweep removed, or would remove."""
 
-    jobs: int  #: finished jobs, with all that was known of them
-    sums: int = 0  #: checkpoints of ended jobs, from which another could have gone on
+    jobs: int  #: finished jobs, with all their records
+    sums: int = 0  #: checkpoints of ended jobs, from which another could have continued
     scenes: int
     orphans: int  #: blobs of no job, of no use to their job, or half put
     blobs: int  #: in all
@@ -47,20 +47,18 @@ def sweep(
     scenes_unused_for_s: float | None = None,
     dry_run: bool = False,
 ) -> Swept:
-    """Remove what is not needed any more; returns what that was.
+    """Remove everything that is not needed any more, or in a dry run only count it.
 
     Parameters
     ----------
     client, store
         Redis, and the blob store that belongs to it.
     results_older_than_s
-        Forget the jobs that have been finished for so long; None to keep them.
+        Forget the jobs that finished this long ago; None keeps them.
     sums_older_than_s
-        Let the sums go, which another job could go on from, of jobs that have been finished for so
-        long; None to keep them.
+        Drop the sums of jobs that finished this long ago; None keeps them.
     scenes_unused_for_s
-        Remove scenes that no job has and that were not used for so long, which is an hour at
-        least; None to keep them.
+        Remove scenes of no job that were unused for this long, at least an hour; None keeps them.
     dry_run
         Remove nothing.
 
@@ -95,5 +93,5 @@ def sweep(
 
 
 def is_due(client: RedisClient, every_s: float) -> bool:
-    """Whether no sweep was begun by this call for so long; then the caller's begins now."""
+    """Whether this call has begun no sweep for this long; if so, the caller's begins now."""
     return Scripts(client).run(BeginSweep(every_ms=round(every_s * 1000)))

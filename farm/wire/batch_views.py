@@ -1,4 +1,4 @@
-"""What the API shows of batches."""
+"""The API's views of batches."""
 
 from datetime import datetime
 from typing import Any, Final
@@ -10,16 +10,26 @@ from plateau.farm.model.batch import Batch, BatchLine, Steered
 from plateau.farm.model.states import JobState
 from plateau.farm.wire import examples
 
+
+def batch_path(name: str) -> str:
+    """The path of the batch, with its name quoted."""
+    return f"/v1/batches/{quote(name, safe='')}"
+
+
+def _links(name: str) -> dict[str, str]:
+    root = batch_path(name)
+    return {
+        "self": root,
+        "jobs": f"/v1/jobs?batch={quote(name, safe='')}",
+        "cancel": f"{root}/cancel",
+        "pause": f"{root}/pause",
+        "resume": f"{root}/resume",
+        "guard": f"{root}/guard",
+    }
+
+
 _NAME: Final = "exposures"
-_ROOT: Final = f"/v1/batches/{_NAME}"
-_LINKS: Final = {
-    "self": _ROOT,
-    "jobs": f"/v1/jobs?batch={_NAME}",
-    "cancel": f"{_ROOT}/cancel",
-    "pause": f"{_ROOT}/pause",
-    "resume": f"{_ROOT}/resume",
-    "guard": f"{_ROOT}/guard",
-}
+_LINKS: Final = _links(_NAME)
 _OTHER_ID: Final = "9d01c2aa4be7"
 
 LINE: Final[dict[str, Any]] = {
@@ -138,26 +148,9 @@ def line_view(line: BatchLine) -> BatchLineView:
 
 
 def steered_view(name: str, steered: list[Steered]) -> BatchSteered:
-    """What became of each job, as the API shows it."""
+    """The results of steering, as the API shows them."""
     return BatchSteered(
         name=name,
         done=sum(one.done for one in steered),
         jobs=[SteeredJob(**vars(one)) for one in steered],
     )
-
-
-def batch_path(name: str) -> str:
-    """The path of the batch, whatever its name has in it."""
-    return f"/v1/batches/{quote(name, safe='')}"
-
-
-def _links(name: str) -> dict[str, str]:
-    root = batch_path(name)
-    return {
-        "self": root,
-        "jobs": f"/v1/jobs?batch={quote(name, safe='')}",
-        "cancel": f"{root}/cancel",
-        "pause": f"{root}/pause",
-        "resume": f"{root}/resume",
-        "guard": f"{root}/guard",
-    }

@@ -1,4 +1,4 @@
-"""What the API's description shows as examples: a farm with a worker, a scene and a few jobs."""
+"""The examples in the API's description: a farm with a worker, a scene and a few jobs."""
 
 import hashlib
 from typing import Any, Final

@@ -1,6 +1,6 @@
-"""Figures in words, the same for whoever shows them: command line, report and pictures.
+"""Figures in words, for command line, report and pictures alike.
 
-The page says them the same way (``service/page/shared/figures.js``), and a test compares the two.
+The page has the same (``service/page/shared/figures.js``), and a test compares the two.
 """
 
 from decimal import ROUND_HALF_UP, Decimal
@@ -30,7 +30,7 @@ def roughly(seconds: float) -> str:
 
 
 def share(fraction: float) -> str:
-    """A share of a cap as a percentage, rounded down: it says 100 only where it is."""
+    """A share of a cap as a percentage, rounded down: 100 means the whole."""
     tenths = int(fraction * 1000 + 1e-9)
     return f"{tenths // 10} %" if tenths % 10 == 0 else f"{tenths / 10:.1f} %"
 
@@ -47,9 +47,9 @@ def percent(fraction: float) -> str:
 
 
 def pixels(count: float) -> str:
-    """A number of pixels: whole ones, or two digits where there are fewer than ten.
+    """A number of pixels: whole ones, or two digits below ten.
 
-    The noise left is the mean of two counts, so that it may be half a pixel.
+    The noise left is the mean of two counts, and may be half a pixel.
 
     Examples
     --------
@@ -60,7 +60,7 @@ def pixels(count: float) -> str:
 
 
 def significant(number: float, digits: int = 3) -> str:
-    """A number with so many digits that count, or all of its whole ones; never as ``1e-05``.
+    """A number with this many significant digits, or all digits before the point; never ``1e-05``.
 
     Examples
     --------
@@ -74,5 +74,5 @@ def significant(number: float, digits: int = 3) -> str:
 
 
 def _rounded(number: float, exponent: int) -> Decimal:
-    """To a power of ten; halves go up, as browsers round them and Python does not."""
+    """Rounded to a power of ten; halves go up, as in browsers and not in Python."""
     return Decimal(number).quantize(Decimal(1).scaleb(exponent), ROUND_HALF_UP)

@@ -1,4 +1,4 @@
-"""Whole numbers in JSON, which has one kind of number: 10.0 is 10, as its schema says too."""
+"""Whole numbers in JSON, which has one kind of number: 10.0 is 10, also to JSON Schema."""
 
 from typing import Any, Final
 
@@ -6,12 +6,12 @@ from pydantic import BaseModel, model_validator
 
 #: Beyond it a float stands for several whole numbers.
 _MOST: Final = 2**53
-#: What goes to Mitsuba as text, and so as it was written.
+#: These go to Mitsuba as text, as they were written.
 _AS_WRITTEN: Final = "parameters"
 
 
 def whole_numbers(value: Any) -> Any:
-    """JSON with whole numbers as such, however they were written; but for a scene's parameters."""
+    """JSON with whole numbers as integers, except a scene's parameters."""
     if isinstance(value, dict):
         return {
             name: one if name == _AS_WRITTEN else whole_numbers(one) for name, one in value.items()
@@ -24,7 +24,7 @@ def whole_numbers(value: Any) -> Any:
 
 
 class WithWholeNumbers(BaseModel):
-    """A body that takes 10.0 for 10."""
+    """A body in which 10.0 is 10."""
 
     @model_validator(mode="before")
     @classmethod

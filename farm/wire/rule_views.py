@@ -1,4 +1,4 @@
-"""What the API says of the stopping rules, for forms."""
+"""The API's views of the stopping rules, for forms."""
 
 from typing import Final
 

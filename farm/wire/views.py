@@ -1,4 +1,4 @@
-"""What the API shows, as pydantic models that the client shares."""
+"""The API's answers as pydantic models, which the client shares."""
 
 from typing import Any, Literal
 
@@ -12,7 +12,7 @@ from plateau.farm.wire.json_numbers import WithWholeNumbers
 
 
 def _shows(example: dict[str, Any]) -> JsonDict:
-    """The schema's part that shows this example."""
+    """The part of a schema with this example."""
     return {"examples": [example]}
 
 
@@ -130,9 +130,7 @@ class Workers(BaseModel):
 class DemandView(BaseModel):
     """Slices that want a worker."""
 
-    model_config = ConfigDict(
-        json_schema_extra=_shows({"slices": 7, "waiting": 4, "leased": 3}),
-    )
+    model_config = ConfigDict(json_schema_extra=_shows({"slices": 7, "waiting": 4, "leased": 3}))
 
     slices: int = Field(description="both: as many workers have something to do")
     waiting: int = Field(description="of jobs that are not paused, planned and nobody's yet")
@@ -219,14 +217,8 @@ class Health(BaseModel):
 def job_view(job: Job, waits_for: str | None = None, *, to_owner: bool = False) -> JobView:
     """The job as the API shows it.
 
-    Parameters
-    ----------
-    job
-        The job.
-    waits_for
-        Says that no worker may render it.
-    to_owner
-        Whether who made it is shown it, and so the path of its webhook, which is often a secret.
+    `waits_for` names the worker that it lacks. Only its owner sees the path of its webhook, which
+    is often a secret.
     """
     if job.spec.webhook is not None and not to_owner:
         spec = job.spec.model_copy(update={"webhook": job.spec.webhook.hidden()})

@@ -1,4 +1,4 @@
-"""What webhooks send, and what the API shows of them."""
+"""The messages of webhooks, and the API's views of them."""
 
 from datetime import datetime
 
@@ -47,16 +47,6 @@ class Deliveries(BaseModel):
 
 
 def message(job: Job, event: WebhookEvent, number: int, at: datetime) -> WebhookMessage:
-    """The message that tells of what happened to a job.
-
-    Parameters
-    ----------
-    job
-        As it was then.
-    event, at
-        What happened, and when.
-    number
-        Of the job's messages, from 1.
-    """
+    """The message about an event of a job, given as it was then; `number` counts from 1."""
     data = WebhookData(sequence=number, job=job_view(job))
     return WebhookMessage(type=f"job.{event}", timestamp=at, data=data)

@@ -1,8 +1,8 @@
--- What all other files use.
+-- The functions that all other files use.
 
--- What workers write may be anything, where one is in wrong hands, and no script may be busy with it for
--- good: no loop counts from a number or up to one that is theirs, and a pattern is tried on so much of a
--- text, since it may be tried at each character up to the last.
+-- A hostile worker may write anything, and must not keep a script busy for ever: no loop starts or ends at
+-- a worker's number, and a pattern is matched against the start of a text only, since matching may take
+-- time at each character.
 local MOST_MATCHED = 4096
 local lua_string = string
 local string = setmetatable({
@@ -17,15 +17,15 @@ local function now()
   return string.format('%.3f', time[1] * 1000 + time[2] / 1000)
 end
 
--- Is there something in a field of decoded JSON?
+-- Does a field of decoded JSON have a value?
 local function given(value) return value ~= nil and value ~= cjson.null end
 
--- Count something of the whole farm; see farm/ledger/totals.py.
+-- Add to a total of the whole farm; see farm/ledger/totals.py.
 local function count(total, more)
   redis.call('HINCRBY', TOTALS, total, string.format('%.0f', more or 1))
 end
 
--- The start or the end of a text in so many bytes, without half a character of UTF-8.
+-- The start or the end of a text, up to `most` bytes, without half a character of UTF-8.
 local function head(text, most)
   if #text <= most then return text end
   return (string.gsub(string.sub(text, 1, most), '[\192-\255][\128-\191]*$', ''))
@@ -35,5 +35,5 @@ local function tail(text, most)
   return (string.gsub(string.sub(text, -most), '^[\128-\191]+', ''))
 end
 
--- Jobs that the script has changed, and among them those that have more to give than before.
+-- Jobs that the script has changed, and among them those with more slices to lease than before.
 local changed, has_more = {}, {}

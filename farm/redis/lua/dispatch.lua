@@ -1,11 +1,11 @@
--- Runs the command that ARGV names, with what it is given as JSON; the answer is JSON, too. A process that
--- is older or newer than the data, whenever it wakes up, changes nothing. What a command did is filed and
--- told when it is done, wherever it returned; after its answer it may return an error.
+-- Runs the command that ARGV names, with its arguments as JSON; the answer is JSON, too. A process that is
+-- older or newer than the data changes nothing. After a command, wherever it returned, changed jobs are
+-- filed and webhooks get their messages. A command may return an error after its answer.
 local layout = redis.call('GET', SCHEMA)
 if layout and layout ~= LAYOUT then return redis.error_reply('WRONGLAYOUT ' .. layout) end
 local command = for_workers[ARGV[1]]
 if not command then
-  -- Workers may not touch this key, so Redis refuses a worker here, whatever the command is.
+  -- This key is forbidden to workers, so Redis refuses any such command of a worker here.
   redis.call('EXISTS', MONITORS)
   for _, define in ipairs(subjects) do define() end
   command = for_farm[ARGV[1]]

@@ -1,17 +1,16 @@
 -- A job: its state, its image, its end.
 
--- A render child has spent so long on the job.
+-- Add a render child's time to the job.
 function Job.spend(id, ms)
   redis.call('HINCRBY', job_key(id), 'machine_ms', ms)
   count('machine ms', ms)
 end
 
--- Is there an image of the job to be looked at?
+-- Does the job have an image?
 function Job.has_image(id) return (redis.call('HGET', job_key(id), 'results') or '') ~= '' end
 
--- The job has a set of results, of so many spp: there is an image to be looked at, from the first on.
--- The SHA-256 of its bytes is noted by blob; without any the set is one that is shown already, or another
--- job's.
+-- Show a set of results of this spp; the first is announced. `digests` has the SHA-256 of each blob; none
+-- for a set that is shown already, or another job's.
 function Job.show(id, results, spp, digests)
   if not Job.has_image(id) then Outbox.announce(id, 'image', {spp = tonumber(spp)}) end
   redis.call('HSET', job_key(id), 'results', results)
@@ -24,14 +23,14 @@ function Job.show(id, results, spp, digests)
   end
 end
 
--- For how long the job's clock has stood still (ms), the pause that lasts included.
+-- The total of the job's pauses (ms), a present one included.
 function Job.paused_ms(id)
   local paused = redis.call('HMGET', job_key(id), 'paused_ms', 'paused_at')
   local lasts = paused[2] and math.max(0, now() - paused[2]) or 0
   return string.format('%.0f', (paused[1] or 0) + lasts)
 end
 
--- The job's curve has another point (JSON).
+-- Append a point (JSON) to the job's curve.
 function Job.append_point(id, spp, at, point)
   redis.call('XADD', job_key(id, 'curve'), spp .. '-0', 'at', at, 'point', point)
   redis.call('HSET', job_key(id), 'latest', point, 'latest_at', at, 'spp', spp, 'latest_paused_ms',
@@ -59,15 +58,14 @@ function Job.move(id, target, reason)
   return true, state
 end
 
--- Can anything still happen to the job?
+-- Has the job not ended?
 function Job.is_open(id)
   local state = redis.call('HGET', job_key(id), 'state')
   return state and MOVES[state]['cancelled'] or false
 end
 
--- Note what a job that converged would have cost otherwise: the samples of its cap, without those that
--- it has or took over. One that was to stop at so many would have cost no more. It is noted here alone:
--- jobs, batches and the whole farm show what this has written.
+-- Note the samples that a converged job has saved: those of its cap, without those that it has or took
+-- over. The rule fixed saves none. Jobs, batches and the whole farm show this number.
 local function note_saved(id)
   local job = redis.call('HMGET', job_key(id), 'spec', 'spp', 'taken_spp', 'width', 'height')
   local spec = cjson.decode(job[1])
@@ -78,7 +76,7 @@ local function note_saved(id)
   count('samples saved', samples)
 end
 
--- Nothing of the job is leased any more, nor will be.
+-- End all leases of the job, for good.
 function Job.withdraw(id)
   if redis.call('EXISTS', job_key(id, 'slices')) == 1 then
     for _, lease in ipairs(redis.call('XPENDING', job_key(id, 'slices'), GROUP, '-', '+', 1e6)) do
@@ -91,7 +89,7 @@ function Job.withdraw(id)
   redis.call('HSET', job_key(id), 'ready', 0, 'leased', 0)
 end
 
--- Move a job to an end: what is not committed is withdrawn, and everyone is told.
+-- Move a job to an end: slices that are not committed are withdrawn, and workers and monitors are told.
 function Job.end_with(id, target, reason)
   local moved, state = Job.move(id, target, reason)
   if not moved then return false, state end

@@ -1,5 +1,5 @@
--- Who is in the farm and what they speak. `OLDEST`, `NEWEST` and `PLATEAU` are those of the process that
--- runs the script; see farm/model/versions.py.
+-- The members of the farm and the versions that they speak. `OLDEST`, `NEWEST` and `PLATEAU` are those of
+-- the process that runs the script; see farm/model/versions.py.
 
 -- The monitors and APIs that live.
 local function living_members()
@@ -12,8 +12,8 @@ local function living_members()
   return found
 end
 
--- What the farm speaks is what all living monitors and APIs do; with none, what the last ones did.
--- Without one of them where its key is given, as if it were not there. nil where it is not known.
+-- The versions that all living monitors and APIs speak, without the member of the key `without`; nil
+-- without any.
 local function spoken_by_all(without)
   local oldest, newest, plateau
   for _, member in ipairs(living_members()) do
@@ -26,8 +26,8 @@ local function spoken_by_all(without)
   return oldest, newest, plateau
 end
 
--- Why whoever runs this cannot work with those who speak these versions, as an error, which a command
--- is to return after its answer; nil where it can.
+-- An error where this process speaks none of these versions, for a command to return after its answer;
+-- nil where it does.
 local function refusal(oldest, newest, plateau)
   if not oldest or OLDEST <= tonumber(newest) and tonumber(oldest) <= NEWEST then return nil end
   return redis.error_reply('REFUSED ' .. oldest .. ' ' .. newest .. ' ' .. plateau)
@@ -38,8 +38,8 @@ function Member.refusal_of_worker()
   return refusal(unpack(redis.call('HMGET', PROTOCOL, 'oldest', 'newest', 'plateau')))
 end
 
--- A monitor or an API lives, or signs off where there is no `about`; the farm then speaks what all do that
--- are left. Returns the refusal where it does not speak what the others do: it is then no member.
+-- A monitor or an API lives, or signs off without `about`; the farm then speaks what the others speak.
+-- Returns a refusal where it speaks no version of all others: it is then no member.
 function Member.note(members, key, id, about, life_ms)
   local refused = about and refusal(spoken_by_all(key))
   if refused then return refused end

@@ -1,20 +1,20 @@
--- New jobs: whether they may be, and what is written of them.
+-- New jobs: their limits, and their records.
 
--- Of a new job with these fields: how many different needs open jobs have, where there is no room for
--- another. A lease may look at each.
+-- A refusal where a new job with these fields has one more need than open jobs may have. A lease may look
+-- at each need.
 function New.needs_too_much(fields)
   if redis.call('HEXISTS', NEEDS, fields.need or DEFAULT_POOL) == 1 then return nil end
   local needs = redis.call('HLEN', NEEDS)
   if needs >= MOST_NEEDS then return {outcome = 'too varied', has = needs} end
 end
 
--- The API key that a new job with these fields belongs to: its id and what is known of it.
+-- The API key that owns a new job with these fields: its id and its record.
 local function owner_among(fields)
   if (fields.owner or '') == '' then return nil end
   return fields.owner, cjson.decode(redis.call('HGET', API_KEYS, fields.owner) or '{}')
 end
 
--- How many open jobs the owner has and how many it may have, where so many more would be too many.
+-- A refusal where `more` jobs would be too many for the owner.
 function New.too_many_jobs(more, fields)
   local owner, key = owner_among(fields)
   local most = owner and key.limits and tonumber(key.limits.open_jobs)  -- null is no number
@@ -23,9 +23,8 @@ function New.too_many_jobs(more, fields)
   if open + more > most then return {outcome = 'too many', has = open, most = most} end
 end
 
--- Whether a request with this idempotency key was there before: 'repeated' or, where it was another,
--- 'conflict', and the job that it was answered with. '' is no key, and one whose job was forgotten since
--- is a new one.
+-- The answer to an earlier request with this idempotency key: 'repeated', or 'conflict' where that was a
+-- different request, and its job. '' is no key, and a key whose job was forgotten is new.
 function New.made_before(idempotency, digest)
   local known = idempotency ~= '' and redis.call('GET', PREFIX .. 'idempotency:' .. idempotency)
   if not known then return nil end
@@ -40,15 +39,15 @@ function New.remember_request(idempotency, digest, id)
              cjson.encode({id = id, digest = digest}), 'EX', 86400)
 end
 
--- Would a job join a guarded batch with whose newest job it was not compared? `guarded` says whether the
--- job itself guards the batch, `compared` the number of the newest job that it was compared with.
+-- Would a job join a guarded batch without a comparison with its newest job? `guarded` says whether the job
+-- itself guards the batch, `compared` has the number of the newest job that it was compared with.
 function New.joins_unseen(batch, guarded, compared)
   if batch == '' then return false end
   if not guarded and redis.call('SISMEMBER', GUARDED, batch) == 0 then return false end
   return (redis.call('ZSCORE', BATCHES, batch) or '') ~= compared
 end
 
--- Where a job's messages go, and what signs them, are no part of the job's hash, which workers may write.
+-- The address of a job's messages, and their secret, leave the job's hash, which workers may write.
 local function seal_webhook(id)
   local hook = redis.call('HMGET', job_key(id), 'webhook_receiver', 'webhook_url', 'webhook_secret')
   if not hook[1] then return end
@@ -56,7 +55,7 @@ local function seal_webhook(id)
   redis.call('HDEL', job_key(id), 'webhook_url', 'webhook_secret')
 end
 
--- Whose a job is, is no part of it either. What stays there is in whose share of the workers it counts.
+-- So does the job's owner. The hash keeps the party in whose share of the workers the job counts.
 local function seal_owner(id, owner, key)
   redis.call('HDEL', job_key(id), 'owner')
   if not owner then return end

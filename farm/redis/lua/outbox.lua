@@ -1,10 +1,10 @@
--- The outbox: what happened to jobs that have a webhook, waiting to be told to their receivers. The
--- command that changes a job fills it in the same step, so no change is lost and none is made up.
+-- The outbox: messages about jobs that wait for their webhooks' receivers. The command that changes a job
+-- fills it in the same step, so no change is lost and none is made up.
 
--- What webhooks may want to be told when the command is done: job, event, job, event, …
+-- The command's events that webhooks may want: job, event, job, event, …
 local happened = {}
 
--- Note an event of a job for those who follow it, with a table, or JSON already, that says more of it.
+-- Note an event of a job, with its data as a table or as JSON.
 function Outbox.announce(id, event, data, at)
   local text = type(data) == 'string' and data or cjson.encode(data)
   redis.call('XADD', job_key(id, 'events'), '*', 'type', event, 'at', at or now(), 'data', text)
@@ -15,7 +15,7 @@ function Outbox.announce(id, event, data, at)
   end
 end
 
--- So many deliveries a job remembers; one that is older is dropped, told or not.
+-- Deliveries that a job remembers; older ones are dropped, delivered or not.
 local MOST_DELIVERIES = 100
 
 function Outbox.due_key(receiver) return RECEIVERS .. ':due:' .. receiver end
@@ -32,14 +32,14 @@ local function reschedule(receiver)
   end
 end
 
--- Have a delivery tried at a time (ms), which may be the end of a lease on it.
+-- Schedule a try of a delivery (ms), perhaps for the end of a lease on it.
 function Outbox.deliver_at(id, number, at)
   local receiver = receiver_of(id)
   redis.call('ZADD', Outbox.due_key(receiver), at, id .. ':' .. number)
   reschedule(receiver)
 end
 
--- Have a delivery not tried again.
+-- End the tries of a delivery.
 function Outbox.deliver_no_more(id, number)
   local receiver = receiver_of(id)
   redis.call('ZREM', Outbox.due_key(receiver), id .. ':' .. number)
@@ -69,8 +69,8 @@ function Outbox.drop_deliveries(id)
   end
 end
 
--- Put what happened to a job into the outbox, with the job as it is now, where its webhook wants it.
--- The spec is left out: it may be large, and does not change.
+-- Put an event into the outbox, with the job as it is now, if the job's webhook wants it. The spec is left
+-- out: it may be large, and does not change.
 local function put_into_outbox(id, event)
   local hook = redis.call('HMGET', job_key(id), 'webhook_receiver', 'webhook_events')
   if not hook[1] or not string.find(hook[2], ' ' .. event .. ' ', 1, true) then return end
@@ -88,7 +88,7 @@ local function put_into_outbox(id, event)
   redis.call('PUBLISH', WAKE_WEBHOOKS, id)
 end
 
--- Called when a command is done: so a message shows the job as the command left it.
+-- Called at the end of a command, so that a message shows the job as the command left it.
 function Outbox.fill()
   for i = 1, #happened, 2 do put_into_outbox(happened[i], happened[i + 1]) end
 end

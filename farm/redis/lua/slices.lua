@@ -1,17 +1,17 @@
--- The slices of a job: who has which, and how tries of them end.
+-- The slices of a job: their holders, and the ends of their tries.
 
--- What the ledger has of a slice; false where it is not there.
+-- The ledger's record of a slice; false without one.
 function Slice.record(id, index)
   local entry = redis.call('HGET', job_key(id, 'ledger'), index)
   return entry and cjson.decode(cjson.decode(entry).record or '{}')
 end
 
--- The seeds of a slice that is in the ledger, as text.
+-- The seeds of a committed slice, as text.
 function Slice.seeds(record)
   return string.format('%.0f-%.0f', record.first_seed, record.last_seed)
 end
 
--- The slice of this entry needs nobody any more.
+-- The slice of this entry needs no worker any more.
 function Slice.drop(id, entry)
   if redis.call('XACK', job_key(id, 'slices'), GROUP, entry) == 1 then
     redis.call('HINCRBY', job_key(id), 'leased', -1)
@@ -22,9 +22,8 @@ function Slice.drop(id, entry)
   redis.call('XDEL', job_key(id, 'slices'), entry)
 end
 
--- A worker has this slice of the job from now on, by an entry of its stream. What is noted of it is
--- since when, how long the worker had its last one (0 where it had none), the entry, and that of a
--- second try where there is one.
+-- A worker has this slice of the job from now on, by an entry of its stream. Noted are the time, how long
+-- the worker had its last slice (0 without one), the entry, and that of a second try if there is one.
 function Slice.note_holder(id, index, entry, worker)
   local noted = redis.call('HGET', job_key(id, 'leases'), index) or ''
   local first, second = string.match(noted, '^%S+ %S+ (%S+) ?(%S*)$')
@@ -34,7 +33,7 @@ function Slice.note_holder(id, index, entry, worker)
   redis.call('HSET', job_key(id, 'leases'), index, now() .. ' ' .. pace .. ' ' .. entry .. other)
 end
 
--- Nobody has it now who lives. A second try goes on.
+-- No living worker has the slice by this entry. A second try continues.
 local function forget_holder(id, index, entry)
   local noted = redis.call('HGET', job_key(id, 'leases'), index) or ''
   if string.match(noted, '^%S+ %S+ (%S+)$') == entry then
@@ -48,7 +47,7 @@ function Slice.note_lease(id, entry)
   if redis.call('ZREM', job_key(id, 'lost'), entry) == 1 then changed[id] = true end
 end
 
--- Nobody has it any more who lives: the next worker may take it, the job's lowest slice first.
+-- No living worker has the entry any more: the next may take it, the job's lowest slice first.
 function Slice.note_lost(id, entry)
   redis.call('ZREM', LEASES, id .. ' ' .. entry)
   local found = redis.call('XRANGE', job_key(id, 'slices'), entry, entry)[1]
@@ -56,7 +55,7 @@ function Slice.note_lost(id, entry)
     redis.call('ZADD', job_key(id, 'lost'), found[2][2], entry)
     forget_holder(id, found[2][2], entry)
     changed[id], has_more[id] = true, true
-  else  -- it is pending and yet not in the stream, as Redis 6.2 can leave one
+  else  -- pending and yet not in the stream, as Redis 6.2 may leave one
     Slice.drop(id, entry)
   end
 end
@@ -68,8 +67,8 @@ function Slice.holds(id, entry, worker)
   return pending[1] ~= nil and pending[1][2] == worker, pending[1] and pending[1][4]
 end
 
--- Has the farm as a whole fallen silent a moment ago: was Redis away, or cut off? Leases ran out
--- meanwhile that nobody could renew, so for the length of a lease none is taken from its worker.
+-- Was the whole farm silent until a moment ago, since Redis was away or cut off? Leases ran out that nobody
+-- could renew, so for the length of a lease none is taken from its worker.
 function Slice.is_farm_silent(lease_ms)
   if redis.call('EXISTS', GRACE) == 1 then return true end
   local heard = redis.call('GET', HEARD)
@@ -85,17 +84,17 @@ function Slice.put_back(id, entry, tries)
   Slice.note_lost(id, entry)
 end
 
--- Note in the job's log how a try of a slice ended. The silent ones that were committed are not
--- noted: the ledger has them, and their commit counts them.
+-- Note in the job's log how a try of a slice ended. Commits without output are not noted: the ledger has
+-- them, and `commit` counts them.
 function Slice.note_try(id, index, worker, what, cause, ms, said)
-  local lost = what == 'died' and ms == ''  -- with its worker, so that nobody knows how long it took
+  local lost = what == 'died' and ms == ''  -- with its worker, so that its time is unknown
   if what ~= 'committed' then count('tries ' .. (lost and 'lost' or what)) end
   redis.call('XADD', job_key(id, 'log'), 'MAXLEN', '~', 2000, '*', 'at', now(), 'slice', index,
              'worker', worker, 'what', what, 'cause', head(cause, 1024), 'ms', ms,
              'text', tail(said, 4096))
 end
 
--- A try of a slice came to nothing, since another was committed before.
+-- Note a try of a slice that came after the commit of another.
 function Slice.note_outrun(id, entry, index, worker, ms, said)
   redis.call('HDEL', job_key(id, 'outrun'), entry)
   Job.spend(id, ms)
@@ -104,13 +103,13 @@ function Slice.note_outrun(id, entry, index, worker, ms, said)
   Slice.note_try(id, index, worker, 'duplicate', 'another try was committed before', ms, said)
 end
 
--- The same, where nobody has said it of this try yet.
+-- The same, if this try is not noted yet.
 function Slice.note_if_outrun(id, entry, ...)
   if redis.call('HEXISTS', job_key(id, 'outrun'), entry) == 1 then Slice.note_outrun(id, entry, ...) end
 end
 
--- A slice is late that takes twice as long as is usual: the median of the job's last commits, from the
--- lease on. Below half a second it is chance what takes long.
+-- A slice is late that takes twice the usual time from its lease on: the median of the job's last commits.
+-- Below half a second differences are chance.
 local LATE_FACTOR, LATE_LEAST_MS, USUAL_OF = 2, 500, 9
 
 -- Note how long a worker had a slice that it has committed.
@@ -126,7 +125,7 @@ local function note_pace(id, worker, took_ms)
   redis.call('HSET', job_key(id), 'took', last, 'late_ms', string.format('%.0f', late_ms))
 end
 
--- A slice has entered the ledger by this entry: whoever else tries it is told to stop.
+-- A slice has entered the ledger by this entry: another worker that tries it is told to stop.
 function Slice.settle(id, index, entry, worker)
   local noted = redis.call('HGET', job_key(id, 'leases'), index) or ''
   local since, first, second = string.match(noted, '^(%S+) %S+ (%S+) ?(%S*)$')
@@ -159,8 +158,7 @@ function Slice.settle(id, index, entry, worker)
   changed[id] = true
 end
 
--- Note why a worker died on a slice; returns all causes so far. Of one that was lost nothing else is
--- known.
+-- Note why a worker died on a slice; returns all causes so far. For a lost worker, `ms` and `said` are nil.
 function Slice.note_death(id, index, worker, cause, ms, said)
   local causes = cjson.decode(redis.call('HGET', job_key(id, 'deaths'), index) or '[]')
   causes[#causes + 1] = cause
@@ -170,7 +168,7 @@ function Slice.note_death(id, index, worker, cause, ms, said)
   return causes
 end
 
--- A worker was lost with a slice, as far as one can tell: it may only be cut off.
+-- A worker seems to be lost with a slice; it may only be cut off.
 function Slice.note_lost_worker(id, index, worker)
   local cause = 'worker ' .. worker .. ' was lost'
   if redis.call('EXISTS', worker_key(worker)) == 1 then
@@ -180,11 +178,11 @@ function Slice.note_lost_worker(id, index, worker)
   return Slice.note_death(id, index, worker, cause)
 end
 
--- So often a slice is forgiven that the worker was lost which had it: one that brings its whole
--- machine to a halt, so that nothing is heard of it for a while, shall not do so for ever.
+-- How often a slice is forgiven the loss of its worker: one that brings whole machines to a halt for a
+-- while must not do so for ever.
 local MOST_FORGIVEN = 10
 
--- A worker is heard of again, so it has not died of the slices with which it was lost.
+-- A worker has sent a heartbeat again, so it has not died of the slices with which it was lost.
 function Slice.forgive(worker)
   local blamed = redis.call('HGET', worker_key(worker), 'blamed')
   if not blamed then return end

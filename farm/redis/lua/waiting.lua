@@ -1,12 +1,11 @@
--- The index of the jobs that wait for a worker, so that a lease looks at no others. What a command has
--- changed of a job is filed when the command is done, and workers that have nothing to do are woken for
--- it.
+-- The index of the jobs that wait for a worker, so that a lease looks at no others. At the end of a command
+-- its changed jobs are filed, and idle workers are woken for them.
 --
--- A queue is a priority and a class: a variant, 'auto' until a job is pinned to one, and what else the
--- job needs of a worker, its pool and tags. In a queue each owner (an API key, or '' for nobody's jobs)
--- has one entry, and in each owner's part of it each batch, and each job without one. An entry is a
--- party's next job. It is scored by what the party has leased, in spp, at this priority and above; of
--- equal ones the members decide, which are made to sort as they should.
+-- A queue is a priority and a class: a variant, 'auto' until a job is pinned to one, and the pool and tags
+-- that the job needs. A party is an owner (an API key, or '' for jobs without one), or a batch of it. In a
+-- queue each owner has one entry, and in each owner's part of it each batch, and each job without one. An
+-- entry is a party's next job. Its score is the spp that the party has leased at this priority and above;
+-- among equal scores the member decides, whose text sorts by age.
 --
 --   need   "POOL", or "POOL TAG,TAG"           class  "VARIANT NEED"
 --   queue  "PRIORITY CLASS"                    kind   "POOL VARIANT,VARIANT TAG,TAG" of a worker
@@ -24,7 +23,7 @@ local function priority_of(queue) return tonumber(string.match(queue, '^%S+')) e
 -- A number that sorts as text, and what it belongs to.
 local function sortable(number, member) return string.format('%016.0f %s', number, member) end
 
--- Of a party, what it has leased by priority, and its entries by queue.
+-- A party's leased spp by priority, and its entries by queue.
 local function share_of(party)
   local share, flat = {}, redis.call('HGETALL', party)
   for i = 1, #flat, 2 do share[flat[i]] = flat[i + 1] end
@@ -44,7 +43,7 @@ local function leased_from(share, priority)
   return leased
 end
 
--- The first of a party's own becomes its entry among the parties that it competes with.
+-- The first job of a party becomes its entry among the parties that it competes with.
 local function put_first_forward(own, among, party, share, queue)
   local first, was = redis.call('ZRANGE', own, 0, 0, 'WITHSCORES'), share[queue]
   local entry = first[1] and sortable(first[2], first[1])
@@ -57,7 +56,7 @@ local function put_first_forward(own, among, party, share, queue)
   end
 end
 
--- Do so in each queue in which the party has an entry, and in these, of which '' is none.
+-- Do so in each queue in which the party has an entry, and in these, where '' means none.
 local function put_forward(party, keys_of, ...)
   local share, queues = share_of(party), {}
   for field in pairs(share) do
@@ -72,12 +71,12 @@ local function put_forward(party, keys_of, ...)
   end
 end
 
--- Is it among these, which have commas between them?
+-- Is it one of these, separated by commas?
 local function is_among(one, these)
   return string.find(',' .. these .. ',', ',' .. one .. ',', 1, true) ~= nil
 end
 
--- The variant with which workers of this kind render jobs of this class; nil where they cannot.
+-- The variant with which workers of this kind render jobs of this class, or nil.
 function Waiting.variant_of(kind, class)
   local pool, variants, tags = string.match(kind, '^(%S+) (%S*) (%S*)$')
   local wanted, in_pool, required = string.match(class, '^(%S+) (%S+) ?(%S*)$')
@@ -89,15 +88,15 @@ function Waiting.variant_of(kind, class)
   return is_among(wanted, variants) and wanted or nil
 end
 
--- A worker has nothing to do, and is woken when there is something that it can render.
+-- An idle worker is woken when a slice that it can render waits.
 function Waiting.note_idle(worker, kind)
   if redis.call('HSETNX', IDLE, worker, 1) == 0 then return end
   redis.call('SADD', IDLE .. ':' .. kind, worker)
   redis.call('SADD', IDLE_KINDS, kind)
 end
 
--- Wake idle workers of a kind for so many slices; returns for how many there was none. The set may
--- name some that found other work meanwhile, and some that died: neither is counted.
+-- Wake idle workers of a kind for this many slices; returns the slices without a worker. Workers in the set
+-- that found other work or died are not counted.
 local function wake_kind(kind, slices)
   while slices > 0 do
     local worker = redis.call('SPOP', IDLE .. ':' .. kind)
@@ -119,8 +118,8 @@ local function wake_workers(class, slices)
   end
 end
 
--- File when the slice is late that holds up the job's image: the first that is not in the ledger, where
--- one worker alone has it. One that is known to be slow is late at once.
+-- File when the slice that holds up the job's image is late: the first that is not in the ledger, if only
+-- one worker has it. The slice of a slow worker is late at once.
 local function file_late(id, state, class, late_ms, prefix, was)
   local lease = state == 'rendering' and late_ms
                 and redis.call('HGET', job_key(id, 'leases'), prefix or 0)
@@ -137,7 +136,7 @@ local function file_late(id, state, class, late_ms, prefix, was)
   end
 end
 
--- The queue in which a job waits; '' where it has nothing to give, or must not.
+-- The queue in which a job waits; '' without slices to lease, or while they must not be leased.
 local function queue_for(id, priority, state, held, ready, class)
   if not priority or held or state ~= 'queued' and state ~= 'rendering' then return '' end
   if tonumber(ready) == 0 and redis.call('EXISTS', job_key(id, 'lost')) == 0 then return '' end
@@ -146,7 +145,7 @@ end
 
 local NOT_FILED = ' 0 '
 
--- Bring what is filed of a job, its priority, the spp leased of it and its queue, up to what it is.
+-- Bring a job's entries in the index up to date: its priority, its leased spp and its queue.
 local function file(id)
   local state, held, ready, leased, slice_spp, number, owner, batch, was = unpack(
     redis.call('HMGET', job_key(id), 'state', 'held', 'ready', 'leased', 'slice_spp', 'number',
@@ -206,7 +205,7 @@ function Waiting.file_changed()
   changed, has_more = {}, {}
 end
 
--- The index says what is not so, as no script leaves it: it is made afresh.
+-- Rebuild the index after damage, which no script causes.
 function Waiting.file_all_anew()
   for _, pattern in ipairs({WAITING .. '*', PREFIX .. 'share:*'}) do
     local cursor = '0'
@@ -223,7 +222,7 @@ function Waiting.file_all_anew()
   end
 end
 
--- The kind of a worker that describes itself so; see waiting.lua.
+-- The kind of a worker, by its description.
 function Waiting.kind_of(about)
   return string.format('%s %s %s', about.pool or DEFAULT_POOL, table.concat(about.variants or {}, ','),
                        table.concat(about.tags or {}, ','))

@@ -1,13 +1,13 @@
--- Put what is known of an API key, where it is still what it was.
--- Returns whether it is put: not where it is another by now, or there is one already.
+-- Store an API key, if the stored one is still `instead_of`.
+-- Returns whether it is stored.
 function for_farm.put_key(it)
   if (redis.call('HGET', API_KEYS, it.key) or '') ~= it.instead_of then return false end
   redis.call('HSET', API_KEYS, it.key, it.known)
   return true
 end
 
--- Take up to so many requests out of a key's bucket, and note that the key is used.
--- Returns how many were taken, and where none was, in how many ms there is one; nothing is written then.
+-- Take up to `wanted` requests out of a key's bucket, and note the key's use.
+-- Returns how many were taken. If none was, returns the ms until the next, and writes nothing.
 function for_farm.take(it)
   local interval = it.interval_ms
   local rate, at = api_key_key(it.key, 'rate'), tonumber(now())

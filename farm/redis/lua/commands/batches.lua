@@ -1,5 +1,5 @@
 -- List batches, by their newest jobs.
--- Returns for each what `BatchRow` has. Jobs whose state is lost or unknown do not count.
+-- Returns a `BatchRow` for each. Jobs whose state is lost or unknown do not count.
 function for_farm.batches(it)
   local found = {}
   local highest = it.before and '(' .. it.before or '+inf'
@@ -20,7 +20,7 @@ function for_farm.batches(it)
   return found
 end
 
--- Guard a batch against flicker: from now on it takes only jobs that stop as its others do.
+-- Guard a batch against flicker: from now on it takes only jobs that stop as its own do.
 -- Returns 'guarded', 'changed' (another job has joined it since it was compared) or 'missing'.
 function for_farm.guard(it)
   local newest = redis.call('ZSCORE', BATCHES, it.batch)

@@ -1,12 +1,12 @@
--- Count the farm: what it has to do now, and what it has done since it began.
--- Returns what `CensusRow` has. Times (ms) and totals are text, for JSON from Lua has 14 digits only.
+-- Count the farm's work: to do now, and done since its beginning.
+-- Returns a `CensusRow`. Times (ms) and totals are text, since JSON from Lua has only 14 digits.
 function for_farm.census(it)
   local jobs, demand, oldest = {queued = 0, rendering = 0, paused = 0}, {}, nil
   local least = it.least_priority
-  local classes = {}  -- how many jobs there are of each that workers may render now
+  local classes = {}  -- jobs of each class that workers may render now
 
-  -- What a job has to give, as far as its monitor can see, and how long one worker takes for it: by what
-  -- its slices took; `unmeasured` are those of jobs without any.
+  -- Add a job's slices, up to the end that its monitor expects, and one worker's time for them: by the mean
+  -- of its slices so far; `unmeasured` are the slices of jobs without any.
   local function add_work(slices, waiting, leased, committed, machine_ms, slice_spp, expected_spp, continued_spp)
     slices.waiting, slices.leased = slices.waiting + waiting, slices.leased + leased
     local left = leased  -- more workers would be of no use
@@ -48,7 +48,7 @@ function for_farm.census(it)
     end
   end
 
-  -- Jobs for which no worker lives that takes work.
+  -- Jobs without a suitable living worker that takes work.
   local kinds = redis.call('ZRANGEBYSCORE', KINDS, now() - it.alive_ms, '+inf')
   local unserved = 0
   for class, jobs_of_it in pairs(classes) do

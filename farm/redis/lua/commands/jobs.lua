@@ -1,8 +1,7 @@
 -- Create a job, or many of one batch: all or none, and once for each idempotency key.
--- Returns how it went: 'created', 'repeated' or 'conflict', each with the first job; 'changed' (the batch
--- is guarded, and these were not compared with its newest job); 'too varied' (open jobs need that many
--- different things of workers already); or 'too many' (the owner has that many open jobs, of so many that
--- it may have).
+-- Returns 'created', 'repeated' or 'conflict', each with the first job; 'changed' (the batch is guarded, and
+-- these were not compared with its newest job); 'too varied' with the number of different needs of open
+-- jobs; or 'too many' with the owner's open jobs, and the most that it may have.
 function for_farm.create(it)
   local first = it.jobs[1]
   local made = New.made_before(it.idempotency, it.digest)
@@ -15,9 +14,9 @@ function for_farm.create(it)
   return {outcome = 'created', job = first.id}
 end
 
--- Go on with a finished job as a new one, which takes over its first slices and is rendering at once.
--- Returns what `create` does, or 'missing' (there is no old job). It is 'changed', too, where the old one
--- has not these slices, or these sums, any more.
+-- Continue a finished job as a new one, which takes over its first slices and is rendering at once.
+-- Returns as `create` does, or 'missing' (there is no old job); also 'changed' where the old one has lost
+-- these slices, or these sums.
 for_farm['continue'] = function(it)
   local id, old, slices, checkpoint = it.job.id, it.old, it.slices, it.checkpoint
   local made = New.made_before(it.idempotency, it.digest)
@@ -54,7 +53,7 @@ for_farm['continue'] = function(it)
     end
     if (before[7] or '') ~= '' then Job.show(id, before[7], before[8]) end
   end
-  -- Nobody is shown the secret of a webhook, so none can be sent again for the same receiver.
+  -- No user sees a webhook's secret again, so a new spec for the same receiver takes over the old one.
   local hook = redis.call('HMGET', job_key(id, 'webhook'), 'receiver', 'secret')
   local told = redis.call('HMGET', job_key(old, 'webhook'), 'receiver', 'secret')
   if hook[1] and hook[2] == '' and hook[1] == told[1] then
@@ -64,7 +63,7 @@ for_farm['continue'] = function(it)
   return {outcome = 'created', job = id}
 end
 
--- End a job: by its owner's token, or without one by anyone who may.
+-- End a job: by its owner's token, or without one by a user.
 -- Returns 'ended', 'fenced' or 'illegal' with the state; ending it twice in the same way is harmless.
 for_farm['end'] = function(it)
   local id = it.job
@@ -80,8 +79,8 @@ for_farm['end'] = function(it)
   return {outcome = 'ended'}
 end
 
--- Pause a job: none of its slices is leased any more; those that are may still be committed.
--- Returns 'paused' or 'held', also where it was, or 'illegal' with the state.
+-- Pause a job: none of its slices is leased any more; leased ones may still be committed.
+-- Returns 'paused' or 'held', also where it was before, or 'illegal' with the state.
 function for_farm.pause(it)
   local id, reason = it.job, it.reason
   local moved, state = Job.move(id, 'paused', reason)
@@ -98,9 +97,9 @@ function for_farm.pause(it)
   return {outcome = 'paused'}
 end
 
--- Let a paused job go on, or one that is held back begin.
--- Returns 'rendering', also where it was, 'queued', where it was held back, or 'illegal' with the state:
--- a queued job starts by a lease.
+-- Resume a paused job, or release one that is held back.
+-- Returns 'rendering', also where it was before; 'queued' where it was held back; or 'illegal' with the
+-- state: a queued job starts by a lease.
 function for_farm.resume(it)
   local id, reason = it.job, it.reason
   local state = redis.call('HGET', job_key(id), 'state') or 'missing'
@@ -119,8 +118,8 @@ function for_farm.resume(it)
   return {outcome = 'rendering'}
 end
 
--- Change the priority of a job that has not ended; the next lease goes by it.
--- Returns 'changed', also where it has this priority already, or 'illegal' with the state.
+-- Change the priority of a job that has not ended; the next lease respects it.
+-- Returns 'changed', also where it had this priority before, or 'illegal' with the state.
 function for_farm.reprioritise(it)
   local id = it.job
   if not Job.is_open(id) then

@@ -1,19 +1,17 @@
 -- Give a worker its next slice: highest priority first, then a job of the owner (an API key) with the
 -- fewest leased spp, then the batch or single job with the fewest, then the older job. So a key gets no
 -- more workers by sending more jobs, and a batch's jobs are rendered in their order, not all at once.
--- A worker keeps to the scene that it has loaded while its turn lasts. Of its job it is given the slice
--- that holds up the image, where another worker has had that for long; and where there is nothing else
--- for it to do, such a slice of any job.
--- Returns the slice; `again` where what it came upon needed no rendering; else, where it is known, in how
--- many ms a slice of another worker may be late. An error where the worker does not speak what the farm
--- does.
+-- A worker keeps to the scene that it has loaded while its turn lasts. If another worker is late with the
+-- slice that holds up the job's image, this one is given that slice; without other work, such a slice of
+-- any job.
+-- Returns the slice; `again` where the slice that it found needs no rendering; otherwise, if known, the ms
+-- until a slice of another worker may be late. An error where the worker speaks none of the farm's
+-- versions.
 function for_workers.lease(it)
   local worker, kind, loaded, in_turn = it.worker, it.kind, it.loaded, it.in_turn
   local lease_ms, most_tries = it.lease_ms, it.most_tries
-  -- So many leases that have run out are taken note of at once, so that nobody waits long for this.
-  local MOST_LOST = 100
-  -- So many late jobs a worker looks at that has nothing else to do.
-  local MOST_LATE = 50
+  local MOST_LOST = 100  -- expired leases that are noted at once, to keep the command short
+  local MOST_LATE = 50  -- late jobs that a worker without other work looks at
 
   if not Slice.is_farm_silent(lease_ms) then
     local over = redis.call('ZRANGEBYSCORE', LEASES, '-inf', now() - lease_ms, 'LIMIT', 0, MOST_LOST)
@@ -24,8 +22,8 @@ function for_workers.lease(it)
   if refused then return nil, refused end
   if redis.call('HEXISTS', worker_key(worker), 'drained') == 1 then return {} end
 
-  -- The next job, and the variant to render it with: of the first priority at which one waits that this
-  -- worker can render, the first entry of all its queues, or the job that is loaded.
+  -- The next job, and the variant to render it with: at the highest priority with a job that this worker
+  -- can render, the first entry of all queues, or the job that is loaded.
   local function next_job()
     local its_queue = in_turn and string.match(redis.call('HGET', job_key(loaded), 'filed') or '',
                                                '^%S* %d+ (.+)$')
@@ -46,17 +44,17 @@ function for_workers.lease(it)
     return entry and string.match(entry, '%S+$'), variant
   end
 
-  -- The slice that holds up the job's image, where this worker may try it too: its index, its entry, and
-  -- how often it was leased; else nil, and in how many ms it may. It must be late, and for so long that
-  -- this worker would have rendered it since. One that has not rendered the job yet would have to load
-  -- it, and is taken to need as long again as makes a slice late. A worker that is known to be slow is
-  -- helped at once, by one that is not and would be done before it; else when it is late by its own pace.
+  -- The slice that holds up the job's image, if this worker may try it, too: its index, its note and the
+  -- number of its leases; otherwise nil, and the ms until it may. The slice must be late, and out for so
+  -- long that this worker would have rendered it since. A worker that has not rendered the job yet would
+  -- have to load it, and is taken to need twice the time that makes a slice late. A slow worker is helped
+  -- at once by one that is not slow and would finish first; otherwise when it is late by its own pace.
   local function late_slice(id)
     local job = redis.call('HMGET', job_key(id), 'prefix', 'late_ms', 'ready', 'planned', 'issued')
     local index, late_ms = job[1] or '0', job[2]
     local noted = redis.call('HGET', job_key(id, 'leases'), index) or ''
     local since, its_pace, entry = string.match(noted, '^(%S+) (%S+) (%S+)$')
-    if not since or job[3] - (job[4] - job[5]) ~= 0 then return nil end  -- one that was rejected waits
+    if not since or job[3] - (job[4] - job[5]) ~= 0 then return nil end  -- a rejected slice waits
     local pace = tonumber(redis.call('HGET', job_key(id, 'paces'), worker) or 2 * late_ms)
     local wait_ms = since + math.max(pace, late_ms) - now()
     if its_pace - late_ms > 0 then
@@ -70,8 +68,8 @@ function for_workers.lease(it)
     return {index = index, noted = noted, tries = lease[4]}
   end
 
-  -- For a worker that has nothing else to do: a job, its variant and such a slice of it; else three times
-  -- nil, and in how many ms there may be one.
+  -- For a worker without other work: a job, its variant and such a slice of it; otherwise three times nil,
+  -- and the ms until there may be one.
   local function late_job()
     local soonest, at, variants = nil, now(), {}
     local jobs = redis.call('ZRANGE', LATE, 0, MOST_LATE - 1, 'WITHSCORES')
@@ -121,13 +119,13 @@ function for_workers.lease(it)
   elseif lost then
     local pending = redis.call('XPENDING', slices, GROUP, lost, lost, 1)[1]
     entry = redis.call('XCLAIM', slices, GROUP, worker, 0, lost)[1]
-    if not entry then  -- it is pending and yet not in the stream any more, as Redis 6.2 can leave one
+    if not entry then  -- pending and yet not in the stream any more, as Redis 6.2 may leave one
       Slice.drop(id, lost)
       return {again = true}
     end
     Slice.note_lease(id, lost)
     local holder = pending[2]
-    -- One that lives and yet does not renew never heard of its lease: the answer was lost.
+    -- A living holder that does not renew never got the answer with its lease.
     local lives = now() - (redis.call('ZSCORE', WORKERS, holder) or 0) < lease_ms
     if holder ~= 'nobody' and not lives then
       local causes = Slice.note_lost_worker(id, entry[2][2], holder)
@@ -138,7 +136,7 @@ function for_workers.lease(it)
     end
   else
     local planned, issued, ready = unpack(redis.call('HMGET', job_key(id), 'planned', 'issued', 'ready'))
-    if ready - (planned - issued) == 0 then  -- else one is in the stream already that was rejected
+    if ready - (planned - issued) == 0 then  -- otherwise a rejected one is in the stream already
       redis.call('XADD', slices, '*', 'index', issued)
       redis.call('HINCRBY', job_key(id), 'issued', 1)
     end
@@ -153,7 +151,7 @@ function for_workers.lease(it)
   end
   if redis.call('HSETNX', job_key(id), 'variant', variant) == 1 then
     redis.call('HSET', job_key(id), 'started_at', now(), 'paused_ms', 0)
-    has_more[id] = true  -- for workers that have this variant: those who were woken may have another
+    has_more[id] = true  -- for workers of this variant: those that were woken may have another
   end
   local job = redis.call('HMGET', job_key(id), 'state', 'spec', 'scene_sha256')
   if job[1] == 'queued' then Job.move(id, 'rendering', 'rendering with ' .. variant) end

@@ -1,6 +1,6 @@
--- A monitor is alive, and what it has done is added to the totals. It says how much that was since it
--- started, so that a repeated or a lost heartbeat counts nothing twice and loses nothing.
--- Returns an error where it does not speak what the farm does.
+-- A monitor lives, and its work is added to the totals. It reports its work since its start, so that a
+-- repeated or a lost heartbeat counts nothing twice and loses nothing.
+-- Returns an error where it speaks none of the farm's versions.
 function for_farm.monitor_heartbeat(it)
   local monitor = monitor_key(it.monitor)
   for total, number in pairs(it.done) do
@@ -13,13 +13,13 @@ function for_farm.monitor_heartbeat(it)
   return nil, Member.note(MONITORS, monitor, it.monitor, it.about, it.life_ms)
 end
 
--- An API is alive.
--- Returns an error where it does not speak what the farm does.
+-- An API lives.
+-- Returns an error where it speaks none of the farm's versions.
 function for_farm.api_heartbeat(it)
   return nil, Member.note(APIS, api_member_key(it.api), it.api, it.about, it.life_ms)
 end
 
--- Tell a worker to take no more slices, or to take some again. What it has in hand it finishes.
+-- Tell a worker to take no more slices, or to take some again. It finishes those that it has.
 -- Returns 'drained', 'working', or 'missing' (no such worker lives).
 function for_farm.drain(it)
   local worker = it.worker

@@ -33,8 +33,8 @@ function for_farm.disown(it)
   end
 end
 
--- Plan the slices up to, not including, `stop`; a repeated call plans nothing twice. They come into
--- the job's stream as they are leased, so to plan many costs no more than to plan one.
+-- Plan the slices up to, not including, `stop`; a repeated call plans nothing twice. A slice enters the
+-- job's stream with its lease, so planning many costs no more than planning one.
 -- Returns 'planned', 'fenced' or 'ended'.
 function for_farm.plan(it)
   local id = it.job
@@ -61,10 +61,9 @@ function for_farm.append_point(it)
   return 'appended'
 end
 
--- The partial of a committed slice is lost or spoiled: it is taken out of the ledger and planned
--- again.
--- Returns how often that has happened to the slice, 0 where the ledger has another blob (or none)
--- by now, or nothing where the owner is fenced.
+-- The partial of a committed slice is lost or spoiled: the slice leaves the ledger and is planned again.
+-- Returns how often that has happened to the slice; 0 where the ledger has another blob, or none, or the
+-- job has ended; nothing where the owner is fenced.
 function for_farm.reject(it)
   local id, index = it.job, it.index
   if not Job.is_owned(id, it.token) then return nil end
@@ -83,7 +82,7 @@ function for_farm.reject(it)
   return redis.call('HINCRBY', job_key(id, 'spoiled'), index, 1)
 end
 
--- The owner shows a set of results; who follows the job is told of the first.
+-- The owner shows a set of results; the first is announced.
 -- Returns 'shown' or 'fenced'.
 function for_farm.show(it)
   if not Job.is_owned(it.job, it.token) then return 'fenced' end
@@ -91,7 +90,7 @@ function for_farm.show(it)
   return 'shown'
 end
 
--- The owner notes the SHA-256 of a blob of the job that it is about to put, or forgets one.
+-- The owner notes the SHA-256 of a blob before it puts it, or forgets one.
 -- Returns 'noted' or 'fenced'.
 function for_farm.note_blob(it)
   if not Job.is_owned(it.job, it.token) then return 'fenced' end
@@ -111,7 +110,7 @@ function for_farm.save(it)
   return 'saved'
 end
 
--- The owner has written the results of an ended job: nothing else of it is needed.
+-- The owner has written the results of an ended job: its other blobs may go.
 -- Returns 'concluded' or 'fenced'.
 function for_farm.conclude(it)
   local id = it.job
@@ -138,19 +137,19 @@ function for_farm.finish(it)
   return 'finished'
 end
 
--- Redis has lost the job's hash, or its state in it, as by an eviction: no monitor has work with the job
--- any more, and nothing of it is leased. What else there is of it stays.
+-- Redis has lost the job's hash, or its state in it, as by an eviction: the job needs no monitor any more,
+-- and none of its slices is leased. Its other records stay.
 -- Returns 'abandoned', 'kept' (its state is there) or 'fenced'.
 function for_farm.abandon(it)
   local id = it.job
   if not Job.is_owned(id, it.token) then return 'fenced' end
   if redis.call('HEXISTS', job_key(id), 'state') == 1 then return 'kept' end
   Job.withdraw(id)
-  redis.call('UNLINK', job_key(id))  -- counters that were written since, which would be taken for a job
+  redis.call('UNLINK', job_key(id))  -- later counters, which would look like a job
   redis.call('ZREM', OPEN, id)
   redis.call('SREM', UNFINISHED, id)
   redis.call('DEL', job_key(id, 'owner'))
   redis.call('PUBLISH', WAKE_WORKERS, 'ended ' .. id)
-  Waiting.file_all_anew()  -- where it waited is not known any more
+  Waiting.file_all_anew()  -- the job's queue is unknown
   return 'abandoned'
 end

@@ -1,11 +1,11 @@
--- Record a rendered slice: it enters the ledger once, its stream entry is acknowledged, and the
--- monitor is told. Slices are pure, so the first commit wins, whoever holds the lease by now.
--- Returns 'committed' (also where this very record is in the ledger), 'duplicate' (where another
--- is), 'ended', 'overlap' or 'stale' (the job is rendered with another variant by now).
+-- Record a rendered slice: it enters the ledger once, its stream entry is acknowledged, and the monitor is
+-- told. Slices are pure, so the first commit wins, whoever holds the lease by now.
+-- Returns 'committed' (also where this record is in the ledger already), 'duplicate' (where another is),
+-- 'ended', 'overlap' or 'stale' (the job is rendered with another variant by now).
 function for_workers.commit(it)
   local id, entry, worker, index, machine_ms, said = it.job, it.entry, it.worker, it.index, it.machine_ms, it.said
   local job, record = job_key(id), cjson.decode(it.record)
-  -- A commit that does not count, and is repeated since the answer was lost, took its time once.
+  -- A commit that does not count adds its time only once, even if it is repeated after a lost answer.
   local function is_repeated()
     return not redis.call('SET', told_key(record.blob), '1', 'PX', 3600000, 'NX')
   end
@@ -55,8 +55,8 @@ function for_workers.commit(it)
   return 'committed'
 end
 
--- A worker has the first pass of a job's first slice: something to see, long before the slice.
--- Returns 'noted', 'lost' (the slice is another's) or 'late' (there is an image, or none is wanted).
+-- A worker has the first pass of a job's first slice: an image long before the slice.
+-- Returns 'noted', 'lost' (the slice is another's) or 'late' (the job has an image, or has ended).
 function for_workers.glimpse(it)
   if not Slice.holds(it.job, it.entry, it.worker) then return 'lost' end
   if not Job.is_open(it.job) or Job.has_image(it.job) then return 'late' end
@@ -83,8 +83,7 @@ function for_workers.died(it)
   return 'put back'
 end
 
--- A worker that drains, is cut off from what it needs, or cannot render, gives its slice back
--- unharmed.
+-- A worker that drains, cannot reach a store, or cannot render, gives its slice back.
 -- Returns 'put back' or 'lost'.
 function for_workers.hand_back(it)
   local id = it.job
@@ -105,7 +104,7 @@ function for_workers.hand_back(it)
   return 'put back'
 end
 
--- The scene itself is at fault, says the worker that holds the lease: the job fails, no retry.
+-- The worker that holds the lease finds the scene at fault: the job fails without another try.
 -- Returns 'failed' or 'lost'.
 function for_workers.fail(it)
   if not Slice.holds(it.job, it.entry, it.worker) then return 'lost' end

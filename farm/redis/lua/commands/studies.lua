@@ -1,11 +1,11 @@
--- From now on the pictures of a study may be put, for so long.
+-- Allow the pictures of a study to be put, for `making_ms`.
 function for_farm.begin_study(it)
   redis.call('SET', study_key(it.study, 'making'), '1', 'PX', it.making_ms)
 end
 
 -- Show a study whose pictures have been put.
--- Returns 'created', or 'repeated' with the one that the same request made, 'late' (a sweep may have
--- taken its pictures) or 'too many'.
+-- Returns 'created', 'repeated' with the study of the same request, 'late' (a sweep may have removed the
+-- pictures) or 'too many'.
 function for_farm.create_study(it)
   local id = it.study
   local made = redis.call('HGET', STUDIES_ASKED, it.digest)
@@ -21,7 +21,7 @@ function for_farm.create_study(it)
   return {outcome = 'created', study = id}
 end
 
--- Take part in a study; who takes part already keeps number and screen.
+-- Take part in a study; an observer who takes part already keeps number and screen.
 -- Returns 'joined', 'known', 'full' or 'missing'.
 function for_farm.join_study(it)
   if redis.call('EXISTS', study_key(it.study)) == 0 then return 'missing' end
@@ -35,7 +35,7 @@ function for_farm.join_study(it)
 end
 
 -- Note an observer's answer to a pair; the first one stays.
--- Returns the answer that counts, as it is stored; nothing where there is no such study.
+-- Returns the stored answer, which counts; nothing where there is no such study.
 function for_farm.answer_study(it)
   if redis.call('EXISTS', study_key(it.study)) == 0 then return nil end
   local answers, place = study_key(it.study, 'answers'), it.name .. ':' .. it.trial

@@ -1,17 +1,17 @@
--- Begin a sweep of the farm, unless one was begun less than so long ago.
+-- Begin a sweep of the farm, unless one was begun within `every_ms`.
 -- Returns whether it is begun.
 function for_farm.begin_sweep(it)
   return redis.call('SET', SWEPT, '1', 'NX', 'PX', it.every_ms) ~= false
 end
 
--- Note that a sweep was done just now.
+-- Note that a sweep has just ended.
 function for_farm.note_sweep()
   redis.call('HSET', TOTALS, 'swept at', string.format('%.0f', now()))
 end
 
--- Forget a job that has been finished for so long: all that Redis has of it.
--- Returns 'forgotten', 'kept' (it is not finished, or not for so long yet, or another job goes on
--- with its slices) or 'missing'.
+-- Forget a job that finished `finished_for_ms` ago, with all its records.
+-- Returns 'forgotten', 'kept' (it has not finished, or later, or another job has taken over its slices) or
+-- 'missing'.
 function for_farm.forget(it)
   local id = it.job
   if redis.call('EXISTS', job_key(id)) == 0 then return 'missing' end
@@ -40,9 +40,9 @@ function for_farm.forget(it)
   return 'forgotten'
 end
 
--- Let the sums go that a job was left with when it was finished, so long ago.
--- Returns 'dropped' or 'kept' (it has none, is not finished, or not for so long, or a job that goes on
--- with it still stands on the same sums, or is not known).
+-- Drop the sums of a job that finished `finished_for_ms` ago.
+-- Returns 'dropped' or 'kept' (it has none, has not finished, or later, or a job that continues it still
+-- depends on these sums, or is unknown).
 function for_farm.drop_sums(it)
   local id = it.job
   local job = redis.call('HMGET', job_key(id), 'finished_at', 'checkpoint', 'continued')

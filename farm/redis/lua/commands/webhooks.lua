@@ -17,9 +17,9 @@ local function lease(id, number, receiver, it)
   }
 end
 
--- Lease the delivery that is due first, of a receiver that is not busy, to one who tries it. Of a job
--- one is tried at a time, in the order in which they are due.
--- Returns it, or nothing where nothing is due.
+-- Lease the first due delivery to a receiver that is not busy. Deliveries of a job are tried one at a time,
+-- in the order in which they are due.
+-- Returns the delivery, or nothing where none is due.
 function for_farm.take_delivery(it)
   local busy = {}
   for _, receiver in ipairs(it.busy) do busy[receiver] = true end
@@ -37,8 +37,8 @@ function for_farm.take_delivery(it)
   end
 end
 
--- Say how a try of a delivery ended. Whoever has delivered it is believed, though his lease may have
--- run out; of the other ends only that of the lease's holder counts. After 'failed' another try follows.
+-- Report how a try of a delivery ended. 'delivered' counts even after the lease ran out; other ends count
+-- only from the lease's holder. After 'failed' another try follows.
 -- Returns 'settled', or 'lost': another holds the lease or has settled it, or it is forgotten.
 function for_farm.settle_delivery(it)
   local id, number = it.job, it.number
@@ -60,7 +60,7 @@ function for_farm.settle_delivery(it)
   return 'settled'
 end
 
--- Have a delivery tried now, with all tries before it; one that is being tried is left alone.
+-- Have a delivery tried now, with a fresh count of tries; one that is being tried is left alone.
 -- Returns 'queued' or 'unknown'.
 function for_farm.redeliver(it)
   local id, number = it.job, it.number
@@ -74,13 +74,13 @@ function for_farm.redeliver(it)
 end
 
 -- Give the farm a secret to sign webhooks with, unless it has one.
--- Returns the farm's secret, and those before it that sign still, with blanks between.
+-- Returns the farm's secret, and the earlier ones that still sign, with blanks between.
 function for_farm.farm_secrets(it)
   redis.call('SET', WEBHOOK_SECRET, it.secret, 'NX')
   return redis.call('GET', WEBHOOK_SECRET) .. ' ' .. (redis.call('GET', OLD_WEBHOOK_SECRET) or '')
 end
 
--- Give the farm another secret to sign webhooks with; the newest of those before it go on signing.
+-- Give the farm another secret to sign webhooks with; the newest earlier ones still sign.
 function for_farm.renew_farm_secret(it)
   local now_signs, before = redis.call('GET', WEBHOOK_SECRET), redis.call('GET', OLD_WEBHOOK_SECRET)
   local kept = {}

@@ -1,5 +1,5 @@
--- A worker is alive: its description, and its leases renewed.
--- Returns those leases whose job has ended or which are lost.
+-- A worker lives: its description is stored, and its leases are renewed.
+-- Returns the leases that are lost, or whose job has ended.
 function for_workers.heartbeat(it)
   local worker, gone = it.worker, {}
   Slice.is_farm_silent(it.lease_ms)
@@ -37,8 +37,7 @@ function for_workers.leave(it)
   redis.call('DEL', worker_key(it.worker))
 end
 
--- Note that a process was refused, for those who look why it is not there: the last one of a machine
--- and role, for an hour.
+-- Note a refused process, for people who look for it: the last one of a machine and role, for an hour.
 function for_workers.refused(it)
   redis.call('HSET', REFUSED, it.who, cjson.encode({at = now(), about = it.about}))
   redis.call('EXPIRE', REFUSED, 3600)
