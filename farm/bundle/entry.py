@@ -35,8 +35,7 @@ def find_entry(archive: Archive, limits: BundleLimits) -> Parts:
     scenes = [path for path, skim in skims.items() if skim.root == "scene"]
     if not scenes:
         raise BundleError(
-            "not-a-scene",
-            "the archive has no Mitsuba scene: an .xml file that starts with <scene>",
+            "not-a-scene", "the archive has no Mitsuba scene: an .xml file that starts with <scene>"
         )
     included = {path for skim in skims.values() for path in skim.includes}
     # If each is included by another, reading the scene reports the cycle.

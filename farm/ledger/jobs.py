@@ -24,15 +24,7 @@ from plateau.farm.model.states import JobState
 from plateau.farm.redis import keys
 from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.commands.command import Command
-from plateau.farm.redis.commands.jobs import (
-    Create,
-    End,
-    Made,
-    Moved,
-    Pause,
-    Reprioritise,
-    Resume,
-)
+from plateau.farm.redis.commands.jobs import Create, End, Made, Moved, Pause, Reprioritise, Resume
 from plateau.farm.redis.link import now_ms, unavailable_as_farm_error
 from plateau.farm.redis.scripts import Scripts
 

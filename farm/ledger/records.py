@@ -97,13 +97,8 @@ def _job(fields: dict[str, str], sealed: dict[str, str]) -> Job:
         if name in fields
     }
     judged = (
-        "visible_pixels",
-        "visible_fraction",
-        "slope",
-        "estimate_pixels",
-        "estimate_fraction",
-        "non_finite_pixels",
-        "forecast_spp",
+        *("visible_pixels", "visible_fraction", "slope", "estimate_pixels", "estimate_fraction"),
+        *("non_finite_pixels", "forecast_spp"),
     )
     return Job(
         id=fields["id"],

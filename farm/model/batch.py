@@ -69,8 +69,7 @@ class Guard(_Record):
     missed: list[str] = Field(description="their ids, in the batch's order: at most 100")
     spp: Extent | None = Field(None, description="of the jobs that converged")
     estimate_fraction: Extent | None = Field(
-        None,
-        description="noise left, of the jobs that converged",
+        None, description="noise left, of the jobs that converged"
     )
     jump: Jump | None = None
 
@@ -86,8 +85,7 @@ class Batch(_Record):
     finished: int = Field(description="how many have ended and have their results written")
     spp: Extent | None = Field(None, description="spp merged, of all jobs")
     estimate_fraction: Extent | None = Field(
-        None,
-        description="noise left, of the jobs that have an estimate",
+        None, description="noise left, of the jobs that have an estimate"
     )
     machine_s: float = Field(description="seconds that render children spent on it")
     samples_saved: int = Field(description="the sum of `samples_saved` of its jobs")

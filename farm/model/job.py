@@ -133,8 +133,7 @@ class Job(_Record):
     )
     machine_s: float = Field(description="seconds that render children spent on the job")
     wasted_s: float = Field(
-        0.0,
-        description="seconds of those on tries of slices of which another was committed first",
+        0.0, description="seconds of those on tries of slices of which another was committed first"
     )
     second_tries: int = Field(
         0, description="slices that were late, and that a second worker was given too"

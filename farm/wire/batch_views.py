@@ -117,7 +117,7 @@ class BatchPage(BaseModel):
 
 
 class SteeredJob(BaseModel):
-    """What became of one job of a batch."""
+    """The result of steering one job of a batch."""
 
     model_config = ConfigDict(extra="ignore")
 
@@ -128,7 +128,7 @@ class SteeredJob(BaseModel):
 
 
 class BatchSteered(BaseModel):
-    """What became of each job of a batch that was cancelled, paused or resumed."""
+    """The result of cancelling, pausing or resuming each job of a batch."""
 
     model_config = ConfigDict(extra="ignore", json_schema_extra={"examples": [STEERED]})
 

@@ -224,9 +224,7 @@ DELIVERY: Final[dict[str, Any]] = {
     "at": _AT,
     "state": "waiting",
     "next_try_at": "2026-11-21T08:12:18.102Z",
-    "tries": [
-        {"at": _AT, "status": 500, "error": "the receiver answered 500", "ms": 12},
-    ],
+    "tries": [{"at": _AT, "status": 500, "error": "the receiver answered 500", "ms": 12}],
 }
 
 DELIVERIES: Final[dict[str, Any]] = {

@@ -64,7 +64,7 @@ class Curve(BaseModel):
 
 
 class Happened(BaseModel):
-    """What has happened to a job so far."""
+    """The events of a job so far."""
 
     model_config = ConfigDict(json_schema_extra=_shows({"events": [examples.EVENT]}))
 
@@ -72,7 +72,7 @@ class Happened(BaseModel):
 
 
 class SliceView(BaseModel):
-    """A slice's line in the ledger."""
+    """A slice's record in the ledger."""
 
     model_config = ConfigDict(extra="ignore", json_schema_extra=_shows(examples.SLICE))
 
@@ -108,7 +108,7 @@ class SliceLog(BaseModel):
         json_schema_extra=_shows({"slice": examples.SLICE, "entries": [examples.LOG_ENTRY]})
     )
 
-    slice: SliceView | None = Field(description="its line in the ledger; null until it has one")
+    slice: SliceView | None = Field(description="its record in the ledger; null until it has one")
     entries: list[LogEntry] = Field(description="how each try of it ended, by time")
 
 
@@ -128,13 +128,13 @@ class Workers(BaseModel):
 
 
 class DemandView(BaseModel):
-    """Slices that want a worker."""
+    """Slices that need a worker."""
 
     model_config = ConfigDict(json_schema_extra=_shows({"slices": 7, "waiting": 4, "leased": 3}))
 
-    slices: int = Field(description="both: as many workers have something to do")
-    waiting: int = Field(description="of jobs that are not paused, planned and nobody's yet")
-    leased: int = Field(description="a worker's")
+    slices: int = Field(description="waiting and leased ones together")
+    waiting: int = Field(description="planned and not leased, of jobs that are not paused")
+    leased: int = Field(description="leased to a worker")
 
 
 class SceneView(BaseModel):
@@ -173,7 +173,7 @@ class SceneFound(SceneView):
 
 
 class Preview(BaseModel):
-    """A picture of a job's way."""
+    """A preview of a job's course."""
 
     model_config = ConfigDict(json_schema_extra=_shows(examples.PREVIEW))
 
@@ -185,7 +185,7 @@ class Preview(BaseModel):
 
 
 class PreviewList(BaseModel):
-    """The pictures that can be had of a job's way."""
+    """The previews of a job's course."""
 
     model_config = ConfigDict(json_schema_extra=_shows({"previews": [examples.PREVIEW]}))
 

@@ -12,7 +12,7 @@ from plateau.farm.wire.views import JobView, job_view
 
 
 class WebhookData(BaseModel):
-    """What a message of a webhook tells."""
+    """The data of a webhook's message."""
 
     model_config = ConfigDict(extra="ignore")
 
