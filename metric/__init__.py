@@ -1,6 +1,6 @@
-"""Perception: what a screen shows, which differences an eye sees, and when to stop rendering.
+"""Perception: the light of a screen, visible differences, and when to stop rendering.
 
-Names are looked up when they are asked for, so that the rules can be listed without numerics.
+Names are imported on first use, so that listing the rules does not import numerics.
 The reasons are in docs/decisions/metric.md.
 """
 

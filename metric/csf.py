@@ -1,7 +1,7 @@
 """The eye's sensitivity: contrast, luminance and masking, one function for each quantity.
 
-Everything broadcasts as numpy does and is computed in float32, as the metric's goldens are. NaN in
-gives NaN out, and so does a negative argument, for which none of these is defined.
+Every function broadcasts as numpy does and computes in float32, like the metric's goldens. NaN and
+negative arguments, for which no function is defined, give NaN.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ Array: TypeAlias = NDArray[np.float32]
 
 #: The frequency at which sensitivity peaks at 100 cd/m², in cycles per degree.
 PEAK_FREQUENCY_CPD = 3.248
-#: The luminance at which contrasts of different frequencies are weighed, in cd/m².
+#: The luminance at which the bands are weighted, in cd/m².
 PEAK_LUMINANCE = 100.0
 
 #: Barten: a = A_SCALE (1 + A_LUMINANCE/L)^A_POWER, and b likewise; the rest is RISE.
@@ -53,13 +53,13 @@ def contrast_sensitivity(frequency_cpd: ArrayLike, luminance: ArrayLike) -> Arra
     Returns
     -------
     Array
-        Sensitivity, dimensionless, 0 or more; its limit 0 in the dark and at infinite frequency.
+        Sensitivity, dimensionless, 0 or more; 0 in the dark and at infinite frequency.
 
     Notes
     -----
     With a = 440 (1 + 0.7/L)^-0.2 and b = 0.3 (1 + 100/L)^0.15, the sensitivity is
-    a c e^(-bc) sqrt(1 + 0.06 e^(bc)). It is computed as a c sqrt(q² + 0.06 q) with q = e^(-bc),
-    the same number, which does not overflow at high frequencies.
+    a c e^(-bc) sqrt(1 + 0.06 e^(bc)). The code computes the equal a c sqrt(q² + 0.06 q) with
+    q = e^(-bc), which does not overflow at high frequencies.
 
     References
     ----------
@@ -75,7 +75,7 @@ def contrast_sensitivity(frequency_cpd: ArrayLike, luminance: ArrayLike) -> Arra
     """
     frequency = np.asarray(frequency_cpd, dtype=np.float32)
     light = np.asarray(luminance, dtype=np.float32)
-    # At L = 0 both quotients are infinite, which gives a = 0: where a factor is 0, so is the limit.
+    # At L = 0 both quotients are infinite, so a = 0. The limit is 0 wherever a factor is 0.
     with np.errstate(divide="ignore", over="ignore", under="ignore", invalid="ignore"):
         scale = A_SCALE * np.power(1 + np.float32(A_LUMINANCE) / light, np.float32(A_POWER))
         slope = B_SCALE * np.power(1 + np.float32(B_LUMINANCE) / light, np.float32(B_POWER))
@@ -139,7 +139,7 @@ def luminance_threshold(adaptation_luminance: ArrayLike) -> Array:
 
 
 def masking(normalised_contrast: ArrayLike) -> Array:
-    """Return by what factor a pattern raises the threshold for differences that lie on it.
+    """Return the factor by which a pattern raises the threshold for differences on it.
 
     Parameters
     ----------
@@ -149,7 +149,8 @@ def masking(normalised_contrast: ArrayLike) -> Array:
     Returns
     -------
     Array
-        Threshold elevation, 1 without a pattern and rising as its contrast to the power 0.7.
+        Threshold elevation: 1 without a pattern, and proportional to its contrast to the power 0.7
+        for strong patterns.
 
     References
     ----------
@@ -167,12 +168,12 @@ def masking(normalised_contrast: ArrayLike) -> Array:
             np.float32(MASKING_CONTRAST) * contrast, np.float32(MASKING_POWER)
         )
         squared = raised * raised
-        # The fourth root as two square roots: several times as fast as a power.
+        # Two square roots are several times as fast as a fourth root by a power.
         elevation: Array = np.sqrt(np.sqrt(1 + squared * squared))
     return elevation
 
 
 def _curve(log_light: Array, slope: float, intercept: float, power: float, offset: float) -> Array:
-    """Return a curved piece of the luminance threshold, log10 of cd/m²."""
+    """Return a curved piece of the luminance threshold in log10 cd/m²."""
     raised: Array = np.power(slope * log_light + intercept, np.float32(power)) + offset
     return raised

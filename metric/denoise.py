@@ -1,9 +1,9 @@
-"""What an image would be without its noise, when a sample of that noise is at hand.
+"""A denoiser for an image of whose noise a sample is known.
 
-The image and the noise are split into bands by undecimated wavelets (*à trous*). In each band, and
-around each pixel, the energy of the noise is known, and a band is kept as far as its own energy
-exceeds it: Wiener's filter with nothing to guess. So texture stays where it stands out from the
-noise, and flat areas become flat.
+Undecimated wavelets (*à trous*) split the image and the noise into bands. In each band the energy
+of the noise around each pixel is known, and the filter keeps the part of the band whose energy
+exceeds it: a Wiener filter without guesses. Texture above the noise stays, and flat areas become
+flat.
 """
 
 from __future__ import annotations
@@ -19,16 +19,16 @@ if TYPE_CHECKING:
 
 #: Bands; the coarsest is about this power of two pixels wide. Coarser noise masks nothing.
 BANDS = 3
-#: The noise's energy is known from one sample, so so many times of it are taken for noise.
+#: The filter removes this many times the noise's energy, because one sample is a rough estimate.
 CAUTION = 2.0
-#: Energies below this are nothing at all; keeps 0/0 away, in squared radiance.
+#: The least energy, in squared radiance; it prevents 0/0.
 LEAST_ENERGY = 1e-30
 
 
 def smoothed(planes: Plane, gap: int) -> Plane:
     """Return planes, (…, H, W) float32, blurred by the pyramid's kernel, its taps `gap` apart.
 
-    Beyond a border the border's own pixel is read.
+    Beyond a border it reads the pixel at the border.
     """
     for axis in (-2, -1):
         planes = _smoothed_along(planes, axis, gap)
@@ -36,15 +36,15 @@ def smoothed(planes: Plane, gap: int) -> Plane:
 
 
 def denoised(image: Image, noise: Image) -> Image:
-    """Return the image as it would be without noise, (H, W, 3) float32.
+    """Return the image without its noise, (H, W, 3) float32.
 
     Parameters
     ----------
     image
         (H, W, 3) float32, finite.
     noise
-        A sample of noise with the mean, 0, and the variance of the image's own at each pixel, and
-        independent of it: (H, W, 3) float32, finite.
+        A sample of noise, independent of the image's own, with mean 0 and the same variance at each
+        pixel: (H, W, 3) float32, finite.
 
     References
     ----------
@@ -82,7 +82,7 @@ def denoised(image: Image, noise: Image) -> Image:
 
 
 def planar(image: Image) -> Plane:
-    """Return the image channel by channel, (3, H, W) float32: every step reads one at a time."""
+    """Return the image as (3, H, W) float32, because every step reads one channel at a time."""
     return np.ascontiguousarray(np.moveaxis(image, -1, 0), np.float32)
 
 

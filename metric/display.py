@@ -1,8 +1,8 @@
-"""What a screen shows of an image: the display model in front of the metric.
+"""The display model in front of the metric: from an image to the light of a screen.
 
-An image is an ``(H, W, 3)`` float32 array of linear radiance (or of code values, when the view has
-a gamma). A `View` says how it is shown; the functions here follow the light from there: displayed
-RGB, CIE XYZ, luminance, and the CIELAB coordinates a* and b*.
+An image is an ``(H, W, 3)`` float32 array of linear radiance (or of code values if the view has a
+gamma). The functions compute, for a `View`, the displayed RGB, CIE XYZ, luminance, and the CIELAB
+coordinates a* and b*.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ RGB_TO_XYZ: Mapping[Primaries, NDArray[np.float32]] = MappingProxyType(
             [[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]],
             dtype=np.float32,
         ),
-        # Adobe RGB (1998) to the digits that Yee's program takes, so that counts can be compared.
+        # Adobe RGB (1998) with the digits of Yee's program, so that counts can be compared.
         "adobe1998": np.array(
             [
                 [0.576700, 0.185556, 0.188212],
@@ -49,16 +49,16 @@ RGB_TO_XYZ: Mapping[Primaries, NDArray[np.float32]] = MappingProxyType(
     }
 )
 
-#: Exposures beyond this would leave float32's range, where black times infinity is no number.
+#: Exposures beyond this overflow float32, and black times infinity is NaN.
 EXPOSURE_LIMIT_EV = 100
 
 #: Powers of two that a float32 can hold.
 FLOAT32_EXPONENTS = (-126, 127)
 
-#: No screen's white is brighter, in cd/m²: twice the most that any standard codes for.
+#: The brightest white of a screen, in cd/m²: twice the highest that any standard encodes.
 BRIGHTEST_WHITE = 20_000
 
-#: A film of 10,000 pixels on a screen seen from 1,000 km, and a screen before the very eye.
+#: From 10,000 pixels on a screen 1,000 km away to a screen directly before the eye.
 FIELDS_OF_VIEW_DEG = (0.0001, 179.9)
 
 #: CIE 15:2004, where the cube root of CIELAB gives way to a straight line.
@@ -72,7 +72,7 @@ LAB_A, LAB_B = 500, 200
 
 @dataclass(frozen=True, kw_only=True)
 class View:
-    """How an image is shown and seen: the screen, and how far from it the eye is.
+    """How an image is shown and seen: the screen, and the angle that the image fills.
 
     Raises
     ------
@@ -86,9 +86,9 @@ class View:
     white_luminance: float = bounded(100.0, 0.01, BRIGHTEST_WHITE)
     #: Horizontal angle that the image fills, in degrees.
     field_of_view_deg: float = bounded(45.0, *FIELDS_OF_VIEW_DEG)
-    #: The screen's primaries, in which the image's channels are given.
+    #: The primaries of the screen and of the image's channels.
     primaries: Primaries = "rec709"
-    #: Power from the image's values to linear light, above 0: 1 for rendered radiance.
+    #: Exponent from the image's values to linear light, above 0: 1 for rendered radiance.
     gamma: float = 1.0
     #: Whether to leave out the chromatic test and judge luminance alone.
     luminance_only: bool = False
@@ -103,7 +103,7 @@ class View:
 
     @property
     def brightest(self) -> float:
-        """The image's value that shows as white; all above it looks the same.
+        """The image's least value that shows as white.
 
         Examples
         --------
@@ -116,7 +116,7 @@ class View:
 
 @dataclass(frozen=True, kw_only=True)
 class SeenFrom:
-    """Where a screen is seen from, which gives an image on it its field of view.
+    """The viewing distance and pixel pitch, which determine the field of view of an image.
 
     Raises
     ------
@@ -136,7 +136,7 @@ class SeenFrom:
                 raise ValueError(f"{name} must be above 0, not {value}")
 
     def field_of_view_deg(self, width: int) -> float:
-        """Return the angle that an image so many pixels wide fills: 2 atan(w pitch / 2 distance).
+        """Return the angle that an image of this width fills: 2 atan(w pitch / 2 distance).
 
         Examples
         --------
@@ -148,7 +148,7 @@ class SeenFrom:
 
 
 def as_image(image: NDArray[Any]) -> Image:
-    """Return the array as an image: float32, checked to be (H, W, 3) with at least one pixel."""
+    """Return the array as a float32 image; ValueError if it is not (H, W, 3) or has no pixel."""
     image = np.asarray(image)
     if image.ndim != 3 or image.shape[2] != 3 or image.size == 0:
         raise ValueError(f"an image must have shape (H, W, 3), not {image.shape}")
@@ -173,8 +173,8 @@ def finite_pixels(image: Image) -> Mask:
 def displayed(image: Image, view: View) -> Image:
     """Return the linear RGB that the screen shows, (H, W, 3), float32 in [0, 1].
 
-    Values are raised to the view's gamma, scaled by 2^EV and clipped to what a screen can show.
-    Negative values, which filters with negative lobes make, show as black.
+    Values are raised to the view's gamma, scaled by 2^EV and clipped to [0, 1]. Filters with
+    negative lobes produce negative values, which show as black.
 
     Examples
     --------
@@ -182,7 +182,7 @@ def displayed(image: Image, view: View) -> Image:
     >>> displayed(image, View(exposure_ev=1)).ravel().tolist()
     [0.0, 0.5, 1.0]
     """
-    # Planar memory behind the usual shape: every later step reads one whole channel at a time.
+    # Planar memory behind the usual shape, because every later step reads one whole channel.
     planes = np.maximum(np.moveaxis(image, -1, 0), np.float32(0), order="C")
     # A value too large for float32 becomes infinite, and the clip makes it white.
     with np.errstate(over="ignore"):
@@ -231,7 +231,7 @@ def opponent_chroma(xyz: Plane, primaries: Primaries) -> Plane:
     """
     white = RGB_TO_XYZ[primaries].sum(axis=1, dtype=np.float32)
     ratio = xyz / white[:, np.newaxis, np.newaxis]
-    # A rounded power rather than the exact cube root, as in the program the goldens come from.
+    # A rounded power instead of the exact cube root, as in the program that made the goldens.
     response = np.power(ratio, np.float32(1 / 3))
     straight = ratio <= LAB_EPSILON
     response[straight] = (LAB_KAPPA * ratio[straight] + LAB_OFFSET) / LAB_SCALE
@@ -244,7 +244,7 @@ def opponent_chroma(xyz: Plane, primaries: Primaries) -> Plane:
 
 
 def encode_srgb(image: NDArray[Any], exposure_ev: float = 0.0) -> NDArray[np.uint8]:
-    """Return a linear Rec. 709 image as 8-bit sRGB for people to look at, (H, W, 3) uint8.
+    """Return a linear Rec. 709 image as 8-bit sRGB for viewing, (H, W, 3) uint8.
 
     NaN shows as black, infinity as white.
 

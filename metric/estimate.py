@@ -1,11 +1,11 @@
-"""How many pixels of an image a person would see differ from the converged one, without having it.
+"""The half-buffer estimate: how many pixels differ visibly from the converged image.
 
-The image without its noise, T, stands for the truth, and noise like the image's own, N, for its
-error (see `plateau.metric.noise_model`). Then D(T, T + N) and D(T, T - N) stand for D(truth,
-image).
+The converged image is unknown. T, the image without its noise, takes its place, and N, noise like
+the image's own, that of the error (see `plateau.metric.noise_model`). Then D(T, T + N) and
+D(T, T - N) estimate D(truth, image).
 
-It takes the clean image and not the merged one, since noise masks noise: from the merged image and
-one half of it the same number came out at 0.5 to 0.9 of the truth.
+T is the clean image, not the merged one, because noise masks noise: an estimate from the merged
+image and one of its halves was 0.5 to 0.9 of the truth.
 """
 
 from __future__ import annotations
@@ -22,20 +22,20 @@ if TYPE_CHECKING:
     from plateau.metric.display import Image, Mask, Plane
     from plateau.metric.vdp import Percept, VisibleDifferences
 
-#: Standard deviations on either side of a normal distribution that hold nine tenths of it.
+#: A normal distribution has nine tenths of its mass within this many standard deviations.
 BAND_DEVIATIONS = 1.645
-#: By how much the estimate was found off on synthetic noise where luck hardly matters, as a share.
+#: Relative error of the estimate on synthetic noise, measured where chance hardly matters.
 MODEL_ERROR = 0.1
-#: A clump of visible pixels counts as one event; larger ones have joined by chance.
+#: The most pixels of a clump that counts as one event; larger clumps have joined by chance.
 LARGEST_CLUMP = 25.0
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """How far an image is from the converged one, as far as an eye can tell."""
+    """The visible difference of an image from the converged one, as estimated."""
 
-    #: Visible pixels, 0 or more; a mean of two counts. Pixels that are NaN or infinite are left out
-    #: here and below: no sample will repair them.
+    #: Visible pixels, 0 or more; a mean of two counts. This and the fields below leave out pixels
+    #: that are NaN or infinite, which no sample repairs.
     pixels: float
     #: `pixels` over the number of pixels, in [0, 1].
     fraction: float
@@ -64,16 +64,16 @@ def half_buffer_estimate(
     image: Image,
     halves: tuple[Half, Half],
 ) -> Estimate:
-    """Return the estimate of D(truth, image): the mean of D(T, T + N) and D(T, T - N).
+    """Return the estimate of D(truth, image), the mean of D(T, T + N) and D(T, T - N).
 
     Parameters
     ----------
     metric
-        The predictor, under the view in which to judge.
+        The predictor, for the view under which to judge.
     image
         The merged image of both halves, (H, W, 3).
     halves
-        A and B.
+        The even- and the odd-indexed slices.
 
     Raises
     ------
@@ -82,8 +82,8 @@ def half_buffer_estimate(
 
     Notes
     -----
-    The band takes the count for one of independent clumps of pixels, whose number varies as a
-    Poisson variable's does, in the estimate and in the truth alike.
+    The band assumes independent clumps of pixels, whose number is a Poisson variable, both in the
+    estimate and in the truth.
 
     Examples
     --------
@@ -101,7 +101,7 @@ def half_buffer_estimate(
 
 
 def estimate_from(metric: VisibleDifferences, model: NoiseModel, clean: Percept) -> Estimate:
-    """Return the estimate, where the model and the percept of its clean image are at hand."""
+    """Return the estimate from a noise model and the percept of its clean image."""
     differences = [
         metric.compare(clean, metric.percept(model.noisy(amount))) for amount in (1.0, -1.0)
     ]
@@ -123,9 +123,10 @@ def estimate_from(metric: VisibleDifferences, model: NoiseModel, clean: Percept)
 
 
 def allowed_pixels(target: float, pixels: int) -> float:
-    """Return how many pixels a target fraction allows: at least one.
+    """Return how many pixels a target fraction allows.
 
-    No single pixel, a firefly's say, may hold up a whole image.
+    It is at least 1, so that a single pixel, such as a firefly, cannot keep a whole image from
+    converging.
 
     Examples
     --------
@@ -142,10 +143,10 @@ def require_target(target: float) -> None:
 
 
 def mean_clump(visible: Mask) -> float:
-    """Return how many visible pixels come together, 1 or more: pixels over connected clumps.
+    """Return the mean size of a connected clump of visible pixels, 1 or more.
 
-    Clumps are counted by Euler's formula, corners less edges plus faces, with pixels as the
-    corners; that is exact for clumps without holes.
+    Euler's formula counts the clumps: corners less edges plus faces, with pixels as the corners. It
+    is exact for clumps without holes.
 
     Examples
     --------
@@ -157,17 +158,15 @@ def mean_clump(visible: Mask) -> float:
     rows = visible[1:] & visible[:-1]
     columns = visible[:, 1:] & visible[:, :-1]
     faces = rows[:, 1:] & rows[:, :-1]
-    pixels, edges, squares = map(
-        int,
-        map(np.count_nonzero, (visible, np.concatenate([rows.ravel(), columns.ravel()]), faces)),
-    )
-    clumps = max(pixels - edges + squares, 1)
+    pixels = int(np.count_nonzero(visible))
+    edges = int(np.count_nonzero(rows)) + int(np.count_nonzero(columns))
+    clumps = max(pixels - edges + int(np.count_nonzero(faces)), 1)
     return min(max(pixels / clumps, 1.0), LARGEST_CLUMP)
 
 
 def _band(pixels: float, visible: Mask) -> tuple[float, float]:
-    """Return between which counts the truth lies, most likely, given the estimate."""
-    # The square root of a Poisson count varies by ½ whatever the count; both vary, by clumps.
+    """Return the least and the greatest likely count of the truth, given the estimate."""
+    # The square root of a Poisson count has deviation ½. Estimate and truth both vary, by clumps.
     clump = mean_clump(visible)
     spread = BAND_DEVIATIONS * math.sqrt(2 * clump) / 2
     low = max(math.sqrt(pixels) - spread, 0.0) ** 2

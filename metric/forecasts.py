@@ -1,8 +1,8 @@
-"""How many samples it takes until hardly a pixel differs visibly from the converged image.
+"""The forecast of the samples at which the estimate falls to a target.
 
-The error of the merged image I at n samples per pixel shrinks as 1/sqrt(n), so at n' it will be
-sqrt(n/n') of what it is. With T for the truth and N for the error (see `plateau.metric.estimate`),
-D(T, T + sqrt(n/n') N) is the estimate as it will be at n'.
+The error of the merged image I at n samples per pixel shrinks as 1/sqrt(n): at n' it is sqrt(n/n')
+times that at n. With T for the truth and N for the error (see `plateau.metric.estimate`),
+D(T, T + sqrt(n/n') N) forecasts the estimate at n'.
 """
 
 from __future__ import annotations
@@ -26,17 +26,16 @@ if TYPE_CHECKING:
     from plateau.metric.noise_model import Half, NoiseModel
     from plateau.metric.vdp import Percept, VisibleDifferences
 
-#: A forecast looks no further than so many times the present samples.
+#: The farthest forecast, as a multiple of the present samples.
 FURTHEST = 1000.0
-#: At most so many looks ahead, each the cost of one evaluation.
+#: The most looks ahead; each costs one evaluation.
 MOST_LOOKS = 5
-#: It is not refined beyond this factor in spp, far inside its band.
+#: The search ends when the spp is known to this factor, far inside the band.
 FINE_ENOUGH = 1.03
-#: The count falls as a power of the samples: the power before anything is known of it, and the
-#: range in which one is believed.
+#: The count falls as a power of the samples: the initial guess of that power, and its range.
 FIRST_POWER = 2.0
 LEAST_POWER, MOST_POWER = 0.5, 8.0
-#: How far forecasts were found off, as a power of n'/n: heavy tails have yet to even out.
+#: Measured error of forecasts, as a power of n'/n; its cause is noise with heavy tails.
 DRIFT_POWER = 0.08
 
 
@@ -44,8 +43,8 @@ DRIFT_POWER = 0.08
 class Forecast:
     """At how many samples per pixel the estimate falls to a target."""
 
-    #: The best guess, at least the present spp; None where more than 1000 times as many would not
-    #: do, as where light is still to be found.
+    #: The best guess, at least the present spp; None if more than 1000 times the present spp are
+    #: not enough, for example because light has not been found yet.
     spp: int | None
     #: The band around it that holds the spp in about nine cases of ten; None as for `spp`.
     low_spp: int | None
@@ -54,7 +53,7 @@ class Forecast:
 
 @dataclass
 class _Search:
-    """A zero crossing in logarithmic coordinates, bracketed from the left by the present."""
+    """The search of a zero crossing in logarithmic coordinates, from the present onwards."""
 
     #: (ln n'/n, ln of the count over the allowed one), the last looks above and below the target.
     above: tuple[float, float]
@@ -75,7 +74,7 @@ class _Search:
 
     @property
     def crossing(self) -> float:
-        """Where the target is crossed, as far as is known."""
+        """The best guess of where the count crosses the target."""
         (x, y), right = self.above, self.below
         if right is None or right[1] == y:
             return x + y / self.power
@@ -83,7 +82,7 @@ class _Search:
 
     @property
     def fine_enough(self) -> bool:
-        """Whether both sides are known and lie close."""
+        """Whether both sides are known and close to each other."""
         return self.below is not None and self.below[0] - self.above[0] < math.log(FINE_ENOUGH)
 
 
@@ -95,12 +94,12 @@ def forecast(
     *,
     guess: int | None = None,
 ) -> Forecast:
-    """Return at how many spp the half-buffer estimate falls to a target fraction of the pixels.
+    """Return the spp at which the half-buffer estimate falls to a target fraction of the pixels.
 
     Parameters
     ----------
     metric
-        The predictor, under the view in which to judge.
+        The predictor, for the view under which to judge.
     image
         The merged image of both halves, (H, W, 3).
     halves
@@ -108,18 +107,17 @@ def forecast(
     target
         Fraction of the pixels, between 0 and 1; never less than one pixel.
     guess
-        Where an earlier forecast for this target lay, in spp: a good start.
+        An earlier forecast for this target, in spp, at which the search starts.
 
     Raises
     ------
     ValueError
-        If the target is no such fraction, or the halves and the image differ in size.
+        If the target is not between 0 and 1, or the halves and the image differ in size.
 
     Notes
     -----
-    It takes at most five evaluations beyond the estimate, with one sign of the noise alone.
-
-    The band is calibrated on synthetic noise; docs/stopping.md has its coverage.
+    It takes at most five evaluations beyond the estimate, all with one sign of the noise. The band
+    is calibrated on synthetic noise; docs/stopping.md has its coverage.
 
     Examples
     --------
@@ -149,9 +147,9 @@ def forecast_from(
     spp: int,
     guess: int | None = None,
 ) -> Forecast:
-    """Return the forecast, where the model, its clean image's percept and the estimate are known.
+    """Return the forecast from a noise model, the percept of its clean image, and the estimate.
 
-    `spp` is what the merged image has now.
+    `spp` is that of the merged image.
     """
     require_target(target)
     allowed = allowed_pixels(target, model.pixels)
@@ -177,7 +175,7 @@ def forecast_from(
     if place > furthest:
         return Forecast(None, None, None)
 
-    # The counts at the crossing vary, by clumps, now and then; the forecast drifts with distance.
+    # The counts vary by clumps, now and at the crossing; the error grows with the distance.
     luck = BAND_DEVIATIONS * math.sqrt(2 * clump / (allowed + 1)) / search.power
     off = DRIFT_POWER * place + luck
     return Forecast(
@@ -188,7 +186,7 @@ def forecast_from(
 
 
 def _over(pixels: float, allowed: float) -> float:
-    """Return the logarithm of a count over the allowed one; a count of 0 has one too."""
+    """Return the logarithm of a count over the allowed one, finite for a count of 0 too."""
     return math.log((pixels + 0.5) / (allowed + 0.5))
 
 

@@ -1,9 +1,9 @@
-"""A merged image taken apart into what it would be without noise, and a sample of its noise.
+"""The noise model of a merged image: the image without noise, and a sample of its noise.
 
-The slices are split in two halves with means A and B, and the merged image is I. Then A - I is
-noise of the same kind as I - truth. With n_A = n_B even the variance is the same; otherwise
-Var(A - I) = σ² n_B / (n n_A), where I - truth has σ²/n, and scaling by sqrt(n_A / n_B) makes up for
-it. For B that gives the same sample with the other sign.
+The slices form two halves with means A and B; the merged image is I. Then A - I is noise of the
+same kind as I - truth. With n_A = n_B the variances are equal. Otherwise
+Var(A - I) = σ² n_B / (n n_A) and Var(I - truth) = σ²/n, so the sample is scaled by sqrt(n_A / n_B).
+B gives the same sample with the other sign.
 """
 
 from __future__ import annotations
@@ -38,9 +38,9 @@ class Half:
 
 @dataclass(frozen=True, eq=False)
 class NoiseModel:
-    """The converged image as far as it can be told, and noise like the merged image's own."""
+    """An approximation of the converged image, and noise like the merged image's own."""
 
-    #: The merged image without its noise, (H, W, 3) float32, as far as a screen shows it.
+    #: The merged image without its noise, clipped to the screen's range, (H, W, 3) float32.
     clean: Image
     #: A sample of noise with the variance of the merged image's, (H, W, 3) float32.
     noise: Image
@@ -49,11 +49,11 @@ class NoiseModel:
 
     @property
     def pixels(self) -> int:
-        """How many pixels there are."""
+        """The number of pixels."""
         return self.non_finite.size
 
     def noisy(self, amount: float) -> Image:
-        """Return the clean image with `amount` times the noise: ±1 for as much as there is now.
+        """Return the clean image plus `amount` times the noise: ±1 is the present noise.
 
         Pixels of the merged image that are not finite are NaN.
         """
@@ -74,11 +74,11 @@ def noise_model(metric: VisibleDifferences, image: Image, halves: tuple[Half, Ha
     Parameters
     ----------
     metric
-        The predictor that will judge it: noise in what its view shows as plain white is none.
+        The predictor that will judge it. Its view shows some values as white; noise there is 0.
     image
         The merged image of both halves, (H, W, 3).
     halves
-        A and B.
+        The even- and the odd-indexed slices.
 
     Raises
     ------
@@ -102,7 +102,7 @@ def noise_model(metric: VisibleDifferences, image: Image, halves: tuple[Half, Ha
     shown, half = image, even
     if not finite.all():
         shown, half = (np.where(finite[..., np.newaxis], pixels, 0) for pixels in (image, even))
-    # Clipped as it will be shown, so that what is too bright to see makes no noise around it.
+    # Clipped as on the screen, so that noise above white does not spread to its surroundings.
     even_spp, odd_spp = (half.spp for half in halves)
     spread = np.float32(math.sqrt(even_spp / odd_spp)) * (half - shown)
     above, below = (_clipped(one, metric.view) for one in (shown + spread, shown - spread))

@@ -1,4 +1,4 @@
-"""Pixels that are NaN or infinite: where they are, and how many an image may have."""
+"""Pixels that are NaN or infinite: their places, and their allowed number."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from plateau.metric.display import as_image, finite_pixels
 if TYPE_CHECKING:
     from plateau.metric.display import Image, Mask
 
-#: No sample repairs such a pixel. An image may have this share of them, which no count includes,
+#: The allowed share of such pixels. No sample repairs them, and no count includes them.
 MOST_NON_FINITE = 0.001
-#: and so many pixels however small it is. An image with more is no result.
+#: The number that is allowed in an image of any size. An image with more fails its job.
 ALWAYS_ALLOWED = 2
 
 
@@ -31,7 +31,7 @@ def allowed_non_finite(pixels: int) -> int:
 
 @dataclass(frozen=True, eq=False)
 class NonFinite:
-    """The pixels of an image that are not finite; each is in one of the two maps at most."""
+    """The pixels of an image that are not finite, in two maps without overlap."""
 
     #: Pixels with a channel that is NaN, (H, W) bool.
     nan: Mask
@@ -40,11 +40,11 @@ class NonFinite:
 
     @property
     def count(self) -> int:
-        """How many there are."""
+        """Their number."""
         return int(np.count_nonzero(self.nan)) + int(np.count_nonzero(self.infinite))
 
     def in_words(self) -> str:
-        """Return how many of how many pixels they are, and what they are.
+        """Return a phrase with their number, the number of all pixels, and their kind.
 
         Examples
         --------

@@ -1,4 +1,4 @@
-"""Pictures of a judgement, for people to look at."""
+"""Pictures of a judgement for viewing."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from plateau.metric.display import Mask
     from plateau.metric.non_finite import NonFinite
 
-#: What is marked on an image in dim grey, and how: visible pixels, NaN and infinite ones.
+#: Codes and colours of the marks on an image in dim grey: visible, NaN and infinite pixels.
 _VISIBLE, _NAN, _INFINITE = 255, 254, 253
 _COLOURS = {_VISIBLE: (255, 140, 0), _NAN: (255, 0, 255), _INFINITE: (0, 200, 255)}
 #: The colour of each code of a map, (256, 3) uint8.
@@ -22,16 +22,14 @@ for _code, _colour in _COLOURS.items():
 
 
 def difference_map(picture: NDArray[np.uint8], visible: Mask) -> NDArray[np.uint8]:
-    """Return the map of visible pixels laid over a picture, (H, W) uint8.
-
-    Its codes are those of `MAP_PALETTE`, which makes it a picture.
+    """Return the map of visible pixels over a picture, (H, W) uint8 indices of `MAP_PALETTE`.
 
     Parameters
     ----------
     picture
-        (H, W, 3) uint8, of `metric.encode_srgb`.
+        (H, W, 3) uint8, from `metric.encode_srgb`.
     visible
-        The map, (H, W).
+        The map, (H, W) bool.
 
     Examples
     --------
@@ -46,7 +44,7 @@ def difference_map(picture: NDArray[np.uint8], visible: Mask) -> NDArray[np.uint
 
 
 def non_finite_map(picture: NDArray[np.uint8], found: NonFinite) -> NDArray[np.uint8]:
-    """Return the map of pixels that are NaN (magenta) or infinite (blue) laid over a picture.
+    """Return the map of pixels that are NaN (magenta) or infinite (blue) over a picture.
 
     Parameters and codes are as for `difference_map`.
 

@@ -1,4 +1,4 @@
-"""Eight ever more blurred copies of a luminance plane, all at full resolution."""
+"""Eight copies of a luminance plane with increasing blur, all at full resolution."""
 
 from __future__ import annotations
 
@@ -10,24 +10,24 @@ import numpy as np
 if TYPE_CHECKING:
     from plateau.metric.display import Plane
 
-#: How many levels there are, the sharp plane included.
+#: Levels, with the sharp plane.
 LEVELS = 8
 #: The separable kernel: the centre, its two neighbours, the two beyond.
 KERNEL = (0.4, 0.25, 0.05)
-#: So many pixels to either side the kernel reads.
+#: Pixels that the kernel reads on either side.
 REACH = 2
 
 
 def border_index(index: int, size: int) -> int:
-    """Return the pixel of a line of `size` that is read where the kernel asks for `index`.
+    """Return which pixel of a line of `size` pixels the kernel reads at `index`.
 
-    Inside the line that is the index itself. Before it, index n reads -n (the edge is not
-    repeated); behind it, n reads 2·size - n - 1 (the edge is repeated). On a line too short for one
-    reflection to land inside, which only a single pixel is, the rule is applied until it does.
+    Inside the line it is the index itself. Before the line, index n reads -n (the edge is not
+    repeated); behind it, n reads 2·size - n - 1 (the edge is repeated). The rule is repeated until
+    the result is inside the line, which matters for a single pixel only.
 
     Notes
     -----
-    The two ends differ because Yee's program does, and its counts are what ours are held to.
+    The two ends differ as in Yee's program, whose counts are the reference.
 
     Examples
     --------
@@ -47,7 +47,7 @@ def blurred_levels(plane: Plane) -> Plane:
     """Return the plane and its seven successive blurs as (8, H, W), float32.
 
     Level 0 is the plane; each further one is the 5-tap separable blur (.05 .25 .4 .25 .05) of the
-    one before. See `border_index` for what is read beyond the borders.
+    one before, with borders by `border_index`.
 
     References
     ----------
@@ -66,7 +66,7 @@ def blurred_levels(plane: Plane) -> Plane:
     levels: Plane = np.empty((LEVELS, height, width), np.float32)
     levels[0] = plane
 
-    # One bordered copy serves every level; its margins are filled by index from its inside.
+    # One bordered copy serves every level; its margins repeat pixels of its inside.
     bordered: Plane = np.empty((height + 2 * REACH, width + 2 * REACH), np.float32)
     inside = bordered[REACH:-REACH, REACH:-REACH]
     rows, mirrored_rows = _margins(height)
@@ -84,7 +84,7 @@ def blurred_levels(plane: Plane) -> Plane:
 
 
 def _margins(size: int) -> tuple[list[int], list[int]]:
-    """Return the indices of a bordered line's margins and those of the pixels they repeat."""
+    """Return the indices of a bordered line's margins, and those of the repeated pixels."""
     beyond = (-2, -1, size, size + 1)
     return [n + REACH for n in beyond], [border_index(n, size) + REACH for n in beyond]
 

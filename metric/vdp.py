@@ -1,7 +1,7 @@
-"""Yee's fast visible-differences predictor: which pixels of two images an eye can tell apart.
+"""Yee's fast visible-differences predictor: which pixels of two images differ visibly.
 
-Two steps. `VisibleDifferences.percept` prepares what depends on one image alone; in a job the
-reference is prepared once. `VisibleDifferences.compare` sets two such percepts against each other.
+`VisibleDifferences.percept` computes everything that depends on one image only, so that a job
+prepares its reference once. `VisibleDifferences.compare` compares two percepts.
 
 References
 ----------
@@ -43,18 +43,18 @@ if TYPE_CHECKING:
 
     Indices: TypeAlias = NDArray[np.intp]
 
-#: Contrast bands: each needs its own level, the next and the one after that.
+#: Contrast bands: each needs its own level and the two after it.
 BANDS = LEVELS - 2
 #: Luminances and contrasts are divided by at least this (cd/m² and 1).
 FLOOR = 1e-5
-#: Bands are weighed by at most this: what float32 holds beside any contrast.
+#: The greatest weight of a band: its product with any contrast stays within float32.
 MOST_WEIGHT = 1e30
-#: Threshold elevation is held between these.
+#: The range of the threshold elevation.
 ELEVATION_MIN, ELEVATION_MAX = 1.0, 10.0
 #: Below this adaptation luminance, in cd/m², colour is not judged.
 COLOUR_LUMINANCE = 10.0
 
-#: Pixels whose elevation is worked out at a time: few enough to stay in a core's cache.
+#: Pixels of one step of the elevation: few enough to stay in a core's cache.
 _BLOCK = 8192
 
 
@@ -63,7 +63,7 @@ class Percept(Protocol):
 
     @property
     def view(self) -> View:
-        """The view."""
+        """The view for which it is prepared."""
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -84,7 +84,7 @@ class Percept(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class PreparedPercept:
-    """A `Percept` with everything worked out when it is made."""
+    """A `Percept` with everything computed at its construction."""
 
     view: View
     levels: Plane
@@ -113,15 +113,15 @@ class Difference:
 
     @property
     def finite_count(self) -> int:
-        """How many visible pixels are finite in both images: all that more samples may change."""
+        """How many visible pixels are finite in both images: more samples change no others."""
         return self.count - self.non_finite
 
 
 class VisibleDifferences:
     """The predictor under one view.
 
-    This one is numpy throughout and the measure of correctness; `plateau.metric.compiled` has
-    another, for those who compare many images and can wait for a compiler once.
+    This class is plain numpy, and the reference for `plateau.metric.compiled`, which is faster for
+    many images and loads a compiler once.
 
     Examples
     --------
@@ -135,20 +135,20 @@ class VisibleDifferences:
 
     def __init__(self, view: View) -> None:
         self.view = view
-        #: The image's width in degrees, as the flat screen that it is.
+        #: The image's width in degrees, on a flat screen.
         self.width_deg = math.degrees(2 * math.tan(math.radians(view.field_of_view_deg) / 2))
-        #: The level that stands for the luminance to which the eye adapts: about one degree.
+        #: The level with the luminance to which the eye adapts: blurred by about one degree.
         self.adaptation_level = next(
             (level for level in range(LEVELS) if 2**level > self.width_deg), LEVELS - 1
         )
 
     @staticmethod
     def denoised(image: Image, noise: Image) -> Image:
-        """Return what `plateau.metric.denoise.denoised` does, as fast as the predictor can."""
+        """Return `plateau.metric.denoise.denoised`; a faster predictor overrides it."""
         return denoised(image, noise)
 
     def percept(self, image: NDArray[Any]) -> Percept:
-        """Return all that depends on this image alone.
+        """Return everything that depends on this image only.
 
         Parameters
         ----------
@@ -163,7 +163,7 @@ class VisibleDifferences:
         image = as_image(image)
         non_finite = ~finite_pixels(image)
         if non_finite.any():
-            # One NaN would spread to the whole reach of the blurs; black stays where it is.
+            # The blurs would spread a NaN over their whole reach.
             image = np.where(non_finite[..., np.newaxis], np.float32(0), image)
         view = self.view
         xyz = tristimulus(displayed(image, view), view.primaries)
@@ -174,7 +174,7 @@ class VisibleDifferences:
     def compare(self, reference: Percept, test: Percept) -> Difference:
         """Return where the test image differs visibly from the reference.
 
-        The comparison is symmetric: exchanging the two changes nothing.
+        The comparison is symmetric.
 
         Raises
         ------
@@ -189,11 +189,11 @@ class VisibleDifferences:
         np.maximum(adaptation, FLOOR, out=adaptation)
         threshold = luminance_threshold(adaptation)
 
-        # Both differences in units of their unelevated threshold: visible where above F.
+        # A difference, in units of its unelevated threshold, is visible above F.
         excess = np.abs(reference.levels[0] - test.levels[0])
         colour = _colour_difference(reference, test, adaptation)
 
-        # F lies between two constants, which decides most pixels; only the rest needs it.
+        # F lies between two constants, which decide most pixels; only the others need F itself.
         visible = _exceeds(excess, threshold, colour, ELEVATION_MAX)
         undecided = _exceeds(excess, threshold, colour, ELEVATION_MIN)
         undecided &= ~visible
@@ -214,7 +214,7 @@ class VisibleDifferences:
         return Difference(visible, count, count / visible.size, int(np.count_nonzero(non_finite)))
 
     def check(self, reference: Percept, test: Percept) -> None:
-        """Raise ValueError unless the two can be compared under this view."""
+        """Raise ValueError unless both have one size and this view."""
         if reference.shape != test.shape:
             raise ValueError(
                 "reference and test must have the same size, not "
@@ -231,13 +231,13 @@ class VisibleDifferences:
         ours = reference.levels.reshape(LEVELS, -1)[:, indices]
         theirs = test.levels.reshape(LEVELS, -1)[:, indices]
 
-        # Contrast in each band: what one blur takes away, over the luminance around it.
+        # Contrast in each band: the detail that one blur removes, over the luminance around it.
         contrast = np.maximum(
             np.abs(ours[:BANDS] - ours[1:-1]), np.abs(theirs[:BANDS] - theirs[1:-1])
         )
         contrast /= np.maximum(np.maximum(ours[2:], theirs[2:]), FLOOR)
 
-        # Each band's masking, weighed by the band's contrast and the eye's sensitivity to it.
+        # Masking of each band, weighted by its contrast and the eye's sensitivity.
         width = reference.shape[1]
         frequencies = self.frequencies_cpd(width)[:, np.newaxis]
         masked = masking(contrast * contrast_sensitivity(frequencies, adaptation))
@@ -258,8 +258,8 @@ class VisibleDifferences:
     def band_weights(self, width: int) -> NDArray[np.float32]:
         """Return how much more contrast each band needs than the best visible frequency, (6,).
 
-        `width` is that of the image, in pixels. Finite also for frequencies that nobody sees, so
-        that no contrast there counts for nothing.
+        `width` is that of the image, in pixels. Weights are finite even at invisible frequencies,
+        where an infinite weight times a contrast of 0 would be NaN.
         """
         peak = contrast_sensitivity(PEAK_FREQUENCY_CPD, PEAK_LUMINANCE)
         sensitivity = contrast_sensitivity(self.frequencies_cpd(width), PEAK_LUMINANCE)
@@ -295,7 +295,7 @@ def _colour_difference(reference: Percept, test: Percept, adaptation: Plane) -> 
     squared *= squared
     distance: Plane = squared[0]
     distance += squared[1]
-    # Yee compares the square itself with the elevation; so do the goldens.
+    # Yee's program, which made the goldens, compares the square itself with the elevation.
     distance[adaptation < COLOUR_LUMINANCE] = 0
     return distance
 

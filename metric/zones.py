@@ -1,4 +1,4 @@
-"""A judgement by zones of the image, since an eye's threshold differs from place to place."""
+"""A judgement by zones of the image, because the eye's threshold varies across it."""
 
 from __future__ import annotations
 
@@ -10,18 +10,17 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-#: Zones begin at multiples of this many pixels, so that renderers can crop along them.
+#: Zones begin at multiples of this many pixels, so that renderers can crop to them.
 ZONE_ALIGNMENT = 16
-#: Rows and columns of zones; with 4 × 4 the observers' thresholds of other studies were taken.
+#: Rows and columns of zones; other studies took observers' thresholds in 4 × 4 zones.
 ZONES = (4, 4)
 
 
 def zone_edges(size: int, zones: int) -> list[int]:
-    """Return where the zones of a line of pixels begin, and behind them where the last one ends.
+    """Return the starts of the zones of a line of pixels, and the end of the last zone.
 
-    The line is cut into blocks of 16 pixels, the last of which may be shorter, and each zone gets
-    as many of them as any other, or one more. A line of fewer blocks than zones asked for has one
-    zone for each block.
+    The line consists of blocks of 16 pixels; the last block may be shorter. All zones have the same
+    number of blocks, or one more. A line with fewer blocks than `zones` has one zone per block.
 
     Raises
     ------
@@ -51,8 +50,8 @@ def zone_fractions(visible: NDArray[Any], grid: tuple[int, int] = ZONES) -> NDAr
     Parameters
     ----------
     visible
-        A map of visible pixels, (H, W): bool, as `Difference.visible`, or a share of visibility in
-        [0, 1], as `Estimate.visible`.
+        A map of visible pixels, (H, W): bool like `Difference.visible`, or shares in [0, 1] like
+        `Estimate.visible`.
     grid
         Rows and columns of zones; see `zone_edges` for sizes that they do not divide.
 

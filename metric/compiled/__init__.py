@@ -1,12 +1,12 @@
-"""The predictor as compiled kernels, for those who compare many images.
+"""The predictor as compiled kernels, for comparing many images.
 
-It is a package apart because importing it loads a compiler, for which a single comparison should
-not wait. `plateau.metric.vdp`, plain numpy, is what it is held to.
+Its import loads a compiler, and a single comparison should not wait for that: hence a package of
+its own. The reference is `plateau.metric.vdp`, in plain numpy.
 
-What makes it fast, most first: the threshold elevation is worked out only where it decides
-(`elevation`); masking needs no more than three powers for all bands (`elevation`); one pass goes
-over the rows, with the blurred ones in rings that stay in cache (`levels`); logarithms and powers
-are polynomials in short loops that the compiler vectorises (`arithmetic`).
+The reasons for its speed, by weight: the threshold elevation is computed only where it decides
+(`elevation`); masking takes three powers for all bands (`elevation`); one pass goes over the rows,
+with the blurred rows in rings that stay in cache (`levels`); logarithms and powers are polynomials
+in short loops, which the compiler vectorises (`arithmetic`).
 
     predictor   CompiledVisibleDifferences, the class to use
     percept     an image: streamed from its pixels, or kept
@@ -14,7 +14,7 @@ are polynomials in short loops that the compiler vectorises (`arithmetic`).
     levels      a row of one image: light, colour, blurs
     light       radiance to luminance, a* and b*
     threshold   a difference's strength
-    denoise     what `plateau.metric.denoise` does
+    denoise     compiled `plateau.metric.denoise`
     elevation   contrast, sensitivity and masking
     arithmetic  log2 and 2^x
     jit         how kernels are compiled and cached

@@ -1,7 +1,7 @@
 """log2 and 2^x in single precision, as arithmetic that a compiler can vectorise.
 
-Neither calls a library, branches or looks anything up. Both are minimax polynomials on a range that
-the exponent bits reduce any number to; tests hold them to their stated errors.
+Both are minimax polynomials without calls, branches or tables. The exponent bits reduce any number
+to the polynomial's range. Tests check the stated errors.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _SQRT_HALF_BITS = np.int32(_f(math.sqrt(0.5)).view(np.int32))
 _MANTISSA_BITS = np.int32(23)
 _EXPONENT_BIAS = np.int32(127)
 
-#: Adding 1.5·2^23 leaves a number no bits behind the point: the sum's last bits are the integer.
+#: Adding 1.5·2^23 leaves no fraction bits: the last bits of the sum are the integer.
 _ROUND = _f(1.5 * 2**23)
 _ROUND_BITS = np.int32(_ROUND.view(np.int32))
 
@@ -69,7 +69,7 @@ from_bits: Callable[[np.int32], np.float32] = intrinsic(_from_bits)
 def log2(x: np.float32) -> np.float32:
     """Return log2 of a positive, normal float32 within 2e-7 and half a unit in the last place.
 
-    Of 0 it returns some finite number.
+    For 0 it returns some finite number.
     """
     bits = bits_of(x)
     # x = 2^exponent · (1 + t)

@@ -1,4 +1,4 @@
-"""What `plateau.metric.denoise` does, to the bit, with fewer ways through memory."""
+"""Compiled `plateau.metric.denoise`: the same bits with fewer passes over memory."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _NOTHING, _ALL = np.float32(0), np.float32(1)
 
 
 def denoised(image: Image, noise: Image) -> Image:
-    """Return what `plateau.metric.denoise.denoised` does, to the bit."""
+    """Return the bits of `plateau.metric.denoise.denoised`."""
     rest, noise_rest = planar(image), planar(noise)
     kept = np.zeros_like(rest)
     energy, noise_energy = np.empty_like(rest[0]), np.empty_like(rest[0])
@@ -37,7 +37,7 @@ def denoised(image: Image, noise: Image) -> Image:
 
 
 def smoothed(planes: Plane, gap: int) -> Plane:
-    """Return what `plateau.metric.denoise.smoothed` does, to the bit."""
+    """Return the bits of `plateau.metric.denoise.smoothed`."""
     stack = np.ascontiguousarray(planes).reshape(-1, *planes.shape[-2:])
     out = np.empty_like(stack)
     _smooth(stack, gap, np.empty(stack.shape[-1], np.float32), out)
@@ -127,7 +127,7 @@ def _along(row: Plane, gap: int, out: Plane) -> None:
     last, reach = row.size - 1, 2 * gap
     for x in range(min(reach, row.size)):
         out[x] = _at_border(row, x, gap, last)
-    # Neighbours by slices that start at 0, or the loop would not become vectors.
+    # The loop is vectorised only over slices that start at 0.
     inside = max(row.size - 2 * reach, 0)
     if inside > 0:
         _add_up(

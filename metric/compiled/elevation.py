@@ -1,9 +1,9 @@
-"""By how much a pixel's surroundings raise its threshold, worked out only where that decides.
+"""The threshold elevation F of a pixel by its surroundings, computed only where it decides.
 
-The difference's strength s is visible where s > F, and F is between 1 and 10. Let C be a band's
-contrast and W its weight. Where 1 < s ≤ 10, the clamp does not matter and neither does the
-division, and the question is whether s·ΣC > ΣC W m. The masking m is at least 1, so that
-s·ΣC ≤ ΣC W decides most pixels without it.
+A difference of strength s is visible where s > F, and F is between 1 and 10. Let C be a band's
+contrast and W its weight. Where 1 < s ≤ 10, neither the clamp nor the division matters: the
+difference is visible where s·ΣC > ΣC W m. The masking m is at least 1, so s·ΣC ≤ ΣC W decides most
+pixels without m.
 """
 
 from __future__ import annotations
@@ -47,16 +47,16 @@ _RISE = _f(RISE)
 _MASKING_FACTOR = _f(MASKING_SCALE**4 * MASKING_CONTRAST ** (4 * MASKING_POWER))
 _MASKING_POWER = _f(2 * MASKING_POWER)
 
-#: So small that nothing depends on it, and so large that its square is a normal number: numbers
-#: below those take a hundred times as long.
+#: Too small to change a result, and its square is still a normal number: arithmetic on subnormal
+#: numbers takes a hundred times as long.
 _TINY = _f(2**-60)
 _LOG2_TINY = _f(-60)
 
 
 class Eye(NamedTuple):
-    """What the kernels need to know of how an image of some width is seen."""
+    """The eye's parameters for an image of some width."""
 
-    #: The level that stands for the luminance to which the eye adapts.
+    #: The level with the luminance to which the eye adapts.
     adaptation_level: int
     #: W, the bands' weights, and the squares of their frequencies in cycles²/degree².
     weights: NDArray[np.float32]
@@ -66,7 +66,7 @@ class Eye(NamedTuple):
 
 
 def eye(metric: VisibleDifferences, width: int) -> Eye:
-    """Return how an image of this width is seen."""
+    """Return the eye's parameters for an image of this width."""
     frequencies = metric.frequencies_cpd(width)
     coarsest = float(frequencies[-1])
     return Eye(
@@ -124,7 +124,7 @@ def weighted_total(
 
 @inlined
 def decide_by_range(strength: Plane, visible: NDArray[np.bool_], count: int) -> int:
-    """Mark the pixels that no elevation could hide; return for how many it must be known."""
+    """Mark the pixels that no elevation can hide; return for how many the elevation decides."""
     open_ = np.int32(0)
     for i in range(count):
         s = strength[i]
@@ -137,7 +137,7 @@ def decide_by_range(strength: Plane, visible: NDArray[np.bool_], count: int) -> 
 def find_open(
     strength: Plane, contrasts: Plane, least: Plane, open_: NDArray[np.uint8], count: int
 ) -> None:
-    """Write which pixels are open still, knowing that s·ΣC must be above ΣC W."""
+    """Write which pixels are still open: visible ones need s·ΣC > ΣC W."""
     for i in range(count):
         s = strength[i]
         open_[i] = (s > _LEAST) & (s <= _GREATEST) & (s * contrasts[i] > least[i])
@@ -163,7 +163,7 @@ def add_masked(
     out: Plane,
     count: int,
 ) -> None:
-    """Add a band's C W m, and make its q that of the next finer band."""
+    """Add a band's C W m, and replace q by that of the next finer band."""
     for i in range(count):
         q = decay[i]
         # csf² = (a c)² (q² + .06 q), and masking needs only the square of C·csf.

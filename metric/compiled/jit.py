@@ -1,10 +1,9 @@
-"""How kernels are compiled, and where the result is kept.
+"""The compilation of kernels and the cache of compiled ones.
 
-Kernels obey IEEE 754 to the letter: LLVM may neither reorder sums nor contract a·b + c, a fused
-multiply-add is written out as one, and no function of a mathematics library is called. So they give
-the same bits for the same numbers on every machine, whatever its vectors' width. What comes from
-numpy's powers may differ in the last bit between kinds of CPU: the six weights of the bands, and
-the image where the view has a gamma.
+Kernels follow IEEE 754 strictly: LLVM may neither reorder sums nor contract a·b + c, every fused
+multiply-add is explicit, and no kernel calls a mathematics library. So the same numbers give the
+same bits on every machine, whatever its vector width. Results of numpy's powers may differ in the
+last bit between kinds of CPU: the six weights of the bands, and the image if the view has a gamma.
 """
 
 from __future__ import annotations
@@ -23,15 +22,15 @@ if TYPE_CHECKING:
 
 _Kernel = TypeVar("_Kernel", bound="Callable[..., Any]")
 
-#: numpy's rules for division by zero: Python's would need a branch in every loop. And other threads
-#: run meanwhile, such as one that renews a lease.
+#: Division by zero as in numpy, because Python's rules need a branch in every loop. Without the
+#: interpreter's lock, so that other threads run meanwhile, such as one that renews a lease.
 _OPTIONS = {"error_model": "numpy", "nogil": True, "fastmath": False}
 
 _PACKAGE = Path(__file__).parent
 
 
 def inlined(function: _Kernel) -> _Kernel:
-    """Return the function as part of every kernel that calls it."""
+    """Return the function, inlined into every kernel that calls it."""
     return cast("_Kernel", numba.njit(**_OPTIONS, forceinline=True)(function))
 
 
@@ -41,12 +40,12 @@ def kernel(function: _Kernel) -> _Kernel:
 
 
 def entry_point(function: _Kernel) -> _Kernel:
-    """Return the function compiled at its first call ever, and from then on taken from the cache.
+    """Return the function, compiled at its first call and cached for later processes.
 
-    Where no folder can be written to, it is compiled anew in every process.
+    Without a writable folder every process compiles it.
     """
     folder = cache_folder()
-    # numba asks for the folder once, here; what others compile stays where they want it.
+    # numba reads the folder once, here; the setting of other code stays.
     elsewhere, numba.config.CACHE_DIR = numba.config.CACHE_DIR, str(folder or "")
     try:
         return cast("_Kernel", numba.njit(**_OPTIONS, cache=folder is not None)(function))
@@ -56,11 +55,11 @@ def entry_point(function: _Kernel) -> _Kernel:
 
 @cache
 def cache_folder() -> Path | None:
-    """Return the folder that compiled kernels are kept in; None where none can be written to.
+    """Return the folder of compiled kernels; None if no folder is writable.
 
-    It is ``NUMBA_CACHE_DIR`` where that is set, else the package's own ``__pycache__``, else the
-    user's cache folder; in it, a folder named after the sources, for numba would take kernels from
-    its cache even after a constant or an inlined function in another file had changed.
+    Its parent is ``NUMBA_CACHE_DIR`` if that is set, else the package's own ``__pycache__``, else
+    the user's cache folder. Its name is a digest of the sources, because numba's cache does not
+    notice a change of a constant or of an inlined function in another file.
     """
     chosen = numba.config.CACHE_DIR
     places = (
@@ -78,7 +77,7 @@ def cache_folder() -> Path | None:
 
 
 def _fingerprint() -> str:
-    """Return a digest of every source that a kernel may have taken code or constants from."""
+    """Return a digest of every source whose code or constants a kernel may contain."""
     digest = hashlib.sha256()
     for source in sorted([*_PACKAGE.glob("*.py"), *_PACKAGE.parent.glob("*.py")]):
         digest.update(source.read_bytes())

@@ -1,8 +1,8 @@
-"""One image's rows of luminance, colour and blurred levels, made one after the other.
+"""One image's rows of luminance, colour and blurred levels, computed one after the other.
 
-A level's row needs two rows more of the level before. So while row n of the sharp level is made,
-row n - 2i of level i follows, and rings of a few rows are all that has to be held: they stay in a
-core's cache. A ring as high as the image holds the whole of it; that is how a percept is kept.
+A row of a level needs two further rows of the level before. So row n of the sharp level is followed
+by row n - 2i of level i, and the kernels hold rings of a few rows, which stay in a core's cache. A
+kept percept has rings as high as the image, which hold all of it.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ if TYPE_CHECKING:
 
     from plateau.metric.display import Mask, Plane
 
-#: So many rows after its own, a row is done on every level.
+#: Rows after which a row is done on every level.
 DELAY = REACH * (LEVELS - 1)
-#: How many rows of each level a ring holds: from the row that is done to the sharp one's newest.
+#: Rows of a ring: from the row that is done on every level to the newest sharp row.
 RING_ROWS = DELAY + 1
 #: Planes of a percept: the levels, then a* and b* unless luminance alone is judged.
 A_STAR, B_STAR = LEVELS, LEVELS + 1
 
-#: Pixels that go through one step after the other together: few enough to stay next to the core.
+#: Pixels for which each step is one loop: few enough to stay in the first cache.
 SLICE = 128
 
 _TAPS = 2 * REACH + 1
@@ -35,7 +35,7 @@ _CENTRE, _NEAR, _FAR = (np.float32(tap) for tap in KERNEL)
 
 
 class Side(NamedTuple):
-    """One of the two images, and what is made of it."""
+    """One of the two images with its computed planes."""
 
     #: (H, 3 W), interleaved.
     image: Plane
@@ -49,9 +49,9 @@ class Side(NamedTuple):
 
 @kernel
 def make_row(side: Side, n: int, screen: Screen, work: Plane) -> int:
-    """Make row n of the sharp level and every further row that can then be made.
+    """Compute row n of the sharp level and every row of other levels that it completes.
 
-    `work` is (6, SLICE) of space. Returns how many pixels of row n are not finite.
+    `work` is scratch space, (6, SLICE). Returns how many pixels of row n are not finite.
     """
     height = side.image.shape[0]
     _, rows, width = side.planes.shape
@@ -80,7 +80,7 @@ def make_row(side: Side, n: int, screen: Screen, work: Plane) -> int:
 
 @inlined
 def _light_row(side: Side, n: int, screen: Screen, work: Plane) -> int:
-    """Make row n of luminance and colour from the image."""
+    """Compute row n of luminance and colour from the image."""
     count_of_planes, rows, width = side.planes.shape
     slot = n % rows
     image, marks = side.image[n], side.non_finite[n]
@@ -103,7 +103,7 @@ def _light_row(side: Side, n: int, screen: Screen, work: Plane) -> int:
     return non_finite
 
 
-# The order of the sums is that of `plateau.metric.pyramid`, for the same bits.
+# The order of the sums is that of `plateau.metric.pyramid`, which gives the same bits.
 
 
 @inlined
@@ -136,14 +136,14 @@ def _blur_across(row: Plane, out: Plane) -> None:
 
 @inlined
 def _border_index(index: int, size: int) -> int:
-    """Return what `plateau.metric.pyramid.border_index` does."""
+    """Return `plateau.metric.pyramid.border_index`."""
     while not 0 <= index < size:
         index = -index if index < 0 else 2 * size - index - 1
     return index
 
 
 def rings(rows: int, width: int, *, chromatic: bool) -> Plane:
-    """Return rings of that many rows for every plane, uninitialised."""
+    """Return uninitialised rings of this many rows for every plane."""
     planes: NDArray[np.float32] = np.empty(
         (LEVELS + 2 if chromatic else LEVELS, rows, width), np.float32
     )
@@ -151,6 +151,6 @@ def rings(rows: int, width: int, *, chromatic: bool) -> Plane:
 
 
 def across(width: int) -> Plane:
-    """Return the space for rows blurred along themselves, uninitialised."""
+    """Return uninitialised space for rows blurred along the row."""
     space: NDArray[np.float32] = np.empty((LEVELS - 1, _TAPS, width), np.float32)
     return space

@@ -1,4 +1,4 @@
-"""Radiance to luminance and colour: `plateau.metric.display`, for a few pixels at a time."""
+"""Radiance to luminance and colour: `plateau.metric.display` for a few pixels at a time."""
 
 from __future__ import annotations
 
@@ -38,9 +38,9 @@ _Row = tuple[np.float32, np.float32, np.float32]
 
 
 class Screen(NamedTuple):
-    """A view as the kernels need it."""
+    """A view in the form of the kernels."""
 
-    #: 2^EV; 1 where the view has a gamma, for numpy then shows the image beforehand.
+    #: 2^EV; 1 if the view has a gamma, because numpy then applies the view beforehand.
     scale: np.float32
     #: cd/m².
     white_luminance: np.float32
@@ -53,7 +53,7 @@ class Screen(NamedTuple):
 
 
 def screen(view: View) -> Screen:
-    """Return what the kernels need of a view."""
+    """Return a view in the form of the kernels."""
     matrix = RGB_TO_XYZ[view.primaries]
     x, y, z = (tuple(row) for row in matrix)
     per_white = tuple(_ONE / matrix.sum(axis=1, dtype=np.float32))
@@ -65,8 +65,8 @@ def screen(view: View) -> Screen:
 def show(
     pixels: Plane, scale: np.float32, red: Plane, green: Plane, blue: Plane, count: int
 ) -> bool:
-    """Write what the screen shows of interleaved pixels; return whether any is not finite."""
-    # As bits without a sign, numbers keep their order; infinity and NaN are the greatest.
+    """Write the displayed RGB of interleaved pixels; return whether any pixel is not finite."""
+    # Bits without the sign have the order of the magnitudes; infinity and NaN are the greatest.
     greatest = np.int32(0)
     for i in range(count):
         r, g, b = pixels[3 * i], pixels[3 * i + 1], pixels[3 * i + 2]
@@ -83,7 +83,7 @@ def show(
 def blacken(
     pixels: Plane, red: Plane, green: Plane, blue: Plane, non_finite: NDArray[np.bool_], count: int
 ) -> int:
-    """Make the pixels that are not finite black, mark them, and return how many they are."""
+    """Blacken and mark the pixels that are not finite, and return how many there are."""
     found = 0
     for i in range(count):
         r, g, b = pixels[3 * i], pixels[3 * i + 1], pixels[3 * i + 2]

@@ -1,4 +1,4 @@
-"""An image as the compiled predictor holds it: as pixels, or as everything that depends on them."""
+"""An image of the compiled predictor: its pixels, or everything computed from them."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ if TYPE_CHECKING:
 
 
 class CompiledPercept:
-    """A `Percept` whose image is prepared a few rows at a time as it is compared.
+    """A `Percept` that is prepared a few rows at a time during the comparison.
 
-    So it takes no memory beyond the image, which must not change while this is in use. `keep` works
-    everything out once and for all; so does asking for the levels, the chroma or the map of pixels
-    that are not finite. The levels have the same bits as those of `VisibleDifferences`.
+    It takes no memory beyond the image, which must not change while the percept is in use. `keep`
+    computes everything at once, and so does access to the levels, the chroma or the map of pixels
+    that are not finite. The levels have the bits of those of `VisibleDifferences`.
     """
 
     def __init__(self, view: View, image: Image, screen: Screen) -> None:
@@ -31,9 +31,9 @@ class CompiledPercept:
         self._image: Image | None = image
         self._shape = image.shape[:2]
         self._kept: Side | None = None
-        #: How often it was compared.
+        #: How many comparisons it has been in.
         self.comparisons = 0
-        #: Whether it is kept and has pixels that are not finite.
+        #: Whether it is kept and some pixels are not finite.
         self.has_non_finite = False
 
     @property
@@ -49,7 +49,7 @@ class CompiledPercept:
 
     @property
     def kept(self) -> bool:
-        """Whether everything is worked out and held."""
+        """Whether everything is computed and held."""
         return self._kept is not None
 
     @property
@@ -69,12 +69,11 @@ class CompiledPercept:
         return self.keep().non_finite
 
     def keep(self) -> Side:
-        """Work everything out, if that was not done before, and let go of the image."""
+        """Compute everything once, and drop the image."""
         if self._kept is None:
             height, _ = self.shape
             side = self._side(height)
             self.has_non_finite = prepare(side, self._screen) > 0
-            # Nothing will be made from the image again.
             self._kept = side._replace(
                 image=_read_only(np.empty((0, 0), np.float32)), across=across(0)
             )
@@ -83,7 +82,7 @@ class CompiledPercept:
         return self._kept
 
     def side(self) -> Side:
-        """Return what the kernels compare: everything if it is kept, else what makes it."""
+        """Return the input of the kernels: all planes if kept, else the image and low rings."""
         return self._kept or self._side(RING_ROWS)
 
     def _side(self, rows: int) -> Side:
@@ -93,11 +92,11 @@ class CompiledPercept:
 
     @cached_property
     def _pixels(self) -> Plane:
-        """The image as (H, 3 W); as it is shown where the view has a gamma, else as it came."""
+        """The image as (H, 3 W); with the view applied if that has a gamma."""
         assert self._image is not None
         image = self._image
         if self.view.gamma != 1:
-            # Only what is not finite must not be taken for black or white.
+            # `displayed` makes pixels that are not finite black or white.
             image = np.where(
                 finite_pixels(image)[..., np.newaxis],
                 displayed(image, self.view),
@@ -108,7 +107,7 @@ class CompiledPercept:
 
 
 def _read_only(plane: Plane) -> Plane:
-    """Return a view that cannot be written through: one type for the kernels, whatever comes."""
+    """Return a read-only view, so that every image has one type for the kernels."""
     plane = plane.view()
     plane.flags.writeable = False
     return plane

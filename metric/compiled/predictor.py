@@ -1,4 +1,4 @@
-"""`VisibleDifferences` with its pixels handled by compiled kernels."""
+"""`VisibleDifferences` on compiled kernels."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ if TYPE_CHECKING:
 
     from plateau.metric.display import Image, Mask, View
 
-#: After so many comparisons a percept is kept: about what keeping it would have cost has been spent
-#: on preparing it again and again. So a reference is soon kept, and an image that is compared once
-#: or twice never takes the memory.
+#: A percept is kept after this many comparisons, when its repeated preparation has cost about as
+#: much as keeping it. So a reference is soon kept, and an image that is compared once or twice
+#: takes no memory.
 COMPARISONS_BEFORE_KEEPING = 3
 
 
@@ -29,12 +29,7 @@ class CompiledVisibleDifferences(VisibleDifferences):
     """The predictor under one view, several times as fast as `VisibleDifferences`.
 
     Both agree on all but about one pixel in a million. The first comparison in a process waits for
-    the kernels: seconds where they have to be compiled, a fraction of one where they are cached.
-
-    Notes
-    -----
-    A percept reads its image when it is compared, so the image must not change in between.
-
+    the kernels: seconds to compile them, a fraction of a second to load them from the cache.
     Everything runs on the calling thread, without the interpreter's lock.
 
     Examples
@@ -54,11 +49,11 @@ class CompiledVisibleDifferences(VisibleDifferences):
 
     @staticmethod
     def denoised(image: Image, noise: Image) -> Image:
-        """Return what `plateau.metric.denoise.denoised` does, to the bit."""
+        """Return the bits of `plateau.metric.denoise.denoised`."""
         return denoised(image, noise)
 
     def percept(self, image: NDArray[Any]) -> CompiledPercept:
-        """Return the image as something to compare; what depends on it is worked out then.
+        """Return the image, to be prepared when it is compared.
 
         Parameters
         ----------
@@ -102,7 +97,7 @@ class CompiledVisibleDifferences(VisibleDifferences):
             visible,
         )
 
-        # Pixels that are not finite are always visible. Mostly there are none.
+        # Pixels that are not finite are always visible. Most images have none.
         non_finite = 0
         if any(found) or ours.has_non_finite or theirs.has_non_finite:
             either = our_side.non_finite | their_side.non_finite

@@ -1,4 +1,4 @@
-"""The pass over an image: prepare a row of each side, compare it, go on to the next."""
+"""The pass over an image: prepare a row of each side, compare the rows, and repeat."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 _COLOURS_AND_RESPONSES = 6
 
-# What is known of a pixel: rows of the space for a slice, and of the queue of open pixels.
+# Quantities of a pixel: rows of a slice's space, and of the queue of open pixels.
 _ADAPTED, _STRENGTH, _CONTRASTS, _BAND = 0, 1, 2, 3
 _KNOWN = _BAND + BANDS
 # Further rows of the space.
@@ -32,7 +32,7 @@ _SPACES = _KNOWN + 5
 
 @entry_point
 def prepare(side: Side, screen: Screen) -> int:
-    """Fill rings as high as the image; return how many pixels are not finite."""
+    """Fill rings of the image's height; return how many pixels are not finite."""
     work = np.empty((_COLOURS_AND_RESPONSES, SLICE), np.float32)
     non_finite = 0
     for n in range(side.image.shape[0] + DELAY):
@@ -50,10 +50,10 @@ def sweep(
     eye: Eye,
     visible: Mask,
 ) -> tuple[int, int]:
-    """Write the map of visible pixels, non-finite ones apart.
+    """Write the map of visible pixels, without those that are not finite.
 
-    A side that streams is made from its image on the way, in low rings; the other one is kept.
-    Returns how many pixels of each side that streams are not finite.
+    A side that streams is computed from its image during the pass, in low rings; any other is kept.
+    Returns how many pixels of each streaming side are not finite.
     """
     height, width = visible.shape
     work = np.empty((_COLOURS_AND_RESPONSES, SLICE), np.float32)
@@ -87,7 +87,7 @@ def _compare_row(
     position: NDArray[np.int64],
     flags: NDArray[np.uint8],
 ) -> None:
-    """Decide what can be decided without masking, queue the rest, and decide that."""
+    """Decide all pixels that need no masking, queue the others, and decide those."""
     our_slot, their_slot = y % ours.shape[1], y % theirs.shape[1]
     width = visible.size
     queued = 0
@@ -95,12 +95,12 @@ def _compare_row(
         count = min(SLICE, width - start)
         end = start + count
 
-        # The difference's strength decides where it lies outside the range of the elevation.
+        # The strength of the difference decides if it is outside the range of the elevation.
         _strength(ours, theirs, our_slot, their_slot, start, end, eye, space)
         if elevation.decide_by_range(space[_STRENGTH], visible[start:end], count) == 0:
             continue
 
-        # The contrasts decide where even an elevation without masking is enough to hide it.
+        # The contrasts decide if the elevation hides the difference even without masking.
         for band in range(BANDS):
             elevation.contrast(
                 ours[band, our_slot, start:end],
@@ -185,9 +185,9 @@ def _enqueue(
     position: NDArray[np.int64],
     queued: int,
 ) -> int:
-    """Add what is known of a slice's open pixels to the row's queue; return its length."""
+    """Add a slice's open pixels to the row's queue; return its length."""
     first = queued
-    # Every pixel is written and only an open one kept: no branch that could be guessed wrong.
+    # Every pixel is written and only open ones advance: no branch to mispredict.
     for i in range(count):
         position[queued] = start + i
         queued += open_[i]

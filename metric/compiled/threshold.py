@@ -1,4 +1,4 @@
-"""How far two pixels differ, in units of the smallest difference that could be seen."""
+"""The difference of two pixels in units of the smallest visible difference."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ _FLOOR = _f(FLOOR)
 _COLOUR_LUMINANCE = _f(COLOUR_LUMINANCE)
 _LOG10_2, _LOG2_10 = _f(math.log10(2)), _f(math.log2(10))
 
-#: In cd/m²: above it only the last three pieces of the threshold matter. Just above their border,
-#: so that rounding cannot matter.
+#: In cd/m²: above it only the last three pieces of the threshold matter. It is slightly above their
+#: border to allow for rounding.
 _ROD_CURVE_UNDER = _f(1.001 * 10**ROD_LINE_FROM)
 
 _R_SLOPE, _R_INTERCEPT, _R_POWER, _R_OFFSET = (_f(number) for number in ROD_CURVE)
@@ -60,7 +60,7 @@ def adaptation(ours: Plane, theirs: Plane, out: Plane, count: int) -> None:
 
 @inlined
 def per_threshold(adapted: Plane, out: Plane, count: int) -> None:
-    """Write one over the luminance threshold (threshold versus intensity), in m²/cd."""
+    """Write the inverse of the luminance threshold (threshold versus intensity), in m²/cd."""
     dark = np.int32(0)
     for i in range(count):
         dark = np.int32(dark + np.int32(adapted[i] < _ROD_CURVE_UNDER))
@@ -89,7 +89,7 @@ def add_colour(
     strength: Plane,
     count: int,
 ) -> None:
-    """Raise the strength to the squared distance in (a*, b*), where there is light for colour."""
+    """Raise the strength to the squared distance in (a*, b*) where colour is visible."""
     for i in range(count):
         a, b = our_a[i] - their_a[i], our_b[i] - their_b[i]
         squared = a * a + b * b if adapted[i] >= _COLOUR_LUMINANCE else _ZERO
@@ -100,7 +100,7 @@ def add_colour(
 def _by_every_piece(adapted: Plane, out: Plane, count: int) -> None:
     for i in range(count):
         g = log2(adapted[i]) * _LOG10_2
-        # Both curves are (slope g + intercept)^power + offset: take one's numbers, and one power.
+        # Both curves are (slope g + intercept)^power + offset, so one power serves both.
         rods = g < _ROD_LINE_FROM
         slope = _R_SLOPE if rods else _C_SLOPE
         intercept = _R_INTERCEPT if rods else _C_INTERCEPT
