@@ -22,6 +22,7 @@ if TYPE_CHECKING:
         Unreachable,
     )
     from plateau.farm.model.spec import (
+        ExrSpec,
         FixedSpec,
         JobSpec,
         MultipleSpec,
@@ -37,6 +38,7 @@ __all__ = [
     "ApiError",
     "Client",
     "ClientError",
+    "ExrSpec",
     "FinishedEvent",
     "FixedSpec",
     "ImageEvent",

@@ -138,7 +138,10 @@ class Job(_Record):
     second_tries: int = Field(
         0, description="slices that were late, and that a second worker was given too"
     )
-    notes: tuple[str, ...] = Field((), description="what the farm changed in the scene")
+    notes: tuple[str, ...] = Field(
+        (),
+        description="what the farm changed in the scene, and flaws of the image that end nothing",
+    )
     continues: str | None = Field(
         None, description="id of the ended job whose samples this one went on with"
     )

@@ -9,7 +9,7 @@ import redis
 
 from plateau import ApiError, Client
 from plateau.farm.blobs.store import Blobs
-from plateau.farm.images.exr import Partial, encode_image, encode_partial
+from plateau.farm.images.exr import Partial, encode_image, encode_layers, encode_partial
 from tests.support.staged_job import HEIGHT, WIDTH, StagedJob
 
 
@@ -24,6 +24,23 @@ def test_the_merged_image_is_an_array(plateau: Client, client: redis.Redis, stor
     fetched = plateau.array(job.id)
     assert (fetched.shape, fetched.dtype) == ((HEIGHT, WIDTH, 3), np.float32)
     assert np.array_equal(fetched, radiance)
+
+
+def test_the_channels_of_the_image_are_arrays_by_name(
+    plateau: Client, client: redis.Redis, store: Blobs
+) -> None:
+    job = StagedJob(client)
+    planes = {
+        name: np.full((3, 2), value, np.float32)
+        for value, name in enumerate(("R", "G", "B", "A", "albedo.R", "Z", "id.shape"))
+    }
+    content = encode_layers(planes, {}, precision="half", whole=("Z", "id.shape"))
+    job.picture(store, "image.exr", content)
+    channels = plateau.channels(job.id)
+    assert channels.keys() == planes.keys()
+    for name, plane in channels.items():
+        assert plane.dtype == np.float32
+        assert np.array_equal(plane, planes[name])
 
 
 def test_a_slice_is_its_film(plateau: Client, client: redis.Redis, store: Blobs) -> None:
