@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from plateau.farm.images.exr import decode_layers
 from tests.support.bundles import scene
 from tests.support.commands import Command
 from tests.support.until import until
@@ -159,10 +160,10 @@ def test_processes_that_are_killed_change_nothing(render: Render, tmp_path: Path
 
 
 def test_what_was_asked_for_and_not_done_is_told(render: Render, tmp_path: Path) -> None:
-    # Given a scene that says how many samples it wants, as Mitsuba's examples do, and wants alpha
+    # Given a scene that says how many samples it wants, as Mitsuba's examples do, and wants grey
     wants = FLOOR.replace(
         b"</film>",
-        b'<string name="pixel_format" value="rgba"/></film>'
+        b'<string name="pixel_format" value="luminance_alpha"/></film>'
         b'<sampler type="independent"><integer name="sample_count" value="$spp"/></sampler>',
     ).replace(b"<sensor", b'<default name="spp" value="128"/><sensor', 1)
     command = render("-D", "spp=16", "--rule", "fixed", "--spp", "25", "--step", "25", text=wants)
@@ -170,10 +171,13 @@ def test_what_was_asked_for_and_not_done_is_told(render: Render, tmp_path: Path)
     # Then the command says what became of it, and so do the results
     assert re.search(r"note: +the sampler's sample_count of 16 was ignored", command.said)
     assert re.search(
-        r"note: +the film's pixel_format was changed from 'rgba' to 'rgb'", command.said
+        r"note: +the film's pixel_format was changed from 'luminance_alpha' to 'rgba'", command.said
     )
     notes = json.loads((tmp_path / "out" / "summary.json").read_text())["notes"]
     assert len(notes) == 2
+    # The alpha that it wants, it has
+    channels = decode_layers((tmp_path / "out" / "image.exr").read_bytes())
+    assert channels.keys() == set("RGBA")
 
 
 def test_a_scene_that_mitsuba_refuses_fails_in_its_words(render: Render, tmp_path: Path) -> None:
