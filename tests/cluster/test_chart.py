@@ -54,7 +54,7 @@ class TestHelm:
         ("given", "words"),
         [
             ("keda.enabeld=false", "additional properties 'enabeld' not allowed"),
-            ("workers.cpu.variants={vulkan}", "value must be one of 'cuda_ad_rgb'"),
+            ("workers.cpu.variants={vulkan}", "value must be one of 'cuda_ad_mono'"),
             ("workers.Big_One.max=3", "'Big_One' does not match pattern"),
             ("settings.PLATEAU_BLOBS=/tmp", "'not' failed"),
             ("redis.enabled=false", "redis.existingSecret: name the Secret with the URL"),
