@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from plateau.farm.images.channels import Channels
 from plateau.farm.images.layers import read_layer
-from plateau.farm.images.zones import Zone
 from plateau.farm.model.errors import CorruptPartial
 from plateau.farm.model.exr_spec import Compression
+from plateau.farm.model.zones import Zone
 
 Pixels = NDArray[np.float32]
 #: The attributes of a file's header, by name.

@@ -10,6 +10,7 @@ from plateau.farm.model.fit import Kind
 from plateau.farm.model.place_names import DEFAULT_POOL
 from plateau.farm.model.spec import JobSpec, stored_spec
 from plateau.farm.model.states import MAX_TRIES
+from plateau.farm.model.zones import Zone
 from plateau.farm.redis import keys
 from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.commands import slices as commands
@@ -45,6 +46,7 @@ class SliceRecord(BaseModel):
     sha256: str  #: of the partial's bytes
     worker: str
     render_s: float
+    zones: tuple[Zone, ...] = ()  #: the parts of the film that it has; none for the whole film
 
 
 class Committed(str, Enum):

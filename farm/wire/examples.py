@@ -103,6 +103,7 @@ SLICE: Final[dict[str, Any]] = {
     "sha256": "5d41402abc4b2a76b9719d911017c592ae2f1c6d8e3b4a09f7d6c5b4a3928170",
     "worker": _WORKER,
     "render_s": 0.61,
+    "zones": [],
 }
 
 LOG_ENTRY: Final[dict[str, Any]] = {

@@ -83,6 +83,11 @@ class SliceView(BaseModel):
     sha256: str = Field(description="of the partial's bytes")
     worker: str
     render_s: float
+    zones: list[list[int]] = Field(
+        [],
+        description="the parts of the film that it has, each as x, y, width and height; none for "
+        "the whole film",
+    )
 
 
 class Slices(BaseModel):

@@ -31,7 +31,10 @@ def checked_partial(store: Blobs, blob: str, sha256: str) -> Partial:
     content = store.get(blob)
     if hashlib.sha256(content).hexdigest() != sha256:
         raise CorruptPartial(f"{blob} is not what its worker uploaded")
-    return decode_partial(content)
+    partial = decode_partial(content)
+    if partial.zones:
+        raise CorruptPartial(f"{blob} has zones of the film, and a slice of this job has all of it")
+    return partial
 
 
 class Films:

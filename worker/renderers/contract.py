@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from plateau.farm.images.zones import Zone
+    from plateau.farm.model.zones import Zone
 
 #: The channels with which every film begins, see `plateau.farm.images.channels`.
 CHANNELS: Final = ("R", "G", "B", "W")

@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plateau.farm.images.channels import MOST_VALUES, Channels
-from plateau.farm.images.zones import Zone, pixels_of
 from plateau.farm.model.seeds import Pass
+from plateau.farm.model.zones import Zone, pixels_of
 from plateau.farm.process.lifecycle import die_with_parent, plain_environment
 from plateau.worker.renderers import contract
 from plateau.worker.renderers.contract import Answer, Loaded, Request, SceneError

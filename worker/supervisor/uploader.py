@@ -19,6 +19,7 @@ from plateau.farm.ledger.queue import Committed, Lease, SliceQueue, SliceRecord
 from plateau.farm.model import versions
 from plateau.farm.model.errors import StoreUnavailable
 from plateau.farm.model.renderers import variant_named
+from plateau.farm.model.zones import Zone
 from plateau.farm.process import log
 from plateau.farm.process.backoff import Backoff
 from plateau.worker.renderers.contract import Loaded
@@ -44,6 +45,7 @@ class Rendered:
     last_seed: int
     render_s: float
     said: str  #: what the render child printed meanwhile
+    zones: tuple[Zone, ...] = ()  #: the parts of the film that were rendered; none for all of it
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -177,6 +179,7 @@ class Uploader:
             sha256=hashlib.sha256(content).hexdigest(),
             worker=self._worker,
             render_s=rendered.render_s,
+            zones=rendered.zones,
         )
         answer = self._queue.commit(
             lease,
@@ -212,6 +215,7 @@ def _encoded(rendered: Rendered | Glimpse, spp: int, last_seed: int) -> bytes:
             scene_sha256=lease.scene_sha256,
             pixels=rendered.film,
             channels=Channels(rendered.scene.channels, rendered.scene.ids),
+            zones=rendered.zones if isinstance(rendered, Rendered) else (),
             renderer=_renderer(lease.variant),
         )
     )

@@ -11,6 +11,14 @@ function Slice.seeds(record)
   return string.format('%.0f-%.0f', record.first_seed, record.last_seed)
 end
 
+-- How many pixels a slice has: those of its zones, or of the film where it has no zones.
+function Slice.pixels(record, width, height)
+  if not record.zones or not record.zones[1] then return width * height end
+  local pixels = 0
+  for _, zone in ipairs(record.zones) do pixels = pixels + zone[3] * zone[4] end
+  return pixels
+end
+
 -- The slice of this entry needs no worker any more.
 function Slice.drop(id, entry)
   if redis.call('XACK', job_key(id, 'slices'), GROUP, entry) == 1 then

@@ -48,7 +48,7 @@ function for_workers.commit(it)
   redis.call('HSETNX', job, 'notes', it.notes)
   redis.call('HINCRBY', job, 'committed', 1)
   count('tries committed')
-  count('samples', record.spp * it.width * it.height)
+  count('samples', record.spp * Slice.pixels(record, it.width, it.height))
   if said ~= '' then Slice.note_try(id, index, worker, 'committed', '', machine_ms, said) end
   Outbox.announce(id, 'slice', {index = index, worker = worker})
   redis.call('PUBLISH', WAKE_MONITORS, id)
