@@ -93,7 +93,7 @@ POISONS = {
     "it wants more memory than there is": (
         {"body": "", "size": 8000},
         {"slice_spp": 1, "step": 1, "max_spp": 4},
-        "memory|SIGSEGV|SIGABRT",  # as it goes with whoever asked for it in vain
+        "[Mm]emory|SIGSEGV|SIGABRT",  # as it goes with whoever asked for it in vain
     ),
 }
 
