@@ -33,10 +33,10 @@ def farm(tmp_path: Path, cache: Path) -> Iterator[FaultyFarm]:
 
 
 def speaks(oldest: int, newest: int) -> dict[str, Any]:
-    """What is changed of a Plateau that speaks these protocols."""
+    """What is changed of a Plateau that speaks these protocols, counted from this one's."""
     return {
-        "plateau.farm.model.versions:OLDEST": oldest,
-        "plateau.farm.model.versions:NEWEST": newest,
+        "plateau.farm.model.versions:OLDEST": versions.NEWEST + oldest,
+        "plateau.farm.model.versions:NEWEST": versions.NEWEST + newest,
     }
 
 
@@ -49,16 +49,16 @@ def ends_as_one_that_does_not_fit(farm: FaultyFarm, process: "subprocess.Popen[b
 def test_a_worker_that_is_too_old_or_too_new_is_not_let_in(
     farm: FaultyFarm, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    # Given a farm whose API speaks protocol 1, a monitor that speaks another is not let in
+    # Given a farm whose API speaks one protocol, a monitor that speaks another is not let in
     job = farm.submit(**SPEC)
-    ends_as_one_that_does_not_fit(farm, farm.start_changed("monitor", set=speaks(3, 4)))
+    ends_as_one_that_does_not_fit(farm, farm.start_changed("monitor", set=speaks(+2, +3)))
     (monitor,) = farm.client.refused()
     assert monitor.role == "monitor"
     assert "It is too new: upgrade the farm's monitors and APIs" in monitor.why
     # Nor is a worker, and it says so as it ends
-    ends_as_one_that_does_not_fit(farm, farm.start_changed("worker", set=speaks(0, 0)))
+    ends_as_one_that_does_not_fit(farm, farm.start_changed("worker", set=speaks(-1, -1)))
     said = capfd.readouterr().err
-    assert "the farm's monitors and APIs speak protocol 1" in said
+    assert f"the farm's monitors and APIs speak protocol {versions.NEWEST}" in said
     assert "It is too old: install Plateau" in said
     assert "Traceback" not in said
     assert {one.role for one in farm.client.refused()} == {"monitor", "worker"}
@@ -72,8 +72,8 @@ def test_a_worker_that_is_too_old_or_too_new_is_not_let_in(
     )
     assert "plateau: the worker of " in listed.stderr
     # And neighbours of this version work with it
-    farm.start_changed("monitor", set=speaks(1, 2))
-    farm.start_changed("worker", set=speaks(0, 1))
+    farm.start_changed("monitor", set=speaks(0, +1))
+    farm.start_changed("worker", set=speaks(-1, 0))
     assert farm.client.wait(job.id, timeout_s=200).state == "converged"
 
 
@@ -83,7 +83,7 @@ def test_a_worker_may_wait_for_the_farm_to_be_upgraded(farm: FaultyFarm) -> None
     farm.environment["PLATEAU_WHEN_REFUSED"] = "wait"
     farm.start("monitor")
     until(lambda: farm.redis_client.zcard(keys.MONITORS))
-    farm.start_changed("worker", set={**speaks(2, 3), **waits})
+    farm.start_changed("worker", set={**speaks(+1, +2), **waits})
 
     def worker() -> Worker | None:
         return next(iter(farm.client.workers()), None)
@@ -98,7 +98,7 @@ def test_a_worker_may_wait_for_the_farm_to_be_upgraded(farm: FaultyFarm) -> None
         process.send_signal(signal.SIGTERM)
         assert process.wait(60) == 0
     del farm.processes[:2]
-    farm.start_changed("monitor", set=speaks(1, 2))
+    farm.start_changed("monitor", set=speaks(0, +1))
     # Then it works
     until(lambda: farm.jobs.get(job.id).finished_at is not None, 200)
     assert farm.jobs.get(job.id).state == "converged"

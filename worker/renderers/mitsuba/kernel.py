@@ -39,6 +39,8 @@ Array: TypeAlias = "NDArray[np.float32]"
 _FIRST_CHUNK: Final = 2**19
 _SMALLEST_CHUNK: Final = 2**16
 _LARGEST_CHUNK: Final = 2**22
+#: Sums of a chunk, over its pixels, channels and taps of the filter: some 130 MB.
+_LARGEST_SUMS: Final = 2**25
 #: Seconds that a chunk may take before the next ones are smaller: a cancel waits for its end.
 _CHUNK_S: Final = 0.8
 
@@ -127,12 +129,14 @@ class Kernel:
         zones: Sequence[Zone],
         is_cancelled: Callable[[], bool],
     ) -> Iterator[tuple[PassFilm, list[Band], int, int]]:
+        sums_of_pixel = (2 * self.border + 1) ** 2 * len(self._one.channels.names)
         for spp, seed in passes:
             film = PassFilm(self._one, self.border, zones)
             while not film.is_begun:
                 if is_cancelled():
                     return
-                yield film, film.next_bands(self._samples // spp), spp, seed
+                pixels = min(self._samples // spp, _LARGEST_SUMS // sums_of_pixel)
+                yield film, film.next_bands(pixels), spp, seed
 
     def _adjust(self, took_s: float) -> None:
         """Choose the size of the next chunks by the time of the last."""
