@@ -96,6 +96,17 @@ def test_a_monitor_that_is_killed(
     assert_same(outcome(farm, job), undisturbed)
 
 
+def _job_whose_child_is_sent(farm: FaultyFarm, submit: Submit, stage: str, signal_name: str) -> str:
+    """Start a farm whose worker's render child gets this signal in this stage; return its job."""
+    where, when, nth = WORKER_STAGES[stage]
+    farm.start("monitor")
+    job = submit()
+    farm.start_armed(
+        "worker", where, when=when, time=nth, signal_name=signal_name, target="children"
+    )
+    return job
+
+
 @pytest.mark.parametrize(
     ("stage", "signal_name"),
     cases(
@@ -106,12 +117,7 @@ def test_a_monitor_that_is_killed(
 def test_a_render_child_that_is_hit(
     farm: FaultyFarm, undisturbed: Outcome, submit: Submit, stage: str, signal_name: str
 ) -> None:
-    where, when, nth = WORKER_STAGES[stage]
-    farm.start("monitor")
-    job = submit()
-    farm.start_armed(
-        "worker", where, when=when, time=nth, signal_name=signal_name, target="children"
-    )
+    job = _job_whose_child_is_sent(farm, submit, stage, signal_name)
     assert_same(outcome(farm, job), undisturbed)
     (trouble,) = (one for one in farm.jobs.events(job) if one.type == "trouble")
     assert signal_name in str(trouble.data["cause"])
@@ -122,10 +128,7 @@ def test_a_render_child_that_is_told_to_stop_renders_on(
     farm: FaultyFarm, undisturbed: Outcome, submit: Submit, stage: str
 ) -> None:
     """Its worker alone ends it: service managers signal every process at once."""
-    where, when, nth = WORKER_STAGES[stage]
-    farm.start("monitor")
-    job = submit()
-    farm.start_armed("worker", where, when=when, time=nth, signal_name="SIGTERM", target="children")
+    job = _job_whose_child_is_sent(farm, submit, stage, "SIGTERM")
     assert_same(outcome(farm, job), undisturbed)
     assert [one for one in farm.jobs.events(job) if one.type == "trouble"] == []
 
