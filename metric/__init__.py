@@ -8,6 +8,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
+    from plateau.metric.allocation import Allocation, plan_round
     from plateau.metric.display import Image, Mask, Primaries, View, encode_srgb
     from plateau.metric.estimate import Estimate, half_buffer_estimate
     from plateau.metric.forecasts import Forecast, forecast
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "MAP_PALETTE",
+    "Allocation",
     "Difference",
     "Estimate",
     "Evidence",
@@ -58,12 +60,14 @@ __all__ = [
     "half_buffer_estimate",
     "non_finite_map",
     "non_finite_pixels",
+    "plan_round",
     "visible_differences",
     "zone_edges",
     "zone_fractions",
 ]
 
 _HOMES: Final = {
+    "allocation": ("Allocation", "plan_round"),
     "display": ("Image", "Mask", "Primaries", "View", "encode_srgb"),
     "estimate": ("Estimate", "half_buffer_estimate"),
     "forecasts": ("Forecast", "forecast"),

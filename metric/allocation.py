@@ -1,0 +1,178 @@
+"""Which zones of an image get the next samples, and how many.
+
+The whole image is to have as few visible pixels as the target allows, with the fewest samples. That
+is so when the last sample of every zone takes away equally many (Lagrange). `zone_curves` says how
+the visible pixels of a zone fall.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from plateau.metric.estimate import allowed_pixels, require_target
+from plateau.metric.zone_noise import GROWTH, zone_curves
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from plateau.metric.estimate import Estimate
+    from plateau.metric.noise_model import NoiseModel
+    from plateau.metric.vdp import Percept, VisibleDifferences
+    from plateau.metric.zone_noise import Floats, ZoneCurves
+
+#: A round takes this share of what seems to be needed: the next image knows better.
+ROUND_SHARE: Final = 0.25
+#: The range of a round's samples, as shares of those before it.
+LEAST_ROUND, LARGEST_ROUND = 0.025, 0.25
+#: No zone's samples grow by more than this in one round, as a share of its own.
+MOST_GROWTH: Final = 0.5
+#: Every zone has at least this share of the mean: no path may have found its light yet.
+LEAST_SHARE: Final = 0.1
+#: Where the samples in flight seem to be enough, the next are to take away this share of the rest.
+_FURTHER: Final = 0.8
+
+
+@dataclass(frozen=True, eq=False)
+class Allocation:
+    """The next round of samples."""
+
+    #: The zones that it has, (rows, columns); at least one.
+    zones: NDArray[np.bool_]
+    #: Samples per pixel of each of them, a multiple of the number of slices.
+    spp: int
+    #: Samples per pixel of each zone when the whole image is expected to reach the target, (rows,
+    #: columns); those that are planned where they are enough.
+    needed: NDArray[np.float64]
+
+
+def plan_round(
+    metric: VisibleDifferences,
+    model: NoiseModel,
+    clean: Percept,
+    estimate: Estimate,
+    target: float,
+    *,
+    spp: NDArray[np.int64],
+    planned: NDArray[np.int64],
+    size: int,
+    slices: int,
+) -> Allocation:
+    """Return the zones and samples of the next round.
+
+    Parameters
+    ----------
+    metric, model, clean, estimate
+        The predictor, the noise model of the merged image, the percept of its clean image, and the
+        estimate from them.
+    target
+        Fraction of the pixels that may be visible, between 0 and 1; never less than one pixel.
+    spp
+        Samples per pixel of each zone in the merged image, (rows, columns), 1 or more.
+    planned
+        The same after all rounds that are decided already, at least `spp`.
+    size
+        Side of the zones in pixels. Those at the right and lower edges may be smaller.
+    slices
+        Slices of a round.
+
+    Raises
+    ------
+    ValueError
+        If the target is not between 0 and 1, or `spp` and `planned` do not fit the image's zones.
+
+    Notes
+    -----
+    It takes six comparisons beyond the estimate, and depends on its arguments alone. A round has at
+    least 1 sample per pixel of the image on average.
+
+    Examples
+    --------
+    >>> from plateau.metric import Half, View, VisibleDifferences
+    >>> from plateau.metric.estimate import estimate_from
+    >>> from plateau.metric.noise_model import noise_model
+    >>> noise = np.random.default_rng(1).normal(0, 0.02, (2, 64, 64, 3)).astype(np.float32)
+    >>> noise[:, :32, 32:] *= 4
+    >>> even, odd = np.float32(0.4) + noise
+    >>> metric = VisibleDifferences(View())
+    >>> model = noise_model(metric, (even + odd) / 2, (Half(even, 50), Half(odd, 50)))
+    >>> clean = metric.percept(model.clean)
+    >>> estimate = estimate_from(metric, model, clean)
+    >>> spp = np.full((2, 2), 100)
+    >>> plan = plan_round(
+    ...     metric, model, clean, estimate, 0.0005, spp=spp, planned=spp, size=32, slices=4
+    ... )
+    >>> bool(plan.zones[0, 1]), bool(plan.needed[0, 1] > 4 * plan.needed[1, 0])
+    (True, True)
+    """
+    require_target(target)
+    height, width = model.non_finite.shape
+    shape = -(-height // size), -(-width // size)
+    if spp.shape != shape or planned.shape != shape:
+        raise ValueError(f"{shape} zones need as many spp, not {spp.shape} and {planned.shape}")
+    curves = zone_curves(metric, model, clean, estimate, size)
+    needed = _needed(curves, spp, planned, allowed_pixels(target, model.pixels))
+    zones, more = _round(needed, planned, curves.pixels)
+    return Allocation(zones, math.ceil(more / slices) * slices, needed)
+
+
+def _needed(
+    curves: ZoneCurves, spp: NDArray[np.int64], planned: NDArray[np.int64], allowed: float
+) -> Floats:
+    """Return the cheapest samples per pixel with at most `allowed` visible pixels, (rows, columns).
+
+    If no samples within reach are enough, they are the most that are.
+    """
+    samples = np.maximum(spp[..., np.newaxis] * GROWTH, planned[..., np.newaxis])
+    logarithms = np.log(samples) - np.log(spp)[..., np.newaxis]
+    visible = _at(curves.visible, logarithms)
+    cost = samples * curves.pixels[..., np.newaxis]
+    allowed = min(allowed, _FURTHER * float(visible[..., 0].sum()))
+
+    def cheapest(price: float) -> NDArray[np.intp]:
+        """Return the place of the least cost, if a visible pixel costs as much as `price`."""
+        place: NDArray[np.intp] = (cost + price * visible).argmin(axis=-1)[..., np.newaxis]
+        return place
+
+    low, high = 0.0, math.log(1e15)  # of the price
+    for _ in range(40):
+        middle = (low + high) / 2
+        left = float(np.take_along_axis(visible, cheapest(math.exp(middle)), -1).sum())
+        low, high = (middle, high) if left > allowed else (low, middle)
+    needed: Floats = np.take_along_axis(samples, cheapest(math.exp(high)), -1)[..., 0]
+    mean = float((needed * curves.pixels).sum() / curves.pixels.sum())
+    return np.maximum(needed, LEAST_SHARE * mean)
+
+
+def _at(visible: Floats, logarithms: Floats) -> Floats:
+    """Return the curves at these logarithms of growth, both (rows, columns, places)."""
+    place = np.minimum(logarithms / math.log(GROWTH[1]), len(GROWTH) - 1)
+    below = np.minimum(place.astype(np.intp), len(GROWTH) - 2)
+    left, right = (np.take_along_axis(visible, below + one, -1) for one in (0, 1))
+    between: Floats = left + (right - left) * (place - below)
+    return between
+
+
+def _round(
+    needed: Floats, planned: NDArray[np.int64], pixels: Floats
+) -> tuple[NDArray[np.bool_], float]:
+    """Return the zones of the next round, the neediest first, and the samples per pixel of each."""
+    missing = np.maximum(needed - planned, 0.0).ravel()
+    so_far = planned.ravel().astype(np.float64)
+    areas = pixels.ravel()
+    total = float((so_far * areas).sum())
+    least = max(LEAST_ROUND * total, float(areas.sum()))
+    wanted = ROUND_SHARE * float((missing * areas).sum())
+    wanted = max(min(wanted, LARGEST_ROUND * total), least)
+    # Of the first zones in this order each takes as much as the least needy of them needs.
+    order = np.argsort(-missing / so_far, kind="stable")
+    each = np.minimum.accumulate(np.minimum(missing, MOST_GROWTH * so_far)[order])
+    area = np.cumsum(areas[order])
+    enough = np.flatnonzero(each * area >= wanted)
+    last = int(enough[0]) if enough.size else int(np.argmax(each * area))
+    zones = np.zeros(needed.size, np.bool_)
+    zones[order[: last + 1]] = True
+    return zones.reshape(needed.shape), max(float(each[last]), least / float(area[last]))
