@@ -133,7 +133,7 @@ def forecast(
     model = noise_model(metric, image, halves)
     clean = metric.percept(model.clean)
     estimate = estimate_from(metric, model, clean)
-    spp = sum(half.spp for half in halves)
+    spp = int(sum(half.spp for half in halves))
     return forecast_from(metric, model, clean, estimate, target, spp=spp, guess=guess)
 
 

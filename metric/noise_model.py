@@ -28,8 +28,8 @@ class Half:
 
     #: (H, W, 3) float32.
     mean: Image
-    #: Samples per pixel in this half, 1 or more.
-    spp: int
+    #: Samples per pixel in this half, 1 or more; their mean, where zones of the image have others.
+    spp: float
 
     def __post_init__(self) -> None:
         if self.spp < 1:

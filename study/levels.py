@@ -28,6 +28,11 @@ def kept_slices(jobs: Jobs, job: Job) -> list[KeptSlice]:
         raise CannotStudy(
             f"job {job.id} did not keep its slices; submit the scene again with keep_slices"
         )
+    if job.spec.by_zones:
+        raise CannotStudy(
+            f"job {job.id} is allocated by zones, and a study compares whole frames; submit the "
+            "scene again with the allocation frame"
+        )
     ledger = jobs.ledger(job.id)
     records = [ledger[index] for index in range(prefix_length(ledger))]
     kept = [KeptSlice(record["blob"], record["sha256"]) for record in records]

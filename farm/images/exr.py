@@ -42,6 +42,7 @@ _ATTRIBUTES: Final[dict[str, type]] = {
 _CHANNELS: Final = "plateau:channels"
 _IDS: Final = "plateau:ids"
 _ZONES: Final = "plateau:zones"
+_BORDER: Final = "plateau:border"
 _RENDERER: Final = "plateau:renderer"
 
 
@@ -50,8 +51,8 @@ class Partial:
     """One slice's film before normalisation.
 
     `pixels` is (height, width, channels) float32, in the order of `channels`. A slice of `zones`
-    has (pixels, channels) instead: zone after zone, each row by row. `renderer` is the renderer's
-    name and version; older partials have "" there.
+    has (pixels, channels) instead: zone after zone, each with its `border` and row by row.
+    `renderer` is the renderer's name and version; older partials have "" there.
     """
 
     job_id: str
@@ -64,6 +65,7 @@ class Partial:
     pixels: Pixels
     channels: Channels = field(default_factory=Channels)
     zones: tuple[Zone, ...] = ()
+    border: int = 0
     renderer: str = ""
 
 
@@ -86,7 +88,7 @@ def encode_partial(partial: Partial) -> bytes:
         attributes[_RENDERER] = partial.renderer
     pixels = partial.pixels
     if partial.zones:
-        attributes[_ZONES] = json.dumps(partial.zones)
+        attributes |= {_ZONES: json.dumps(partial.zones), _BORDER: partial.border}
         pixels = pixels[None]  # as one row
     planes = {name: pixels[..., plane] for plane, name in enumerate(names)}
     return _encode(planes, "none", attributes)
@@ -107,6 +109,7 @@ def decode_partial(content: bytes) -> Partial:
             channels = _channels(header)
             pixels = np.stack([planes[name].pixels for name in channels.names], axis=-1)
             zones = tuple(Zone(*map(int, one)) for one in json.loads(header.get(_ZONES, "[]")))
+            border = int(header.get(_BORDER, 0))
         job, index, first, last, spp, variant, scene = (
             of_type(header[f"plateau:{name}"]) for name, of_type in _ATTRIBUTES.items()
         )
@@ -123,6 +126,7 @@ def decode_partial(content: bytes) -> Partial:
         pixels=pixels[0] if zones else pixels,
         channels=channels,
         zones=zones,
+        border=border,
         renderer=str(header.get(_RENDERER, "")),
     )
 

@@ -27,7 +27,8 @@ _AT_ONCE: Final = 250
 
 #: The fields of a job's hash that a summary needs.
 _FIELDS: Final = (
-    *("state", "spec", "spp", "committed", "slice_spp", "machine_ms", "latest", "width", "height"),
+    *("state", "spec", "spp", "committed", "committed_samples", "slice_spp", "machine_ms"),
+    *("latest", "width", "height"),
     *("created_at", "started_at", "ended_at", "finished_at", "held", "samples_saved"),
 )
 
@@ -206,7 +207,7 @@ def _member(job_id: str, fields: dict[str, str | None], specs: dict[str, JobSpec
         state=JobState(fields["state"] or ""),
         held=fields["held"] is not None and fields["state"] == JobState.QUEUED,
         spp=int(fields["spp"] or 0),
-        committed_spp=int(fields["committed"] or 0) * int(fields["slice_spp"] or 0),
+        committed_spp=records.committed_spp(fields, int(fields["slice_spp"] or 0)),
         estimate_fraction=latest.get("estimate_fraction"),
         forecast_spp=latest.get("forecast_spp"),
         film=(int(width), int(height)) if width and height else None,

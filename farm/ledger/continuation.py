@@ -15,7 +15,7 @@ variants the cap decides passes and seeds (see `plateau.farm.model.seeds`).
 
 import hashlib
 from bisect import bisect_left
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -24,18 +24,19 @@ from plateau.farm.ledger.jobs import Created, Jobs, request_key
 from plateau.farm.ledger.ownership import Checkpoint
 from plateau.farm.model.errors import CannotContinue, JobNotFound
 from plateau.farm.model.job import Job
+from plateau.farm.model.plan import LAG, Plan, Round
 from plateau.farm.model.seeds import SeedRange, SeedsExhausted
 from plateau.farm.model.spec import MOST_SPP, JobSpec
 from plateau.farm.model.webhook_spec import WebhookSpec
 from plateau.farm.redis import keys
 from plateau.farm.redis.client import RedisClient
-from plateau.farm.redis.commands.jobs import Continue
+from plateau.farm.redis.commands.jobs import Continue, DecidedRound
 from plateau.farm.redis.link import unavailable_as_farm_error
 from plateau.farm.redis.scripts import Scripts
 from plateau.rules import as_offered
 
 #: The fields of a spec that determine the samples, ...
-_SAMPLING: Final = ("slice_spp", "variant", "seed", "sensor", "parameters")
+_SAMPLING: Final = ("slice_spp", "variant", "seed", "sensor", "parameters", "allocation")
 #: ... that the new job does not inherit, ...
 _OWN: Final = ("batch", "flicker_guard", "webhook")
 #: ... and that all points of a curve have in common.
@@ -49,6 +50,12 @@ class Remains:
     slices: int
     checkpoint: str  #: of their sums, as JSON; "" where the slices themselves are kept
     seeds: tuple[SeedRange, ...]  #: of each slice
+    plan: Plan  #: of the ended job
+
+    @property
+    def spp(self) -> int:
+        """Samples per pixel of these slices."""
+        return self.plan.spp(self.slices)
 
     @property
     def kept(self) -> bool:
@@ -84,8 +91,11 @@ class Continuations:
             checkpoint = self._redis.hget(keys.job(job.id), "checkpoint")
         ledger = self._jobs.ledger(job.id)
         slices, committed = 0, records.prefix_length(ledger)
+        plan = self._jobs.plan(job)
         if job.spec.keep_slices:
             slices, checkpoint = committed, None
+            if plan.by_zones:  # where the slices end, a round ends
+                slices -= slices % plan.round_slices
         elif checkpoint is not None:
             slices = Checkpoint.model_validate_json(checkpoint).slices
         if not 0 < slices <= committed:
@@ -96,7 +106,7 @@ class Continuations:
             )
         drawn = (ledger[index] for index in range(slices))
         seeds = tuple(SeedRange(one["first_seed"], one["last_seed"]) for one in drawn)
-        return Remains(slices, checkpoint or "", seeds)
+        return Remains(slices, checkpoint or "", seeds, plan)
 
     def start(
         self,
@@ -125,7 +135,9 @@ class Continuations:
                 old=job.id,
                 slices=remains.slices,
                 checkpoint=remains.checkpoint,
-                judged_spp=0 if remains.kept else remains.slices * spec.slice_spp,
+                judged_spp=0 if remains.kept else remains.spp,
+                samples=remains.plan.samples(remains.slices),
+                rounds=tuple(_taken_rounds(remains, spec)),
                 idempotency=request_key(idempotency_key, owner),
                 digest=digest,
                 priority=spec.priority,
@@ -139,6 +151,20 @@ class Continuations:
         if made.outcome == "changed":
             raise CannotContinue(job.id, "what was left of it has just changed: try again")
         return self._jobs.created(made)
+
+
+def _taken_rounds(remains: Remains, spec: JobSpec) -> Iterator[DecidedRound]:
+    """The rounds that the new job takes over: those of its slices, and those that its points chose.
+
+    Where the new job renders nothing, its plan ends with them.
+    """
+    plan, decided = remains.plan, remains.plan.decided
+    if remains.kept:
+        decided = decided[: max(0, remains.slices // plan.round_slices - LAG)]
+    if decided and remains.kept and spec.max_spp <= remains.spp:
+        decided = (*decided, Round(spp=0, zones=None, pixels=0))
+    for number, one in enumerate(decided, LAG):
+        yield DecidedRound(number, one.as_json())
 
 
 def changed_spec(spec: JobSpec, changes: dict[str, Any]) -> dict[str, Any]:
@@ -200,7 +226,11 @@ def check(job: Job, remains: Remains, spec: JobSpec) -> None:
         )
     if not remains.kept:
         _check_sums(job, remains, spec)
-    if spec.max_spp > remains.slices * spec.slice_spp:
+    if spec.by_zones and spec.step != job.spec.step:
+        raise CannotContinue(
+            job.id, "by zones, each step has decided a later one, so its step cannot change"
+        )
+    if spec.max_spp > remains.spp:
         _check_seeds(job, remains, spec)
 
 
@@ -232,7 +262,7 @@ def _check_seeds(job: Job, remains: Remains, spec: JobSpec) -> None:
     raise CannotContinue(
         job.id,
         f"{job.variant} at {job.width}×{job.height} draws other samples for a cap of "
-        f"{spec.max_spp} spp than the {remains.slices * slice_spp} spp that there are: {remedy}",
+        f"{spec.max_spp} spp than the {remains.spp} spp that there are: {remedy}",
     )
 
 
@@ -247,11 +277,14 @@ def _draws(job: Job, remains: Remains, cap: int) -> bool:
         schedule = spec.seed_schedule(job.variant, job.width, job.height)
     except SeedsExhausted:
         return False
-    return all(schedule.seed_range(index) == one for index, one in enumerate(remains.seeds))
+    return all(
+        schedule.seed_range(index, remains.plan.slice_spp_of(index)) == one
+        for index, one in enumerate(remains.seeds)
+    )
 
 
 def _check_sums(job: Job, remains: Remains, spec: JobSpec) -> None:
-    spp = remains.slices * spec.slice_spp
+    spp = remains.spp
     for name in _JUDGING:
         if getattr(spec, name) != getattr(job.spec, name):
             raise CannotContinue(

@@ -14,6 +14,7 @@ from plateau.farm.blobs import store as blobs
 from plateau.farm.ledger.queue import SliceRecord
 from plateau.farm.ledger.records import slice_record
 from plateau.farm.model.errors import FenceLost, IllegalTransition
+from plateau.farm.model.plan import Round
 from plateau.farm.model.states import JobState
 from plateau.farm.redis import keys
 from plateau.farm.redis.client import RedisClient
@@ -177,10 +178,29 @@ class Ownerships:
             Plan(job=owned.job_id, token=owned.token, stop=slices.stop, expected_spp=expected_spp)
         )
 
-    def append_point(self, owned: Ownership, spp: int, point: dict[str, object]) -> None:
-        """Append a point to the curve, once for each spp."""
-        text = json.dumps(point)
-        self._checked(AppendPoint(job=owned.job_id, token=owned.token, spp=spp, point=text))
+    def append_point(
+        self,
+        owned: Ownership,
+        spp: int,
+        point: dict[str, object],
+        decided: tuple[int, Round] | None = None,
+    ) -> None:
+        """Append a point to the curve, once for each spp.
+
+        `decided` is the number of the round that its image decides, and the round; point and round
+        are stored together.
+        """
+        number, one = decided or (0, None)
+        self._checked(
+            AppendPoint(
+                job=owned.job_id,
+                token=owned.token,
+                spp=spp,
+                point=json.dumps(point),
+                number=number,
+                round=None if one is None else one.as_json(),
+            )
+        )
 
     def end(
         self,

@@ -8,9 +8,9 @@ from pydantic import BaseModel, ConfigDict
 
 from plateau.farm.model.fit import Kind
 from plateau.farm.model.place_names import DEFAULT_POOL
+from plateau.farm.model.plan import Round
 from plateau.farm.model.spec import JobSpec, stored_spec
 from plateau.farm.model.states import MAX_TRIES
-from plateau.farm.model.zones import Zone
 from plateau.farm.redis import keys
 from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.commands import slices as commands
@@ -31,6 +31,12 @@ class Lease:
     variant: str
     spec: JobSpec
     scene_sha256: str
+    round: Round | None = None  #: the slice's zones and spp, unless it is of the whole film
+
+    @property
+    def spp(self) -> int:
+        """Samples per pixel of the slice."""
+        return self.spec.slice_spp if self.round is None else self.round.spp
 
 
 class SliceRecord(BaseModel):
@@ -46,7 +52,6 @@ class SliceRecord(BaseModel):
     sha256: str  #: of the partial's bytes
     worker: str
     render_s: float
-    zones: tuple[Zone, ...] = ()  #: the parts of the film that it has; none for the whole film
 
 
 class Committed(str, Enum):
@@ -128,6 +133,7 @@ class SliceQueue:
             variant=found.variant,
             spec=stored_spec(found.spec),
             scene_sha256=found.scene,
+            round=None if found.round is None else Round.from_json(found.round),
         )
 
     def glimpse(self, lease: Lease, blob: str) -> bool:

@@ -3,7 +3,7 @@
 import json
 import logging
 import secrets
-from collections.abc import Container, Iterator
+from collections.abc import Container, Iterator, Mapping
 from contextlib import contextmanager
 from itertools import count
 from typing import Any
@@ -12,6 +12,7 @@ from plateau.farm.blobs import store as blobs
 from plateau.farm.model import fit
 from plateau.farm.model.errors import UnreadableJob
 from plateau.farm.model.job import CurvePoint, Event, Job, Worker, moment
+from plateau.farm.model.plan import Round
 from plateau.farm.model.spec import JobSpec, stored_spec
 from plateau.farm.model.states import JobState
 from plateau.farm.redis import keys
@@ -115,9 +116,11 @@ def _job(fields: dict[str, str], sealed: dict[str, str]) -> Job:
         spp=spp,
         held="held" in fields and fields["state"] == JobState.QUEUED,
         image_spp=_image_spp(fields),
-        committed_spp=int(fields["committed"]) * spec.slice_spp,
+        committed_spp=committed_spp(fields, spec.slice_spp),
         points=int(fields["points"]),
         **{name: latest.get(name) for name in judged},
+        spp_min=latest.get("spp_min"),
+        spp_max=latest.get("spp_max"),
         forecast_s=_seconds_to_forecast(latest, fields),
         verdict=json.loads(fields["verdict"]) if "verdict" in fields else None,
         samples_saved=int(fields.get("samples_saved", 0)),
@@ -142,6 +145,7 @@ def new_job(spec: JobSpec, *, name: str, scene_sha256: str, owner: str = "") -> 
         "asked_variant": spec.variant,
         "need": fit.need(spec),
         "slice_spp": spec.slice_spp,
+        **({"round_slices": spec.step // spec.slice_spp} if spec.by_zones else {}),
         "batch": spec.batch or "",
         "guards": 1 if spec.flicker_guard else "",
         "planned": 0,
@@ -168,6 +172,19 @@ def _spec(fields: dict[str, str]) -> JobSpec:
     if "priority" in fields:
         spec = spec.model_copy(update={"priority": int(fields["priority"])})
     return spec
+
+
+def committed_spp(fields: Mapping[str, str | None], slice_spp: int) -> int:
+    """The samples per pixel in the ledger: by zones their mean, rounded down."""
+    samples, width, height = map(fields.get, ("committed_samples", "width", "height"))
+    if samples and width and height:
+        return int(samples) // (int(width) * int(height))
+    return int(fields["committed"] or 0) * slice_spp
+
+
+def decided_rounds(stored: dict[str, str]) -> tuple[Round, ...]:
+    """The rounds of a job that images have decided, in order."""
+    return tuple(Round.from_json(stored[number]) for number in sorted(stored, key=int))
 
 
 def _image_spp(fields: dict[str, str]) -> int | None:

@@ -45,7 +45,16 @@ class ZoneFractions(_Record):
 class CurvePoint(_Record):
     """One evaluation: the merged image at `spp`, judged."""
 
-    spp: int = Field(description="samples per pixel in the merged image")
+    spp: int = Field(
+        description="samples per pixel in the merged image; by zones their mean, rounded down"
+    )
+    spp_min: int | None = Field(
+        None, description="samples per pixel of the zone that has the fewest, by zones"
+    )
+    spp_max: int | None = Field(None, description="of the zone that has the most")
+    samples: int | None = Field(
+        None, description="samples of the image over all pixels; not known of older points"
+    )
     visible_pixels: int = Field(
         description="changed since the first image: pixels that differ visibly from that of the "
         "curve's first point"
@@ -96,7 +105,13 @@ class Job(_Record):
     variant: str | None = Field(description="the variant, pinned by the first lease")
     width: int | None = Field(description="film width in pixels")
     height: int | None = Field(description="film height in pixels")
-    spp: int = Field(description="samples per pixel in the merged image")
+    spp: int = Field(
+        description="samples per pixel in the merged image; by zones their mean, rounded down"
+    )
+    spp_min: int | None = Field(
+        None, description="by zones: of the zone that has the fewest, at the newest point"
+    )
+    spp_max: int | None = Field(None, description="of the zone that has the most, there")
     held: bool = Field(
         False, description="whether it is queued and held back, until it or its batch is resumed"
     )

@@ -14,6 +14,9 @@ LARGEST_SPP = 64
 #: Samples of such a pass have numbers below this one.
 _SAMPLE_NUMBERS = 2**31
 
+#: The most spp of a slice that has zones of the film.
+MOST_SLICE_SPP = 512
+
 #: Samples in the first pass of a job, whose film is shown while the others render.
 FIRST_LOOK_SAMPLES = 2**18
 

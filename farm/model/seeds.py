@@ -83,7 +83,7 @@ class SeedRange(NamedTuple):
 
 @dataclass(frozen=True)
 class SeedSchedule:
-    """The passes and seeds of every slice of a job, a pure function of six plain values.
+    """The passes and seeds of every slice of a job, a pure function of plain values.
 
     Parameters
     ----------
@@ -97,6 +97,8 @@ class SeedSchedule:
         The job's cap in samples per pixel.
     job_seed : int
         The job's seed, 0 or more. Jobs that differ in nothing else draw disjoint samples.
+    most_slice_spp : int
+        The most spp of a slice of zones, where the job is allocated by zones; 0 where it is not.
 
     Raises
     ------
@@ -112,6 +114,7 @@ class SeedSchedule:
     slice_spp: int
     max_spp: int
     job_seed: int = 0
+    most_slice_spp: int = 0
 
     def __post_init__(self) -> None:
         for name in ("width", "height", "slice_spp", "max_spp"):
@@ -119,6 +122,11 @@ class SeedSchedule:
                 raise ValueError(f"{name} must be at least 1, not {getattr(self, name)}")
         if self.job_seed < 0:
             raise ValueError(f"job_seed must be 0 or more, not {self.job_seed}")
+        if self.most_slice_spp and not variant_named(self.variant).renders_in_parts:
+            raise SeedsExhausted(
+                f"{self.variant} renders whole films alone, and the job is allocated by zones: "
+                "choose the allocation frame, or an LLVM or CUDA variant"
+            )
         needed, offered = self._passes_per_job, self._seeds.passes_per_job
         if needed > offered:
             raise SeedsExhausted(
@@ -134,14 +142,17 @@ class SeedSchedule:
 
     @property
     def slices(self) -> int:
-        """The number of slices that reach `max_spp`."""
+        """The number of slices that reach `max_spp`, if all are whole films."""
         return -(-self.max_spp // self.slice_spp)
 
-    def pass_spp(self, index: int) -> tuple[int, ...]:
-        """Return the spp of each pass of slice `index`, in rendering order."""
+    def pass_spp(self, index: int, spp: int | None = None) -> tuple[int, ...]:
+        """Return the spp of each pass of slice `index`, in rendering order.
+
+        `spp` is the slice's own, where it is one of zones.
+        """
         if variant_named(self.variant).renders_in_parts:
             pixels = self.width * self.height
-            return passes_in_parts(self.slice_spp, pixels, is_first=index == 0)
+            return passes_in_parts(spp or self.slice_spp, pixels, is_first=index == 0)
         return self._single_calls
 
     @cached_property
@@ -156,22 +167,34 @@ class SeedSchedule:
             largest *= 2
         return single_call_passes(self.slice_spp, largest)
 
-    def seed_range(self, index: int) -> SeedRange:
-        """Return the pass numbers of slice `index`, for the ledger."""
-        if not 0 <= index < self.slices:
-            raise ValueError(f"slice {index} is outside the job's {self.slices} slices")
+    def seed_range(self, index: int, spp: int | None = None) -> SeedRange:
+        """Return the pass numbers of slice `index`, for the ledger; `spp` as for `pass_spp`."""
+        if not 0 <= index < self._most_slices:
+            raise ValueError(f"slice {index} is outside the job's {self._most_slices} slices")
         first = self.job_seed * self._passes_per_job_seed + self._passes_before(index)
-        return SeedRange(first, first + len(self.pass_spp(index)) - 1)
+        return SeedRange(first, first + len(self.pass_spp(index, spp)) - 1)
+
+    @property
+    def _most_slices(self) -> int:
+        """The most slices; by zones, as many as there are seeds for."""
+        if not self.most_slice_spp:
+            return self.slices
+        return self._seeds.passes_per_job // self._passes_before(1)
 
     def _passes_before(self, index: int) -> int:
-        """Return how many passes the slices before `index` have."""
+        """Return how many passes are set aside for the slices before `index`."""
+        if self.most_slice_spp:  # any spp may be asked of a slice of zones
+            return index * (1 + len(self.pass_spp(1, max(self.most_slice_spp, self.slice_spp))))
         return len(self.pass_spp(0)) + (index - 1) * len(self.pass_spp(1)) if index else 0
 
-    def passes(self, index: int) -> tuple[Pass, ...]:
-        """Return the passes of slice `index` in the order in which they are rendered and added."""
-        first, last = self.seed_range(index)
+    def passes(self, index: int, spp: int | None = None) -> tuple[Pass, ...]:
+        """Return the passes of slice `index` in the order in which they are rendered and added.
+
+        `spp` as for `pass_spp`.
+        """
+        first, last = self.seed_range(index, spp)
         seeds = map(self._seeds.seed, range(first, last + 1))
-        return tuple(map(Pass, self.pass_spp(index), seeds))
+        return tuple(map(Pass, self.pass_spp(index, spp), seeds))
 
     @cached_property
     def _seeds(self) -> _DistinctSeeds | _ScalarSeeds:

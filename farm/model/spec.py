@@ -6,8 +6,10 @@ from typing import Annotated, Any, Final, Literal
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from plateau.farm.model import renderers
+from plateau.farm.model.allocation import AllocationSpec, FrameAllocation
 from plateau.farm.model.aovs import AOV_NAMES, AOVS, AovName
 from plateau.farm.model.exr_spec import ExrSpec
+from plateau.farm.model.passes import MOST_SLICE_SPP
 from plateau.farm.model.place_names import DEFAULT_POOL, PlaceName, Tags
 from plateau.farm.model.rule_model import Strict
 from plateau.farm.model.rule_specs import (
@@ -157,6 +159,11 @@ class SharedSpec(Strict):
     )
     exr: ExrSpec = Field(default_factory=ExrSpec, description="how image.exr is written")
     rule: RuleSpec = Field(default_factory=VisibleSpec, description="the rule that ends the job")
+    allocation: AllocationSpec = Field(
+        default_factory=FrameAllocation,
+        description="where samples go: all over the frame, or to the zones in which more is left "
+        "to see",
+    )
     watch: tuple[RuleSpec, ...] = Field(
         default=(),
         max_length=16,
@@ -189,10 +196,29 @@ class SharedSpec(Strict):
             raise ValueError(
                 f"min_spp must not be above max_spp: {self.min_spp} is above {self.max_spp}"
             )
+        if self.by_zones:
+            self._check_zones()
         names = [rule.name for rule in (self.rule, *self.watch)]
         if len(set(names)) < len(names):
             raise ValueError("each rule may be named once, as the rule or under watch")
         return self
+
+    def _check_zones(self) -> None:
+        if self.step // self.slice_spp % 2:
+            raise ValueError(
+                "by zones, a step has an even number of slices, half of them for each half of the "
+                f"samples: {self.step} spp are {self.step // self.slice_spp} of {self.slice_spp}"
+            )
+        if self.variant != "auto" and not renderers.variant_named(self.variant).renders_in_parts:
+            raise ValueError(
+                f"{self.variant} renders whole films alone: choose the allocation frame, or "
+                "another variant"
+            )
+
+    @property
+    def by_zones(self) -> bool:
+        """Whether its samples are allocated by zones."""
+        return self.allocation.name == "zones"
 
     @property
     def noise_target(self) -> float | None:
@@ -244,7 +270,8 @@ class SharedSpec(Strict):
         SeedsExhausted
             The variant has too few seeds for it.
         """
-        return SeedSchedule(variant, width, height, self.slice_spp, self.max_spp, self.seed)
+        most = MOST_SLICE_SPP if self.by_zones else 0
+        return SeedSchedule(variant, width, height, self.slice_spp, self.max_spp, self.seed, most)
 
 
 #: Any that 64 bits hold; more digits would be no number to any renderer.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import groupby
 from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
@@ -22,6 +23,64 @@ class Zone(NamedTuple):
         right = min(film_width, self.x + self.width + border)
         bottom = min(film_height, self.y + self.height + border)
         return Zone(left, top, right - left, bottom - top)
+
+
+class Grid(NamedTuple):
+    """A film, divided into square zones, numbered by rows; the last may be smaller.
+
+    Attributes
+    ----------
+    width, height : int
+        Of the film, in pixels.
+    size : int
+        Of a zone, in pixels.
+    """
+
+    width: int
+    height: int
+    size: int
+
+    @property
+    def columns(self) -> int:
+        """The number of zones in a row."""
+        return -(-self.width // self.size)
+
+    @property
+    def rows(self) -> int:
+        """The number of rows of zones."""
+        return -(-self.height // self.size)
+
+    def zone(self, number: int) -> Zone:
+        """Return the zone of this number."""
+        y, x = (place * self.size for place in divmod(number, self.columns))
+        return Zone(x, y, min(self.size, self.width - x), min(self.size, self.height - y))
+
+    def zones(self, numbers: Iterable[int] | None = None) -> tuple[Zone, ...]:
+        """Return these zones, or all of them."""
+        every = range(self.rows * self.columns)
+        return tuple(map(self.zone, every if numbers is None else numbers))
+
+    def joined(self, numbers: Iterable[int]) -> tuple[Zone, ...]:
+        """Return rectangles that cover these zones: neighbours in a row are one.
+
+        `numbers` rise.
+
+        Examples
+        --------
+        >>> Grid(80, 64, 32).joined([0, 1, 4])
+        (Zone(x=0, y=0, width=64, height=32), Zone(x=32, y=32, width=32, height=32))
+        """
+
+        def run_of(one: tuple[int, int]) -> tuple[int, int]:
+            place, number = one
+            return number // self.columns, number - place
+
+        runs = []
+        for _, run in groupby(enumerate(numbers), run_of):
+            zones = [self.zone(number) for _, number in run]
+            first, last = zones[0], zones[-1]
+            runs.append(Zone(first.x, first.y, last.x + last.width - first.x, first.height))
+        return tuple(runs)
 
 
 def pixels_of(zones: Iterable[Zone]) -> int:

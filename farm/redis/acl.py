@@ -79,7 +79,10 @@ _QUEUE: Final = (
     keys.RECEIVERS,
     keys.webhooks_due("*"),
 )
-_READ_BY_WORKERS: Final = (keys.SCHEMA, keys.STORE, keys.PROTOCOL)
+_READ_BY_WORKERS: Final = (
+    *(keys.SCHEMA, keys.STORE, keys.PROTOCOL),
+    keys.job(_ID, "rounds"),
+)
 
 _MONITOR: Final = (
     *_QUEUE,

@@ -151,7 +151,7 @@ GROUP: Final = "workers"
 JOB_PARTS: Final = (
     *("slices", "lost", "leases", "paces", "outrun", "ledger", "seeds", "deaths", "spoiled"),
     *("curve", "events", "log", "sealed", "digests", "webhook", "deliveries", "tries"),
-    *("owner", "fence"),
+    *("owner", "fence", "rounds"),
 )
 
 

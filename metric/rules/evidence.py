@@ -38,7 +38,8 @@ class Evidence:
     def __post_init__(self) -> None:
         if self.spp < 1:
             raise ValueError(f"an evaluation needs at least 1 spp, not {self.spp}")
-        if self.halves is not None and sum(half.spp for half in self.halves) != self.spp:
+        halves = self.spp if self.halves is None else sum(half.spp for half in self.halves)
+        if self.halves is not None and not self.spp <= halves < self.spp + 1:
             even, odd = self.halves
             raise ValueError(f"halves of {even.spp} and {odd.spp} spp do not make {self.spp} spp")
 

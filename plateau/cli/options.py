@@ -112,6 +112,14 @@ def spec_from_options(
             autocompletion=complete.rules,
         ),
     ] = None,
+    allocation: Annotated[
+        str | None,
+        typer.Option(
+            help="Where samples go: frame, or zones, in which more is left to see; zones:size=16 "
+            "for others than 32 pixels.",
+            show_default="frame",
+        ),
+    ] = None,
     watch: Annotated[
         list[str] | None,
         typer.Option(

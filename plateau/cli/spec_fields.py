@@ -13,6 +13,7 @@ def spec_fields(
     define: list[str] | None = None,
     rule: str | None = None,
     watch: list[str] | None = None,
+    allocation: str | None = None,
     exposure: float | None = None,
     white_luminance: float | None = None,
     field_of_view: float | None = None,
@@ -41,8 +42,9 @@ def spec_fields(
         aovs=aov or None,
         exr=exr or None,
         parameters=dict(map(_definition, define)) if define else None,
-        rule=_rule(rule) if rule else None,
-        watch=list(map(_rule, watch)) if watch else None,
+        rule=_named(rule, "a rule") if rule else None,
+        watch=[_named(one, "a rule") for one in watch] if watch else None,
+        allocation=_named(allocation, "an allocation") if allocation else None,
         view=view or None,
     )
 
@@ -82,14 +84,14 @@ def _colour(text: str) -> list[float]:
     return [red, green, blue]
 
 
-def _rule(text: str) -> dict[str, str | int | float]:
-    """A rule from its text: ``name`` or ``name:parameter=value,…``."""
+def _named(text: str, what: str) -> dict[str, str | int | float]:
+    """A rule or an allocation from its text: ``name`` or ``name:parameter=value,…``."""
     name, _, parameters = text.partition(":")
     given: dict[str, str | int | float] = {"name": name}
     for definition in filter(None, parameters.split(",")):
         parameter, separator, value = definition.partition("=")
         if not (separator and parameter):
-            raise typer.BadParameter(f"a rule is NAME or NAME:PARAMETER=VALUE,…, not {text!r}")
+            raise typer.BadParameter(f"{what} is NAME or NAME:PARAMETER=VALUE,…, not {text!r}")
         given[parameter] = _number(value)
     return given
 

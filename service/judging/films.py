@@ -8,8 +8,10 @@ from plateau.farm.blobs.store import Blobs
 from plateau.farm.images.exr import Partial, decode_partial
 from plateau.farm.ledger.ownership import Ownership, Ownerships
 from plateau.farm.ledger.queue import SliceRecord
-from plateau.farm.model.aovs import AOVS, AovName
+from plateau.farm.model.aovs import AOVS
 from plateau.farm.model.errors import CorruptPartial
+from plateau.farm.model.plan import Plan, slice_zones
+from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import MAX_TRIES
 from plateau.farm.process.log import concerning
 
@@ -31,27 +33,24 @@ def checked_partial(store: Blobs, blob: str, sha256: str) -> Partial:
     content = store.get(blob)
     if hashlib.sha256(content).hexdigest() != sha256:
         raise CorruptPartial(f"{blob} is not what its worker uploaded")
-    partial = decode_partial(content)
-    if partial.zones:
-        raise CorruptPartial(f"{blob} has zones of the film, and a slice of this job has all of it")
-    return partial
+    return decode_partial(content)
 
 
 class Films:
     """The partials of a job's slices, for the monitor that owns the job."""
 
-    def __init__(
-        self, owned: Ownership, owners: Ownerships, store: Blobs, aovs: tuple[AovName, ...]
-    ) -> None:
-        self._expected = {channel for aov in aovs for channel in AOVS[aov].channels}
+    def __init__(self, owned: Ownership, owners: Ownerships, store: Blobs, spec: JobSpec) -> None:
+        self._expected = {channel for aov in spec.aovs for channel in AOVS[aov].channels}
+        self._spec = spec
         self._owned = owned
         self._owners = owners
         self._blobs = store
 
-    def partial(self, record: SliceRecord) -> Partial | None:
+    def partial(self, record: SliceRecord, plan: Plan) -> Partial | None:
         """Return the slice's partial, or None if it is lost, is damaged or lacks AOVs.
 
-        The slice is then rendered again, unless the job has ended.
+        It is damaged, too, if it has not the zones and the spp of the plan. The slice is then
+        rendered again, unless the job has ended.
 
         Raises
         ------
@@ -60,14 +59,29 @@ class Films:
         """
         with concerning(self._owned.job_id, record.index):
             try:
-                return self._complete(
-                    checked_partial(self._blobs, record.blob, record.sha256), record
-                )
+                partial = checked_partial(self._blobs, record.blob, record.sha256)
+                self._check_zones(partial, plan)
+                return self._complete(partial, record)
             except FileNotFoundError as error:
                 self._render_again(record, f"the blob store has no {record.blob}", error)
             except CorruptPartial as error:
                 self._render_again(record, str(error), error)
             return None
+
+    def _check_zones(self, partial: Partial, plan: Plan) -> None:
+        one, zones = plan.slice_round(partial.index), partial.zones
+        height, width = partial.pixels.shape[:2]
+        if zones:
+            width = max(zone.x + zone.width for zone in zones)
+            height = max(zone.y + zone.height for zone in zones)
+        known = plan.width or width, plan.height or height
+        if partial.spp != plan.slice_spp_of(partial.index) or zones != slice_zones(
+            self._spec, one, *known, partial.border
+        ):
+            raise CorruptPartial(
+                f"slice {partial.index} has {partial.spp} spp of {len(zones)} zones, and the plan "
+                "says otherwise"
+            )
 
     def _complete(self, partial: Partial, record: SliceRecord) -> Partial:
         lacking = self._expected.difference(partial.channels.names)

@@ -7,6 +7,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from plateau.farm.model.plan import Plan, Round
 from plateau.farm.model.spec import JobSpec
 from plateau.metric import (
     Estimate,
@@ -23,6 +24,7 @@ from plateau.metric import (
 from plateau.metric.compiled import CompiledVisibleDifferences
 from plateau.metric.compiled.predictor import COMPARISONS_BEFORE_KEEPING
 from plateau.rules import CURVE, DEFAULT
+from plateau.service.judging.allotment import allotment
 from plateau.service.judging.merge import Merge
 from plateau.service.judging.result_files import flaw_of
 
@@ -53,6 +55,8 @@ class Judgement:
     expected_spp: int | None
     #: Why the image cannot be a result, whatever the rules say; None if it can.
     flaw: str | None
+    #: The round that the image decides; None where the job is allocated by frame.
+    decided: Round | None = None
 
 
 class Judge:
@@ -79,8 +83,11 @@ class Judge:
             if name not in self._rules:
                 self._rules[name] = create_rule(name)
 
-    def judge(self, merge: Merge) -> Judgement:
-        """Evaluate every rule on the merged image; to be called once a point, by rising spp."""
+    def judge(self, merge: Merge, plan: Plan | None = None) -> Judgement:
+        """Evaluate every rule on the merged image; to be called once a point, by rising spp.
+
+        `plan` is that of the job; none is needed of a job that is allocated by frame.
+        """
         halves = merge.halves()
         evidence = Evidence(
             spp=merge.spp,
@@ -96,9 +103,18 @@ class Judge:
         flaw = flaw_of(evidence.image) if curve["non_finite_pixels"] else None
         # An image that cannot be a result has no estimate, which would be one of its other pixels.
         estimate = None if flaw else evidence.estimate
-        forecast = evidence.forecast(self._target) if self._target and not flaw else None
+        forecast, decided = None, None
+        if self._target and not flaw:
+            if plan is not None and merge.zone_spp is not None:
+                allotted = allotment(evidence, self._target, plan, merge.zone_spp)
+                decided, at = allotted.round, allotted.forecast_spp
+                forecast = Forecast(at, None, None)
+            else:
+                forecast = evidence.forecast(self._target)
         point = {
             "spp": merge.spp,
+            "samples": merge.samples,
+            **_least_and_most(merge.zone_spp),
             **curve,
             **_estimate(estimate),
             **_forecast(forecast),
@@ -110,7 +126,8 @@ class Judge:
         }
         own = verdicts[self._own]
         expected = self._expected_spp(own, forecast, merge.spp)
-        return Judgement(point, self._not_too_early(own, merge.spp), expected, flaw)
+        verdict = self._not_too_early(own, merge.spp)
+        return Judgement(point, verdict, expected, flaw, decided)
 
     def _expected_spp(self, own: Verdict, forecast: Forecast | None, spp: int) -> int | None:
         """Return the spp at which the rule is likely to be satisfied: see `expected_end_spp`."""
@@ -187,6 +204,12 @@ def _crossing(before: tuple[int, float], now: tuple[int, float], limit: float) -
 
 
 # The fields of a point, as `plateau.farm.model.job.CurvePoint` has them.
+
+
+def _least_and_most(zone_spp: NDArray[np.int64] | None) -> dict[str, object]:
+    if zone_spp is None:
+        return {}
+    return {"spp_min": int(zone_spp.min()), "spp_max": int(zone_spp.max())}
 
 
 def _curve(reverse: Verdict) -> dict[str, object]:

@@ -9,7 +9,9 @@ from numpy.typing import NDArray
 
 from plateau.farm.images.channels import BLACK, Channels, Colour
 from plateau.farm.images.exr import Partial, Pixels
+from plateau.farm.model.plan import Plan
 from plateau.farm.model.spec import SharedSpec
+from plateau.service.judging.canvas import Canvas, Sampled, canvas_of
 
 
 @dataclass(kw_only=True)
@@ -26,6 +28,7 @@ class Merge:
     """
 
     slice_spp: int
+    zone_size: int | None = None  #: in pixels; None where all slices have the whole film
     background: Colour = BLACK  #: behind an image with alpha
     slices: int = 0  #: in the sums: the slices 0 … slices − 1
     channels: Channels = field(default_factory=Channels)
@@ -33,19 +36,40 @@ class Merge:
     origin: dict[str, str] = field(default_factory=dict)
     _total: NDArray[np.float64] | None = field(default=None, repr=False)
     _even: NDArray[np.float64] | None = field(default=None, repr=False)
+    _sampled: Sampled | None = field(default=None, repr=False)  #: where slices have zones
 
     @classmethod
     def of(cls, spec: SharedSpec) -> "Merge":
         """Return empty sums for a job of this spec."""
-        return cls(slice_spp=spec.slice_spp, background=spec.view.background)
+        return cls(
+            slice_spp=spec.slice_spp,
+            zone_size=Plan.of(spec).size,
+            background=spec.view.background,
+        )
 
     @property
     def spp(self) -> int:
-        """Samples per pixel in the merged image."""
-        return self.slices * self.slice_spp
+        """Samples per pixel in the merged image: by zones their mean, rounded down."""
+        if self._sampled is None:
+            return self.slices * self.slice_spp
+        grid = self._sampled.canvas.grid
+        return self.samples // (grid.width * grid.height)
+
+    @property
+    def samples(self) -> int:
+        """Samples in the merged image, over all pixels."""
+        if self._sampled is not None:
+            return self._sampled.samples(self._sampled.spp)
+        height, width = (0, 0) if self._total is None else self._total.shape[:2]
+        return int(self.spp * width * height)
+
+    @property
+    def zone_spp(self) -> NDArray[np.int64] | None:
+        """Samples per pixel of each zone, (rows, columns); None where all pixels have the same."""
+        return None if self._sampled is None else self._sampled.spp
 
     def add(self, film: Pixels, channels: Channels | None = None) -> None:
-        """Add the next slice.
+        """Add the next slice, which has the whole film.
 
         Parameters
         ----------
@@ -59,18 +83,11 @@ class Merge:
         ValueError
             The slices before have another size or other channels.
         """
-        channels = channels or Channels()
-        if self._total is None:
-            self.channels = channels
-        elif film.shape[:2] != self._total.shape[:2]:
+        channels = self._checked(channels or Channels())
+        if self._total is not None and film.shape[:2] != self._total.shape[:2]:
             raise ValueError(
                 f"slice {self.slices} is {film.shape[1]}×{film.shape[0]} pixels, those before it "
                 f"{self._total.shape[1]}×{self._total.shape[0]}"
-            )
-        elif channels != self.channels:
-            raise ValueError(
-                f"slice {self.slices} has the channels {', '.join(channels.names)}, those before "
-                f"it {', '.join(self.channels.names)}: submit the scene as a new job"
             )
         self._total = channels.add(self._total, film)
         if self.slices % 2 == 0:
@@ -78,10 +95,23 @@ class Merge:
             self._even = seen.add(self._even, film[..., : channels.judged])
         self.slices += 1
 
+    def _checked(self, channels: Channels) -> Channels:
+        if not self.slices:
+            self.channels = channels
+        elif channels != self.channels:
+            raise ValueError(
+                f"slice {self.slices} has the channels {', '.join(channels.names)}, those before "
+                f"it {', '.join(self.channels.names)}: submit the scene as a new job"
+            )
+        return channels
+
     def add_partial(self, partial: Partial) -> None:
         """Add the next slice as its worker uploaded it; raises as `add`."""
         is_known = bool(self.origin) or not self.slices
-        self.add(partial.pixels, partial.channels)
+        if self.zone_size is None:
+            self.add(partial.pixels, partial.channels)
+        else:
+            self._add_zones(partial, self.zone_size)
         if is_known:
             before = self.origin.get("renderer", "")
             names = filter(None, (*before.split(", "), partial.renderer))
@@ -92,31 +122,78 @@ class Merge:
                 "renderer": ", ".join(dict.fromkeys(names)),  # each version once
             }
 
+    def _add_zones(self, partial: Partial, size: int) -> None:
+        """Add the next slice of a job that is allocated by zones."""
+        channels = self._checked(partial.channels)
+        if self._sampled is None:
+            canvas = canvas_of(partial, size)
+            self._sampled = Sampled.none_of(canvas)
+            self._total = np.zeros((*canvas.shape, len(channels.names)))
+            self._even = np.zeros((*canvas.shape, channels.judged))
+        canvas = self._sampled.canvas
+        assert self._total is not None
+        assert self._even is not None
+        if partial.border != canvas.border:
+            raise ValueError(f"slice {self.slices} has another border than those before it")
+        is_even = self.slices % 2 == 0
+        for place, part in canvas.parts(partial.pixels, partial.zones):
+            if self.slices:
+                channels.add(self._total[place], part)
+            else:  # whose ids stay
+                self._total[place] = part
+            if is_even:
+                channels.seen().add(self._even[place], part[..., : channels.judged])
+        self._sampled.note(partial.zones, partial.spp, is_even=is_even)
+        self.slices += 1
+
     def image(self) -> Pixels:
         """Return the image that is judged: (height, width, 3) float32 linear radiance.
 
         An image with alpha is over the background.
         """
         assert self._total is not None
-        return self._seen(self._total)
+        return self._seen(self._film(self._total))
 
     def layers(self) -> dict[str, Pixels]:
         """Return the image by channel: (height, width) float32, with premultiplied colour."""
         assert self._total is not None
-        return self.channels.normalised(self._total)
+        return self.channels.normalised(self._film(self._total))
 
-    def halves(self) -> tuple[tuple[Pixels, int], tuple[Pixels, int]] | None:
-        """Return the images of the even and of the odd slices, each with its spp."""
+    def halves(self) -> tuple[tuple[Pixels, float], tuple[Pixels, float]] | None:
+        """Return the images of the even and of the odd slices, each with its spp.
+
+        By zones, all of them have as many even samples as odd ones at the end of a round, which is
+        when an image is judged, and the spp is the mean.
+        """
         if self.slices < 2 or self._total is None or self._even is None:
             return None
-        odd = self.slices // 2
-        even = self.slices - odd
         with np.errstate(invalid="ignore", over="ignore"):  # a scene may have infinite pixels
             rest = self._total[..., : self.channels.judged] - self._even
+        if self._sampled is None:
+            odd = self.slices // 2
+            even = self.slices - odd
+            return (
+                (self._seen(self._even), even * self.slice_spp),
+                (self._seen(rest), odd * self.slice_spp),
+            )
+        grid, even_spp = self._sampled.canvas.grid, self._sampled.even_spp
+        odd_spp, pixels = self._sampled.spp - even_spp, grid.width * grid.height
         return (
-            (self._seen(self._even), even * self.slice_spp),
-            (self._seen(rest), odd * self.slice_spp),
+            (
+                self._seen(self._film(self._even, even_spp)),
+                self._sampled.samples(even_spp) / pixels,
+            ),
+            (self._seen(self._film(rest, odd_spp)), self._sampled.samples(odd_spp) / pixels),
         )
+
+    def spp_map(self) -> Pixels | None:
+        """Return the samples of each pixel, (height, width) float32; None where all are alike."""
+        if self._sampled is None:
+            return None
+        grid = self._sampled.canvas.grid
+        spp = self._sampled.spp.astype(np.float32)
+        tall = spp.repeat(grid.size, axis=0).repeat(grid.size, axis=1)
+        return tall[: grid.height, : grid.width]
 
     def non_finite(self) -> str:
         """Return which alpha and AOV channels have NaN or infinite pixels, in words; "" if none.
@@ -135,7 +212,10 @@ class Merge:
         """Return the arrays of a checkpoint."""
         assert self._total is not None
         assert self._even is not None
-        return {"total": self._total, "even": self._even}
+        arrays: dict[str, NDArray[Any]] = {"total": self._total, "even": self._even}
+        if self._sampled is not None:
+            arrays |= {"spp": self._sampled.spp, "even_spp": self._sampled.even_spp}
+        return arrays
 
     def about(self) -> dict[str, Any]:
         """Return what a checkpoint says of its arrays, for JSON."""
@@ -143,6 +223,7 @@ class Merge:
             "channels": self.channels.names,
             "ids": self.channels.ids,
             "origin": self.origin,
+            **({} if self._sampled is None else {"canvas": self._sampled.canvas.about()}),
         }
 
     def restore(
@@ -154,6 +235,18 @@ class Merge:
             self.origin = about["origin"]
         self.slices = slices
         self._total, self._even = arrays["total"], arrays["even"]
+        if "canvas" in about:
+            canvas = Canvas.restored(about["canvas"])
+            self._sampled = Sampled(canvas, arrays["spp"], arrays["even_spp"])
+
+    def _film(
+        self, total: NDArray[np.float64], spp: NDArray[np.int64] | None = None
+    ) -> NDArray[np.float64]:
+        """Return the sums of the film: those of its zones, with these spp, put together."""
+        if self._sampled is None:
+            return total
+        canvas, all_spp = self._sampled.canvas, self._sampled.spp
+        return canvas.assembled(total, all_spp if spp is None else spp, self.channels)
 
     def _seen(self, total: NDArray[np.float64]) -> Pixels:
         return self.channels.seen_in(total, self.background)

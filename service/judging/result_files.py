@@ -57,13 +57,14 @@ def result_files(
     """
     image, exposure_ev = merge.image(), spec.view.exposure_ev
     picture = encode_srgb(image, exposure_ev)
+    spp_map = merge.spp_map()
     files = {
         "image.exr": encode_layers(
-            merge.layers(),
+            merge.layers() if spp_map is None else {**merge.layers(), "spp": spp_map},
             exr_header(facts),
             precision=spec.exr.precision,
             compression=spec.exr.compression if compressed else "none",
-            whole=("Z", *merge.channels.ids),
+            whole=("Z", "spp", *merge.channels.ids),
         ),
         "image.png": encode_png(picture, texts=png_texts(facts)),
         "thumbnail.png": encode_png(thumbnail(image, exposure_ev)),

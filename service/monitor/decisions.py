@@ -71,7 +71,7 @@ def _always(_: Known) -> bool:
 
 
 def _plan(known: Known) -> Step:
-    return PlanSlices(known.stop, known.ahead.expected_end_spp(known.merged))
+    return PlanSlices(known.stop, known.ahead.expected_end_spp(known.spp))
 
 
 def _answer(known: Known) -> Answer:
@@ -85,7 +85,7 @@ def _converge(known: Known) -> Step:
 
 
 def _reach_the_cap(known: Known) -> Step:
-    reason = f"reached the cap of {known.spp} spp; {_answer(known).reason}"
+    reason = f"reached the cap of {known.job.spec.max_spp} spp; {_answer(known).reason}"
     return EndJob(JobState.EXHAUSTED, reason, with_image=True)
 
 
@@ -125,7 +125,7 @@ OPEN: Final = (
     ),
     Row(
         "the cap is reached",
-        lambda known: known.answer is not None and known.spp == known.job.spec.max_spp,
+        lambda known: known.answer is not None and known.at_cap,
         _reach_the_cap,
     ),
     Row(

@@ -12,6 +12,7 @@ from plateau.farm.ledger.ownership import Ownership, Ownerships
 from plateau.farm.ledger.queue import SliceRecord
 from plateau.farm.ledger.totals import MonitorWork
 from plateau.farm.model.errors import FenceLost, IllegalTransition
+from plateau.farm.model.plan import LAG, Round
 from plateau.farm.model.states import JobState
 from plateau.service.judging.checkpoints import Checkpoints
 from plateau.service.judging.films import Films
@@ -52,13 +53,15 @@ class JobRun:
         self._judge = Judge(job.spec)
         self._point: dict[str, object] = {}  # the last judgement's
         self._in_hand: deque[SliceRecord] = deque()  # committed and not yet merged
-        self._films = Films(owned, owners, store, job.spec.aovs)
+        self._decided: Round | None = None  # by the image that was judged last
+        self._films = Films(owned, owners, store, job.spec)
         self._results = ResultSets(owned, owners, store, job.spec)
         self._checkpoints = Checkpoints(owned, owners, store, keep_slices=job.spec.keep_slices)
         self._merge = self._checkpoints.recover(job.spec, self._judge)
         recovered = self._merge.slices
         self._known = Known(
             job=job,
+            plan=jobs.plan(job),
             ahead=LookAhead.of(job),
             keeps_sums=keeps_sums,
             merged=recovered,
@@ -90,14 +93,16 @@ class JobRun:
                 return replace(known, planned=stop)
             case steps.ReadLedger(slices):
                 self._in_hand = deque(self._owners.committed(self.owned.job_id, slices))
+                if self._in_hand and not known.plan.pixels:
+                    job = self._jobs.get(self.owned.job_id)
+                    known = known.with_film(job.width, job.height)
                 return known.with_slices(len(self._in_hand), len(slices))
             case steps.MergeSlice():
                 return self._merge_slice()
             case steps.JudgeImage():
                 return self._judge_image()
             case steps.RecordPoint():
-                self._owners.append_point(self.owned, known.spp, self._point)
-                return replace(known, recorded=True)
+                return self._record_point()
             case steps.ShowAndSave(show, save):
                 return self._show_and_save(show=show, save=save)
             case steps.ShowFirstSlice():
@@ -128,7 +133,7 @@ class JobRun:
         """Merge the next slice, unless its partial is lost or damaged."""
         record = self._in_hand.popleft()
         started = time.monotonic()
-        partial = self._films.partial(record)
+        partial = self._films.partial(record, self._known.plan)
         if partial is None:
             return self._known.with_slice_lost()
         self._merge.add_partial(partial)
@@ -138,8 +143,8 @@ class JobRun:
 
     def _judge_image(self) -> Known:
         with self._work.evaluations.timed():
-            judgement = self._judge.judge(self._merge)
-        self._point = judgement.point
+            judgement = self._judge.judge(self._merge, self._known.plan)
+        self._point, self._decided = judgement.point, judgement.decided
         verdict = judgement.verdict
         return self._known.with_answer(
             Answer(
@@ -151,6 +156,18 @@ class JobRun:
             ),
             time.monotonic(),
         )
+
+    def _record_point(self) -> Known:
+        """Append the point to the curve, with the round that its image decides, if any."""
+        known = self._known
+        decided = self._decided if known.plan.decides(known.merged) else None
+        self._owners.append_point(
+            self.owned,
+            known.spp,
+            self._point,
+            None if decided is None else (len(known.plan.decided) + LAG, decided),
+        )
+        return known.with_point(decided)
 
     def _show_and_save(self, *, show: bool, save: bool) -> Known:
         known = self._known

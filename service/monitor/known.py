@@ -5,6 +5,7 @@ from enum import Enum
 from typing import Final
 
 from plateau.farm.model.job import Job
+from plateau.farm.model.plan import Plan, Round
 from plateau.farm.model.states import JobState
 from plateau.service.monitor.look_ahead import LookAhead
 
@@ -44,6 +45,7 @@ class Known:
     """
 
     job: Job  #: as it was when the turn began, or when it was read since
+    plan: Plan  #: the slices that are decided
     ahead: LookAhead
     keeps_sums: bool  #: whether the sums of ended jobs are kept
     at_s: float = 0.0  #: monotonic time when the turn began, or when the rules answered
@@ -74,7 +76,12 @@ class Known:
     @property
     def spp(self) -> int:
         """Samples per pixel in the sums."""
-        return self.merged * self.job.spec.slice_spp
+        return self.plan.spp(self.merged)
+
+    @property
+    def at_cap(self) -> bool:
+        """Whether the cap allows no more slices than those in the sums."""
+        return self.plan.is_complete and self.merged == self.plan.stop
 
     @property
     def lacks_slices(self) -> bool:
@@ -88,12 +95,12 @@ class Known:
     @property
     def stop(self) -> int:
         """The first slice that should not be planned yet."""
-        return self.ahead.stop(self.merged, self.enough)
+        return self.ahead.stop(self.plan, self.merged, self.enough)
 
     @property
     def is_to_be_judged(self) -> bool:
         """Whether the sums have reached a point of the curve that the rules have not judged."""
-        return self.judged < self.merged and self.job.spec.evaluates_at(self.spp)
+        return self.judged < self.merged and self.plan.is_point(self.merged)
 
     @property
     def is_seen(self) -> bool:
@@ -144,12 +151,12 @@ class Known:
         A converged job's image is the judged one. A failed job's image has what any monitor had
         merged. Any other image takes every committed slice.
         """
-        job, slice_spp = self.job, self.job.spec.slice_spp
+        job, plan = self.job, self.plan
         if job.state is JobState.CONVERGED:
-            return job.spp // slice_spp
+            return plan.slices_of(job.spp)
         if job.state is JobState.FAILED:  # an image may have been shown before it was judged
-            return max(self.merged, max(job.spp, job.image_spp or 0) // slice_spp)
-        return job.spec.max_slices
+            return max(self.merged, plan.slices_of(max(job.spp, job.image_spp or 0)))
+        return plan.stop
 
     @property
     def lacks_final_slices(self) -> bool:
@@ -182,6 +189,15 @@ class Known:
         """The clock and the job were read; the job may have ended meanwhile."""
         known = self.read_again(job) if job.state.ended else replace(self, job=job)
         return replace(known, redis_s=redis_s)
+
+    def with_film(self, width: int | None, height: int | None) -> "Known":
+        """The size of the film, which is known from the first commit on, was read."""
+        return replace(self, plan=replace(self.plan, width=width, height=height))
+
+    def with_point(self, decided: Round | None) -> "Known":
+        """The curve has the point, and the plan the round that its image has decided, if any."""
+        plan = self.plan if decided is None else self.plan.with_round(decided)
+        return replace(self, recorded=True, plan=plan)
 
     def with_slices(self, found: int, asked: int) -> "Known":
         """Of the slices asked for, this many are committed."""

@@ -7,6 +7,7 @@ from typing import Final
 
 from plateau.farm.model.fit import Kind
 from plateau.farm.model.job import Job, Worker
+from plateau.farm.model.plan import Plan
 from plateau.farm.model.spec import JobSpec
 
 #: Slices planned beyond an evaluation that may end the job, for each merged one. They keep workers
@@ -60,25 +61,22 @@ class LookAhead:
         least_spp = self.spec.min_spp or 0  # no rule ends the job earlier
         return replace(self, expected_spp=None if spp is None else max(spp, least_spp))
 
-    def expected_end_spp(self, merged: int) -> int:
-        """An estimate of the spp at which the job ends, after this many merged slices.
+    def expected_end_spp(self, merged_spp: int) -> int:
+        """An estimate of the spp at which the job ends, after so many merged.
 
         A job whose end is unknown is assumed to be half done.
         """
-        merged_spp = merged * self.spec.slice_spp
         expected_spp = 2 * merged_spp if self.expected_spp is None else self.expected_spp
         return min(max(expected_spp, merged_spp), self.spec.max_spp)
 
-    def stop(self, merged: int, enough: int) -> int:
+    def stop(self, plan: Plan, merged: int, enough: int) -> int:
         """The index of the first slice that should not be planned yet.
 
         `enough` slices beyond the `merged` ones keep every worker busy.
         """
-        stop = min(merged + enough, self.spec.max_slices)
+        stop = min(merged + enough, plan.stop)
         if self.expected_spp is None:
             return stop
         # Once the expected end has passed, any next evaluation may be the last.
-        soonest_spp = max(self.expected_spp, merged * self.spec.slice_spp + 1)
-        evaluations = -(-soonest_spp // self.spec.step)
-        last = evaluations * self.spec.step // self.spec.slice_spp
+        last = plan.point_from(max(self.expected_spp, plan.spp(merged) + 1))
         return min(stop, last + int(SPARE * merged))

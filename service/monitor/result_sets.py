@@ -10,6 +10,7 @@ from plateau.farm.images.exr import decode_partial
 from plateau.farm.ledger.ownership import Ownership, Ownerships
 from plateau.farm.model.errors import CorruptPartial
 from plateau.farm.model.job import Job
+from plateau.farm.model.plan import Plan
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
 from plateau.service.judging.facts import FILE, Facts, encode_facts, facts_of
@@ -67,7 +68,7 @@ class ResultSets:
         pictures = self._pictures(merge, judge, facts, compressed=False)  # the next set comes soon
         (written, sha256), before = self._put(merge.spp, pictures, self._owned.token), self._shown
         self._owners.show_results(self._owned, written, merge.spp, sha256)
-        if self._spec.evaluates_at(merge.spp):
+        if Plan.of(self._spec).is_point(merge.slices):
             self._previews.keep(merge.spp, pictures["image.png"])
         self._shown = written
         if before not in {None, written}:

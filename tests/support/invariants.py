@@ -24,7 +24,7 @@ from tests.support.until import until
 RESULTS = ("image.exr", "image.png", "thumbnail.png", "facts.json")
 
 #: What Redis keeps of a job that is finished.
-KEPT = {"", "ledger", "seeds", "curve", "events", "log", "digests", "fence"}
+KEPT = {"", "ledger", "rounds", "seeds", "curve", "events", "log", "digests", "fence"}
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,8 @@ def check_job(
     spps = [point.spp for point in jobs.curve(job_id)]
     assert len(spps) == job.points
     assert all(a < b for a, b in pairwise(spps))
-    assert all(job.spec.evaluates_at(spp) for spp in spps)
+    plan = jobs.plan(job)
+    assert all(plan.is_point(plan.slices_of(spp)) for spp in spps)
     _check_story(jobs, job_id)
     # No blob is orphaned
     expected = {f"{jobs.results(job_id)}/{name}" for name in RESULTS}
@@ -89,7 +90,7 @@ def check_job(
     if sums is not None:  # of all that its image shows, unless it keeps the slices themselves
         checkpoint = Checkpoint.model_validate_json(sums)
         assert not job.spec.keep_slices
-        assert checkpoint.slices == job.spp // job.spec.slice_spp
+        assert plan.spp(checkpoint.slices) == job.spp
         if checkpoint.blob not in damaged:
             assert sha256(store.get(checkpoint.blob)).hexdigest() == checkpoint.sha256
             expected.add(checkpoint.blob)
@@ -117,9 +118,9 @@ def check_job(
 def _check_ledger(jobs: Jobs, job_id: str) -> None:
     """Each slice counts once, and no two have a seed in common."""
     job, ledger = jobs.get(job_id), jobs.ledger(job_id)
-    assert job.committed_spp == len(ledger) * job.spec.slice_spp
+    assert job.committed_spp == jobs.plan(job).spp(len(ledger))
     assert job.spp <= job.committed_spp
-    assert set(range(job.spp // job.spec.slice_spp)) <= ledger.keys()
+    assert set(range(jobs.plan(job).slices_of(job.spp))) <= ledger.keys()
     seeds = sorted((one["first_seed"], one["last_seed"]) for one in ledger.values())
     assert all(first <= last for first, last in seeds)
     assert all(a[1] < b[0] for a, b in pairwise(seeds))

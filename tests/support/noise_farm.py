@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 
+import numpy as np
 import redis
 
 from plateau.farm.blobs import store as blobs
@@ -20,8 +21,10 @@ from plateau.farm.images.exr import Partial, Pixels, encode_partial
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.queue import Committed, Lease, SliceQueue, SliceRecord
 from plateau.farm.model.job import Job
+from plateau.farm.model.plan import slice_zones
 from plateau.farm.model.seeds import SeedRange
 from plateau.farm.model.spec import JobSpec
+from plateau.farm.model.zones import Zone
 from plateau.farm.process.settings import Settings
 from plateau.farm.process.stop import Stop
 from plateau.service.monitor.monitor import Monitor
@@ -67,6 +70,7 @@ class NoiseFarm:
         self.sigma = sigma
         self.alpha = alpha
         self.blind = False  #: whether its worker is older than AOVs
+        self.variant = "scalar_rgb"  #: of its worker
 
     def submit(self, name: str = "noise", **spec: object) -> Job:
         return self.jobs.create(JobSpec.model_validate(spec), name=name, scene_sha256="00").job
@@ -116,7 +120,7 @@ class NoiseFarm:
         return self.jobs.get(job.id).finished_at is not None
 
     def lease(self) -> Lease | None:
-        return self.queue.lease(("scalar_rgb",), None, in_turn=False)
+        return self.queue.lease((self.variant,), None, in_turn=False)
 
     def glimpse(self, lease: Lease, spp: int, content: bytes | None = None) -> str:
         """Show the first pass of a slice, of so many spp; returns where it is."""
@@ -128,13 +132,19 @@ class NoiseFarm:
 
     def film(self, lease: Lease) -> Pixels:
         """The film of a slice."""
-        return self._shown(lease).film(lease.spec.slice_spp, seed=lease.index)
+        film = self._shown(lease).film(lease.spp, seed=lease.index)
+        parts = [film[y : y + h, x : x + w] for x, y, w, h in self._zones(lease)]
+        return np.concatenate([part.reshape(-1, 4) for part in parts]) if parts else film
+
+    @staticmethod
+    def _zones(lease: Lease) -> tuple[Zone, ...]:
+        return slice_zones(lease.spec, lease.round, SIZE[1], SIZE[0], border=0)
 
     def _shown(self, lease: Lease) -> Picture:
         return ramp(self.sigma, () if self.blind else lease.spec.aovs, alpha=self.alpha)
 
     def commit(self, lease: Lease, film: Pixels | None = None) -> Committed:
-        spp = lease.spec.slice_spp
+        spp = lease.spp
         if film is None:
             film = self.film(lease)
         content = self._partial(lease, spp, film)
@@ -158,7 +168,8 @@ class NoiseFarm:
 
     @staticmethod
     def _seeds(lease: Lease) -> SeedRange:
-        return lease.spec.seed_schedule(lease.variant, SIZE[1], SIZE[0]).seed_range(lease.index)
+        schedule = lease.spec.seed_schedule(lease.variant, SIZE[1], SIZE[0])
+        return schedule.seed_range(lease.index, lease.spp)
 
     def _partial(self, lease: Lease, spp: int, film: Pixels) -> bytes:
         first_seed, last_seed = self._seeds(lease)
@@ -173,6 +184,7 @@ class NoiseFarm:
                 scene_sha256=lease.scene_sha256,
                 pixels=film,
                 channels=self._shown(lease).channels,
+                zones=self._zones(lease),
                 renderer="analytic 1",
             )
         )

@@ -6,6 +6,7 @@ from datetime import datetime, timezone
 
 from plateau.farm.ledger.queue import Lease
 from plateau.farm.model import versions
+from plateau.farm.model.zones import pixels_of
 from plateau.farm.process.settings import Settings
 from plateau.worker.supervisor.uploader import Rendered
 
@@ -40,7 +41,8 @@ class About:
         """Count a slice and take its rate; errors before it are forgotten."""
         self._slices_done += 1
         self.last_error = None
-        samples = one.scene.width * one.scene.height * one.lease.spec.slice_spp
+        pixels = pixels_of(one.zones) if one.zones else one.scene.width * one.scene.height
+        samples = pixels * one.lease.spp
         self._samples_per_s = samples / one.render_s
 
     def told(self, rendering: Lease | None) -> dict[str, object]:

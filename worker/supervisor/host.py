@@ -9,6 +9,7 @@ import psutil
 
 from plateau.farm.ledger.queue import Lease
 from plateau.farm.model.errors import StoreUnavailable
+from plateau.farm.model.plan import slice_zones
 from plateau.farm.model.renderers import variant_named
 from plateau.farm.process.settings import Settings
 from plateau.worker.renderers.contract import Loaded
@@ -49,13 +50,23 @@ class RenderHost:
         child = self._child_for(lease.variant)
         scene = self._load(child, lease)
         schedule = lease.spec.seed_schedule(lease.variant, scene.width, scene.height)
-        first_seed, last_seed = schedule.seed_range(lease.index)
+        first_seed, last_seed = schedule.seed_range(lease.index, lease.spp)
+        zones = slice_zones(lease.spec, lease.round, scene.width, scene.height, scene.border)
 
         def show_pass(film: Film, spp: int) -> None:
-            show(Glimpse(lease=lease, scene=scene, film=film, spp=spp, first_seed=first_seed))
+            show(
+                Glimpse(
+                    lease=lease,
+                    scene=scene,
+                    film=film,
+                    spp=spp,
+                    first_seed=first_seed,
+                    zones=zones,
+                )
+            )
 
         film, render_s = child.render(
-            schedule.passes(lease.index), show_pass if lease.index == 0 else None
+            schedule.passes(lease.index, lease.spp), show_pass if lease.index == 0 else None, zones
         )
         return Rendered(
             said=self.take_words(),
@@ -65,6 +76,7 @@ class RenderHost:
             first_seed=first_seed,
             last_seed=last_seed,
             render_s=render_s,
+            zones=zones,
         )
 
     def take_words(self) -> str:

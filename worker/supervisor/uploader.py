@@ -57,6 +57,7 @@ class Glimpse:
     film: Film
     spp: int
     first_seed: int
+    zones: tuple[Zone, ...] = ()
 
 
 class Uploader:
@@ -142,7 +143,7 @@ class Uploader:
 
     def _deliver(self, rendered: Rendered) -> None:
         lease = rendered.lease
-        content = _encoded(rendered, lease.spec.slice_spp, rendered.last_seed)
+        content = _encoded(rendered, lease.spp, rendered.last_seed)
         name = blobs.partial(lease.job_id, lease.index, self._attempt(lease))
         backoff, stored = Backoff(*_RETRY_S), False
         while not self._give_up.is_set():
@@ -169,17 +170,16 @@ class Uploader:
         return f"{self._worker}-{lease.tries}"
 
     def _commit(self, rendered: Rendered, name: str, content: bytes) -> None:
-        lease, spec = rendered.lease, rendered.lease.spec
+        lease = rendered.lease
         record = SliceRecord(
             index=lease.index,
-            spp=spec.slice_spp,
+            spp=lease.spp,
             first_seed=rendered.first_seed,
             last_seed=rendered.last_seed,
             blob=name,
             sha256=hashlib.sha256(content).hexdigest(),
             worker=self._worker,
             render_s=rendered.render_s,
-            zones=rendered.zones,
         )
         answer = self._queue.commit(
             lease,
@@ -215,7 +215,8 @@ def _encoded(rendered: Rendered | Glimpse, spp: int, last_seed: int) -> bytes:
             scene_sha256=lease.scene_sha256,
             pixels=rendered.film,
             channels=Channels(rendered.scene.channels, rendered.scene.ids),
-            zones=rendered.zones if isinstance(rendered, Rendered) else (),
+            zones=rendered.zones,
+            border=rendered.scene.border if rendered.zones else 0,
             renderer=_renderer(lease.variant),
         )
     )

@@ -46,6 +46,14 @@ class Create(CreationCommand[Made]):
     jobs: tuple[NewJob, ...]
 
 
+@dataclass(frozen=True)
+class DecidedRound:
+    """A round that an image has decided."""
+
+    number: int
+    round: str  #: JSON of a `plateau.farm.model.plan.Round`
+
+
 @dataclass(frozen=True, kw_only=True)
 class Continue(CreationCommand[Made]):
     """Create a job that continues a finished one."""
@@ -55,6 +63,8 @@ class Continue(CreationCommand[Made]):
     slices: int  #: its first slices, which are taken over
     checkpoint: str  #: JSON, of their sums; "" where the slices are kept
     judged_spp: int  #: the last point of the curve that is taken over
+    samples: int  #: of the slices that are taken over
+    rounds: tuple[DecidedRound, ...]  #: those that are taken over
 
 
 Outcome = Literal["ended", "paused", "held", "rendering", "queued", "changed", "illegal", "fenced"]

@@ -56,10 +56,12 @@ class Plan(OwnerCommand[Literal["planned", "fenced", "ended"]]):
 
 @dataclass(frozen=True, kw_only=True)
 class AppendPoint(OwnerCommand[Literal["appended", "known", "fenced"]]):
-    """Append a point to the curve."""
+    """Append a point to the curve, and the round that its image decides."""
 
     spp: int
     point: str  #: JSON
+    number: int  #: of the round
+    round: str | None  #: JSON of a `plateau.farm.model.plan.Round`, if one is decided
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -30,11 +30,14 @@ function Job.paused_ms(id)
   return string.format('%.0f', (paused[1] or 0) + lasts)
 end
 
--- Append a point (JSON) to the job's curve.
+-- Append a point (JSON) to the job's curve. Older points do not say their samples.
 function Job.append_point(id, spp, at, point)
+  local film = redis.call('HMGET', job_key(id), 'width', 'height')
+  local samples = cjson.decode(point).samples or spp * (film[1] or 0) * (film[2] or 0)
   redis.call('XADD', job_key(id, 'curve'), spp .. '-0', 'at', at, 'point', point)
-  redis.call('HSET', job_key(id), 'latest', point, 'latest_at', at, 'spp', spp, 'latest_paused_ms',
-             Job.paused_ms(id))
+  redis.call('HSET', job_key(id), 'latest', point, 'latest_at', at, 'spp', spp, 'samples',
+             string.format('%.0f', samples),
+             'latest_paused_ms', Job.paused_ms(id))
   redis.call('HINCRBY', job_key(id), 'points', 1)
   Outbox.announce(id, 'point', point, at)
 end
@@ -67,11 +70,13 @@ end
 -- Note the samples that a converged job has saved: those of its cap, without those that it has or took
 -- over. The rule fixed saves none. Jobs, batches and the whole farm show this number.
 local function note_saved(id)
-  local job = redis.call('HMGET', job_key(id), 'spec', 'spp', 'taken_spp', 'width', 'height')
-  local spec = cjson.decode(job[1])
-  if spec.rule.name == 'fixed' or not job[4] then return end
-  local spp = math.max(0, spec.max_spp - math.max(job[2], job[3] or 0))
-  local samples = string.format('%.0f', spp * job[4] * job[5])
+  local spec, spp, samples, taken, width, height = unpack(
+    redis.call('HMGET', job_key(id), 'spec', 'spp', 'samples', 'taken_samples', 'width', 'height'))
+  spec = cjson.decode(spec)
+  if spec.rule.name == 'fixed' or not width then return end
+  local pixels = width * height
+  local had = math.max(samples or spp * pixels, taken or 0)
+  samples = string.format('%.0f', math.max(0, spec.max_spp * pixels - had))
   redis.call('HSET', job_key(id), 'samples_saved', samples)
   count('samples saved', samples)
 end

@@ -11,12 +11,25 @@ function Slice.seeds(record)
   return string.format('%.0f-%.0f', record.first_seed, record.last_seed)
 end
 
--- How many pixels a slice has: those of its zones, or of the film where it has no zones.
-function Slice.pixels(record, width, height)
-  if not record.zones or not record.zones[1] then return width * height end
-  local pixels = 0
-  for _, zone in ipairs(record.zones) do pixels = pixels + zone[3] * zone[4] end
-  return pixels
+-- The round of a slice as JSON, if an image has decided it; false for a slice of the whole film.
+function Slice.round(id, index)
+  local round_slices = redis.call('HGET', job_key(id), 'round_slices')
+  return round_slices and redis.call('HGET', job_key(id, 'rounds'), math.floor(index / round_slices))
+end
+
+-- The samples of a slice.
+function Slice.samples(id, index, spp, width, height)
+  local round = Slice.round(id, index)
+  if not round then return spp * width * height end
+  round = cjson.decode(round)
+  return round.spp * round.pixels
+end
+
+-- Add to the samples in the ledger of a job that is allocated by zones.
+function Slice.count_samples(id, samples)
+  if redis.call('HEXISTS', job_key(id), 'round_slices') == 1 then
+    redis.call('HINCRBY', job_key(id), 'committed_samples', string.format('%.0f', samples))
+  end
 end
 
 -- The slice of this entry needs no worker any more.

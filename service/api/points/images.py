@@ -49,11 +49,13 @@ class PointImages:
         encode: Callable[[Pixels], bytes],
         is_gone: Callable[[], Awaitable[bool]],
         background: Colour = (0.0, 0.0, 0.0),
+        zone_size: int | None = None,
     ) -> bytes | None:
         """The merged image of a job's first slices as a file; None once the client has left.
 
         `encode` makes a file of a (height, width, 3) float32 linear image, which is over
-        `background` where it has alpha. Raises `TooManyWait`, or `SliceLost` if a slice is gone or
+        `background` where it has alpha. `zone_size` is that of a job that is allocated by zones, in
+        pixels. Raises `TooManyWait`, or `SliceLost` if a slice is gone or
         damaged.
         """
         if self._waiting >= MOST_WAITING:
@@ -62,7 +64,7 @@ class PointImages:
         self._waiting += 1
         try:
             work = asyncio.get_running_loop().run_in_executor(
-                self._worker, self._made, job_id, slices, encode, background, gone
+                self._worker, self._made, job_id, slices, encode, background, zone_size, gone
             )
             while not (await asyncio.wait([work], timeout=_ASKED_EVERY_S))[0]:
                 if await is_gone():
@@ -84,6 +86,7 @@ class PointImages:
         slices: Sequence[KeptSlice],
         encode: Callable[[Pixels], bytes],
         background: Colour,
+        zone_size: int | None,
         gone: threading.Event,
     ) -> bytes | None:
         # Imported at the first use: numpy and the metric take a fifth of the API's start.
@@ -96,5 +99,6 @@ class PointImages:
             slices,
             is_given_up=lambda: gone.is_set() or self._closed.is_set(),
             background=background,
+            zone_size=zone_size,
         )
         return None if image is None else encode(image)

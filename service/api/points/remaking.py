@@ -57,17 +57,17 @@ def remade(blob: str, sha256: str, jobs: Jobs, store: Blobs) -> bytes | None:
 
 def _merged(job: Job, spp: int, jobs: Jobs, store: Blobs) -> tuple[Merge, _Memory]:
     """The sum of the job's slices up to `spp`, and the memory of its rules of the first image."""
-    slice_spp = job.spec.slice_spp
+    plan = jobs.plan(job)
     if not job.spec.keep_slices:
         checkpoint = jobs.checkpoint(job.id)
-        if checkpoint is None or checkpoint.slices * slice_spp != spp:
+        if checkpoint is None or plan.spp(checkpoint.slices) != spp:
             raise LookupError(f"no sums of {spp} spp are kept")
         return read_sums(store, checkpoint, job.spec)
     ledger, merge = jobs.ledger(job.id), Merge.of(job.spec)
     memory: _Memory = ({}, {})
-    for index in range(spp // slice_spp):
+    for index in range(plan.slices_of(spp)):
         merge.add_partial(checked_partial(store, ledger[index]["blob"], ledger[index]["sha256"]))
-        if job.spec.evaluates_at(merge.spp) and not memory[0]:
+        if plan.is_point(merge.slices) and not memory[0]:
             numbers = {"first_spp": merge.spp, "points": []}
             memory = ({CURVE: numbers}, {f"{CURVE}:first": merge.image()})
     return merge, memory

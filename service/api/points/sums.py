@@ -14,6 +14,7 @@ from plateau.farm.images.exr import Partial, Pixels
 from plateau.farm.model.errors import CorruptPartial
 from plateau.service.api.points import KeptSlice, SliceLost
 from plateau.service.judging.films import checked_partial
+from plateau.service.judging.merge import Merge
 
 #: The most bytes of sums that are kept; the newest sum always is.
 _REMEMBERED: Final = 128 << 20
@@ -46,13 +47,22 @@ class PointSums:
         *,
         is_given_up: Callable[[], bool],
         background: Colour = BLACK,
+        zone_size: int | None = None,
     ) -> Pixels | None:
         """The merged image of a job's first slices; None if given up, which is asked before each.
 
         It is (height, width, 3) float32 linear radiance, over `background` where it has alpha.
-        Slices are added in order and in float64, as the monitor does. Raises `SliceLost` if a slice
-        is gone or damaged.
+        Slices are added in order and in float64, as the monitor does. Sums of zones, which have
+        `zone_size` pixels to a side, are not remembered. Raises `SliceLost` if a slice is gone or
+        damaged.
         """
+        if zone_size is not None:
+            merge = Merge(slice_spp=1, zone_size=zone_size, background=background)
+            for index, kept in enumerate(slices):
+                if is_given_up():
+                    return None
+                merge.add_partial(self._partial(index, kept))
+            return merge.image()
         done, found = self._remembered(job_id, len(slices))
         for index in range(done, len(slices)):
             if is_given_up():

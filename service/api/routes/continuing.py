@@ -135,7 +135,7 @@ def rejudge_job(job_id: JobId, asker: Annotated[Asker, Depends()], changes: Chan
             job.id,
             "its slices were not kept, so they cannot be judged again: submit with keep_slices",
         )
-    cap = remains.slices * job.spec.slice_spp
+    cap = remains.spp
     if "max_spp" in changes.root:
         raise invalid_field(
             problems.INVALID_SPEC,

@@ -291,10 +291,11 @@ def get_slice_log(
 ) -> SliceLog:
     """Show the log of one slice, with its record in the ledger."""
     job = farm.job(job_id)
-    if index >= job.spec.max_slices:
+    plan = farm.jobs.plan(job)
+    if index >= plan.stop:
+        until = "at its cap it has" if plan.is_complete else "so far it has"
         raise Problem(
-            problems.UNKNOWN_SLICE,
-            f"job {job.id} has no slice {index}: at its cap it has {job.spec.max_slices}",
+            problems.UNKNOWN_SLICE, f"job {job.id} has no slice {index}: {until} {plan.stop}"
         )
     record, entries = farm.jobs.log_of(job.id, index)
     return SliceLog(slice=None if record is None else SliceView(**record), entries=entries)

@@ -9,6 +9,7 @@ from starlette.concurrency import run_in_threadpool
 
 from plateau.farm.blobs import store as blobs
 from plateau.farm.model.job import Job
+from plateau.farm.model.plan import Plan
 from plateau.farm.wire.views import Preview, PreviewList
 from plateau.service.api.http.etags import FINAL, IfNoneMatch, Known, not_modified, strong
 from plateau.service.api.http.layers import HEADERS_ONLY
@@ -60,7 +61,7 @@ def list_previews(job_id: JobId, farm: Farm) -> PreviewList:
     root = f"/v1/jobs/{job.id}/previews"
     spps, linear = previews.kept(farm.blobs, job.id), _can_be_merged(job)
     if linear:
-        spps = sorted({*spps, *_points(job)})
+        spps = sorted({*spps, *_points(job, farm.jobs.plan(job))})
     return PreviewList(
         previews=[
             Preview(
@@ -120,7 +121,12 @@ async def _merged(
         return Response(media_type=media_type, headers=headers)
     try:
         content = await farm.points.encoded(
-            job.id, slices, encode, request.is_disconnected, job.spec.view.background
+            job.id,
+            slices,
+            encode,
+            request.is_disconnected,
+            job.spec.view.background,
+            farm.jobs.plan(job).size,
         )
     except TooManyWait as error:
         raise Problem(
@@ -137,11 +143,13 @@ async def _merged(
 
 def _slices(farm: Parts, job: Job, spp: int) -> list[KeptSlice]:
     """The slices of a point's image; raises the problem with them."""
-    if not job.spec.evaluates_at(spp) or spp > job.spp:
+    plan = farm.jobs.plan(job)
+    slices = plan.slices_of(spp)
+    if plan.spp(slices) != spp or not plan.is_point(slices) or spp > job.spp:
+        apart = f"they are {job.spec.step} spp apart" if not plan.by_zones else "its curve has them"
         raise Problem(
             problems.UNKNOWN_POINT,
-            f"job {job.id} has no point at {spp} spp: they are {job.spec.step} spp apart, up to "
-            f"{job.spp}; {_where(job)}",
+            f"job {job.id} has no point at {spp} spp: {apart}, up to {job.spp}; {_where(job)}",
         )
     if not job.spec.keep_slices:
         raise _cannot(job, spp, "did not keep its slices")
@@ -154,7 +162,7 @@ def _slices(farm: Parts, job: Job, spp: int) -> list[KeptSlice]:
         )
     ledger = farm.jobs.ledger(job.id)
     try:
-        records = [ledger[index] for index in range(spp // job.spec.slice_spp)]
+        records = [ledger[index] for index in range(slices)]
     except KeyError as error:
         raise _cannot(job, spp, f"has no slice {error}") from error
     return [KeptSlice(record["blob"], record["sha256"]) for record in records]
@@ -165,13 +173,10 @@ def _can_be_merged(job: Job) -> bool:
     return job.spec.keep_slices and 0 < values <= 4 * MOST_PIXELS
 
 
-def _points(job: Job) -> list[int]:
+def _points(job: Job, plan: Plan) -> list[int]:
     """The spp of the points that are merged so far."""
-    spec = job.spec
-    return [
-        *range(spec.step, job.spp + 1, spec.step),
-        *([spec.max_spp] if job.spp == spec.max_spp else []),
-    ]
+    slices = filter(plan.is_point, range(plan.slices_of(job.spp) + 1))
+    return [plan.spp(one) for one in slices]
 
 
 # The encoders are imported at their first use, as in `plateau.service.api.points.images`.

@@ -12,7 +12,6 @@ from plateau.farm.ledger.totals import Demand, MonitorWork, note_sweep, take_cen
 from plateau.farm.model.job import Job
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
-from plateau.farm.model.zones import Zone
 from plateau.farm.redis import keys
 from plateau.farm.redis.commands.sweeps import Forget
 from plateau.farm.redis.scripts import Scripts
@@ -92,15 +91,6 @@ class TestSlices:
         assert farm.tries() == {"committed": 1, "duplicate": 1}
         assert farm.jobs.census().samples == 25 * PIXELS
         assert farm.jobs.census().machine_s == 1.0
-
-    def test_of_zones_count_with_the_pixels_that_they_have(self, farm: Farm) -> None:
-        farm.job()
-        held = farm.lease()
-        zones = (Zone(0, 0, 4, 2), Zone(4, 2, 4, 2))
-        record = farm.record(held, "partial").model_copy(update={"zones": zones})
-        done = farm.worker().commit(held, record, width=8, height=4, notes=())
-        assert done is Committed.COMMITTED
-        assert farm.jobs.census().samples == 25 * 16
 
     def test_that_come_to_nothing_are_told_apart(self, farm: Farm) -> None:
         job, owned = farm.job(slices=6)

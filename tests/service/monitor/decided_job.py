@@ -10,6 +10,7 @@ from datetime import datetime, timezone
 from typing import Any
 
 from plateau.farm.model.job import Job
+from plateau.farm.model.plan import Plan
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JOB_MOVES, JobState
 from plateau.service.monitor import steps
@@ -47,6 +48,7 @@ def known(**fields: Any) -> Known:
     """What a monitor knows of a job; all that it can plan is planned, unless a field says more."""
     job = fields.pop("job", None) or made_job()
     usual: dict[str, Any] = {"ahead": LookAhead.of(job), "keeps_sums": True, "planned": 10**6}
+    usual["plan"] = Plan.of(job.spec, job.width, job.height)
     return Known(job=job, **{**usual, **fields})
 
 
@@ -209,6 +211,7 @@ class DecidingMonitor:
         read = job.read()
         self.known = Known(
             job=read,
+            plan=Plan.of(read.spec, read.width, read.height),
             ahead=LookAhead.of(read),
             keeps_sums=job.keeps_sums,
             merged=self.sums,

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from plateau.farm.model.plan import Plan
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
 from plateau.service.monitor import steps
@@ -47,7 +48,9 @@ def limited(**fields: object) -> Known:
 #: A point of the curve at 100 spp, whose answer is known.
 POINT = known(merged=4, judged=4, saved=4, shown_spp=100, answer=NO_STOP)
 RECORDED = replace(POINT, recorded=True)
-AT_THE_CAP = replace(RECORDED, job=made_job(spec={"max_spp": 100}))
+AT_THE_CAP = replace(
+    RECORDED, job=made_job(spec={"max_spp": 100}), plan=Plan.of(JobSpec(max_spp=100))
+)
 
 #: What is known, and what is done then: a case at least for each row of each table.
 CASES: list[tuple[Known, steps.Step]] = [

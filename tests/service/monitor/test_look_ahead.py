@@ -9,6 +9,7 @@ import redis
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.queue import SliceQueue
 from plateau.farm.model.job import Job
+from plateau.farm.model.plan import Plan
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
 from plateau.service.monitor.look_ahead import SPARE, Crew, LookAhead
@@ -18,6 +19,7 @@ from tests.support.until import until
 
 #: Keeps sixteen workers busy.
 ENOUGH = 33
+PLAN = Plan.of(JobSpec(max_spp=2000))
 
 
 def job(rule: str = "visible", points: int = 1, **fields: object) -> Job:
@@ -48,7 +50,7 @@ def ahead(expected_spp: int | None) -> LookAhead:
 
 @pytest.mark.parametrize("expected_spp", [None, 1900, 10_000])
 def test_far_from_its_end_no_worker_waits(expected_spp: int | None) -> None:
-    assert ahead(expected_spp).stop(20, ENOUGH) == 53
+    assert ahead(expected_spp).stop(PLAN, 20, ENOUGH) == 53
 
 
 @pytest.mark.parametrize(
@@ -57,11 +59,11 @@ def test_far_from_its_end_no_worker_waits(expected_spp: int | None) -> None:
 def test_the_end_is_behind_what_is_merged_and_not_behind_the_cap(
     expected_spp: int | None, end_spp: int
 ) -> None:
-    assert ahead(expected_spp).expected_end_spp(20) == end_spp
+    assert ahead(expected_spp).expected_end_spp(500) == end_spp
 
 
 def test_nothing_is_planned_beyond_the_cap() -> None:
-    assert ahead(None).stop(70, ENOUGH) == 80
+    assert ahead(None).stop(PLAN, 70, ENOUGH) == 80
 
 
 @pytest.mark.parametrize(
@@ -77,17 +79,17 @@ def test_nothing_is_planned_beyond_the_cap() -> None:
 def test_near_it_they_end_with_the_evaluation_that_may_end_the_job(
     expected_spp: int, stop: int
 ) -> None:
-    assert ahead(expected_spp).stop(24, ENOUGH) == stop
+    assert ahead(expected_spp).stop(PLAN, 24, ENOUGH) == stop
 
 
 def test_between_two_evaluations_it_is_the_next_one() -> None:
-    assert ahead(600).stop(21, ENOUGH) == 24
-    assert ahead(600).stop(23, ENOUGH) == 24
+    assert ahead(600).stop(PLAN, 21, ENOUGH) == 24
+    assert ahead(600).stop(PLAN, 23, ENOUGH) == 24
 
 
 def test_a_long_job_has_a_few_to_spare() -> None:
     # 60 slices are merged: two more are planned than the evaluation at 1,600 spp needs
-    assert ahead(1550).stop(60, ENOUGH) == 66
+    assert ahead(1550).stop(PLAN, 60, ENOUGH) == 66
 
 
 def test_only_workers_count_that_may_render_the_job(client: redis.Redis) -> None:
@@ -107,17 +109,17 @@ def test_only_workers_count_that_may_render_the_job(client: redis.Redis) -> None
 
 
 def test_few_workers_are_not_given_more_than_they_need() -> None:
-    assert ahead(1550).stop(60, 3) == 63
+    assert ahead(1550).stop(PLAN, 60, 3) == 63
 
 
 def test_before_its_first_point_a_job_may_end_at_its_second() -> None:
-    assert LookAhead.of(job(points=0)).stop(0, ENOUGH) == 8
+    assert LookAhead.of(job(points=0)).stop(PLAN, 0, ENOUGH) == 8
     # But a rule that needs more evaluations cannot
-    assert LookAhead.of(job("reverse", points=0)).stop(0, ENOUGH) == 33
+    assert LookAhead.of(job("reverse", points=0)).stop(PLAN, 0, ENOUGH) == 33
 
 
 def test_a_monitor_that_takes_over_knows_what_was_forecast() -> None:
-    assert LookAhead.of(job(forecast_spp=650)).stop(24, ENOUGH) == 28
+    assert LookAhead.of(job(forecast_spp=650)).stop(PLAN, 24, ENOUGH) == 28
 
 
 @pytest.mark.parametrize(

@@ -39,7 +39,9 @@ for_farm['continue'] = function(it)
   redis.call('HSET', job_key(id), 'continues', old, 'continued_spp', it.judged_spp, 'variant', before[3],
              'width', before[4], 'height', before[5], 'notes', before[6] or '[]',
              'started_at', now(), 'paused_ms', 0, 'planned', slices, 'issued', slices, 'committed', slices,
-             'taken_spp', slices * redis.call('HGET', job_key(id), 'slice_spp'))
+             'taken_samples', it.samples)
+  Slice.count_samples(id, it.samples)
+  for _, one in ipairs(it.rounds) do redis.call('HSET', job_key(id, 'rounds'), one.number, one.round) end
   for index = 0, slices - 1 do
     redis.call('HSET', job_key(id, 'ledger'), index, redis.call('HGET', job_key(old, 'ledger'), index))
     local record = Slice.record(id, index)

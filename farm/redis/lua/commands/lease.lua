@@ -159,5 +159,6 @@ function for_workers.lease(it)
   local _, tries = Slice.holds(id, entry[1], worker)
   if late then tries = late.tries + 1 end
   return {slice = {job = id, entry = entry[1], index = tonumber(entry[2][2]), tries = tries,
-                   variant = variant, spec = job[2], scene = job[3]}}
+                   variant = variant, spec = job[2], scene = job[3],
+                   round = Slice.round(id, entry[2][2]) or nil}}
 end

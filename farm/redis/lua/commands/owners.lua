@@ -50,13 +50,14 @@ function for_farm.plan(it)
   return 'planned'
 end
 
--- Append a point to the curve, once for each spp.
+-- Append a point to the curve, once for each spp, and with it the round that its image decides, if any.
 -- Returns 'appended', 'known' or 'fenced'.
 function for_farm.append_point(it)
   local id = it.job
   if not Job.is_owned(id, it.token) then return 'fenced' end
   local last = redis.call('XREVRANGE', job_key(id, 'curve'), '+', '-', 'COUNT', 1)[1]
   if last and tonumber(string.match(last[1], '^%d+')) >= it.spp then return 'known' end
+  if it.round then redis.call('HSETNX', job_key(id, 'rounds'), it.number, it.round) end
   Job.append_point(id, it.spp, now(), it.point)
   return 'appended'
 end
@@ -72,6 +73,8 @@ function for_farm.reject(it)
   redis.call('HDEL', job_key(id, 'ledger'), index)
   redis.call('ZREM', job_key(id, 'seeds'), Slice.seeds(record))
   redis.call('HINCRBY', job, 'committed', -1)
+  local film = redis.call('HMGET', job, 'width', 'height')
+  Slice.count_samples(id, -Slice.samples(id, index, record.spp, film[1], film[2]))
   redis.call('XADD', job_key(id, 'slices'), '*', 'index', index)
   redis.call('HINCRBY', job, 'ready', 1)
   local prefix = redis.call('HGET', job, 'prefix')

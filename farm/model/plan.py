@@ -1,0 +1,248 @@
+"""What each slice of a job has: which zones of the film, and how many samples.
+
+The slices of one step are a *round*: they have the same zones and the same spp. Where a job
+allocates its samples by frame, all rounds are alike. Where it does so by zones, its first rounds
+are whole films, and the image after each round decides the round after the next. So a worker never
+waits for a judgement, and the plan depends on the merged slices alone.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Final
+
+from plateau.farm.model.allocation import ZonesAllocation
+from plateau.farm.model.zones import Grid, Zone, pixels_of
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+    from plateau.farm.model.spec import SharedSpec
+
+#: Rounds after which the image decides: that of round k decides round k + LAG.
+LAG: Final = 2
+#: The most spp of a slice of zones.
+MOST_SLICE_SPP: Final = 512
+
+
+@dataclass(frozen=True)
+class Round:
+    """What the slices of a step have.
+
+    Attributes
+    ----------
+    spp : int
+        Samples per pixel of each slice; 0 ends the plan.
+    zones : tuple of int or None
+        Numbers of zones in the grid, rising; None for the whole film.
+    pixels : int
+        Pixels of each slice.
+    """
+
+    spp: int
+    zones: tuple[int, ...] | None
+    pixels: int
+
+    def as_json(self) -> str:
+        """Return the round as text: zones as the bits of a number, in hexadecimal."""
+        bits = None if self.zones is None else f"{sum(1 << number for number in self.zones):x}"
+        return json.dumps({"spp": self.spp, "zones": bits, "pixels": self.pixels})
+
+    @classmethod
+    def from_json(cls, text: str) -> Round:
+        """Return the round that `as_json` wrote."""
+        stored = json.loads(text)
+        zones = None if stored["zones"] is None else tuple(_bits(int(stored["zones"], 16)))
+        return cls(stored["spp"], zones, stored["pixels"])
+
+
+def _bits(value: int) -> Iterator[int]:
+    return (place for place in range(value.bit_length()) if value >> place & 1)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plan:
+    """The slices of a job, as far as they are decided.
+
+    Attributes
+    ----------
+    slice_spp, round_slices, max_spp : int
+        Of the job: spp of a slice of the whole film, slices of a round, and the cap in spp.
+    width, height : int or None
+        Of the film, in pixels; None before it is known.
+    size : int or None
+        Of a zone, in pixels; None where the job is allocated by frame.
+    decided : tuple of Round
+        The rounds that an image has decided, from round `LAG` on.
+    """
+
+    slice_spp: int
+    round_slices: int
+    max_spp: int
+    width: int | None = None
+    height: int | None = None
+    size: int | None = None
+    decided: tuple[Round, ...] = ()
+
+    @classmethod
+    def of(
+        cls,
+        spec: SharedSpec,
+        width: int | None = None,
+        height: int | None = None,
+        decided: Iterable[Round] = (),
+    ) -> Plan:
+        """Return the plan of a job of this spec, with a film of this size in pixels if known."""
+        size = spec.allocation.size if isinstance(spec.allocation, ZonesAllocation) else None
+        return cls(
+            slice_spp=spec.slice_spp,
+            round_slices=spec.step // spec.slice_spp,
+            max_spp=spec.max_spp,
+            width=width,
+            height=height,
+            size=size,
+            decided=() if size is None else tuple(decided),
+        )
+
+    @property
+    def by_zones(self) -> bool:
+        """Whether the job is allocated by zones."""
+        return self.size is not None
+
+    @property
+    def grid(self) -> Grid:
+        """The zones of the film.
+
+        Raises
+        ------
+        ValueError
+            The job is allocated by frame, or its film is not known yet.
+        """
+        if self.width is None or self.height is None or self.size is None:
+            raise ValueError("a film of unknown size has no zones")
+        return Grid(self.width, self.height, self.size)
+
+    @property
+    def pixels(self) -> int:
+        """Of the film; 0 before it is known."""
+        return (self.width or 0) * (self.height or 0)
+
+    def slice_round(self, index: int) -> Round | None:
+        """Return the round of slice `index` if an image has decided it."""
+        number = index // self.round_slices - LAG
+        return self.decided[number] if self.by_zones and number >= 0 else None
+
+    def slice_spp_of(self, index: int) -> int:
+        """Return the samples per pixel of slice `index`."""
+        one = self.slice_round(index)
+        return self.slice_spp if one is None else one.spp
+
+    @cached_property
+    def stop(self) -> int:
+        """The number of slices that are decided."""
+        if not self.by_zones:
+            return self._most
+        rounds = sum(one.spp > 0 for one in self.decided)
+        return min(self._most, LAG * self.round_slices) + rounds * self.round_slices
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether the cap leaves no room for more slices than those that are decided."""
+        if not self.by_zones or self._most <= LAG * self.round_slices:
+            return True
+        return any(not one.spp for one in self.decided)
+
+    @property
+    def _most(self) -> int:
+        """The number of slices at the cap, if all are whole films."""
+        return self.max_spp // self.slice_spp
+
+    def decides(self, slices: int) -> bool:
+        """Whether the image of so many slices, the end of a round, has a round to decide."""
+        whole, rest = divmod(slices, self.round_slices)
+        is_next = not rest and whole - 1 == len(self.decided)
+        return self.by_zones and is_next and not self.is_complete
+
+    def is_point(self, slices: int) -> bool:
+        """Whether the image of so many slices is judged."""
+        if not slices:
+            return False
+        return not slices % self.round_slices or (self.is_complete and slices == self.stop)
+
+    def samples(self, slices: int) -> int:
+        """Return the samples of the first slices, over all pixels of the film."""
+        whole = min(slices, LAG * self.round_slices) if self.by_zones else slices
+        samples = whole * self.slice_spp * self.pixels
+        for number, one in enumerate(self.decided, LAG):
+            within = min(slices - number * self.round_slices, self.round_slices)
+            samples += max(0, within) * one.spp * one.pixels
+        return samples
+
+    def spp(self, slices: int) -> int:
+        """Return the samples per pixel of the first slices: by zones their mean, rounded down."""
+        if not self.by_zones or slices <= LAG * self.round_slices:
+            return slices * self.slice_spp
+        return self.samples(slices) // self.pixels
+
+    def slices_of(self, spp: int) -> int:
+        """Return the first slices that have these samples per pixel, or else almost as many.
+
+        By zones, several numbers of slices may have the same. One at which the image is judged
+        comes first.
+        """
+        if not self.by_zones:
+            return spp // self.slice_spp
+        fitting = [slices for slices in range(self.stop + 1) if self.spp(slices) <= spp]
+        most = self.spp(fitting[-1])
+        same = [slices for slices in fitting if self.spp(slices) == most]
+        return next(filter(self.is_point, same), same[0])
+
+    def point_from(self, spp: int) -> int:
+        """Return the slices of the first point of the curve that has so many samples per pixel.
+
+        Where no such point is decided, these are the slices that are.
+        """
+        if not self.by_zones:
+            return -(-spp // (self.round_slices * self.slice_spp)) * self.round_slices
+        ends = range(self.round_slices, self.stop, self.round_slices)
+        return next((end for end in ends if self.spp(end) >= spp), self.stop)
+
+    def round_of(self, zones: Iterable[int] | None, slice_spp: int) -> Round:
+        """Return a round of these zones, or of all; with fewer spp where the cap forbids more.
+
+        Where the cap leaves no sample for each pixel, the round has none, and the plan ends.
+        """
+        numbers = None if zones is None else tuple(sorted(zones))
+        pixels = self.pixels if numbers is None else pixels_of(self.grid.zones(numbers))
+        left = self.max_spp * self.pixels - self.samples(self.stop)
+        spp = min(slice_spp, MOST_SLICE_SPP, left // (self.round_slices * pixels))
+        return Round(spp, numbers, pixels)
+
+    def with_round(self, one: Round) -> Plan:
+        """Return the plan with one round more."""
+        return replace(self, decided=(*self.decided, one))
+
+
+def slice_zones(
+    spec: SharedSpec, one: Round | None, width: int, height: int, border: int
+) -> tuple[Zone, ...]:
+    """Return the zones of the film that a slice's film has; none for the whole film.
+
+    Parameters
+    ----------
+    spec, one
+        Of the job, and of the slice.
+    width, height
+        Of the film, in pixels.
+    border
+        Pixels to which a sample contributes beyond its own. With a border zones lie apart, so that
+        the merge can tell their samples from each other's; without one, neighbours are joined.
+    """
+    if not isinstance(spec.allocation, ZonesAllocation):
+        return ()
+    grid, numbers = Grid(width, height, spec.allocation.size), None if one is None else one.zones
+    if border:
+        return grid.zones(numbers)
+    return () if numbers is None else grid.joined(numbers)
