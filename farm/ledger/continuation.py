@@ -15,7 +15,7 @@ variants the cap decides passes and seeds (see `plateau.farm.model.seeds`).
 
 import hashlib
 from bisect import bisect_left
-from collections.abc import Collection, Iterator
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -137,7 +137,7 @@ class Continuations:
                 checkpoint=remains.checkpoint,
                 judged_spp=0 if remains.kept else remains.spp,
                 samples=remains.plan.samples(remains.slices),
-                rounds=tuple(_taken_rounds(remains, spec)),
+                rounds=_taken_rounds(job, remains, spec),
                 idempotency=request_key(idempotency_key, owner),
                 digest=digest,
                 priority=spec.priority,
@@ -153,31 +153,47 @@ class Continuations:
         return self._jobs.created(made)
 
 
-def _taken_rounds(remains: Remains, spec: JobSpec) -> Iterator[DecidedRound]:
-    """The rounds that the new job takes over: those of its slices, and those that its points chose.
+def _taken_rounds(job: Job, remains: Remains, spec: JobSpec) -> tuple[DecidedRound, ...]:
+    """The rounds that the new job takes over, under its own cap.
 
-    Where the new job renders nothing, its plan ends with them.
+    They are those of its slices, and those that the points of the curve chose which it takes over.
+    What the old cap had forbidden is like the round before. Kept slices are judged again, so their
+    images choose anew; where nothing is rendered after them, the plan ends.
     """
-    plan, decided = remains.plan, remains.plan.decided
-    if remains.kept:
-        decided = decided[: max(0, remains.slices // plan.round_slices - LAG)]
-    if decided and remains.kept and spec.max_spp <= remains.spp:
-        decided = (*decided, Round(spp=0, zones=None, pixels=0))
-    for number, one in enumerate(decided, LAG):
-        yield DecidedRound(number, one.as_json())
+    had = remains.plan
+    if not had.by_zones:
+        return ()
+    whole = remains.slices // had.round_slices
+    decided = [one for one in had.decided if one.spp]
+    plan = Plan.of(spec, job.width, job.height)
+    wanted = max(0, whole - LAG) if remains.kept else whole
+    for number in range(wanted):
+        first = (number + LAG) * had.round_slices
+        if number < len(decided):
+            like = decided[number]
+        else:
+            like = plan.decided[-1] if plan.decided else Round(plan.slice_spp, None, plan.pixels)
+        is_begun = number < len(decided) and first < remains.slices
+        plan = plan.with_round(like if is_begun else plan.round_of(like.zones, like.spp))
+        if plan.decided[-1].spp == 0:
+            break
+    if remains.kept and spec.max_spp <= remains.spp:
+        plan = plan.with_round(Round(spp=0, zones=None, pixels=0))
+    return tuple(DecidedRound(n, one.as_json()) for n, one in enumerate(plan.decided, LAG))
 
 
 def changed_spec(spec: JobSpec, changes: dict[str, Any]) -> dict[str, Any]:
     """The fields of the spec with these changes: a JSON merge patch (RFC 7396), with one exception.
 
-    Objects are merged and null means the default. The exception: a rule with a name replaces the
-    whole rule. The batch, the guard and the webhook are not inherited.
+    Objects are merged and null means the default. The exception: a rule or an allocation with a
+    name replaces the whole of it. The batch, the guard and the webhook are not inherited.
     """
     had: dict[str, Any] = _merged(spec.model_dump(mode="json"), dict.fromkeys(_OWN))
     merged: dict[str, Any] = _merged(had, changes, JobSpec.model_fields)
-    rule = changes.get("rule")
-    if isinstance(rule, dict) and "name" in rule:
-        merged["rule"] = rule
+    for field in ("rule", "allocation"):
+        given = changes.get(field)
+        if isinstance(given, dict) and "name" in given:
+            merged[field] = given
     return merged
 
 

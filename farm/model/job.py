@@ -48,13 +48,6 @@ class CurvePoint(_Record):
     spp: int = Field(
         description="samples per pixel in the merged image; by zones their mean, rounded down"
     )
-    spp_min: int | None = Field(
-        None, description="samples per pixel of the zone that has the fewest, by zones"
-    )
-    spp_max: int | None = Field(None, description="of the zone that has the most")
-    samples: int | None = Field(
-        None, description="samples of the image over all pixels; not known of older points"
-    )
     visible_pixels: int = Field(
         description="changed since the first image: pixels that differ visibly from that of the "
         "curve's first point"
@@ -81,6 +74,13 @@ class CurvePoint(_Record):
     forecast_high_spp: int | None = None
     non_finite_pixels: int = Field(
         0, description="pixels with a NaN or an infinity, left out of every other count"
+    )
+    spp_min: int | None = Field(
+        None, description="samples per pixel of the zone that has the fewest, by zones"
+    )
+    spp_max: int | None = Field(None, description="of the zone that has the most")
+    samples: int | None = Field(
+        None, description="samples of the image over all pixels; not known of older points"
     )
     zones: ZoneFractions | None = None
     at: datetime = Field(description="when it was evaluated, by Redis's clock")

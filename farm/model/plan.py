@@ -212,13 +212,14 @@ class Plan:
     def round_of(self, zones: Iterable[int] | None, slice_spp: int) -> Round:
         """Return a round of these zones, or of all; with fewer spp where the cap forbids more.
 
-        Where the cap leaves no sample for each pixel, the round has none, and the plan ends.
+        Where the cap leaves less than a sample for each pixel of the film, the round has none, and
+        the plan ends.
         """
         numbers = None if zones is None else tuple(sorted(zones))
         pixels = self.pixels if numbers is None else pixels_of(self.grid.zones(numbers))
         left = self.max_spp * self.pixels - self.samples(self.stop)
         spp = min(slice_spp, MOST_SLICE_SPP, left // (self.round_slices * pixels))
-        return Round(spp, numbers, pixels)
+        return Round(spp if spp * self.round_slices * pixels >= self.pixels else 0, numbers, pixels)
 
     def with_round(self, one: Round) -> Plan:
         """Return the plan with one round more."""

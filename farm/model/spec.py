@@ -187,7 +187,7 @@ class SharedSpec(Strict):
                 f"step must be a multiple of slice_spp, so that an evaluation falls on a whole "
                 f"number of slices: {self.step} is not a multiple of {self.slice_spp}"
             )
-        if self.max_spp % self.slice_spp:
+        if self.max_spp % self.slice_spp and not self.by_zones:
             raise ValueError(
                 f"max_spp must be a multiple of slice_spp: "
                 f"{self.max_spp} is not a multiple of {self.slice_spp}"

@@ -6,12 +6,16 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
+from plateau.metric.allocation import Allocation, plan_round
 from plateau.metric.display import as_image, finite_pixels
 from plateau.metric.estimate import Estimate, estimate_from
 from plateau.metric.forecasts import Forecast, forecast_from
 from plateau.metric.noise_model import Half, NoiseModel, noise_model
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from plateau.metric.display import Image, Mask
     from plateau.metric.vdp import Percept, VisibleDifferences
 
@@ -81,6 +85,32 @@ class Evidence:
         image: Image = as_image(self.image).copy()
         image.flags.writeable = False
         return image
+
+    def allocation(
+        self,
+        target: float,
+        *,
+        spp: NDArray[np.int64],
+        planned: NDArray[np.int64],
+        size: int,
+        slices: int,
+    ) -> Allocation | None:
+        """Return the next round of samples by zones; None without halves.
+
+        The parameters are those of `plateau.metric.allocation.plan_round`.
+        """
+        if self._model is None or self.estimate is None:
+            return None
+        return plan_round(
+            self.metric,
+            *self._model,
+            self.estimate,
+            target,
+            spp=spp,
+            planned=planned,
+            size=size,
+            slices=slices,
+        )
 
     def forecast(self, target: float, *, guess: int | None = None) -> Forecast | None:
         """Return the forecast for this target fraction of the pixels; None without halves.

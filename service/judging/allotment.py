@@ -3,37 +3,32 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from plateau.farm.model.plan import Round
+from plateau.farm.model.passes import MOST_SLICE_SPP
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from plateau.farm.model.plan import Plan
+    from plateau.farm.model.plan import Plan, Round
     from plateau.metric import Evidence
 
-#: A round has at least this share of the samples before it, so that judging costs little.
-_LEAST_SHARE: Final = 0.04
 
-
-@dataclass(frozen=True)
-class Allotment:
+class Allotment(NamedTuple):
     """What an image decides.
 
     Attributes
     ----------
     round : Round
         The round after those that are decided.
-    forecast_spp : int or None
-        Mean samples per pixel at which hardly any noise is left; None where that is unknown.
+    forecast_spp : int
+        Samples per pixel, as a mean over the film, at which hardly any noise is left.
     """
 
     round: Round
-    forecast_spp: int | None
+    forecast_spp: int
 
 
 def allotment(evidence: Evidence, target: float, plan: Plan, spp: NDArray[np.int64]) -> Allotment:
@@ -50,30 +45,25 @@ def allotment(evidence: Evidence, target: float, plan: Plan, spp: NDArray[np.int
     spp
         Samples per pixel of each zone in the image, (rows, columns).
     """
-    estimate = evidence.estimate
-    assert estimate is not None
-    grid, least = plan.grid, _least_samples(plan)
-    shares = np.array(
-        [
-            estimate.visible[z.y : z.y + z.height, z.x : z.x + z.width].mean(dtype=np.float64)
-            for z in grid.zones()
-        ]
-    ).reshape(spp.shape)
-    rows, columns = spp.shape
-    around = np.pad(shares, 1, mode="edge")
-    near = np.max(
-        [around[y : y + rows, x : x + columns] for y in range(3) for x in range(3)], axis=0
+    grid, slices = plan.grid, plan.round_slices
+    allocated = evidence.allocation(
+        target, spp=spp, planned=_planned(plan), size=grid.size, slices=slices
     )
-    chosen = np.flatnonzero((shares > target) | (near / 2 > target))
-    pixels = sum(zone.width * zone.height for zone in grid.zones(chosen.tolist()))
-    slice_spp = plan.slice_spp
-    if pixels:
-        slice_spp = max(slice_spp, math.ceil(least / (plan.round_slices * pixels)))
-    one = plan.round_of(chosen.tolist(), slice_spp) if pixels else None
-    if one is None or one.spp * one.pixels * plan.round_slices < plan.pixels:
-        one = plan.round_of(None, math.ceil(least / (plan.round_slices * plan.pixels)))
-    return Allotment(one, None)
+    assert allocated is not None  # the image is that of a round, which has two halves
+    chosen = np.flatnonzero(allocated.zones)
+    areas = np.array([zone.width * zone.height for zone in grid.zones()])
+    zones, slice_spp = chosen.tolist(), min(allocated.spp // slices, MOST_SLICE_SPP)
+    if slice_spp * slices * areas[chosen].sum() < plan.pixels:  # too few for a point of the curve
+        zones, slice_spp = None, 1
+    needed = float(areas @ allocated.needed.ravel())
+    return Allotment(plan.round_of(zones, slice_spp), math.ceil(needed / plan.pixels))
 
 
-def _least_samples(plan: Plan) -> int:
-    return max(plan.pixels, math.ceil(_LEAST_SHARE * plan.samples(plan.stop)))
+def _planned(plan: Plan) -> NDArray[np.int64]:
+    """Return the samples per pixel of each zone after all rounds that are decided."""
+    spp = np.zeros(plan.grid.rows * plan.grid.columns, np.int64)
+    for index in range(plan.stop):
+        one = plan.slice_round(index)
+        zones = slice(None) if one is None or one.zones is None else list(one.zones)
+        spp[zones] += plan.slice_spp_of(index)
+    return spp.reshape(plan.grid.rows, plan.grid.columns)

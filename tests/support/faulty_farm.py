@@ -12,13 +12,15 @@ from tests.support.real_farm import RealFarm
 from tests.support.until import until
 
 SIZE = 32
-#: Converges at some 640 spp, after two or three seconds of a quiet worker.
+#: Converges at some 640 spp, after two or three seconds of a quiet worker. Zones do all that frames
+#: do, and decide the plan besides.
 SPEC: dict[str, Any] = {
     "parameters": {"width": SIZE, "height": SIZE},
     "step": 40,
     "slice_spp": 20,
     "max_spp": 1200,
     "rule": {"name": "reverse", "window": 5, "epsilon": 4.0},
+    "allocation": {"name": "zones", "size": 16},
 }
 
 

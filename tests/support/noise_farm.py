@@ -40,9 +40,15 @@ def noise_film(index: int, spp: int, sigma: float) -> Pixels:
 
 
 @cache
-def ramp(sigma: float, aovs: tuple[str, ...] = (), *, alpha: bool = False) -> Picture:
+def ramp(
+    sigma: float,
+    aovs: tuple[str, ...] = (),
+    *,
+    alpha: bool = False,
+    size: tuple[int, int] = SIZE,
+) -> Picture:
     """What a farm's slices show: with AOVs, and with alpha."""
-    height, width = SIZE
+    height, width = size
     return Picture(
         AnalyticScene(
             width=width, height=height, light="ramp", level=sigma, additive=True, alpha=alpha
@@ -53,6 +59,9 @@ def ramp(sigma: float, aovs: tuple[str, ...] = (), *, alpha: bool = False) -> Pi
 
 class NoiseFarm:
     """Everything of a farm but workers."""
+
+    variant = "scalar_rgb"  #: with which its slices are leased
+    size = SIZE
 
     def __init__(
         self,
@@ -70,7 +79,6 @@ class NoiseFarm:
         self.sigma = sigma
         self.alpha = alpha
         self.blind = False  #: whether its worker is older than AOVs
-        self.variant = "scalar_rgb"  #: of its worker
 
     def submit(self, name: str = "noise", **spec: object) -> Job:
         return self.jobs.create(JobSpec.model_validate(spec), name=name, scene_sha256="00").job
@@ -136,9 +144,8 @@ class NoiseFarm:
         parts = [film[y : y + h, x : x + w] for x, y, w, h in self._zones(lease)]
         return np.concatenate([part.reshape(-1, 4) for part in parts]) if parts else film
 
-    @staticmethod
-    def _zones(lease: Lease) -> tuple[Zone, ...]:
-        return slice_zones(lease.spec, lease.round, SIZE[1], SIZE[0], border=0)
+    def _zones(self, lease: Lease) -> tuple[Zone, ...]:
+        return slice_zones(lease.spec, lease.round, self.size[1], self.size[0], border=0)
 
     def _shown(self, lease: Lease) -> Picture:
         return ramp(self.sigma, () if self.blind else lease.spec.aovs, alpha=self.alpha)
@@ -161,14 +168,13 @@ class NoiseFarm:
             worker="noise",
             render_s=0.01,
         )
-        answer = self.queue.commit(lease, record, width=SIZE[1], height=SIZE[0], notes=())
+        answer = self.queue.commit(lease, record, width=self.size[1], height=self.size[0], notes=())
         if answer is Committed.ENDED:  # as a worker does
             self.store.delete(name)
         return answer
 
-    @staticmethod
-    def _seeds(lease: Lease) -> SeedRange:
-        schedule = lease.spec.seed_schedule(lease.variant, SIZE[1], SIZE[0])
+    def _seeds(self, lease: Lease) -> SeedRange:
+        schedule = lease.spec.seed_schedule(lease.variant, self.size[1], self.size[0])
         return schedule.seed_range(lease.index, lease.spp)
 
     def _partial(self, lease: Lease, spp: int, film: Pixels) -> bytes:

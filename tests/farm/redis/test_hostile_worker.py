@@ -114,6 +114,8 @@ def test_a_job_with_a_wrong_count_of_slices_can_be_gone_on_with(
         slices=1,
         checkpoint="",
         judged_spp=50,
+        samples=50,
+        rounds=(),
         idempotency="",
         digest="",
         priority=0,

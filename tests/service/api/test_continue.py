@@ -16,6 +16,7 @@ from plateau.farm.ledger.batches import Batches
 from plateau.farm.ledger.continuation import Continuations, Remains, changed_spec, check
 from plateau.farm.model.errors import CannotContinue
 from plateau.farm.model.job import Job
+from plateau.farm.model.plan import Plan
 from plateau.farm.model.seeds import SeedSchedule
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
@@ -266,7 +267,11 @@ class TestCapsOfScalarJobs:
             drawn = SeedSchedule("scalar_rgb", 1024, 1024, 25, cap, seed)
             slices = spp // 25
             seeds = tuple(drawn.seed_range(index) for index in range(slices))
-            check(job, Remains(slices, "sums", seeds), JobSpec(max_spp=to, seed=seed))
+            check(
+                job,
+                Remains(slices, "sums", seeds, Plan.of(job.spec)),
+                JobSpec(max_spp=to, seed=seed),
+            )
 
         return go_on_from
 

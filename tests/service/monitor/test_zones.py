@@ -6,28 +6,51 @@ import numpy as np
 import pytest
 import redis
 
-from plateau.farm.images.exr import decode_image, decode_layers
-from plateau.farm.ledger.queue import Committed
+from plateau.farm.images.exr import Pixels, decode_image, decode_layers
+from plateau.farm.ledger.queue import Committed, Lease
+from plateau.farm.model.errors import CannotContinue
 from plateau.farm.model.job import Job
 from plateau.farm.model.states import JobState
 from plateau.service.api.points import KeptSlice
 from plateau.service.api.points.sums import PointSums
+from tests.service.api.test_continue import go_on
 from tests.support.every_time import save_every_time
 from tests.support.invariants import check_job
-from tests.support.noise_farm import SIZE, NoiseFarm
+from tests.support.noise_farm import NoiseFarm, ramp
 from tests.support.until import until
 
-PIXELS = SIZE[0] * SIZE[1]
+HEIGHT, WIDTH = 32, 96
+PIXELS = HEIGHT * WIDTH
 ZONES = {"allocation": {"name": "zones", "size": 16}, "step": 40, "slice_spp": 10}
-#: Of the ramp, the dark zones need more samples than the bright ones.
 JOB = {**ZONES, "rule": {"name": "visible", "target": 0.02}, "max_spp": 4000}
+
+
+class Lopsided:
+    """A picture with noise in its left third."""
+
+    def __init__(self, sigma: float) -> None:
+        self._noisy, self._calm = (ramp(level, size=(HEIGHT, WIDTH)) for level in (sigma, 0.01))
+        self.channels = self._noisy.channels
+
+    def film(self, spp: int, seed: int) -> Pixels:
+        film = self._calm.film(spp, seed)
+        film[:, :32] = self._noisy.film(spp, seed)[:, :32]
+        return film
+
+
+class LopsidedFarm(NoiseFarm):
+    """A farm whose slices are noisy to the left."""
+
+    variant = "llvm_ad_rgb"
+    size = (HEIGHT, WIDTH)
+
+    def _shown(self, _: Lease) -> Lopsided:
+        return Lopsided(self.sigma)
 
 
 @pytest.fixture
 def farm(client: redis.Redis, redis_url: str, tmp_path: Path) -> NoiseFarm:
-    farm = NoiseFarm(client, redis_url, tmp_path, sigma=0.15)
-    farm.variant = "llvm_ad_rgb"
-    return farm
+    return LopsidedFarm(client, redis_url, tmp_path, sigma=0.15)
 
 
 def finished(farm: NoiseFarm, **spec: object) -> Job:
@@ -38,12 +61,12 @@ def finished(farm: NoiseFarm, **spec: object) -> Job:
     return done
 
 
-def test_dark_zones_of_a_ramp_have_more_samples_than_bright_ones(farm: NoiseFarm) -> None:
+def test_noisy_zones_have_more_samples_than_calm_ones(farm: NoiseFarm) -> None:
     done = finished(farm, **JOB)
     assert done.state is JobState.CONVERGED
     layers = decode_layers(farm.picture(done, "image.exr"))
     spp = layers["spp"]
-    assert spp[:, :16].mean() > spp[:, 16:].mean()
+    assert spp[:, :32].min() > spp[:, 64:].max()
     assert (spp.min(), spp.max()) == (done.spp_min, done.spp_max)
     assert done.spp == int(spp.mean())
     # As whole frames it needs more
@@ -121,7 +144,7 @@ def test_a_partial_of_other_zones_is_rendered_again(
             farm.commit(lease)
             lease = farm.next_lease()
         with monkeypatch.context() as patch:  # as a worker that knows nothing of zones
-            patch.setattr(NoiseFarm, "_zones", staticmethod(lambda _: ()))
+            patch.setattr(NoiseFarm, "_zones", lambda *_: ())
             assert farm.commit(lease) is Committed.COMMITTED
         again = until(lambda: [one for one in farm.jobs.log(job.id) if one.what == "rejected"])
         assert again[0].slice == lease.index
@@ -140,3 +163,50 @@ def test_one_that_kept_its_slices_has_a_picture_of_each_point(farm: NoiseFarm) -
         done.id, slices, is_given_up=lambda: False, zone_size=plan.size
     )
     np.testing.assert_array_equal(image, decode_image(farm.picture(done, "image.exr")))
+
+
+@pytest.mark.parametrize("keep_slices", [False, True], ids=["from its sums", "from its slices"])
+def test_one_that_goes_on_is_as_if_it_had_never_stopped(farm: NoiseFarm, keep_slices: bool) -> None:
+    def until_spp(spp: int) -> dict[str, object]:
+        return {**ZONES, "rule": {"name": "fixed", "spp": spp}, "max_spp": 4000}
+
+    stopped = finished(farm, **until_spp(200), keep_slices=keep_slices)
+    never_stopped = finished(farm, **until_spp(400))
+    with farm.monitor():
+        done = farm.finish(go_on(farm, stopped, rule={"name": "fixed", "spp": 400}))
+    assert done.state is JobState.CONVERGED
+    check_job(farm.jobs, farm.store, farm.jobs._redis, done.id)
+    images = [decode_layers(farm.picture(job, "image.exr")) for job in (done, never_stopped)]
+    for name, values in images[0].items():
+        np.testing.assert_array_equal(values, images[1][name])
+    assert done.spp == never_stopped.spp > stopped.spp
+
+
+def test_one_that_its_cap_ended_goes_on_to_a_higher_cap(farm: NoiseFarm) -> None:
+    never = {**ZONES, "rule": {"name": "visible", "target": 1e-6}}
+    for cap, higher in ((80, 160), (410, 430)):
+        capped = finished(farm, **never, max_spp=cap)
+        with farm.monitor():
+            done = farm.finish(go_on(farm, capped, max_spp=higher))
+        assert done.state is JobState.EXHAUSTED
+        assert cap < done.spp <= higher
+        check_job(farm.jobs, farm.store, farm.jobs._redis, done.id)
+
+
+def test_its_kept_slices_can_be_judged_by_another_rule(farm: NoiseFarm) -> None:
+    done = finished(farm, **JOB, keep_slices=True)
+    with farm.monitor():
+        again = farm.finish(
+            go_on(farm, done, rule={"name": "visible", "target": 0.5}, max_spp=done.spp)
+        )
+    assert again.state is JobState.CONVERGED
+    assert again.spp < done.spp
+    assert again.machine_s == 0
+
+
+def test_zones_cannot_go_on_as_frames_nor_with_another_step(farm: NoiseFarm) -> None:
+    done = finished(farm, **JOB, keep_slices=True)
+    with pytest.raises(CannotContinue, match="allocation makes other samples"):
+        go_on(farm, done, allocation={"name": "frame"})
+    with pytest.raises(CannotContinue, match="its step cannot change"):
+        go_on(farm, done, step=80)
