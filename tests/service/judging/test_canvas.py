@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from plateau.farm.images.channels import Channels
 from plateau.farm.images.exr import Partial
 from plateau.farm.model.allocation import ZonesAllocation
 from plateau.farm.model.spec import JobSpec
@@ -16,9 +15,7 @@ GRID = Grid(40, 24, 16)
 SPEC = JobSpec(allocation=ZonesAllocation(size=16))
 
 
-def partial(
-    index: int, spp: int, numbers: list[int] | None, border: int
-) -> Partial:
+def partial(index: int, spp: int, numbers: list[int] | None, border: int) -> Partial:
     """A slice of a grey film, whose samples each give the same to every pixel around them."""
     zones = GRID.zones(numbers)
     reach = 2 * border + 1
