@@ -14,7 +14,13 @@ if TYPE_CHECKING:
     from plateau.metric.forecasts import Forecast, forecast
     from plateau.metric.noise_model import Half
     from plateau.metric.non_finite import NonFinite, allowed_non_finite, non_finite_pixels
-    from plateau.metric.pictures import MAP_PALETTE, difference_map, non_finite_map
+    from plateau.metric.pictures import (
+        MAP_PALETTE,
+        SAMPLES_PALETTE,
+        difference_map,
+        non_finite_map,
+        samples_map,
+    )
     from plateau.metric.rules import create_rule
     from plateau.metric.rules.base import Json, Memory, Rule, Verdict
     from plateau.metric.rules.evidence import Evidence
@@ -29,6 +35,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "MAP_PALETTE",
+    "SAMPLES_PALETTE",
     "Allocation",
     "Difference",
     "Estimate",
@@ -61,6 +68,7 @@ __all__ = [
     "non_finite_map",
     "non_finite_pixels",
     "plan_round",
+    "samples_map",
     "visible_differences",
     "zone_edges",
     "zone_fractions",
@@ -73,7 +81,13 @@ _HOMES: Final = {
     "forecasts": ("Forecast", "forecast"),
     "noise_model": ("Half",),
     "non_finite": ("NonFinite", "allowed_non_finite", "non_finite_pixels"),
-    "pictures": ("MAP_PALETTE", "difference_map", "non_finite_map"),
+    "pictures": (
+        "MAP_PALETTE",
+        "SAMPLES_PALETTE",
+        "difference_map",
+        "non_finite_map",
+        "samples_map",
+    ),
     "rules": ("create_rule",),
     "rules.base": ("Json", "Memory", "Rule", "Verdict"),
     "rules.evidence": ("Evidence",),

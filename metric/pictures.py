@@ -20,6 +20,23 @@ MAP_PALETTE = np.repeat(np.arange(256, dtype=np.uint8)[:, np.newaxis], 3, axis=1
 for _code, _colour in _COLOURS.items():
     MAP_PALETTE[_code] = _colour
 
+#: Colours from few samples to many, at equal distances: those of matplotlib's viridis. Each is
+#: lighter than the one before it.
+_SCALE = (0x440154, 0x472D7B, 0x3B528B, 0x2C728E, 0x21918C, 0x27AD81, 0x5CC863, 0xAADC32, 0xFDE725)
+#: The colour of each code of a map of samples, (256, 3) uint8.
+SAMPLES_PALETTE = np.column_stack(
+    [
+        np.rint(
+            np.interp(
+                np.linspace(0, len(_SCALE) - 1, 256),
+                np.arange(len(_SCALE)),
+                [colour >> shift & 0xFF for colour in _SCALE],
+            )
+        )
+        for shift in (16, 8, 0)
+    ]
+).astype(np.uint8)
+
 
 def difference_map(picture: NDArray[np.uint8], visible: Mask) -> NDArray[np.uint8]:
     """Return the map of visible pixels over a picture, (H, W) uint8 indices of `MAP_PALETTE`.
@@ -60,6 +77,27 @@ def non_finite_map(picture: NDArray[np.uint8], found: NonFinite) -> NDArray[np.u
     codes[found.nan] = _NAN
     codes[found.infinite] = _INFINITE
     return codes
+
+
+def samples_map(spp: NDArray[Any]) -> NDArray[np.uint8]:
+    """Return the map of samples per pixel, as indices of `SAMPLES_PALETTE`, in the shape of `spp`.
+
+    The scale is logarithmic, from the fewest samples to the most: equal steps of colour are equal
+    ratios. Where all are equal, all have the first colour.
+
+    Parameters
+    ----------
+    spp
+        Samples per pixel, of any shape and real dtype, 1 or more.
+
+    Examples
+    --------
+    >>> samples_map(np.array([[50, 100], [200, 200]])).tolist()
+    [[0, 128], [255, 255]]
+    """
+    above = np.log(spp.astype(np.float64) / spp.min())
+    codes: NDArray[Any] = np.rint(255 * above / (above.max() or 1))
+    return codes.astype(np.uint8)
 
 
 def _dim_grey(picture: NDArray[np.uint8]) -> NDArray[np.uint8]:

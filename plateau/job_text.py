@@ -5,7 +5,15 @@ from datetime import datetime
 from plateau.farm.model.job import CurvePoint, Job
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
-from plateau.farm.wire.figures import duration, percent, pixels, roughly, share, significant
+from plateau.farm.wire.figures import (
+    duration,
+    percent,
+    pixels,
+    roughly,
+    share,
+    significant,
+    spp_range,
+)
 from plateau.rules import CURVE, SlopeLimit, create
 
 
@@ -31,8 +39,13 @@ def size(count: float) -> str:
 
 
 def point_figures(job: Job, point: CurvePoint) -> list[str]:
-    """The known figures of a point: changed pixels, slope, noise left, forecast, broken pixels."""
-    found = [f"changed {of_image(point.visible_pixels, point.visible_fraction)}"]
+    """The known figures of a point.
+
+    They are the samples of its zones, changed pixels, slope, noise left, forecast, broken pixels.
+    """
+    in_zones = spp_range(point.spp_min, point.spp_max)
+    found = [f"zones {in_zones}"] if in_zones else []
+    found.append(f"changed {of_image(point.visible_pixels, point.visible_fraction)}")
     if point.slope is not None:
         stop = stop_slope(job)
         aim = "" if stop is None else f" (stops at {significant(stop)})"
@@ -117,6 +130,8 @@ def summary(job: Job, now: datetime, waits_for: str | None = None) -> str:
         rows += [("samples", samples), ("saved", saved)]
     else:
         rows.append(("samples", f"{samples} ({share(job.spp / job.spec.max_spp)})"))
+    if in_zones := spp_range(job.spp_min, job.spp_max):
+        rows.append(("zones", in_zones))
     if job.visible_pixels is not None:
         changed = of_image(job.visible_pixels, job.visible_fraction)
         rows.append(("changed", f"{changed} differ visibly from the first image of the curve"))

@@ -46,6 +46,17 @@ def percent(fraction: float) -> str:
     return f"{significant(100 * fraction, 3 if fraction >= 0.1 else 2)} %"
 
 
+def spp_range(least: int | None, most: int | None) -> str:
+    """The samples per pixel of the zone with the fewest and of that with the most; "" if alike.
+
+    Examples
+    --------
+    >>> spp_range(500, 1400), spp_range(80, 80), spp_range(None, None)
+    ('500 to 1,400 spp', '', '')
+    """
+    return "" if least is None or most is None or least == most else f"{least:,} to {most:,} spp"
+
+
 def pixels(count: float) -> str:
     """A number of pixels: whole ones, or two digits below ten.
 

@@ -68,7 +68,7 @@ class ResultCalls(Calls):
         return columns(self.curve(job_id))
 
     def image(self, job_id: str, name: str = "image.png") -> bytes:
-        """One of the job's images: ``image.png``, ``image.exr``, ``difference.png`` and the like.
+        """One of the job's images: ``image.png``, ``image.exr``, ``difference.png``, ``spp.png``.
 
         Raises
         ------
@@ -106,7 +106,8 @@ class ResultCalls(Calls):
         -------
         dict
             (height, width) float32 by the names of image.exr: ``R``, ``G``, ``B``, then ``A`` where
-            the scene has alpha, and the channels of the job's AOVs (``albedo.R``, ``Z``). Colour is
+            the scene has alpha, and the channels of the job's AOVs (``albedo.R``, ``Z``), and
+            ``spp``, the samples of each pixel, where the job is allocated by zones. Colour is
             linear Rec. 709 radiance, premultiplied.
 
         Raises

@@ -15,7 +15,7 @@ from plateau.client import ApiError, Client
 from plateau.errors import CommandFailed, ExtraMissing, needs
 from plateau.farm.model.job import CurvePoint, utc_now
 from plateau.farm.wire.views import JobView, SliceView
-from plateau.files.job_folder import IMAGES, SLICES, begin, in_turn, whole
+from plateau.files.job_folder import IMAGES, SLICES, SPP_MAP, begin, in_turn, whole
 
 _KEPT: Final = "plateau-kept-"
 
@@ -25,11 +25,12 @@ _Written = TypeVar("_Written")
 def write_results(client: Client, job: JobView, folder: Path) -> dict[str, Any]:
     """Write all that is known of an ended job into a folder; returns the summary as JSON.
 
-    These are ``image.exr``, ``image.png`` and ``difference.png``, where the job has an image, and
-    ``non-finite.png``, where that is NaN or infinite anywhere; ``curve.csv`` and ``curve.png``,
-    where its curve has points; ``slices``, where it kept them, for `plateau judge`;
-    ``summary.txt`` and ``summary.json``. Slices that are there already are not fetched again; what
-    another job has left there is removed before the first file is written.
+    These are ``image.exr``, ``image.png`` and ``difference.png``, where the job has an image;
+    ``spp.png``, where it is allocated by zones; ``non-finite.png``, where the image is NaN or
+    infinite anywhere; ``curve.csv`` and ``curve.png``, where its curve has points; ``slices``,
+    where it kept them, for `plateau judge`; ``summary.txt`` and ``summary.json``. Slices that are
+    there already are not fetched again; what another job has left there is removed before the first
+    file is written.
 
     Raises
     ------
@@ -109,6 +110,8 @@ def _fetch(client: Client, job: JobView, folder: Path) -> _Fetched:
     fetched = _Fetched(client.curve(job.id), [], [])
     begin(folder, job.id, lambda path: _is_one_of(slices, path))
     for name in IMAGES:
+        if name == SPP_MAP and not job.spec.by_zones:
+            continue
         if _download(client, job.id, name, folder / name, fetched.damaged):
             fetched.files.append(folder / name)
     if job.spec.keep_slices:

@@ -17,7 +17,9 @@ from typing import Final
 
 from plateau.errors import CommandFailed
 
-IMAGES: Final = ("image.exr", "image.png", "difference.png", "non-finite.png")
+#: What only a job that is allocated by zones has.
+SPP_MAP: Final = "spp.png"
+IMAGES: Final = ("image.exr", "image.png", "difference.png", SPP_MAP, "non-finite.png")
 #: The files of a job, beside the folder of its slices.
 RESULTS: Final = (*IMAGES, "curve.csv", "curve.png", "summary.txt", "summary.json")
 SLICES: Final = "slices"

@@ -13,12 +13,14 @@ from plateau.farm.images.png import encode_png
 from plateau.farm.model.spec import JobSpec
 from plateau.metric import (
     MAP_PALETTE,
+    SAMPLES_PALETTE,
     Mask,
     allowed_non_finite,
     difference_map,
     encode_srgb,
     non_finite_map,
     non_finite_pixels,
+    samples_map,
 )
 from plateau.service.judging.facts import Facts, exr_header, png_texts
 from plateau.service.judging.merge import Merge
@@ -71,6 +73,8 @@ def result_files(
     }
     if not np.isfinite(image).all():
         files["non-finite.png"] = non_finite_png(image, exposure_ev)
+    if spp_map is not None:
+        files["spp.png"] = spp_png(spp_map, facts)
     if visible is not None:
         files["difference.png"] = encode_png(difference_map(picture, visible), MAP_PALETTE)
     return files
@@ -103,6 +107,12 @@ def _block_means(image: NDArray[Any], factor: int) -> Pixels:
         shape[axis] = -1
         image = np.add.reduceat(image, starts, axis=axis) / sizes.reshape(shape)
     return image.astype(np.float32)
+
+
+def spp_png(spp_map: Pixels, facts: Facts) -> bytes:
+    """Return a PNG of the samples of each pixel; text chunks have the fewest and the most."""
+    scale = {"plateau:spp_min": f"{spp_map.min():.0f}", "plateau:spp_max": f"{spp_map.max():.0f}"}
+    return encode_png(samples_map(spp_map), SAMPLES_PALETTE, {**png_texts(facts), **scale})
 
 
 def non_finite_png(image: Pixels, exposure_ev: float) -> bytes:

@@ -83,6 +83,8 @@ def check_job(
     expected = {f"{jobs.results(job_id)}/{name}" for name in RESULTS}
     if job.points:
         expected.add(f"{jobs.results(job_id)}/difference.png")
+    if job.spec.by_zones:
+        expected.add(f"{jobs.results(job_id)}/spp.png")
     if job.spec.keep_slices:
         blobs_kept = {record["blob"] for record in jobs.ledger(job_id).values()}
         expected |= {name for name in blobs_kept if name.startswith(f"jobs/{job_id}/")}

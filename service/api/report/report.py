@@ -28,6 +28,7 @@ POLICY: Final = (
 CAPTIONS: Final = {
     "image.png": "The merged image, as the job's display shows it.",
     "difference.png": "Orange: changed since the first image of the curve, as a person sees it.",
+    "spp.png": "From dark blue to yellow: zones with few samples, and with many.",
     "non-finite.png": "Magenta: pixels that are NaN; blue: infinite ones.",
 }
 
@@ -95,6 +96,8 @@ def _facts(job: Job) -> str:
         "Machine time": figures.duration(job.machine_s),
         "Submitted": f"{job.created_at:%Y-%m-%d %H:%M:%S} UTC",
     }
+    if in_zones := figures.spp_range(job.spp_min, job.spp_max):
+        rows["Zones"] = in_zones
     if job.samples_saved:
         share = f"{figures.share(job.saved_fraction)} of the cap"
         rows["Saved"] = f"{share}, {job.samples_saved:,} samples"

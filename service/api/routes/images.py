@@ -51,6 +51,15 @@ def get_difference_png(request: Request, job_id: JobId, farm: Farm, has: IfNoneM
     return _image("difference.png", PNG, job_id, farm, has, request)
 
 
+@router.get("/spp.png", **_PNG)
+def get_spp_png(request: Request, job_id: JobId, farm: Farm, has: IfNoneMatch) -> Response:
+    """Show how many samples each pixel has, from dark blue to yellow, if the job is by zones.
+
+    The scale is logarithmic. The text chunks `plateau:spp_min` and `plateau:spp_max` have its ends.
+    """
+    return _image("spp.png", PNG, job_id, farm, has, request)
+
+
 @router.get("/non-finite.png", **_PNG)
 def get_non_finite_png(request: Request, job_id: JobId, farm: Farm, has: IfNoneMatch) -> Response:
     """Show where the merged image is NaN (magenta) or infinite (blue), if it has such pixels.
@@ -125,6 +134,8 @@ def _no_image(job: Job, name: str) -> Problem:
     lost = job.state.ended and job.points  # the difference map comes with the first point
     if name == "difference.png" and job.image_spp and not lost:
         detail = _no_difference(job)
+    elif name == "spp.png" and not job.spec.by_zones:
+        detail = f"job {job.id} is allocated by frame: all its pixels have the same samples"
     elif name == "non-finite.png" and job.image_spp:
         detail = (
             f"job {job.id} is {job.state.value} and has an image of {job.image_spp} spp, of which "
