@@ -233,11 +233,6 @@ class SharedSpec(Strict):
         return next((limit for limit in limits if limit is not None), None)
 
     @property
-    def max_slices(self) -> int:
-        """The number of slices at the cap."""
-        return self.max_spp // self.slice_spp
-
-    @property
     def film_values(self) -> int:
         """Values of a pixel of its films; a scene's own alpha and AOVs come on top."""
         return 4 + sum(len(AOVS[name].channels) for name in self.aovs)
@@ -257,10 +252,6 @@ class SharedSpec(Strict):
         if self.webhook is not None and self.webhook.secret is not None:
             document["webhook"]["secret"] = self.webhook.secret.get_secret_value()
         return json.dumps(document)
-
-    def evaluates_at(self, spp: int) -> bool:
-        """Whether the rule is evaluated when `spp` samples per pixel are merged."""
-        return spp > 0 and (spp % self.step == 0 or spp == self.max_spp)
 
     def seed_schedule(self, variant: str, width: int, height: int) -> SeedSchedule:
         """The passes and seeds of its slices: on a variant, of a film of this size in pixels.

@@ -33,7 +33,7 @@ class Progress(ABC):
     def __init__(self) -> None:
         self._job: Job | None = None
         self._points: list[CurvePoint] = []
-        self._slices: deque[datetime] = deque()
+        self._slices: deque[tuple[datetime, int]] = deque()  # when committed, and its samples
 
     def __enter__(self) -> "Progress":
         return self
@@ -49,8 +49,8 @@ class Progress(ABC):
     def event(self, event: Event) -> None:
         """Record an event of the job."""
         if event.type == "slice":
-            self._slices.append(event.at)
-            while (event.at - self._slices[0]).total_seconds() > _RATE_S:
+            self._slices.append((event.at, int(str(event.data.get("samples", 0)))))
+            while (event.at - self._slices[0][0]).total_seconds() > _RATE_S:
                 self._slices.popleft()
         elif event.type == "point":
             self._points.append(CurvePoint.model_validate(event.data))
@@ -65,12 +65,11 @@ class Progress(ABC):
 
     def _rate(self, job: Job) -> str:
         """The render rate over the last slices; "" if unknown."""
-        if job.width is None or job.height is None or len(self._slices) < 2:
+        if len(self._slices) < 2 or job.state is JobState.PAUSED:
             return ""
-        if job.state is JobState.PAUSED:
-            return ""
-        seconds = (self._slices[-1] - self._slices[0]).total_seconds()
-        samples = (len(self._slices) - 1) * job.width * job.height * job.spec.slice_spp
+        (first, _), *later = self._slices
+        seconds = (later[-1][0] - first).total_seconds()
+        samples = sum(of_slice for _, of_slice in later)
         return f"{samples / seconds / 1e6:.2f} Msamples/s" if seconds > 0 else ""
 
 

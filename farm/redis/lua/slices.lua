@@ -13,7 +13,7 @@ end
 
 -- The round of a slice as JSON, if an image has decided it; false for a slice of the whole film.
 function Slice.round(id, index)
-  local round_slices = redis.call('HGET', job_key(id), 'round_slices')
+  local round_slices = tonumber(redis.call('HGET', job_key(id), 'round_slices'))  -- nil by frame
   return round_slices and redis.call('HGET', job_key(id, 'rounds'), math.floor(index / round_slices))
 end
 

@@ -13,7 +13,7 @@ from plateau.farm.model.spec import BatchSpec, JobSpec
 def test_the_default_is_the_papers_rule() -> None:
     spec = JobSpec()
     assert (spec.rule.name, spec.rule.target, spec.rule.min_spp) == ("visible", 0.0002, 200)
-    assert (spec.step, spec.max_spp, spec.max_slices) == (100, 10_000, 400)
+    assert (spec.step, spec.slice_spp, spec.max_spp) == (100, 25, 10_000)
 
 
 @pytest.mark.parametrize(
@@ -63,11 +63,6 @@ def test_what_would_fail_late_is_refused_in_a_job_and_in_a_batch(
     entry = absurd.get("parameters", {"frame": 1})
     with pytest.raises(ValidationError, match=words):
         BatchSpec.model_validate({**absurd, "parameters": [entry]})
-
-
-def test_evaluations_fall_on_each_step_and_on_the_cap() -> None:
-    spec = JobSpec(step=50, slice_spp=25, max_spp=125)
-    assert [spp for spp in range(0, 126, 25) if spec.evaluates_at(spp)] == [50, 100, 125]
 
 
 def test_parameters_are_written_as_mitsuba_reads_them() -> None:

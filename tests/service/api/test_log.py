@@ -42,7 +42,7 @@ def test_it_tells_of_one_slice(http: httpx.Client, job: StagedJob) -> None:
 
 
 def test_a_slice_that_can_never_be_is_unknown(http: httpx.Client, job: StagedJob) -> None:
-    last = job.spec.max_slices - 1
+    last = job.spec.max_spp // job.spec.slice_spp - 1
     assert http.get(f"/v1/jobs/{job.id}/slices/{last}/log").status_code == 200
     found = problem(http.get(f"/v1/jobs/{job.id}/slices/{last + 1}/log"), 404, "unknown-slice")
     assert f"no slice {last + 1}" in found["detail"]

@@ -44,6 +44,11 @@ def made_job(**fields: Any) -> Job:
     return Job.model_validate({**usual, **fields})
 
 
+def points_of(spec: JobSpec, spp: int) -> list[int]:
+    """The spp of the points of a curve, up to this one."""
+    return [at for at in range(1, spp + 1) if at % spec.step == 0 or at == spec.max_spp]
+
+
 def known(**fields: Any) -> Known:
     """What a monitor knows of a job; all that it can plan is planned, unless a field says more."""
     job = fields.pop("job", None) or made_job()
@@ -120,7 +125,7 @@ class DecidedJob:
         """Take over the sums and the curve of another job, where it continues one."""
         if self.continued_spp:
             slices = self.continued_spp // self.spec.slice_spp
-            points = [at for at in range(1, self.continued_spp + 1) if self.spec.evaluates_at(at)]
+            points = points_of(self.spec, self.continued_spp)
             self.state, self.planned, self.committed = (
                 JobState.RENDERING,
                 slices,
@@ -258,7 +263,7 @@ class DecidingMonitor:
         match step:
             case steps.PlanSlices(stop, expected_spp):
                 assert not known.job.state.ended
-                assert stop <= min(spec.max_slices, self.sums + self.enough)
+                assert stop <= min(spec.max_spp // spec.slice_spp, self.sums + self.enough)
                 assert spp <= expected_spp <= spec.max_spp
                 self.write()
                 if not job.state.ended:
@@ -273,12 +278,10 @@ class DecidingMonitor:
                 return self._merge(index)
             case steps.JudgeImage():
                 # The rules see each point of the curve once, in order, whoever judges
-                assert spec.evaluates_at(spp)
-                assert self.judged == [at for at in range(1, spp) if spec.evaluates_at(at)]
+                assert [*self.judged, spp] == points_of(spec, spp)
                 self.judged.append(spp)
                 return known.with_answer(job.rules.answer(spp), job.clock_s)
             case steps.RecordPoint():
-                assert spec.evaluates_at(spp)
                 assert self.judged[-1] == spp
                 self.write()
                 if not job.curve or job.curve[-1] < spp:
@@ -341,7 +344,7 @@ class DecidingMonitor:
             known = replace(known, shown_spp=spp, shown_at_s=job.clock_s)
         if save:
             # While the job goes on, nothing is saved that was judged and not recorded
-            points = [at for at in range(1, spp + 1) if job.spec.evaluates_at(at)]
+            points = points_of(job.spec, spp)
             if not known.job.state.ended:
                 assert self.judged == points
                 assert set(points) <= set(job.curve)

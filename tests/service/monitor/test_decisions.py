@@ -23,6 +23,7 @@ from tests.service.monitor.decided_job import (
     Rules,
     known,
     made_job,
+    points_of,
 )
 from tests.support.long_tests import WANTED
 
@@ -276,7 +277,7 @@ MANY = settings(max_examples=2000 if WANTED else 300, deadline=None)
 def test_whatever_happens_a_job_comes_to_one_end(story: Story) -> None:
     job = happen(story)
     # The curve has each point once, from the first on
-    points = [at for at in range(1, job.spec.max_spp + 1) if job.spec.evaluates_at(at)]
+    points = points_of(job.spec, job.spec.max_spp)
     assert job.curve == points[: len(job.curve)]
     assert job.state.ended
     if job.state in {JobState.CONVERGED, JobState.EXHAUSTED}:

@@ -52,7 +52,7 @@ function for_workers.commit(it)
   count('samples', samples)
   Slice.count_samples(id, samples)
   if said ~= '' then Slice.note_try(id, index, worker, 'committed', '', machine_ms, said) end
-  Outbox.announce(id, 'slice', {index = index, worker = worker})
+  Outbox.announce(id, 'slice', {index = index, worker = worker, samples = samples})
   redis.call('PUBLISH', WAKE_MONITORS, id)
   return 'committed'
 end
