@@ -114,6 +114,7 @@ class TestOptions:
             "time-limit": "none",
             "min-spp": "none",
             "rule": spec.rule.name,
+            "allocation": spec.allocation.name,
             "window": "5",
             "epsilon": "0.1",
             "spp": "10000",
