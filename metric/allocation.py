@@ -32,8 +32,6 @@ LEAST_ROUND, LARGEST_ROUND = 0.025, 0.25
 MOST_GROWTH: Final = 0.5
 #: Every zone has at least this share of the mean: no path may have found its light yet.
 LEAST_SHARE: Final = 0.1
-#: Where the samples in flight seem to be enough, the next are to take away this share of the rest.
-_FURTHER: Final = 0.8
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +43,7 @@ class Allocation:
     #: Samples per pixel of each of them, a multiple of the number of slices.
     spp: int
     #: Samples per pixel of each zone when the whole image is expected to reach the target, (rows,
-    #: columns); those that are planned where they are enough.
+    #: columns); at least those that are planned, and in all a small round more.
     needed: NDArray[np.float64]
 
 
@@ -67,7 +65,8 @@ def plan_round(
     ----------
     metric, model, clean, estimate
         The predictor, the noise model of the merged image, the percept of its clean image, and the
-        estimate from them.
+        estimate from them. The model should be that of other halves than those that judge the
+        image: slices 0, 1, 4, 5, … and 2, 3, 6, 7, … where these are the even and the odd ones.
     target
         Fraction of the pixels that may be visible, between 0 and 1; never less than one pixel.
     spp
@@ -88,6 +87,10 @@ def plan_round(
     -----
     It takes six comparisons beyond the estimate, and depends on its arguments alone. A round has at
     least 1 sample per pixel of the image on average.
+
+    The noise of the other halves is uncorrelated with that of the judging ones. Who decides by the
+    noise that judges gives samples where it is high by chance, and leaves it where it is low. So
+    the estimate falls faster than the error.
 
     Examples
     --------
@@ -114,34 +117,44 @@ def plan_round(
     if spp.shape != shape or planned.shape != shape:
         raise ValueError(f"{shape} zones need as many spp, not {spp.shape} and {planned.shape}")
     curves = zone_curves(metric, model, clean, estimate, size)
-    needed = _needed(curves, spp, planned, allowed_pixels(target, model.pixels))
-    zones, more = _round(needed, planned, curves.pixels)
+    total = float((planned * curves.pixels).sum())
+    least = max(LEAST_ROUND * total, float(curves.pixels.sum()))
+    needed = _needed(curves, spp, planned, allowed_pixels(target, model.pixels), total + least)
+    zones, more = _round(needed, planned, curves.pixels, least)
     return Allocation(zones, math.ceil(more / slices) * slices, needed)
 
 
 def _needed(
-    curves: ZoneCurves, spp: NDArray[np.int64], planned: NDArray[np.int64], allowed: float
+    curves: ZoneCurves,
+    spp: NDArray[np.int64],
+    planned: NDArray[np.int64],
+    allowed: float,
+    least: float,
 ) -> Floats:
     """Return the cheapest samples per pixel with at most `allowed` visible pixels, (rows, columns).
 
-    If no samples within reach are enough, they are the most that are.
+    They are at least so many samples in all that the next round can be chosen from them. If none
+    within reach are enough, they are the most that are.
     """
     samples = np.maximum(spp[..., np.newaxis] * GROWTH, planned[..., np.newaxis])
     logarithms = np.log(samples) - np.log(spp)[..., np.newaxis]
     visible = _at(curves.visible, logarithms)
     cost = samples * curves.pixels[..., np.newaxis]
-    allowed = min(allowed, _FURTHER * float(visible[..., 0].sum()))
 
     def cheapest(price: float) -> NDArray[np.intp]:
         """Return the place of the least cost, if a visible pixel costs as much as `price`."""
         place: NDArray[np.intp] = (cost + price * visible).argmin(axis=-1)[..., np.newaxis]
         return place
 
+    def is_enough(price: float) -> bool:
+        place = cheapest(price)
+        left, spent = (np.take_along_axis(one, place, -1).sum() for one in (visible, cost))
+        return bool(left <= allowed and spent >= least)
+
     low, high = 0.0, math.log(1e15)  # of the price
     for _ in range(40):
         middle = (low + high) / 2
-        left = float(np.take_along_axis(visible, cheapest(math.exp(middle)), -1).sum())
-        low, high = (middle, high) if left > allowed else (low, middle)
+        low, high = (low, middle) if is_enough(math.exp(middle)) else (middle, high)
     needed: Floats = np.take_along_axis(samples, cheapest(math.exp(high)), -1)[..., 0]
     mean = float((needed * curves.pixels).sum() / curves.pixels.sum())
     return np.maximum(needed, LEAST_SHARE * mean)
@@ -157,16 +170,16 @@ def _at(visible: Floats, logarithms: Floats) -> Floats:
 
 
 def _round(
-    needed: Floats, planned: NDArray[np.int64], pixels: Floats
+    needed: Floats, planned: NDArray[np.int64], pixels: Floats, least: float
 ) -> tuple[NDArray[np.bool_], float]:
     """Return the zones of the next round, the neediest first, and the samples per pixel of each."""
     missing = np.maximum(needed - planned, 0.0).ravel()
     so_far = planned.ravel().astype(np.float64)
     areas = pixels.ravel()
-    total = float((so_far * areas).sum())
-    least = max(LEAST_ROUND * total, float(areas.sum()))
+    if not missing.any():  # nothing can be seen at all: those with the fewest samples
+        missing += so_far.max()
     wanted = ROUND_SHARE * float((missing * areas).sum())
-    wanted = max(min(wanted, LARGEST_ROUND * total), least)
+    wanted = max(min(wanted, LARGEST_ROUND * float((so_far * areas).sum())), least)
     # Of the first zones in this order each takes as much as the least needy of them needs.
     order = np.argsort(-missing / so_far, kind="stable")
     each = np.minimum.accumulate(np.minimum(missing, MOST_GROWTH * so_far)[order])
