@@ -10,6 +10,7 @@ import pytest
 from playwright.sync_api import Page, expect
 from pydantic import BaseModel
 
+from plateau.farm.model.allocation import ZonesAllocation
 from plateau.farm.model.aovs import AOV_NAMES
 from plateau.farm.model.spec import ExrSpec, JobSpec, RuleSpec, ViewSpec
 from plateau.farm.wire.examples import SCENE_XML
@@ -84,6 +85,19 @@ def test_another_rule_and_view(form: Page, farm: NoiseFarm, scene: Path) -> None
     assert spec.rule.model_dump() == {"name": "reverse", "window": 5, "epsilon": 0.5}
     assert spec.view.white_luminance == 300
     assert spec.watch == ()
+
+
+def test_samples_go_where_one_wants_them(form: Page, farm: NoiseFarm, scene: Path) -> None:
+    choose(form, scene)
+    expect(form.get_by_label("All over the frame")).to_be_checked()
+    size = form.get_by_label("Side of a zone")
+    expect(size).to_be_hidden()
+    form.get_by_label("To the zones that need them").check()
+    size.fill("64")
+    form.get_by_role("button", name="Render it").click()
+    expect(form).to_have_url(re.compile("/jobs/[0-9a-f]{12}$"))
+    spec = farm.jobs.get(form.url.rpartition("/")[2]).spec
+    assert spec.allocation.model_dump() == {"name": "zones", "size": 64}
 
 
 def test_channels_of_the_image_and_what_is_behind_it(
@@ -245,6 +259,7 @@ def numbers(path: str, model: type[BaseModel]) -> dict[str, list[float | None]]:
 
 def test_each_number_of_the_form_has_the_default_and_the_bounds_of_the_spec(form: Page) -> None:
     specified = numbers("spec", JobSpec) | numbers("spec.view", ViewSpec)
+    specified |= numbers("spec.allocation", ZonesAllocation)
     for rule in get_args(get_args(RuleSpec)[0]):
         specified |= numbers(f"spec.rule.{rule.model_fields['name'].default}", rule)
     asked = {

@@ -1,7 +1,7 @@
 // A job's savings and costs, in figures.
 
 import { h, setText } from "../shared/dom.js";
-import { duration, large, share, three, whole } from "../shared/figures.js";
+import { duration, large, share, sppOf, three, whole } from "../shared/figures.js";
 import { durationSeconds, imagePixels, savings } from "../shared/job_summary.js";
 
 export class CostFigures {
@@ -14,7 +14,7 @@ export class CostFigures {
     const saved = savings(job);
     this.#set("saved", saved ? "saved" : "", saved ? share(saved.fraction) : "",
       saved ? `of the cap: ${large(saved.samples)} samples${saved.machine ? `, about ${saved.machine} of machine time` : ""}` : "");
-    this.#set("spp", "samples", `${whole(job.spp)} spp`, `of ${whole(job.spec.max_spp)} at most`);
+    this.#set("spp", "samples", sppOf(job.spp, job), `of ${whole(job.spec.max_spp)} at most`);
     this.#set("machine", "machine time", job.machine_s ? duration(job.machine_s) : "–",
       job.started_at ? `within ${duration(durationSeconds(job))} since it was submitted` : "not started");
     this.#set("broken", job.non_finite_pixels ? "broken" : "", `${whole(job.non_finite_pixels ?? 0)} px`,

@@ -1,6 +1,6 @@
 // Why a job is in its state, in words for readers who do not know the papers.
 
-import { percent, pixels, sentence, three, whole } from "../shared/figures.js";
+import { percent, pixels, sentence, sppOf, three, whole } from "../shared/figures.js";
 import { noiseTarget, stopSlope } from "../shared/job_summary.js";
 import { parametersOf, ruleNamed } from "../shared/rules.js";
 
@@ -28,7 +28,7 @@ export function reasonInWords(job) {
 
 /** @param {Api.JobView} job */
 function converged(job) {
-  return `It stopped by itself at ${whole(job.spp)} spp: ${inItsRulesWords(job) ?? sentence(job.reason)}`;
+  return `It stopped by itself at ${sppOf(job.spp, job)}: ${inItsRulesWords(job) ?? sentence(job.reason)}`;
 }
 
 /**

@@ -3,6 +3,7 @@
 import { downloadLink, get } from "../shared/api.js";
 import { h, setText, table } from "../shared/dom.js";
 import { clock, duration, several, sharesOf, whole } from "../shared/figures.js";
+import { zoneSize } from "../shared/job_summary.js";
 import { complain } from "../shared/notices.js";
 
 const EVERY_MS = 4000;
@@ -63,13 +64,15 @@ export class Records {
   }
 
   /** @param {Api.JobView} job */
-  #showFiles({ id, links, points, image_spp: image, finished_at: finished, non_finite_pixels: broken }) {
+  #showFiles(job) {
+    const { id, links, points, image_spp: image, finished_at: finished, non_finite_pixels: broken } = job;
     const kind = [image, points, finished, broken].map(Boolean).join();
     if (kind === this.#filesShown) return;
     this.#filesShown = kind;
     const ofImage = [
       ["image.exr", "EXR", "the merged image, linear, with its alpha and AOVs", links.image_exr],
       ["image.png", "PNG", "the image as judged", links.image_png],
+      ...(zoneSize(job) ? [["spp.png", "Samples", "how many each zone has", links.spp_png]] : []),
     ];
     const ofPoints = [
       ["difference.png", "Difference", "what has changed since the first image", links.difference_png],

@@ -37,6 +37,16 @@ export function pixels(count) {
 }
 
 /**
+ * Samples per pixel; by zones their mean, beside the fewest and the most that a zone has.
+ * @param {number} mean
+ * @param {{ spp_min: number | null, spp_max: number | null }} zones
+ */
+export function sppOf(mean, { spp_min: least, spp_max: most }) {
+  const range = least == null || most == null || least === most ? "" : ` (${whole(least)} to ${whole(most)})`;
+  return `${whole(mean)} spp${range}`;
+}
+
+/**
  * A fraction as a percentage with two or three digits.
  * @param {number} fraction
  */

@@ -52,6 +52,14 @@ export function noiseTarget(job) {
 }
 
 /**
+ * The side of the zones by which the job's samples are allocated, in pixels; null if they are not.
+ * @param {Api.JobView} job
+ */
+export function zoneSize({ spec: { allocation } }) {
+  return allocation.name === "zones" ? allocation.size : null;
+}
+
+/**
  * The rules of the job; the first is the one that ends it.
  * @param {Api.JobView} job
  */

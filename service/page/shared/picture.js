@@ -22,6 +22,11 @@ export class Picture {
   #path = null;
   #wanted = "";
   /**
+   * The shown picture's file; null before the first.
+   * @type {Blob | null}
+   */
+  file = null;
+  /**
    * Samples per pixel of the shown image, if the API tells.
    * @type {number | null}
    */
@@ -55,6 +60,7 @@ export class Picture {
     }
     this.letGo();
     this.#image.src = url;
+    this.file = blob;
     this.spp = spp;
     this.#path = path;
     this.#tag = tag;

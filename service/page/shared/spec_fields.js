@@ -26,6 +26,12 @@ export const LIMITS = [
     help: "The job ends after this time, without pauses. Empty: no limit." },
 ];
 
+/** Of the allocation by zones. @type {FieldAbout[]} */
+export const ZONES = [
+  { name: "size", label: "Side of a zone", unit: "px", value: 32, min: 16, max: 1024, step: 16,
+    help: "Smaller zones follow the noise more closely; a multiple of 16." },
+];
+
 /** The channels of image.exr beside colour, by their names in farm/model/aovs.py. */
 export const AOVS = {
   albedo: "Albedo", normal: "Normals", depth: "Depth", position: "Position", uv: "Texture coordinates",

@@ -4,7 +4,7 @@ import { get, send } from "../shared/api.js";
 import { openForm } from "../shared/dialogs.js";
 import { h, setText } from "../shared/dom.js";
 import { roughly, several, whole } from "../shared/figures.js";
-import { imagePixels, title } from "../shared/job_summary.js";
+import { imagePixels, title, zoneSize } from "../shared/job_summary.js";
 import { maySubmit } from "../shared/permissions.js";
 
 /** Seconds to read and add a pixel of a slice, roughly. */
@@ -16,7 +16,7 @@ const A_PIXEL_S = 6e-8;
  * @param {(path: string) => void} go
  */
 export function studyButton(job, go) {
-  if (!job.spec.keep_slices || !job.finished_at || !job.spp || !maySubmit()) return null;
+  if (!job.spec.keep_slices || !job.finished_at || !job.spp || zoneSize(job) || !maySubmit()) return null;
   return h("button", { onclick: () => ask(job, go) }, "Study…");
 }
 

@@ -8,6 +8,7 @@ import { OneJob } from "../shared/job_request.js";
 import { messageOf, say } from "../shared/notices.js";
 import { fieldIn, meetRules, RULES, watchable } from "../shared/rules.js";
 import { AOVS, EXR, LIMITS, MORE, VIEW } from "../shared/spec_fields.js";
+import { AllocationChoice } from "./allocation_choice.js";
 
 /** @import { ScreenContext } from "../main.js" */
 /** @import { RuleAbout } from "../shared/rules.js" */
@@ -47,6 +48,7 @@ class Submission {
   #rules = RULES.map((rule) => this.#choice(rule));
   #chosen = this.#rules.find((rule) => rule.default) ?? this.#rules[0];
   #view = fieldsOf("spec.view", VIEW);
+  #allocation = new AllocationChoice();
   #limits = fieldsOf("spec", LIMITS);
   #more = fieldsOf("spec", MORE);
   #aovs = Object.keys(AOVS).map((name) => h("input", { type: "checkbox", value: name }));
@@ -91,6 +93,7 @@ class Submission {
       h("fieldset", {}, h("legend", {}, "When is it done?"),
         h("div", { class: "choices", role: "radiogroup", "aria-label": "The rule that ends it" }, this.#rules.filter(({ featured }) => featured).map(({ element }) => element),
           h("details", {}, h("summary", {}, "Other rules"), h("div", { class: "choices" }, this.#rules.filter(({ featured }) => !featured).map(({ element }) => element))))),
+      this.#allocation.element,
       h("fieldset", {}, h("legend", {}, "How is it viewed?"), h("div", { class: "fields" }, this.#view.elements)),
       h("fieldset", {}, h("legend", {}, "Limits"), h("div", { class: "fields" }, this.#limits.elements)),
       h("details", {}, h("summary", {}, "More"),
@@ -267,7 +270,7 @@ class Submission {
     const background = this.#background.value;
     const watched = this.#rules.filter(({ watch }) => watch.checked && !watch.disabled);
     return {
-      ...this.#limits.values(), ...this.#more.values(),
+      ...this.#limits.values(), ...this.#more.values(), ...this.#allocation.values(),
       rule: { name, ...values() }, watch: watched.map(({ name }) => ({ name })),
       view: { ...this.#view.values(), ...(background === undefined ? {} : { background: String(background).split(",").map(Number) }) },
       aovs: this.#aovs.filter(({ checked }) => checked).map(({ value }) => value),
@@ -294,7 +297,7 @@ class Submission {
   }
 
   #fields() {
-    return [...this.#chosen.fields, ...this.#view.fields, ...this.#limits.fields, ...this.#more.fields, this.#background, ...this.#parameters];
+    return [...this.#chosen.fields, ...this.#allocation.fields, ...this.#view.fields, ...this.#limits.fields, ...this.#more.fields, this.#background, ...this.#parameters];
   }
 
   /**

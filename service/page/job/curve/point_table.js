@@ -1,7 +1,7 @@
 // The points of a curve as text: one in a line, all as a table.
 
 import { h, table } from "../../shared/dom.js";
-import { percent, pixels, three, whole } from "../../shared/figures.js";
+import { percent, pixels, sppOf, three, whole } from "../../shared/figures.js";
 
 const COLUMNS = ["spp", "changed", "slope", "noise left", "between", "forecast"];
 
@@ -10,7 +10,7 @@ const COLUMNS = ["spp", "changed", "slope", "noise left", "between", "forecast"]
  * @param {Api.CurvePoint} point
  */
 export function told(point) {
-  const parts = [`${whole(point.spp)} spp`,
+  const parts = [sppOf(point.spp, point),
     `${pixels(point.visible_pixels)} px (${percent(point.visible_fraction)}) changed since the first image`];
   if (point.slope != null) parts.push(`slope ${three(point.slope)} px/spp`);
   if (point.estimate_pixels != null) {

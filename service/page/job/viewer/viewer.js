@@ -3,9 +3,11 @@
 import { isAbort, isProblem } from "../../shared/api.js";
 import { h, setAttribute, setText } from "../../shared/dom.js";
 import { several, whole } from "../../shared/figures.js";
+import { zoneSize } from "../../shared/job_summary.js";
 import { messageOf } from "../../shared/notices.js";
 import { Comparison, newestOf } from "./comparison.js";
 import { ImageLayer } from "./image_layer.js";
+import { SamplesScale } from "./samples_scale.js";
 import { ZoneMap } from "./zone_map.js";
 import { Stage } from "./zoom_pan.js";
 
@@ -13,22 +15,24 @@ import { Stage } from "./zoom_pan.js";
 
 /** A fetch that takes longer is announced. */
 const SOON_MS = 400;
-/** @typedef {"image" | "compare" | "difference" | "broken" | "zones"} Mode */
+/** @typedef {"image" | "compare" | "difference" | "samples" | "broken" | "zones"} Mode */
 /** @type {[Mode, string][]} */
 const MODES = [
   ["image", "Image"],
   ["compare", "Compare"],
   ["difference", "Difference"],
+  ["samples", "Samples"],
   ["broken", "Broken"],
   ["zones", "Zones"],
 ];
 
 /**
  * Maps over the image, by mode: the link, and the job's figure that is 0 without a map.
- * @type {Partial<Record<Mode, { link: string, where: "points" | "non_finite_pixels" }>>}
+ * @type {Partial<Record<Mode, { link: string, where: "points" | "image_spp" | "non_finite_pixels" }>>}
  */
 const MAPS = {
   difference: { link: "difference_png", where: "points" },
+  samples: { link: "spp_png", where: "image_spp" },
   broken: { link: "non_finite_png", where: "non_finite_pixels" },
 };
 
@@ -43,6 +47,7 @@ export class Viewer {
   #lower = new ImageLayer();
   #upper = new ImageLayer();
   #zones = new ZoneMap();
+  #scale = new SamplesScale();
   #stage = new Stage([this.#lower.element, this.#upper.element, this.#zones.element], (at) => this.#wipeTo(at));
   /**
    * The mode whose picture is in the upper layer; null before there is one.
@@ -77,14 +82,15 @@ export class Viewer {
     /** @type {Partial<Record<Mode, HTMLElement>>} */
     this.#panels = {
       compare: this.#compare.element,
-      difference: h("div", { class: "panel" }, this.#overlay.label,
+      difference: h("div", { class: "panel" },
         h("span", { class: "hint" }, "Orange: changed since the first image, as a person sees it.")),
+      samples: this.#scale.element,
       broken: h("div", { class: "panel" },
         h("span", { class: "hint" }, "Magenta: NaN. Blue: infinite. No sample repairs such a pixel; look for its emitter, texture or material.")),
       zones: h("div", { class: "panel" }, h("label", {}, h("span", {}, "By zones"), zones)),
     };
     this.#modes = new Map(MODES.map(([mode, text]) =>
-      [mode, h("button", { "data-mode": mode, hidden: mode === "broken", onclick: () => this.#turn(mode) }, text)]));
+      [mode, h("button", { "data-mode": mode, hidden: mode === "broken" || mode === "samples", onclick: () => this.#turn(mode) }, text)]));
     const modes = h("div", { class: "modes", role: "group", "aria-label": "What is shown" }, [...this.#modes.values()]);
     this.#stage.element.hidden = true;
     this.element = h("section", { class: "viewer", "aria-labelledby": "image-title" },
@@ -108,6 +114,7 @@ export class Viewer {
     this.#points = points;
     this.#zones.show(job, points[points.length - 1]);
     this.#modes.get("broken")?.toggleAttribute("hidden", !job.non_finite_pixels);
+    this.#modes.get("samples")?.toggleAttribute("hidden", !zoneSize(job));
     if (!job.image_spp) {
       setText(this.#nothing, job.finished_at ? "The job ended without an image." : "Its first image comes with its first samples.");
       return;
@@ -142,6 +149,7 @@ export class Viewer {
       over && this.#upper.show(over, this.#ev(), this.#signal),
     ]);
     if (over) this.#aboveOf = mode;
+    if (mode === "samples" && this.#upper.file) await this.#scale.show(this.#upper.file);
     this.#nothing.hidden = true;
     this.#stage.element.hidden = false;
     this.#stage.fit(this.#lower.size.width, this.#lower.size.height);
@@ -168,6 +176,7 @@ export class Viewer {
     for (const [name, button] of this.#modes) setAttribute(button, "aria-pressed", String(name === mode));
     for (const [name, panel] of Object.entries(this.#panels)) panel.hidden = name !== mode;
     this.#light.hidden = !["image", "compare"].includes(mode);
+    if (isOverlaid(mode)) this.#panels[mode]?.prepend(this.#overlay.label);
     this.#zones.element.toggleAttribute("hidden", mode !== "zones");
     this.#paint();
     this.#choose();
@@ -197,7 +206,7 @@ export class Viewer {
   #layers() {
     const [mode, above] = [this.#mode, this.#upper.element];
     above.hidden = mode !== this.#aboveOf;
-    above.style.opacity = mode === "difference" ? `${this.#overlay.input.value}%` : "1";
+    above.style.opacity = isOverlaid(mode) ? `${this.#overlay.input.value}%` : "1";
     setText(this.#overlay.output, `${this.#overlay.input.value} %`);
     this.#stage.wipe(mode === "compare" ? this.#compare.percent : null, above);
   }
@@ -242,11 +251,20 @@ export class Viewer {
       image: this.#ev() === 0 ? "as its display shows it" : "from the linear image",
       compare: "drag across the image, or use the slider",
       difference: "on the image in dim grey",
+      samples: `zones of ${zoneSize(job)} × ${zoneSize(job)} pixels`,
       broken: `${several(job.non_finite_pixels ?? 0, "pixel")} of the last judged image`,
       zones: this.#zones.caption(),
     };
     setText(this.#caption, [size, spp, said[this.#mode]].filter(Boolean).join(" · "));
   }
+}
+
+/**
+ * Whether a map covers the image, unless it is made transparent.
+ * @param {Mode} mode
+ */
+function isOverlaid(mode) {
+  return mode === "difference" || mode === "samples";
 }
 
 /**

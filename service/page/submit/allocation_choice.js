@@ -1,0 +1,35 @@
+// The choice of where a job's samples go.
+
+import { h } from "../shared/dom.js";
+import { fieldsOf } from "../shared/form_fields.js";
+import { ZONES } from "../shared/spec_fields.js";
+
+export class AllocationChoice {
+  #zones = fieldsOf("spec.allocation", ZONES);
+  #inside = h("div", { class: "fields small", hidden: true }, this.#zones.elements);
+  #byZones = h("input", { type: "radio", name: "allocation", value: "zones" });
+  #byFrame = h("input", { type: "radio", name: "allocation", value: "frame", checked: true });
+  fields = this.#zones.fields;
+  element = h("fieldset", { onchange: () => { this.#inside.hidden = !this.#byZones.checked; } },
+    h("legend", {}, "Where do its samples go?"),
+    h("div", { class: "choices", role: "radiogroup", "aria-label": "Where its samples go" },
+      choice(this.#byFrame, "All over the frame", "Every pixel has the same samples."),
+      choice(this.#byZones, "To the zones that need them",
+        "From the third step on, each step goes to the zones in which more is left to see.", this.#inside)));
+
+  /** The part of the spec that it is; none where it is the default. */
+  values() {
+    return this.#byZones.checked ? { allocation: { name: "zones", ...this.#zones.values() } } : {};
+  }
+}
+
+/**
+ * @param {HTMLInputElement} radio
+ * @param {string} title
+ * @param {string} help
+ * @param {HTMLElement} [inside]
+ */
+function choice(radio, title, help, inside) {
+  return h("div", { class: "choice" },
+    h("label", {}, radio, h("span", {}, h("b", {}, title), h("span", { class: "help" }, help))), inside);
+}
