@@ -5,6 +5,7 @@ import json
 import pytest
 
 from bench import (
+    allocation,
     api,
     estimate,
     farm,
@@ -33,6 +34,7 @@ def tables() -> dict[str, str]:
         "estimate": estimate.table(figures("estimate")),
         "rules": stopping.table(figures("stopping")),
         "vdp": vdp.table(figures("vdp")),
+        **allocation.tables(figures("allocation")),
         **api.tables(figures("api")),
         **farm.tables(figures("farm")),
         **scale.tables(figures("scale")),
@@ -49,6 +51,7 @@ def tables() -> dict[str, str]:
 @pytest.mark.parametrize(
     "document",
     [
+        "allocation.md",
         "metric.md",
         "stopping.md",
         "paper.md",

@@ -1,0 +1,1 @@
+"""Jobs by zones, replayed from recorded slices: what an allocation of samples saves."""

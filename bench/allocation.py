@@ -1,0 +1,199 @@
+"""What samples by zones save: `make bench-allocation`.
+
+Jobs of each scene are replayed from recorded slices until the rule `visible` stops them: whole
+frames, the farm's zones, and other ways to spread samples. What they leave visible is then counted
+by noise that they have not seen, and so is how many samples each way needs for the same truth. A
+second part measures how much deciding by the samples that one keeps biases.
+"""
+
+from __future__ import annotations
+
+import argparse
+import subprocess
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from bench import ROOT
+from bench.allocating import fireflies
+from bench.allocating.bias import CASES, DECIDED, SIDES, study
+from bench.allocating.film import JUDGING, Film
+from bench.allocating.truth import Truth
+from bench.allocating.ways import Cycles, Frames, Naive, Neyman, Zones
+from bench.experiment.cases import cases
+from bench.support import markdown
+from bench.support.report import Figure, last_report, write_report
+from plateau import scenes
+from plateau.metric import View, Visible
+from plateau.metric.compiled import CompiledVisibleDifferences
+from plateau.metric.estimate import allowed_pixels
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+    from bench.allocating.ways import Way
+    from bench.experiment.cases import Case
+
+TARGET = 0.0002
+FRAMES, ORACLE = "whole frames", "oracle, {} px"
+WAYS: dict[str, Callable[[], Way]] = {
+    FRAMES: Frames,
+    "zones, 16 px": lambda: Zones(16),
+    "zones, 32 px": lambda: Zones(32),
+    "zones, 64 px": lambda: Zones(64),
+    "zones, 16 px, by the judging halves": lambda: Zones(16, JUDGING),
+    "naive, 16 px": lambda: Naive(16),
+    "Neyman, 16 px": lambda: Neyman(16),
+    "Cycles, by pixels": Cycles,
+}
+_SPP, _EST, _TRUTH, _SAME = "spp", "estimate", "truth", "spp at the target's truth"
+_NOTES = (
+    "Jobs are replayed: a pixel's first samples are the same in every way to spread them.",
+    "A round is always in flight: it was decided before the image that is judged.",
+    "Truth is the mean over 12 independent samples of noise, scaled to each pixel's samples.",
+    "The oracle knows the noise of each zone from half of these, and is judged by the others.",
+)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    every = {case.name: case for case in cases(tuple(scenes.NAMES))}
+    parser.add_argument("--cases", nargs="+", choices=every, default=list(every))
+    parser.add_argument("--pixels", type=int, default=256, help="across and down (256)")
+    parser.add_argument("--spp", type=int, default=10_000, help="of each recording (10,000)")
+    parser.add_argument("--slice-spp", type=int, default=25, help="of a slice (25)")
+    parser.add_argument("--runs", type=int, default=3, help="jobs of each scene (3)")
+    parser.add_argument("--renders", type=int, default=64, help="of fireflies (64)")
+    parser.add_argument("--data", type=Path, default=ROOT / "allocation-data")
+    asked = parser.parse_args()
+    last = last_report("allocation")
+    kept = [Figure(**one) for one in last["figures"]]
+    settings = last["settings"].get("scenes", {})
+    for name in asked.cases:
+        recording = recorded(every[name], asked.pixels, asked.spp, asked.slice_spp, asked.data)
+        scene = f"{name}, {asked.pixels} px"
+        settings[scene] = {"spp": asked.spp, "slice_spp": asked.slice_spp, "runs": asked.runs}
+        kept = [one for one in kept if not one.name.startswith(f"{scene}: ")]
+        for way, row in measured(recording, asked.slice_spp, asked.runs).items():
+            for what, value in row.items():
+                kept.append(Figure(name=f"{scene}: {way}: {what}", value=value, unit=unit_of(what)))
+    kept = [one for one in kept if not one.name.startswith("bias: ")]
+    study(lambda name, one: kept.extend(one.figures(name)))
+    fireflies.study(lambda name, one: kept.extend(one.figures(name)), asked.renders)
+    about = {"target": TARGET, "scenes": settings}
+    report = write_report("allocation", kept, settings=about, notes=_NOTES)
+    markdown.fill(markdown.DOCS / "allocation.md", tables(report))
+
+
+def recorded(case: Case, pixels: int, spp: int, slice_spp: int, data: Path) -> NDArray[np.float32]:
+    """Return a scene's recording, (slices, H, W, 3); record what is missing of `spp`."""
+    data.mkdir(parents=True, exist_ok=True)
+    file = data / f"{case.slug}-{pixels}-{slice_spp}.f32"
+    command = [case.family, f"{case.intensity:g}", pixels, spp // slice_spp, slice_spp]
+    seed = case.seeds[0] * 1_000_000
+    subprocess.run(
+        [sys.executable, "-m", "bench.allocating.record", *map(str, (*command, seed, file))],
+        check=True,
+        cwd=ROOT,
+    )
+    return np.memmap(file, np.float32, "r").reshape(-1, pixels, pixels, 3)
+
+
+def measured(
+    recording: NDArray[np.float32], slice_spp: int, runs: int
+) -> dict[str, dict[str, float]]:
+    """Return what each way spent and left, as means over the runs; nothing if one did not end."""
+    metric = CompiledVisibleDifferences(View())
+    truth = Truth(metric, recording, slice_spp)
+    allowed = allowed_pixels(TARGET, recording.shape[1] * recording.shape[2])
+    rows: dict[str, list[dict[str, float]]] = {}
+    for run in range(runs):
+        order = np.random.default_rng(run).permutation(len(recording))
+        film = Film(recording, slice_spp, order)
+        for name, way in WAYS.items():
+            film.clear()
+            estimate = ended(film, way(), metric)
+            if estimate is not None:
+                left = float(truth.visible(film.spp).sum())
+                same = truth.spp_at(allowed, film.spp)
+                row = {_SPP: film.mean_spp, _EST: estimate, _TRUTH: left, _SAME: same}
+                rows.setdefault(name, []).append(row)
+    found = {
+        name: {what: float(np.mean([row[what] for row in some])) for what in some[0]}
+        for name, some in rows.items()
+        if len(some) == runs
+    }
+    return found | {ORACLE.format(size): {_SAME: truth.oracle(allowed, size)} for size in (16, 32)}
+
+
+def ended(film: Film, way: Way, metric: CompiledVisibleDifferences) -> float | None:
+    """Render a job to its end; return its estimate, None if the recording was too short."""
+    rule = Visible(target=TARGET)
+    everywhere = np.ones(film.spp.shape, np.bool_)
+    film.add(everywhere, film.whole(100))
+    flying = everywhere, film.whole(100)
+    while True:
+        seen = film.evidence(metric)
+        if rule.judge(seen).stop:
+            assert seen.estimate is not None
+            return seen.estimate.pixels
+        following = way.plan(film, seen, np.where(flying[0], flying[1], 0), TARGET)
+        film.add(*flying)
+        flying = following
+        if film.exhausted:
+            return None
+
+
+def unit_of(what: str) -> str:
+    return "pixels" if what in (_EST, _TRUTH) else "spp"
+
+
+def tables(report: dict[str, Any]) -> dict[str, str]:
+    """Return every table by the name of its place in the document."""
+    values = {one["name"]: one["value"] for one in report["figures"]}
+    found = list(report["settings"]["scenes"])
+    ways = [*WAYS, *(ORACLE.format(size) for size in (16, 32))]
+
+    def cell(scene: str, way: str) -> str:
+        first, one = (
+            [values.get(f"{scene}: {name}: {what}") for what in (_SPP, _SAME, _EST, _TRUTH)]
+            for name in (FRAMES, way)
+        )
+        same = "–" if one[1] is None or first[1] is None else f"{first[1] / one[1]:.2f}"
+        if way.startswith("oracle"):
+            return f"same truth {same}"
+        if one[0] is None or first[0] is None:
+            return "not ended"
+        ratio = "–" if not one[3] else f"{one[2] / one[3]:.2f}"
+        return f"{first[0] / one[0]:.2f}, {same}, {ratio}"
+
+    spent = markdown.table(
+        ["way", *found],
+        [[way, *(cell(scene, way) for scene in found)] for way in ways],
+    )
+    bias = markdown.table(
+        ["noise, zone", "by all samples", "by the difference of two halves"],
+        [
+            [f"{kind}, {side} px", *(error(values, f"{kind}, {side} px, {by}") for by in DECIDED)]
+            for kind in CASES
+            for side in SIDES
+        ],
+    )
+    own = markdown.table(
+        ["noise", "error of the mean"],
+        [[kind, error(values, f"allocator, {kind}")] for kind in fireflies.CASES],
+    )
+    return {"allocation": spent, "allocation-bias": bias, "allocation-fireflies": own}
+
+
+def error(values: dict[str, float], name: str) -> str:
+    """Return a bias with its 95 % confidence interval."""
+    return f"{values[f'bias: {name}: mean']:+.3%} ± {values[f'bias: {name}: doubt']:.3%}"
+
+
+if __name__ == "__main__":
+    main()

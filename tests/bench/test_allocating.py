@@ -1,0 +1,73 @@
+"""Jobs by zones, replayed from noise whose truth is known."""
+
+import numpy as np
+import pytest
+
+from bench import allocation
+from bench.allocating import bias
+from bench.allocating.film import JUDGING, OTHERS, Film
+from bench.allocating.truth import Truth, crossing
+from plateau.metric import View
+from plateau.metric.compiled import CompiledVisibleDifferences
+
+SPP = 25
+
+
+@pytest.fixture(scope="module")
+def recording() -> np.ndarray:
+    """240 slices of a grey film with a noisy corner."""
+    sigma = np.full((48, 48, 1), 0.01, np.float32)
+    sigma[:16, :16] = 0.05
+    noise = np.random.default_rng(1).standard_normal((240, 48, 48, 3), np.float32)
+    return np.float32(0.4) + noise * sigma
+
+
+def test_a_film_has_the_samples_that_each_pixel_got(recording):
+    film = Film(recording, SPP, np.arange(len(recording)))
+    everywhere = np.ones((48, 48), bool)
+    corner = np.zeros_like(everywhere)
+    corner[:16, :16] = True
+    film.add(everywhere, 100)
+    film.add(corner, 200)
+    assert film.mean_spp == pytest.approx(100 + 200 / 9)
+    image = film.evidence(CompiledVisibleDifferences(View())).image
+    assert image[0, 0] == pytest.approx(recording[:12, 0, 0].mean(axis=0), abs=1e-6)
+    assert image[40, 40] == pytest.approx(recording[:4, 40, 40].mean(axis=0), abs=1e-6)
+    film.add(corner, 10_000)
+    assert film.exhausted
+
+
+def test_the_two_pairs_of_halves_have_uncorrelated_noise(recording):
+    film = Film(recording, SPP, np.arange(len(recording)))
+    film.add(np.ones((48, 48), bool), 1000)
+    differences = []
+    for split in (JUDGING, OTHERS):
+        halves = film.evidence(CompiledVisibleDifferences(View()), split).halves
+        assert halves is not None
+        differences.append((halves[0].mean - halves[1].mean).ravel())
+    assert abs(np.corrcoef(*differences)[0, 1]) < 0.03
+
+
+def test_the_truth_falls_and_is_found_again(recording):
+    truth = Truth(CompiledVisibleDifferences(View()), recording, SPP)
+    counts = [truth.visible(spp).sum() for spp in (25.0, 50.0, 100.0)]
+    assert counts[0] > counts[1] > counts[2] > 0
+    assert truth.spp_at(counts[1], 400.0) == pytest.approx(50, rel=0.03)
+
+
+def test_zones_end_sooner_than_frames(recording):
+    found = allocation.measured(recording, SPP, runs=1)
+    frames, zones = found[allocation.FRAMES], found["zones, 16 px"]
+    assert zones["spp"] < 0.8 * frames["spp"]
+    assert found["oracle, 16 px"]["spp at the target's truth"] < frames["spp"]
+
+
+def test_who_decides_alone_is_biased():
+    alone = bias.bias(0.02, 10.0, 1, 20_000, own=True, seed=1)
+    together = bias.bias(0.02, 10.0, 256, 500, own=True, seed=1)
+    assert alone.relative < -0.01
+    assert abs(together.relative) < 2 * together.doubt
+
+
+def test_a_crossing_is_found():
+    assert crossing(lambda x: 100 / x, 4) == pytest.approx(25, rel=0.02)
