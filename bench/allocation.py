@@ -2,7 +2,7 @@
 
 Jobs of each scene are replayed from recorded slices until the rule `visible` stops them: whole
 frames, the farm's zones, and other ways to spread samples. What they leave visible is then counted
-by noise that they have not seen, and so is how many samples each way needs for the same truth. A
+by the noise of the whole recording, and so is how many samples each way needs for the same truth. A
 second part measures how much deciding by the samples that one keeps biases.
 """
 
@@ -54,7 +54,7 @@ _SPP, _EST, _TRUTH, _SAME = "spp", "estimate", "truth", "spp at the target's tru
 _NOTES = (
     "Jobs are replayed: a pixel's first samples are the same in every way to spread them.",
     "A round is always in flight: it was decided before the image that is judged.",
-    "Truth is the mean over 12 independent samples of noise, scaled to each pixel's samples.",
+    "Truth is the mean over 12 samples of noise, scaled; a job has seen up to a quarter or so of it.",
     "The oracle knows the noise of each zone from half of these, and is judged by the others.",
 )
 

@@ -1,4 +1,4 @@
-"""How many pixels an allocation of samples leaves visible, by noise that it has not seen.
+"""How many pixels an allocation of samples leaves visible, by the noise of a whole recording.
 
 Groups of recorded slices give independent samples of noise: their error against the mean of all,
 scaled to each pixel's number of samples.
