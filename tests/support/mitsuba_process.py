@@ -110,17 +110,6 @@ def zones_of_pass(
     return film
 
 
-def sizes_of_chunks(rates: list[float]) -> list[int]:
-    """The samples of the next chunk, after chunks at these samples per second."""
-    kernel = _renderer._kernel
-    assert kernel is not None
-    sizes = []
-    for rate in rates:
-        kernel._adjust(kernel._samples, kernel._samples / rate)
-        sizes.append(kernel._samples)
-    return sizes
-
-
 def by_mitsuba(spp: int, seeds: range) -> NDArray[np.float64]:
     """The raw films that Mitsuba's own `render` makes, one for each seed."""
     one = _renderer._prepared

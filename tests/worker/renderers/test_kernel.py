@@ -8,12 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tests.support.mitsuba_process import (
-    MitsubaProcess,
-    by_mitsuba,
-    sizes_of_chunks,
-    zones_of_pass,
-)
+from tests.support.mitsuba_process import MitsubaProcess, by_mitsuba, zones_of_pass
 from tests.support.variants import library_for
 
 NOISE = Path(__file__).parents[2] / "reference/scenes/noise"
@@ -224,23 +219,6 @@ class TestBits:
             at += there[..., 0].size
         assert at == len(film)
         assert np.allclose(added, whole, rtol=1e-5, atol=1e-5)
-
-
-class TestChunks:
-    """A chunk takes less than a second, since a cancel waits for its end."""
-
-    def test_their_size_follows_the_rate(self, mitsuba, tmp_path):
-        mitsuba.load(_scene(tmp_path))
-        *_, fast = mitsuba.call(sizes_of_chunks, [4e6] * 4)
-        *_, slow = mitsuba.call(sizes_of_chunks, [4e5] * 8)
-        assert fast / 4e6 < 0.8
-        assert slow / 4e5 < 0.8
-        assert slow < fast
-
-    def test_one_that_was_held_up_changes_nothing(self, mitsuba, tmp_path):
-        mitsuba.load(_scene(tmp_path))
-        *_, before = mitsuba.call(sizes_of_chunks, [4e6] * 4)
-        assert set(mitsuba.call(sizes_of_chunks, [1e5, 4e6, 4e6, 1e5, 4e6])) == {before}
 
 
 class TestChannels:

@@ -99,8 +99,7 @@ class Kernel:
             limit=_RECORDINGS,
             warn_after=_RECORDINGS,
         )
-        self._samples = _FIRST_CHUNK  # of the next chunks, at most
-        self._sample_s = math.inf  # of the last chunk
+        self._samples = _FIRST_CHUNK
 
     def films(
         self,
@@ -115,12 +114,12 @@ class Kernel:
         """
         before: _Rendered | None = None
         for film, bands, spp, seed in self._chunks(passes, zones, is_cancelled):
-            began, pixels = time.monotonic(), film.pixels(bands)
-            begun = self._begin(pixels, spp, seed)
+            began = time.monotonic()
+            begun = self._begin(film.pixels(bands), spp, seed)
             if before is not None:
                 yield from before.added()
             before = _Rendered(film, bands, *_waited_for(begun))
-            self._adjust(pixels.size * spp, time.monotonic() - began)
+            self._adjust(time.monotonic() - began)
         if before is not None:
             yield from before.added()
 
@@ -136,17 +135,14 @@ class Kernel:
             while not film.is_begun:
                 if is_cancelled():
                     return
-                most = max(1, min(self._samples // spp, _LARGEST_SUMS // sums_of_pixel))
-                chunks = -(-film.pixels_to_begin // most)
-                yield film, film.next_bands(-(-film.pixels_to_begin // chunks)), spp, seed
+                pixels = min(self._samples // spp, _LARGEST_SUMS // sums_of_pixel)
+                yield film, film.next_bands(pixels), spp, seed
 
-    def _adjust(self, samples: int, took_s: float) -> None:
-        """Choose the size of the next chunks by the faster of two: one may have been held up."""
-        before_s, self._sample_s = self._sample_s, took_s / samples
-        sample_s = min(before_s, self._sample_s)
-        if sample_s * samples > _CHUNK_S:
+    def _adjust(self, took_s: float) -> None:
+        """Choose the size of the next chunks by the time of the last."""
+        if took_s > _CHUNK_S:
             self._samples = max(self._samples // 2, _SMALLEST_CHUNK)
-        elif 2 * sample_s * self._samples < _CHUNK_S:
+        elif took_s < _CHUNK_S / 4:
             self._samples = min(self._samples * 2, _LARGEST_CHUNK)
 
     def _begin(self, pixels: NDArray[np.uint32], spp: int, seed: int) -> Any:
@@ -177,7 +173,7 @@ class Kernel:
         within = sampler.next_2d()
         values = self._sampled(sampler, mi.Point2f(pixel - y * one.width, y) + within, spp)
         # Now, and once: each sum of its own would trace the path again.
-        dr.eval(values, within if self.border else None)
+        dr.eval(values, within)
         summed = [values[index] for index in one.channels.summed]
         first = dr.arange(mi.UInt32, count) * spp
         ids = [dr.gather(mi.Float, values[index], first) for index in one.channels.of_ids]

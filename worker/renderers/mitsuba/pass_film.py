@@ -56,11 +56,6 @@ class PassFilm:
         return not self._to_begin
 
     @property
-    def pixels_to_begin(self) -> int:
-        """The pixels that were not handed out."""
-        return sum(rows * self._zones[zone].width for zone, _, rows in self._to_begin)
-
-    @property
     def is_whole(self) -> bool:
         """Whether all rows were added."""
         return self._rows_to_add == 0
