@@ -56,14 +56,14 @@ class Ended:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--pass-ms", type=float, default=100, help="a slice has seven passes")
+    parser.add_argument("--slice-ms", type=float, default=700, help="of a slice's rendering")
     parser.add_argument("--spp", type=int, default=600)
     parser.add_argument("--jobs", type=int, default=3)
     options = parser.parse_args()
 
     figures = []
     for case in CASES:
-        found = measure(case, options.pass_ms / 1000, options.spp, options.jobs)
+        found = measure(case, options.slice_ms / 1000, options.spp, options.jobs)
         print(f"{case.name}: {found}", file=sys.stderr)
         figures += [
             figure(f"{case.name}: a job", [one.seconds for one in found], "s"),
@@ -77,7 +77,7 @@ def main() -> None:
             "slowness": SLOWNESS,
             "size": f"{SIZE}×{SIZE}",
             "jobs": options.jobs,
-            "pass_ms": options.pass_ms,
+            "slice_ms": options.slice_ms,
             "spp": options.spp,
             "slice_spp": JobSpec().slice_spp,
         },
@@ -88,13 +88,13 @@ def main() -> None:
     )
 
 
-def measure(case: Case, pass_s: float, spp: int, jobs: int) -> list[Ended]:
+def measure(case: Case, slice_s: float, spp: int, jobs: int) -> list[Ended]:
     """Have the case's workers render one job after the other."""
     slowness = {f"worker-{number}": SLOWNESS for number in range(case.slow)}
     ended = []
     with (
         _tries(second=case.second_tries),
-        noise_farm(case.workers, pass_s, slowness) as (farm_jobs, crew),
+        noise_farm(case.workers, slice_s / JobSpec().slice_spp, slowness) as (farm_jobs, crew),
     ):
         crew.render = Render("checks", "Gaussian", 0.4, SIZE, 0)
         for _ in range(jobs):

@@ -36,7 +36,7 @@ class Ended:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--workers", type=int, nargs="+", default=list(GOALS))
-    parser.add_argument("--pass-ms", type=float, default=50, help="a slice has seven passes")
+    parser.add_argument("--slice-ms", type=float, default=350, help="of a slice's rendering")
     parser.add_argument("--levels", type=float, nargs="+", default=[0.3, 0.4, 0.55])
     options = parser.parse_args()
 
@@ -44,7 +44,7 @@ def main() -> None:
         Render(scene, "Gaussian", level, SIZE, seed)
         for seed, (scene, level) in enumerate(product(SCENES, options.levels))
     ]
-    found = {count: measure(renders, count, options.pass_ms / 1000) for count in options.workers}
+    found = {count: measure(renders, count, options.slice_ms / 1000) for count in options.workers}
     report = write_report(
         "waste",
         [one for count, ended in found.items() for one in figures(count, ended)],
@@ -52,7 +52,7 @@ def main() -> None:
             "workers": options.workers,
             "size": f"{SIZE}×{SIZE}",
             "jobs": len(renders),
-            "pass_ms": options.pass_ms,
+            "slice_ms": options.slice_ms,
             "rule": JobSpec().rule.name,
             "step": JobSpec().step,
             "slice_spp": JobSpec().slice_spp,
@@ -84,10 +84,10 @@ def figures(workers: int, ended: list[Ended]) -> list[Figure]:
     ]
 
 
-def measure(renders: list[Render], workers: int, pass_s: float) -> list[Ended]:
+def measure(renders: list[Render], workers: int, slice_s: float) -> list[Ended]:
     """Have simulated workers render one job after the other."""
     ended = []
-    with noise_farm(workers, pass_s) as (jobs, crew):
+    with noise_farm(workers, slice_s / JobSpec().slice_spp) as (jobs, crew):
         for render in renders:
             crew.render = render
             one, spent = run_job(jobs, crew.spent, JobSpec()), crew.spent

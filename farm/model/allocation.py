@@ -21,7 +21,7 @@ class ZonesAllocation(Strict):
 
     name: Literal["zones"] = "zones"
     size: int = Field(
-        default=32,
+        default=16,
         ge=_ALIGNMENT,
         le=1024,
         multiple_of=_ALIGNMENT,

@@ -204,10 +204,11 @@ class SharedSpec(Strict):
         return self
 
     def _check_zones(self) -> None:
-        if self.step // self.slice_spp % 2:
+        slices = self.step // self.slice_spp
+        if slices % 4:
             raise ValueError(
-                "by zones, a step has an even number of slices, half of them for each half of the "
-                f"samples: {self.step} spp are {self.step // self.slice_spp} of {self.slice_spp}"
+                "by zones, the slices of a step are a multiple of 4, as they form halves in two "
+                f"ways: {self.step} spp are {slices} of {self.slice_spp}"
             )
         if self.variant != "auto" and not renderers.variant_named(self.variant).renders_in_parts:
             raise ValueError(

@@ -115,8 +115,8 @@ def spec_from_options(
     allocation: Annotated[
         str | None,
         typer.Option(
-            help="Where samples go: frame, or zones, in which more is left to see; zones:size=16 "
-            "for others than 32 pixels.",
+            help="Where samples go: frame, or zones, in which more is left to see; zones:size=32 "
+            "for others than 16 pixels.",
             show_default="frame",
         ),
     ] = None,

@@ -7,6 +7,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from plateau.farm.images.exr import Pixels
 from plateau.farm.model.plan import Plan, Round
 from plateau.farm.model.spec import JobSpec
 from plateau.metric import (
@@ -92,7 +93,7 @@ class Judge:
         evidence = Evidence(
             spp=merge.spp,
             image=merge.image(),
-            halves=None if halves is None else (Half(*halves[0]), Half(*halves[1])),
+            halves=None if halves is None else _as_halves(*halves),
             metric=self._metric,
         )
         verdicts = {name: rule.judge(evidence) for name, rule in self._rules.items()}
@@ -106,7 +107,8 @@ class Judge:
         forecast, decided = None, None
         if self._target and not flaw:
             if plan is not None and merge.zone_spp is not None:
-                allotted = allotment(evidence, self._target, plan, merge.zone_spp)
+                chosen_by = replace(evidence, halves=_as_halves(*merge.other_halves()))
+                allotted = allotment(chosen_by, self._target, plan, merge.zone_spp)
                 decided, at = allotted.round, allotted.forecast_spp
                 forecast = Forecast(at, None, None)
             else:
@@ -191,6 +193,10 @@ class Judge:
                 if image.startswith(f"{name}:")
             }
             rule.recall(Memory(numbers[name], own))
+
+
+def _as_halves(one: tuple[Pixels, float], other: tuple[Pixels, float]) -> tuple[Half, Half]:
+    return Half(*one), Half(*other)
 
 
 def _crossing(before: tuple[int, float], now: tuple[int, float], limit: float) -> int | None:

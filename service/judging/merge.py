@@ -24,7 +24,7 @@ class Merge:
     -----
     The merge keeps two sums: of all slices, (height, width, channels) float64, and of those with
     an even index, which has the judged channels alone: R, G, B, W and, if the film has it, A. The
-    slices with an odd index are the difference.
+    slices with an odd index are the difference. By zones it keeps a third, see `other_halves`.
     """
 
     slice_spp: int
@@ -36,6 +36,7 @@ class Merge:
     origin: dict[str, str] = field(default_factory=dict)
     _total: NDArray[np.float64] | None = field(default=None, repr=False)
     _even: NDArray[np.float64] | None = field(default=None, repr=False)
+    _other: NDArray[np.float64] | None = field(default=None, repr=False)
     _sampled: Sampled | None = field(default=None, repr=False)  #: where slices have zones
 
     @classmethod
@@ -130,9 +131,11 @@ class Merge:
             self._sampled = Sampled.none_of(canvas)
             self._total = np.zeros((*canvas.shape, len(channels.names)))
             self._even = np.zeros((*canvas.shape, channels.judged))
+            self._other = np.zeros_like(self._even)
         canvas = self._sampled.canvas
         assert self._total is not None
         assert self._even is not None
+        assert self._other is not None
         if partial.border != canvas.border:
             raise ValueError(f"slice {self.slices} has another border than those before it")
         is_even = self.slices % 2 == 0
@@ -141,8 +144,11 @@ class Merge:
                 channels.add(self._total[place], part)
             else:  # whose ids stay
                 self._total[place] = part
+            seen = channels.seen()
             if is_even:
-                channels.seen().add(self._even[place], part[..., : channels.judged])
+                seen.add(self._even[place], part[..., : channels.judged])
+            if self.slices % 4 < 2:
+                seen.add(self._other[place], part[..., : channels.judged])
         self._sampled.note(partial.zones, partial.spp, is_even=is_even)
         self.slices += 1
 
@@ -165,26 +171,45 @@ class Merge:
         By zones, all of them have as many even samples as odd ones at the end of a round, which is
         when an image is judged, and the spp is the mean.
         """
-        if self.slices < 2 or self._total is None or self._even is None:
+        if self.slices < 2 or self._even is None:
             return None
-        with np.errstate(invalid="ignore", over="ignore"):  # a scene may have infinite pixels
-            rest = self._total[..., : self.channels.judged] - self._even
-        if self._sampled is None:
-            odd = self.slices // 2
-            even = self.slices - odd
-            return (
-                (self._seen(self._even), even * self.slice_spp),
-                (self._seen(rest), odd * self.slice_spp),
-            )
-        grid, even_spp = self._sampled.canvas.grid, self._sampled.even_spp
-        odd_spp, pixels = self._sampled.spp - even_spp, grid.width * grid.height
+        if self._sampled is not None:
+            return self._zoned_halves(self._even, self._sampled.even_spp)
+        odd = self.slices // 2
+        even = self.slices - odd
         return (
-            (
-                self._seen(self._film(self._even, even_spp)),
-                self._sampled.samples(even_spp) / pixels,
-            ),
-            (self._seen(self._film(rest, odd_spp)), self._sampled.samples(odd_spp) / pixels),
+            (self._seen(self._even), even * self.slice_spp),
+            (self._seen(self._without(self._even)), odd * self.slice_spp),
         )
+
+    def other_halves(self) -> tuple[tuple[Pixels, float], tuple[Pixels, float]]:
+        """Return two other halves, by zones at the end of a round: two slices in turn for each.
+
+        Zones are chosen by these, since an estimate by halves that choose would flatter them.
+        """
+        assert self._other is not None
+        assert self._sampled is not None
+        return self._zoned_halves(self._other, self._sampled.spp // 2)
+
+    def _zoned_halves(
+        self, half: NDArray[np.float64], half_spp: NDArray[np.int64]
+    ) -> tuple[tuple[Pixels, float], tuple[Pixels, float]]:
+        assert self._sampled is not None
+        grid, rest_spp = self._sampled.canvas.grid, self._sampled.spp - half_spp
+        pixels = grid.width * grid.height
+        sums = (half, half_spp), (self._without(half), rest_spp)
+        one, other = (
+            (self._seen(self._film(total, spp)), self._sampled.samples(spp) / pixels)
+            for total, spp in sums
+        )
+        return one, other
+
+    def _without(self, half: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the sum of the slices that are not in this half."""
+        assert self._total is not None
+        with np.errstate(invalid="ignore", over="ignore"):  # a scene may have infinite pixels
+            rest: NDArray[np.float64] = self._total[..., : self.channels.judged] - half
+        return rest
 
     def spp_map(self) -> Pixels | None:
         """Return the samples of each pixel, (height, width) float32; None where all are alike."""
@@ -214,7 +239,9 @@ class Merge:
         assert self._even is not None
         arrays: dict[str, NDArray[Any]] = {"total": self._total, "even": self._even}
         if self._sampled is not None:
+            assert self._other is not None
             arrays |= {"spp": self._sampled.spp, "even_spp": self._sampled.even_spp}
+            arrays |= {"other": self._other}
         return arrays
 
     def about(self) -> dict[str, Any]:
@@ -237,6 +264,7 @@ class Merge:
         self._total, self._even = arrays["total"], arrays["even"]
         if "canvas" in about:
             canvas = Canvas.restored(about["canvas"])
+            self._other = arrays["other"]
             self._sampled = Sampled(canvas, arrays["spp"], arrays["even_spp"])
 
     def _film(

@@ -13,7 +13,7 @@ def test_what_workers_render_for_nothing_is_counted() -> None:
     ended = waste.measure(renders, 3, 0.01)
     assert [one.spp % 100 for one in ended] == [0, 0]
     for one in ended:
-        # Passes of at most 4 spp, and of at most two slices a worker
+        # Of at most two slices a worker
         assert 0 <= one.wasted * one.spp <= 150
         assert 0 < one.waited < 1
     made = {

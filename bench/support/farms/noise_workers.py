@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 import tempfile
 import threading
 import time
@@ -13,12 +14,16 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from bench.support.farms.scale_farm import ControlPlane
 from bench.support.farms.simulated import about
 from plateau.farm.blobs import store as blobs
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.images.exr import Partial, encode_partial
 from plateau.farm.ledger.queue import Committed, SliceQueue, SliceRecord
+from plateau.farm.model.plan import slice_zones
+from plateau.farm.model.zones import pixels_of
 from plateau.farm.process.stop import Stop
 from plateau.farm.redis import keys
 from plateau.farm.redis.wake import Wake
@@ -38,13 +43,15 @@ _IDLE_S = 0.5
 _LEASE_S = 15.0
 _VARIANT = "analytic:numpy"
 _PATIENCE_S = 600.0
+#: How soon a slice is cancelled.
+_CANCEL_S = 0.05
 
 
 @dataclass
 class Spent:
     """The work of all workers since the last `clear`."""
 
-    spp: int = 0  #: in passes that were rendered to their end
+    spp: float = 0.0  #: samples over the pixels of the film, those of cancelled slices included
     busy_s: float = 0.0  #: upload and commit included
     at_work: int = 0  #: workers that have a slice
     _lock: threading.Lock = field(default_factory=threading.Lock)
@@ -52,9 +59,9 @@ class Spent:
     def clear(self) -> None:
         """Start again, with the same workers at work."""
         with self._lock:
-            self.spp, self.busy_s = 0, 0.0
+            self.spp, self.busy_s = 0.0, 0.0
 
-    def add(self, *, spp: int = 0, busy_s: float = 0.0, at_work: int = 0) -> None:
+    def add(self, *, spp: float = 0.0, busy_s: float = 0.0, at_work: int = 0) -> None:
         """Add a worker's work."""
         with self._lock:
             self.spp += spp
@@ -63,7 +70,7 @@ class Spent:
 
 
 class NoiseCrew:
-    """Workers that render the scene `render`, a pass in `pass_s` seconds.
+    """Workers that render the scene `render`, 1 spp of the whole film in `spp_s` seconds.
 
     `slowness` has a factor for each worker that takes longer.
     """
@@ -74,10 +81,10 @@ class NoiseCrew:
         self,
         client: RedisClient,
         store: Blobs,
-        pass_s: float,
+        spp_s: float,
         slowness: Mapping[str, float] = MappingProxyType({}),
     ) -> None:
-        self._client, self._store, self._pass_s = client, store, pass_s
+        self._client, self._store, self._spp_s = client, store, spp_s
         self._slowness = slowness
         self.spent = Spent()
         self._ended: set[str] = set()
@@ -110,32 +117,40 @@ class NoiseCrew:
 
     def _serve(self, queue: SliceQueue, lease: Lease, worker: str, stop: Stop) -> None:
         started, spec, size = time.monotonic(), lease.spec, self.render.size
-        pass_s = self._pass_s * self._slowness.get(worker, 1.0)
+        zones = slice_zones(spec, lease.round, size, size, border=0)
+        spp = lease.spp * (pixels_of(zones) / size**2 if zones else 1)
+        takes_s = self._spp_s * self._slowness.get(worker, 1.0) * spp
         over = {lease.job_id, f"{lease.job_id} {lease.entry}"}  # as announced
-        schedule = spec.seed_schedule(lease.variant, size, size)
-        passes = schedule.passes(lease.index)
-        for one in passes:
-            if self._ended & over or stop.wait(pass_s):
+        parts = math.ceil(takes_s / _CANCEL_S)
+        for _ in range(parts):
+            if self._ended & over or stop.wait(takes_s / parts):
                 queue.hand_back(lease, time.monotonic() - started, cause="it was cancelled")
                 return
-            self.spent.add(spp=one.spp)
-        first, last = schedule.seed_range(lease.index)
+            self.spent.add(spp=spp / parts)
+        schedule = spec.seed_schedule(lease.variant, size, size)
+        first, last = schedule.seed_range(lease.index, lease.spp)
+        film = self.render.picture.slice_film(schedule.passes(lease.index, lease.spp))
+        if zones:
+            film = np.concatenate(
+                [film[y : y + h, x : x + w].reshape(-1, 4) for x, y, w, h in zones]
+            )
         partial = Partial(
             job_id=lease.job_id,
             index=lease.index,
             first_seed=first,
             last_seed=last,
-            spp=spec.slice_spp,
+            spp=lease.spp,
             variant=lease.variant,
             scene_sha256=lease.scene_sha256,
-            pixels=self.render.picture.slice_film(passes),
+            pixels=film,
+            zones=zones,
         )
         content = encode_partial(partial)
         name = blobs.partial(lease.job_id, lease.index, f"{worker}-{lease.tries}")
         self._store.put(name, content)
         record = SliceRecord(
             index=lease.index,
-            spp=spec.slice_spp,
+            spp=lease.spp,
             first_seed=first,
             last_seed=last,
             blob=name,
@@ -150,14 +165,14 @@ class NoiseCrew:
 
 @contextmanager
 def noise_farm(
-    workers: int, pass_s: float, slowness: Mapping[str, float] = MappingProxyType({})
+    workers: int, spp_s: float, slowness: Mapping[str, float] = MappingProxyType({})
 ) -> Iterator[tuple[Jobs, NoiseCrew]]:
     """Run Redis, a monitor and simulated workers, ``worker-0`` and on, while the context lasts."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         (folder / "redis").mkdir()
         with ControlPlane(folder, folder / "blobs") as plane:
-            crew = NoiseCrew(plane.client, Blobs(str(folder / "blobs")), pass_s, slowness)
+            crew = NoiseCrew(plane.client, Blobs(str(folder / "blobs")), spp_s, slowness)
             with _working(crew, workers):
                 yield plane.jobs, crew
 
