@@ -15,7 +15,7 @@ SPEC = {
     "parameters": {"width": 64, "height": 64},
     "allocation": {"name": "zones", "size": 16},
     "step": 40,
-    "slice_spp": 20,
+    "slice_spp": 10,
     "max_spp": 1200,
     "rule": {"name": "fixed", "spp": 400},
 }

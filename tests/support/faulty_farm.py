@@ -17,7 +17,7 @@ SIZE = 32
 SPEC: dict[str, Any] = {
     "parameters": {"width": SIZE, "height": SIZE},
     "step": 40,
-    "slice_spp": 20,
+    "slice_spp": 10,
     "max_spp": 1200,
     "rule": {"name": "reverse", "window": 5, "epsilon": 4.0},
     "allocation": {"name": "zones", "size": 16},

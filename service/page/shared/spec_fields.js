@@ -28,7 +28,7 @@ export const LIMITS = [
 
 /** Of the allocation by zones. @type {FieldAbout[]} */
 export const ZONES = [
-  { name: "size", label: "Side of a zone", unit: "px", value: 32, min: 16, max: 1024, step: 16,
+  { name: "size", label: "Side of a zone", unit: "px", value: 16, min: 16, max: 1024, step: 16,
     help: "Smaller zones follow the noise more closely; a multiple of 16." },
 ];
 
