@@ -14,6 +14,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Final
 
 from plateau.farm.model.allocation import ZonesAllocation
+from plateau.farm.model.passes import MOST_SLICE_SPP
 from plateau.farm.model.zones import Grid, Zone, pixels_of
 
 if TYPE_CHECKING:
@@ -23,8 +24,6 @@ if TYPE_CHECKING:
 
 #: Rounds after which the image decides: that of round k decides round k + LAG.
 LAG: Final = 2
-#: The most spp of a slice of zones.
-MOST_SLICE_SPP: Final = 512
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 import hashlib
 import logging
+from typing import Final
 
 from plateau.farm.blobs import store as blobs
 from plateau.farm.blobs.store import Blobs
@@ -13,7 +14,11 @@ from plateau.farm.model.errors import CorruptPartial
 from plateau.farm.model.plan import Plan, slice_zones
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import MAX_TRIES
+from plateau.farm.model.zones import pixels_of
 from plateau.farm.process.log import concerning
+
+#: The most pixels to which a sample may contribute beyond its own.
+_MOST_BORDER: Final = 16
 
 _LOG = logging.getLogger(__name__)
 
@@ -69,19 +74,27 @@ class Films:
             return None
 
     def _check_zones(self, partial: Partial, plan: Plan) -> None:
-        one, zones = plan.slice_round(partial.index), partial.zones
-        height, width = partial.pixels.shape[:2]
-        if zones:
-            width = max(zone.x + zone.width for zone in zones)
-            height = max(zone.y + zone.height for zone in zones)
-        known = plan.width or width, plan.height or height
-        if partial.spp != plan.slice_spp_of(partial.index) or zones != slice_zones(
-            self._spec, one, *known, partial.border
-        ):
+        as_planned = partial.spp == plan.slice_spp_of(partial.index)
+        if not (as_planned and self._has_its_zones(partial, plan)):
             raise CorruptPartial(
-                f"slice {partial.index} has {partial.spp} spp of {len(zones)} zones, and the plan "
-                "says otherwise"
+                f"slice {partial.index} has {partial.spp} spp of {len(partial.zones)} zones, and "
+                "the plan says otherwise"
             )
+
+    def _has_its_zones(self, partial: Partial, plan: Plan) -> bool:
+        zones, border = partial.zones, partial.border
+        if not zones:
+            return not slice_zones(self._spec, plan.slice_round(partial.index), 1, 1, border)
+        # A worker may say anything: what it says must not make a grid without end.
+        if not 0 <= border <= _MOST_BORDER or min(min(zone[2:]) for zone in zones) < 1:
+            return False
+        width = plan.width or max(zone.x + zone.width for zone in zones)
+        height = plan.height or max(zone.y + zone.height for zone in zones)
+        one, pixels = plan.slice_round(partial.index), pixels_of(zones)
+        is_whole = one is None or one.zones is None
+        if pixels > len(partial.pixels) or (is_whole and pixels != width * height):
+            return False
+        return zones == slice_zones(self._spec, one, width, height, border)
 
     def _complete(self, partial: Partial, record: SliceRecord) -> Partial:
         lacking = self._expected.difference(partial.channels.names)

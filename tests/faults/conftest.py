@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.support.faulty_farm import SPEC, FaultyFarm
+from tests.support.faulty_farm import BY_ZONES, FaultyFarm
 from tests.support.invariants import Outcome, outcome
 
 
@@ -27,7 +27,7 @@ def undisturbed(shared_farm: FaultyFarm) -> Outcome:
     """What comes of the job where nothing happens."""
     shared_farm.start("monitor")
     shared_farm.start("worker")
-    job = shared_farm.submit(**SPEC)
+    job = shared_farm.submit(**BY_ZONES)
     found = outcome(shared_farm, job.id)
     shared_farm.stop_all()
     assert found.job.state == "converged"
@@ -37,4 +37,4 @@ def undisturbed(shared_farm: FaultyFarm) -> Outcome:
 @pytest.fixture
 def submit(farm: FaultyFarm) -> Callable[[], str]:
     """Submits the job that `undisturbed` was, and returns its id."""
-    return lambda: farm.submit(**SPEC).id
+    return lambda: farm.submit(**BY_ZONES).id

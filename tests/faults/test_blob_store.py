@@ -11,7 +11,7 @@ import pytest
 
 from plateau.farm.blobs import store as blobs
 from tests.support.every_time import EVERY_TIME
-from tests.support.faulty_farm import SPEC, FaultyFarm
+from tests.support.faulty_farm import BY_ZONES, FaultyFarm
 from tests.support.invariants import Outcome, assert_same, outcome
 from tests.support.long_tests import cases
 from tests.support.loop_disk import LoopDisk
@@ -81,7 +81,7 @@ def test_a_store_that_fails_for_longer_than_a_lease(
     heal: Callable[[SmallDisk], None],
 ) -> None:
     farm = small_disk.farm
-    job = farm.submit(**SPEC).id
+    job = farm.submit(**BY_ZONES).id
     until(lambda: farm.jobs.get(job).points >= 3)
     try:
         fail(small_disk)
@@ -122,7 +122,7 @@ def test_blobs_that_are_spoiled_at_rest(
     farm.start("worker")
     job = submit()
     victim = farm.start_armed(
-        "monitor", "plateau.service.judging.merge:Merge.add", time=13, constants=EVERY_TIME
+        "monitor", "plateau.service.judging.merge:Merge.add_partial", time=13, constants=EVERY_TIME
     )
     farm.wait_until_ended(victim, signal.SIGKILL)
     prefix = {"partials": blobs.partials(job), "checkpoints": blobs.checkpoints(job)}[what]

@@ -10,7 +10,7 @@ import pytest
 
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.wire.views import JobView
-from tests.support.faulty_farm import SPEC, FaultyFarm
+from tests.support.faulty_farm import BY_ZONES, FaultyFarm
 from tests.support.invariants import check_job
 from tests.support.until import until
 
@@ -104,7 +104,7 @@ def test_a_poisonous_scene(small_farm: FaultyFarm, tmp_path: Path, poison: str) 
     files = {"wild_ply": WILD_MESH} if "wild.ply" in str(scene["body"]) else {}
     path = bundle(tmp_path / "poison.zip", **scene, **files)  # type: ignore[arg-type]
     bad = small_farm.client.submit(path, JobSpec.model_validate({"priority": 1, **spec}))
-    good = small_farm.submit(**SPEC)
+    good = small_farm.submit(**BY_ZONES)
     failed = ended(small_farm, bad)
     assert failed.state == "failed"
     assert re.search(words, failed.reason), failed.reason

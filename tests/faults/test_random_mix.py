@@ -11,7 +11,7 @@ import pytest
 
 from plateau.farm.sweep import sweep
 from tests.support.chaos import Chaos
-from tests.support.faulty_farm import SPEC, FaultyFarm
+from tests.support.faulty_farm import BY_ZONES, FaultyFarm
 from tests.support.invariants import Outcome, assert_same, outcome
 from tests.support.until import until
 
@@ -33,7 +33,7 @@ def test_a_year_in_the_life_of_a_farm(
         def tell(line: str) -> None:
             print(f"{time.monotonic() - started:6.1f} s  {line}")
 
-        jobs = [farm.submit(**SPEC).id for _ in range(JOBS)]
+        jobs = [farm.submit(**BY_ZONES).id for _ in range(JOBS)]
         chaos = Chaos(farm, SEED, tell)
         farm.wait_for_workers(3)
         while time.monotonic() < started + 60 * MINUTES:

@@ -14,7 +14,7 @@ import pytest
 from plateau.farm.blobs import store as blobs
 from tests.support.bundles import scene as scene_xml
 from tests.support.every_time import EVERY_TIME
-from tests.support.faulty_farm import SPEC, FaultyFarm
+from tests.support.faulty_farm import BY_ZONES, FaultyFarm
 from tests.support.invariants import Outcome, assert_same, check_job, outcome
 from tests.support.long_tests import cases
 from tests.support.until import until
@@ -40,7 +40,7 @@ WORKER_STAGES = {
 
 #: When a monitor is hit. Its checkpoints are made at every point of the curve.
 MONITOR_STAGES = {
-    "in mid-merge": ("plateau.service.judging.merge:Merge.add", "before", 9),
+    "in mid-merge": ("plateau.service.judging.merge:Merge.add_partial", "before", 9),
     "in mid-evaluation": ("plateau.service.judging.judge:Judge.judge", "before", 3),
     "between judgement and point": (f"{_OWN}.append_point", "before", 4),
     "as the point is there": (f"{_OWN}.append_point", "after", 4),
@@ -310,4 +310,4 @@ def test_two_monitors_share_jobs_and_never_one(
     for job in jobs:
         assert_same(outcome(farm, job), undisturbed)
         check_job(farm.jobs, farm.store, farm.redis_client, job)
-    assert SPEC["max_spp"] > undisturbed.job.spp  # they were ended by the rule
+    assert BY_ZONES["max_spp"] > undisturbed.job.spp  # they were ended by the rule

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.support.faulty_farm import SPEC, FaultyFarm
+from tests.support.faulty_farm import BY_ZONES, FaultyFarm
 from tests.support.long_tests import cases
 from tests.support.receiver import SECRET, receiving
 from tests.support.until import until
@@ -41,7 +41,7 @@ def test_a_monitor_that_is_killed(farm: FaultyFarm, stage: str) -> None:
     with receiving() as receiver:
         events = ("queued", "cancelled", "finished")
         hook = {"url": receiver.url, "secret": SECRET, "events": events}
-        job = farm.submit(**{**SPEC, "webhook": hook})
+        job = farm.submit(**{**BY_ZONES, "webhook": hook})
         farm.client.cancel(job.id)
         # Given a monitor that dies at its first message
         soon = {"plateau.service.monitor.webhooks.deliverers:_LEASE_S": 2.0}

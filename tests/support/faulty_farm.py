@@ -12,14 +12,18 @@ from tests.support.real_farm import RealFarm
 from tests.support.until import until
 
 SIZE = 32
-#: Converges at some 640 spp, after two or three seconds of a quiet worker. Zones do all that frames
-#: do, and decide the plan besides.
+#: Converges at some 640 spp, after two or three seconds of a quiet worker.
 SPEC: dict[str, Any] = {
     "parameters": {"width": SIZE, "height": SIZE},
     "step": 40,
-    "slice_spp": 10,
+    "slice_spp": 20,
     "max_spp": 1200,
     "rule": {"name": "reverse", "window": 5, "epsilon": 4.0},
+}
+#: The same by zones, which do all that frames do, and decide the plan besides.
+BY_ZONES: dict[str, Any] = {
+    **SPEC,
+    "slice_spp": 10,
     "allocation": {"name": "zones", "size": 16},
 }
 

@@ -1,16 +1,25 @@
 """A job that is allocated by zones: its samples go where more is left to see."""
 
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import redis
 
-from plateau.farm.images.exr import Pixels, decode_image, decode_layers
+from plateau.farm.images.exr import (
+    Pixels,
+    decode_image,
+    decode_layers,
+    decode_partial,
+    encode_partial,
+)
 from plateau.farm.ledger.queue import Committed, Lease
 from plateau.farm.model.errors import CannotContinue
 from plateau.farm.model.job import Job
 from plateau.farm.model.states import JobState
+from plateau.farm.model.zones import Zone
 from plateau.service.api.points import KeptSlice
 from plateau.service.api.points.sums import PointSums
 from tests.service.api.test_continue import go_on
@@ -44,12 +53,20 @@ class LopsidedFarm(NoiseFarm):
     variant = "llvm_ad_rgb"
     size = (HEIGHT, WIDTH)
 
+    def __init__(self, *arguments: Any, **more: Any) -> None:
+        super().__init__(*arguments, **more)
+        self.wrong: dict[str, Any] = {}  #: what its worker says of a slice instead
+
     def _shown(self, _: Lease) -> Lopsided:
         return Lopsided(self.sigma)
 
+    def _partial(self, lease: Lease, spp: int, film: Pixels) -> bytes:
+        made = decode_partial(super()._partial(lease, spp, film))
+        return encode_partial(replace(made, **self.wrong))
+
 
 @pytest.fixture
-def farm(client: redis.Redis, redis_url: str, tmp_path: Path) -> NoiseFarm:
+def farm(client: redis.Redis, redis_url: str, tmp_path: Path) -> LopsidedFarm:
     return LopsidedFarm(client, redis_url, tmp_path, sigma=0.15)
 
 
@@ -133,8 +150,19 @@ def test_a_cap_within_its_first_rounds_is_met(farm: NoiseFarm) -> None:
     assert (done.state, done.spp) == (JobState.CONVERGED, 50)
 
 
+WRONG = {
+    "the whole film": {"zones": (), "pixels": np.zeros((HEIGHT, WIDTH, 4), np.float32)},
+    "another zone": {"zones": (Zone(0, 0, 16, 16),)},
+    "a border": {"border": 1},
+    "a border without end": {"border": 10**9},
+    "a zone without end": {"zones": (Zone(0, 0, 2**31, 2**31),), "border": 1},
+    "a zone of no size": {"zones": (Zone(0, 0, 16, -16), Zone(0, 0, 16, 16))},
+}
+
+
+@pytest.mark.parametrize("wrong", WRONG.values(), ids=WRONG)
 def test_a_partial_of_other_zones_is_rendered_again(
-    farm: NoiseFarm, monkeypatch: pytest.MonkeyPatch
+    farm: LopsidedFarm, wrong: dict[str, object]
 ) -> None:
     job = farm.submit(**JOB)
     with farm.monitor():
@@ -143,9 +171,9 @@ def test_a_partial_of_other_zones_is_rendered_again(
         while lease.round is None or lease.round.zones is None:
             farm.commit(lease)
             lease = farm.next_lease()
-        with monkeypatch.context() as patch:  # as a worker that knows nothing of zones
-            patch.setattr(NoiseFarm, "_zones", lambda *_: ())
-            assert farm.commit(lease) is Committed.COMMITTED
+        farm.wrong = wrong
+        assert farm.commit(lease) is Committed.COMMITTED
+        farm.wrong = {}
         again = until(lambda: [one for one in farm.jobs.log(job.id) if one.what == "rejected"])
         assert again[0].slice == lease.index
         done = farm.finish(job)
