@@ -19,6 +19,7 @@ from bench import (
     stopping,
     vdp,
     waste,
+    zones,
 )
 from bench.support import markdown, report
 
@@ -43,6 +44,7 @@ def tables() -> dict[str, str]:
         **lease.tables(figures("lease")),
         **memory.tables(figures("memory")),
         **waste.tables(figures("waste")),
+        **zones.tables(figures("zones")),
         **paper.tables_of(paper.known()),
         **savings.tables_of(savings.known()),
     }
