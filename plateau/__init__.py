@@ -1,11 +1,11 @@
-"""Plateau's front door: the command line and the Python client.
+"""Plateau's front door: the command line, `render` and the Python client.
 
-``from plateau import Client`` is all that most programs need. A name is imported when it is first
-used, so the command line does not wait for modules that it does not need.
+``plateau.render("scenes:box")`` renders a scene; ``plateau.Client`` talks to a service. A name is
+imported when it is first used, so the command line does not wait for modules that it does not need.
 """
 
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
     from plateau.client import (
@@ -33,6 +33,10 @@ if TYPE_CHECKING:
         VisibleSpec,
     )
     from plateau.farm.model.states import JobState
+    from plateau.rendering.render import RenderFailed, render
+    from plateau.rendering.result import Result
+
+    __version__: str
 
 __all__ = [
     "ApiError",
@@ -47,6 +51,8 @@ __all__ = [
     "MultipleSpec",
     "MyszkowskiSpec",
     "PointEvent",
+    "RenderFailed",
+    "Result",
     "ReverseSpec",
     "SliceEvent",
     "StateEvent",
@@ -56,16 +62,26 @@ __all__ = [
     "Unreachable",
     "ViewSpec",
     "VisibleSpec",
+    "__version__",
+    "render",
 ]
+
+#: Homes of names that are neither specs nor the client's.
+_HOMES: Final = {
+    "JobState": "plateau.farm.model.states",
+    "RenderFailed": "plateau.rendering.render",
+    "Result": "plateau.rendering.result",
+    "render": "plateau.rendering.render",
+}
 
 
 def __getattr__(name: str) -> Any:
     if name not in __all__:
         raise AttributeError(f"module 'plateau' has no attribute {name!r}")
-    if name == "JobState":
-        home = "plateau.farm.model.states"
-    else:
-        home = "plateau.farm.model.spec" if name.endswith("Spec") else "plateau.client"
+    if name == "__version__":
+        return import_module("plateau.farm.model.versions").plateau()
+    of_clients = "plateau.farm.model.spec" if name.endswith("Spec") else "plateau.client"
+    home = _HOMES.get(name, of_clients)
     return getattr(import_module(home), name)
 
 

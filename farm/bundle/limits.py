@@ -30,6 +30,7 @@ CODES = {
     "unpackable-path": "a scene to be packed names a file by an absolute path or across a link",
     "unknown-parameter": "a job parameter is not one of the scene's",
     "unknown-plugin": "a plugin's type is none that the farm's Mitsuba has",
+    "unwritable-dict": "a scene given as a Mitsuba dict has a value that no file can hold",
     "xml-depth": "XML elements are nested too deep",
     "xml-encoding": "an XML file is not UTF-8",
     "xml-entity": "an XML file has a document type declaration or entities",

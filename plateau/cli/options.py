@@ -16,13 +16,10 @@ from plateau.cli.spec_fields import checked, spec_fields
 
 def _scene(given: Path) -> Path:
     """Return the path of a scene, which may be an example scene, such as `scenes:box`."""
-    scheme, separator, name = str(given).partition(":")
-    if scheme != "scenes" or not separator:
-        return given
-    if name not in scenes.NAMES:
-        known = ", ".join(f"scenes:{one}" for one in scenes.NAMES)
-        raise typer.BadParameter(f"there is no scenes:{name}; there are {known}")
-    return scenes.FOLDER / name
+    try:
+        return scenes.path_of(given)
+    except ValueError as error:
+        raise typer.BadParameter(str(error)) from None
 
 
 Scene = Annotated[

@@ -3,7 +3,6 @@
 import math
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from pathlib import Path
 from typing import Final
 
 from plateau.client.errors import TimedOut
@@ -17,6 +16,7 @@ from plateau.farm.wire.batch_views import (
     BatchView,
     batch_path,
 )
+from plateau.files.scene_at_hand import SceneAtHand
 
 #: The most that the service puts on one page.
 _LARGEST_PAGE: Final = 100
@@ -31,7 +31,7 @@ class BatchCalls(Calls):
 
     def submit_batch(
         self,
-        scene: Path | str,
+        scene: SceneAtHand,
         parameters: Sequence[Mapping[str, str | int | float | bool]],
         spec: JobSpec | None = None,
         *,

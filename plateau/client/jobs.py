@@ -1,9 +1,9 @@
 """Calls that submit, show, list and steer jobs."""
 
+import re
 import secrets
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack
-from pathlib import Path
 from typing import Any, Final
 
 from plateau.client.transport import Calls, Model, Transport
@@ -12,9 +12,11 @@ from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
 from plateau.farm.wire.views import JobPage, JobView, Log, SliceLog, Slices, SliceView
 from plateau.files.packing import pack
+from plateau.files.scene_at_hand import SceneAtHand, scene_file
 
 #: The most that the service puts on one page.
 _LARGEST_PAGE: Final = 200
+_SHA256: Final = re.compile(r"[0-9a-f]{64}")
 
 
 class JobCalls(Calls):
@@ -24,14 +26,19 @@ class JobCalls(Calls):
     """
 
     def submit(
-        self, scene: Path | str, spec: JobSpec | None = None, *, idempotency_key: str | None = None
+        self,
+        scene: SceneAtHand,
+        spec: JobSpec | None = None,
+        *,
+        idempotency_key: str | None = None,
     ) -> JobView:
         """Submit a scene; returns the new job.
 
         Parameters
         ----------
         scene
-            An XML, a zip, a folder with ``scene.xml``; or the SHA-256 of a stored scene.
+            An XML, a zip, a folder with ``scene.xml``; ``scenes:NAME``, an example; a Mitsuba
+            dict; or the SHA-256 of a stored scene.
         spec
             How it is sampled, judged and stopped.
         idempotency_key
@@ -41,7 +48,8 @@ class JobCalls(Calls):
         Raises
         ------
         plateau.farm.bundle.BundleError
-            The scene's files cannot be packed: one is missing, or not allowed.
+            The scene's files cannot be packed: one is missing, or not allowed; or a value of the
+            dict cannot be written.
         ApiError
             ``broken-scene``, ``unknown-scene``, ``upload-too-large``, ``idempotency-key-reused``.
         """
@@ -173,7 +181,7 @@ class JobCalls(Calls):
 def submitted(
     transport: Transport,
     kind: type[Model],
-    scene: Path | str,
+    scene: SceneAtHand,
     request: str,
     values: Iterable[Mapping[str, str]],
     idempotency_key: str | None,
@@ -185,10 +193,11 @@ def submitted(
     headers = {"Idempotency-Key": idempotency_key or secrets.token_hex(16)}
     parts: dict[str, Any] = {"spec": (None, request)}
     with ExitStack() as stack:
-        if isinstance(scene, str):
+        if isinstance(scene, str) and _SHA256.fullmatch(scene):
             parts["scene_sha256"] = (None, scene)
         else:
-            packed = stack.enter_context(pack(scene, *values))
-            name = f"{scene.resolve().name}.zip" if scene.is_dir() else packed.name
+            path = stack.enter_context(scene_file(scene))
+            packed = stack.enter_context(pack(path, *values))
+            name = f"{path.resolve().name}.zip" if path.is_dir() else packed.name
             parts["scene"] = (name, packed.file, packed.media_type)  # httpx rewinds it each time
         return transport.ask(kind, "POST", "/v1/jobs", headers=headers, files=parts)

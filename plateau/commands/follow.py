@@ -6,9 +6,10 @@ import time
 from collections.abc import Callable
 from typing import Final
 
-from plateau.client import Client
+from plateau.client import ApiError, Client
 from plateau.farm.model.job import Event
 from plateau.farm.wire.views import JobView
+from plateau.processes.interrupts import Interrupts
 from plateau.terminal.progress import Progress
 
 _TICK_S: Final = 0.2
@@ -57,6 +58,28 @@ def follow(client: Client, job_id: str, shown: Progress, tick: Callable[[], None
                 is_stale = False
         job, _ = _fetch(client, job_id, shown)
     return job
+
+
+def cancelling(
+    client: Client, job_id: str, interrupts: Interrupts, shown: Progress
+) -> Callable[[], None]:
+    """A tick for `follow`: an interrupt cancels the job, and a second one is raised."""
+    cancelled = False
+
+    def tick() -> None:
+        nonlocal cancelled
+        if interrupts.insisted.is_set():
+            raise KeyboardInterrupt
+        if interrupts.asked.is_set() and not cancelled:
+            cancelled = True
+            shown.note("cancelling; the results so far are kept; interrupt again to leave at once")
+            try:
+                client.cancel(job_id)
+            except ApiError as error:
+                if error.slug != "cannot-cancel":  # it ended a moment ago
+                    raise
+
+    return tick
 
 
 def _fetch(client: Client, job_id: str, shown: Progress) -> tuple[JobView, float]:

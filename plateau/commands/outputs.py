@@ -8,10 +8,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any, Final, TypeVar
+from typing import Any, Final, Protocol, TypeVar
 
 from plateau import job_text
-from plateau.client import ApiError, Client
+from plateau.client import ApiError
 from plateau.errors import CommandFailed, ExtraMissing, needs
 from plateau.farm.model.job import CurvePoint, utc_now
 from plateau.farm.wire.views import JobView, SliceView
@@ -22,7 +22,23 @@ _KEPT: Final = "plateau-kept-"
 _Written = TypeVar("_Written")
 
 
-def write_results(client: Client, job: JobView, folder: Path) -> dict[str, Any]:
+class Source(Protocol):
+    """What has the results of a job: a client of its service."""
+
+    def curve(self, job_id: str, /) -> list[CurvePoint]:
+        """The points of its curve."""
+
+    def curve_csv(self, job_id: str, /) -> str:
+        """The same as CSV."""
+
+    def slices(self, job_id: str, /) -> list[SliceView]:
+        """Its ledger."""
+
+    def download(self, job_id: str, name: str, path: Path, /) -> None:
+        """Write one of its files; raises `ApiError` ``no-image-yet`` if there is none."""
+
+
+def write_results(client: Source, job: JobView, folder: Path) -> dict[str, Any]:
     """Write all that is known of an ended job into a folder; returns the summary as JSON.
 
     These are ``image.exr``, ``image.png`` and ``difference.png``, where the job has an image;
@@ -52,7 +68,7 @@ def write_results(client: Client, job: JobView, folder: Path) -> dict[str, Any]:
 
 
 def write_or_keep(
-    client: Client, job: JobView, folder: Path, *, when_fetched: Callable[[], None]
+    client: Source, job: JobView, folder: Path, *, when_fetched: Callable[[], None]
 ) -> dict[str, Any]:
     """The same for a job that is gone with its service: what cannot be written is kept elsewhere.
 
@@ -103,7 +119,7 @@ class _Fetched:
     damaged: list[str]  #: what the service says of each file that it does not have whole
 
 
-def _fetch(client: Client, job: JobView, folder: Path) -> _Fetched:
+def _fetch(client: Source, job: JobView, folder: Path) -> _Fetched:
     folder.mkdir(parents=True, exist_ok=True)
     # Asked for before anything is removed: the service may be gone.
     slices = _slices(client, job)
@@ -156,7 +172,7 @@ def _write(file: Path, text: str) -> None:
         path.write_text(text)
 
 
-def _slices(client: Client, job: JobView) -> dict[str, SliceView]:
+def _slices(client: Source, job: JobView) -> dict[str, SliceView]:
     """The slices that the job kept, by the names of their files."""
     if not job.spec.keep_slices:
         return {}
@@ -164,7 +180,7 @@ def _slices(client: Client, job: JobView) -> dict[str, SliceView]:
 
 
 def _write_slices(
-    client: Client,
+    client: Source,
     job: JobView,
     slices: dict[str, SliceView],
     folder: Path,
@@ -198,7 +214,7 @@ def summary_json(job: JobView, points: list[CurvePoint], files: list[Path]) -> d
     }
 
 
-def _download(client: Client, job_id: str, name: str, path: Path, damaged: list[str]) -> bool:
+def _download(client: Source, job_id: str, name: str, path: Path, damaged: list[str]) -> bool:
     """Fetch a file, if it is there; what is said of a damaged one goes into a list."""
     try:
         client.download(job_id, name, path)

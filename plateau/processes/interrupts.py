@@ -1,4 +1,4 @@
-"""Counts SIGINT, SIGTERM and SIGHUP: the first one asks to stop, the second one insists."""
+"""Counts signals: the first one asks to stop, the second one insists."""
 
 import signal
 import threading
@@ -11,10 +11,17 @@ _SIGNALS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 class Interrupts:
     """While the context lasts, these signals are counted and do not end the process.
 
-    A signal that was ignored (by ``nohup``, or in the background of a shell) stays ignored.
+    A signal that was ignored (by ``nohup``, or in the background of a shell) stays ignored. In
+    another thread than the main one nothing is counted.
+
+    Parameters
+    ----------
+    signals
+        Those to count; none for all three.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, *signals: signal.Signals) -> None:
+        self._signals = signals or _SIGNALS
         self.asked = threading.Event()  #: set by the first signal
         self.insisted = threading.Event()  #: set by the second signal
         self._first: int = signal.SIGINT
@@ -26,7 +33,9 @@ class Interrupts:
         return 128 + self._first
 
     def __enter__(self) -> "Interrupts":
-        for number in _SIGNALS:
+        if threading.current_thread() is not threading.main_thread():
+            return self
+        for number in self._signals:
             if signal.getsignal(number) is not signal.SIG_IGN:
                 self._before[number] = signal.signal(number, self._count)
         return self

@@ -73,6 +73,16 @@ class Progress(ABC):
         return f"{samples / seconds / 1e6:.2f} Msamples/s" if seconds > 0 else ""
 
 
+class NoProgress(Progress):
+    """Shows nothing."""
+
+    def note(self, text: str) -> None:
+        """Show nothing."""
+
+    def refresh(self) -> None:
+        """Show nothing."""
+
+
 class PlainProgress(Progress):
     """A line for each change of state and each point of the curve."""
 

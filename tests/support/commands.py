@@ -22,6 +22,8 @@ class Command:
         The command line after ``plateau``.
     folder
         Where its settings, its temporary files and what it says are kept.
+    program
+        What Python runs.
     prepare
         What its process does before it becomes the command.
     """
@@ -30,6 +32,7 @@ class Command:
         self,
         *arguments: str,
         folder: Path,
+        program: tuple[str, ...] = ("-m", "plateau"),
         prepare: Callable[[], object] | None = None,
         **environment: str,
     ) -> None:
@@ -38,7 +41,7 @@ class Command:
         self._said = folder / f"said-{time.monotonic_ns()}"
         with self._said.open("wb") as said:
             self.process = subprocess.Popen(
-                [sys.executable, "-m", "plateau", *arguments],
+                [sys.executable, *program, *arguments],
                 stdin=subprocess.DEVNULL,
                 stdout=said,
                 stderr=said,

@@ -14,7 +14,7 @@ from typing import Final
 
 from plateau.farm.model.job import CurvePoint, Event, Job, utc_now
 from plateau.farm.wire import figures
-from plateau.service.api.report.curve import curve_svg
+from plateau.farm.wire.curve_svg import curve_svg
 
 _STYLE: Final = Path(__file__).with_name("report.css").read_text("utf-8")
 _STYLE_HASH: Final = base64.b64encode(hashlib.sha256(_STYLE.encode()).digest()).decode()

@@ -110,6 +110,7 @@ def test_ctrl_c_cancels_and_writes_what_there_is(render: Render, tmp_path: Path)
     command.family()
     command.process.send_signal(signal.SIGINT)
     assert command.exit_code() == 130
+    assert "cancelling; the results so far are kept" in command.said
     left_nothing(command)
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert summary["state"] == "cancelled"

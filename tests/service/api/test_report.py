@@ -12,7 +12,7 @@ import redis
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.model.job import CurvePoint
-from plateau.service.api.report.curve import curve_svg
+from plateau.farm.wire.curve_svg import curve_svg
 from tests.support.staged_job import StagedJob
 
 

@@ -1,4 +1,4 @@
-"""The curve of a job as an SVG drawing for a self-contained page."""
+"""The curve of a job as an SVG drawing, for a self-contained page."""
 
 import math
 from collections.abc import Callable, Iterable

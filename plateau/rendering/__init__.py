@@ -1,0 +1,1 @@
+"""`plateau.render`: a scene to its image, from Python."""

@@ -1,0 +1,189 @@
+"""`plateau.render`: renders a scene on this machine or on a farm, and returns its image."""
+
+import signal
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from plateau.commands.outputs import write_or_keep
+from plateau.errors import PlateauError
+from plateau.farm.model.spec import JobSpec
+from plateau.farm.model.states import JobState
+from plateau.files.out_folder import make_ready
+from plateau.files.scene_at_hand import SceneAtHand, scene_file
+from plateau.processes.interrupts import Interrupts
+from plateau.rendering.result import Result
+
+if TYPE_CHECKING:
+    from plateau.client import Client
+    from plateau.farm.wire.views import JobView
+    from plateau.terminal.progress import Progress
+
+
+class RenderFailed(PlateauError):
+    """The job failed; the message says why, and `result` has what is known of it."""
+
+    def __init__(self, result: Result) -> None:
+        super().__init__(f"the job failed: {result.reason}")
+        self.result = result
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (self.result,)
+
+
+def render(
+    scene: SceneAtHand,
+    spec: JobSpec | None = None,
+    *,
+    farm: str | None = None,
+    key: str | None = None,
+    out: Path | str | None = None,
+    workers: int = 1,
+    threads: int | None = None,
+    progress: bool = True,
+    **fields: Any,
+) -> Result:
+    """Render a scene until more samples make no difference that a person could see.
+
+    Without `farm`, everything that it needs runs on this machine for as long as the call lasts:
+    Redis, an API, a monitor and workers, as with the command ``plateau render``. An interrupt
+    (Ctrl-C, or the stop button of a notebook) cancels the job and returns the image so far; a
+    second one ends the call at once.
+
+    Parameters
+    ----------
+    scene
+        A Mitsuba XML, a zip, a folder with ``scene.xml``, an analytic scene; ``scenes:NAME``, an
+        example; or a dict, as ``mitsuba.load_dict`` takes it. A dict may have bitmaps, tensors,
+        volume grids, numpy and Dr.Jit arrays, transforms and meshes.
+    spec
+        How the scene is sampled, judged and stopped.
+    farm
+        URL of a service that renders it, such as ``http://127.0.0.1:8713``; None for this machine.
+    key
+        API key, if that service requires one; None for that of the environment (PLATEAU_KEY).
+    out
+        A folder for all results, the kept slices included; None for none.
+    workers, threads
+        Workers on this machine, and the threads of each; None shares the cores among them.
+    progress
+        Whether to show the image, the curve and the noise left in a notebook, or lines in a
+        terminal, on standard error.
+    **fields
+        Fields of `JobSpec`, which replace those of `spec`: ``max_spp=500``,
+        ``rule={"name": "fixed", "spp": 64}``, ``parameters={"width": 256}``.
+
+    Returns
+    -------
+    Result
+        The image, the curve, and the reason for which it ended.
+
+    Raises
+    ------
+    RenderFailed
+        The scene cannot be rendered, in Mitsuba's words.
+    plateau.farm.bundle.BundleError
+        The scene's files cannot be packed, or a value of the dict cannot be written; names it.
+    pydantic.ValidationError
+        A field of the spec is unknown, or its value is not allowed.
+    KeyboardInterrupt
+        It was interrupted before there was an image.
+    plateau.errors.PlateauError
+        It could not start (`ExtraMissing` names what to install), or the farm refuses it
+        (`ClientError`).
+
+    Examples
+    --------
+    >>> import plateau
+    >>> result = plateau.render("scenes:box", max_spp=500)  # doctest: +SKIP
+    >>> result.image.shape, result.state.value  # doctest: +SKIP
+    ((512, 512, 3), 'exhausted')
+    >>> result.save("box.exr")  # doctest: +SKIP
+    """
+    asked = _asked(spec, fields)
+    folder = None if out is None else Path(out)
+    if folder is not None:
+        make_ready(folder)
+
+    def fetch(client: "Client", job: "JobView", when_fetched: Callable[[], None]) -> Result:
+        result = Result.fetched(client, job)
+        if folder is not None:
+            write_or_keep(client, job, folder, when_fetched=when_fetched)
+        return result
+
+    def shown(client: "Client") -> "Progress":
+        return _progress(client, wanted=progress)
+
+    with scene_file(scene) as file, Interrupts(signal.SIGINT) as interrupts:
+        if farm is None:
+            result = _here(file, asked, interrupts, workers, threads, shown, fetch)
+        else:
+            result = _there(file, asked, interrupts, farm, key, shown, fetch)
+    if result.state is JobState.FAILED:
+        raise RenderFailed(result)
+    if result.state is JobState.CANCELLED and interrupts.asked.is_set() and not result.has_image:
+        raise KeyboardInterrupt
+    return result
+
+
+def _asked(spec: JobSpec | None, fields: dict[str, Any]) -> JobSpec:
+    given = {} if spec is None else {name: getattr(spec, name) for name in spec.model_fields_set}
+    return JobSpec(**{**given, **fields})
+
+
+def _here(
+    file: Path,
+    spec: JobSpec,
+    interrupts: Interrupts,
+    workers: int,
+    threads: int | None,
+    shown: Callable[["Client"], "Progress"],
+    fetch: Callable[["Client", "JobView", Callable[[], None]], Result],
+) -> Result:
+    from plateau.commands.own_farm import checked_settings, render_alone
+
+    settings = checked_settings(file, spec)
+    _, result = render_alone(
+        file,
+        spec,
+        settings,
+        interrupts,
+        workers=workers,
+        threads=threads,
+        progress=shown,
+        fetch=fetch,
+    )
+    return result
+
+
+def _there(
+    file: Path,
+    spec: JobSpec,
+    interrupts: Interrupts,
+    farm: str,
+    key: str | None,
+    shown: Callable[["Client"], "Progress"],
+    fetch: Callable[["Client", "JobView", Callable[[], None]], Result],
+) -> Result:
+    from plateau.client import Client
+    from plateau.commands.follow import cancelling, follow
+    from plateau.processes.read_settings import api_key, read_settings
+
+    with Client(farm, key=key or api_key(read_settings())) as client:
+        job = client.submit(file, spec)
+        view = shown(client)
+        job = follow(client, job.id, view, cancelling(client, job.id, interrupts, view))
+        return fetch(client, job, lambda: None)
+
+
+def _progress(client: "Client", *, wanted: bool) -> "Progress":
+    from rich.console import Console
+
+    from plateau.rendering.notebook import NotebookProgress, in_notebook
+    from plateau.terminal.progress import NoProgress, progress_on
+
+    if not wanted:
+        return NoProgress()
+    if in_notebook():
+        return NotebookProgress(client)
+    return progress_on(Console(stderr=True))

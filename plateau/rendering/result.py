@@ -1,0 +1,155 @@
+"""What `plateau.render` returns: a job's image and curve, independent of its farm."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from plateau.client import ApiError, Client
+from plateau.client.columns import columns
+from plateau.errors import CommandFailed, needs
+from plateau.farm.model.job import CurvePoint
+from plateau.farm.model.states import JobState
+from plateau.farm.wire.curve_csv import curve_csv
+from plateau.farm.wire.views import JobView, SliceView
+from plateau.files.job_folder import IMAGES, whole
+from plateau.files.out_folder import make_ready
+from plateau.rendering.html import card
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+_NO_IMAGE: Final = "no-image-yet"
+
+
+@dataclass(eq=False, repr=False)
+class Result:
+    """A job that has ended, with its image and its curve; it can be pickled.
+
+    A notebook shows it as its image, its curve and its reason.
+    """
+
+    job: JobView  #: all that is known of the job
+    points: list[CurvePoint]  #: the points of its curve, by rising spp
+    files: dict[str, bytes]  #: its images as files, by their names, such as ``image.exr``
+
+    @classmethod
+    def fetched(cls, client: Client, job: JobView) -> "Result":
+        """The result of an ended job of a service."""
+        files = {}
+        for name in IMAGES:
+            try:
+                files[name] = client.image(job.id, name)
+            except ApiError as error:
+                if error.slug != _NO_IMAGE:
+                    raise
+        return cls(job, client.curve(job.id), files)
+
+    @property
+    def state(self) -> JobState:
+        """``converged``, ``exhausted`` or ``cancelled``."""
+        return self.job.state
+
+    @property
+    def reason(self) -> str:
+        """Why it ended, in words."""
+        return self.job.reason
+
+    @property
+    def spp(self) -> int:
+        """Samples per pixel of the image; by zones their mean, rounded down."""
+        return self.job.spp
+
+    @property
+    def has_image(self) -> bool:
+        """Whether anything was rendered before it ended."""
+        return "image.exr" in self.files
+
+    @cached_property
+    def image(self) -> "NDArray[np.float32]":
+        """The image: (height, width, 3) float32, linear Rec. 709 radiance, as Mitsuba has it."""
+        with needs("images"):
+            from plateau.farm.images.exr import decode_image
+
+        return decode_image(self._file("image.exr"))
+
+    @cached_property
+    def channels(self) -> "dict[str, NDArray[np.float32]]":
+        """The image by channel, as `Client.channels` has it: (height, width) float32 each."""
+        with needs("images"):
+            from plateau.farm.images.exr import decode_layers
+
+        return decode_layers(self._file("image.exr"))
+
+    @property
+    def curve(self) -> "dict[str, NDArray[Any]]":
+        """The curve as one array for each column; ``pandas.DataFrame(result.curve)`` takes it.
+
+        `Client.curve_columns` documents the columns.
+        """
+        return columns(self.points)
+
+    def save(self, path: Path | str) -> Path:
+        """Write the image or all results; returns the path.
+
+        Parameters
+        ----------
+        path
+            A file ``.exr`` (linear, all channels) or ``.png`` (as the job's display shows it);
+            otherwise a folder for the files that ``plateau render -o`` writes.
+
+        Raises
+        ------
+        CommandFailed
+            There is no image, or the folder has files that are not a job's.
+        OSError
+            It cannot be written.
+        """
+        path = Path(path)
+        name = {".exr": "image.exr", ".png": "image.png"}.get(path.suffix.lower())
+        if name is not None:
+            content = self._file(name)
+            with whole(path) as unfinished:
+                unfinished.write_bytes(content)
+        else:
+            from plateau.commands.outputs import write_results
+
+            make_ready(path)
+            write_results(_Kept(self), self.job, path)
+        return path
+
+    def _file(self, name: str) -> bytes:
+        if name not in self.files:
+            raise CommandFailed(f"the job has no {name}: {self.job.state.value}, {self.reason}")
+        return self.files[name]
+
+    def __repr__(self) -> str:
+        return f"<plateau.Result: {self.state.value} at {self.spp:,} spp: {self.reason}>"
+
+    def _repr_html_(self) -> str:
+        return card(self.job, self.points, self.files.get("image.png"))
+
+    def _repr_png_(self) -> bytes | None:
+        return self.files.get("image.png")
+
+
+class _Kept:
+    """The files of a result, as a client has those of its job."""
+
+    def __init__(self, result: Result) -> None:
+        self._result = result
+
+    def curve(self, _: str) -> list[CurvePoint]:
+        return self._result.points
+
+    def curve_csv(self, _: str) -> str:
+        return curve_csv(self._result.points)
+
+    def slices(self, _: str) -> list[SliceView]:
+        return []
+
+    def download(self, _: str, name: str, path: Path) -> None:
+        if name not in self._result.files:
+            raise ApiError(404, {"type": _NO_IMAGE})
+        path.write_bytes(self._result.files[name])

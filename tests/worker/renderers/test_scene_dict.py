@@ -1,0 +1,34 @@
+"""A scene given as a Mitsuba dict becomes files, of which Mitsuba renders the same image."""
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from tests.support import scene_dicts
+from tests.support.mitsuba_process import MitsubaProcess
+
+
+@pytest.fixture(scope="module")
+def mitsuba() -> Iterator[MitsubaProcess]:
+    with MitsubaProcess("scalar_rgb") as process:
+        yield process
+
+
+def test_the_written_scene_has_the_same_image(mitsuba: MitsubaProcess) -> None:
+    of_dict, of_file = mitsuba.call(scene_dicts.images_of_dict_and_file)
+    assert of_dict.std() > 0.05
+    # The writer turns matrices into rotations and scales, which moves the last bits
+    assert np.allclose(of_dict, of_file, atol=1e-3)
+
+
+def test_the_same_dict_gives_the_same_files(mitsuba: MitsubaProcess) -> None:
+    files = mitsuba.call(scene_dicts.files_of_dict)
+    assert [name.rpartition(".")[2] for name in files] == ["vol", "ply", "xml", "exr", "exr", "png"]
+    assert mitsuba.call(scene_dicts.files_of_dict) == files
+
+
+@pytest.mark.parametrize("said", scene_dicts.REFUSED)
+def test_what_cannot_be_written_is_named(mitsuba: MitsubaProcess, said: str) -> None:
+    assert said in mitsuba.call(scene_dicts.refusal, said)
+    assert mitsuba.call(scene_dicts.refusal, said).startswith("unwritable-dict: ")
