@@ -24,7 +24,7 @@ from bench.allocating.truth import Truth
 from bench.allocating.ways import Cycles, Frames, Naive, Neyman, Zones
 from bench.experiment.cases import cases
 from bench.support import markdown
-from bench.support.report import Figure, last_report, write_report
+from bench.support.report import Figure, last_figures, last_report, write_report
 from plateau import scenes
 from plateau.metric import View, Visible
 from plateau.metric.compiled import CompiledVisibleDifferences
@@ -70,9 +70,8 @@ def main() -> None:
     parser.add_argument("--renders", type=int, default=64, help="of fireflies (64)")
     parser.add_argument("--data", type=Path, default=ROOT / "allocation-data")
     asked = parser.parse_args()
-    last = last_report("allocation")
-    kept = [Figure(**one) for one in last["figures"]]
-    settings = last["settings"].get("scenes", {})
+    kept = last_figures("allocation")
+    settings = last_report("allocation")["settings"].get("scenes", {})
     for name in asked.cases:
         recording = recorded(every[name], asked.pixels, asked.spp, asked.slice_spp, asked.data)
         scene = f"{name}, {asked.pixels} px"

@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
     from plateau.metric.allocation import Allocation, plan_round
+    from plateau.metric.blend import Blend, BlendError, Denoise, blended, blended_and_judged
     from plateau.metric.display import Image, Mask, Primaries, View, encode_srgb
-    from plateau.metric.estimate import Estimate, half_buffer_estimate
+    from plateau.metric.estimate import Estimate, estimate_from, half_buffer_estimate
     from plateau.metric.forecasts import Forecast, forecast
-    from plateau.metric.noise_model import Half
+    from plateau.metric.noise_model import Half, NoiseModel
     from plateau.metric.non_finite import NonFinite, allowed_non_finite, non_finite_pixels
     from plateau.metric.pictures import (
         MAP_PALETTE,
@@ -37,6 +38,9 @@ __all__ = [
     "MAP_PALETTE",
     "SAMPLES_PALETTE",
     "Allocation",
+    "Blend",
+    "BlendError",
+    "Denoise",
     "Difference",
     "Estimate",
     "Evidence",
@@ -49,6 +53,7 @@ __all__ = [
     "Memory",
     "Multiple",
     "Myszkowski",
+    "NoiseModel",
     "NonFinite",
     "Percept",
     "Primaries",
@@ -60,9 +65,12 @@ __all__ = [
     "Visible",
     "VisibleDifferences",
     "allowed_non_finite",
+    "blended",
+    "blended_and_judged",
     "create_rule",
     "difference_map",
     "encode_srgb",
+    "estimate_from",
     "forecast",
     "half_buffer_estimate",
     "non_finite_map",
@@ -76,10 +84,11 @@ __all__ = [
 
 _HOMES: Final = {
     "allocation": ("Allocation", "plan_round"),
+    "blend": ("Blend", "BlendError", "Denoise", "blended", "blended_and_judged"),
     "display": ("Image", "Mask", "Primaries", "View", "encode_srgb"),
-    "estimate": ("Estimate", "half_buffer_estimate"),
+    "estimate": ("Estimate", "estimate_from", "half_buffer_estimate"),
     "forecasts": ("Forecast", "forecast"),
-    "noise_model": ("Half",),
+    "noise_model": ("Half", "NoiseModel"),
     "non_finite": ("NonFinite", "allowed_non_finite", "non_finite_pixels"),
     "pictures": (
         "MAP_PALETTE",

@@ -10,25 +10,17 @@ from typing import TYPE_CHECKING, Any, Final
 if TYPE_CHECKING:
     from plateau.client import (
         ApiError,
-        BadId,
-        BrokenScene,
         Client,
         ClientError,
         FinishedEvent,
         ImageEvent,
-        InvalidSpec,
-        NoImageYet,
-        NotAllowed,
         PointEvent,
         SliceEvent,
         StateEvent,
         TimedOut,
         TroubleEvent,
-        UnknownJob,
-        UnknownScene,
         Unreachable,
     )
-    from plateau.client.async_client import AsyncClient
     from plateau.farm.model.spec import (
         ExrSpec,
         FixedSpec,
@@ -48,22 +40,16 @@ if TYPE_CHECKING:
 
 __all__ = [
     "ApiError",
-    "AsyncClient",
-    "BadId",
-    "BrokenScene",
     "Client",
     "ClientError",
     "ExrSpec",
     "FinishedEvent",
     "FixedSpec",
     "ImageEvent",
-    "InvalidSpec",
     "JobSpec",
     "JobState",
     "MultipleSpec",
     "MyszkowskiSpec",
-    "NoImageYet",
-    "NotAllowed",
     "PointEvent",
     "RenderFailed",
     "Result",
@@ -73,8 +59,6 @@ __all__ = [
     "SuccessiveSpec",
     "TimedOut",
     "TroubleEvent",
-    "UnknownJob",
-    "UnknownScene",
     "Unreachable",
     "ViewSpec",
     "VisibleSpec",
@@ -84,8 +68,6 @@ __all__ = [
 
 #: Homes of names that are neither specs nor the client's.
 _HOMES: Final = {
-    "InvalidSpec": "plateau.client",
-    "AsyncClient": "plateau.client.async_client",
     "JobState": "plateau.farm.model.states",
     "RenderFailed": "plateau.rendering.render",
     "Result": "plateau.rendering.result",

@@ -123,7 +123,9 @@ def summary(job: Job, now: datetime, waits_for: str | None = None) -> str:
     if waits_for:
         rows.append(("workers", f"it {waits_for}"))
     if job.width is not None:
-        rows.append(("image", f"{job.width}×{job.height}, {job.variant}, scene {job.name}"))
+        denoised = ", denoised" if job.spec.is_denoised else ""
+        image = f"{job.width}×{job.height}, {job.variant}, scene {job.name}{denoised}"
+        rows.append(("image", image))
     samples = f"{job.spp:,} of at most {job.spec.max_spp:,} spp"
     if job.samples_saved:  # one share of the cap is enough
         saved = f"{share(job.saved_fraction)} of the cap, {job.samples_saved:,} samples"
@@ -137,9 +139,9 @@ def summary(job: Job, now: datetime, waits_for: str | None = None) -> str:
         rows.append(("changed", f"{changed} differ visibly from the first image of the curve"))
     if job.estimate_pixels is not None:
         left = of_image(job.estimate_pixels, job.estimate_fraction)
-        rows.append(
-            ("noise left", f"{left} still differ visibly from the converged image, by half buffers")
-        )
+        by = "by parts of its samples" if job.spec.is_denoised else "by half buffers"
+        words = f"{left} still differ visibly from the converged image, {by}"
+        rows.append(("noise left", words))
     if job.non_finite_pixels:
         total = (job.width or 0) * (job.height or 0)
         broken = of_image(job.non_finite_pixels, job.non_finite_pixels / total)

@@ -114,7 +114,7 @@ def write_report(
 def last_figures(name: str) -> list[Figure]:
     """Return the last report's figures; those of cases that are not measured now stay."""
     made = last_report(name)["figures"]
-    return [Figure(**{**one, "spread": Spread(**one["spread"])}) for one in made]
+    return [Figure(**{**one, "spread": one["spread"] and Spread(**one["spread"])}) for one in made]
 
 
 def last_report(name: str) -> dict[str, Any]:

@@ -40,7 +40,7 @@ _SAMPLING: Final = ("slice_spp", "variant", "seed", "sensor", "parameters", "all
 #: ... that the new job does not inherit, ...
 _OWN: Final = ("batch", "flicker_guard", "webhook")
 #: ... and that all points of a curve have in common.
-_JUDGING: Final = ("view", "step", "zones")
+_JUDGING: Final = ("view", "step", "zones", "denoise")
 
 
 @dataclass(frozen=True)
@@ -185,12 +185,13 @@ def _taken_rounds(job: Job, remains: Remains, spec: JobSpec) -> tuple[DecidedRou
 def changed_spec(spec: JobSpec, changes: dict[str, Any]) -> dict[str, Any]:
     """The fields of the spec with these changes: a JSON merge patch (RFC 7396), with one exception.
 
-    Objects are merged and null means the default. The exception: a rule or an allocation with a
-    name replaces the whole of it. The batch, the guard and the webhook are not inherited.
+    Objects are merged and null means the default. The exception: a rule, an allocation or a
+    denoising with a name replaces the whole of it. The batch, the guard and the webhook are not
+    inherited.
     """
     had: dict[str, Any] = _merged(spec.model_dump(mode="json"), dict.fromkeys(_OWN))
     merged: dict[str, Any] = _merged(had, changes, JobSpec.model_fields)
-    for field in ("rule", "allocation"):
+    for field in ("rule", "allocation", "denoise"):
         given = changes.get(field)
         if isinstance(given, dict) and "name" in given:
             merged[field] = given
@@ -234,7 +235,7 @@ def check(job: Job, remains: Remains, spec: JobSpec) -> None:
                 f"{name} makes other samples, so none could be taken over: submit the scene "
                 "as a new job",
             )
-    if spec.aovs != job.spec.aovs:
+    if spec.film_aovs != job.spec.film_aovs:
         raise CannotContinue(
             job.id,
             f"its samples have {_aovs(job.spec)}, and more of them cannot have others: submit the "
@@ -251,7 +252,7 @@ def check(job: Job, remains: Remains, spec: JobSpec) -> None:
 
 
 def _aovs(spec: JobSpec) -> str:
-    return f"the AOVs {', '.join(spec.aovs)}" if spec.aovs else "no AOVs"
+    return f"the AOVs {', '.join(spec.film_aovs)}" if spec.film_aovs else "no AOVs"
 
 
 def _check_seeds(job: Job, remains: Remains, spec: JobSpec) -> None:

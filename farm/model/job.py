@@ -65,6 +65,12 @@ class CurvePoint(_Record):
         None, description="the band that holds the true count in about nine cases of ten"
     )
     estimate_high_pixels: float | None = None
+    raw_estimate_pixels: float | None = Field(
+        None, description="noise left in the image before it was denoised, where it is"
+    )
+    raw_estimate_fraction: float | None = Field(
+        None, description="the same over all pixels, in [0, 1]"
+    )
     forecast_spp: int | None = Field(
         None,
         description="spp at which the noise left falls to the target of the rule `visible`; null "

@@ -9,6 +9,7 @@ waits for a judgement, and the plan depends on the merged slices alone.
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Final
@@ -24,6 +25,9 @@ if TYPE_CHECKING:
 
 #: Rounds after which the image decides: that of round k decides round k + LAG.
 LAG: Final = 2
+#: By what a denoised image's samples grow from one point of the curve to the next, as a look at it
+#: takes long.
+GROWTH: Final = 1.25
 
 
 @dataclass(frozen=True)
@@ -73,6 +77,8 @@ class Plan:
         Of the film, in pixels; None before it is known.
     size : int or None
         Of a zone, in pixels; None where the job is allocated by frame.
+    sparse : bool
+        Whether points of the curve come at growing distances.
     decided : tuple of Round
         The rounds that an image has decided, from round `LAG` on.
     """
@@ -83,6 +89,7 @@ class Plan:
     width: int | None = None
     height: int | None = None
     size: int | None = None
+    sparse: bool = False
     decided: tuple[Round, ...] = ()
 
     @classmethod
@@ -102,6 +109,7 @@ class Plan:
             width=width,
             height=height,
             size=size,
+            sparse=spec.is_denoised,
             decided=() if size is None else tuple(decided),
         )
 
@@ -168,7 +176,18 @@ class Plan:
         """Whether the image of so many slices is judged."""
         if not slices:
             return False
+        if self.sparse:
+            return slices in self._sparse_points
         return not slices % self.round_slices or (self.is_complete and slices == self.stop)
+
+    @cached_property
+    def _sparse_points(self) -> tuple[int, ...]:
+        """The slices of each point, where their distances grow."""
+        points, rounds = [], 1
+        while rounds * self.round_slices < self.stop:
+            points.append(rounds * self.round_slices)
+            rounds = max(rounds + 1, math.ceil(GROWTH * rounds))
+        return (*points, self.stop)
 
     def samples(self, slices: int) -> int:
         """Return the samples of the first slices, over all pixels of the film."""
@@ -203,6 +222,9 @@ class Plan:
 
         Where no such point is decided, these are the slices that are.
         """
+        if self.sparse:
+            wanted = -(-spp // self.slice_spp)
+            return next((end for end in self._sparse_points if end >= wanted), self.stop)
         if not self.by_zones:
             return -(-spp // (self.round_slices * self.slice_spp)) * self.round_slices
         ends = range(self.round_slices, self.stop, self.round_slices)

@@ -8,6 +8,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 from plateau.farm.model import renderers
 from plateau.farm.model.allocation import AllocationSpec, FrameAllocation
 from plateau.farm.model.aovs import AOV_NAMES, AOVS, AovName
+from plateau.farm.model.denoise import GUIDES, DenoiseSpec, NoDenoising, OidnDenoising
 from plateau.farm.model.exr_spec import ExrSpec
 from plateau.farm.model.passes import MOST_SLICE_SPP
 from plateau.farm.model.place_names import DEFAULT_POOL, PlaceName, Tags
@@ -164,6 +165,11 @@ class SharedSpec(Strict):
         description="where samples go: all over the frame, or to the zones in which more is left "
         "to see",
     )
+    denoise: DenoiseSpec = Field(
+        default_factory=NoDenoising,
+        description="whether the image that is judged and delivered is denoised; its curve then "
+        "has points at growing distances",
+    )
     watch: tuple[RuleSpec, ...] = Field(
         default=(),
         max_length=16,
@@ -196,6 +202,8 @@ class SharedSpec(Strict):
             raise ValueError(
                 f"min_spp must not be above max_spp: {self.min_spp} is above {self.max_spp}"
             )
+        if self.by_zones or self.is_denoised:
+            self._check_quarters()
         if self.by_zones:
             self._check_zones()
         names = [rule.name for rule in (self.rule, *self.watch)]
@@ -203,12 +211,25 @@ class SharedSpec(Strict):
             raise ValueError("each rule may be named once, as the rule or under watch")
         return self
 
-    def _check_zones(self) -> None:
+    def _check_quarters(self) -> None:
+        why = "by zones" if self.by_zones else "where the image is denoised"
         slices = self.step // self.slice_spp
         if slices % 4:
             raise ValueError(
-                "by zones, the slices of a step are a multiple of 4, as they form halves in two "
+                f"{why}, the slices of a step are a multiple of 4, as they form halves in two "
                 f"ways: {self.step} spp are {slices} of {self.slice_spp}"
+            )
+        if self.is_denoised and self.max_spp // self.slice_spp % 4:
+            raise ValueError(
+                f"{why}, so are those of max_spp: {self.max_spp} spp are "
+                f"{self.max_spp // self.slice_spp} of {self.slice_spp}"
+            )
+
+    def _check_zones(self) -> None:
+        if self.is_denoised:
+            raise ValueError(
+                "an image by zones cannot be denoised yet: choose the allocation frame, or "
+                "denoise none"
             )
         if self.variant != "auto" and not renderers.variant_named(self.variant).renders_in_parts:
             raise ValueError(
@@ -220,6 +241,18 @@ class SharedSpec(Strict):
     def by_zones(self) -> bool:
         """Whether its samples are allocated by zones."""
         return self.allocation.name == "zones"
+
+    @property
+    def is_denoised(self) -> bool:
+        """Whether the image that it judges and delivers is denoised."""
+        return self.denoise.name != "none"
+
+    @property
+    def film_aovs(self) -> tuple[AovName, ...]:
+        """The AOVs of its films: those that it asks for, and the denoiser's guides."""
+        guided = isinstance(self.denoise, OidnDenoising) and self.denoise.guides
+        asked = {*self.aovs, *(GUIDES if guided else ())}
+        return tuple(name for name in AOV_NAMES if name in asked)
 
     @property
     def noise_target(self) -> float | None:
@@ -236,7 +269,7 @@ class SharedSpec(Strict):
     @property
     def film_values(self) -> int:
         """Values of a pixel of its films; a scene's own alpha and AOVs come on top."""
-        return 4 + sum(len(AOVS[name].channels) for name in self.aovs)
+        return 4 + sum(len(AOVS[name].channels) for name in self.film_aovs)
 
     def as_request(self) -> str:
         """The spec as JSON, the webhook's secret included: never to be stored, nor shown.
@@ -269,13 +302,8 @@ class SharedSpec(Strict):
 #: Any that 64 bits hold; more digits would be no number to any renderer.
 _WholeNumber = Annotated[int, Field(ge=-(2**63), le=2**63 - 1)]
 
-#: A number of numpy becomes one of Python.
-_FROM_NUMPY: Final = BeforeValidator(
-    lambda value: value.item() if type(value).__module__ == "numpy" else value
-)
-
 #: Values for a scene's ``$parameters``.
-Parameters = dict[str, Annotated[str | _WholeNumber | float | bool, _FROM_NUMPY]]
+Parameters = dict[str, str | _WholeNumber | float | bool]
 
 
 def parameter_strings(parameters: Parameters) -> dict[str, str]:

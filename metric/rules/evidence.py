@@ -38,6 +38,8 @@ class Evidence:
     halves: tuple[Half, Half] | None
     #: The predictor, for the view under which to judge.
     metric: VisibleDifferences
+    #: The model of the image's error, where it is not that of its halves, as of a denoised image.
+    error: NoiseModel | None = None
 
     def __post_init__(self) -> None:
         if self.spp < 1:
@@ -66,14 +68,16 @@ class Evidence:
     @cached_property
     def _model(self) -> tuple[NoiseModel, Percept] | None:
         """The noise model of the merged image, and the percept of its clean image."""
-        if self.halves is None:
-            return None
-        model = noise_model(self.metric, self.image, self.halves)
+        model = self.error
+        if model is None:
+            if self.halves is None:
+                return None
+            model = noise_model(self.metric, self.image, self.halves)
         return model, self.metric.percept(model.clean)
 
     @cached_property
     def estimate(self) -> Estimate | None:
-        """The half-buffer estimate; None where there are no halves."""
+        """The estimate of visible pixels; None where the image's error is not known."""
         return None if self._model is None else estimate_from(self.metric, *self._model)
 
     @cached_property

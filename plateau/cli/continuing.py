@@ -6,7 +6,7 @@ from plateau.cli import options as o
 from plateau.cli.app import app
 
 _JUDGING: Final = (
-    *("rule", "watch", "min_spp", "step"),
+    *("rule", "watch", "min_spp", "step", "denoise"),
     *("exposure", "white_luminance", "field_of_view", "primaries", "background", "batch"),
 )
 

@@ -88,7 +88,7 @@ def diff(
 #: Options that say how to render.
 _RENDERING = (
     *("define", "time_limit", "seed", "variant", "sensor", "keep_slices"),
-    *("aov", "exr_precision", "exr_compression"),
+    *("aov", "exr_precision", "exr_compression", "denoise"),
 )
 
 

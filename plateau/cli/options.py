@@ -117,6 +117,14 @@ def spec_from_options(
             show_default="frame",
         ),
     ] = None,
+    denoise: Annotated[
+        str | None,
+        typer.Option(
+            help="Whether the image is denoised, and judged so: none or oidn; oidn:guides=false "
+            "for films without albedo and normal.",
+            show_default="none",
+        ),
+    ] = None,
     watch: Annotated[
         list[str] | None,
         typer.Option(

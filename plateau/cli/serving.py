@@ -36,6 +36,7 @@ def render(
       plateau render scenes:box -o out -D width=512 -D height=512
       plateau render scene.xml --rule fixed --spp 400
       plateau render scene.xml --allocation zones
+      plateau render scene.xml --denoise oidn
 
     Starts everything it needs, and leaves nothing running. DIR then holds image.exr, image.png,
     difference.png (pixels that have changed since the first image), curve.csv, curve.png,

@@ -14,6 +14,7 @@ def spec_fields(
     rule: str | None = None,
     watch: list[str] | None = None,
     allocation: str | None = None,
+    denoise: str | None = None,
     exposure: float | None = None,
     white_luminance: float | None = None,
     field_of_view: float | None = None,
@@ -45,6 +46,7 @@ def spec_fields(
         rule=_named(rule, "a rule") if rule else None,
         watch=[_named(one, "a rule") for one in watch] if watch else None,
         allocation=_named(allocation, "an allocation") if allocation else None,
+        denoise=_named(denoise, "a denoiser") if denoise else None,
         view=view or None,
     )
 
@@ -85,7 +87,7 @@ def _colour(text: str) -> list[float]:
 
 
 def _named(text: str, what: str) -> dict[str, str | int | float]:
-    """A rule or an allocation from its text: ``name`` or ``name:parameter=value,…``."""
+    """A rule, an allocation or a denoiser from its text: ``name`` or ``name:parameter=value,…``."""
     name, _, parameters = text.partition(":")
     given: dict[str, str | int | float] = {"name": name}
     for definition in filter(None, parameters.split(",")):

@@ -18,6 +18,7 @@ from plateau.farm.redis.embedded import find_redis_server
 from plateau.farm.redis.health import examine
 from plateau.farm.redis.url import without_password
 from plateau.processes.read_settings import farm_settings
+from plateau.service.monitor.denoising import oidn
 from plateau.worker.confinement.confine import try_here
 from plateau.worker.supervisor.variants import VariantChoice, choose
 
@@ -37,7 +38,7 @@ def doctor(*, as_json: bool) -> int:
     settings = farm_settings()
     choice = choose(settings.cache, every=True)
     checks = [*_machine(), *_stores(settings), *_folders(settings), *_variants(choice)]
-    checks += _confinement()
+    checks += [_denoiser(), *_confinement()]
     can_render = all(check.ok for check in checks if check.needed)
     shown = _without_passwords(settings)
     if as_json:
@@ -117,6 +118,14 @@ def _variants(choice: VariantChoice) -> Iterator[Check]:
         yield Check(f"{probe.variant}{library}", probe.detail, ok=probe.ok)
     works = any(probe.ok for probe in choice.tried)
     yield Check("workers render with", choice.why, ok=works, needed=True)
+
+
+def _denoiser() -> Check:
+    try:
+        detail = f"Open Image Denoise {oidn.version()}, for jobs that ask for it"
+    except ImportError:
+        return Check("denoiser", oidn.MISSING, ok=False)
+    return Check("denoiser", detail)
 
 
 def _confinement() -> Iterator[Check]:

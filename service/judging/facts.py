@@ -6,6 +6,7 @@ from typing import Any, Final
 
 from plateau.farm.model import versions
 from plateau.farm.model.job import Job, utc_now
+from plateau.service.judging.denoised import Denoised
 from plateau.service.judging.merge import Merge
 
 #: By name, without ``plateau:``. Each set of results stores them in a file, so that its images can
@@ -17,7 +18,9 @@ FILE: Final = "facts.json"
 _CHROMATICITIES: Final = (0.64, 0.33, 0.3, 0.6, 0.15, 0.06, 0.3127, 0.329)
 
 
-def facts_of(job: Job, merge: Merge, state: str, reason: str) -> Facts:
+def facts_of(
+    job: Job, merge: Merge, state: str, reason: str, denoised: Denoised | None = None
+) -> Facts:
     """Return what is known of a merged image at this time.
 
     Parameters
@@ -28,6 +31,8 @@ def facts_of(job: Job, merge: Merge, state: str, reason: str) -> Facts:
         The image.
     state, reason
         The job's state with this image, and the reason for it.
+    denoised
+        The image denoised, if it is.
     """
     known: dict[str, str | int] = {
         **identity(job, merge.spp),
@@ -36,6 +41,7 @@ def facts_of(job: Job, merge: Merge, state: str, reason: str) -> Facts:
         "state": state,
         "reason": reason,
         "non_finite": merge.non_finite(),
+        "denoiser": "" if denoised is None else denoised.denoiser,
         "time": utc_now().isoformat(timespec="seconds"),
         "plateau": versions.plateau(),
     }

@@ -45,7 +45,7 @@ class Films:
     """The partials of a job's slices, for the monitor that owns the job."""
 
     def __init__(self, owned: Ownership, owners: Ownerships, store: Blobs, spec: JobSpec) -> None:
-        self._expected = {channel for aov in spec.aovs for channel in AOVS[aov].channels}
+        self._expected = {channel for aov in spec.film_aovs for channel in AOVS[aov].channels}
         self._spec = spec
         self._owned = owned
         self._owners = owners

@@ -11,6 +11,7 @@ from plateau.farm.images.exr import Pixels
 from plateau.farm.model.plan import Plan, Round
 from plateau.farm.model.spec import JobSpec
 from plateau.metric import (
+    Blend,
     Estimate,
     Evidence,
     Forecast,
@@ -20,12 +21,14 @@ from plateau.metric import (
     Verdict,
     View,
     create_rule,
+    estimate_from,
     zone_fractions,
 )
 from plateau.metric.compiled import CompiledVisibleDifferences
 from plateau.metric.compiled.predictor import COMPARISONS_BEFORE_KEEPING
 from plateau.rules import CURVE, DEFAULT
 from plateau.service.judging.allotment import allotment
+from plateau.service.judging.denoised import Denoised
 from plateau.service.judging.merge import Merge
 from plateau.service.judging.result_files import flaw_of
 
@@ -84,18 +87,30 @@ class Judge:
             if name not in self._rules:
                 self._rules[name] = create_rule(name)
 
-    def judge(self, merge: Merge, plan: Plan | None = None) -> Judgement:
-        """Evaluate every rule on the merged image; to be called once a point, by rising spp.
+    def judge(
+        self, merge: Merge, plan: Plan | None = None, *, denoised: Denoised | None = None
+    ) -> Judgement:
+        """Evaluate every rule on the image; to be called once a point, by rising spp.
 
-        `plan` is that of the job; none is needed of a job that is allocated by frame.
+        Parameters
+        ----------
+        merge
+            The merged image.
+        plan
+            Of the job; none is needed of a job that is allocated by frame.
+        denoised
+            The merged image denoised, if that is to be judged.
         """
         halves = merge.halves()
-        evidence = Evidence(
+        raw = evidence = Evidence(
             spp=merge.spp,
             image=merge.image(),
             halves=None if halves is None else _as_halves(*halves),
             metric=self._metric,
         )
+        if denoised is not None:
+            assert denoised.error is not None  # a point has whole quarters
+            evidence = replace(raw, image=denoised.blend.image, error=denoised.error.likely)
         verdicts = {name: rule.judge(evidence) for name, rule in self._rules.items()}
         visible = verdicts[CURVE].visible
         assert visible is not None  # it always judges a map
@@ -104,6 +119,8 @@ class Judge:
         flaw = flaw_of(evidence.image) if curve["non_finite_pixels"] else None
         # An image that cannot be a result has no estimate, which would be one of its other pixels.
         estimate = None if flaw else evidence.estimate
+        if denoised is not None and estimate is not None:
+            estimate = self._with_doubt(estimate, denoised)
         forecast, decided = None, None
         if self._target and not flaw:
             if plan is not None and merge.zone_spp is not None:
@@ -119,6 +136,7 @@ class Judge:
             **_least_and_most(merge.zone_spp),
             **curve,
             **_estimate(estimate),
+            **({} if denoised is None or flaw else _raw(raw.estimate)),
             **_forecast(forecast),
             "zones": self._zone_fractions(visible, estimate),
             "rules": {
@@ -130,6 +148,13 @@ class Judge:
         expected = self._expected_spp(own, forecast, merge.spp)
         verdict = self._not_too_early(own, merge.spp)
         return Judgement(point, verdict, expected, flaw, decided)
+
+    def _with_doubt(self, estimate: Estimate, denoised: Denoised) -> Estimate:
+        """Return the estimate of a denoised image, with all that its error may be in the band."""
+        assert denoised.error is not None
+        model = denoised.error.greatest
+        greatest = estimate_from(self._metric, model, self._metric.percept(model.clean))
+        return replace(estimate, high_pixels=max(estimate.high_pixels, greatest.pixels))
 
     def _expected_spp(self, own: Verdict, forecast: Forecast | None, spp: int) -> int | None:
         """Return the spp at which the rule is likely to be satisfied: see `expected_end_spp`."""
@@ -150,14 +175,18 @@ class Judge:
             verdict, stop=stop, reason=f"{verdict.reason}; min_spp is {self._min_spp}, so it {may}"
         )
 
-    def visible_map(self, merge: Merge) -> NDArray[np.bool_] | None:
-        """Return where the merged image differs visibly from the first image of the curve."""
+    def visible_map(self, merge: Merge, blend: Blend | None = None) -> NDArray[np.bool_] | None:
+        """Return where the image differs visibly from the first image of the curve.
+
+        It is the merged image, or its blend with its denoised self.
+        """
         if self._curve_map is not None and self._curve_map[0] == merge.spp:
             return self._curve_map[1]
         first = self._rules[CURVE].memory().images.get("first")
         if first is None:
             return None
-        evidence = Evidence(spp=merge.spp, image=merge.image(), halves=None, metric=self._metric)
+        image = merge.image() if blend is None else blend.image
+        evidence = Evidence(spp=merge.spp, image=image, halves=None, metric=self._metric)
         difference = self._metric.compare(self._metric.percept(first), evidence.percept)
         return difference.visible & evidence.finite if difference.non_finite else difference.visible
 
@@ -237,6 +266,12 @@ def _estimate(estimate: Estimate | None) -> dict[str, object]:
         "estimate_low_pixels": estimate.low_pixels,
         "estimate_high_pixels": estimate.high_pixels,
     }
+
+
+def _raw(estimate: Estimate | None) -> dict[str, object]:
+    if estimate is None:
+        return {}
+    return {"raw_estimate_pixels": estimate.pixels, "raw_estimate_fraction": estimate.fraction}
 
 
 def _forecast(forecast: Forecast | None) -> dict[str, object]:

@@ -14,6 +14,7 @@ from plateau.farm.model.spec import JobSpec
 from plateau.metric import (
     MAP_PALETTE,
     SAMPLES_PALETTE,
+    Blend,
     Mask,
     allowed_non_finite,
     difference_map,
@@ -38,6 +39,7 @@ def result_files(
     visible: Mask | None,
     facts: Facts,
     spec: JobSpec,
+    blend: Blend | None = None,
     *,
     compressed: bool,
 ) -> dict[str, bytes]:
@@ -54,15 +56,19 @@ def result_files(
         The metadata.
     spec
         The job's spec.
+    blend
+        The image blended with its denoised self, if it is to be.
     compressed
         Whether to compress the EXR as the spec says; this is slow.
     """
-    image, exposure_ev = merge.image(), spec.view.exposure_ev
+    image = merge.image() if blend is None else blend.image
+    exposure_ev = spec.view.exposure_ev
     picture = encode_srgb(image, exposure_ev)
     spp_map = merge.spp_map()
+    layers = merge.layers() if blend is None else _blended_layers(merge, blend)
     files = {
         "image.exr": encode_layers(
-            merge.layers() if spp_map is None else {**merge.layers(), "spp": spp_map},
+            layers if spp_map is None else {**layers, "spp": spp_map},
             exr_header(facts),
             precision=spec.exr.precision,
             compression=spec.exr.compression if compressed else "none",
@@ -78,6 +84,18 @@ def result_files(
     if visible is not None:
         files["difference.png"] = encode_png(difference_map(picture, visible), MAP_PALETTE)
     return files
+
+
+def _blended_layers(merge: Merge, blend: Blend) -> dict[str, Pixels]:
+    """Return the channels of a blended image, with those of which it was made."""
+    layers = merge.layers()
+    raw = np.stack([layers[name] for name in "RGB"], axis=-1)
+    with np.errstate(invalid="ignore"):  # a scene may have infinite pixels
+        behind = merge.image() - raw  # of the background
+        made = {"": blend.image - behind, "raw.": raw, "denoised.": blend.denoised - behind}
+    for layer, colour in made.items():
+        layers |= {f"{layer}{name}": colour[..., plane] for plane, name in enumerate("RGB")}
+    return {**layers, "denoised.weight": blend.weight}
 
 
 def thumbnail(image: Pixels, exposure_ev: float) -> NDArray[np.uint8]:

@@ -16,6 +16,7 @@ from plateau.service.monitor.known import Answer, Known, Ledger
 from plateau.service.monitor.steps import (
     AbandonJob,
     ConcludeJob,
+    DenoiseImage,
     EndJob,
     FinalImage,
     FinishJob,
@@ -135,6 +136,16 @@ OPEN: Final = (
     ),
     # Slices, in the order of their indices.
     Row(
+        "the image of a point of the curve is being denoised",
+        lambda known: known.is_being_denoised,
+        Wait(),
+    ),
+    Row(
+        "the sums have reached a point of the curve, and their image is to be denoised",
+        lambda known: known.is_to_be_judged and known.is_to_be_denoised,
+        DenoiseImage(),
+    ),
+    Row(
         "the sums have reached a point of the curve",
         lambda known: known.is_to_be_judged,
         JudgeImage(),
@@ -207,6 +218,18 @@ ENDED: Final = (
         ReadConclusion(),
     ),
     Row(
+        "the image is being denoised",
+        lambda known: known.is_being_denoised,
+        Wait(),
+    ),
+    Row(
+        "the rules must see a point that the curve already has, and its image is to be denoised",
+        lambda known: (
+            known.is_to_be_judged and known.spp <= known.job.spp and known.is_to_be_denoised
+        ),
+        DenoiseImage(),
+    ),
+    Row(
         "the rules must see a point that the curve already has",
         lambda known: known.is_to_be_judged and known.spp <= known.job.spp,
         JudgeImage(),
@@ -222,6 +245,11 @@ ENDED: Final = (
         lambda known: ReadLedger(
             range(known.merged, min(known.merged + BATCH, known.final_slices))
         ),
+    ),
+    Row(
+        "the final image is to be denoised",
+        lambda known: not known.concluded and known.is_to_be_denoised,
+        DenoiseImage(),
     ),
     Row("the final image is not written", lambda known: not known.concluded, _conclude),
     Row(

@@ -3,6 +3,7 @@
 import logging
 import time
 from collections import deque
+from concurrent.futures import Future
 from dataclasses import replace
 
 from plateau.farm.blobs import store as blobs
@@ -13,13 +14,16 @@ from plateau.farm.ledger.queue import SliceRecord
 from plateau.farm.ledger.totals import MonitorWork
 from plateau.farm.model.errors import FenceLost, IllegalTransition
 from plateau.farm.model.plan import LAG, Round
-from plateau.farm.model.states import JobState
+from plateau.farm.model.states import MAX_TRIES, JobState
 from plateau.service.judging.checkpoints import Checkpoints
+from plateau.service.judging.denoised import Denoised, DenoisingTask
 from plateau.service.judging.films import Films
 from plateau.service.judging.judge import Judge
 from plateau.service.judging.result_files import flaw_of
 from plateau.service.monitor import steps
 from plateau.service.monitor.decisions import last_step, next_step
+from plateau.service.monitor.denoising import oidn
+from plateau.service.monitor.denoising.process import Denoising, DenoisingFailed
 from plateau.service.monitor.known import Answer, Known
 from plateau.service.monitor.look_ahead import Crew, LookAhead
 from plateau.service.monitor.result_sets import ResultSets
@@ -41,6 +45,7 @@ class JobRun:
         owners: Ownerships,
         store: Blobs,
         work: MonitorWork,
+        denoising: Denoising,
         *,
         keeps_sums: bool,
     ) -> None:
@@ -49,7 +54,13 @@ class JobRun:
         self._owners = owners
         self._blobs = store
         self._work = work
+        self._denoising = denoising
         job = jobs.get(owned.job_id)
+        if job.spec.is_denoised and not oidn.is_installed():
+            raise ValueError(oidn.MISSING)
+        self._being_denoised: tuple[int, Future[Denoised]] | None = None  # and of how many slices
+        self._denoised: tuple[int, Denoised | None] = 0, None  # the last one, and of how many
+        self._denoising_failures = 0  # one after the other
         self._judge = Judge(job.spec)
         self._point: dict[str, object] = {}  # the last judgement's
         self._in_hand: deque[SliceRecord] = deque()  # committed and not yet merged
@@ -99,6 +110,8 @@ class JobRun:
                 return known.with_slices(len(self._in_hand), len(slices))
             case steps.MergeSlice():
                 return self._merge_slice()
+            case steps.DenoiseImage():
+                return known.with_denoised(is_done=self._denoise())
             case steps.JudgeImage():
                 return self._judge_image()
             case steps.RecordPoint():
@@ -141,9 +154,48 @@ class JobRun:
         self._checkpoints.note(record.blob)
         return self._known.with_slice_merged()
 
+    def _denoise(self) -> bool:
+        """Return whether the merged image is denoised; have it denoised unless it is by now.
+
+        An ended job whose image cannot be denoised has it as it is.
+
+        Raises
+        ------
+        ValueError
+            It could not be denoised several times, and the job has not ended.
+        """
+        slices = self._merge.slices
+        if self._being_denoised is not None and self._being_denoised[0] == slices:
+            future = self._being_denoised[1]
+            if not future.done():
+                return False
+            self._being_denoised = None
+            try:
+                self._denoised = slices, future.result()
+            except DenoisingFailed as failed:
+                self._denoising_failures += 1
+                _LOG.warning("the image of %d slices was not denoised: %s", slices, failed)
+                if self._denoising_failures >= MAX_TRIES and self._known.job.state.ended:
+                    return True
+                if self._denoising_failures >= MAX_TRIES:
+                    raise ValueError(f"the image cannot be denoised: {failed}") from failed
+            else:
+                self._denoising_failures = 0
+                return True
+        task = DenoisingTask.of(self._merge, self._known.job.spec)
+        self._being_denoised = slices, self._denoising.start(self.owned.job_id, task)
+        return False
+
+    def _denoised_image(self) -> Denoised | None:
+        """The merged image denoised, if it is."""
+        slices, denoised = self._denoised
+        return denoised if slices == self._merge.slices else None
+
     def _judge_image(self) -> Known:
         with self._work.evaluations.timed():
-            judgement = self._judge.judge(self._merge, self._known.plan)
+            judgement = self._judge.judge(
+                self._merge, self._known.plan, denoised=self._denoised_image()
+            )
         self._point, self._decided = judgement.point, judgement.decided
         verdict = judgement.verdict
         return self._known.with_answer(
@@ -172,7 +224,7 @@ class JobRun:
     def _show_and_save(self, *, show: bool, save: bool) -> Known:
         known = self._known
         if show:
-            self._results.show(known.job, self._merge, self._judge)
+            self._results.show(known.job, self._merge, self._judge, self._denoised_image())
             known = self._known = replace(known, shown_spp=known.spp, shown_at_s=time.monotonic())
         if save:
             self._checkpoints.save(self._merge, self._judge)
@@ -206,7 +258,12 @@ class JobRun:
 
     def _write(self, state: JobState, reason: str) -> tuple[str, dict[str, str]]:
         return self._results.write(
-            self._known.job, self._merge, self._judge, state=state, reason=reason
+            self._known.job,
+            self._merge,
+            self._judge,
+            self._denoised_image(),
+            state=state,
+            reason=reason,
         )
 
     def _notes(self, notes: tuple[str, ...] | None = None) -> tuple[str, ...] | None:

@@ -54,6 +54,7 @@ class Known:
     judged: int = 0  #: slices in the sums when the rules last judged them
     answer: Answer | None = None  #: the rules' answer, until every step that it causes is taken
     recorded: bool = False  #: whether the curve has the point of that answer
+    denoised: int = 0  #: slices in the image that was denoised last
     flaw: str | None = None  #: of the merged image; "" for none, None if not inspected
     planned: int = -1  #: slices before this one are planned; −1 before the first plan
     shown_spp: int = 0  #: of the image that this monitor showed last
@@ -66,6 +67,7 @@ class Known:
     enough: int = 0  #: slices beyond the merged ones that keep every worker busy
     ledger: Ledger = Ledger.UNREAD
     in_hand: int = 0  #: slices that were read from the ledger and are not yet merged
+    is_being_denoised: bool = False  #: the merged image
     lost: bool = False  #: whether a partial was lost or damaged
     sought_glimpse: bool = False  #: whether the monitor looked for the first pass
     redis_s: float | None = None  #: Redis's clock in s since 1970; None if not read
@@ -103,6 +105,11 @@ class Known:
         return self.judged < self.merged and self.plan.is_point(self.merged)
 
     @property
+    def is_to_be_denoised(self) -> bool:
+        """Whether the merged image is denoised before anybody judges it, or has it as a result."""
+        return self.job.spec.is_denoised and self.merged > 1 and self.denoised != self.merged
+
+    @property
     def is_seen(self) -> bool:
         """Whether an image of whole slices is shown."""
         return max(self.job.image_spp or 0, self.shown_spp) >= self.job.spec.slice_spp
@@ -110,7 +117,9 @@ class Known:
     @property
     def is_new(self) -> bool:
         """Whether the merged image has changed and is due to be shown."""
-        return self.spp != self.shown_spp and self.at_s >= self.shown_at_s + SHOW_EVERY_S
+        is_due = self.spp != self.shown_spp and self.at_s >= self.shown_at_s + SHOW_EVERY_S
+        # Between two denoised images there is none to show.
+        return is_due and not self.is_to_be_denoised
 
     @property
     def is_unsaved(self) -> bool:
@@ -175,6 +184,7 @@ class Known:
             at_s=at_s,
             ledger=Ledger.UNREAD,
             in_hand=0,
+            is_being_denoised=False,
             lost=False,
             sought_glimpse=False,
             redis_s=None,
@@ -211,6 +221,12 @@ class Known:
     def with_slice_lost(self) -> "Known":
         """The partial of the next slice is lost or damaged, so no later slice can be merged."""
         return replace(self, in_hand=0, ledger=Ledger.READ, lost=True)
+
+    def with_denoised(self, *, is_done: bool) -> "Known":
+        """The merged image is denoised, or being denoised."""
+        if not is_done:
+            return replace(self, is_being_denoised=True)
+        return replace(self, denoised=self.merged)
 
     def with_answer(self, answer: Answer, at_s: float) -> "Known":
         """The rules have judged the merged image."""

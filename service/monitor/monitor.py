@@ -24,6 +24,7 @@ from plateau.farm.redis import keys
 from plateau.farm.redis.link import connect, connect_to_renew
 from plateau.farm.redis.wake import Wake
 from plateau.service.judging.judge import warm_up
+from plateau.service.monitor.denoising.process import Denoising
 from plateau.service.monitor.job_run import JobRun, give_up
 from plateau.service.monitor.look_ahead import Crew
 from plateau.service.monitor.sweeper import sweeping
@@ -33,6 +34,7 @@ from plateau.service.monitor.webhooks.deliverers import delivering
 _LOG = logging.getLogger(__name__)
 
 _CENSUS_S: Final = 2.0  #: between two counts of the workers
+_DENOISED_S: Final = 0.1  #: between two looks whether an image is denoised
 _AGAIN_S: Final = 0.3  #: before the first repetition of a failed renewal
 
 
@@ -59,6 +61,7 @@ class Monitor:
         self._owned: dict[str, Ownership] = {}
         self._runs: dict[str, JobRun] = {}
         self._turns = Turns(time.monotonic)
+        self._denoising = Denoising()
         self._others: set[str] = set()  # jobs that other monitors owned a moment ago
         self._others_due = float("-inf")  # when to look at them again
         self._taken_at = float("-inf")  # when this monitor last looked for jobs
@@ -84,12 +87,16 @@ class Monitor:
             while not stop.is_set():
                 try:
                     self._look(hinted)
-                    hinted = self._wake.wait(self._turns.wait_s, stop)
+                    wait_s = self._turns.wait_s
+                    if self._denoising.is_busy:
+                        wait_s = min(wait_s, _DENOISED_S)
+                    hinted = self._wake.wait(wait_s, stop) | self._denoising.done()
                     backoff.reset()
                 except StoreUnavailable as error:
                     _LOG.warning("%s", error)
                     stop.wait(backoff.delay_s())
         finally:
+            self._denoising.close()
             over.set()
             renewer.join()
             self._disown()
@@ -176,6 +183,7 @@ class Monitor:
                     self._owners,
                     self._blobs,
                     self._work,
+                    self._denoising,
                     keeps_sums=self._keeps_sums,
                 )
                 self._runs[owned.job_id] = run

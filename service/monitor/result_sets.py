@@ -13,6 +13,7 @@ from plateau.farm.model.job import Job
 from plateau.farm.model.plan import Plan
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
+from plateau.service.judging.denoised import Denoised
 from plateau.service.judging.facts import FILE, Facts, encode_facts, facts_of
 from plateau.service.judging.judge import Judge
 from plateau.service.judging.merge import Merge
@@ -62,10 +63,11 @@ class ResultSets:
         self._blobs.delete(blob)
         return partial.spp
 
-    def show(self, job: Job, merge: Merge, judge: Judge) -> None:
-        """Show the merged image of a job that has not ended."""
-        facts = facts_of(job, merge, job.state, job.reason)
-        pictures = self._pictures(merge, judge, facts, compressed=False)  # the next set comes soon
+    def show(self, job: Job, merge: Merge, judge: Judge, denoised: Denoised | None = None) -> None:
+        """Show the merged image, denoised or as it is, of a job that has not ended."""
+        facts = facts_of(job, merge, job.state, job.reason, denoised)
+        # Not compressed, as the next set comes soon.
+        pictures = self._pictures(merge, judge, facts, denoised, compressed=False)
         (written, sha256), before = self._put(merge.spp, pictures, self._owned.token), self._shown
         self._owners.show_results(self._owned, written, merge.spp, sha256)
         if Plan.of(self._spec).is_point(merge.slices):
@@ -75,14 +77,21 @@ class ResultSets:
             self._blobs.delete(*self._blobs.names(f"{before}/"))
 
     def write(
-        self, job: Job, merge: Merge, judge: Judge, *, state: JobState, reason: str
+        self,
+        job: Job,
+        merge: Merge,
+        judge: Judge,
+        denoised: Denoised | None = None,
+        *,
+        state: JobState,
+        reason: str,
     ) -> tuple[str, dict[str, str]]:
         """Write the final pictures without showing them.
 
         Parameters
         ----------
-        job, merge, judge
-            The job, its image and its rules.
+        job, merge, judge, denoised
+            The job, its image and its rules, and the image denoised, if it is.
         state, reason
             In which it ends, and why.
 
@@ -90,16 +99,24 @@ class ResultSets:
         -------
         The set's name, and the SHA-256 of each of its files by name.
         """
-        facts = facts_of(job, merge, state, reason)
-        pictures = self._pictures(merge, judge, facts, compressed=True)
+        facts = facts_of(job, merge, state, reason, denoised)
+        pictures = self._pictures(merge, judge, facts, denoised, compressed=True)
         return self._put(merge.spp, pictures, f"{self._owned.token}{blobs.FINAL}")
 
     def _pictures(
-        self, merge: Merge, judge: Judge, facts: Facts, *, compressed: bool
+        self,
+        merge: Merge,
+        judge: Judge,
+        facts: Facts,
+        denoised: Denoised | None,
+        *,
+        compressed: bool,
     ) -> dict[str, bytes]:
-        visible = judge.visible_map(merge)
+        blend = None if denoised is None else denoised.blend
+        visible = judge.visible_map(merge, blend)
+        files = result_files(merge, visible, facts, self._spec, blend, compressed=compressed)
         return {
-            **result_files(merge, visible, facts, self._spec, compressed=compressed),
+            **files,
             FILE: encode_facts(facts),
         }
 

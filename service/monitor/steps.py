@@ -29,6 +29,11 @@ class MergeSlice:
 
 
 @dataclass(frozen=True)
+class DenoiseImage:
+    """Have the merged image denoised, or look whether it is by now."""
+
+
+@dataclass(frozen=True)
 class JudgeImage:
     """Have every rule judge the merged image."""
 
@@ -117,6 +122,7 @@ Step = (
     PlanSlices
     | ReadLedger
     | MergeSlice
+    | DenoiseImage
     | JudgeImage
     | RecordPoint
     | ShowAndSave

@@ -7,6 +7,7 @@ import pytest
 from bench import (
     allocation,
     api,
+    denoising,
     estimate,
     farm,
     latency,
@@ -37,6 +38,7 @@ def tables() -> dict[str, str]:
         "vdp": vdp.table(figures("vdp")),
         **allocation.tables(figures("allocation")),
         **api.tables(figures("api")),
+        **denoising.tables(figures("denoising")),
         **farm.tables(figures("farm")),
         **scale.tables(figures("scale")),
         **startup.tables(figures("startup")),
@@ -54,6 +56,7 @@ def tables() -> dict[str, str]:
     "document",
     [
         "allocation.md",
+        "denoising.md",
         "metric.md",
         "stopping.md",
         "paper.md",

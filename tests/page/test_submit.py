@@ -100,6 +100,18 @@ def test_samples_go_where_one_wants_them(form: Page, farm: NoiseFarm, scene: Pat
     assert spec.allocation.model_dump() == {"name": "zones", "size": 64}
 
 
+def test_its_image_is_denoised_if_one_wants(form: Page, farm: NoiseFarm, scene: Path) -> None:
+    choose(form, scene)
+    guides = form.get_by_label("With guides")
+    expect(guides).to_be_hidden()
+    form.get_by_label("By Open Image Denoise").check()
+    guides.uncheck()
+    form.get_by_role("button", name="Render it").click()
+    expect(form).to_have_url(re.compile("/jobs/[0-9a-f]{12}$"))
+    spec = farm.jobs.get(form.url.rpartition("/")[2]).spec
+    assert spec.denoise.model_dump() == {"name": "oidn", "guides": False}
+
+
 def test_channels_of_the_image_and_what_is_behind_it(
     form: Page, farm: NoiseFarm, scene: Path
 ) -> None:

@@ -37,6 +37,8 @@ def remade(blob: str, sha256: str, jobs: Jobs, store: Blobs) -> bytes | None:
     try:
         job = jobs.get(job_id)
         values = (job.width or 0) * (job.height or 0) * job.spec.film_values
+        if job.spec.is_denoised:  # this process has no denoiser
+            return None
         if job.finished_at is None or not spp or not 0 < values <= MOST_VALUES:
             return None
         facts = _facts(f"{folder}/{FILE}", job, spp, store)

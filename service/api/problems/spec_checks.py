@@ -53,7 +53,7 @@ def _names(location: tuple[int | str, ...]) -> list[str]:
     if names[:1] == ["parameters"]:
         # The name of one job's parameter; in a list, the entry and the name.
         names = names[: 3 if any(isinstance(part, int) for part in location) else 2]
-    if names[:1] in (["rule"], ["allocation"]):
+    if names[:1] in (["rule"], ["allocation"], ["denoise"]):
         names = names[:1] + names[2:]
     if names[:1] == ["watch"]:
         names = names[:2] + names[3:]

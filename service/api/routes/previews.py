@@ -146,7 +146,8 @@ def _slices(farm: Parts, job: Job, spp: int) -> list[KeptSlice]:
     plan = farm.jobs.plan(job)
     slices = plan.slices_of(spp)
     if plan.spp(slices) != spp or not plan.is_point(slices) or spp > job.spp:
-        apart = f"they are {job.spec.step} spp apart" if not plan.by_zones else "its curve has them"
+        is_even = not plan.by_zones and not plan.sparse
+        apart = f"they are {job.spec.step} spp apart" if is_even else "its curve has them"
         raise Problem(
             problems.UNKNOWN_POINT,
             f"job {job.id} has no point at {spp} spp: {apart}, up to {job.spp}; {_where(job)}",

@@ -3,6 +3,7 @@
 import { h } from "../shared/dom.js";
 import { fieldsOf } from "../shared/form_fields.js";
 import { ZONES } from "../shared/spec_fields.js";
+import { choice } from "./choice.js";
 
 export class AllocationChoice {
   #zones = fieldsOf("spec.allocation", ZONES);
@@ -21,15 +22,4 @@ export class AllocationChoice {
   values() {
     return this.#byZones.checked ? { allocation: { name: "zones", ...this.#zones.values() } } : {};
   }
-}
-
-/**
- * @param {HTMLInputElement} radio
- * @param {string} title
- * @param {string} help
- * @param {HTMLElement} [inside]
- */
-function choice(radio, title, help, inside) {
-  return h("div", { class: "choice" },
-    h("label", {}, radio, h("span", {}, h("b", {}, title), h("span", { class: "help" }, help))), inside);
 }

@@ -9,6 +9,7 @@ import { messageOf, say } from "../shared/notices.js";
 import { fieldIn, meetRules, RULES, watchable } from "../shared/rules.js";
 import { AOVS, EXR, LIMITS, MORE, VIEW } from "../shared/spec_fields.js";
 import { AllocationChoice } from "./allocation_choice.js";
+import { DenoiseChoice } from "./denoise_choice.js";
 
 /** @import { ScreenContext } from "../main.js" */
 /** @import { RuleAbout } from "../shared/rules.js" */
@@ -49,6 +50,7 @@ class Submission {
   #chosen = this.#rules.find((rule) => rule.default) ?? this.#rules[0];
   #view = fieldsOf("spec.view", VIEW);
   #allocation = new AllocationChoice();
+  #denoise = new DenoiseChoice();
   #limits = fieldsOf("spec", LIMITS);
   #more = fieldsOf("spec", MORE);
   #aovs = Object.keys(AOVS).map((name) => h("input", { type: "checkbox", value: name }));
@@ -94,6 +96,7 @@ class Submission {
         h("div", { class: "choices", role: "radiogroup", "aria-label": "The rule that ends it" }, this.#rules.filter(({ featured }) => featured).map(({ element }) => element),
           h("details", {}, h("summary", {}, "Other rules"), h("div", { class: "choices" }, this.#rules.filter(({ featured }) => !featured).map(({ element }) => element))))),
       this.#allocation.element,
+      this.#denoise.element,
       h("fieldset", {}, h("legend", {}, "How is it viewed?"), h("div", { class: "fields" }, this.#view.elements)),
       h("fieldset", {}, h("legend", {}, "Limits"), h("div", { class: "fields" }, this.#limits.elements)),
       h("details", {}, h("summary", {}, "More"),
@@ -270,7 +273,7 @@ class Submission {
     const background = this.#background.value;
     const watched = this.#rules.filter(({ watch }) => watch.checked && !watch.disabled);
     return {
-      ...this.#limits.values(), ...this.#more.values(), ...this.#allocation.values(),
+      ...this.#limits.values(), ...this.#more.values(), ...this.#allocation.values(), ...this.#denoise.values(),
       rule: { name, ...values() }, watch: watched.map(({ name }) => ({ name })),
       view: { ...this.#view.values(), ...(background === undefined ? {} : { background: String(background).split(",").map(Number) }) },
       aovs: this.#aovs.filter(({ checked }) => checked).map(({ value }) => value),

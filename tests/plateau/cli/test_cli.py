@@ -115,6 +115,7 @@ class TestOptions:
             "min-spp": "none",
             "rule": spec.rule.name,
             "allocation": spec.allocation.name,
+            "denoise": spec.denoise.name,
             "window": "5",
             "epsilon": "0.1",
             "spp": "10000",

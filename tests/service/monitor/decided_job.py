@@ -46,6 +46,9 @@ def made_job(**fields: Any) -> Job:
 
 def points_of(spec: JobSpec, spp: int) -> list[int]:
     """The spp of the points of a curve, up to this one."""
+    if spec.is_denoised:
+        slices = range(1, spp // spec.slice_spp + 1)
+        return [at * spec.slice_spp for at in filter(Plan.of(spec).is_point, slices)]
     return [at for at in range(1, spp + 1) if at % spec.step == 0 or at == spec.max_spp]
 
 
@@ -212,6 +215,7 @@ class DecidingMonitor:
         self.token = job.owner
         self.in_hand: list[int] = []
         self.sums = job.checkpoint.slices
+        self.denoising = 0  #: slices in the image that it has had denoised
         self.judged = list(job.checkpoint.judged)
         read = job.read()
         self.known = Known(
@@ -276,7 +280,14 @@ class DecidingMonitor:
                 return known.with_slices(len(self.in_hand), len(slices))
             case steps.MergeSlice(index):
                 return self._merge(index)
+            case steps.DenoiseImage():
+                assert spec.is_denoised
+                assert self.sums > 1
+                # It is done at the next turn
+                asked, self.denoising = self.denoising, self.sums
+                return known.with_denoised(is_done=asked == self.sums)
             case steps.JudgeImage():
+                assert not spec.is_denoised or known.denoised == self.sums
                 # The rules see each point of the curve once, in order, whoever judges
                 assert [*self.judged, spp] == points_of(spec, spp)
                 self.judged.append(spp)

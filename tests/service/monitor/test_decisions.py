@@ -39,6 +39,11 @@ def ended(state: JobState = JobState.CANCELLED, **fields: object) -> Known:
     return known(job=job, **fields)
 
 
+def ended_denoised(spp: int = 0, **fields: object) -> Known:
+    spec = {"denoise": {"name": "oidn"}}
+    return known(job=made_job(state=JobState.CANCELLED, spp=spp, spec=spec), **fields)
+
+
 def limited(**fields: object) -> Known:
     """A job that is to take no longer than 10 s, and has nothing else to do."""
     return known(
@@ -52,6 +57,9 @@ RECORDED = replace(POINT, recorded=True)
 AT_THE_CAP = replace(
     RECORDED, job=made_job(spec={"max_spp": 100}), plan=Plan.of(JobSpec(max_spp=100))
 )
+
+#: A job whose image is denoised.
+DENOISED = known(job=made_job(spec={"denoise": {"name": "oidn"}}), merged=4)
 
 #: What is known, and what is done then: a case at least for each row of each table.
 CASES: list[tuple[Known, steps.Step]] = [
@@ -87,6 +95,13 @@ CASES: list[tuple[Known, steps.Step]] = [
         steps.ShowAndSave(True, False),
     ),
     (known(merged=4, judged=0, in_hand=2), steps.JudgeImage()),
+    (DENOISED, steps.DenoiseImage()),
+    (replace(DENOISED, is_being_denoised=True, in_hand=2), steps.Wait()),
+    (replace(DENOISED, denoised=4), steps.JudgeImage()),
+    (
+        replace(DENOISED, denoised=4, judged=4, merged=5, ledger=READ, at_s=99.0, planned=99),
+        steps.Wait(),
+    ),
     (known(merged=1), steps.ShowFirstSlice()),
     (known(merged=1, in_hand=3, shown_spp=25), steps.MergeSlice(1)),
     (known(merged=1, job=made_job(image_spp=25)), steps.ReadLedger(range(1, 1 + BATCH))),
@@ -135,6 +150,14 @@ CASES: list[tuple[Known, steps.Step]] = [
     ),
     (ended(), steps.ReadConclusion()),
     (ended(merged=4, spp=100, concluded=False), steps.JudgeImage()),
+    (ended_denoised(merged=4, spp=100, concluded=False), steps.DenoiseImage()),
+    (ended_denoised(merged=4, is_being_denoised=True, concluded=False), steps.Wait()),
+    (ended_denoised(merged=4, spp=100, denoised=4, concluded=False), steps.JudgeImage()),
+    (ended_denoised(merged=3, ledger=READ, concluded=False), steps.DenoiseImage()),
+    (
+        ended_denoised(merged=1, ledger=READ, concluded=False),
+        steps.ConcludeJob("merged", 25, ()),
+    ),
     (ended(merged=4, spp=75, concluded=False, in_hand=1), steps.MergeSlice(4)),
     (ended(concluded=False), steps.ReadLedger(range(BATCH))),
     (ended(JobState.CONVERGED, spp=100, concluded=False), steps.ReadLedger(range(4))),
@@ -206,7 +229,11 @@ ENDS = ["cancel", "fail", "turn and cancel", "turn and fail"]
 @st.composite
 def stories(draw: st.DrawFn, events: list[str], *, limited: bool = False) -> Story:
     slice_spp, keep_slices = draw(st.sampled_from([5, 10])), draw(st.booleans())
-    step, cap = slice_spp * draw(st.integers(1, 4)), draw(st.integers(1, 24))
+    denoise = draw(st.sampled_from(["none", "none", "oidn"]))
+    if denoise == "none":
+        step, cap = slice_spp * draw(st.integers(1, 4)), draw(st.integers(1, 24))
+    else:
+        step, cap = 4 * slice_spp, 4 * draw(st.integers(1, 12))
     taken_spp = 0 if keep_slices else slice_spp * draw(st.integers(0, cap - 1))
     most = cap * slice_spp
     ahead = draw(st.none() | st.integers(1, 2 * most))
@@ -219,6 +246,7 @@ def stories(draw: st.DrawFn, events: list[str], *, limited: bool = False) -> Sto
         step=step,
         slice_spp=slice_spp,
         max_spp=most,
+        denoise={"name": denoise},
         rule={"name": draw(st.sampled_from(["reverse", "visible"]))},
         keep_slices=keep_slices,
         time_limit_s=draw(st.none() | st.integers(1, 20)) if limited else None,

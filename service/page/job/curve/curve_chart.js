@@ -32,6 +32,7 @@ export class CurveChart {
   #below = h("div", { class: "plot" });
   #readout = h("p", { class: "readout" });
   #slope = h("span", { class: "slope" });
+  #undenoised = h("span", { class: "slope", hidden: true }, "; dashed: without denoising");
   #table = new PointTable();
   #drawn = "";
   #logX = toggle("spp", false, () => this.#build());
@@ -50,7 +51,7 @@ export class CurveChart {
     },
     h("p", { class: "plot-title" }, h("b", {}, "Changed since the first image"), ": pixels that differ visibly from it", this.#slope),
     this.#above,
-    h("p", { class: "plot-title" }, h("b", {}, "Noise left"), ": pixels that more samples would still change visibly, by half buffers"),
+    h("p", { class: "plot-title" }, h("b", {}, "Noise left"), ": pixels that more samples would still change visibly, by half buffers", this.#undenoised),
     this.#below);
     this.#full = h("div", { hidden: true },
       h("div", { class: "tools" },
@@ -175,7 +176,8 @@ export class CurveChart {
    */
   #seriesBelow(theme) {
     const edge = { stroke: "transparent", points: { show: false } };
-    return [{}, line(theme.estimate), edge, edge];
+    return [{}, line(theme.estimate), edge, edge,
+      { stroke: theme.estimate, width: 1.5, dash: [5, 4], points: { show: false } }];
   }
 
   /** @returns {uPlot.AlignedData} */
@@ -198,9 +200,9 @@ export class CurveChart {
 
   /** @returns {uPlot.AlignedData} */
   #dataBelow() {
-    const column = (/** @type {"estimate_pixels" | "estimate_low_pixels" | "estimate_high_pixels"} */ name) => this.#points.map((point) => drawable(point[name], this.#logBelow));
+    const column = (/** @type {"estimate_pixels" | "estimate_low_pixels" | "estimate_high_pixels" | "raw_estimate_pixels"} */ name) => this.#points.map((point) => drawable(point[name], this.#logBelow));
     return [this.#points.map((point) => point.spp), column("estimate_pixels"),
-      column("estimate_low_pixels"), column("estimate_high_pixels")];
+      column("estimate_low_pixels"), column("estimate_high_pixels"), column("raw_estimate_pixels")];
   }
 
   #target() {
@@ -263,6 +265,7 @@ export class CurveChart {
     const limit = rule ? stopSlope(this.#job, rule) : null;
     const aim = rule && limit !== null ? `; ${rule.name} waits for ${three(limit)}` : "";
     setText(this.#slope, slope == null ? "" : `, rising by ${three(slope)} px/spp${aim}`);
+    this.#undenoised.hidden = this.#job.spec.denoise.name === "none";
     if (this.#at == null) this.#read(null);
     this.#table.show(this.#points);
   }
@@ -302,7 +305,7 @@ export class CurveChart {
 
 /**
  * The value, or null if a logarithmic axis cannot show it.
- * @param {number | null} value
+ * @param {number | null | undefined} value
  * @param {{ input: HTMLInputElement }} toggle
  */
 function drawable(value, { input: { checked: logarithmic } }) {

@@ -17,6 +17,7 @@ export function told(point) {
     const band = bandOf(point, " to ");
     parts.push(`${pixels(point.estimate_pixels)} px${band && ` (${band})`} of noise left`);
   }
+  if (point.raw_estimate_pixels != null) parts.push(`${pixels(point.raw_estimate_pixels)} px without denoising`);
   return parts.join(" · ");
 }
 

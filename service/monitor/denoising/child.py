@@ -1,0 +1,49 @@
+"""The process that denoises: one task on its standard input, one answer on its standard output."""
+
+import io
+import os
+import sys
+from typing import BinaryIO
+
+import numpy as np
+
+from plateau.metric import blended, blended_and_judged
+from plateau.service.judging.denoised import Arrays, Denoised, DenoisingTask
+from plateau.service.monitor.denoising import oidn
+
+#: Below the monitor, as a worker's renderer is.
+_NICENESS = 10
+
+
+def main() -> None:
+    """Denoise the image on the standard input."""
+    os.nice(_NICENESS)
+    write(sys.stdout.buffer, denoised(DenoisingTask.restored(read(sys.stdin.buffer))).arrays())
+
+
+def denoised(task: DenoisingTask) -> Denoised:
+    """Return the image of the task denoised; and judged, if the task has quarters."""
+    denoise, words = oidn.denoiser(task.guides, task.view)
+    if len(task.parts) == 4:
+        blend, error = blended_and_judged(task.image, task.parts, denoise, task.view)
+        return Denoised(blend, error, words)
+    one, other = task.parts
+    return Denoised(blended(task.image, (one, other), denoise, task.view), None, words)
+
+
+def write(stream: BinaryIO, arrays: Arrays) -> None:
+    """Write arrays as one ``.npz`` file."""
+    content = io.BytesIO()
+    np.savez(content, allow_pickle=False, **arrays)
+    stream.write(content.getbuffer())
+    stream.flush()
+
+
+def read(stream: BinaryIO) -> Arrays:
+    """Read what `write` wrote, to the stream's end."""
+    with np.load(io.BytesIO(stream.read()), allow_pickle=False) as file:
+        return {name: file[name] for name in file.files}
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,250 @@
+"""A job whose image is denoised: the rule judges what is delivered, and nobody waits for it."""
+
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import psutil
+import pytest
+import redis
+
+from plateau.farm.images.exr import decode_layers
+from plateau.farm.model.errors import CannotContinue
+from plateau.farm.model.job import Job
+from plateau.farm.model.states import JobState
+from plateau.service.monitor.denoising import child, oidn
+from tests.service.api.test_continue import go_on
+from tests.service.monitor.test_channels import header
+from tests.support.every_time import save_every_time
+from tests.support.invariants import check_job
+from tests.support.noise_farm import NoiseFarm
+from tests.support.until import until
+
+RAW = {
+    "step": 40,
+    "slice_spp": 10,
+    "max_spp": 4000,
+    "rule": {"name": "visible", "target": 0.02, "min_spp": 1},
+}
+JOB = {**RAW, "denoise": {"name": "oidn", "guides": False}}
+NEVER = {**JOB, "rule": {"name": "visible", "target": 1e-6}}
+
+
+@pytest.fixture
+def farm(client: redis.Redis, redis_url: str, tmp_path: Path) -> NoiseFarm:
+    return NoiseFarm(client, redis_url, tmp_path, sigma=0.2)
+
+
+def finished(farm: NoiseFarm, **spec: object) -> Job:
+    job = farm.submit(**spec)
+    with farm.monitor():
+        done = farm.finish(job)
+    check_job(farm.jobs, farm.store, farm.jobs._redis, job.id)
+    return done
+
+
+def layers(farm: NoiseFarm, job: Job) -> dict[str, np.ndarray]:
+    return decode_layers(farm.picture(job, "image.exr"))
+
+
+def colour(found: dict[str, np.ndarray], layer: str = "") -> np.ndarray:
+    return np.stack([found[f"{layer}{name}"] for name in "RGB"], axis=-1)
+
+
+@contextmanager
+def killed(most: int) -> Iterator[list[int]]:
+    """Kill the first processes that denoise; yields their ids."""
+    victims: list[int] = []
+    over = threading.Event()
+
+    def watch() -> None:
+        while not over.wait(0.05) and len(victims) < most:
+            for process in psutil.Process().children():
+                try:
+                    if child.__name__ in process.cmdline() and process.pid not in victims:
+                        process.kill()
+                        victims.append(process.pid)
+                except psutil.Error:
+                    pass
+
+    watcher = threading.Thread(target=watch)
+    watcher.start()
+    try:
+        yield victims
+    finally:
+        over.set()
+        watcher.join()
+
+
+def test_what_is_judged_is_what_is_delivered(farm: NoiseFarm) -> None:
+    done, raw = finished(farm, **JOB), finished(farm, **RAW)
+    assert (done.state, raw.state) == (JobState.CONVERGED, JobState.CONVERGED)
+    assert done.spp < raw.spp
+    # The image is the blend of what the file has beside it
+    found = layers(farm, done)
+    weight = found["denoised.weight"][..., np.newaxis]
+    assert 0 <= weight.min() < weight.max() <= 1
+    blend = weight * colour(found, "denoised.") + (1 - weight) * colour(found, "raw.")
+    np.testing.assert_allclose(colour(found), blend, atol=1e-6)
+    said = header(farm.picture(done, "image.exr"))
+    assert said["plateau:denoiser"].startswith("Open Image Denoise 2.")
+    # And the curve says what denoising gives
+    first = farm.jobs.curve(done.id)[0]
+    assert first.raw_estimate_pixels > first.estimate_pixels
+    assert farm.jobs.curve(raw.id)[0].raw_estimate_pixels is None
+    # By which the rule stopped
+    last = farm.jobs.curve(done.id)[-1]
+    assert last.estimate_fraction <= 0.02 < last.raw_estimate_fraction
+
+
+def test_points_come_at_growing_distances(farm: NoiseFarm) -> None:
+    done = finished(farm, **{**NEVER, "max_spp": 1000})
+    assert done.state is JobState.EXHAUSTED
+    spp = [point.spp for point in farm.jobs.curve(done.id)]
+    assert spp[:4] == [40, 80, 120, 160]
+    assert spp[-1] == 1000
+    assert all(one % 40 == 0 for one in spp)
+    assert all(later >= 1.25 * one for one, later in pairwise(spp[3:-1]))
+
+
+def test_its_image_depends_on_no_monitor_and_no_order(
+    farm: NoiseFarm, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    save_every_time(monkeypatch)
+    one, other = finished(farm, **JOB), farm.submit(**JOB)
+    while not farm.is_finished(other):
+        with farm.monitor():
+            held = [lease for lease in (farm.lease() for _ in range(6)) if lease]
+            for lease in reversed(held):
+                farm.commit(lease)
+            if not held:
+                until(lambda: farm.is_finished(other) or farm.jobs.census().slices["waiting"] > 0)
+    assert farm.jobs.get(other.id).reason == one.reason
+    for name, values in layers(farm, one).items():
+        np.testing.assert_array_equal(values, layers(farm, other)[name])
+
+
+def test_albedo_and_normals_guide_it_and_are_in_the_image(farm: NoiseFarm) -> None:
+    done = finished(farm, **{**JOB, "denoise": {"name": "oidn"}, "aovs": ["depth"]})
+    assert done.state is JobState.CONVERGED
+    found = layers(farm, done)
+    assert {"albedo.R", "N.X", "Z"} <= found.keys()
+    said = header(farm.picture(done, "image.exr"))
+    assert "albedo and normal" in said["plateau:denoiser"]
+
+
+def test_alpha_stays_and_what_is_behind_it_is_not_in_the_colour(
+    client: redis.Redis, redis_url: str, tmp_path: Path
+) -> None:
+    farm = NoiseFarm(client, redis_url, tmp_path, sigma=0.2, alpha=True)
+    spec = {**JOB, "rule": {"name": "fixed", "spp": 40}}
+    clear = layers(farm, finished(farm, **spec))
+    green = layers(farm, finished(farm, **spec, view={"background": (0.0, 0.8, 0.0)}))
+    np.testing.assert_array_equal(clear["A"], green["A"])
+    np.testing.assert_array_equal(clear["raw.G"], green["raw.G"])
+    uncovered = clear["A"] == 0
+    assert uncovered.any()
+    assert np.abs(colour(green)[uncovered]).max() < 0.1
+
+
+def test_one_that_is_cancelled_is_denoised_as_far_as_it_came(farm: NoiseFarm) -> None:
+    job = farm.submit(**NEVER)
+    with farm.monitor():
+        farm.work(lambda: farm.jobs.get(job.id).points >= 1)
+        farm.render(1)
+        farm.jobs.cancel(job.id)
+        until(lambda: farm.is_finished(job))
+    done = farm.jobs.get(job.id)
+    assert done.image_spp > farm.jobs.curve(job.id)[-1].spp
+    assert layers(farm, done)["denoised.weight"].max() > 0
+
+
+def test_a_single_slice_is_delivered_as_it_is(farm: NoiseFarm) -> None:
+    job = farm.submit(**NEVER)
+    with farm.monitor():
+        farm.render(1)
+        until(lambda: farm.jobs.get(job.id).image_spp == 10)
+        farm.jobs.cancel(job.id)
+        until(lambda: farm.is_finished(job))
+    assert "denoised.weight" not in layers(farm, farm.jobs.get(job.id))
+
+
+def test_a_process_that_is_killed_is_asked_again(farm: NoiseFarm) -> None:
+    alone = finished(farm, **JOB)
+    with killed(2) as victims:
+        done = finished(farm, **JOB)
+    assert len(victims) == 2
+    assert (done.state, done.spp) == (alone.state, alone.spp)
+    np.testing.assert_array_equal(colour(layers(farm, done)), colour(layers(farm, alone)))
+
+
+def test_one_whose_image_cannot_be_denoised_fails_in_words(farm: NoiseFarm) -> None:
+    with killed(100):
+        done = finished(farm, **JOB)
+    assert done.state is JobState.FAILED
+    assert "the image cannot be denoised: its process ended with status -9" in done.reason
+
+
+def test_no_other_job_waits_for_it(farm: NoiseFarm) -> None:
+    slow = farm.submit(**NEVER)
+    with farm.monitor():
+        farm.render(4)
+        until(lambda: any_child())
+        quick = farm.submit(**{**RAW, "rule": {"name": "fixed", "spp": 40}}, priority=1)
+        done = farm.finish(quick)
+        farm.jobs.cancel(slow.id)
+        farm.finish(slow)
+    assert done.state is JobState.CONVERGED
+
+
+def any_child() -> bool:
+    children = psutil.Process().children()
+    return any(child.__name__ in one.cmdline() for one in children if one.is_running())
+
+
+def test_without_open_image_denoise_it_is_refused_in_words(
+    farm: NoiseFarm, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(oidn, "is_installed", lambda: False)
+    done = finished(farm, **JOB)
+    assert done.state is JobState.FAILED
+    assert "install plateau[denoise]" in done.reason
+
+
+class TestContinuing:
+    @pytest.mark.parametrize("keep_slices", [False, True], ids=["its sums", "its slices"])
+    def test_one_that_goes_on_is_as_if_it_had_never_stopped(
+        self, farm: NoiseFarm, keep_slices: bool
+    ) -> None:
+        def until_spp(spp: int) -> dict[str, object]:
+            return {**JOB, "rule": {"name": "fixed", "spp": spp}}
+
+        stopped = finished(farm, **until_spp(80), keep_slices=keep_slices)
+        never_stopped = finished(farm, **until_spp(160))
+        with farm.monitor():
+            done = farm.finish(go_on(farm, stopped, rule={"name": "fixed", "spp": 160}))
+        assert done.state is JobState.CONVERGED
+        for name, values in layers(farm, never_stopped).items():
+            np.testing.assert_array_equal(layers(farm, done)[name], values)
+
+    def test_kept_slices_are_denoised_later(self, farm: NoiseFarm) -> None:
+        raw = finished(farm, **RAW, keep_slices=True)
+        with farm.monitor():
+            again = farm.finish(go_on(farm, raw, denoise=JOB["denoise"], max_spp=raw.spp))
+        assert again.state is JobState.CONVERGED
+        assert again.machine_s == 0
+        assert again.spp < raw.spp
+        assert "denoised.weight" in layers(farm, again)
+
+    def test_sums_are_not_since_they_do_not_tell_quarters(self, farm: NoiseFarm) -> None:
+        raw = finished(farm, **RAW)
+        with pytest.raises(CannotContinue, match="so its denoise cannot change"):
+            go_on(farm, raw, denoise=JOB["denoise"])
+
+    def test_guides_that_were_not_rendered_are_not_made_up(self, farm: NoiseFarm) -> None:
+        raw = finished(farm, **RAW, keep_slices=True)
+        with pytest.raises(CannotContinue, match="its samples have no AOVs"):
+            go_on(farm, raw, denoise={"name": "oidn"})
