@@ -22,7 +22,7 @@ TASKS: Final[tuple[tuple[str, str, tuple[str, ...]], ...]] = (
     (
         "Render and compare on this machine",
         "These commands need no service.",
-        ("render", "diff", "judge", "doctor"),
+        ("render", "denoise", "diff", "judge", "doctor"),
     ),
     (
         "Run a service",

@@ -46,6 +46,7 @@ _HINTS: Final = {
 #: left out.
 _EXTRAS: Final = {
     "api": "service",
+    "denoise": "monitor,denoise",
     "diff": "images",
     "gc": "farm",
     "judge": "monitor,plot",

@@ -85,6 +85,45 @@ def diff(
     raise typer.Exit(code)
 
 
+@app.command()
+def denoise(
+    images: Annotated[
+        list[Path], typer.Argument(help="Two or four EXR files of as many samples each.")
+    ],
+    out: Annotated[Path, typer.Option("--out", "-o", metavar="OUT.exr", help="File to write.")],
+    field_of_view: Annotated[
+        float, typer.Option(help="Angle that the image's width covers, in degrees.")
+    ] = 45.0,
+    white_luminance: Annotated[float, typer.Option(help="White of the display in cd/m².")] = 100.0,
+    exposure: Annotated[float, typer.Option(help="Exposure in EV.")] = 0.0,
+    as_json: o.Json = False,
+) -> None:
+    """Denoise the mean of renders of one scene, where that is nearer to the truth.
+
+    The images are of any renderer, each with samples of its own (other seeds). Two say how far the
+    denoiser can be trusted at each pixel; of four, the command also prints how many pixels of the
+    result still differ visibly from the converged image. Where all have the channels albedo.R, .G,
+    .B and N.X, .Y, .Z, these guide the denoiser.
+
+    For example:
+      plateau denoise seed1.exr seed2.exr -o clean.exr
+      plateau denoise a.exr b.exr c.exr d.exr -o clean.exr --exposure 1
+
+    OUT.exr has the blend as R, G and B, and beside it raw.*, denoised.* and denoised.weight, the
+    share of the denoised image.
+    """
+    from plateau.commands.denoise import denoise as run
+
+    run(
+        images,
+        out,
+        field_of_view_deg=field_of_view,
+        white_luminance=white_luminance,
+        exposure_ev=exposure,
+        as_json=as_json,
+    )
+
+
 #: Options that say how to render.
 _RENDERING = (
     *("define", "time_limit", "seed", "variant", "sensor", "keep_slices"),

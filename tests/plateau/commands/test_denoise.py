@@ -1,0 +1,97 @@
+"""`plateau denoise`: renders that somebody has already."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from plateau.cli import app
+from plateau.farm.images.exr import decode_layers, encode_layers
+
+SIZE = (48, 64)
+NORMAL = {"N.X": 0.0, "N.Y": 0.0, "N.Z": 1.0}
+
+
+def plateau(*arguments: object) -> tuple[int, str, str]:
+    done = CliRunner().invoke(app, [str(one) for one in arguments])
+    assert done.exception is None or isinstance(done.exception, SystemExit), done.exception
+    return done.exit_code, done.stdout, done.stderr
+
+
+def light() -> np.ndarray:
+    row = np.linspace(0.2, 0.7, SIZE[1], dtype=np.float32)
+    return np.repeat(np.tile(row, (SIZE[0], 1))[..., np.newaxis], 3, axis=-1)
+
+
+def colour(layers: dict[str, np.ndarray], layer: str = "") -> np.ndarray:
+    return np.stack([layers[f"{layer}{name}"] for name in "RGB"], axis=-1)
+
+
+def error(image: np.ndarray) -> float:
+    return float(np.square(image - light()).mean())
+
+
+def renders(folder: Path, count: int, *, guided: bool = False) -> list[Path]:
+    files = []
+    for seed in range(count):
+        noise = np.random.default_rng(seed).normal(0, 0.1, (*SIZE, 3)).astype(np.float32)
+        planes = {name: (light() + noise)[..., plane] for plane, name in enumerate("RGB")}
+        if guided:
+            planes |= {f"albedo.{name}": np.full(SIZE, 0.5, np.float32) for name in "RGB"}
+            planes |= {name: np.full(SIZE, value, np.float32) for name, value in NORMAL.items()}
+        files.append(folder / f"{seed}.exr")
+        files[-1].write_bytes(encode_layers(planes, {}))
+    return files
+
+
+def test_four_renders_become_a_clean_one_and_a_figure(tmp_path: Path) -> None:
+    out = tmp_path / "clean.exr"
+    code, said, _ = plateau("denoise", *renders(tmp_path, 4), "-o", out)
+    assert code == 0
+    assert "Open Image Denoise" in said
+    assert "noise left: " in said
+    found = decode_layers(out.read_bytes())
+    assert error(colour(found)) < 0.2 * error(colour(found, "raw."))
+    assert 0 <= found["denoised.weight"].min() <= found["denoised.weight"].max() <= 1
+
+
+def test_of_two_nobody_knows_what_is_left(tmp_path: Path) -> None:
+    out = tmp_path / "clean.exr"
+    code, said, _ = plateau("denoise", *renders(tmp_path, 2), "-o", out, "--json")
+    assert code == 0
+    assert json.loads(said).keys() == {"denoiser", "guides"}
+    found = decode_layers(out.read_bytes())
+    assert error(colour(found)) < 0.2 * error(colour(found, "raw."))
+
+
+def test_albedo_and_normals_guide_it_where_all_have_them(tmp_path: Path) -> None:
+    files, out = renders(tmp_path, 2, guided=True), tmp_path / "clean.exr"
+    assert json.loads(plateau("denoise", *files, "-o", out, "--json")[1])["guides"]
+    files[0] = renders(tmp_path, 1)[0]
+    assert not json.loads(plateau("denoise", *files, "-o", out, "--json")[1])["guides"]
+
+
+@pytest.mark.parametrize(
+    ("chosen", "words"),
+    [
+        (["0", "1", "2"], "two images or four"),
+        (["0", "none"], "none.exr: No such file"),
+        (["0", "broken"], "broken.exr: the EXR file is damaged"),
+        (["0", "small"], "differ in size: 4×4, 64×48"),
+        (["0", "clean"], "would overwrite an image that is read"),
+    ],
+)
+def test_what_cannot_be_denoised_is_refused_in_words(
+    tmp_path: Path, chosen: list[str], words: str
+) -> None:
+    renders(tmp_path, 3)
+    (tmp_path / "broken.exr").write_bytes(b"\x76\x2f\x31\x01 and then nothing")
+    small = {name: np.zeros((4, 4), np.float32) for name in "RGB"}
+    (tmp_path / "small.exr").write_bytes(encode_layers(small, {}))
+    out = tmp_path / "clean.exr"
+    code, _, said = plateau("denoise", *(tmp_path / f"{name}.exr" for name in chosen), "-o", out)
+    assert code == 1
+    assert words in said
+    assert not out.exists()
