@@ -110,6 +110,24 @@ def zones_of_pass(
     return film
 
 
+def chunks_of_pass(spp: int, samples: int) -> list[int]:
+    """The samples of the chunks of a pass, of which the largest may have so many."""
+    kernel = _renderer._kernel
+    assert kernel is not None
+    kernel._samples = samples
+    chunks = kernel._chunks([(spp, 7)], [], lambda: False)
+    return [spp * film.pixels(bands).size for film, bands, _, _ in chunks]
+
+
+def next_chunk_after(samples: int, sample_s: float) -> int:
+    """The most samples of a chunk, after one whose samples took so many seconds each."""
+    kernel = _renderer._kernel
+    assert kernel is not None
+    kernel._samples = samples
+    kernel._adjust(sample_s)
+    return kernel._samples
+
+
 def by_mitsuba(spp: int, seeds: range) -> NDArray[np.float64]:
     """The raw films that Mitsuba's own `render` makes, one for each seed."""
     one = _renderer._prepared

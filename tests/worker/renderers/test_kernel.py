@@ -8,7 +8,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tests.support.mitsuba_process import MitsubaProcess, by_mitsuba, zones_of_pass
+from tests.support.mitsuba_process import (
+    MitsubaProcess,
+    by_mitsuba,
+    chunks_of_pass,
+    next_chunk_after,
+    zones_of_pass,
+)
 from tests.support.variants import library_for
 
 NOISE = Path(__file__).parents[2] / "reference/scenes/noise"
@@ -194,6 +200,21 @@ class TestBits:
         mitsuba.load(_scene(tmp_path), filter=filter_)
         whole = mitsuba.render_pass(25, 7)
         assert np.array_equal(mitsuba.call(zones_of_pass, 25, 7, [], chunk), whole)
+
+    def test_the_chunks_of_a_pass_are_of_one_size(self, mitsuba, tmp_path):
+        mitsuba.load(_scene(tmp_path))  # 24 rows of 32 pixels
+        row = 32 * 25
+        # Given room for ten rows, I expect no last chunk of four
+        assert mitsuba.call(chunks_of_pass, 25, 10 * row) == [8 * row, 8 * row, 8 * row]
+        assert mitsuba.call(chunks_of_pass, 25, 100 * row) == [24 * row]
+        assert mitsuba.call(chunks_of_pass, 25, 1) == [row] * 24
+
+    def test_a_chunk_is_as_large_as_it_can_be_within_a_second(self, mitsuba, tmp_path):
+        mitsuba.load(_scene(tmp_path))
+        assert mitsuba.call(next_chunk_after, 2**20, 0.3e-6) == 2**21  # 0.3 s, and then 0.6 s
+        assert mitsuba.call(next_chunk_after, 2**21, 0.3e-6) == 2**21
+        assert mitsuba.call(next_chunk_after, 2**21, 0.5e-6) == 2**20  # after more than 1 s
+        assert mitsuba.call(next_chunk_after, 2**16, 1.0) == 2**16
 
     def test_a_zone_has_the_films_pixels(self, mitsuba, tmp_path):
         mitsuba.load(_scene(tmp_path))

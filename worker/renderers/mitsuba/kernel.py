@@ -114,12 +114,12 @@ class Kernel:
         """
         before: _Rendered | None = None
         for film, bands, spp, seed in self._chunks(passes, zones, is_cancelled):
-            began = time.monotonic()
-            begun = self._begin(film.pixels(bands), spp, seed)
+            began, pixels = time.monotonic(), film.pixels(bands)
+            begun = self._begin(pixels, spp, seed)
             if before is not None:
                 yield from before.added()
             before = _Rendered(film, bands, *_waited_for(begun))
-            self._adjust(time.monotonic() - began)
+            self._adjust((time.monotonic() - began) / (spp * pixels.size))
         if before is not None:
             yield from before.added()
 
@@ -138,11 +138,12 @@ class Kernel:
                 pixels = min(self._samples // spp, _LARGEST_SUMS // sums_of_pixel)
                 yield film, film.next_bands(pixels), spp, seed
 
-    def _adjust(self, took_s: float) -> None:
-        """Choose the size of the next chunks by the time of the last."""
-        if took_s > _CHUNK_S:
+    def _adjust(self, sample_s: float) -> None:
+        """Choose the size of the next chunks by the seconds that a sample of the last took."""
+        whole_s = self._samples * sample_s  # the last may have been smaller
+        if whole_s > _CHUNK_S:
             self._samples = max(self._samples // 2, _SMALLEST_CHUNK)
-        elif took_s < _CHUNK_S / 4:
+        elif whole_s < _CHUNK_S / 2:
             self._samples = min(self._samples * 2, _LARGEST_CHUNK)
 
     def _begin(self, pixels: NDArray[np.uint32], spp: int, seed: int) -> Any:
@@ -173,7 +174,7 @@ class Kernel:
         within = sampler.next_2d()
         values = self._sampled(sampler, mi.Point2f(pixel - y * one.width, y) + within, spp)
         # Now, and once: each sum of its own would trace the path again.
-        dr.eval(values, within)
+        dr.eval(values, within if self.border else None)
         summed = [values[index] for index in one.channels.summed]
         first = dr.arange(mi.UInt32, count) * spp
         ids = [dr.gather(mi.Float, values[index], first) for index in one.channels.of_ids]

@@ -60,8 +60,13 @@ class PassFilm:
         """Whether all rows were added."""
         return self._rows_to_add == 0
 
-    def next_bands(self, pixels: int) -> list[Band]:
-        """Hand out the next rows, until they have so many pixels: one at least."""
+    def next_bands(self, most: int) -> list[Band]:
+        """Hand out the next rows, of `most` pixels or fewer, so that all chunks are of one size.
+
+        A row of each zone is the least. A small last chunk would cost the time between two chunks.
+        """
+        left = sum(rows * self._zones[zone][2] for zone, _, rows in self._to_begin)
+        pixels = -(-left // -(-left // max(1, most)))
         bands: list[Band] = []
         while self._to_begin and (pixels > 0 or not bands):
             zone, top, rows = self._to_begin.pop(0)
