@@ -211,9 +211,9 @@ class TestBits:
 
     def test_a_chunk_is_as_large_as_it_can_be_within_a_second(self, mitsuba, tmp_path):
         mitsuba.load(_scene(tmp_path))
-        assert mitsuba.call(next_chunk_after, 2**20, 0.3e-6) == 2**21  # 0.3 s, and then 0.6 s
+        assert mitsuba.call(next_chunk_after, 2**20, 0.3e-6) == 3 * 2**19  # 0.3 s, and then 0.5 s
         assert mitsuba.call(next_chunk_after, 2**21, 0.3e-6) == 2**21
-        assert mitsuba.call(next_chunk_after, 2**21, 0.5e-6) == 2**20  # after more than 1 s
+        assert mitsuba.call(next_chunk_after, 3 * 2**20, 0.3e-6) == 2**21  # after 0.9 s
         assert mitsuba.call(next_chunk_after, 2**16, 1.0) == 2**16
 
     def test_a_zone_has_the_films_pixels(self, mitsuba, tmp_path):

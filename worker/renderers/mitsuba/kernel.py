@@ -142,9 +142,9 @@ class Kernel:
         """Choose the size of the next chunks by the seconds that a sample of the last took."""
         whole_s = self._samples * sample_s  # the last may have been smaller
         if whole_s > _CHUNK_S:
-            self._samples = max(self._samples // 2, _SMALLEST_CHUNK)
-        elif whole_s < _CHUNK_S / 2:
-            self._samples = min(self._samples * 2, _LARGEST_CHUNK)
+            self._samples = max(self._samples * 2 // 3, _SMALLEST_CHUNK)
+        elif whole_s * 3 < _CHUNK_S * 2:
+            self._samples = min(self._samples * 3 // 2, _LARGEST_CHUNK)
 
     def _begin(self, pixels: NDArray[np.uint32], spp: int, seed: int) -> Any:
         """Begin to render these pixels of the film; return the sums to be."""
