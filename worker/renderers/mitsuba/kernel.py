@@ -174,7 +174,7 @@ class Kernel:
         within = sampler.next_2d()
         values = self._sampled(sampler, mi.Point2f(pixel - y * one.width, y) + within, spp)
         # Now, and once: each sum of its own would trace the path again.
-        dr.eval(values, within if self.border else None)
+        dr.eval(values, within)
         summed = [values[index] for index in one.channels.summed]
         first = dr.arange(mi.UInt32, count) * spp
         ids = [dr.gather(mi.Float, values[index], first) for index in one.channels.of_ids]
