@@ -10,17 +10,25 @@ from typing import TYPE_CHECKING, Any, Final
 if TYPE_CHECKING:
     from plateau.client import (
         ApiError,
+        BadId,
+        BrokenScene,
         Client,
         ClientError,
         FinishedEvent,
         ImageEvent,
+        InvalidSpec,
+        NoImageYet,
+        NotAllowed,
         PointEvent,
         SliceEvent,
         StateEvent,
         TimedOut,
         TroubleEvent,
+        UnknownJob,
+        UnknownScene,
         Unreachable,
     )
+    from plateau.client.async_client import AsyncClient
     from plateau.farm.model.spec import (
         ExrSpec,
         FixedSpec,
@@ -40,16 +48,22 @@ if TYPE_CHECKING:
 
 __all__ = [
     "ApiError",
+    "AsyncClient",
+    "BadId",
+    "BrokenScene",
     "Client",
     "ClientError",
     "ExrSpec",
     "FinishedEvent",
     "FixedSpec",
     "ImageEvent",
+    "InvalidSpec",
     "JobSpec",
     "JobState",
     "MultipleSpec",
     "MyszkowskiSpec",
+    "NoImageYet",
+    "NotAllowed",
     "PointEvent",
     "RenderFailed",
     "Result",
@@ -59,6 +73,8 @@ __all__ = [
     "SuccessiveSpec",
     "TimedOut",
     "TroubleEvent",
+    "UnknownJob",
+    "UnknownScene",
     "Unreachable",
     "ViewSpec",
     "VisibleSpec",
@@ -68,6 +84,8 @@ __all__ = [
 
 #: Homes of names that are neither specs nor the client's.
 _HOMES: Final = {
+    "InvalidSpec": "plateau.client",
+    "AsyncClient": "plateau.client.async_client",
     "JobState": "plateau.farm.model.states",
     "RenderFailed": "plateau.rendering.render",
     "Result": "plateau.rendering.result",

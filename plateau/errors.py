@@ -6,7 +6,7 @@ Every process of the farm imports this module, so it imports nothing heavy.
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Final
+from typing import Any, Final
 
 from plateau.farm.bundle import BundleError
 from plateau.farm.model.errors import FarmError
@@ -14,6 +14,18 @@ from plateau.farm.model.errors import FarmError
 
 class PlateauError(Exception):
     """The program is not at fault; the message is all that a user needs."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # What an error is made of is no longer known, only what became of it.
+        return _error, (type(self), self.args, self.__dict__)
+
+
+def _error(kind: type[PlateauError], args: tuple[Any, ...], state: dict[str, Any]) -> PlateauError:
+    """An error as it was when it was pickled."""
+    error = kind.__new__(kind)
+    error.args = args
+    error.__dict__.update(state)
+    return error
 
 
 class CommandFailed(PlateauError):

@@ -6,7 +6,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from plateau.commands.connect import connect, whole_id
+from plateau.commands.connect import connect
 from plateau.exit_codes import ExitCode
 from plateau.study.answers import AnswersFit
 from plateau.study.answers_table import FittedScene, fit_table, plot_study
@@ -35,8 +35,8 @@ def create(
     """Make a study of a job; print its id, and where observers take part."""
     with connect(url) as client:
         study = client.studies.create(
-            whole_id(client, job_id),
-            reference_job_id=None if reference is None else whole_id(client, reference),
+            client.whole_id(job_id),
+            reference_job_id=None if reference is None else client.whole_id(reference),
             method=method,
             levels=levels or None,
             name=name,

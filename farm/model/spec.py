@@ -302,8 +302,13 @@ class SharedSpec(Strict):
 #: Any that 64 bits hold; more digits would be no number to any renderer.
 _WholeNumber = Annotated[int, Field(ge=-(2**63), le=2**63 - 1)]
 
+#: A number of numpy becomes one of Python.
+_FROM_NUMPY: Final = BeforeValidator(
+    lambda value: value.item() if type(value).__module__ == "numpy" else value
+)
+
 #: Values for a scene's ``$parameters``.
-Parameters = dict[str, str | _WholeNumber | float | bool]
+Parameters = dict[str, Annotated[str | _WholeNumber | float | bool, _FROM_NUMPY]]
 
 
 def parameter_strings(parameters: Parameters) -> dict[str, str]:

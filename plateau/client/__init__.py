@@ -2,7 +2,7 @@
 
 >>> from plateau import Client, JobSpec  # doctest: +SKIP
 >>> with Client() as client:
-...     job = client.submit(Path("scenes/box"), JobSpec(max_spp=2000))
+...     job = client.submit("scenes:box", JobSpec(max_spp=2000))
 ...     job = client.wait(job.id)
 ...     radiance = client.array(job.id)
 """
@@ -10,12 +10,19 @@
 from plateau.client.client import DEFAULT_URL, Client
 from plateau.client.errors import (
     ApiError,
+    BadId,
     BadKey,
     BadUrl,
+    BrokenScene,
     ClientError,
     Damaged,
+    InvalidSpec,
+    NoImageYet,
+    NotAllowed,
     NotPlateau,
     TimedOut,
+    UnknownJob,
+    UnknownScene,
     Unreachable,
 )
 from plateau.client.events import (
@@ -30,18 +37,25 @@ from plateau.client.events import (
 __all__ = [
     "DEFAULT_URL",
     "ApiError",
+    "BadId",
     "BadKey",
     "BadUrl",
+    "BrokenScene",
     "Client",
     "ClientError",
     "Damaged",
     "FinishedEvent",
     "ImageEvent",
+    "InvalidSpec",
+    "NoImageYet",
+    "NotAllowed",
     "NotPlateau",
     "PointEvent",
     "SliceEvent",
     "StateEvent",
     "TimedOut",
     "TroubleEvent",
+    "UnknownJob",
+    "UnknownScene",
     "Unreachable",
 ]

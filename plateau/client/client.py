@@ -1,8 +1,8 @@
 """The client: all groups of calls over one transport."""
 
 from collections.abc import Callable
-from functools import cached_property
-from typing import TYPE_CHECKING, Final
+from functools import cached_property, partial
+from typing import TYPE_CHECKING, Any, Final
 
 from plateau.client.batches import BatchCalls
 from plateau.client.continuing import ContinuingCalls
@@ -58,14 +58,19 @@ class Client(
         once_heard_s: float = 0.0,
         on_version: Callable[[str], object] | None = None,
     ) -> None:
-        self._transport = Transport(
-            url,
-            key=key,
-            patience_s=patience_s,
-            timeout_s=timeout_s,
-            once_heard_s=once_heard_s,
-            on_version=on_version,
-        )
+        self._options: dict[str, Any] = {
+            "key": key,
+            "patience_s": patience_s,
+            "timeout_s": timeout_s,
+            "once_heard_s": once_heard_s,
+            "on_version": on_version,
+        }
+        self._transport = Transport(url, **self._options)
+        self._transport.whole_id = self.whole_id
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """A pickled client has the API key, and opens connections of its own."""
+        return partial(type(self), self.url, **self._options), ()
 
     @cached_property
     def studies(self) -> "StudyCalls":

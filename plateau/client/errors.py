@@ -8,11 +8,18 @@
     ├── Unreachable   no service answers at the URL
     ├── NotPlateau    the answer is not that of a service of a known version
     ├── Damaged       a received file is not what the service sent
+    ├── BadId         a shortened id is that of no job, or of several
     ├── ApiError      the service answered with a problem
+    │   ├── UnknownJob    unknown-job
+    │   ├── UnknownScene  unknown-scene
+    │   ├── NoImageYet    no-image-yet
+    │   ├── BrokenScene   broken-scene
+    │   ├── InvalidSpec   invalid-spec
+    │   └── NotAllowed    no or no good API key, or one without the permission
     └── TimedOut      the job or batch was not finished in time; also a TimeoutError
 """
 
-from typing import Any
+from typing import Any, Final
 
 from plateau.errors import PlateauError
 
@@ -92,6 +99,51 @@ class ApiError(ClientError):
         self.slug = str(problem.get("type", "")).rpartition("/")[2]
         self.problem = problem
         self.retry_after_s = retry_after_s
+
+
+class UnknownJob(ApiError):
+    """There is no such job."""
+
+
+class UnknownScene(ApiError):
+    """No scene with this SHA-256 is stored."""
+
+
+class NoImageYet(ApiError):
+    """Nothing of the job can be seen yet."""
+
+
+class BrokenScene(ApiError):
+    """The scene is not allowed, or not whole."""
+
+
+class InvalidSpec(ApiError):
+    """A field of the spec is unknown, or has a value that is not allowed."""
+
+
+class NotAllowed(ApiError):
+    """The service requires an API key, or a better one."""
+
+
+_BY_SLUG: Final[dict[str, type[ApiError]]] = {
+    "unknown-job": UnknownJob,
+    "unknown-scene": UnknownScene,
+    "no-image-yet": NoImageYet,
+    "broken-scene": BrokenScene,
+    "invalid-spec": InvalidSpec,
+}
+_NOT_ALLOWED: Final = frozenset({401, 403})
+
+
+def api_error(status: int, problem: dict[str, Any], *, retry_after_s: float = 0.0) -> ApiError:
+    """The error for an answer, of the class for its kind of problem."""
+    slug = str(problem.get("type", "")).rpartition("/")[2]
+    other = NotAllowed if status in _NOT_ALLOWED else ApiError
+    return _BY_SLUG.get(slug, other)(status, problem, retry_after_s=retry_after_s)
+
+
+class BadId(ClientError):
+    """A shortened id is that of no job, or of several."""
 
 
 class TimedOut(ClientError, TimeoutError):

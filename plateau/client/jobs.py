@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack
 from typing import Any, Final
 
+from plateau.client.short_ids import whole_id
 from plateau.client.transport import Calls, Model, Transport
 from plateau.farm.model.job import LogEntry
 from plateau.farm.model.spec import JobSpec
@@ -27,10 +28,12 @@ class JobCalls(Calls):
 
     def submit(
         self,
+        /,
         scene: SceneAtHand,
         spec: JobSpec | None = None,
         *,
         idempotency_key: str | None = None,
+        **fields: Any,
     ) -> JobView:
         """Submit a scene; returns the new job.
 
@@ -44,18 +47,35 @@ class JobCalls(Calls):
         idempotency_key
             A second call with the same key returns the job that the first one made. Without it,
             each call has a new key, and its repeated attempts make one job.
+        **fields
+            Fields of `JobSpec`, which replace those of `spec`.
 
         Raises
         ------
+        pydantic.ValidationError
+            A field of the spec is unknown, or its value is not allowed.
         plateau.farm.bundle.BundleError
             The scene's files cannot be packed: one is missing, or not allowed; or a value of the
             dict cannot be written.
         ApiError
             ``broken-scene``, ``unknown-scene``, ``upload-too-large``, ``idempotency-key-reused``.
         """
-        spec = spec or JobSpec()
+        spec = spec_of(spec, fields)
         values, request = [spec.parameter_strings()], spec.as_request()
         return submitted(self._transport, JobView, scene, request, values, idempotency_key)
+
+    def whole_id(self, job_id: str) -> str:
+        """The whole id of a job, by its first letters, at least four; a whole one unchanged.
+
+        Every call takes shortened ids. Programs should store whole ones: another job may come whose
+        id begins in the same way.
+
+        Raises
+        ------
+        BadId
+            None of the newest 1,000 jobs has such an id, or several have.
+        """
+        return whole_id(job_id, self.all_jobs())
 
     def job(self, job_id: str) -> JobView:
         """The current state of the job."""
@@ -176,6 +196,12 @@ class JobCalls(Calls):
 
     def _steer(self, job_id: str, action: str) -> JobView:
         return self._transport.ask(JobView, "POST", f"/v1/jobs/{job_id}/{action}")
+
+
+def spec_of(spec: JobSpec | None, fields: Mapping[str, Any]) -> JobSpec:
+    """The spec with these fields replaced, checked."""
+    given = {} if spec is None else {name: getattr(spec, name) for name in spec.model_fields_set}
+    return JobSpec(**{**given, **fields})
 
 
 def submitted(

@@ -1,5 +1,6 @@
 """Requests to the service, repeated while it is away, and answers parsed into models."""
 
+import json
 import math
 import re
 import ssl
@@ -11,7 +12,15 @@ from typing import Any, Final, TypeVar
 import httpx
 from pydantic import BaseModel, ValidationError
 
-from plateau.client.errors import ApiError, BadKey, BadUrl, ClientError, NotPlateau, Unreachable
+from plateau.client.errors import (
+    ApiError,
+    BadKey,
+    BadUrl,
+    ClientError,
+    NotPlateau,
+    Unreachable,
+    api_error,
+)
 from plateau.farm.process.backoff import Backoff
 
 _FIRST_WAIT_S: Final = 0.25
@@ -22,6 +31,9 @@ _WRITE_S: Final = 120.0
 _VERSION: Final = "Plateau-Version"
 #: Statuses after which the same call may succeed in a moment.
 _AWAY: Final = frozenset({httpx.codes.SERVICE_UNAVAILABLE, httpx.codes.TOO_MANY_REQUESTS})
+
+#: The beginning of a path of a job's, and the id.
+_OF_A_JOB: Final = re.compile(r"^(/v1/jobs/)([^/]+)")
 
 Model = TypeVar("Model", bound=BaseModel)
 
@@ -65,6 +77,8 @@ class Transport:
     ) -> None:
         self.url = _checked(url)
         self.version: str | None = None
+        #: makes a shortened id in a path whole
+        self.whole_id: Callable[[str], str] = str
         self._on_version = on_version
         self._patience_s = patience_s
         self._once_heard_s = once_heard_s
@@ -118,6 +132,9 @@ class Transport:
         The request must be safe to repeat. `arguments` are those of `httpx.Client.request`. Raises
         `ApiError`, `NotPlateau` or `Unreachable`.
         """
+        path = self._with_whole_id(path)
+        if "json" in arguments:
+            arguments["json"] = _plain(arguments["json"])
         patience = Patience(self)
         while True:
             try:
@@ -135,6 +152,7 @@ class Transport:
         self, path: str, *, read_s: float, headers: dict[str, str] | None = None
     ) -> Iterator[httpx.Response]:
         """A response whose body is streamed, with at most `read_s` seconds between its parts."""
+        path = self._with_whole_id(path)
         timeout = httpx.Timeout(read_s, connect=min(read_s, _CONNECT_S))
         with (
             self._reached(),
@@ -144,6 +162,9 @@ class Transport:
                 answer.read()
                 raise self._error(answer)
             yield answer
+
+    def _with_whole_id(self, path: str) -> str:
+        return _OF_A_JOB.sub(lambda found: found[1] + self.whole_id(found[2]), path)
 
     @contextmanager
     def _reached(self) -> Iterator[None]:
@@ -162,7 +183,7 @@ class Transport:
             problem = None
         if isinstance(problem, dict) and "type" in problem:
             retry_after_s = _seconds(answer.headers.get("Retry-After"))
-            error = ApiError(answer.status_code, problem, retry_after_s=retry_after_s)
+            error = api_error(answer.status_code, problem, retry_after_s=retry_after_s)
             # A busy service is worth the longer wait.
             self._is_heard = self._is_heard or error.slug == "busy"
             return error
@@ -204,6 +225,11 @@ def _trusted(url: str) -> ssl.SSLContext | bool:
     Plain HTTP needs none, since redirects are not followed; to read them would take 40 ms.
     """
     return ssl.create_default_context() if url.startswith("https:") else False
+
+
+def _plain(value: Any) -> Any:
+    """JSON in which numbers of numpy are numbers."""
+    return json.loads(json.dumps(value, default=lambda one: one.item()))
 
 
 def _seconds(header: str | None) -> float:

@@ -1,21 +1,14 @@
-"""The client of the command line, and abbreviated ids of jobs."""
+"""The client of the command line."""
 
-import re
-from itertools import islice
 from typing import Final
 
 from plateau.client import Client
-from plateau.errors import CommandFailed, tell
+from plateau.errors import tell
 from plateau.farm.model import versions
 from plateau.processes.read_settings import api_key, read_settings
 
 #: A service that stops answering may only be restarting, for example for an upgrade.
 _ONCE_HEARD_S: Final = 60.0
-
-_PREFIX: Final = re.compile(r"[0-9a-f]{4,11}")
-#: A prefix is searched among this many of the newest jobs.
-_NEWEST: Final = 1000
-_SHOWN: Final = 5
 
 
 def connect(url: str | None, *, timeout_s: float = 30.0, quiet: bool = False) -> Client:
@@ -49,18 +42,3 @@ def connect(url: str | None, *, timeout_s: float = 30.0, quiet: bool = False) ->
 def _series(version: str) -> list[str]:
     """Major and minor version; versions of one series have the same calls."""
     return version.split(".")[:2]
-
-
-def whole_id(client: Client, given: str) -> str:
-    """The id of the only recent job with this prefix, as in git; anything else unchanged."""
-    if not _PREFIX.fullmatch(given):
-        return given
-    newest = [job.id for job in islice(client.all_jobs(), _NEWEST)]
-    found = [job_id for job_id in newest if job_id.startswith(given)]
-    if not found:
-        among = f" of the newest {_NEWEST:,}" if len(newest) == _NEWEST else ""
-        raise CommandFailed(f"no job{among} has an id that begins with {given}; see `plateau list`")
-    if len(found) > 1:
-        more = ", …" if len(found) > _SHOWN else ""
-        raise CommandFailed(f"{given} may be {', '.join(found[:_SHOWN])}{more}: give more of it")
-    return found[0]

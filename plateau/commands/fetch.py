@@ -7,7 +7,7 @@ from pathlib import Path
 from rich.console import Console
 
 from plateau import job_text
-from plateau.commands.connect import connect, whole_id
+from plateau.commands.connect import connect
 from plateau.commands.outputs import write_results
 from plateau.files.out_folder import make_ready
 from plateau.terminal.curve import job_curve
@@ -16,7 +16,7 @@ from plateau.terminal.curve import job_curve
 def curve(job_id: str, *, url: str | None, as_csv: bool, as_json: bool) -> None:
     """Print the curve of a job as text, CSV or JSON."""
     with connect(url) as client:
-        job_id = whole_id(client, job_id)
+        job_id = client.whole_id(job_id)
         if as_csv:
             print(client.curve_csv(job_id), end="")
             return
@@ -39,7 +39,7 @@ def curve(job_id: str, *, url: str | None, as_csv: bool, as_json: bool) -> None:
 def fetch(job_id: str, out: Path, *, url: str | None, as_json: bool) -> None:
     """Write the results of a job so far into a folder."""
     with connect(url) as client:
-        job = client.job(whole_id(client, job_id))
+        job = client.job(client.whole_id(job_id))
         make_ready(out)
         about = write_results(client, job, out)
     if as_json:

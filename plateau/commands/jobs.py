@@ -9,7 +9,7 @@ from typing import Any
 from rich.console import Console
 
 from plateau import job_text
-from plateau.commands.connect import connect, whole_id
+from plateau.commands.connect import connect
 from plateau.commands.follow import follow
 from plateau.commands.outputs import summary_json, write_results
 from plateau.commands.webhooks import undelivered
@@ -43,7 +43,7 @@ def watch(
     """Follow a job to its end; returns the exit code."""
     shown = progress_on(Console(stderr=True), curve=curve)
     with connect(url) as client:
-        job_id = whole_id(client, job_id)
+        job_id = client.whole_id(job_id)
         if out is not None:
             client.job(job_id)  # make no folder for an unknown job
             make_ready(out)
@@ -68,7 +68,7 @@ def watch(
 def stream(job_id: str, *, url: str | None) -> int:
     """Print each event of a job as a line of JSON until its end; returns the exit code."""
     with connect(url) as client:
-        job_id = whole_id(client, job_id)
+        job_id = client.whole_id(job_id)
         for event in client.events(job_id):
             print(event.model_dump_json(), flush=True)
         return EXIT_CODES[client.job(job_id).state]
@@ -77,7 +77,7 @@ def stream(job_id: str, *, url: str | None) -> int:
 def show(job_id: str, *, url: str | None, as_json: bool) -> None:
     """Print a job, its story and its links."""
     with connect(url) as client:
-        job_id = whole_id(client, job_id)
+        job_id = client.whole_id(job_id)
         job = client.job(job_id)
         lines = story(job_id, client.happened(job_id), client.log(job_id))
         messages = undelivered(client, job)
@@ -103,7 +103,7 @@ def show(job_id: str, *, url: str | None, as_json: bool) -> None:
 def log(job_id: str, *, index: int | None, url: str | None, as_json: bool) -> None:
     """Print the log of a job, or of one of its slices."""
     with connect(url) as client:
-        job_id = whole_id(client, job_id)
+        job_id = client.whole_id(job_id)
         if index is None:
             entries = client.log(job_id)
             shown: dict[str, object] = {}
@@ -157,14 +157,14 @@ def steer(job_id: str, action: str, *, url: str | None, as_json: bool) -> None:
     """Cancel, pause or resume a job."""
     with connect(url) as client:
         calls = {"cancel": client.cancel, "pause": client.pause, "resume": client.resume}
-        job = calls[action](whole_id(client, job_id))
+        job = calls[action](client.whole_id(job_id))
     print(job.model_dump_json(indent=2) if as_json else f"{job.id} {job.state.value}")
 
 
 def priority(job_id: str, value: int, *, url: str | None, as_json: bool) -> None:
     """Change a job's priority."""
     with connect(url) as client:
-        job = client.set_priority(whole_id(client, job_id), value)
+        job = client.set_priority(client.whole_id(job_id), value)
     shown = f"{job.id} {job.state.value}, priority {job.spec.priority}"
     print(job.model_dump_json(indent=2) if as_json else shown)
 
@@ -202,13 +202,13 @@ def _row(job: Job) -> tuple[str, ...]:
 def continue_job(job_id: str, changes: dict[str, Any], *, url: str | None, as_json: bool) -> None:
     """Continue an ended job; prints the new job's id."""
     with connect(url) as client:
-        _print_id(client.continue_job(whole_id(client, job_id), changes), as_json=as_json)
+        _print_id(client.continue_job(client.whole_id(job_id), changes), as_json=as_json)
 
 
 def rejudge(job_id: str, changes: dict[str, Any], *, url: str | None, as_json: bool) -> None:
     """Judge the kept slices of an ended job again; prints the new job's id."""
     with connect(url) as client:
-        _print_id(client.rejudge(whole_id(client, job_id), changes), as_json=as_json)
+        _print_id(client.rejudge(client.whole_id(job_id), changes), as_json=as_json)
 
 
 def _print_id(job: JobView, *, as_json: bool) -> None:

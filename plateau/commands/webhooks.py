@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pydantic import ValidationError
 
 from plateau.client import Client
-from plateau.commands.connect import connect, whole_id
+from plateau.commands.connect import connect
 from plateau.errors import CommandFailed
 from plateau.farm.model import input_errors
 from plateau.farm.model.deliveries import Delivery
@@ -52,7 +52,7 @@ def undelivered(client: Client, job: JobView) -> list[str]:
 def list_deliveries(job_id: str, *, url: str | None, as_json: bool) -> None:
     """Print the messages to a job's webhook."""
     with connect(url) as client:
-        found = client.webhooks(whole_id(client, job_id))
+        found = client.webhooks(client.whole_id(job_id))
     if as_json:
         print(found.model_dump_json(indent=2))
         return
@@ -63,7 +63,7 @@ def list_deliveries(job_id: str, *, url: str | None, as_json: bool) -> None:
 def redeliver(job_id: str, number: int, *, url: str | None, as_json: bool) -> None:
     """Send a message again."""
     with connect(url) as client:
-        found = client.redeliver(whole_id(client, job_id), number)
+        found = client.redeliver(client.whole_id(job_id), number)
     print(found.model_dump_json(indent=2) if as_json else f"{found.id} {found.state}")
 
 

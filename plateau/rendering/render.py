@@ -5,6 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from plateau.client.jobs import spec_of
 from plateau.commands.outputs import write_or_keep
 from plateau.errors import PlateauError
 from plateau.farm.model.spec import JobSpec
@@ -26,9 +27,6 @@ class RenderFailed(PlateauError):
     def __init__(self, result: Result) -> None:
         super().__init__(f"the job failed: {result.reason}")
         self.result = result
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return type(self), (self.result,)
 
 
 def render(
@@ -100,7 +98,7 @@ def render(
     ((512, 512, 3), 'exhausted')
     >>> result.save("box.exr")  # doctest: +SKIP
     """
-    asked = _asked(spec, fields)
+    asked = spec_of(spec, fields)
     folder = None if out is None else Path(out)
     if folder is not None:
         make_ready(folder)
@@ -124,11 +122,6 @@ def render(
     if result.state is JobState.CANCELLED and interrupts.asked.is_set() and not result.has_image:
         raise KeyboardInterrupt
     return result
-
-
-def _asked(spec: JobSpec | None, fields: dict[str, Any]) -> JobSpec:
-    given = {} if spec is None else {name: getattr(spec, name) for name in spec.model_fields_set}
-    return JobSpec(**{**given, **fields})
 
 
 def _here(

@@ -15,7 +15,6 @@ from typer.testing import CliRunner
 
 from plateau.cli import app
 from plateau.client import Client
-from plateau.commands.connect import whole_id
 from plateau.commands.farm import WORKER_COLUMNS, worker_row
 from plateau.errors import CommandFailed
 from plateau.farm.blobs.store import Blobs
@@ -246,8 +245,8 @@ class TestShortIds:
         with pytest.raises(
             CommandFailed, match="abcd may be abcd00000000, abcd00000001: give more"
         ):
-            whole_id(plateau_client, "abcd")
-        assert whole_id(plateau_client, "abcd00000001") == "abcd00000001"
+            plateau_client.whole_id("abcd")
+        assert plateau_client.whole_id("abcd00000001") == "abcd00000001"
 
     @pytest.mark.parametrize("given", ["abc", "nope", "../jobs", "0123456789ab", "abcdefg"])
     def test_other_words_are_left_to_the_service(self, given: str) -> None:

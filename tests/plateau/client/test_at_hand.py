@@ -1,0 +1,156 @@
+"""The client takes what people have at hand, and what it returns can be passed on."""
+
+import asyncio
+import inspect
+import pickle
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import redis
+
+import plateau as package
+import plateau.client.errors
+import plateau.errors
+from plateau import ApiError, AsyncClient, BadId, Client, ClientError, TimedOut, Unreachable
+from plateau.client import BadUrl, NoImageYet, UnknownJob, UnknownScene
+from plateau.farm.model.spec import JobSpec
+from plateau.farm.model.versions import plateau as version
+from tests.support.staged_job import StagedJob
+
+
+class TestScenes:
+    def test_by_the_name_of_an_example_or_a_path_as_text(self, plateau: Client) -> None:
+        job = plateau.submit("scenes:box", max_spp=200)
+        assert (job.name, job.spec.max_spp) == ("box.zip", 200)
+        from plateau import scenes
+
+        assert plateau.submit(str(scenes.FOLDER / "box")).scene_sha256 == job.scene_sha256
+        assert plateau.submit(job.scene_sha256).scene_sha256 == job.scene_sha256
+
+    def test_fields_replace_those_of_a_spec(self, plateau: Client) -> None:
+        spec = JobSpec(max_spp=200, seed=1)
+        job = plateau.submit("scenes:box", spec, seed=2, view={"exposure_ev": 1})
+        assert (job.spec.max_spp, job.spec.seed, job.spec.view.exposure_ev) == (200, 2, 1.0)
+        with pytest.raises(ValueError, match="max_sp"):
+            plateau.submit("scenes:box", max_sp=200)
+
+    def test_numbers_of_numpy(self, plateau: Client) -> None:
+        spec = JobSpec(
+            max_spp=np.int64(200),
+            zones=np.array([2, 3]),
+            parameters={"width": np.int32(64), "height": np.uint8(32), "intensity": np.float64(2)},
+        )
+        job = plateau.submit("scenes:box", spec)
+        assert (job.spec.zones, job.spec.max_spp) == ((2, 3), 200)
+        assert job.spec.parameter_strings() == {"width": "64", "height": "32", "intensity": "2.0"}
+        assert plateau.set_priority(job.id, np.int64(7)).spec.priority == 7
+
+
+def test_ids_may_be_shortened(plateau: Client, client: redis.Redis) -> None:
+    job = StagedJob(client).id
+    assert plateau.job(job[:6]).id == plateau.whole_id(job[:4]) == job
+    assert plateau.curve(job[:5]) == []
+    assert plateau.cancel(job[:4]).id == job
+    assert [one.id for one in plateau.jobs().jobs] == [job]
+    unknown = next(text for text in ("0000", "ffff") if not job.startswith(text))
+    with pytest.raises(BadId, match=f"no job has an id that begins with {unknown}"):
+        next(plateau.events(unknown))
+
+
+def test_problems_have_types(plateau: Client, client: redis.Redis) -> None:
+    with pytest.raises(UnknownJob) as caught:
+        plateau.job("0123456789ab")
+    assert (caught.value.status, caught.value.slug) == (404, "unknown-job")
+    with pytest.raises(NoImageYet):
+        plateau.array(StagedJob(client).id)
+    with pytest.raises(UnknownScene):
+        plateau.submit(64 * "0")
+
+
+@pytest.mark.parametrize(
+    "made",
+    [
+        lambda: ApiError(409, {"type": "/problems/job-ended", "detail": "it has"}, retry_after_s=2),
+        lambda: UnknownJob(404, {"detail": "none"}),
+        lambda: BadUrl("nowhere"),
+        lambda: Unreachable("http://a", "silence"),
+        lambda: TimedOut("job a", 3),
+        lambda: package.errors.ExtraMissing("numba", "monitor"),
+    ],
+)
+def test_errors_can_be_pickled(made: Callable[[], Exception]) -> None:
+    error = made()
+    again = pickle.loads(pickle.dumps(error))
+    assert (type(again), str(again), vars(again)) == (type(error), str(error), vars(error))
+    assert isinstance(again, package.errors.PlateauError)
+
+
+def test_clients_and_jobs_can_be_pickled(plateau: Client, client: redis.Redis) -> None:
+    job = plateau.job(StagedJob(client).id)
+    assert pickle.loads(pickle.dumps(job)) == job
+    with pickle.loads(pickle.dumps(Client(plateau.url, patience_s=1.0))) as again:
+        assert again.job(job.id) == job
+
+
+def test_the_package_knows_its_version() -> None:
+    assert package.__version__ == version()
+
+
+class TestAsync:
+    def test_it_has_every_call(self) -> None:
+        def calls(kind: type) -> set[str]:
+            found = inspect.getmembers(kind, inspect.isfunction)
+            return {name for name, _ in found if not name.startswith("_")}
+
+        assert calls(AsyncClient) == calls(Client)
+
+    def test_many_waits_at_once(self, api: str, client: redis.Redis) -> None:
+        jobs = [StagedJob(client) for _ in range(40)]  # more than a pool of threads has
+
+        async def finish() -> list[str]:
+            async with AsyncClient(api) as plateau:
+                waits = [asyncio.create_task(plateau.wait(job.id)) for job in jobs]
+                assert (await plateau.job(jobs[0].id)).id == jobs[0].id
+                for job in jobs:
+                    job.commit()
+                    job.end()
+                    job.finish()
+                return [job.id for job in await asyncio.gather(*waits)]
+
+        assert asyncio.run(finish()) == [job.id for job in jobs]
+
+    def test_iterators_and_errors(self, api: str, client: redis.Redis, tmp_path: Path) -> None:
+        job = StagedJob(client)
+        job.commit(2)
+        job.end()
+        job.finish()
+
+        async def look() -> tuple[list[str], list[str]]:
+            async with AsyncClient(api) as plateau:
+                with pytest.raises(UnknownJob):
+                    await plateau.job("0123456789ab")
+                events = [event.type async for event in plateau.events(job.id)]
+                return events, [one.id async for one in plateau.all_jobs()]
+
+        events, jobs = asyncio.run(look())
+        assert events[-1] == "finished"
+        assert jobs == [job.id]
+
+    def test_a_cancelled_wait_lets_go(self, api: str, client: redis.Redis) -> None:
+        job = StagedJob(client)
+
+        async def give_up() -> str:
+            async with AsyncClient(api) as plateau:
+                with pytest.raises(asyncio.TimeoutError):
+                    await asyncio.wait_for(plateau.wait(job.id), 0.2)
+                return (await plateau.cancel(job.id)).state.value
+
+        assert asyncio.run(give_up()) == "cancelled"
+
+
+def test_all_of_its_own_errors_have_one_base() -> None:
+    errors = [value for value in vars(package.client.errors).values() if inspect.isclass(value)]
+    own = [one for one in errors if one.__module__ == "plateau.client.errors"]
+    assert all(issubclass(one, ClientError) for one in own)
