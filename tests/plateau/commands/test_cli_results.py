@@ -14,9 +14,8 @@ import redis
 from typer.testing import CliRunner
 
 from plateau.cli import app
-from plateau.client import Client
+from plateau.client import BadId, Client
 from plateau.commands.farm import WORKER_COLUMNS, worker_row
-from plateau.errors import CommandFailed
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.model.job import Worker
 from plateau.farm.model.states import JobState
@@ -242,9 +241,7 @@ class TestShortIds:
             job.model_copy(update={"id": f"abcd0000000{number}"}) for number, job in enumerate(jobs)
         ]
         monkeypatch.setattr(plateau_client, "all_jobs", lambda: iter(alike))
-        with pytest.raises(
-            CommandFailed, match="abcd may be abcd00000000, abcd00000001: give more"
-        ):
+        with pytest.raises(BadId, match="abcd may be abcd00000000, abcd00000001: give more"):
             plateau_client.whole_id("abcd")
         assert plateau_client.whole_id("abcd00000001") == "abcd00000001"
 
