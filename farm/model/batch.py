@@ -54,7 +54,7 @@ class Guard(_Record):
     )
     even: bool = Field(
         description="whether all of its jobs stop alike: the same rule with the same parameters, "
-        "min_spp, step and view, on a film of the same size as far as that is known"
+        "min_spp, step, view and denoising, on a film of the same size as far as that is known"
     )
     rule: str = Field(description="the rule that most of its jobs have")
     target: float | None = Field(

@@ -1,8 +1,8 @@
 """The fields that the frames of a sequence must share to stop at the same visible noise.
 
 Frames that stop with different amounts of noise flicker. The amount depends on the rule and its
-target, on the least spp, the step and the view. Jobs with the same of these are *even*; a guarded
-batch takes only even jobs.
+target, on the least spp, the step and the view, and on whether the image is denoised. Jobs with the
+same of these are *even*; a guarded batch takes only even jobs.
 """
 
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from typing import Final
 from plateau.farm.model.spec import JobSpec
 
 #: The fields of a spec that even jobs share.
-EVEN: Final = ("rule", "min_spp", "step", "view")
+EVEN: Final = ("rule", "min_spp", "step", "view", "denoise")
 
 Value = str | int | float | bool | None
 

@@ -138,7 +138,7 @@ class SharedSpec(Strict):
     flicker_guard: bool = Field(
         default=False,
         description="guard the batch: every job of it has to stop alike (rule, min_spp, step, "
-        "view), and one that does not is refused, now and later",
+        "view, denoise), and one that does not is refused, now and later",
     )
     variant: Variant = Field(
         default="auto",

@@ -259,6 +259,9 @@ class TestAGuardedBatch:
             assert answer.json()["guard"]["guarded"] is True
         other = {"parameters": {"w": 16}, "batch": "walk", "min_spp": 100}
         problem(submit(http, WIDE, other), 409, "uneven-batch")
+        denoised = {"parameters": {"w": 16}, "batch": "walk", "denoise": {"name": "oidn"}}
+        found = problem(submit(http, WIDE, denoised), 409, "uneven-batch")
+        assert "denoise.name" in found["detail"]
         problem(http.post("/v1/batches/none/guard"), 404, "unknown-batch")
 
     def test_cannot_be_made_of_jobs_that_stop_otherwise(self, http: httpx.Client) -> None:
