@@ -116,8 +116,11 @@ class Continuations:
         *,
         idempotency_key: str = "",
         owner: str = "",
+        notes: tuple[str, ...] = (),
     ) -> Created:
         """Create the job of `spec`, passed by `check`, that continues `job`; it renders at once.
+
+        `notes` say what of the spec was changed.
 
         Raises
         ------
@@ -128,7 +131,9 @@ class Continuations:
         """
         compared = guarded_batches.compared(self._redis, spec.batch, spec) if spec.batch else ""
         digest = hashlib.sha256(f"{job.id} {spec.as_request()}".encode()).hexdigest()
-        new = records.new_job(spec, name=job.name, scene_sha256=job.scene_sha256, owner=owner)
+        new = records.new_job(
+            spec, name=job.name, scene_sha256=job.scene_sha256, owner=owner, notes=notes
+        )
         made = self._scripts.run(
             Continue(
                 job=new,

@@ -90,14 +90,15 @@ class Jobs:
         idempotency_key: str = "",
         digest: str = "",
         owner: str = "",
+        notes: tuple[str, ...] = (),
     ) -> Created:
         """As `create`, for each spec, all or none; returns the first job.
 
-        The specs differ only in their parameters.
+        The specs differ only in their parameters; `notes` say what of them was changed.
         """
         batch = specs[0].batch or ""
         jobs = tuple(
-            records.new_job(spec, name=name, scene_sha256=scene_sha256, owner=owner)
+            records.new_job(spec, name=name, scene_sha256=scene_sha256, owner=owner, notes=notes)
             for spec in specs
         )
         made = Made(outcome="changed")

@@ -5,7 +5,7 @@ import logging
 import secrets
 from collections.abc import Container, Iterator, Mapping
 from contextlib import contextmanager
-from itertools import count
+from itertools import chain, count
 from typing import Any
 
 from plateau.farm.blobs import store as blobs
@@ -15,6 +15,7 @@ from plateau.farm.model.job import CurvePoint, Event, Job, Worker, moment
 from plateau.farm.model.plan import Round
 from plateau.farm.model.spec import JobSpec, stored_spec
 from plateau.farm.model.states import JobState
+from plateau.farm.model.whole_slices import fitted
 from plateau.farm.redis import keys
 from plateau.farm.redis.client import Pipeline
 from plateau.farm.redis.commands.jobs import NewJob
@@ -127,7 +128,7 @@ def _job(fields: dict[str, str], sealed: dict[str, str]) -> Job:
         machine_s=int(fields["machine_ms"]) / 1000,
         wasted_s=int(fields.get("wasted_ms", 0)) / 1000,
         second_tries=int(fields.get("second_tries", 0)),
-        notes=tuple(json.loads(fields.get("notes", "[]"))),
+        notes=_notes(fields),
         continues=fields.get("continues"),
         continued_spp=int(fields.get("continued_spp", 0)),
         paused_s=int(fields.get("paused_ms", 0)) / 1000,
@@ -135,8 +136,11 @@ def _job(fields: dict[str, str], sealed: dict[str, str]) -> Job:
     )
 
 
-def new_job(spec: JobSpec, *, name: str, scene_sha256: str, owner: str = "") -> NewJob:
-    """A new job, with an id of its own."""
+def new_job(
+    spec: JobSpec, *, name: str, scene_sha256: str, owner: str = "", notes: tuple[str, ...] = ()
+) -> NewJob:
+    """A new job, with an id of its own; `notes` say what of its spec was changed."""
+    assert fitted(spec) == spec, "steps and the cap are whole numbers of slices"
     fields: dict[str, str | int] = {
         "name": name,
         "spec": spec.model_dump_json(),
@@ -146,6 +150,7 @@ def new_job(spec: JobSpec, *, name: str, scene_sha256: str, owner: str = "") -> 
         "need": fit.need(spec),
         "slice_spp": spec.slice_spp,
         **({"round_slices": spec.step // spec.slice_spp} if spec.by_zones else {}),
+        **({"fitted": json.dumps(notes)} if notes else {}),
         "batch": spec.batch or "",
         "guards": 1 if spec.flicker_guard else "",
         "planned": 0,
@@ -164,6 +169,12 @@ def new_job(spec: JobSpec, *, name: str, scene_sha256: str, owner: str = "") -> 
         fields["webhook_url"] = spec.webhook.url
         fields["webhook_secret"] = "" if secret is None else secret.get_secret_value()
     return NewJob(secrets.token_hex(6), fields)
+
+
+def _notes(fields: dict[str, str]) -> tuple[str, ...]:
+    """What was changed of its spec, then those of the worker and the monitor; each once."""
+    found = (json.loads(fields.get(name, "[]")) for name in ("fitted", "notes"))
+    return tuple(dict.fromkeys(chain(*found)))
 
 
 def _spec(fields: dict[str, str]) -> JobSpec:

@@ -109,7 +109,11 @@ class ViewSpec(Strict):
 class SharedSpec(Strict):
     """How an image is sampled, judged and stopped, whatever the scene's parameters are."""
 
-    step: Spp = Field(default=100, description="spp between two evaluations of the rule")
+    step: Spp = Field(
+        default=100,
+        description="spp between two evaluations of the rule; where it, the cap and the slices are "
+        "no multiples of each other, they are changed a little, and a note on the job says so",
+    )
     slice_spp: int = Field(
         default=25, ge=1, le=4096, description="spp of one slice, the unit of work"
     )
@@ -188,42 +192,16 @@ class SharedSpec(Strict):
 
     @model_validator(mode="after")
     def _consistent(self) -> "SharedSpec":
-        if self.step % self.slice_spp:
-            raise ValueError(
-                f"step must be a multiple of slice_spp, so that an evaluation falls on a whole "
-                f"number of slices: {self.step} is not a multiple of {self.slice_spp}"
-            )
-        if self.max_spp % self.slice_spp and not self.by_zones:
-            raise ValueError(
-                f"max_spp must be a multiple of slice_spp: "
-                f"{self.max_spp} is not a multiple of {self.slice_spp}"
-            )
         if self.min_spp is not None and self.min_spp > self.max_spp:
             raise ValueError(
                 f"min_spp must not be above max_spp: {self.min_spp} is above {self.max_spp}"
             )
-        if self.by_zones or self.is_denoised:
-            self._check_quarters()
         if self.by_zones:
             self._check_zones()
         names = [rule.name for rule in (self.rule, *self.watch)]
         if len(set(names)) < len(names):
             raise ValueError("each rule may be named once, as the rule or under watch")
         return self
-
-    def _check_quarters(self) -> None:
-        why = "by zones" if self.by_zones else "where the image is denoised"
-        slices = self.step // self.slice_spp
-        if slices % 4:
-            raise ValueError(
-                f"{why}, the slices of a step are a multiple of 4, as they form halves in two "
-                f"ways: {self.step} spp are {slices} of {self.slice_spp}"
-            )
-        if self.is_denoised and self.max_spp // self.slice_spp % 4:
-            raise ValueError(
-                f"{why}, so are those of max_spp: {self.max_spp} spp are "
-                f"{self.max_spp // self.slice_spp} of {self.slice_spp}"
-            )
 
     def _check_zones(self) -> None:
         if self.is_denoised:

@@ -70,10 +70,10 @@ class TestASubmission:
         # It did arrive. A change that is refused and taken back is no other request
         (made,) = ids(farm)
         page.get_by_text("More", exact=True).click()
-        page.get_by_label("Judge every").fill("30")
+        page.get_by_label("No sooner than").fill("20000")
         page.get_by_role("button", name="Render it").click()
-        expect(wrong).to_contain_text("step must be a multiple of slice_spp")
-        page.get_by_label("Judge every").fill("100")
+        expect(wrong).to_contain_text("min_spp must not be above max_spp")
+        page.get_by_label("No sooner than").fill("")
         # And then
         page.get_by_role("button", name="Render it").click()
         leads_to(visitor, made)

@@ -230,11 +230,11 @@ class TestWhatIsRefused:
         choose(form, scene)
         form.get_by_text("More", exact=True).click()
         form.get_by_label("Priority").fill("5")
-        form.get_by_label("Judge every").fill("30")  # no whole number of slices
+        form.get_by_label("No sooner than").fill("20000")  # beyond the cap
         form.get_by_role("button", name="Render it").click()
-        expect(form.locator(".wrong")).to_contain_text("step must be a multiple of slice_spp")
+        expect(form.locator(".wrong")).to_contain_text("min_spp must not be above max_spp")
         # What was typed is still there, and can be mended
-        form.get_by_label("Judge every").fill("50")
+        form.get_by_label("No sooner than").fill("50")
         form.get_by_role("button", name="Render it").click()
         expect(form).to_have_url(re.compile("/jobs/[0-9a-f]{12}$"))
 

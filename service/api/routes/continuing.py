@@ -12,6 +12,8 @@ from plateau.farm.ledger.continuation import Remains, changed_spec, check
 from plateau.farm.model.errors import CannotContinue
 from plateau.farm.model.job import Job
 from plateau.farm.model.spec import JobSpec
+from plateau.farm.model.whole_slices import changes as changes_of
+from plateau.farm.model.whole_slices import fitted
 from plateau.farm.wire.json_numbers import whole_numbers
 from plateau.farm.wire.views import JobView
 from plateau.service.api.access.callers import CallerOf
@@ -95,14 +97,20 @@ class Asker:
         try:
             changed = changed_spec(job.spec, whole_numbers(changes))
             # From JSON, which has no tuples: strict mode still refuses a number in quotes.
-            spec = JobSpec.model_validate_json(json.dumps(changed), strict=True)
+            wanted = JobSpec.model_validate_json(json.dumps(changed), strict=True)
         except ValidationError as error:
             raise invalid_spec(error) from error
+        spec = fitted(wanted, keep_slices=True)
         check_webhook(spec, self.farm.receivers)
         check_batch_name(spec)
         check(job, remains, spec)
         new = self.farm.continuations.start(
-            job, remains, spec, idempotency_key=self.key, owner=self.who.id
+            job,
+            remains,
+            spec,
+            idempotency_key=self.key,
+            owner=self.who.id,
+            notes=changes_of(wanted, spec),
         )
         idempotency.settle(new, self.key, self.response)
         self.response.headers["Location"] = f"/v1/jobs/{new.job.id}"

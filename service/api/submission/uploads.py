@@ -26,6 +26,7 @@ from plateau.farm.ledger.jobs import Created
 from plateau.farm.ledger.scene_index import SceneIndex
 from plateau.farm.model.renderers import variant_for
 from plateau.farm.model.spec import BatchSpec, JobSpec
+from plateau.farm.model.whole_slices import changes, fitted
 from plateau.service.api.access.callers import Caller, CallerOf
 from plateau.service.api.parts import Farm, Parts, parts_of
 from plateau.service.api.problems import problem as problems
@@ -50,7 +51,8 @@ _SHA256: Final = re.compile(r"[0-9a-f]{64}")
 class Submission:
     """The parts of a request to create a job."""
 
-    spec: JobSpec | BatchSpec
+    spec: JobSpec | BatchSpec  #: in whole slices
+    notes: tuple[str, ...]  #: what of it was changed
     idempotency_key: str
     scene: UploadFile | str  #: the upload, or the SHA-256 of a stored scene
 
@@ -84,8 +86,10 @@ async def _submission(form: FormData, key: str) -> Submission:
         raise invalid_field(problems.INVALID_REQUEST, unknown[0], message)
     part = form.get("spec")
     text = (await part.read(MOST_FIELD_BYTES)) if isinstance(part, UploadFile) else part
-    spec = submitted_spec(text or b"{}")
-    return Submission(spec, key, _scene(form.get("scene"), form.get("scene_sha256")))
+    wanted = submitted_spec(text or b"{}")
+    spec = fitted(wanted)
+    scene = _scene(form.get("scene"), form.get("scene_sha256"))
+    return Submission(spec, changes(wanted, spec), key, scene)
 
 
 def _scene(upload: UploadFile | str | None, sha256: UploadFile | str | None) -> UploadFile | str:
@@ -210,6 +214,7 @@ def create_job(asked: Submission, scene: StoredScene, farm: Parts, *, owner: str
         idempotency_key=asked.idempotency_key,
         digest=digest,
         owner=owner,
+        notes=asked.notes,
     )
 
 

@@ -70,9 +70,9 @@ def test_what_is_wrong_is_told_plainly(field: str, value: object, words: str) ->
 
 def test_a_check_of_our_own_speaks_for_itself() -> None:
     with pytest.raises(ValidationError) as refusal:
-        JobSpec.model_validate({"step": 30})
+        JobSpec.model_validate({"min_spp": 300, "max_spp": 200})
     [one] = refusal.value.errors()
-    assert input_errors.message(one).startswith("step must be a multiple of slice_spp")
+    assert input_errors.message(one).startswith("min_spp must not be above max_spp")
 
 
 def test_a_setting_that_is_wrong_is_told_without_its_value(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -103,7 +103,6 @@ def test_a_cap_within_the_first_rounds_completes_it(cap: int) -> None:
         ({"allocation": {"name": "zones", "size": 40}}, "multiple of 16"),
         ({"allocation": {"name": "zones", "size": 0}}, "greater than or equal to 16"),
         ({"allocation": {"name": "tiles"}}, "tiles"),
-        ({"step": 20}, "a multiple of 4"),
         ({"variant": "scalar_rgb"}, "scalar_rgb renders whole films alone"),
     ],
 )

@@ -20,8 +20,7 @@ def test_the_default_is_the_papers_rule() -> None:
     ("wrong", "words"),
     [
         ({"stepp": 100}, "stepp"),
-        ({"step": 90}, "multiple of slice_spp"),
-        ({"max_spp": 110}, "multiple of slice_spp"),
+        ({"min_spp": 110, "max_spp": 100}, "min_spp must not be above max_spp"),
         ({"max_spp": 0}, "max_spp"),
         ({"seed": 4096}, "seed"),
         ({"time_limit_s": float("nan")}, "time_limit_s"),

@@ -171,7 +171,7 @@ class TestOptions:
     @pytest.mark.parametrize(
         ("options", "words"),
         [
-            (["--step", "30"], "step must be a multiple of slice_spp"),
+            (["--min-spp", "300", "--max-spp", "200"], "min_spp must not be above max_spp"),
             (["--step", "-1"], "--step: must be at least 1"),
             (["--exposure", "101"], "--exposure: "),
             (["--field-of-view", "180"], "--field-of-view: "),

@@ -48,6 +48,22 @@ class TestScenes:
         assert plateau.set_priority(job.id, np.int64(7)).spec.priority == 7
 
 
+def test_any_cap_will_do_and_a_note_says_what_it_takes(
+    plateau: Client, client: redis.Redis
+) -> None:
+    job = plateau.submit("scenes:box", max_spp=10)
+    assert (job.spec.max_spp, job.spec.slice_spp) == (10, 10)
+    note = "slice_spp is 10 in place of 25: steps and the cap are whole numbers of slices"
+    assert job.notes == (note,)
+    # It stays with those of the worker
+    staged = StagedJob(client, job.id)
+    staged.commit()
+    assert plateau.job(job.id).notes == (note,)
+    staged.end()
+    staged.finish()
+    assert plateau.job(job.id).notes == (note,)
+
+
 def test_ids_may_be_shortened(plateau: Client, client: redis.Redis) -> None:
     job = StagedJob(client).id
     assert plateau.job(job[:6]).id == plateau.whole_id(job[:4]) == job

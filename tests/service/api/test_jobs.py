@@ -145,7 +145,7 @@ class TestABadSpec:
             ({"max_spp": 0}, "spec.max_spp"),
             ({"time_limit_s": "soon"}, "spec.time_limit_s"),
             ({"parameters": {"width": []}}, "spec.parameters.width"),
-            ({"step": 30}, "spec"),
+            ({"min_spp": 300, "max_spp": 200}, "spec"),
             ("[]", "spec"),
             ("{", "spec"),
             ("[" * 100_000, "spec"),

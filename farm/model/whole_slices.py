@@ -1,0 +1,114 @@
+"""Fits a job's step, slices and cap to each other: steps and the cap are whole numbers of slices.
+
+Seeds, halves and sums are by slices, all of one size. So the size of the slices gives way first,
+then the step; the cap changes only where no slice of a useful size divides it, and then falls.
+Slices that exist already keep their size, and then the cap rises.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final, TypeVar
+
+from plateau.farm.model.spec import MOST_SPP, SharedSpec
+
+_Spec = TypeVar("_Spec", bound=SharedSpec)
+
+#: Slices may become larger or smaller than asked for by this factor.
+_MOST_CHANGE: Final = 4
+#: By zones, and where the image is denoised, the slices of a step form halves in two ways.
+_QUARTERS: Final = 4
+_MOST_SLICE_SPP: Final = 4096
+
+_NAMES: Final = ("step", "slice_spp", "max_spp")
+
+
+def fitted(spec: _Spec, *, keep_slices: bool = False) -> _Spec:
+    """The spec with a step and a cap of whole slices.
+
+    Parameters
+    ----------
+    spec
+        Any spec; one that fits is returned as it is.
+    keep_slices
+        Whether slices keep their size, as they exist already.
+
+    Examples
+    --------
+    >>> from plateau.farm.model.spec import JobSpec
+    >>> fit = fitted(JobSpec(max_spp=10))
+    >>> fit.max_spp, fit.slice_spp, fit.step
+    (10, 10, 100)
+    >>> fit = fitted(JobSpec(max_spp=1001))
+    >>> fit.max_spp, fit.slice_spp, fit.step
+    (1001, 13, 104)
+    >>> fit = fitted(JobSpec(max_spp=997))  # a prime
+    >>> fit.max_spp, fit.slice_spp, fit.step
+    (975, 25, 100)
+    """
+    whole = _Whole(
+        of_step=_QUARTERS if spec.by_zones or spec.is_denoised else 1,
+        # By zones the plan ends at any cap.
+        of_cap=0 if spec.by_zones else _QUARTERS if spec.is_denoised else 1,
+    )
+    step, size, cap = (whole.keeping if keep_slices else whole.fit)(
+        spec.step, spec.slice_spp, spec.max_spp
+    )
+    changed = {"step": step, "slice_spp": size, "max_spp": cap}
+    if spec.min_spp is not None:
+        changed["min_spp"] = min(spec.min_spp, changed["max_spp"])
+    different = {name: value for name, value in changed.items() if getattr(spec, name) != value}
+    return spec.model_copy(update=different) if different else spec
+
+
+def changes(asked: SharedSpec, fit: SharedSpec) -> tuple[str, ...]:
+    """What `fitted` has changed, as notes for people."""
+    return tuple(
+        f"{name} is {getattr(fit, name):,} in place of {getattr(asked, name):,}: steps and the cap "
+        "are whole numbers of slices"
+        for name in _NAMES
+        if getattr(fit, name) != getattr(asked, name)
+    )
+
+
+@dataclass(frozen=True)
+class _Whole:
+    """Of how many slices steps and the cap are multiples; 0 for a cap of any size."""
+
+    of_step: int
+    of_cap: int
+
+    def fit(self, step: int, size: int, cap: int) -> tuple[int, int, int]:
+        """Step, slice and cap, of which the slice gives way first."""
+        if self._fits(step, size, cap):
+            return step, size, cap
+        aim = max(1, min(size, step // self.of_step, cap // max(1, self.of_cap)))
+        for one in _near(aim):
+            if self._fits(step, one, cap):
+                return step, one, cap
+        for one in _near(aim):
+            if not cap % (one * self.of_cap or 1):
+                return _nearest(step, one * self.of_step), one, cap
+        unit = aim * self.of_cap
+        return _nearest(step, aim * self.of_step), aim, max(unit, cap - cap % unit)
+
+    def keeping(self, step: int, size: int, cap: int) -> tuple[int, int, int]:
+        """The same for slices that exist already: the cap rises."""
+        if self._fits(step, size, cap):
+            return step, size, cap
+        unit = size * self.of_cap or 1
+        cap = min(cap + -cap % unit, MOST_SPP - MOST_SPP % unit)
+        return _nearest(step, size * self.of_step), size, cap
+
+    def _fits(self, step: int, size: int, cap: int) -> bool:
+        return not step % (size * self.of_step) and not cap % (size * self.of_cap or 1)
+
+
+def _near(aim: int) -> Iterator[int]:
+    """Sizes of slices by their distance from the one that is aimed at, up to `_MOST_CHANGE`."""
+    low, high = -(-aim // _MOST_CHANGE), min(aim * _MOST_CHANGE, _MOST_SLICE_SPP)
+    yield from sorted(range(low, high + 1), key=lambda size: max(size / aim, aim / size))
+
+
+def _nearest(step: int, unit: int) -> int:
+    """The multiple of the unit that is nearest to the step, and allowed."""
+    return max(1, min(round(step / unit), MOST_SPP // unit)) * unit

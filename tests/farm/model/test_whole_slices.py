@@ -1,0 +1,84 @@
+"""Steps and caps of any size become whole numbers of slices."""
+
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from plateau.farm.model.spec import MOST_SPP, JobSpec
+from plateau.farm.model.whole_slices import changes, fitted
+
+ZONES = {"name": "zones"}
+OIDN = {"name": "oidn"}
+
+
+@pytest.mark.parametrize(
+    ("asked", "expected"),
+    [
+        # What fits stays
+        ({}, (100, 25, 10_000)),
+        ({"step": 50, "slice_spp": 50, "max_spp": 50}, (50, 50, 50)),
+        # The slices give way first
+        ({"max_spp": 10}, (100, 10, 10)),
+        ({"max_spp": 1}, (100, 1, 1)),
+        ({"max_spp": 110}, (100, 10, 110)),
+        ({"step": 30}, (30, 10, 10_000)),
+        ({"step": 90}, (90, 10, 10_000)),
+        # Then the step
+        ({"max_spp": 1_001}, (104, 13, 1_001)),
+        ({"step": 97}, (100, 25, 10_000)),
+        # In the end the cap, which falls
+        ({"max_spp": 997}, (100, 25, 975)),
+        ({"max_spp": 997, "min_spp": 990}, (100, 25, 975)),
+        # By zones, steps have a multiple of four slices, and any cap will do
+        ({"max_spp": 997, "allocation": ZONES}, (100, 25, 997)),
+        ({"step": 50, "allocation": ZONES}, (48, 12, 10_000)),
+        # Where the image is denoised, so has the cap
+        ({"max_spp": 10, "denoise": OIDN}, (96, 2, 8)),
+        ({"max_spp": 110, "denoise": OIDN}, (100, 25, 100)),
+    ],
+)
+def test_the_least_that_is_needed_changes(
+    asked: dict[str, Any], expected: tuple[int, int, int]
+) -> None:
+    fit = fitted(JobSpec(**asked))
+    assert (fit.step, fit.slice_spp, fit.max_spp) == expected
+
+
+def test_slices_that_exist_keep_their_size() -> None:
+    fit = fitted(JobSpec(max_spp=110, step=60), keep_slices=True)
+    assert (fit.step, fit.slice_spp, fit.max_spp) == (50, 25, 125)
+
+
+def test_changes_are_told() -> None:
+    asked = JobSpec(max_spp=10)
+    assert changes(asked, fitted(asked)) == (
+        "slice_spp is 10 in place of 25: steps and the cap are whole numbers of slices",
+    )
+    assert changes(JobSpec(), fitted(JobSpec())) == ()
+
+
+@given(
+    st.integers(1, MOST_SPP),
+    st.integers(1, 4096),
+    st.integers(1, MOST_SPP),
+    st.sampled_from([{}, {"allocation": ZONES}, {"denoise": OIDN}]),
+    st.booleans(),
+)
+def test_every_spec_fits(step: int, size: int, cap: int, more: dict[str, Any], keep: bool) -> None:
+    asked = JobSpec(step=step, slice_spp=size, max_spp=cap, **more)
+    fit = fitted(asked, keep_slices=keep)
+    assert fitted(fit) == fit
+    # And is one that may be submitted
+    assert JobSpec.model_validate(fit.model_dump()) == fit
+    assert not fit.step % (fit.slice_spp * (4 if more else 1))
+    of_cap = 0 if fit.by_zones else 4 if fit.is_denoised else 1
+    unit = fit.slice_spp * of_cap or 1
+    assert not fit.max_spp % unit
+    # No more is rendered than was asked for, and little less; slices that exist are filled up
+    if keep:
+        assert fit.slice_spp == size
+        assert cap <= fit.max_spp < cap + unit or fit.max_spp > MOST_SPP - unit
+    else:
+        assert cap - unit < fit.max_spp <= max(cap, of_cap)
