@@ -40,7 +40,7 @@ class Allocation:
 
     #: The zones that it has, (rows, columns); at least one.
     zones: NDArray[np.bool_]
-    #: Samples per pixel of each of them, a multiple of the number of slices.
+    #: Samples per pixel of each of them.
     spp: int
     #: Samples per pixel of each zone when the whole image is expected to reach the target, (rows,
     #: columns); at least those that are planned, and in all a small round more.
@@ -57,7 +57,6 @@ def plan_round(
     spp: NDArray[np.int64],
     planned: NDArray[np.int64],
     size: int,
-    slices: int,
 ) -> Allocation:
     """Return the zones and samples of the next round.
 
@@ -75,8 +74,6 @@ def plan_round(
         The same after all rounds that are decided already, at least `spp`.
     size
         Side of the zones in pixels. Those at the right and lower edges may be smaller.
-    slices
-        Slices of a round.
 
     Raises
     ------
@@ -106,7 +103,7 @@ def plan_round(
     >>> estimate = estimate_from(metric, model, clean)
     >>> spp = np.full((2, 2), 100)
     >>> plan = plan_round(
-    ...     metric, model, clean, estimate, 0.0005, spp=spp, planned=spp, size=32, slices=4
+    ...     metric, model, clean, estimate, 0.0005, spp=spp, planned=spp, size=32
     ... )
     >>> bool(plan.zones[0, 1]), bool(plan.needed[0, 1] > 4 * plan.needed[1, 0])
     (True, True)
@@ -121,7 +118,7 @@ def plan_round(
     least = max(LEAST_ROUND * total, float(curves.pixels.sum()))
     needed = _needed(curves, spp, planned, allowed_pixels(target, model.pixels), total + least)
     zones, more = _round(needed, planned, curves.pixels, least)
-    return Allocation(zones, math.ceil(more / slices) * slices, needed)
+    return Allocation(zones, math.ceil(more), needed)
 
 
 def _needed(

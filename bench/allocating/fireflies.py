@@ -61,7 +61,6 @@ def _render(chance: float, bright: float, seed: int) -> NDArray[np.float64]:
             spp=spp,
             planned=spp,
             size=ZONE,
-            slices=4,
         )
         flying = plan.zones * plan.spp
 

@@ -62,7 +62,6 @@ class Zones:
             spp=film.spp[each],
             planned=(film.spp + flying)[each],
             size=self.size,
-            slices=4,
         )
         return spread(plan.zones, self.size, film.spp), film.whole(plan.spp)
 

@@ -16,7 +16,7 @@ variants the cap decides passes and seeds (see `plateau.farm.model.seeds`).
 import hashlib
 from bisect import bisect_left
 from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 from plateau.farm.ledger import guarded_batches, records
@@ -95,7 +95,7 @@ class Continuations:
         if job.spec.keep_slices:
             slices, checkpoint = committed, None
             if plan.by_zones:  # where the slices end, a round ends
-                slices -= slices % plan.round_slices
+                slices = plan.end_of_rounds(slices)
         elif checkpoint is not None:
             slices = Checkpoint.model_validate_json(checkpoint).slices
         if not 0 < slices <= committed:
@@ -168,23 +168,22 @@ def _taken_rounds(job: Job, remains: Remains, spec: JobSpec) -> tuple[DecidedRou
     had = remains.plan
     if not had.by_zones:
         return ()
-    whole = remains.slices // had.round_slices
-    decided = [one for one in had.decided if one.spp]
+    whole = replace(had, max_spp=spec.max_spp).rounds(remains.slices)
+    decided = [one for one in had.decided if one.slices]
     plan = Plan.of(spec, job.width, job.height)
     wanted = max(0, whole - LAG) if remains.kept else whole
-    for number in range(wanted):
-        first = (number + LAG) * had.round_slices
-        if number < len(decided):
-            like = decided[number]
-        else:
-            like = plan.decided[-1] if plan.decided else Round(plan.slice_spp, None, plan.pixels)
-        is_begun = number < len(decided) and first < remains.slices
-        plan = plan.with_round(like if is_begun else plan.round_of(like.zones, like.spp))
-        if plan.decided[-1].spp == 0:
+    like = Round(0, plan.step_slices, plan.slice_spp, None, plan.pixels)
+    for one in [*decided[:wanted], *[None] * (wanted - len(decided))]:
+        like = one or like
+        if one is not None and one.first < remains.slices:  # it is begun
+            plan = plan.with_round(one)
+            continue
+        plan = plan.with_round(plan.round_of(like.zones, like.slices * like.spp, like.spp))
+        if not plan.decided[-1].slices:
             break
     if remains.kept and spec.max_spp <= remains.spp:
-        plan = plan.with_round(Round(spp=0, zones=None, pixels=0))
-    return tuple(DecidedRound(n, one.as_json()) for n, one in enumerate(plan.decided, LAG))
+        plan = plan.with_round(Round(plan.stop, 0, 0, None, 0))
+    return tuple(DecidedRound(one.first, one.as_json()) for one in plan.decided)
 
 
 def changed_spec(spec: JobSpec, changes: dict[str, Any]) -> dict[str, Any]:

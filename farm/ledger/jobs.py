@@ -19,7 +19,7 @@ from plateau.farm.model.errors import (
 )
 from plateau.farm.model.fit import Kind
 from plateau.farm.model.job import BEFORE_ALL_EVENTS, CurvePoint, Event, Job, LogEntry, Worker
-from plateau.farm.model.plan import Plan
+from plateau.farm.model.plan import Plan, Round
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
 from plateau.farm.redis import keys
@@ -245,11 +245,11 @@ class Jobs:
 
     def plan(self, job: Job) -> Plan:
         """What each slice of the job has, as far as it is decided."""
-        stored: dict[str, str] = {}
+        stored: list[str] = []
         if job.spec.by_zones:
             with unavailable_as_farm_error():
-                stored = self._redis.hgetall(keys.job(job.id, "rounds"))
-        return Plan.of(job.spec, job.width, job.height, records.decided_rounds(stored))
+                stored = self._redis.zrange(keys.job(job.id, "rounds"), 0, -1)
+        return Plan.of(job.spec, job.width, job.height, map(Round.from_json, stored))
 
     def ledger(self, job_id: str) -> dict[int, dict[str, Any]]:
         """Each committed slice's record, by index, in order."""

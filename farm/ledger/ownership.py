@@ -19,7 +19,7 @@ from plateau.farm.model.states import JobState
 from plateau.farm.redis import keys
 from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.commands.command import Answer
-from plateau.farm.redis.commands.jobs import End
+from plateau.farm.redis.commands.jobs import DecidedRound, End
 from plateau.farm.redis.commands.owners import (
     Abandon,
     AppendPoint,
@@ -183,22 +183,20 @@ class Ownerships:
         owned: Ownership,
         spp: int,
         point: dict[str, object],
-        decided: tuple[int, Round] | None = None,
+        decided: Round | None = None,
     ) -> None:
         """Append a point to the curve, once for each spp.
 
-        `decided` is the number of the round that its image decides, and the round; point and round
-        are stored together.
+        `decided` is the round that its image decides; point and round are stored together.
         """
-        number, one = decided or (0, None)
+        stored = None if decided is None else DecidedRound(decided.first, decided.as_json())
         self._checked(
             AppendPoint(
                 job=owned.job_id,
                 token=owned.token,
                 spp=spp,
                 point=json.dumps(point),
-                number=number,
-                round=None if one is None else one.as_json(),
+                round=stored,
             )
         )
 

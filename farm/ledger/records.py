@@ -12,7 +12,6 @@ from plateau.farm.blobs import store as blobs
 from plateau.farm.model import fit
 from plateau.farm.model.errors import UnreadableJob
 from plateau.farm.model.job import CurvePoint, Event, Job, Worker, moment
-from plateau.farm.model.plan import Round
 from plateau.farm.model.spec import JobSpec, stored_spec
 from plateau.farm.model.states import JobState
 from plateau.farm.model.whole_slices import fitted
@@ -149,7 +148,7 @@ def new_job(
         "asked_variant": spec.variant,
         "need": fit.need(spec),
         "slice_spp": spec.slice_spp,
-        **({"round_slices": spec.step // spec.slice_spp} if spec.by_zones else {}),
+        **({"by_zones": 1} if spec.by_zones else {}),
         **({"fitted": json.dumps(notes)} if notes else {}),
         "batch": spec.batch or "",
         "guards": 1 if spec.flicker_guard else "",
@@ -191,11 +190,6 @@ def committed_spp(fields: Mapping[str, str | None], slice_spp: int) -> int:
     if samples and width and height:
         return int(samples) // (int(width) * int(height))
     return int(fields["committed"] or 0) * slice_spp
-
-
-def decided_rounds(stored: dict[str, str]) -> tuple[Round, ...]:
-    """The rounds of a job that images have decided, in order."""
-    return tuple(Round.from_json(stored[number]) for number in sorted(stored, key=int))
 
 
 def _image_spp(fields: dict[str, str]) -> int | None:

@@ -1,16 +1,18 @@
 """What each slice of a job has: which zones of the film, and how many samples.
 
-The slices of one step are a *round*: they have the same zones and the same spp. Where a job
-allocates its samples by frame, all rounds are alike. Where it does so by zones, its first rounds
-are whole films, and the image after each round decides the round after the next. So a worker never
-waits for a judgement, and the plan depends on the merged slices alone.
+The slices between two points of the curve are a *round*: they have the same zones and the same spp.
+Where a job allocates its samples by frame, each round is a step. Where it does so by zones, its
+first rounds are steps of whole films, and the image after each round decides the round after the
+next, and how many slices that has. So a worker never waits for a judgement, and the plan depends on
+the merged slices alone.
 """
 
 from __future__ import annotations
 
 import json
 import math
-from dataclasses import dataclass, replace
+from bisect import bisect_left, bisect_right
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Final
 
@@ -32,33 +34,49 @@ GROWTH: Final = 1.25
 
 @dataclass(frozen=True)
 class Round:
-    """What the slices of a step have.
+    """Some slices that an image has decided, until the next point of the curve.
 
     Attributes
     ----------
+    first : int
+        Index of the first slice.
+    slices : int
+        How many there are: a multiple of 4, as they form halves in two ways. 0 ends the plan.
     spp : int
-        Samples per pixel of each slice; 0 ends the plan.
+        Samples per pixel of each slice.
     zones : tuple of int or None
         Numbers of zones in the grid, rising; None for the whole film.
     pixels : int
         Pixels of each slice.
     """
 
+    first: int
+    slices: int
     spp: int
     zones: tuple[int, ...] | None
     pixels: int
 
+    @property
+    def stop(self) -> int:
+        """The index after the last slice."""
+        return self.first + self.slices
+
+    @property
+    def samples(self) -> int:
+        """Of all slices."""
+        return self.slices * self.spp * self.pixels
+
     def as_json(self) -> str:
         """Return the round as text: zones as the bits of a number, in hexadecimal."""
         bits = None if self.zones is None else f"{sum(1 << number for number in self.zones):x}"
-        return json.dumps({"spp": self.spp, "zones": bits, "pixels": self.pixels})
+        return json.dumps({**asdict(self), "zones": bits})
 
     @classmethod
     def from_json(cls, text: str) -> Round:
         """Return the round that `as_json` wrote."""
         stored = json.loads(text)
         zones = None if stored["zones"] is None else tuple(_bits(int(stored["zones"], 16)))
-        return cls(stored["spp"], zones, stored["pixels"])
+        return cls(**{**stored, "zones": zones})
 
 
 def _bits(value: int) -> Iterator[int]:
@@ -71,8 +89,8 @@ class Plan:
 
     Attributes
     ----------
-    slice_spp, round_slices, max_spp : int
-        Of the job: spp of a slice of the whole film, slices of a round, and the cap in spp.
+    slice_spp, step_slices, max_spp : int
+        Of the job: spp of a slice of the whole film, such slices of a step, and the cap in spp.
     width, height : int or None
         Of the film, in pixels; None before it is known.
     size : int or None
@@ -84,7 +102,7 @@ class Plan:
     """
 
     slice_spp: int
-    round_slices: int
+    step_slices: int
     max_spp: int
     width: int | None = None
     height: int | None = None
@@ -104,7 +122,7 @@ class Plan:
         size = spec.allocation.size if isinstance(spec.allocation, ZonesAllocation) else None
         return cls(
             slice_spp=spec.slice_spp,
-            round_slices=spec.step // spec.slice_spp,
+            step_slices=spec.step // spec.slice_spp,
             max_spp=spec.max_spp,
             width=width,
             height=height,
@@ -138,7 +156,7 @@ class Plan:
 
     def slice_round(self, index: int) -> Round | None:
         """Return the round of slice `index` if an image has decided it."""
-        number = index // self.round_slices - LAG
+        number = bisect_right(self._ends, index) - LAG
         return self.decided[number] if self.by_zones and number >= 0 else None
 
     def slice_spp_of(self, index: int) -> int:
@@ -146,31 +164,43 @@ class Plan:
         one = self.slice_round(index)
         return self.slice_spp if one is None else one.spp
 
-    @cached_property
+    @property
     def stop(self) -> int:
         """The number of slices that are decided."""
-        if not self.by_zones:
-            return self._most
-        rounds = sum(one.spp > 0 for one in self.decided)
-        return min(self._most, LAG * self.round_slices) + rounds * self.round_slices
+        return self._ends[-1] if self.by_zones else self._most
+
+    @cached_property
+    def _ends(self) -> tuple[int, ...]:
+        """By zones, the number of slices at the end of each round."""
+        first = (min(self._most, number * self.step_slices) for number in range(1, LAG + 1))
+        return (*first, *(one.stop for one in self.decided if one.slices))
 
     @property
     def is_complete(self) -> bool:
         """Whether the cap leaves no room for more slices than those that are decided."""
-        if not self.by_zones or self._most <= LAG * self.round_slices:
+        if not self.by_zones or self._most <= LAG * self.step_slices:
             return True
-        return any(not one.spp for one in self.decided)
+        return any(not one.slices for one in self.decided)
 
     @property
     def _most(self) -> int:
         """The number of slices at the cap, if all are whole films."""
         return self.max_spp // self.slice_spp
 
+    def rounds(self, slices: int) -> int:
+        """Return how many rounds by zones the first slices complete."""
+        return bisect_right(self._ends, slices)
+
+    def end_of_rounds(self, slices: int) -> int:
+        """Return how many of the first slices are rounds by zones that they complete."""
+        rounds = self.rounds(slices)
+        return self._ends[rounds - 1] if rounds else 0
+
     def decides(self, slices: int) -> bool:
         """Whether the image of so many slices, the end of a round, has a round to decide."""
-        whole, rest = divmod(slices, self.round_slices)
-        is_next = not rest and whole - 1 == len(self.decided)
-        return self.by_zones and is_next and not self.is_complete
+        if not self.by_zones or self.is_complete:
+            return False
+        return slices == self._ends[len(self.decided)]
 
     def is_point(self, slices: int) -> bool:
         """Whether the image of so many slices is judged."""
@@ -178,29 +208,30 @@ class Plan:
             return False
         if self.sparse:
             return slices in self._sparse_points
-        return not slices % self.round_slices or (self.is_complete and slices == self.stop)
+        if self.by_zones:
+            return slices in self._ends
+        return not slices % self.step_slices or slices == self.stop
 
     @cached_property
     def _sparse_points(self) -> tuple[int, ...]:
         """The slices of each point, where their distances grow."""
         points, rounds = [], 1
-        while rounds * self.round_slices < self.stop:
-            points.append(rounds * self.round_slices)
+        while rounds * self.step_slices < self.stop:
+            points.append(rounds * self.step_slices)
             rounds = max(rounds + 1, math.ceil(GROWTH * rounds))
         return (*points, self.stop)
 
     def samples(self, slices: int) -> int:
         """Return the samples of the first slices, over all pixels of the film."""
-        whole = min(slices, LAG * self.round_slices) if self.by_zones else slices
+        whole = min(slices, LAG * self.step_slices) if self.by_zones else slices
         samples = whole * self.slice_spp * self.pixels
-        for number, one in enumerate(self.decided, LAG):
-            within = min(slices - number * self.round_slices, self.round_slices)
-            samples += max(0, within) * one.spp * one.pixels
+        for one in self.decided:
+            samples += max(0, min(slices - one.first, one.slices)) * one.spp * one.pixels
         return samples
 
     def spp(self, slices: int) -> int:
         """Return the samples per pixel of the first slices: by zones their mean, rounded down."""
-        if not self.by_zones or slices <= LAG * self.round_slices:
+        if not self.by_zones or slices <= LAG * self.step_slices:
             return slices * self.slice_spp
         return self.samples(slices) // self.pixels
 
@@ -212,10 +243,10 @@ class Plan:
         """
         if not self.by_zones:
             return spp // self.slice_spp
-        fitting = [slices for slices in range(self.stop + 1) if self.spp(slices) <= spp]
-        most = self.spp(fitting[-1])
-        same = [slices for slices in fitting if self.spp(slices) == most]
-        return next(filter(self.is_point, same), same[0])
+        every = range(self.stop + 1)
+        last = bisect_right(every, spp, key=self.spp) - 1
+        first = bisect_left(every, self.spp(last), key=self.spp)
+        return next(filter(self.is_point, range(first, last + 1)), first)
 
     def point_from(self, spp: int) -> int:
         """Return the slices of the first point of the curve that has so many samples per pixel.
@@ -226,21 +257,33 @@ class Plan:
             wanted = -(-spp // self.slice_spp)
             return next((end for end in self._sparse_points if end >= wanted), self.stop)
         if not self.by_zones:
-            return -(-spp // (self.round_slices * self.slice_spp)) * self.round_slices
-        ends = range(self.round_slices, self.stop, self.round_slices)
-        return next((end for end in ends if self.spp(end) >= spp), self.stop)
+            return -(-spp // (self.step_slices * self.slice_spp)) * self.step_slices
+        return next((end for end in self._ends if self.spp(end) >= spp), self.stop)
 
-    def round_of(self, zones: Iterable[int] | None, slice_spp: int) -> Round:
-        """Return a round of these zones, or of all; with fewer spp where the cap forbids more.
+    def round_of(self, zones: Iterable[int] | None, spp: int, slice_spp: int) -> Round:
+        """Return the next round: as many samples as are asked for, or as the cap leaves.
 
-        Where the cap leaves less than a sample for each pixel of the film, the round has none, and
-        the plan ends.
+        Where the cap leaves less than a sample for each pixel of the film, the plan ends.
+
+        Parameters
+        ----------
+        zones
+            Numbers of its zones; None for all.
+        spp
+            Samples per pixel in all; rounded up to a multiple of the number of slices.
+        slice_spp
+            The most of one slice, at least 1.
         """
         numbers = None if zones is None else tuple(sorted(zones))
         pixels = self.pixels if numbers is None else pixels_of(self.grid.zones(numbers))
-        left = self.max_spp * self.pixels - self.samples(self.stop)
-        spp = min(slice_spp, MOST_SLICE_SPP, left // (self.round_slices * pixels))
-        return Round(spp if spp * self.round_slices * pixels >= self.pixels else 0, numbers, pixels)
+        left = (self.max_spp * self.pixels - self.samples(self.stop)) // pixels
+        fours = -(-spp // (4 * min(slice_spp, MOST_SLICE_SPP)))
+        each = -(-spp // (4 * fours))
+        if 4 * fours * each > left:
+            fours = max(1, left // (4 * each))
+            each = min(each, left // (4 * fours))
+        one = Round(self.stop, 4 * fours, each, numbers, pixels)
+        return one if one.samples >= self.pixels else replace(one, slices=0, spp=0)
 
     def with_round(self, one: Round) -> Plan:
         """Return the plan with one round more."""

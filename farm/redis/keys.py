@@ -74,7 +74,8 @@ plateau:job:ID:paces      hash    worker → ms for which it had its last slice,
 plateau:job:ID:outrun     hash    entry whose slice another try committed → the worker  till end
                                   of that try; till its own worker reports
 plateau:job:ID:ledger     hash    slice index → JSON of its commit                     the job's
-plateau:job:ID:rounds     hash    round → JSON: its zones and spp, by zones              the job's
+plateau:job:ID:rounds     zset    JSON of each round that an image has decided, by     the job's
+                                  zones; scored by the index of its first slice
 plateau:job:ID:seeds      zset    "first-last" of each commit, scored by first         till done
 plateau:job:ID:deaths     hash    slice index → JSON list of the causes                till end
 plateau:job:ID:spoiled    hash    slice index → how often its partial was lost         till end

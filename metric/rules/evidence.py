@@ -97,7 +97,6 @@ class Evidence:
         spp: NDArray[np.int64],
         planned: NDArray[np.int64],
         size: int,
-        slices: int,
     ) -> Allocation | None:
         """Return the next round of samples by zones; None without halves.
 
@@ -113,7 +112,6 @@ class Evidence:
             spp=spp,
             planned=planned,
             size=size,
-            slices=slices,
         )
 
     def forecast(self, target: float, *, guess: int | None = None) -> Forecast | None:

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
-
-from plateau.farm.model.passes import MOST_SLICE_SPP
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from plateau.farm.model.plan import Plan, Round
     from plateau.metric import Evidence
+
+
+#: The samples of a slice, as a share of those of a slice of the whole film. Only two rounds are
+#: decided at a time, and they are to keep many workers busy.
+SLICE_SHARE: Final = 0.5
 
 
 class Allotment(NamedTuple):
@@ -45,25 +48,24 @@ def allotment(evidence: Evidence, target: float, plan: Plan, spp: NDArray[np.int
     spp
         Samples per pixel of each zone in the image, (rows, columns).
     """
-    grid, slices = plan.grid, plan.round_slices
-    allocated = evidence.allocation(
-        target, spp=spp, planned=_planned(plan), size=grid.size, slices=slices
-    )
+    grid = plan.grid
+    allocated = evidence.allocation(target, spp=spp, planned=_planned(plan), size=grid.size)
     assert allocated is not None  # the image is that of a round, which has two halves
     chosen = np.flatnonzero(allocated.zones)
     areas = np.array([zone.width * zone.height for zone in grid.zones()])
-    zones, slice_spp = chosen.tolist(), min(allocated.spp // slices, MOST_SLICE_SPP)
-    if slice_spp * slices * areas[chosen].sum() < plan.pixels:  # too few for a point of the curve
-        zones, slice_spp = None, 1
+    area = int(areas[chosen].sum())
+    slice_spp = max(1, round(plan.slice_spp * SLICE_SHARE * plan.pixels / area))
     needed = float(areas @ allocated.needed.ravel())
-    return Allotment(plan.round_of(zones, slice_spp), math.ceil(needed / plan.pixels))
+    return Allotment(
+        plan.round_of(chosen.tolist(), allocated.spp, slice_spp), math.ceil(needed / plan.pixels)
+    )
 
 
 def _planned(plan: Plan) -> NDArray[np.int64]:
     """Return the samples per pixel of each zone after all rounds that are decided."""
-    spp = np.zeros(plan.grid.rows * plan.grid.columns, np.int64)
-    for index in range(plan.stop):
-        one = plan.slice_round(index)
-        zones = slice(None) if one is None or one.zones is None else list(one.zones)
-        spp[zones] += plan.slice_spp_of(index)
+    whole = plan.stop - sum(one.slices for one in plan.decided)
+    spp = np.full(plan.grid.rows * plan.grid.columns, whole * plan.slice_spp)
+    for one in plan.decided:
+        zones = slice(None) if one.zones is None else list(one.zones)
+        spp[zones] += one.slices * one.spp
     return spp.reshape(plan.grid.rows, plan.grid.columns)

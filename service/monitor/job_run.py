@@ -13,7 +13,7 @@ from plateau.farm.ledger.ownership import Ownership, Ownerships
 from plateau.farm.ledger.queue import SliceRecord
 from plateau.farm.ledger.totals import MonitorWork
 from plateau.farm.model.errors import FenceLost, IllegalTransition
-from plateau.farm.model.plan import LAG, Round
+from plateau.farm.model.plan import Round
 from plateau.farm.model.states import MAX_TRIES, JobState
 from plateau.service.judging.checkpoints import Checkpoints
 from plateau.service.judging.denoised import Denoised, DenoisingTask
@@ -119,7 +119,7 @@ class JobRun:
             case steps.ShowAndSave(show, save):
                 return self._show_and_save(show=show, save=save)
             case steps.ShowFirstSlice():
-                self._results.show(known.job, self._merge, self._judge)
+                self._show(known)
                 return replace(known, shown_spp=known.spp)
             case steps.ShowGlimpse():
                 return known.with_glimpse(self._results.show_glimpse(known.job, self._judge))
@@ -213,23 +213,22 @@ class JobRun:
         """Append the point to the curve, with the round that its image decides, if any."""
         known = self._known
         decided = self._decided if known.plan.decides(known.merged) else None
-        self._owners.append_point(
-            self.owned,
-            known.spp,
-            self._point,
-            None if decided is None else (len(known.plan.decided) + LAG, decided),
-        )
+        self._owners.append_point(self.owned, known.spp, self._point, decided)
         return known.with_point(decided)
 
     def _show_and_save(self, *, show: bool, save: bool) -> Known:
         known = self._known
         if show:
-            self._results.show(known.job, self._merge, self._judge, self._denoised_image())
+            self._show(known, self._denoised_image())
             known = self._known = replace(known, shown_spp=known.spp, shown_at_s=time.monotonic())
         if save:
             self._checkpoints.save(self._merge, self._judge)
             known = replace(known, saved=known.merged, saved_at_s=time.monotonic())
         return replace(known, answer=None)
+
+    def _show(self, known: Known, denoised: Denoised | None = None) -> None:
+        is_point = known.plan.is_point(known.merged)
+        self._results.show(known.job, self._merge, self._judge, denoised, is_point=is_point)
 
     def _end(self, step: steps.EndJob) -> None:
         """End the job, atomically with the final image if the step says so."""

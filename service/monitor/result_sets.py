@@ -10,7 +10,6 @@ from plateau.farm.images.exr import decode_partial
 from plateau.farm.ledger.ownership import Ownership, Ownerships
 from plateau.farm.model.errors import CorruptPartial
 from plateau.farm.model.job import Job
-from plateau.farm.model.plan import Plan
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
 from plateau.service.judging.denoised import Denoised
@@ -63,14 +62,25 @@ class ResultSets:
         self._blobs.delete(blob)
         return partial.spp
 
-    def show(self, job: Job, merge: Merge, judge: Judge, denoised: Denoised | None = None) -> None:
-        """Show the merged image, denoised or as it is, of a job that has not ended."""
+    def show(
+        self,
+        job: Job,
+        merge: Merge,
+        judge: Judge,
+        denoised: Denoised | None = None,
+        *,
+        is_point: bool = False,
+    ) -> None:
+        """Show the merged image, denoised or as it is, of a job that has not ended.
+
+        That of a point is kept.
+        """
         facts = facts_of(job, merge, job.state, job.reason, denoised)
         # Not compressed, as the next set comes soon.
         pictures = self._pictures(merge, judge, facts, denoised, compressed=False)
         (written, sha256), before = self._put(merge.spp, pictures, self._owned.token), self._shown
         self._owners.show_results(self._owned, written, merge.spp, sha256)
-        if Plan.of(self._spec).is_point(merge.slices):
+        if is_point:
             self._previews.keep(merge.spp, pictures["image.png"])
         self._shown = written
         if before not in {None, written}:

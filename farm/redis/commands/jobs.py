@@ -50,8 +50,8 @@ class Create(CreationCommand[Made]):
 class DecidedRound:
     """A round that an image has decided."""
 
-    number: int
-    round: str  #: JSON of a `plateau.farm.model.plan.Round`
+    first: int  #: index of its first slice
+    json: str  #: of a `plateau.farm.model.plan.Round`
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from plateau.farm.redis.commands.command import Answer, Command, Items
+from plateau.farm.redis.commands.jobs import DecidedRound
 
 
 @dataclass(frozen=True)
@@ -60,8 +61,7 @@ class AppendPoint(OwnerCommand[Literal["appended", "known", "fenced"]]):
 
     spp: int
     point: str  #: JSON
-    number: int  #: of the round
-    round: str | None  #: JSON of a `plateau.farm.model.plan.Round`, if one is decided
+    round: DecidedRound | None  #: if one is decided
 
 
 @dataclass(frozen=True, kw_only=True)

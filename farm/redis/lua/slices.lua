@@ -13,8 +13,7 @@ end
 
 -- The round of a slice as JSON, if an image has decided it; false for a slice of the whole film.
 function Slice.round(id, index)
-  local round_slices = tonumber(redis.call('HGET', job_key(id), 'round_slices'))  -- nil by frame
-  return round_slices and redis.call('HGET', job_key(id, 'rounds'), math.floor(index / round_slices))
+  return redis.call('ZREVRANGEBYSCORE', job_key(id, 'rounds'), index, '-inf', 'LIMIT', 0, 1)[1] or false
 end
 
 -- The samples of a slice.
@@ -27,7 +26,7 @@ end
 
 -- Add to the samples in the ledger of a job that is allocated by zones.
 function Slice.count_samples(id, samples)
-  if redis.call('HEXISTS', job_key(id), 'round_slices') == 1 then
+  if redis.call('HEXISTS', job_key(id), 'by_zones') == 1 then
     redis.call('HINCRBY', job_key(id), 'committed_samples', string.format('%.0f', samples))
   end
 end

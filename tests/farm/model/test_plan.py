@@ -37,9 +37,17 @@ def test_joined_they_cover_the_same(numbers: set[int]) -> None:
     assert covered(GRID.joined(sorted(numbers))) == covered(GRID.zones(sorted(numbers)))
 
 
-@given(st.integers(1, 500), st.none() | st.sets(st.integers(0, 2000)), st.integers(1, 10**7))
-def test_a_round_is_stored_and_read(spp: int, zones: set[int] | None, pixels: int) -> None:
-    one = Round(spp, None if zones is None else tuple(sorted(zones)), pixels)
+@given(
+    st.integers(0, 10**5),
+    st.integers(0, 500),
+    st.integers(1, 500),
+    st.none() | st.sets(st.integers(0, 2000)),
+    st.integers(1, 10**7),
+)
+def test_a_round_is_stored_and_read(
+    first: int, slices: int, spp: int, zones: set[int] | None, pixels: int
+) -> None:
+    one = Round(first, slices, spp, None if zones is None else tuple(sorted(zones)), pixels)
     assert Round.from_json(one.as_json()) == one
 
 
@@ -58,15 +66,37 @@ def test_the_first_rounds_are_whole_films_and_images_decide_the_others() -> None
     assert first.stop == LAG * 4
     assert [first.slice_round(index) for index in range(first.stop)] == [None] * first.stop
     assert [at for at in range(9) if first.decides(at)] == [4]
-    one = first.round_of([1, 0], 10)
-    assert one == Round(10, (0, 1), 2048)
+    one = first.round_of([1, 0], 40, 10)
+    assert one == Round(8, 4, 10, (0, 1), 2048)
     then = first.with_round(one)
     assert (then.stop, then.slice_round(8), then.slice_round(11)) == (12, one, one)
     assert [at for at in range(13) if then.decides(at)] == [8]
 
 
+@pytest.mark.parametrize(
+    ("spp", "slice_spp", "slices", "each"),
+    [(40, 100, 4, 10), (40, 5, 8, 5), (41, 5, 12, 4), (5, 1, 8, 1), (3000, 10_000, 8, 375)],
+)
+def test_a_round_has_slices_of_no_more_than_is_asked(
+    spp: int, slice_spp: int, slices: int, each: int
+) -> None:
+    first = Plan.of(SPEC.model_copy(update={"max_spp": 5000}), WIDTH, HEIGHT)
+    one = first.round_of([1, 0], spp, slice_spp)
+    assert (one.slices, one.spp) == (slices, each)
+    # The next round begins where it ends, and each has points and slices of its own
+    then = first.with_round(one)
+    other = then.round_of(None, 8, 2)
+    both = then.with_round(other)
+    assert (other.first, both.stop) == (8 + slices, 12 + slices)
+    assert list(filter(both.is_point, range(both.stop + 1))) == [4, 8, other.first, both.stop]
+    assert list(map(both.slice_round, (7, 8, 7 + slices, other.first))) == [None, one, one, other]
+    assert [at for at in range(both.stop + 1) if both.decides(at)] == [other.first]
+    assert [both.rounds(at) for at in (3, 4, other.first - 1, other.first)] == [0, 1, 2, 3]
+    assert both.end_of_rounds(other.first + 1) == other.first
+
+
 def test_spp_are_the_mean_over_the_film() -> None:
-    some = plan(Round(10, (0, 1), 2048), Round(30, None, 5000))
+    some = plan(Round(8, 4, 10, (0, 1), 2048), Round(12, 4, 30, None, 5000))
     assert some.samples(12) == 80 * 5000 + 40 * 2048
     assert some.spp(12) == 96
     assert some.spp(16) == 216
@@ -78,13 +108,13 @@ def test_spp_are_the_mean_over_the_film() -> None:
 
 def test_the_cap_makes_the_last_round_smaller_and_ends_the_plan() -> None:
     first = plan()
-    last = first.round_of(None, 200)
+    last = first.round_of(None, 800, 200)
     assert last.spp == (500 - 80) // 4
     full = first.with_round(last)
     assert full.spp(full.stop) == 500
     assert not full.is_complete
-    end = full.round_of([3], 10)
-    assert end.spp == 0
+    end = full.round_of([3], 40, 10)
+    assert end.slices == 0
     assert full.with_round(end).is_complete
     assert full.with_round(end).stop == full.stop == 12
 

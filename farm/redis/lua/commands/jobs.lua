@@ -41,7 +41,7 @@ for_farm['continue'] = function(it)
              'started_at', now(), 'paused_ms', 0, 'planned', slices, 'issued', slices, 'committed', slices,
              'taken_samples', it.samples)
   Slice.count_samples(id, it.samples)
-  for _, one in ipairs(it.rounds) do redis.call('HSET', job_key(id, 'rounds'), one.number, one.round) end
+  for _, one in ipairs(it.rounds) do redis.call('ZADD', job_key(id, 'rounds'), one.first, one.json) end
   for index = 0, slices - 1 do
     redis.call('HSET', job_key(id, 'ledger'), index, redis.call('HGET', job_key(old, 'ledger'), index))
     local record = Slice.record(id, index)

@@ -57,7 +57,7 @@ function for_farm.append_point(it)
   if not Job.is_owned(id, it.token) then return 'fenced' end
   local last = redis.call('XREVRANGE', job_key(id, 'curve'), '+', '-', 'COUNT', 1)[1]
   if last and tonumber(string.match(last[1], '^%d+')) >= it.spp then return 'known' end
-  if it.round then redis.call('HSETNX', job_key(id, 'rounds'), it.number, it.round) end
+  if it.round then redis.call('ZADD', job_key(id, 'rounds'), it.round.first, it.round.json) end
   Job.append_point(id, it.spp, now(), it.point)
   return 'appended'
 end
