@@ -246,11 +246,13 @@ class Ownerships:
         results: str,
         sha256: Mapping[str, str] | None = None,
         notes: tuple[str, ...],
+        spp_range: tuple[int, int] | None = None,
     ) -> None:
         """Note that the results of an ended job are written: its other blobs may go.
 
         `results` is their blob prefix, or "" without results. `sha256` has the digest of each file
-        by its name; None where `show_results` has noted them.
+        by its name; None where `show_results` has noted them. `spp_range` is the least and the most
+        that a zone has, where it is not that of the newest point.
         """
         self._checked(
             Conclude(
@@ -260,6 +262,7 @@ class Ownerships:
                 results=results,
                 digests=_digests(results, sha256),
                 notes=json.dumps(notes),
+                spp_range=spp_range,
             )
         )
 

@@ -119,8 +119,8 @@ def _job(fields: dict[str, str], sealed: dict[str, str]) -> Job:
         committed_spp=committed_spp(fields, spec.slice_spp),
         points=int(fields["points"]),
         **{name: latest.get(name) for name in judged},
-        spp_min=latest.get("spp_min"),
-        spp_max=latest.get("spp_max"),
+        spp_min=_zone_spp(fields, latest, "spp_min"),
+        spp_max=_zone_spp(fields, latest, "spp_max"),
         forecast_s=_seconds_to_forecast(latest, fields),
         verdict=json.loads(fields["verdict"]) if "verdict" in fields else None,
         samples_saved=int(fields.get("samples_saved", 0)),
@@ -190,6 +190,11 @@ def committed_spp(fields: Mapping[str, str | None], slice_spp: int) -> int:
     if samples and width and height:
         return int(samples) // (int(width) * int(height))
     return int(fields["committed"] or 0) * slice_spp
+
+
+def _zone_spp(fields: dict[str, str], latest: dict[str, Any], name: str) -> int | None:
+    """That of the final image if it has later slices than the newest point."""
+    return int(fields[name]) if name in fields else latest.get(name)
 
 
 def _image_spp(fields: dict[str, str]) -> int | None:

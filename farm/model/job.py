@@ -115,7 +115,9 @@ class Job(_Record):
         description="samples per pixel in the merged image; by zones their mean, rounded down"
     )
     spp_min: int | None = Field(
-        None, description="by zones: of the zone that has the fewest, at the newest point"
+        None,
+        description="by zones: of the zone that has the fewest, at the newest point; of an ended "
+        "job, in its image",
     )
     spp_max: int | None = Field(None, description="of the zone that has the most, there")
     held: bool = Field(

@@ -133,6 +133,11 @@ class ResultCalls(Calls):
             the filter weights; then those of alpha, where the scene has it, and of the job's AOVs.
             Ids are no sums: a pixel has that of its first sample.
 
+            Where a job is allocated by zones, a slice of some of them has (pixels, channels): one
+            zone after the other, each with its border and row by row. The attributes
+            ``plateau:zones`` (x, y, width, height of each, in pixels) and ``plateau:border`` of
+            ``slices/INDEX.exr`` name them, and films of several slices cannot be added as they are.
+
         Raises
         ------
         ApiError

@@ -133,7 +133,7 @@ class Judge:
         point = {
             "spp": merge.spp,
             "samples": merge.samples,
-            **_least_and_most(merge.zone_spp),
+            **_least_and_most(merge.spp_range),
             **curve,
             **_estimate(estimate),
             **({} if denoised is None or flaw else _raw(raw.estimate)),
@@ -241,10 +241,8 @@ def _crossing(before: tuple[int, float], now: tuple[int, float], limit: float) -
 # The fields of a point, as `plateau.farm.model.job.CurvePoint` has them.
 
 
-def _least_and_most(zone_spp: NDArray[np.int64] | None) -> dict[str, object]:
-    if zone_spp is None:
-        return {}
-    return {"spp_min": int(zone_spp.min()), "spp_max": int(zone_spp.max())}
+def _least_and_most(spp: tuple[int, int] | None) -> dict[str, object]:
+    return {} if spp is None else {"spp_min": spp[0], "spp_max": spp[1]}
 
 
 def _curve(reverse: Verdict) -> dict[str, object]:

@@ -73,6 +73,12 @@ class Merge:
         """Samples per pixel of each zone, (rows, columns); None where all pixels have the same."""
         return None if self._sampled is None else self._sampled.spp
 
+    @property
+    def spp_range(self) -> tuple[int, int] | None:
+        """The least and the most samples per pixel of a zone; None where all have the same."""
+        spp = self.zone_spp
+        return None if spp is None else (int(spp.min()), int(spp.max()))
+
     def add(self, film: Pixels, channels: Channels | None = None) -> None:
         """Add the next slice, which has the whole film.
 

@@ -246,13 +246,19 @@ class JobRun:
     def _conclude(self, step: steps.ConcludeJob) -> None:
         results, sha256 = "", None
         notes: tuple[str, ...] | None = None
+        spp_range = None
         if step.image == "merged":
             results, sha256 = self._write(self._known.job.state, self._known.job.reason)
-            notes = self._notes(step.notes)
+            notes, spp_range = self._notes(step.notes), self._merge.spp_range
         elif step.image == "shown":
             results = self._jobs.results(self.owned.job_id)
         self._owners.conclude(
-            self.owned, spp=step.spp, results=results, sha256=sha256, notes=notes or step.notes
+            self.owned,
+            spp=step.spp,
+            results=results,
+            sha256=sha256,
+            notes=notes or step.notes,
+            spp_range=spp_range,
         )
 
     def _write(self, state: JobState, reason: str) -> tuple[str, dict[str, str]]:

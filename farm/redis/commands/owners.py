@@ -105,6 +105,7 @@ class Conclude(OwnerCommand[Literal["concluded", "fenced"]]):
     results: str  #: "" where it has none
     digests: Mapping[str, str] | None  #: None where they were shown before
     notes: str  #: JSON
+    spp_range: tuple[int, int] | None  #: by zones, the least and the most of the final image
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,7 +10,9 @@ import { maySubmit } from "../shared/permissions.js";
 import { RULES, watchable } from "../shared/rules.js";
 import { LIMITS, VIEW } from "../shared/spec_fields.js";
 
-const STEP = LIMITS.filter(({ name }) => name === "step");
+/** By zones, each step has decided a later one, so that it cannot change. */
+const stepOf = (/** @type {Api.JobView} */ job) =>
+  LIMITS.filter(({ name }) => name === "step" && job.spec.allocation.name === "frame");
 
 /** @import { FieldAbout } from "../shared/form_fields.js" */
 
@@ -35,7 +37,7 @@ function ask(job, go) {
   }));
   let chosen = rules.find(({ name }) => name === spec.rule.name) ?? rules[0];
   const view = fieldsOf("spec.view", asItWas(VIEW, spec.view));
-  const step = fieldsOf("spec", asItWas(STEP, spec));
+  const step = fieldsOf("spec", asItWas(stepOf(job), spec));
   const choice = h("select", { id: "rejudge-rule", "aria-describedby": "rejudge-help", onchange: () => turn() },
     rules.map(({ name, title: text }) => h("option", { value: name, selected: name === spec.rule.name }, text)));
   const help = h("p", { class: "help", id: "rejudge-help" });

@@ -145,6 +145,24 @@ def test_at_its_cap_it_is_exhausted_and_never_above(farm: NoiseFarm) -> None:
     assert 400 < done.spp <= 410
 
 
+def test_one_that_is_cancelled_says_the_least_and_the_most_of_its_image(farm: NoiseFarm) -> None:
+    job = farm.submit(**{**ZONES, "rule": {"name": "visible", "target": 1e-6}})
+    with farm.monitor():
+        farm.work(lambda: farm.jobs.get(job.id).points >= 4)
+        # Given a slice after the end of a round
+        lease = farm.next_lease()
+        while lease.round is None or lease.round.first != lease.index:
+            farm.commit(lease)
+            lease = farm.next_lease()
+        farm.commit(lease)
+        farm.jobs.cancel(job.id)
+        done = farm.finish(job)
+    assert done.spp > farm.jobs.curve(job.id)[-1].spp
+    spp = decode_layers(farm.picture(done, "image.exr"))["spp"]
+    assert done.spp == int(spp.mean(dtype=np.float64))
+    assert (spp.min(), spp.max()) == (done.spp_min, done.spp_max)
+
+
 def test_a_cap_within_its_first_rounds_is_met(farm: NoiseFarm) -> None:
     done = finished(farm, **{**ZONES, "rule": {"name": "fixed", "spp": 50}, "max_spp": 50})
     assert (done.state, done.spp) == (JobState.CONVERGED, 50)

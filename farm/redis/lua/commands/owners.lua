@@ -124,6 +124,7 @@ function for_farm.conclude(it)
     redis.call('HSET', job_key(id), 'results', '')
   end
   redis.call('HSET', job_key(id), 'spp', it.spp, 'notes', it.notes, 'concluded', 1)
+  if it.spp_range then redis.call('HSET', job_key(id), 'spp_min', it.spp_range[1], 'spp_max', it.spp_range[2]) end
   return 'concluded'
 end
 
