@@ -20,8 +20,7 @@ from plateau.farm.model.spec import JobSpec
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-#: Workers, and the spp of a slice by zones; by frame it is the default.
-CASES = ((1, 25), (4, 25), (16, 25), (16, 5))
+WORKERS = (1, 4, 16)
 SIZE, ZONE = 96, 16
 FRAME, ZONES = {"name": "frame"}, {"name": "zones", "size": ZONE}
 
@@ -42,12 +41,12 @@ def main() -> None:
     options = parser.parse_args()
 
     renders = [Render("ramp", "Gaussian", level, SIZE, 1) for level in options.levels]
-    found = {case: measure(renders, *case, options.slice_ms / 1000) for case in CASES}
+    found = {workers: measure(renders, workers, options.slice_ms / 1000) for workers in WORKERS}
     report = write_report(
         "zones",
-        [one for case, pairs in found.items() for one in figures(*case, pairs)],
+        [one for workers, pairs in found.items() for one in figures(workers, pairs)],
         settings={
-            "cases": CASES,
+            "workers": WORKERS,
             "size": f"{SIZE}×{SIZE}",
             "zone": ZONE,
             "jobs": len(renders),
@@ -62,13 +61,13 @@ def main() -> None:
     markdown.fill(markdown.DOCS / "performance.md", tables(report))
 
 
-def measure(renders: Sequence[Render], workers: int, slice_spp: int, slice_s: float) -> list[Pair]:
+def measure(renders: Sequence[Render], workers: int, slice_s: float) -> list[Pair]:
     """Have simulated workers render one job after the other, by frame and by zones.
 
-    `slice_spp` is that of a slice by zones; `slice_s` is the time of a slice by frame.
+    `slice_s` is the time of a slice by frame.
     """
     frame_spec = JobSpec.model_validate({"allocation": FRAME})
-    zones_spec = JobSpec.model_validate({"allocation": ZONES, "slice_spp": slice_spp})
+    zones_spec = JobSpec.model_validate({"allocation": ZONES})
     pairs = []
     with noise_farm(workers, slice_s / frame_spec.slice_spp) as (jobs, crew):
         for crew.render in renders:
@@ -81,15 +80,13 @@ def measure(renders: Sequence[Render], workers: int, slice_spp: int, slice_s: fl
                     wasted=max(0.0, crew.spent.spp / zones.job.spp - 1),
                 )
             )
-            print(
-                f"{workers} workers, {slice_spp} spp, {crew.render}: {pairs[-1]}", file=sys.stderr
-            )
+            print(f"{workers} workers, {crew.render}: {pairs[-1]}", file=sys.stderr)
     return pairs
 
 
-def figures(workers: int, slice_spp: int, pairs: Sequence[Pair]) -> list[Figure]:
+def figures(workers: int, pairs: Sequence[Pair]) -> list[Figure]:
     """Return what zones take of the samples and of the time, and what they waste."""
-    case = _case(workers, slice_spp)
+    case = f"{workers} workers"
     return [
         figure(f"{case}: samples", [one.spp for one in pairs], "of those by frame"),
         figure(
@@ -102,22 +99,16 @@ def figures(workers: int, slice_spp: int, pairs: Sequence[Pair]) -> list[Figure]
     ]
 
 
-def _case(workers: int, slice_spp: int) -> str:
-    return f"{workers} workers, slices of {slice_spp} spp"
-
-
 def tables(report: dict[str, Any]) -> dict[str, str]:
     """Return a report as Markdown."""
     found = {one["name"]: one for one in report["figures"]}
 
-    def row(workers: int, slice_spp: int) -> list[str]:
+    def row(workers: int) -> list[str]:
         samples, seconds, wasted = (
-            found[f"{_case(workers, slice_spp)}: {what}"]
-            for what in ("samples", "wall time", "wasted")
+            found[f"{workers} workers: {what}"] for what in ("samples", "wall time", "wasted")
         )
         return [
             str(workers),
-            str(slice_spp),
             markdown.spread(samples, 2),
             markdown.spread(seconds, 2),
             f"{wasted['value']:.1%}",
@@ -125,12 +116,11 @@ def tables(report: dict[str, Any]) -> dict[str, str]:
 
     head = [
         "workers",
-        "spp of a slice",
         "samples, of those by frame",
         "wall time, of that by frame",
         "wasted",
     ]
-    return {"zones": markdown.table(head, [row(*one) for one in report["settings"]["cases"]])}
+    return {"zones": markdown.table(head, [row(one) for one in report["settings"]["workers"]])}
 
 
 if __name__ == "__main__":
