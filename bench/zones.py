@@ -20,7 +20,8 @@ from plateau.farm.model.spec import JobSpec
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-WORKERS = (1, 4, 16)
+#: Workers, and milliseconds of a slice by frame. Two cores hardly simulate sixteen fast workers.
+CASES = ((1, 150), (4, 150), (16, 150), (16, 600))
 SIZE, ZONE = 96, 16
 FRAME, ZONES = {"name": "frame"}, {"name": "zones", "size": ZONE}
 
@@ -36,21 +37,19 @@ class Pair:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--slice-ms", type=float, default=150, help="of 25 spp of the whole film")
     parser.add_argument("--levels", type=float, nargs="+", default=[0.4, 0.55])
     options = parser.parse_args()
 
     renders = [Render("ramp", "Gaussian", level, SIZE, 1) for level in options.levels]
-    found = {workers: measure(renders, workers, options.slice_ms / 1000) for workers in WORKERS}
+    found = {case: measure(renders, *case) for case in CASES}
     report = write_report(
         "zones",
-        [one for workers, pairs in found.items() for one in figures(workers, pairs)],
+        [one for case, pairs in found.items() for one in figures(*case, pairs)],
         settings={
-            "workers": WORKERS,
+            "cases": CASES,
             "size": f"{SIZE}×{SIZE}",
             "zone": ZONE,
             "jobs": len(renders),
-            "slice_ms": options.slice_ms,
             "rule": JobSpec().rule.name,
             "step": JobSpec().step,
         },
@@ -61,15 +60,15 @@ def main() -> None:
     markdown.fill(markdown.DOCS / "performance.md", tables(report))
 
 
-def measure(renders: Sequence[Render], workers: int, slice_s: float) -> list[Pair]:
+def measure(renders: Sequence[Render], workers: int, slice_ms: float) -> list[Pair]:
     """Have simulated workers render one job after the other, by frame and by zones.
 
-    `slice_s` is the time of a slice by frame.
+    `slice_ms` is the time of a slice by frame.
     """
     frame_spec = JobSpec.model_validate({"allocation": FRAME})
     zones_spec = JobSpec.model_validate({"allocation": ZONES})
     pairs = []
-    with noise_farm(workers, slice_s / frame_spec.slice_spp) as (jobs, crew):
+    with noise_farm(workers, slice_ms / 1000 / frame_spec.slice_spp) as (jobs, crew):
         for crew.render in renders:
             frame = run_job(jobs, crew.spent, frame_spec)
             zones = run_job(jobs, crew.spent, zones_spec)
@@ -80,13 +79,13 @@ def measure(renders: Sequence[Render], workers: int, slice_s: float) -> list[Pai
                     wasted=max(0.0, crew.spent.spp / zones.job.spp - 1),
                 )
             )
-            print(f"{workers} workers, {crew.render}: {pairs[-1]}", file=sys.stderr)
+            print(f"{_case(workers, slice_ms)}, {crew.render}: {pairs[-1]}", file=sys.stderr)
     return pairs
 
 
-def figures(workers: int, pairs: Sequence[Pair]) -> list[Figure]:
+def figures(workers: int, slice_ms: float, pairs: Sequence[Pair]) -> list[Figure]:
     """Return what zones take of the samples and of the time, and what they waste."""
-    case = f"{workers} workers"
+    case = _case(workers, slice_ms)
     return [
         figure(f"{case}: samples", [one.spp for one in pairs], "of those by frame"),
         figure(
@@ -99,16 +98,22 @@ def figures(workers: int, pairs: Sequence[Pair]) -> list[Figure]:
     ]
 
 
+def _case(workers: int, slice_ms: float) -> str:
+    return f"{workers} workers, slices of {slice_ms} ms"
+
+
 def tables(report: dict[str, Any]) -> dict[str, str]:
     """Return a report as Markdown."""
     found = {one["name"]: one for one in report["figures"]}
 
-    def row(workers: int) -> list[str]:
+    def row(workers: int, slice_ms: float) -> list[str]:
         samples, seconds, wasted = (
-            found[f"{workers} workers: {what}"] for what in ("samples", "wall time", "wasted")
+            found[f"{_case(workers, slice_ms)}: {what}"]
+            for what in ("samples", "wall time", "wasted")
         )
         return [
             str(workers),
+            f"{slice_ms} ms",
             markdown.spread(samples, 2),
             markdown.spread(seconds, 2),
             f"{wasted['value']:.1%}",
@@ -116,11 +121,12 @@ def tables(report: dict[str, Any]) -> dict[str, str]:
 
     head = [
         "workers",
+        "a slice by frame takes",
         "samples, of those by frame",
         "wall time, of that by frame",
         "wasted",
     ]
-    return {"zones": markdown.table(head, [row(one) for one in report["settings"]["workers"]])}
+    return {"zones": markdown.table(head, [row(*one) for one in report["settings"]["cases"]])}
 
 
 if __name__ == "__main__":

@@ -9,13 +9,13 @@ from bench.support.report import machine
 
 
 def test_zones_are_compared_with_frames() -> None:
-    pairs = zones.measure([Render("ramp", "Gaussian", 0.15, 48, 1)], 3, 0.02)
+    pairs = zones.measure([Render("ramp", "Gaussian", 0.15, 48, 1)], 3, 20)
     assert 0 < pairs[0].spp < 2
     assert pairs[0].seconds > 0
     made = {
         "machine": machine(),
-        "settings": {"workers": [3]},
-        "figures": [asdict(one) for one in zones.figures(3, pairs)],
+        "settings": {"cases": [[3, 20]]},
+        "figures": [asdict(one) for one in zones.figures(3, 20, pairs)],
     }
     table = zones.tables(json.loads(json.dumps(made)))["zones"]
-    assert table.splitlines()[-1].startswith("| 3 |")
+    assert table.splitlines()[-1].startswith("| 3 | 20 ms |")
