@@ -2,7 +2,8 @@
 
 import io
 import json
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any, Final, Literal
 
@@ -197,11 +198,8 @@ def decode_layers(content: bytes) -> dict[str, Pixels]:
     ValueError
         The content is no EXR file, or a damaged one.
     """
-    try:
-        with OpenEXR.File(io.BytesIO(content), separate_channels=True) as file:
-            return {name: one.pixels.astype(np.float32) for name, one in file.channels().items()}
-    except (RuntimeError, MemoryError, UnicodeDecodeError) as error:
-        raise ValueError(f"the EXR file is damaged or cut short: {error}") from error
+    with _opened(content) as file:
+        return {name: one.pixels.astype(np.float32) for name, one in file.channels().items()}
 
 
 def decode_image(content: bytes, layer: str | None = None) -> Pixels:
@@ -215,11 +213,23 @@ def decode_image(content: bytes, layer: str | None = None) -> Pixels:
     ValueError
         The content is no EXR file, is damaged, or has no such layer.
     """
+    with _opened(content) as file:
+        return read_layer(file, layer)
+
+
+@contextmanager
+def _opened(content: bytes) -> Iterator[OpenEXR.File]:
+    """Open an EXR file; whatever OpenEXR raises for a damaged one becomes a ValueError in words."""
+    damaged = "the EXR file is damaged or cut short"
     try:
-        with OpenEXR.File(io.BytesIO(content), separate_channels=True) as file:
-            return read_layer(file, layer)
-    except (RuntimeError, MemoryError, UnicodeDecodeError) as error:
-        raise ValueError(f"the EXR file is damaged or cut short: {error}") from error
+        opened = OpenEXR.File(io.BytesIO(content), separate_channels=True)
+    except (RuntimeError, MemoryError, ValueError) as error:
+        raise ValueError(f"{damaged}: {error}") from error
+    with opened as file:
+        try:
+            yield file
+        except (RuntimeError, MemoryError, UnicodeDecodeError) as error:
+            raise ValueError(f"{damaged}: {error}") from error
 
 
 def _encode(

@@ -58,19 +58,23 @@ class Client(
         once_heard_s: float = 0.0,
         on_version: Callable[[str], object] | None = None,
     ) -> None:
-        self._options: dict[str, Any] = {
+        options: dict[str, Any] = {
             "key": key,
             "patience_s": patience_s,
             "timeout_s": timeout_s,
             "once_heard_s": once_heard_s,
             "on_version": on_version,
         }
-        self._transport = Transport(url, **self._options)
+        self._transport = Transport(url, **options)
+        # A function, so that no print of the client's attributes shows the key.
+        self._made_again: Callable[[], partial[Client]] = lambda: partial(
+            type(self), self.url, **options
+        )
         self._transport.whole_id = self.whole_id
 
     def __reduce__(self) -> tuple[Any, ...]:
         """A pickled client has the API key, and opens connections of its own."""
-        return partial(type(self), self.url, **self._options), ()
+        return self._made_again(), ()
 
     @cached_property
     def studies(self) -> "StudyCalls":

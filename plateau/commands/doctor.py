@@ -123,8 +123,9 @@ def _variants(choice: VariantChoice) -> Iterator[Check]:
 def _denoiser() -> Check:
     try:
         detail = f"Open Image Denoise {oidn.version()}, for jobs that ask for it"
-    except ImportError:
-        return Check("denoiser", oidn.MISSING, ok=False)
+    except ImportError as error:
+        why = str(error) if oidn.is_installed() else oidn.MISSING
+        return Check("denoiser", why, ok=False)
     return Check("denoiser", detail)
 
 

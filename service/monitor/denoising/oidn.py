@@ -24,8 +24,10 @@ def is_installed() -> bool:
 
 def version() -> str:
     """Return its version; ImportError where it cannot be used."""
-    import mitsuba_oidn
-
+    try:
+        import mitsuba_oidn
+    except RuntimeError as error:  # a library of the system that Dr.Jit needs is missing
+        raise ImportError(str(error)) from error
     found: str = mitsuba_oidn.oidn_version()
     return found
 

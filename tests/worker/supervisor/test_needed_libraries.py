@@ -21,8 +21,9 @@ C_LIBRARY = {
     *("ld-linux-x86-64.so.2", "ld-linux-aarch64.so.1"),
 }
 
-#: Two of numba's three ways to run threads: it does without, and `metric` asks for no threads.
-DONE_WITHOUT = {"libtbb.so.12", "libgomp.so.1", "libgomp.so.1.0.0"}
+#: Two of numba's three ways to run threads: it does without, and `metric` asks for no threads. And
+#: Open Image Denoise's way to a GPU.
+DONE_WITHOUT = {"libtbb.so.12", "libgomp.so.1", "libgomp.so.1.0.0", "libcuda.so.1"}
 
 #: Files that are not opened: they are many, and no programs.
 _TEXT = {".py", ".pyc", ".pyi", ".h", ".js", ".ts", ".json", ".txt", ".html", ".png", ".svg"}
