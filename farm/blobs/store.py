@@ -254,7 +254,17 @@ class Blobs:
             if not is_absence(error):
                 raise _failed(error) from error
             self._check_mark()
+            if self._is_there(name):  # now, and so the store was away before
+                raise BlobsUnavailable(f"the blob store was away when {name} was sought") from error
             raise FileNotFoundError(f"the blob store has no {name}") from error
+
+    def _is_there(self, name: str) -> bool:
+        try:
+            with _store_errors(FileNotFoundError):
+                self._place.size(name)
+        except FileNotFoundError:
+            return False
+        return True
 
     def _check_mark(self) -> None:
         """Refuse a place that has lost its mark: an unmounted disk, a gateway without a server."""
