@@ -9,23 +9,18 @@ second part measures how much deciding by the samples that one keeps biases.
 from __future__ import annotations
 
 import argparse
-import subprocess
-import sys
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from bench import ROOT
 from bench.allocating import fireflies
 from bench.allocating.bias import CASES, DECIDED, SIDES, study
 from bench.allocating.film import JUDGING, Film
+from bench.allocating.recordings import SCENES, add_options, recorded
 from bench.allocating.truth import Truth
 from bench.allocating.ways import Cycles, Frames, Naive, Neyman, Zones
-from bench.experiment.cases import cases
 from bench.support import markdown
 from bench.support.report import Figure, last_figures, last_report, write_report
-from plateau import scenes
 from plateau.metric import View, Visible
 from plateau.metric.compiled import CompiledVisibleDifferences
 from plateau.metric.estimate import allowed_pixels
@@ -36,7 +31,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from bench.allocating.ways import Way
-    from bench.experiment.cases import Case
 
 TARGET = 0.0002
 FRAMES, ORACLE = "whole frames", "oracle, {} px"
@@ -61,19 +55,13 @@ _NOTES = (
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    every = {case.name: case for case in cases(tuple(scenes.NAMES))}
-    parser.add_argument("--cases", nargs="+", choices=every, default=list(every))
-    parser.add_argument("--pixels", type=int, default=256, help="across and down (256)")
-    parser.add_argument("--spp", type=int, default=10_000, help="of each recording (10,000)")
-    parser.add_argument("--slice-spp", type=int, default=25, help="of a slice (25)")
-    parser.add_argument("--runs", type=int, default=3, help="jobs of each scene (3)")
+    add_options(parser)
     parser.add_argument("--renders", type=int, default=64, help="of fireflies (64)")
-    parser.add_argument("--data", type=Path, default=ROOT / "allocation-data")
     asked = parser.parse_args()
     kept = last_figures("allocation")
     settings = last_report("allocation")["settings"].get("scenes", {})
     for name in asked.cases:
-        recording = recorded(every[name], asked.pixels, asked.spp, asked.slice_spp, asked.data)
+        recording = recorded(SCENES[name], asked.pixels, asked.spp, asked.slice_spp, asked.data)
         scene = f"{name}, {asked.pixels} px"
         settings[scene] = {"spp": asked.spp, "slice_spp": asked.slice_spp, "runs": asked.runs}
         kept = [one for one in kept if not one.name.startswith(f"{scene}: ")]
@@ -86,20 +74,6 @@ def main() -> None:
     about = {"target": TARGET, "scenes": settings}
     report = write_report("allocation", kept, settings=about, notes=_NOTES)
     markdown.fill(markdown.DOCS / "allocation.md", tables(report))
-
-
-def recorded(case: Case, pixels: int, spp: int, slice_spp: int, data: Path) -> NDArray[np.float32]:
-    """Return a scene's recording, (slices, H, W, 3); record what is missing of `spp`."""
-    data.mkdir(parents=True, exist_ok=True)
-    file = data / f"{case.slug}-{pixels}-{slice_spp}.f32"
-    command = [case.family, f"{case.intensity:g}", pixels, spp // slice_spp, slice_spp]
-    seed = case.seeds[0] * 1_000_000
-    subprocess.run(
-        [sys.executable, "-m", "bench.allocating.record", *map(str, (*command, seed, file))],
-        check=True,
-        cwd=ROOT,
-    )
-    return np.memmap(file, np.float32, "r").reshape(-1, pixels, pixels, 3)
 
 
 def measured(

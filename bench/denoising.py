@@ -18,22 +18,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from bench import ROOT
-from bench.allocation import recorded
-from bench.experiment.cases import cases
+from bench.allocating.recordings import SCENES, add_options, recorded
 from bench.support import markdown
 from bench.support.report import Figure, figure, last_figures, last_report, write_report
-from plateau import scenes
 from plateau.farm.model.plan import Plan
 from plateau.farm.model.spec import JobSpec
 from plateau.metric import (
-    Estimate,
     Evidence,
     Half,
     View,
     Visible,
     blended_and_judged,
-    estimate_from,
-    half_buffer_estimate,
 )
 from plateau.metric.compiled import CompiledVisibleDifferences
 from plateau.service.monitor.denoising import oidn
@@ -63,32 +58,25 @@ class Point:
 
     spp: int
     wrong: dict[str, float]  #: of each kind, counted
-    raw: Estimate
-    blend: Estimate
-    evidence: Evidence  #: of the blend
-    raw_evidence: Evidence
+    seen: dict[str, Evidence]  #: of the raw image and of the blend
     seconds: float  #: of the look, and of its cores
     core_seconds: float
 
     def estimate(self, kind: str) -> float:
         """Return the estimate of an image, raw or blended."""
-        return (self.raw if kind == RAW else self.blend).fraction
+        estimate = self.seen[kind].estimate
+        assert estimate is not None
+        return estimate.fraction
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    every = {case.name: case for case in cases(tuple(scenes.NAMES))}
-    parser.add_argument("--cases", nargs="+", choices=every, default=list(every))
-    parser.add_argument("--pixels", type=int, default=256, help="across and down (256)")
-    parser.add_argument("--spp", type=int, default=10_000, help="of each recording (10,000)")
-    parser.add_argument("--slice-spp", type=int, default=25, help="of a slice (25)")
-    parser.add_argument("--runs", type=int, default=3, help="jobs of each scene (3)")
-    parser.add_argument("--data", type=Path, default=ROOT / "allocation-data")
+    add_options(parser)
     asked = parser.parse_args()
     kept = last_figures("denoising")
     settings = last_report("denoising")["settings"].get("scenes", {})
     for name in asked.cases:
-        case = every[name]
+        case = SCENES[name]
         recording = recorded(case, asked.pixels, asked.spp, asked.slice_spp, asked.data)
         guides = guides_of(case, asked.pixels, asked.data)
         scene = f"{name}, {asked.pixels} px"
@@ -194,12 +182,9 @@ def point(
     began, used = time.perf_counter(), time.process_time()
     blend, error = blended_and_judged(image, quarters, denoise, metric.view)
     seconds, core_seconds = time.perf_counter() - began, time.process_time() - used
-    pair = (halves[0], halves[1])
-    raw = half_buffer_estimate(metric, image, pair)
     # The other halves have noise of their own, as the reference has.
     other = (quarters[0].mean + quarters[1].mean - quarters[2].mean - quarters[3].mean) / 4
     noise = (np.sqrt(share) * other).astype(np.float32)
-    estimate = estimate_from(metric, error.likely, metric.percept(error.likely.clean))
     percept, difference = metric.percept(reference), halves[0].mean - halves[1].mean
     wrong = {
         kind: max(0.0, _wrong(metric, percept, one) - _by_noise(metric, reference, own, noise))
@@ -212,10 +197,10 @@ def point(
     return Point(
         spp=spp,
         wrong=wrong,
-        raw=raw,
-        blend=estimate,
-        evidence=Evidence(spp, blend.image, None, metric, error.likely),
-        raw_evidence=Evidence(spp, image, pair, metric),
+        seen={
+            RAW: Evidence(spp, image, (halves[0], halves[1]), metric),
+            BLEND: Evidence(spp, blend.image, None, metric, error),
+        },
         seconds=seconds,
         core_seconds=core_seconds,
     )
@@ -253,7 +238,7 @@ def ended(row: Sequence[Point], kind: str) -> Point | None:
     """Return where the rule `visible` ends the job; None if the recording is too short."""
     rule = Visible()
     for one in row:
-        if rule.judge(one.raw_evidence if kind == RAW else one.evidence).stop:
+        if rule.judge(one.seen[kind]).stop:
             return one
     return None
 

@@ -67,7 +67,7 @@ class BlendError:
 
     #: The blend, and noise with the energy of its error around each pixel.
     likely: NoiseModel = field(repr=False)
-    #: The same with the greatest error that the samples leave possible.
+    #: The same image with the greatest error that the samples leave possible.
     greatest: NoiseModel = field(repr=False)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from plateau.metric.blend import BlendError
     from plateau.metric.display import Image, Mask
     from plateau.metric.vdp import Percept, VisibleDifferences
 
@@ -38,8 +39,8 @@ class Evidence:
     halves: tuple[Half, Half] | None
     #: The predictor, for the view under which to judge.
     metric: VisibleDifferences
-    #: The model of the image's error, where it is not that of its halves, as of a denoised image.
-    error: NoiseModel | None = None
+    #: The error of a denoised image, which is not that of its halves.
+    error: BlendError | None = None
 
     def __post_init__(self) -> None:
         if self.spp < 1:
@@ -68,17 +69,28 @@ class Evidence:
     @cached_property
     def _model(self) -> tuple[NoiseModel, Percept] | None:
         """The noise model of the merged image, and the percept of its clean image."""
-        model = self.error
-        if model is None:
-            if self.halves is None:
-                return None
+        if self.error is not None:
+            model = self.error.likely
+        elif self.halves is not None:
             model = noise_model(self.metric, self.image, self.halves)
+        else:
+            return None
         return model, self.metric.percept(model.clean)
 
     @cached_property
     def estimate(self) -> Estimate | None:
-        """The estimate of visible pixels; None where the image's error is not known."""
-        return None if self._model is None else estimate_from(self.metric, *self._model)
+        """The estimate of visible pixels; None where the image's error is not known.
+
+        The band of a denoised image has all that its error may be.
+        """
+        if self._model is None:
+            return None
+        estimate = estimate_from(self.metric, *self._model)
+        if self.error is None:
+            return estimate
+        _, clean = self._model
+        greatest = estimate_from(self.metric, self.error.greatest, clean)
+        return replace(estimate, high_pixels=max(estimate.high_pixels, greatest.pixels))
 
     @cached_property
     def kept_image(self) -> Image:

@@ -11,11 +11,9 @@ import numpy as np
 
 from plateau.errors import CommandFailed
 from plateau.farm.images.exr import Pixels, decode_image, decode_layers, encode_layers
-from plateau.farm.model.aovs import AOVS
-from plateau.farm.model.denoise import GUIDES
 from plateau.farm.wire import figures
 from plateau.metric import Half, View, VisibleDifferences, estimate_from
-from plateau.service.judging.denoised import Denoised, DenoisingTask
+from plateau.service.judging.denoised import Denoised, DenoisingTask, guides_in, layers_of
 from plateau.service.monitor.denoising import oidn
 from plateau.service.monitor.denoising.child import denoised
 
@@ -46,7 +44,8 @@ def denoise(images: Sequence[Path], out: Path, *, as_json: bool, **view: Any) ->
         sized = ", ".join(f"{width}×{height}" for height, width in sorted(sizes))
         raise CommandFailed(f"the images differ in size: {sized}")
     mean = np.asarray(np.mean([colour for colour, _ in read], axis=0), np.float32)
-    guides = _guides([layers for _, layers in read])
+    each = [guides_in(layers) for _, layers in read]  # the mean, if all images have them
+    guides = tuple(np.mean(alike, axis=0) for alike in zip(*each, strict=False))
     parts = tuple(Half(colour, _ALIKE) for colour, _ in read)
     found = denoised(DenoisingTask(mean, parts, guides, shown))
     _write(out, found, mean)
@@ -73,32 +72,8 @@ def _read(path: Path) -> tuple[Pixels, dict[str, Pixels]]:
         raise CommandFailed(f"{path}: {' '.join(str(error).split())}") from error
 
 
-def _guides(images: Sequence[dict[str, Pixels]]) -> tuple[Pixels, ...]:
-    """Return the mean albedo and normals, if all images have both."""
-    names = [AOVS[guide].channels for guide in GUIDES]
-    if not all(name in layers for layers in images for guide in names for name in guide):
-        return ()
-    return tuple(
-        np.nan_to_num(
-            np.mean(
-                [np.stack([layers[name] for name in guide], axis=-1) for layers in images], axis=0
-            )
-        )
-        for guide in names
-    )
-
-
 def _write(out: Path, found: Denoised, mean: Pixels) -> None:
-    blend = found.blend
-    images = {"": blend.image, "raw.": mean, "denoised.": blend.denoised}
-    planes = {
-        f"{layer}{name}": image[..., plane]
-        for layer, image in images.items()
-        for plane, name in enumerate("RGB")
-    }
-    content = encode_layers(
-        {**planes, "denoised.weight": blend.weight}, {"plateau:denoiser": found.denoiser}
-    )
+    content = encode_layers(layers_of(found.blend, mean), {"plateau:denoiser": found.denoiser})
     try:
         out.write_bytes(content)
     except OSError as error:

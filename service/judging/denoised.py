@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,6 +13,8 @@ from plateau.farm.model.denoise import GUIDES, OidnDenoising
 from plateau.metric import Blend, BlendError, Half, NoiseModel, View
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from numpy.typing import NDArray
 
     from plateau.farm.images.exr import Pixels
@@ -21,7 +23,6 @@ if TYPE_CHECKING:
 
 #: Arrays by name, as they go to the process that denoises and come back.
 Arrays = dict[str, "NDArray[Any]"]
-_MODEL: Final = ("clean", "noise", "non_finite")
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,17 +39,11 @@ class DenoisingTask:
         """Return the task for a merged image of two slices or more."""
         parts = merge.quarters() or merge.halves()
         assert parts is not None
-        guides: tuple[Pixels, ...] = ()
-        if isinstance(spec.denoise, OidnDenoising) and spec.denoise.guides:
-            layers = merge.layers()
-            guides = tuple(
-                np.nan_to_num(np.stack([layers[name] for name in AOVS[aov].channels], axis=-1))
-                for aov in GUIDES
-            )
+        guided = isinstance(spec.denoise, OidnDenoising) and spec.denoise.guides
         return cls(
             merge.image(),
             tuple(Half(*part) for part in parts),
-            guides,
+            guides_in(merge.layers()) if guided else (),
             View(**spec.view.of_display()),
         )
 
@@ -90,20 +85,45 @@ class Denoised:
             "weight": self.blend.weight,
             "denoiser": np.array(self.denoiser),
         }
-        for name, model in {} if self.error is None else vars(self.error).items():
-            arrays |= {f"{name}.{part}": getattr(model, part) for part in _MODEL}
+        if self.error is not None:  # of one image: only the noise differs
+            likely, greatest = self.error.likely, self.error.greatest
+            arrays |= {"clean": likely.clean, "non_finite": likely.non_finite}
+            arrays |= {"likely": likely.noise, "greatest": greatest.noise}
         return arrays
 
     @classmethod
     def restored(cls, arrays: Arrays) -> Denoised:
         """Return the answer with these arrays."""
-        models = [
-            NoiseModel(*(arrays[f"{name}.{part}"] for part in _MODEL))
-            for name in ("likely", "greatest")
-            if f"{name}.clean" in arrays
-        ]
+        error = None
+        if "clean" in arrays:
+            models = (
+                NoiseModel(arrays["clean"], arrays[name], arrays["non_finite"])
+                for name in ("likely", "greatest")
+            )
+            error = BlendError(*models)
         return cls(
             Blend(arrays["image"], arrays["denoised"], arrays["weight"]),
-            BlendError(*models) if models else None,
+            error,
             str(arrays["denoiser"]),
         )
+
+
+def guides_in(layers: Mapping[str, Pixels]) -> tuple[Pixels, ...]:
+    """Return albedo and normal of an image's channels, (height, width, 3) each; or none."""
+    names = [AOVS[guide].channels for guide in GUIDES]
+    if not all(name in layers for channels in names for name in channels):
+        return ()
+    return tuple(np.stack([layers[name] for name in channels], axis=-1) for channels in names)
+
+
+def layers_of(blend: Blend, raw: Pixels, behind: Pixels | float = 0) -> dict[str, Pixels]:
+    """Return the channels of a blended image, with those of which it was made.
+
+    `raw` is the merged image without what is `behind` it, (height, width, 3) each.
+    """
+    made = {"": blend.image - behind, "raw.": raw, "denoised.": blend.denoised - behind}
+    return {
+        f"{layer}{name}": colour[..., plane]
+        for layer, colour in made.items()
+        for plane, name in enumerate("RGB")
+    } | {"denoised.weight": blend.weight}

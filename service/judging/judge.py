@@ -21,7 +21,6 @@ from plateau.metric import (
     Verdict,
     View,
     create_rule,
-    estimate_from,
     zone_fractions,
 )
 from plateau.metric.compiled import CompiledVisibleDifferences
@@ -110,7 +109,7 @@ class Judge:
         )
         if denoised is not None:
             assert denoised.error is not None  # a point has whole quarters
-            evidence = replace(raw, image=denoised.blend.image, error=denoised.error.likely)
+            evidence = replace(raw, image=denoised.blend.image, error=denoised.error)
         verdicts = {name: rule.judge(evidence) for name, rule in self._rules.items()}
         visible = verdicts[CURVE].visible
         assert visible is not None  # it always judges a map
@@ -119,8 +118,6 @@ class Judge:
         flaw = flaw_of(evidence.image) if curve["non_finite_pixels"] else None
         # An image that cannot be a result has no estimate, which would be one of its other pixels.
         estimate = None if flaw else evidence.estimate
-        if denoised is not None and estimate is not None:
-            estimate = self._with_doubt(estimate, denoised)
         forecast, decided = None, None
         if self._target and not flaw:
             if plan is not None and merge.zone_spp is not None:
@@ -148,13 +145,6 @@ class Judge:
         expected = self._expected_spp(own, forecast, merge.spp)
         verdict = self._not_too_early(own, merge.spp)
         return Judgement(point, verdict, expected, flaw, decided)
-
-    def _with_doubt(self, estimate: Estimate, denoised: Denoised) -> Estimate:
-        """Return the estimate of a denoised image, with all that its error may be in the band."""
-        assert denoised.error is not None
-        model = denoised.error.greatest
-        greatest = estimate_from(self._metric, model, self._metric.percept(model.clean))
-        return replace(estimate, high_pixels=max(estimate.high_pixels, greatest.pixels))
 
     def _expected_spp(self, own: Verdict, forecast: Forecast | None, spp: int) -> int | None:
         """Return the spp at which the rule is likely to be satisfied: see `expected_end_spp`."""

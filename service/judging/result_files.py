@@ -23,6 +23,7 @@ from plateau.metric import (
     non_finite_pixels,
     samples_map,
 )
+from plateau.service.judging.denoised import layers_of
 from plateau.service.judging.facts import Facts, exr_header, png_texts
 from plateau.service.judging.merge import Merge
 
@@ -87,15 +88,10 @@ def result_files(
 
 
 def _blended_layers(merge: Merge, blend: Blend) -> dict[str, Pixels]:
-    """Return the channels of a blended image, with those of which it was made."""
     layers = merge.layers()
     raw = np.stack([layers[name] for name in "RGB"], axis=-1)
     with np.errstate(invalid="ignore"):  # a scene may have infinite pixels
-        behind = merge.image() - raw  # of the background
-        made = {"": blend.image - behind, "raw.": raw, "denoised.": blend.denoised - behind}
-    for layer, colour in made.items():
-        layers |= {f"{layer}{name}": colour[..., plane] for plane, name in enumerate("RGB")}
-    return {**layers, "denoised.weight": blend.weight}
+        return layers | layers_of(blend, raw, merge.image() - raw)
 
 
 def thumbnail(image: Pixels, exposure_ev: float) -> NDArray[np.uint8]:

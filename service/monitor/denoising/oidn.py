@@ -38,7 +38,8 @@ def denoiser(guides: Sequence[Image], view: View) -> tuple[Denoise, str]:
     Parameters
     ----------
     guides
-        Albedo and shading normal, (H, W, 3) float32 each and taken as free of noise; or none.
+        Albedo and shading normal, (H, W, 3) float32 each and taken as free of noise; or none. NaN
+        counts as 0.
     view
         The display. Its exposure scales the image for the network, which would otherwise look for
         one itself, in another way on another number of threads.
@@ -48,7 +49,7 @@ def denoiser(guides: Sequence[Image], view: View) -> tuple[Denoise, str]:
     scale = float(np.clip(1 / view.brightest, 1e-30, 1e30))
     auxiliary = {}
     if guides:
-        albedo, normal = (np.ascontiguousarray(guide, np.float32) for guide in guides)
+        albedo, normal = (np.nan_to_num(np.ascontiguousarray(one, np.float32)) for one in guides)
         auxiliary = {"albedo": albedo.clip(0, 1), "normal": normal.clip(-1, 1)}
 
     def denoise(image: Image) -> Image:

@@ -19,7 +19,7 @@ from plateau.service.monitor.denoising import child, oidn
 from tests.service.api.test_continue import go_on
 from tests.service.monitor.test_channels import header
 from tests.support.every_time import save_every_time
-from tests.support.invariants import check_job
+from tests.support.finished_jobs import finish_by_many_monitors, finished
 from tests.support.noise_farm import NoiseFarm
 from tests.support.until import until
 
@@ -36,14 +36,6 @@ NEVER = {**JOB, "rule": {"name": "visible", "target": 1e-6}}
 @pytest.fixture
 def farm(client: redis.Redis, redis_url: str, tmp_path: Path) -> NoiseFarm:
     return NoiseFarm(client, redis_url, tmp_path, sigma=0.2)
-
-
-def finished(farm: NoiseFarm, **spec: object) -> Job:
-    job = farm.submit(**spec)
-    with farm.monitor():
-        done = farm.finish(job)
-    check_job(farm.jobs, farm.store, farm.jobs._redis, job.id)
-    return done
 
 
 def layers(farm: NoiseFarm, job: Job) -> dict[str, np.ndarray]:
@@ -115,13 +107,7 @@ def test_its_image_depends_on_no_monitor_and_no_order(
 ) -> None:
     save_every_time(monkeypatch)
     one, other = finished(farm, **JOB), farm.submit(**JOB)
-    while not farm.is_finished(other):
-        with farm.monitor():
-            held = [lease for lease in (farm.lease() for _ in range(6)) if lease]
-            for lease in reversed(held):
-                farm.commit(lease)
-            if not held:
-                until(lambda: farm.is_finished(other) or farm.jobs.census().slices["waiting"] > 0)
+    finish_by_many_monitors(farm, other)
     assert farm.jobs.get(other.id).reason == one.reason
     for name, values in layers(farm, one).items():
         np.testing.assert_array_equal(values, layers(farm, other)[name])

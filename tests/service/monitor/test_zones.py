@@ -24,6 +24,7 @@ from plateau.service.api.points import KeptSlice
 from plateau.service.api.points.sums import PointSums
 from tests.service.api.test_continue import go_on
 from tests.support.every_time import save_every_time
+from tests.support.finished_jobs import finish_by_many_monitors, finished
 from tests.support.invariants import check_job
 from tests.support.noise_farm import NoiseFarm, ramp
 from tests.support.until import until
@@ -70,14 +71,6 @@ def farm(client: redis.Redis, redis_url: str, tmp_path: Path) -> LopsidedFarm:
     return LopsidedFarm(client, redis_url, tmp_path, sigma=0.15)
 
 
-def finished(farm: NoiseFarm, **spec: object) -> Job:
-    job = farm.submit(**spec)
-    with farm.monitor():
-        done = farm.finish(job)
-    check_job(farm.jobs, farm.store, farm.jobs._redis, job.id)
-    return done
-
-
 def test_noisy_zones_have_more_samples_than_calm_ones(farm: NoiseFarm) -> None:
     done = finished(farm, **JOB)
     assert done.state is JobState.CONVERGED
@@ -113,23 +106,12 @@ def test_its_image_depends_on_no_monitor_and_no_order(
 ) -> None:
     save_every_time(monkeypatch)
     one, other = finished(farm, **JOB), farm.submit(**JOB)
-    # When the monitor changes all the time, and slices come last first
-    while not farm.is_finished(other):
-        with farm.monitor():
-            held = [lease for lease in (farm.lease() for _ in range(6)) if lease]
-            for lease in reversed(held):
-                farm.commit(lease)
-            if not held:
-                until(lambda: farm.is_finished(other) or may_lease(farm))
+    finish_by_many_monitors(farm, other)
     assert farm.jobs.get(other.id).reason == one.reason
     assert curve(farm, other) == curve(farm, one)
     images = [decode_layers(farm.picture(job, "image.exr")) for job in (one, other)]
     for name, values in images[0].items():
         np.testing.assert_array_equal(values, images[1][name])
-
-
-def may_lease(farm: NoiseFarm) -> bool:
-    return farm.jobs.census().slices["waiting"] > 0
 
 
 def curve(farm: NoiseFarm, job: Job) -> list[dict[str, object]]:

@@ -1,0 +1,48 @@
+"""Recordings of slices, of which several benchmarks put jobs together, and what all of them ask."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from bench import ROOT
+from bench.experiment.cases import cases
+from plateau import scenes
+
+if TYPE_CHECKING:
+    import argparse
+
+    from numpy.typing import NDArray
+
+    from bench.experiment.cases import Case
+
+#: The scenes by their names.
+SCENES = {case.name: case for case in cases(tuple(scenes.NAMES))}
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options that say what is recorded, and where."""
+    parser.add_argument("--cases", nargs="+", choices=SCENES, default=list(SCENES))
+    parser.add_argument("--pixels", type=int, default=256, help="across and down (256)")
+    parser.add_argument("--spp", type=int, default=10_000, help="of each recording (10,000)")
+    parser.add_argument("--slice-spp", type=int, default=25, help="of a slice (25)")
+    parser.add_argument("--runs", type=int, default=3, help="jobs of each scene (3)")
+    parser.add_argument("--data", type=Path, default=ROOT / "allocation-data")
+
+
+def recorded(case: Case, pixels: int, spp: int, slice_spp: int, data: Path) -> NDArray[np.float32]:
+    """Return a scene's recording, (slices, H, W, 3); record what is missing of `spp`."""
+    data.mkdir(parents=True, exist_ok=True)
+    file = data / f"{case.slug}-{pixels}-{slice_spp}.f32"
+    command = [case.family, f"{case.intensity:g}", pixels, spp // slice_spp, slice_spp]
+    seed = case.seeds[0] * 1_000_000
+    subprocess.run(
+        [sys.executable, "-m", "bench.allocating.record", *map(str, (*command, seed, file))],
+        check=True,
+        cwd=ROOT,
+    )
+    return np.memmap(file, np.float32, "r").reshape(-1, pixels, pixels, 3)
