@@ -5,7 +5,8 @@
 - ``where``: ``module:function`` or ``module:Class.method``, and ``when``, ``before`` or ``after``
   it runs;
 - ``time``: at its how manieth call;
-- ``signal``: its name; ``target``: ``self``, or ``children`` for every child process;
+- ``signal``: its name; ``target``: ``self``, or ``children`` for every child process. Children that
+  are hit after a call stand still during it: they cannot be done with what it asks of them;
 - ``set``: constants to change first, as ``{"module:NAME": value}``; there may be nothing else;
 - ``clock_s``: by how many seconds its wall clock is ahead.
 
@@ -13,6 +14,7 @@ The code under test knows nothing of it: the functions are wrapped from outside,
 the signals are real.
 """
 
+import contextlib
 import functools
 import importlib
 import itertools
@@ -46,7 +48,12 @@ def hit(stage: dict[str, Any]) -> None:
         # A stop takes hold, or a handler runs, a moment after the call: not past this stage.
         time.sleep(0.2)
     else:
-        for child in psutil.Process().children():
+        tell_children(number)
+
+
+def tell_children(number: signal.Signals) -> None:
+    for child in psutil.Process().children():
+        with contextlib.suppress(psutil.NoSuchProcess):  # it has ended meanwhile
             child.send_signal(number)
 
 
@@ -70,12 +77,18 @@ def arm(stage: dict[str, Any]) -> None:
 
     @functools.wraps(original)
     def wrapped(*arguments: Any, **named: Any) -> Any:
-        now = next(calls) == stage["time"]
-        if now and stage["when"] == "before":
+        if next(calls) != stage["time"]:
+            return original(*arguments, **named)
+        if stage["when"] == "before":
             hit(stage)
+            return original(*arguments, **named)
+        still = stage["target"] == "children"
+        if still:
+            tell_children(signal.SIGSTOP)
         answer = original(*arguments, **named)
-        if now and stage["when"] == "after":
-            hit(stage)
+        hit(stage)
+        if still and stage["signal"] != "SIGSTOP":
+            tell_children(signal.SIGCONT)
         return answer
 
     setattr(owner, name, wrapped)
