@@ -12,6 +12,7 @@ import subprocess
 import sys
 import time
 from dataclasses import dataclass, replace
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,13 +24,7 @@ from bench.support import markdown
 from bench.support.report import Figure, figure, last_figures, last_report, write_report
 from plateau.farm.model.plan import Plan
 from plateau.farm.model.spec import JobSpec
-from plateau.metric import (
-    Evidence,
-    Half,
-    View,
-    Visible,
-    blended_and_judged,
-)
+from plateau.metric import Evidence, Half, View, Visible, allowed_pixels, blended, create_rule
 from plateau.metric.compiled import CompiledVisibleDifferences
 from plateau.service.monitor.denoising import oidn
 
@@ -44,6 +39,9 @@ if TYPE_CHECKING:
 TARGETS = (0.001, 0.0002)
 RAW, DENOISED, BLEND = "raw", "denoised alone", "blend"
 KINDS = (RAW, DENOISED, BLEND)
+#: The rules that are tried on the blend: Plateau's own, and the paper's.
+OWN = Visible.name
+RULES = (OWN, "reverse", "successive", "multiple", "myszkowski")
 #: Shares of the pixels from which on an estimate is compared with the truth.
 ENOUGH = 0.001
 _NOTES = (
@@ -58,9 +56,16 @@ class Point:
 
     spp: int
     wrong: dict[str, float]  #: of each kind, counted
-    seen: dict[str, Evidence]  #: of the raw image and of the blend
+    seen: dict[str, Evidence]
     seconds: float  #: of the look, and of its cores
     core_seconds: float
+
+    @property
+    def is_determined(self) -> bool:
+        """Whether the samples tell how wrong the denoiser is, for Plateau's own rule."""
+        found = self.seen[BLEND]
+        assert found.estimate is not None
+        return found.estimate.is_determined(allowed_pixels(Visible().target, found.pixels))
 
     def estimate(self, kind: str) -> float:
         """Return the estimate of an image, raw or blended."""
@@ -112,13 +117,16 @@ def figures(
             known = [one for one in spp if one is not None]
             if len(known) == runs:
                 found.append(figure(f"{kind}: spp at {target:.2%}", known, "spp"))
-    for kind in (RAW, BLEND):
-        ends = [ended(row, kind) for row in rows]
+    for kind, name in ((RAW, OWN), *product((BLEND, DENOISED), RULES)):
+        if (kind, name) == (DENOISED, OWN):  # whose error is not estimated
+            continue
+        ends = [ended(row, kind, name) for row in rows]
         stopped = [point for point in ends if point is not None]
         if len(stopped) == runs:
-            found.append(figure(f"{kind}: spp at its end", [one.spp for one in stopped], "spp"))
+            found.append(figure(f"{kind}: {name}: spp", [one.spp for one in stopped], "spp"))
             wrong = [one.wrong[kind] for one in stopped]
-            found.append(figure(f"{kind}: wrong at its end", wrong, "of the pixels"))
+            found.append(figure(f"{kind}: {name}: wrong", wrong, "of the pixels"))
+    for kind in (RAW, BLEND):
         ratios = [
             point.estimate(kind) / point.wrong[kind]
             for row in rows
@@ -131,6 +139,12 @@ def figures(
     for kind in (DENOISED, BLEND):
         ratio = [p.wrong[kind] / p.wrong[RAW] for p in same if p.wrong[RAW] >= ENOUGH]
         found.append(figure(f"{kind}: wrong, of raw", ratio, "ratio"))
+    told = {"points": len(same), "determined": sum(one.is_determined for one in same)}
+    told["determined, and twice as wrong"] = sum(
+        one.is_determined and one.wrong[BLEND] > 2 * max(one.estimate(BLEND), Visible().target)
+        for one in same
+    )
+    found += [figure(f"{BLEND}: {name}", [count], "points") for name, count in told.items()]
     found.append(figure("a look", [point.seconds for point in same], "s"))
     found.append(figure("a look: cores", [point.core_seconds for point in same], "core s"))
     return found
@@ -180,7 +194,7 @@ def point(
     ]
     denoise, _ = oidn.denoiser(tuple(guides), metric.view)
     began, used = time.perf_counter(), time.process_time()
-    blend, error = blended_and_judged(image, quarters, denoise, metric.view)
+    blend, error = blended(image, (halves[0], halves[1]), denoise, metric.view)
     seconds, core_seconds = time.perf_counter() - began, time.process_time() - used
     # The other halves have noise of their own, as the reference has.
     other = (quarters[0].mean + quarters[1].mean - quarters[2].mean - quarters[3].mean) / 4
@@ -200,6 +214,7 @@ def point(
         seen={
             RAW: Evidence(spp, image, (halves[0], halves[1]), metric),
             BLEND: Evidence(spp, blend.image, None, metric, error),
+            DENOISED: Evidence(spp, blend.denoised, None, metric),
         },
         seconds=seconds,
         core_seconds=core_seconds,
@@ -234,9 +249,9 @@ def spp_at(row: Sequence[Point], kind: str, target: float) -> float | None:
     return float(row[0].spp) if row[-1].wrong[kind] <= target else None
 
 
-def ended(row: Sequence[Point], kind: str) -> Point | None:
-    """Return where the rule `visible` ends the job; None if the recording is too short."""
-    rule = Visible()
+def ended(row: Sequence[Point], kind: str, name: str) -> Point | None:
+    """Return where a rule ends the job; None if the recording is too short."""
+    rule = create_rule(name)
     for one in row:
         if rule.judge(one.seen[kind]).stop:
             return one
@@ -266,9 +281,9 @@ def tables(report: dict[str, Any]) -> dict[str, str]:
             *(
                 f"{number(scene, f'{RAW}: {what}')} / {number(scene, f'{BLEND}: {what}')} "
                 f"= {times(scene, what)}"
-                for what in (*(f"spp at {target:.2%}" for target in TARGETS), "spp at its end")
+                for what in (*(f"spp at {target:.2%}" for target in TARGETS), f"{OWN}: spp")
             ),
-            *(number(scene, f"{kind}: wrong at its end", ".3%") for kind in (RAW, BLEND)),
+            *(number(scene, f"{kind}: {OWN}: wrong", ".3%") for kind in (RAW, BLEND)),
         ]
         for scene in names
     ]
@@ -280,7 +295,32 @@ def tables(report: dict[str, Any]) -> dict[str, str]:
         ]
         for scene in names
     ]
+    rules = [
+        [
+            f"{scene}, {kind}",
+            *(
+                f"{number(scene, f'{kind}: {rule}: spp')} / "
+                f"{number(scene, f'{kind}: {rule}: wrong', '.3%')}"
+                for rule in RULES
+            ),
+        ]
+        for scene, kind in product(names, (BLEND, DENOISED))
+    ]
+    told = [
+        [
+            scene,
+            *(
+                number(scene, f"{BLEND}: {name}")
+                for name in ("points", "determined", "determined, and twice as wrong")
+            ),
+        ]
+        for scene in names
+    ]
     return {
+        "denoising-rules": markdown.table(["scene", *(f"`{rule}`" for rule in RULES)], rules),
+        "denoising-determined": markdown.table(
+            ["scene", "points", "determined", "of these, twice as wrong"], told
+        ),
         "denoising": markdown.table(
             ["scene", "0.10 % wrong", "0.02 % wrong", "the rule's end", "wrong then, raw", "blend"],
             needed,

@@ -9,9 +9,14 @@ from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
     from plateau.metric.allocation import Allocation, plan_round
-    from plateau.metric.blend import Blend, BlendError, Denoise, blended, blended_and_judged
+    from plateau.metric.blend import Blend, BlendError, Denoise, blended
     from plateau.metric.display import Image, Mask, Primaries, View, encode_srgb
-    from plateau.metric.estimate import Estimate, estimate_from, half_buffer_estimate
+    from plateau.metric.estimate import (
+        Estimate,
+        allowed_pixels,
+        estimate_from,
+        half_buffer_estimate,
+    )
     from plateau.metric.forecasts import Forecast, forecast
     from plateau.metric.noise_model import Half, NoiseModel
     from plateau.metric.non_finite import NonFinite, allowed_non_finite, non_finite_pixels
@@ -65,8 +70,8 @@ __all__ = [
     "Visible",
     "VisibleDifferences",
     "allowed_non_finite",
+    "allowed_pixels",
     "blended",
-    "blended_and_judged",
     "create_rule",
     "difference_map",
     "encode_srgb",
@@ -84,9 +89,9 @@ __all__ = [
 
 _HOMES: Final = {
     "allocation": ("Allocation", "plan_round"),
-    "blend": ("Blend", "BlendError", "Denoise", "blended", "blended_and_judged"),
+    "blend": ("Blend", "BlendError", "Denoise", "blended"),
     "display": ("Image", "Mask", "Primaries", "View", "encode_srgb"),
-    "estimate": ("Estimate", "estimate_from", "half_buffer_estimate"),
+    "estimate": ("Estimate", "allowed_pixels", "estimate_from", "half_buffer_estimate"),
     "forecasts": ("Forecast", "forecast"),
     "noise_model": ("Half", "NoiseModel"),
     "non_finite": ("NonFinite", "allowed_non_finite", "non_finite_pixels"),

@@ -4,8 +4,8 @@ A denoiser takes noise away and brings bias, which more samples do not take away
 measured without a reference, since the samples form halves: one half's noise is not in the other.
 So each pixel leans to whichever has the smaller error, and the blend converges as the image does.
 
-The blend's error is measured in the same way, by quarters of the samples: a half is blended by its
-own quarters, and compared with the other half, which had no say in it.
+The blend's error is measured in the same way: each half is blended with its denoised self, and
+compared with the other half at pixels that had no say in it.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from plateau.metric.display import Image, Plane, as_image, finite_pixels
 from plateau.metric.noise_model import Half, NoiseModel
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Iterable
 
     from numpy.typing import NDArray
 
@@ -34,10 +34,15 @@ Denoise: TypeAlias = Callable[[Image], Image]
 
 # Squared errors are pooled around each pixel by the pyramid's kernel, its taps so far apart.
 _GAPS: Final = (1, 2)  #: for the weight: together σ = 2.1 pixels
-_JUDGED_GAPS: Final = (1, 2, 2)  #: for the blend's error: σ = 2.8 pixels
-_JUDGED_PIXELS: Final = 4 * math.pi * 2.8**2  #: that this pools
-#: Standard errors by which the blend's error may be greater than it was measured.
+_NEAR: Final = (1, 2, 2)  #: for the blend's error: σ = 2.8 pixels
+_WIDE: Final = (1, 2, 4, 4)  #: for what surrounds it: σ = 5.8 pixels
+#: The kernel of `_GAPS` within two pixels: its centre, and the next taps.
+_CENTRE: Final = (0.185, 0.1625, 0.1225)
+_REST: Final = 1 - (_CENTRE[0] + 2 * _CENTRE[1] + 2 * _CENTRE[2]) ** 2  #: of its sum, outside
+#: Standard errors by which an error differs from its surroundings', or may be greater than it was
+#: measured, before that counts.
 _DOUBT: Final = 2.0
+_VARIANCE: Final = 0.9  #: of the pyramid's kernel, in squared pixels
 _HALF: Final = np.float32(0.5)
 _LEAST: Final = np.float32(1e-30)  #: prevents 0/0
 
@@ -71,15 +76,17 @@ class BlendError:
     greatest: NoiseModel = field(repr=False)
 
 
-def blended(image: Image, halves: tuple[Half, Half], denoise: Denoise, view: View) -> Blend:
-    """Return the blend of an image with its denoised self.
+def blended(
+    image: Image, halves: tuple[Half, Half], denoise: Denoise, view: View
+) -> tuple[Blend, BlendError]:
+    """Return the blend of an image with its denoised self, and its error.
 
     Parameters
     ----------
     image
         The merged image of both halves, (H, W, 3) linear radiance.
     halves
-        Two halves of its samples.
+        Two halves of its samples, of which neither has noise of the other.
     denoise
         The denoiser; it is asked three times.
     view
@@ -97,6 +104,18 @@ def blended(image: Image, halves: tuple[Half, Half], denoise: Denoise, view: Vie
     of a denoised half, ½|d(A) − B|² + ½|d(B) − A|² − ½|A − B|². It is unbiased, since d(A) has no
     sample of B.
 
+    X(A) is half A blended with d(A), whose error is measured by B around the pixel, and not within
+    two pixels of it: filters reach no farther, so that X(A) and B have independent noise there. Its
+    mean squared error is ½|X(A) − B|² + ½|X(B) − A|² − ½|A − B|², unbiased, and |X(A) − X(B)|² is
+    the sum of both variances, of which the blend of all samples has n_A n_B / n². At the most it
+    has the same bias. The noise of the model is X(A) − X(B), with its energy brought to that of the
+    error.
+
+    The error is pooled near the pixel, and counts as far as it differs from its wider surroundings'
+    by more than chance explains: with the difference δ and its standard error s, the gain is
+    δ² / (δ² + 4s²). The greatest error has two standard errors of the surroundings' more. Standard
+    errors are those of a mean of independent pixels.
+
     References
     ----------
     S. Zheng, F. Zheng, K. Xu and L.-Q. Yan, Ensemble denoising for Monte Carlo renderings, ACM
@@ -105,65 +124,26 @@ def blended(image: Image, halves: tuple[Half, Half], denoise: Denoise, view: Vie
     A. Firmino, J. R. Frisvad and H. W. Jensen, Progressive denoising of Monte Carlo rendered
     images, Computer Graphics Forum 41(2), 2022 (mixed with the noisy image, so that it converges).
     doi:10.1111/cgf.14454
+    J.-S. Lee, Digital image enhancement and noise filtering by use of local statistics, IEEE
+    Transactions on Pattern Analysis and Machine Intelligence 2(2), 1980 (a local value counts as
+    far as it exceeds its noise). doi:10.1109/TPAMI.1980.4766994
 
     Examples
     --------
     >>> from plateau.metric import Half, View
     >>> light = np.full((32, 32, 3), 0.5, np.float32)
     >>> one, other = light + np.random.default_rng(1).normal(0, 0.1, (2, 32, 32, 3))
-    >>> found = blended((one + other) / 2, (Half(one, 8), Half(other, 8)), lambda _: light, View())
+    >>> halves = Half(one, 8), Half(other, 8)
+    >>> found, _ = blended((one + other) / 2, halves, lambda _: light, View())
     >>> bool(found.weight.mean() > 0.9)
     True
     """
     one, other = halves
     flawed, (shown, *means) = _without_flaws(image, one.mean, other.mean)
     noisy = _Halved(shown, means[0], means[1], one.spp / (one.spp + other.spp))
-    return _blend(noisy, noisy.each(denoise), view).with_flaws(image, flawed)
-
-
-def blended_and_judged(
-    image: Image, quarters: Sequence[Half], denoise: Denoise, view: View
-) -> tuple[Blend, BlendError]:
-    """Return the blend, and its error.
-
-    Parameters
-    ----------
-    image
-        The merged image of all quarters, (H, W, 3) linear radiance.
-    quarters
-        Four quarters of its samples, of as many spp each. The first and the third form one half.
-    denoise
-        The denoiser; it is asked seven times.
-    view
-        The display on which errors count.
-
-    Raises
-    ------
-    ValueError
-        If the quarters and the image differ in size, or the quarters in their samples.
-
-    Notes
-    -----
-    X(A) is half A blended by its own quarters. Its mean squared error is
-    ½|X(A) − B|² + ½|X(B) − A|² − ½|A − B|², unbiased, and its variance ½|X(A) − X(B)|². The blend
-    of all samples has half that variance and, at the most, the same bias. All are pooled. The noise
-    of the model is ½(X(A) − X(B)), with its energy brought to that of the error.
-
-    The standard error of the pooled error is that of a mean of independent pixels.
-    """
-    if len(quarters) != 4 or len({quarter.spp for quarter in quarters}) > 1:
-        raise ValueError("a blend is judged by four quarters of as many samples each")
-    flawed, found = _without_flaws(image, *(quarter.mean for quarter in quarters))
-    shown, first, second, third, fourth = found
-    halves = [
-        _Halved((one + rest) * _HALF, one, rest) for one, rest in ((first, third), (second, fourth))
-    ]
-    clean = [half.each(denoise) for half in halves]
-    noisy = _Halved(shown, halves[0].image, halves[1].image)
-    blend = _blend(noisy, _Halved(denoise(shown), clean[0].image, clean[1].image), view)
-    half_blends = [_blend(*pair, view).image for pair in zip(halves, clean, strict=True)]
-    error = _error(blend, noisy, half_blends, view, flawed)
-    return blend.with_flaws(image, flawed), error
+    clean = noisy.each(denoise)
+    blend = _blend(noisy, clean, view)
+    return blend.with_flaws(image, flawed), _error(blend, noisy, clean, view, flawed)
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,7 +153,7 @@ class _Halved:
     image: Image
     one: Image
     other: Image
-    share: float = 0.5  #: of the samples in the first half
+    share: float  #: of the samples in the first half
 
     def each(self, change: Denoise) -> _Halved:
         """Return the three images, changed."""
@@ -185,38 +165,78 @@ class _Halved:
         """Return them as on a screen, where light above white is white."""
         return self.each(lambda image: np.clip(image, 0, np.float32(view.brightest)))
 
+    @property
+    def both(self) -> float:
+        """The variance of the image, of the sum of its halves' variances."""
+        return self.share * (1 - self.share)
+
 
 def _blend(noisy: _Halved, clean: _Halved, view: View) -> Blend:
     seen, smooth = noisy.as_shown(view), clean.as_shown(view)
     apart = _pooled(_energy(seen.one - seen.other), _GAPS)
-    variance = apart * np.float32(noisy.share * (1 - noisy.share))
     crossed = _energy(smooth.one - seen.other) + _energy(smooth.other - seen.one)
-    risk = np.maximum((_pooled(crossed, _GAPS) - apart) * _HALF, 0)
-    weight = variance / np.maximum(variance + risk, _LEAST)
+    weight = _weight(apart * np.float32(noisy.both), (_pooled(crossed, _GAPS) - apart) * _HALF)
+    return Blend(_mixed(noisy.image, clean.image, weight), clean.image, weight)
+
+
+def _half_blends(noisy: _Halved, clean: _Halved, view: View) -> tuple[Image, Image]:
+    """Return each half's blend, which at no pixel has noise of the other half there."""
+    seen, smooth = noisy.as_shown(view), clean.as_shown(view)
+    apart = _around(_energy(seen.one - seen.other))
+
+    def half(noisy: Image, clean: Image, shown: Image, other: Image, share: float) -> Image:
+        risk = _around(_energy(shown - other)) - np.float32(share) * apart
+        return _mixed(noisy, clean, _weight(np.float32(1 - share) * apart, risk))
+
+    return (
+        half(noisy.one, clean.one, smooth.one, seen.other, noisy.share),
+        half(noisy.other, clean.other, smooth.other, seen.one, 1 - noisy.share),
+    )
+
+
+def _weight(variance: Plane, risk: Plane) -> Plane:
+    weight: Plane = variance / np.maximum(variance + np.maximum(risk, 0), _LEAST)
+    return weight
+
+
+def _mixed(noisy: Image, clean: Image, weight: Plane) -> Image:
     share = weight[..., np.newaxis]
-    return Blend(share * clean.image + (1 - share) * noisy.image, clean.image, weight)
+    mixed: Image = share * clean + (1 - share) * noisy
+    return mixed
 
 
-def _error(
-    blend: Blend, noisy: _Halved, half_blends: list[Image], view: View, flawed: Mask
-) -> BlendError:
-    whole = _Halved(blend.image, half_blends[0], half_blends[1]).as_shown(view)
+def _error(blend: Blend, noisy: _Halved, clean: _Halved, view: View, flawed: Mask) -> BlendError:
+    half_blends = _half_blends(noisy, clean, view)
+    whole = _Halved(blend.image, *half_blends, noisy.share).as_shown(view)
     seen = noisy.as_shown(view)
-    noise = (whole.one - whole.other) * _HALF
+    noise = (whole.one - whole.other) * np.float32(math.sqrt(noisy.both))
     own = _energy(noise)  # of the whole blend's variance
-    # The mean squared error of a half's blend, less the half of its variance that the whole lacks.
+    # The mean squared error of a half's blend, less the variance that the whole lacks.
     crossed = _energy(whole.one - seen.other) + _energy(whole.other - seen.one)
-    errors = (crossed - _energy(seen.one - seen.other)) * _HALF - own
-    measured, own = _pooled(errors, _JUDGED_GAPS), _pooled(own, _JUDGED_GAPS)
-    spread = _pooled(np.square(errors), _JUDGED_GAPS) - np.square(measured)
-    doubt = np.sqrt(np.maximum(spread, 0) / np.float32(_JUDGED_PIXELS))
+    errors = (crossed - _energy(seen.one - seen.other)) * _HALF
+    errors -= own * np.float32(0.5 / noisy.both - 1)
+    near, near_doubt = _measured(errors, _NEAR)
+    wide, wide_doubt = _measured(errors, _WIDE)
+    apart = np.square(near - wide)
+    gain = apart / np.maximum(apart + np.square(np.float32(_DOUBT) * near_doubt), _LEAST)
+    likely = wide + gain * (near - wide)
+    own = _pooled(own, _NEAR)
 
     def model(error: Plane) -> NoiseModel:
         # There is variance at the least.
         gain = np.sqrt(np.maximum(error, own) / np.maximum(own, _LEAST))
         return NoiseModel(whole.image, gain[..., np.newaxis] * noise, flawed)
 
-    return BlendError(model(measured), model(measured + np.float32(_DOUBT) * doubt))
+    return BlendError(model(likely), model(likely + np.float32(_DOUBT) * wide_doubt))
+
+
+def _measured(errors: Plane, gaps: tuple[int, ...]) -> tuple[Plane, Plane]:
+    """Return the errors pooled around each pixel, and the standard error of that."""
+    mean = _pooled(errors, gaps)
+    spread = np.maximum(_pooled(np.square(errors), gaps) - np.square(mean), 0)
+    pixels = 4 * math.pi * _VARIANCE * sum(gap**2 for gap in gaps)
+    doubt: Plane = np.sqrt(spread / np.float32(pixels))
+    return mean, doubt
 
 
 def _without_flaws(*images: NDArray[Any]) -> tuple[Mask, list[Image]]:
@@ -239,3 +259,10 @@ def _pooled(plane: Plane, gaps: Iterable[int]) -> Plane:
     for gap in gaps:
         plane = smoothed(plane, gap)
     return plane
+
+
+def _around(plane: Plane) -> Plane:
+    """Return the plane pooled around each pixel, without those within two pixels of it."""
+    rest = _pooled(plane, _GAPS) - smoothed(plane, 1, _CENTRE)
+    pooled: Plane = np.maximum(rest, 0) / np.float32(_REST)
+    return pooled

@@ -15,6 +15,8 @@ import numpy as np
 from plateau.metric.pyramid import KERNEL
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from plateau.metric.display import Image, Plane
 
 #: Bands; the coarsest is about this power of two pixels wide. Coarser noise masks nothing.
@@ -25,13 +27,14 @@ CAUTION = 2.0
 LEAST_ENERGY = 1e-30
 
 
-def smoothed(planes: Plane, gap: int) -> Plane:
-    """Return planes, (…, H, W) float32, blurred by the pyramid's kernel, its taps `gap` apart.
+def smoothed(planes: Plane, gap: int, kernel: Sequence[float] = KERNEL) -> Plane:
+    """Return planes, (…, H, W) float32, blurred by a kernel, its taps `gap` apart.
 
-    Beyond a border it reads the pixel at the border.
+    The kernel is the pyramid's, or any that is given by its centre and the taps beside it. Beyond a
+    border it reads the pixel at the border.
     """
     for axis in (-2, -1):
-        planes = _smoothed_along(planes, axis, gap)
+        planes = _smoothed_along(planes, axis, gap, kernel)
     return planes
 
 
@@ -86,8 +89,8 @@ def planar(image: Image) -> Plane:
     return np.ascontiguousarray(np.moveaxis(image, -1, 0), np.float32)
 
 
-def _smoothed_along(planes: Plane, axis: int, gap: int) -> Plane:
-    size, reach = planes.shape[axis], gap * (len(KERNEL) - 1)
+def _smoothed_along(planes: Plane, axis: int, gap: int, kernel: Sequence[float]) -> Plane:
+    size, reach = planes.shape[axis], gap * (len(kernel) - 1)
     bordered = np.take(planes, np.arange(-reach, size + reach).clip(0, size - 1), axis=axis)
 
     def shifted(by: int) -> Plane:
@@ -95,7 +98,7 @@ def _smoothed_along(planes: Plane, axis: int, gap: int) -> Plane:
         window[axis] = slice(reach + by, reach + by + size)
         return bordered[tuple(window)]
 
-    centre, *sides = KERNEL
+    centre, *sides = kernel
     blurred: Plane = shifted(0) * np.float32(centre)
     for number, weight in enumerate(sides, start=1):
         blurred += (shifted(-number * gap) + shifted(number * gap)) * np.float32(weight)

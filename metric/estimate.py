@@ -28,6 +28,8 @@ BAND_DEVIATIONS = 1.645
 MODEL_ERROR = 0.1
 #: The most pixels of a clump that counts as one event; larger clumps have joined by chance.
 LARGEST_CLUMP = 25.0
+#: How many times as much may be wrong, as far as the samples tell, where an estimate is determined.
+DETERMINED = 2.0
 
 
 @dataclass(frozen=True)
@@ -47,6 +49,20 @@ class Estimate:
     #: For each pixel the share of the two comparisons in which it is visible: 0, ½ or 1,
     #: (H, W) float32.
     visible: Plane = field(repr=False, compare=False)
+    #: Visible pixels at the greatest error that the samples leave possible; None where the error is
+    #: noise alone, which halves show.
+    greatest_pixels: float | None = None
+
+    def is_determined(self, allowed: float) -> bool:
+        """Return whether the samples tell the error, given how many pixels may be wrong.
+
+        Notes
+        -----
+        The greatest error makes at most `DETERMINED` times as many pixels visible as the likely
+        one, or as are allowed.
+        """
+        most = DETERMINED * max(self.pixels, allowed)
+        return self.greatest_pixels is None or self.greatest_pixels <= most
 
     @property
     def low_fraction(self) -> float:

@@ -54,12 +54,17 @@ def point_figures(job: Job, point: CurvePoint) -> list[str]:
         left = of_image(point.estimate_pixels, point.estimate_fraction)
         target = stop_fraction(job)
         aim = "" if target is None else f" (stops at {100 * target:g} %)"
-        found.append(f"noise left {left}{aim}")
+        found.append(f"noise left {left}{aim}{undetermined(point)}")
     if point.forecast_spp is not None and not job.state.ended:
         found.append(f"forecast {point.forecast_spp:,} spp")
     if point.non_finite_pixels:
         found.append(f"broken {point.non_finite_pixels:,} px")
     return found
+
+
+def undetermined(judged: Job | CurvePoint) -> str:
+    """That the noise left may be far more, to be put behind it; nothing if that is not so."""
+    return ", undetermined" if judged.estimate_undetermined else ""
 
 
 def point_line(job: Job, point: CurvePoint, *more: str) -> str:
@@ -139,8 +144,8 @@ def summary(job: Job, now: datetime, waits_for: str | None = None) -> str:
         rows.append(("changed", f"{changed} differ visibly from the first image of the curve"))
     if job.estimate_pixels is not None:
         left = of_image(job.estimate_pixels, job.estimate_fraction)
-        by = "by parts of its samples" if job.spec.is_denoised else "by half buffers"
-        words = f"{left} still differ visibly from the converged image, {by}"
+        by = "bias included" if job.spec.is_denoised else "by half buffers"
+        words = f"{left} still differ visibly from the converged image, {by}{undetermined(job)}"
         rows.append(("noise left", words))
     if job.non_finite_pixels:
         total = (job.width or 0) * (job.height or 0)

@@ -99,7 +99,7 @@ def _job(fields: dict[str, str], sealed: dict[str, str]) -> Job:
     }
     judged = (
         *("visible_pixels", "visible_fraction", "slope", "estimate_pixels", "estimate_fraction"),
-        *("non_finite_pixels", "forecast_spp"),
+        *("estimate_undetermined", "non_finite_pixels", "forecast_spp"),
     )
     return Job(
         id=fields["id"],

@@ -65,6 +65,12 @@ class CurvePoint(_Record):
         None, description="the band that holds the true count in about nine cases of ten"
     )
     estimate_high_pixels: float | None = None
+    estimate_undetermined: bool | None = Field(
+        None,
+        description="whether the samples do not tell yet how wrong the denoiser is: the noise left "
+        "may be more than twice as much, and more than twice the target; then the rule `visible` "
+        "goes on. Null where the image is not denoised",
+    )
     raw_estimate_pixels: float | None = Field(
         None, description="noise left in the image before it was denoised, where it is"
     )
@@ -137,6 +143,9 @@ class Job(_Record):
         None, description="noise left, in pixels, at the newest point"
     )
     estimate_fraction: float | None = Field(None, description="the same over all pixels")
+    estimate_undetermined: bool | None = Field(
+        None, description="whether it may be far more, there, as far as the samples tell"
+    )
     non_finite_pixels: int | None = Field(
         None,
         description="pixels of the last judged image with a NaN or an infinity; they are left out "

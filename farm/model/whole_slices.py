@@ -15,8 +15,10 @@ _Spec = TypeVar("_Spec", bound=SharedSpec)
 
 #: Slices may become larger or smaller than asked for by this factor.
 _MOST_CHANGE: Final = 4
-#: By zones, and where the image is denoised, the slices of a step form halves in two ways.
+#: By zones, the slices of a step form halves in two ways.
 _QUARTERS: Final = 4
+#: Where the image is denoised, they form halves.
+_HALVES: Final = 2
 _MOST_SLICE_SPP: Final = 4096
 
 _NAMES: Final = ("step", "slice_spp", "max_spp")
@@ -45,10 +47,10 @@ def fitted(spec: _Spec, *, keep_slices: bool = False) -> _Spec:
     >>> fit.max_spp, fit.slice_spp, fit.step
     (975, 25, 100)
     """
+    least = _HALVES if spec.is_denoised else 1
     whole = _Whole(
-        of_step=_QUARTERS if spec.by_zones or spec.is_denoised else 1,
-        # By zones the plan ends at any cap.
-        of_cap=0 if spec.by_zones else _QUARTERS if spec.is_denoised else 1,
+        of_step=_QUARTERS if spec.by_zones else least,
+        of_cap=0 if spec.by_zones else least,  # by zones the plan ends at any cap
     )
     step, size, cap = (whole.keeping if keep_slices else whole.fit)(
         spec.step, spec.slice_spp, spec.max_spp

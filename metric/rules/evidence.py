@@ -90,7 +90,11 @@ class Evidence:
             return estimate
         _, clean = self._model
         greatest = estimate_from(self.metric, self.error.greatest, clean)
-        return replace(estimate, high_pixels=max(estimate.high_pixels, greatest.pixels))
+        return replace(
+            estimate,
+            high_pixels=max(estimate.high_pixels, greatest.pixels),
+            greatest_pixels=greatest.pixels,
+        )
 
     @cached_property
     def kept_image(self) -> Image:

@@ -27,6 +27,9 @@ class Visible(Rule):
     them may be low by chance; the trend guards against that, and costs no further evaluation. While
     there are only two evaluations, both must pass.
 
+    Where the samples do not tell yet how wrong a denoiser is, the estimate is undetermined, and the
+    rule goes on.
+
     Notes
     -----
     The recorded Cornell box reached the default target, two pixels in ten thousand, at about 1150
@@ -98,20 +101,22 @@ class Visible(Rule):
         trend = _trend(self._points)
         passed = pixels is not None and pixels <= allowed
         on_trend = trend is not None and trend <= allowed
+        known = estimate is None or estimate.is_determined(allowed)
         return Verdict(
-            stop=passed and on_trend and evidence.spp >= self.min_spp,
+            stop=passed and on_trend and known and evidence.spp >= self.min_spp,
             value=None if pixels is None else pixels / evidence.pixels,
             limit=allowed / evidence.pixels,
             numbers={
                 "estimate_pixels": pixels,
                 "low_pixels": None if estimate is None else estimate.low_pixels,
                 "high_pixels": None if estimate is None else estimate.high_pixels,
+                "greatest_pixels": None if estimate is None else estimate.greatest_pixels,
                 "trend_pixels": trend,
                 "allowed_pixels": allowed,
                 "min_spp": float(self.min_spp),
                 "non_finite_pixels": None if estimate is None else estimate.non_finite,
             },
-            reason=self._reason(evidence, allowed, passed=passed, on_trend=on_trend),
+            reason=self._reason(evidence, allowed, passed=passed, on_trend=on_trend, known=known),
         )
 
     def stored_images(self, evaluations: int) -> int:  # noqa: ARG002 - part of the interface
@@ -138,7 +143,9 @@ class Visible(Rule):
                     return
         raise ValueError("not a memory of the rule 'visible'")
 
-    def _reason(self, evidence: Evidence, allowed: float, *, passed: bool, on_trend: bool) -> str:
+    def _reason(
+        self, evidence: Evidence, allowed: float, *, passed: bool, on_trend: bool, known: bool
+    ) -> str:
         estimate = evidence.estimate
         if estimate is None:
             return "there are no two halves yet to compare"
@@ -157,6 +164,12 @@ class Visible(Rule):
             return f"{words}; the target is {allowed:.4g}"
         if not on_trend:
             return f"{words}; {target} is reached now, but not by the trend of the last evaluations"
+        if not known:
+            most = counted(estimate.greatest_pixels or 0)
+            return (
+                f"{words}; {target} is reached, but it is undetermined: {most} may differ, as far "
+                "as the samples tell how wrong the denoiser is"
+            )
         if evidence.spp < self.min_spp:
             return f"{words}; {target} is reached, but not yet {self.min_spp} spp"
         return f"{words}; {target} is reached, and by the trend of the last evaluations too"

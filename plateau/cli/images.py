@@ -88,7 +88,7 @@ def diff(
 @app.command()
 def denoise(
     images: Annotated[
-        list[Path], typer.Argument(help="Two or four EXR files of as many samples each.")
+        list[Path], typer.Argument(help="Two EXR files or more, of as many samples each.")
     ],
     out: Annotated[Path, typer.Option("--out", "-o", metavar="OUT.exr", help="File to write.")],
     field_of_view: Annotated[
@@ -100,10 +100,10 @@ def denoise(
 ) -> None:
     """Denoise the mean of renders of one scene, where that is nearer to the truth.
 
-    The images are of any renderer, each with samples of its own (other seeds). Two say how far the
-    denoiser can be trusted at each pixel; of four, the command also prints how many pixels of the
-    result still differ visibly from the converged image. Where all have the channels albedo.R, .G,
-    .B and N.X, .Y, .Z, these guide the denoiser.
+    The images are of any renderer, each with samples of its own (other seeds). They say how
+    far the denoiser can be trusted at each pixel, and how many pixels of the result still differ
+    visibly from the converged image. Where all have the channels albedo.R, .G, .B and N.X, .Y, .Z,
+    these guide the denoiser.
 
     For example:
       plateau denoise seed1.exr seed2.exr -o clean.exr

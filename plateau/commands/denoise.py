@@ -12,24 +12,26 @@ import numpy as np
 from plateau.errors import CommandFailed
 from plateau.farm.images.exr import Pixels, decode_image, decode_layers, encode_layers
 from plateau.farm.wire import figures
-from plateau.metric import Half, View, VisibleDifferences, estimate_from
+from plateau.metric import (
+    Evidence,
+    Half,
+    View,
+    Visible,
+    VisibleDifferences,
+    allowed_pixels,
+)
 from plateau.service.judging.denoised import Denoised, DenoisingTask, guides_in, layers_of
 from plateau.service.monitor.denoising import oidn
 from plateau.service.monitor.denoising.child import denoised
 
-#: What images are said to be that do not say how many samples they have: as many as each other.
-_ALIKE = 1.0
-
 
 def denoise(images: Sequence[Path], out: Path, *, as_json: bool, **view: Any) -> None:
-    """Denoise the mean of the images, write it, and print what is left to see if that is known.
+    """Denoise the mean of the images, write it, and print what is left to see.
 
     What is in `view` goes to `metric.View`.
     """
-    if len(images) not in {2, 4}:
-        raise CommandFailed(
-            f"give two images or four, of as many samples each and independent, not {len(images)}"
-        )
+    if len(images) < 2:
+        raise CommandFailed("give two images or more, of as many samples each and independent")
     if out.resolve() in {image.resolve() for image in images}:
         raise CommandFailed(f"-o {out} would overwrite an image that is read")
     if not oidn.is_installed():
@@ -43,20 +45,28 @@ def denoise(images: Sequence[Path], out: Path, *, as_json: bool, **view: Any) ->
     if len(sizes) > 1:
         sized = ", ".join(f"{width}×{height}" for height, width in sorted(sizes))
         raise CommandFailed(f"the images differ in size: {sized}")
-    mean = np.asarray(np.mean([colour for colour, _ in read], axis=0), np.float32)
+    halves = _mean(read[::2]), _mean(read[1::2])
+    mean = _mean(read).mean
     each = [guides_in(layers) for _, layers in read]  # the mean, if all images have them
     guides = tuple(np.mean(alike, axis=0) for alike in zip(*each, strict=False))
-    parts = tuple(Half(colour, _ALIKE) for colour, _ in read)
-    found = denoised(DenoisingTask(mean, parts, guides, shown))
+    found = denoised(DenoisingTask(mean, halves, guides, shown))
     _write(out, found, mean)
     left = _noise_left(found, shown)
     if as_json:
         print(json.dumps({"denoiser": found.denoiser, "guides": bool(guides), **left}))
         return
     print(f"{out}: {found.denoiser}")
-    if left:
-        pixels, share = figures.pixels(left["pixels"]), figures.percent(left["fraction"])
-        print(f"noise left: {pixels} px ({share}), bias included")
+    pixels, share = figures.pixels(left["pixels"]), figures.percent(left["fraction"])
+    words = f"noise left: {pixels} px ({share}), bias included"
+    if left["undetermined"]:
+        words += f"; undetermined: it may be {figures.pixels(left['most_pixels'])} px"
+    print(words)
+
+
+def _mean(images: Sequence[tuple[Pixels, dict[str, Pixels]]]) -> Half:
+    """Return the mean of these images, each of one sample: nobody knows how many it has."""
+    mean = np.mean([colour for colour, _ in images], axis=0)
+    return Half(np.asarray(mean, np.float32), len(images))
 
 
 def _read(path: Path) -> tuple[Pixels, dict[str, Pixels]]:
@@ -80,12 +90,15 @@ def _write(out: Path, found: Denoised, mean: Pixels) -> None:
         raise CommandFailed(f"{out}: {error.strerror or error}") from error
 
 
-def _noise_left(found: Denoised, view: View) -> dict[str, float]:
-    """Return how many pixels still differ visibly; nothing where only halves are known."""
-    if found.error is None:
-        return {}
-    metric = VisibleDifferences(view)
-    clean = metric.percept(found.error.likely.clean)
-    left = estimate_from(metric, found.error.likely, clean)
-    most = estimate_from(metric, found.error.greatest, clean)
-    return {"pixels": left.pixels, "fraction": left.fraction, "most_pixels": most.pixels}
+def _noise_left(found: Denoised, view: View) -> dict[str, Any]:
+    """Return how many pixels still differ visibly."""
+    evidence = Evidence(1, found.blend.image, None, VisibleDifferences(view), found.error)
+    left = evidence.estimate
+    assert left is not None
+    allowed = allowed_pixels(Visible().target, evidence.pixels)
+    return {
+        "pixels": left.pixels,
+        "fraction": left.fraction,
+        "most_pixels": left.greatest_pixels,
+        "undetermined": not left.is_determined(allowed),
+    }

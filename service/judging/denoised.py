@@ -27,22 +27,22 @@ Arrays = dict[str, "NDArray[Any]"]
 
 @dataclass(frozen=True, eq=False)
 class DenoisingTask:
-    """A merged image and its parts: four quarters, or else two halves, which cannot be judged."""
+    """A merged image and two halves of its samples."""
 
     image: Pixels  #: (height, width, 3) float32 linear radiance, over the background
-    parts: tuple[Half, ...]
+    halves: tuple[Half, Half]
     guides: tuple[Pixels, ...]  #: albedo and normal, (height, width, 3) float32 each; or none
     view: View
 
     @classmethod
     def of(cls, merge: Merge, spec: JobSpec) -> DenoisingTask:
         """Return the task for a merged image of two slices or more."""
-        parts = merge.quarters() or merge.halves()
-        assert parts is not None
+        halves = merge.halves()
+        assert halves is not None
         guided = isinstance(spec.denoise, OidnDenoising) and spec.denoise.guides
         return cls(
             merge.image(),
-            tuple(Half(*part) for part in parts),
+            (Half(*halves[0]), Half(*halves[1])),
             guides_in(merge.layers()) if guided else (),
             View(**spec.view.of_display()),
         )
@@ -51,8 +51,8 @@ class DenoisingTask:
         """Return what `restored` takes."""
         return {
             "image": self.image,
-            "parts": np.stack([part.mean for part in self.parts]),
-            "spp": np.array([part.spp for part in self.parts]),
+            "halves": np.stack([half.mean for half in self.halves]),
+            "spp": np.array([half.spp for half in self.halves]),
             "guides": np.stack(self.guides) if self.guides else np.zeros(0, np.float32),
             "view": np.array(json.dumps(asdict(self.view))),
         }
@@ -60,10 +60,10 @@ class DenoisingTask:
     @classmethod
     def restored(cls, arrays: Arrays) -> DenoisingTask:
         """Return the task with these arrays."""
-        parts = zip(arrays["parts"], arrays["spp"].tolist(), strict=True)
+        one, other = map(Half, arrays["halves"], arrays["spp"].tolist())
         return cls(
             arrays["image"],
-            tuple(Half(mean, spp) for mean, spp in parts),
+            (one, other),
             tuple(arrays["guides"]),
             View(**json.loads(str(arrays["view"]))),
         )
@@ -74,36 +74,33 @@ class Denoised:
     """A merged image, denoised."""
 
     blend: Blend
-    error: BlendError | None  #: None of an image of two halves
+    error: BlendError
     denoiser: str  #: its name, version and settings
 
     def arrays(self) -> Arrays:
         """Return what `restored` takes."""
-        arrays: Arrays = {
+        likely, greatest = self.error.likely, self.error.greatest
+        return {
             "image": self.blend.image,
             "denoised": self.blend.denoised,
             "weight": self.blend.weight,
             "denoiser": np.array(self.denoiser),
+            "clean": likely.clean,  # of both: only the noise differs
+            "non_finite": likely.non_finite,
+            "likely": likely.noise,
+            "greatest": greatest.noise,
         }
-        if self.error is not None:  # of one image: only the noise differs
-            likely, greatest = self.error.likely, self.error.greatest
-            arrays |= {"clean": likely.clean, "non_finite": likely.non_finite}
-            arrays |= {"likely": likely.noise, "greatest": greatest.noise}
-        return arrays
 
     @classmethod
     def restored(cls, arrays: Arrays) -> Denoised:
         """Return the answer with these arrays."""
-        error = None
-        if "clean" in arrays:
-            models = (
-                NoiseModel(arrays["clean"], arrays[name], arrays["non_finite"])
-                for name in ("likely", "greatest")
-            )
-            error = BlendError(*models)
+        models = (
+            NoiseModel(arrays["clean"], arrays[name], arrays["non_finite"])
+            for name in ("likely", "greatest")
+        )
         return cls(
             Blend(arrays["image"], arrays["denoised"], arrays["weight"]),
-            error,
+            BlendError(*models),
             str(arrays["denoiser"]),
         )
 

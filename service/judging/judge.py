@@ -20,6 +20,7 @@ from plateau.metric import (
     Rule,
     Verdict,
     View,
+    allowed_pixels,
     create_rule,
     zone_fractions,
 )
@@ -108,7 +109,6 @@ class Judge:
             metric=self._metric,
         )
         if denoised is not None:
-            assert denoised.error is not None  # a point has whole quarters
             evidence = replace(raw, image=denoised.blend.image, error=denoised.error)
         verdicts = {name: rule.judge(evidence) for name, rule in self._rules.items()}
         visible = verdicts[CURVE].visible
@@ -133,7 +133,7 @@ class Judge:
             **_least_and_most(merge.spp_range),
             **curve,
             **_estimate(estimate),
-            **({} if denoised is None or flaw else _raw(raw.estimate)),
+            **({} if denoised is None or flaw else self._denoising(estimate, raw.estimate)),
             **_forecast(forecast),
             "zones": self._zone_fractions(visible, estimate),
             "rules": {
@@ -145,6 +145,17 @@ class Judge:
         expected = self._expected_spp(own, forecast, merge.spp)
         verdict = self._not_too_early(own, merge.spp)
         return Judgement(point, verdict, expected, flaw, decided)
+
+    def _denoising(self, estimate: Estimate | None, raw: Estimate | None) -> dict[str, object]:
+        """Return what a point of a denoised image has beside the estimate."""
+        if estimate is None or raw is None:
+            return {}
+        allowed = allowed_pixels(self._target, estimate.visible.size) if self._target else 0.0
+        return {
+            "estimate_undetermined": not estimate.is_determined(allowed),
+            "raw_estimate_pixels": raw.pixels,
+            "raw_estimate_fraction": raw.fraction,
+        }
 
     def _expected_spp(self, own: Verdict, forecast: Forecast | None, spp: int) -> int | None:
         """Return the spp at which the rule is likely to be satisfied: see `expected_end_spp`."""
@@ -254,12 +265,6 @@ def _estimate(estimate: Estimate | None) -> dict[str, object]:
         "estimate_low_pixels": estimate.low_pixels,
         "estimate_high_pixels": estimate.high_pixels,
     }
-
-
-def _raw(estimate: Estimate | None) -> dict[str, object]:
-    if estimate is None:
-        return {}
-    return {"raw_estimate_pixels": estimate.pixels, "raw_estimate_fraction": estimate.fraction}
 
 
 def _forecast(forecast: Forecast | None) -> dict[str, object]:

@@ -24,13 +24,11 @@ class Merge:
     -----
     The merge keeps two sums: of all slices, (height, width, channels) float64, and of those with
     an even index, which has the judged channels alone: R, G, B, W and, if the film has it, A. The
-    slices with an odd index are the difference. By zones it keeps a third, see `other_halves`; and
-    where it keeps quarters, a fourth.
+    slices with an odd index are the difference. By zones it keeps a third, see `other_halves`.
     """
 
     slice_spp: int
     zone_size: int | None = None  #: in pixels; None where all slices have the whole film
-    keeps_quarters: bool = False  #: whether its slices can be told apart in four parts
     background: Colour = BLACK  #: behind an image with alpha
     slices: int = 0  #: in the sums: the slices 0 … slices − 1
     channels: Channels = field(default_factory=Channels)
@@ -39,7 +37,6 @@ class Merge:
     _total: NDArray[np.float64] | None = field(default=None, repr=False)
     _even: NDArray[np.float64] | None = field(default=None, repr=False)
     _other: NDArray[np.float64] | None = field(default=None, repr=False)
-    _first: NDArray[np.float64] | None = field(default=None, repr=False)
     _sampled: Sampled | None = field(default=None, repr=False)  #: where slices have zones
 
     @classmethod
@@ -48,7 +45,6 @@ class Merge:
         return cls(
             slice_spp=spec.slice_spp,
             zone_size=Plan.of(spec).size,
-            keeps_quarters=spec.is_denoised,
             background=spec.view.background,
         )
 
@@ -104,10 +100,6 @@ class Merge:
         seen, part = channels.seen(), film[..., : channels.judged]
         if self.slices % 2 == 0:
             self._even = seen.add(self._even, part)
-        if self.keeps_quarters and self.slices % 4 < 2:
-            self._other = seen.add(self._other, part)
-        if self.keeps_quarters and self.slices % 4 == 0:
-            self._first = seen.add(self._first, part)
         self.slices += 1
 
     def _checked(self, channels: Channels) -> Channels:
@@ -196,23 +188,6 @@ class Merge:
             (self._seen(self._without(self._even)), odd * self.slice_spp),
         )
 
-    def quarters(self) -> list[tuple[Pixels, float]] | None:
-        """Return the images of every fourth slice, from the first four on, each with its spp.
-
-        None where they are not kept, or have not as many slices each.
-        """
-        if self._first is None or self.slices % 4:
-            return None
-        assert self._total is not None
-        assert self._even is not None
-        assert self._other is not None
-        first, judged = self._first, self._total[..., : self.channels.judged]
-        with np.errstate(invalid="ignore", over="ignore"):  # a scene may have infinite pixels
-            second, third = self._other - first, self._even - first
-            fourth = judged - self._even - second
-        spp = self.slices // 4 * self.slice_spp
-        return [(self._seen(one), spp) for one in (first, second, third, fourth)]
-
     def other_halves(self) -> tuple[tuple[Pixels, float], tuple[Pixels, float]]:
         """Return two other halves, by zones at the end of a round: two slices in turn for each.
 
@@ -271,8 +246,7 @@ class Merge:
         arrays: dict[str, NDArray[Any]] = {"total": self._total, "even": self._even}
         if self._sampled is not None:
             arrays |= {"spp": self._sampled.spp, "even_spp": self._sampled.even_spp}
-        more = {"other": self._other, "first": self._first}
-        return arrays | {name: half for name, half in more.items() if half is not None}
+        return arrays if self._other is None else {**arrays, "other": self._other}
 
     def about(self) -> dict[str, Any]:
         """Return what a checkpoint says of its arrays, for JSON."""
@@ -292,7 +266,7 @@ class Merge:
             self.origin = about["origin"]
         self.slices = slices
         self._total, self._even = arrays["total"], arrays["even"]
-        self._other, self._first = arrays.get("other"), arrays.get("first")
+        self._other = arrays.get("other")
         if "canvas" in about:
             canvas = Canvas.restored(about["canvas"])
             self._sampled = Sampled(canvas, arrays["spp"], arrays["even_spp"])

@@ -74,7 +74,8 @@ def test_a_job_took_as_long_wherever_one_looks(
     # Given a job that waited for 7 s, was rendered for 3 s, and whose results took another 2 s
     job = StagedJob(client)
     job.commit(8)
-    job.point(200, 9, estimate_pixels=232.5, estimate_fraction=232.5 / 768)
+    left = {"estimate_pixels": 232.5, "estimate_fraction": 232.5 / 768}
+    job.point(200, 9, **left, estimate_undetermined=True)
     job.end(end)
     job.finish(200)
     ended = float(str(client.hget(keys.job(job.id), "ended_at")))
@@ -95,6 +96,10 @@ def test_a_job_took_as_long_wherever_one_looks(
     assert shown["noise left"].startswith("233 px (30.3 %)")
     expect(page.locator(".readout")).to_contain_text("233 px of noise left")
     expect(report.locator(".facts")).to_contain_text("233 pixels (30.3 %)")
+    # And wherever it may be far more, as the samples do not tell how wrong a denoiser is
+    assert shown["noise left"].endswith(", undetermined")
+    expect(page.locator(".readout")).to_contain_text("233 px of noise left, undetermined")
+    expect(report.locator(".facts")).to_contain_text("It is undetermined")
 
 
 @pytest.mark.parametrize("rule", ["visible", "fixed"])

@@ -107,6 +107,8 @@ def _facts(job: Job) -> str:
             f"{left} ({figures.percent(job.estimate_fraction)}) still differ visibly from the "
             "converged image, by the half-buffer estimate"
         )
+        if job.estimate_undetermined:
+            rows["Noise left"] += ". It is undetermined: it may be more than twice as much"
     if job.non_finite_pixels:
         rows["Broken"] = (
             f"{job.non_finite_pixels:,} pixels are NaN or infinite, and left out of what is counted"
@@ -127,7 +129,8 @@ def _points(points: list[CurvePoint]) -> str:
     head = "".join(f'<th scope="col">{name}</th>' for name in names)
     rows = "".join(
         f'<tr><th scope="row">{point.spp:,}</th><td>{point.visible_pixels:,}</td>'
-        f"<td>{_number(point.slope)}</td><td>{_pixels(point.estimate_pixels)}</td>"
+        f"<td>{_number(point.slope)}</td><td>{_pixels(point.estimate_pixels)}"
+        f"{', undetermined' if point.estimate_undetermined else ''}</td>"
         f"<td>{_band(point.estimate_low_pixels, point.estimate_high_pixels)}</td>"
         f"<td>{_number(point.forecast_spp)}</td></tr>"
         for point in points

@@ -7,7 +7,7 @@ from typing import BinaryIO
 
 import numpy as np
 
-from plateau.metric import blended, blended_and_judged
+from plateau.metric import blended
 from plateau.service.judging.denoised import Arrays, Denoised, DenoisingTask
 from plateau.service.monitor.denoising import oidn
 
@@ -22,13 +22,9 @@ def main() -> None:
 
 
 def denoised(task: DenoisingTask) -> Denoised:
-    """Return the image of the task denoised; and judged, if the task has quarters."""
+    """Return the image of the task denoised, and its error."""
     denoise, words = oidn.denoiser(task.guides, task.view)
-    if len(task.parts) == 4:
-        blend, error = blended_and_judged(task.image, task.parts, denoise, task.view)
-        return Denoised(blend, error, words)
-    one, other = task.parts
-    return Denoised(blended(task.image, (one, other), denoise, task.view), None, words)
+    return Denoised(*blended(task.image, task.halves, denoise, task.view), words)
 
 
 def write(stream: BinaryIO, arrays: Arrays) -> None:

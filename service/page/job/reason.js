@@ -56,7 +56,8 @@ function inItsRulesWords(job) {
 /** @param {Api.JobView} job */
 function leftToSee(job) {
   if (job.estimate_pixels == null) return "";
-  return `The noise left is ${seen(job)}: what more samples would still change so that a person could see it.`;
+  const doubt = job.estimate_undetermined ? " It may be far more: the samples do not tell yet how wrong the denoiser is." : "";
+  return `The noise left is ${seen(job)}: what more samples would still change so that a person could see it.${doubt}`;
 }
 
 /** @param {Api.JobView} job */

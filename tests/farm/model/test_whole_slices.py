@@ -34,9 +34,10 @@ OIDN = {"name": "oidn"}
         # By zones, steps have a multiple of four slices, and any cap will do
         ({"max_spp": 997, "allocation": ZONES}, (100, 25, 997)),
         ({"step": 50, "allocation": ZONES}, (48, 12, 10_000)),
-        # Where the image is denoised, so has the cap
-        ({"max_spp": 10, "denoise": OIDN}, (96, 2, 8)),
-        ({"max_spp": 110, "denoise": OIDN}, (100, 25, 100)),
+        # Where the image is denoised, steps and the cap have a multiple of two
+        ({"max_spp": 10, "denoise": OIDN}, (100, 5, 10)),
+        ({"max_spp": 50, "denoise": OIDN}, (100, 25, 50)),
+        ({"max_spp": 997, "denoise": OIDN}, (100, 25, 950)),
     ],
 )
 def test_the_least_that_is_needed_changes(
@@ -72,8 +73,9 @@ def test_every_spec_fits(step: int, size: int, cap: int, more: dict[str, Any], k
     assert fitted(fit) == fit
     # And is one that may be submitted
     assert JobSpec.model_validate(fit.model_dump()) == fit
-    assert not fit.step % (fit.slice_spp * (4 if more else 1))
-    of_cap = 0 if fit.by_zones else 4 if fit.is_denoised else 1
+    least = 2 if fit.is_denoised else 1
+    assert not fit.step % (fit.slice_spp * (4 if fit.by_zones else least))
+    of_cap = 0 if fit.by_zones else least
     unit = fit.slice_spp * of_cap or 1
     assert not fit.max_spp % unit
     # No more is rendered than was asked for, and little less; slices that exist are filled up

@@ -86,10 +86,12 @@ def test_what_is_judged_is_what_is_delivered(farm: NoiseFarm) -> None:
     # And the curve says what denoising gives
     first = farm.jobs.curve(done.id)[0]
     assert first.raw_estimate_pixels > first.estimate_pixels
-    assert farm.jobs.curve(raw.id)[0].raw_estimate_pixels is None
+    untouched = farm.jobs.curve(raw.id)[0]
+    assert untouched.raw_estimate_pixels is untouched.estimate_undetermined is None
     # By which the rule stopped
     last = farm.jobs.curve(done.id)[-1]
     assert last.estimate_fraction <= 0.02 < last.raw_estimate_fraction
+    assert last.estimate_undetermined is done.estimate_undetermined is False
 
 
 def test_points_come_at_growing_distances(farm: NoiseFarm) -> None:
@@ -225,7 +227,7 @@ class TestContinuing:
         assert again.spp < raw.spp
         assert "denoised.weight" in layers(farm, again)
 
-    def test_sums_are_not_since_they_do_not_tell_quarters(self, farm: NoiseFarm) -> None:
+    def test_sums_are_not_since_the_rules_remember_other_images(self, farm: NoiseFarm) -> None:
         raw = finished(farm, **RAW)
         with pytest.raises(CannotContinue, match="so its denoise cannot change"):
             go_on(farm, raw, denoise=JOB["denoise"])

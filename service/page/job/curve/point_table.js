@@ -15,7 +15,7 @@ export function told(point) {
   if (point.slope != null) parts.push(`slope ${three(point.slope)} px/spp`);
   if (point.estimate_pixels != null) {
     const band = bandOf(point, " to ");
-    parts.push(`${pixels(point.estimate_pixels)} px${band && ` (${band})`} of noise left`);
+    parts.push(`${pixels(point.estimate_pixels)} px${band && ` (${band})`} of noise left${undetermined(point)}`);
   }
   if (point.raw_estimate_pixels != null) parts.push(`${pixels(point.raw_estimate_pixels)} px without denoising`);
   return parts.join(" · ");
@@ -47,11 +47,14 @@ function bandOf({ estimate_low_pixels: low, estimate_high_pixels: high }, to) {
 }
 
 /** @param {Api.CurvePoint} point */
+const undetermined = (point) => (point.estimate_undetermined ? ", undetermined" : "");
+
+/** @param {Api.CurvePoint} point */
 function row(point) {
   const cells = [
     whole(point.visible_pixels),
     point.slope == null ? "–" : three(point.slope),
-    point.estimate_pixels == null ? "–" : pixels(point.estimate_pixels),
+    point.estimate_pixels == null ? "–" : pixels(point.estimate_pixels) + undetermined(point),
     bandOf(point, " – ") || "–",
     point.forecast_spp == null ? "–" : `${whole(point.forecast_spp)} spp`,
   ];
