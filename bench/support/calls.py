@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Final
 from bench.support.bare.alone import Alone
 from plateau.farm.model.seeds import Pass
 from plateau.farm.process.settings import Settings
+from plateau.worker.supervisor.child_process import NICE
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -53,7 +54,10 @@ class Case:
         return {"width": str(self.width), "height": str(self.height)}
 
     def alone(self, calls: Iterable[int]) -> Alone:
-        """Return the bare renderer with one call for each of these spp, each with its own seed."""
+        """Return the bare renderer with one call for each of these spp, each with its own seed.
+
+        It has a render child's priority, so that other work slows neither of a pair more.
+        """
         return Alone(
             scene=self.scene,
             parameters=self.parameters,
@@ -62,6 +66,7 @@ class Case:
             llvm_library=self.choice.llvm_library,
             threads=self.threads,
             cache=Settings().cache,
+            nice=NICE,
         )
 
 

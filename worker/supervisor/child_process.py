@@ -47,7 +47,7 @@ _LARGEST_FILMS_BYTES: Final = 2 * MOST_VALUES * 4
 
 #: A render takes every core for hours. Processes that answer people need little of one, but soon.
 #: Idle cores still go to the child.
-_NICE: Final = 10
+NICE: Final = 10
 
 
 class ChildDied(Exception):
@@ -321,6 +321,6 @@ def _below_others() -> Callable[[], None]:
         # Slurm and systemd send it to every process of a worker that is to stop. The supervisor
         # ends its child itself; a child that went first would look as if the scene had killed it.
         signal.signal(signal.SIGTERM, signal.SIG_IGN)
-        os.nice(_NICE)
+        os.nice(NICE)
 
     return before_the_program

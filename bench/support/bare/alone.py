@@ -31,6 +31,7 @@ class Alone:
     llvm_library: str | None
     threads: int
     cache: Path  #: the worker's; its home has the kernels that Dr.Jit has compiled
+    nice: int = 0  #: its priority beside other work on the cores
     image: Path | None = None  #: an .npy file for the image, which is otherwise dropped
     environment: Mapping[str, str] = field(default_factory=lambda: os.environ)
 
@@ -67,13 +68,15 @@ class Alone:
         with tempfile.TemporaryFile() as asked:
             asked.write(json.dumps(request).encode())
             asked.seek(0)
-            return psutil.Popen(
+            process = psutil.Popen(
                 [sys.executable, "-m", "bench.support.bare.mitsuba"],
                 cwd=ROOT,
                 env={**self.environment, **own},
                 stdin=asked,
                 stdout=told,
             )
+        process.nice(self.nice)  # long before its first thread renders
+        return process
 
 
 def read_told(told: IO[bytes]) -> dict[str, Any]:
