@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import TYPE_CHECKING, Final, TypeAlias
 
 import numpy as np
@@ -93,7 +94,7 @@ NOISES: Final[Mapping[str, Callable[[np.random.Generator, tuple[int, ...], int],
 
 
 class Picture:
-    """An analytic scene, ready to render.
+    """An analytic scene, ready to render: it takes memory from its first film on.
 
     Parameters
     ----------
@@ -106,8 +107,6 @@ class Picture:
 
     def __init__(self, scene: AnalyticScene, aovs: Sequence[str] = ()) -> None:
         self.scene = scene
-        self._light = LIGHTS[scene.light](scene.width, scene.height)
-        self._alpha = geometry.alpha(scene.width, scene.height) if scene.alpha else None
         self._aovs = [
             (AOVS[name], values) for name, values in geometry.GEOMETRY.items() if name in aovs
         ]
@@ -119,6 +118,14 @@ class Picture:
             ),
             tuple(channel for aov, _ in self._aovs if aov.is_id for channel in aov.channels),
         )
+
+    @cached_property
+    def _light(self) -> Array:
+        return LIGHTS[self.scene.light](self.scene.width, self.scene.height)
+
+    @cached_property
+    def _alpha(self) -> Array | None:
+        return geometry.alpha(self.scene.width, self.scene.height) if self.scene.alpha else None
 
     @property
     def truth(self) -> NDArray[np.float32]:
