@@ -17,6 +17,7 @@ from plateau.farm.ledger.totals import MonitorWork
 from plateau.farm.model.errors import BlobsUnavailable, FenceLost, Incompatible, StoreUnavailable
 from plateau.farm.process import log
 from plateau.farm.process.backoff import Backoff
+from plateau.farm.process.hang import HANGS, Hang
 from plateau.farm.process.lifecycle import show_life
 from plateau.farm.process.settings import Settings
 from plateau.farm.process.stop import Stop
@@ -77,8 +78,9 @@ class Monitor:
         self._sign_on()
         warm_up()  # compiling later would hold up the renewals
         over = threading.Event()
+        hang = Hang(threading.current_thread())
         renewer = threading.Thread(
-            target=self._keep_owning, args=(over,), name="renewer", daemon=True
+            target=self._keep_owning, args=(over, hang), name="renewer", daemon=True
         )
         renewer.start()
         backoff = Backoff(*RETRY_S)
@@ -204,10 +206,14 @@ class Monitor:
             self._counted_at = time.monotonic()
         return self._crew
 
-    def _keep_owning(self, over: threading.Event) -> None:
+    def _keep_owning(self, over: threading.Event, hang: Hang) -> None:
+        """Renew the ownerships until `over` is set, but not while the monitor hangs."""
         every_s = self._lease_s / 3
         backoff, wait_s = Backoff(_AGAIN_S, every_s), every_s
         while not over.wait(wait_s):
+            if hang.is_seen():
+                _LOG.error("%s: another monitor takes the jobs", HANGS)
+                continue
             show_life(self._alive_file)
             owned, began = tuple(self._owned.values()), time.monotonic()
             try:

@@ -4,6 +4,8 @@ import json
 import os
 import signal
 import subprocess
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any
 
 import psutil
@@ -53,18 +55,31 @@ class FaultyFarm(RealFarm):
             "target": target,
             "set": constants or {},
         }
-        module = "tests.support.stages"
+        return self._start_on(stage, role, *arguments, inside=inside, **environment)
+
+    def start_changed(
+        self,
+        role: str,
+        *arguments: str,
+        environment: Mapping[str, str] = MappingProxyType({}),
+        **changes: object,
+    ) -> subprocess.Popen[bytes]:
+        """Start a process with changes of `tests.support.stages`, such as `set` or `clock_s`."""
+        return self._start_on(changes, role, *arguments, **environment)
+
+    def _start_on(
+        self,
+        stage: dict[str, Any],
+        role: str,
+        *arguments: str,
+        inside: tuple[str, ...] = (),
+        **environment: str,
+    ) -> subprocess.Popen[bytes]:
         armed = json.dumps(stage)
+        module = "tests.support.stages"
         return self.start(
             role, *arguments, module=module, inside=inside, STAGE=armed, **environment
         )
-
-    def start_changed(
-        self, role: str, *arguments: str, **changes: object
-    ) -> subprocess.Popen[bytes]:
-        """Start a process with the changes `set` or `clock_s` of `tests.support.stages`."""
-        changed = json.dumps(changes)
-        return self.start(role, *arguments, module="tests.support.stages", STAGE=changed)
 
     def wait_until_ended(self, process: subprocess.Popen[bytes], by: signal.Signals) -> None:
         """Wait until the signal has ended the process, which is then forgotten."""

@@ -89,6 +89,14 @@ class LoopDisk:
         """Mount it anew as it was."""
         _run("mount", "-o", "remount,rw", str(self.folder))
 
+    def freeze(self) -> None:
+        """Have every write wait until `thaw`; no signal ends such a wait."""
+        _run("fsfreeze", "--freeze", str(self.folder))
+
+    def thaw(self) -> None:
+        """Let the writes go on."""
+        _run("fsfreeze", "--unfreeze", str(self.folder))
+
     def after_power_loss(self, home: Path) -> "LoopDisk":
         """The disk as it is now, without what the kernel still has in memory: another, to mount."""
         home.mkdir()

@@ -7,6 +7,8 @@
 - ``time``: at its how manieth call;
 - ``signal``: its name; ``target``: ``self``, or ``children`` for every child process. Children that
   are hit after a call stand still during it: they cannot be done with what it asks of them;
+- ``write``: a file into which the process writes at that stage, in the place of the signal: where
+  the file's disk is frozen, its thread waits as on a disk that does not answer;
 - ``set``: constants to change first, as ``{"module:NAME": value}``; there may be nothing else;
 - ``clock_s``: by how many seconds its wall clock is ahead.
 
@@ -24,6 +26,7 @@ import signal
 import sys
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import psutil
@@ -42,6 +45,9 @@ def resolve(where: str) -> tuple[Any, str]:
 
 
 def hit(stage: dict[str, Any]) -> None:
+    if "write" in stage:
+        Path(stage["write"]).write_text("it answers again")
+        return
     number = signal.Signals[stage["signal"]]
     if stage["target"] == "self":
         os.kill(os.getpid(), number)
@@ -82,7 +88,7 @@ def arm(stage: dict[str, Any]) -> None:
         if stage["when"] == "before":
             hit(stage)
             return original(*arguments, **named)
-        still = stage["target"] == "children"
+        still = stage.get("target") == "children"
         if still:
             tell_children(signal.SIGSTOP)
         answer = original(*arguments, **named)

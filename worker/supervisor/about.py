@@ -45,8 +45,11 @@ class About:
         samples = pixels * one.lease.spp
         self._samples_per_s = samples / one.render_s
 
-    def told(self, rendering: Lease | None) -> dict[str, object]:
-        """Return the fields of `plateau.farm.model.job.Worker`, while this slice is rendered."""
+    def told(self, rendering: Lease | None, hangs: str | None) -> dict[str, object]:
+        """Return the fields of `plateau.farm.model.job.Worker`, while this slice is rendered.
+
+        `hangs` is a trouble that the worker cannot have noted itself.
+        """
         return {
             **self._fixed,
             "job": rendering.job_id if rendering else None,
@@ -54,5 +57,5 @@ class About:
             "slices_done": self._slices_done,
             "samples_per_s": self._samples_per_s,
             "last_error": self.last_error,
-            "trouble": self.trouble,
+            "trouble": hangs or self.trouble,
         }

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from plateau.farm.images.channels import MOST_VALUES, Channels
 from plateau.farm.model.seeds import Pass
 from plateau.farm.model.zones import Zone, pixels_of
+from plateau.farm.process.hang import HANGS
 from plateau.farm.process.lifecycle import die_with_parent, plain_environment
 from plateau.worker.renderers import contract
 from plateau.worker.renderers.contract import Answer, Loaded, Request, SceneError
@@ -48,6 +49,10 @@ _LARGEST_FILMS_BYTES: Final = 2 * MOST_VALUES * 4
 #: A render takes every core for hours. Processes that answer people need little of one, but soon.
 #: Idle cores still go to the child.
 NICE: Final = 10
+
+
+#: A killed child that is there for longer waits for something that no signal ends.
+GONE_S: Final = 10.0
 
 
 class ChildDied(Exception):
@@ -233,10 +238,16 @@ class RenderChild:
         return self._process.poll() is None
 
     def kill(self) -> None:
-        """Kill the child and all that it has started."""
+        """Kill the child and all that it has started.
+
+        One that waits for a disk that does not answer ends when the disk answers.
+        """
         with contextlib.suppress(ProcessLookupError):
             os.killpg(self._process.pid, signal.SIGKILL)
-        self._process.wait()
+        try:
+            self._process.wait(GONE_S)
+        except subprocess.TimeoutExpired:
+            _LOG.error("the killed render child %d is still there: %s", self.pid, HANGS)
         self._readable.close()
         self._socket.close()
         self._words.close()

@@ -20,6 +20,7 @@ from plateau.farm.model.errors import CorruptBlob, Refused, StoreUnavailable
 from plateau.farm.model.seeds import SeedsExhausted
 from plateau.farm.process import log
 from plateau.farm.process.backoff import Backoff
+from plateau.farm.process.hang import HANGS, Hang
 from plateau.farm.process.lifecycle import show_life
 from plateau.farm.process.settings import Settings
 from plateau.farm.process.stop import Stop, await_any
@@ -84,6 +85,7 @@ class Supervisor:
 
     def run(self) -> None:
         """Work until told to stop, then give back the current slice and commit rendered ones."""
+        self._hang = Hang(threading.current_thread())
         over = Stop()
         watchers = [
             threading.Thread(target=watch, args=(over,), name=name, daemon=True)
@@ -153,6 +155,8 @@ class Supervisor:
         wait_for_upgrade(self._stop)
 
     def _next_lease(self) -> Lease | None:
+        if self._uploader.is_hung:
+            return None
         job, since = self._turn
         in_turn = time.monotonic() < since + _TURN_S
         lease = self._queue.lease(self._choice.variants, job, in_turn=in_turn)
@@ -245,11 +249,14 @@ class Supervisor:
         backoff = Backoff(_AGAIN_S, self._settings.heartbeat_s)
         while True:
             wait_s = self._settings.heartbeat_s
-            show_life(self._settings.alive_file)
+            hangs = self._hang.is_seen()
+            if not hangs:
+                show_life(self._settings.alive_file)
             try:
-                rendering = self._rendering
+                rendering = None if hangs else self._rendering
                 leases = self._uploader.leases + ((rendering,) if rendering else ())
-                lost = self._renewals.heartbeat(self._about.told(rendering), leases)
+                trouble = HANGS if hangs or self._uploader.is_hung else None
+                lost = self._renewals.heartbeat(self._about.told(rendering, trouble), leases)
                 if rendering in lost and rendering is self._rendering:
                     self._host.cancel()
                 backoff.reset()

@@ -22,6 +22,7 @@ from plateau.farm.model.renderers import variant_named
 from plateau.farm.model.zones import Zone
 from plateau.farm.process import log
 from plateau.farm.process.backoff import Backoff
+from plateau.farm.process.hang import Hang
 from plateau.worker.renderers.contract import Loaded
 from plateau.worker.supervisor.child_process import Film
 
@@ -76,6 +77,7 @@ class Uploader:
         self._give_up = threading.Event()
         self._thread = threading.Thread(target=self._run, name="uploader", daemon=True)
         self._thread.start()
+        self._hang = Hang(self._thread)
 
     def submit(self, rendered: Rendered, stop: threading.Event) -> bool:
         """Take over a rendered slice; wait while too many are queued.
@@ -88,7 +90,7 @@ class Uploader:
                 self._waiting.put(rendered, timeout=_LOOK_S)
             except queue.Full:
                 if stop.is_set():
-                    del self._held[rendered.lease.entry]
+                    self._held.pop(rendered.lease.entry, None)
                     return False
             else:
                 return True
@@ -100,8 +102,15 @@ class Uploader:
 
     @property
     def leases(self) -> tuple[Lease, ...]:
-        """The leases to keep alive until their slices are committed."""
+        """The leases to keep alive until their slices are committed; none while it hangs."""
+        if self.is_hung:
+            return ()
         return tuple(rendered.lease for rendered in tuple(self._held.values()))
+
+    @property
+    def is_hung(self) -> bool:
+        """Whether it waits for a blob store that does not answer, and that nothing ends."""
+        return self._hang.is_seen()
 
     def close(self, patience_s: float) -> None:
         """Commit the queued slices, for this long at most, and give the others back.
@@ -126,7 +135,8 @@ class Uploader:
                 self._show(one)
                 continue
             self._deliver(one)
-            del self._held[one.lease.entry]
+            # Its lease may have run out meanwhile, and been this worker's again: it is here twice.
+            self._held.pop(one.lease.entry, None)
             if self._give_up.is_set():
                 return
 

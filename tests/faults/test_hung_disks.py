@@ -1,0 +1,98 @@
+"""A disk that does not answer hurts the process that waits for it, and nobody else.
+
+So does a network mount, or a device. Nothing ends such a wait, not even SIGKILL, and the other
+threads of the process live on meanwhile.
+"""
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import psutil
+import pytest
+
+from tests.support.faulty_farm import FaultyFarm
+from tests.support.invariants import Outcome, assert_same, outcome
+from tests.support.long_tests import cases
+from tests.support.loop_disk import LoopDisk
+from tests.support.until import until
+
+Submit = Callable[[], str]
+
+_HOST = "plateau.worker.supervisor.host:RenderHost"
+#: The process, and where it is when its thread hangs.
+_STAGES = {
+    "a worker that renders": ("worker", f"{_HOST}.render", "before", 3),
+    "a worker that uploads": ("worker", "plateau.farm.ledger.queue:SliceQueue.commit", "before", 2),
+    "a monitor": ("monitor", "plateau.farm.ledger.ownership:Ownerships.append_point", "before", 4),
+}
+_SOON = {
+    "plateau.farm.process.hang:HUNG_S": 1.0,
+    "plateau.worker.supervisor.health:ANSWERS_S": 2.0,
+    "plateau.worker.supervisor.child_process:GONE_S": 1.0,
+    "plateau.worker.supervisor.supervisor:_SIT_OUT_S": [0.5, 1.0],
+}
+
+
+@pytest.mark.parametrize("stage", cases(_STAGES, ["a worker that uploads", "a monitor"]))
+def test_others_take_the_work_of_a_process_that_hangs(
+    farm: FaultyFarm,
+    undisturbed: Outcome,
+    submit: Submit,
+    tmp_path: Path,
+    stage: str,
+) -> None:
+    role, where, when, nth = _STAGES[stage]
+    farm.start("worker" if role == "monitor" else "monitor")
+    job = submit()
+    with LoopDisk(tmp_path / "disk") as disk:
+        disk.freeze()
+        try:
+            file = disk.folder / "file"
+            stuck = farm.start_changed(
+                role, where=where, when=when, time=nth, write=str(file), set=_SOON
+            )
+            until(lambda: _hangs(stuck.pid))
+            if role == "worker":
+                until(lambda: _troubles(farm))
+            farm.start(role)
+            assert_same(outcome(farm, job), undisturbed)
+            assert _hangs(stuck.pid)
+        finally:
+            disk.thaw()
+        # And it is of use again once its disk answers
+        until(file.exists)
+        farm.stop_all()
+
+
+def test_a_worker_whose_cache_hangs_says_so_and_comes_back(
+    farm: FaultyFarm, undisturbed: Outcome, submit: Submit, tmp_path: Path, cache: Path
+) -> None:
+    farm.start("monitor")
+    with LoopDisk(tmp_path / "disk") as disk:
+        shutil.copytree(cache, disk.folder / "cache", ignore=shutil.ignore_patterns("scenes"))
+        there = {"PLATEAU_CACHE": str(disk.folder / "cache"), "PLATEAU_PASS_TIMEOUT_S": "2"}
+        farm.start_changed("worker", environment=there, set=_SOON)
+        job = submit()
+        until(lambda: farm.client.job(job).points >= 2)
+        disk.freeze()
+        try:
+            until(lambda: _troubles(farm))
+            farm.start("worker")
+            assert_same(outcome(farm, job), undisturbed)
+        finally:
+            disk.thaw()
+        until(lambda: not _troubles(farm))
+        farm.stop_all()
+
+
+def _troubles(farm: FaultyFarm) -> list[str]:
+    """What the workers say of disks that do not answer."""
+    told = (str(worker.trouble) for worker in farm.client.workers())
+    return [words for words in told if "does not answer" in words]
+
+
+def _hangs(pid: int) -> bool:
+    """Whether a thread of the process is in a wait that no signal ends."""
+    states = (Path(f"/proc/{pid}/task/{one.id}/stat") for one in psutil.Process(pid).threads())
+    return any(one.read_text().rpartition(")")[2].split()[0] == "D" for one in states)
