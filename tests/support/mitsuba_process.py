@@ -119,6 +119,16 @@ def chunks_of_pass(spp: int, samples: int) -> list[int]:
     return [spp * film.pixels(bands).size for film, bands, _, _ in chunks]
 
 
+def machine_code_of_pass(spp: int) -> list[str]:
+    """The hashes of the kernels that Dr.Jit runs for a pass of so many spp."""
+    import drjit as dr
+
+    with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
+        dr.kernel_history_clear()
+        _render_pass(spp, 7)
+        return [one["hash"] for one in dr.kernel_history() if one["type"] == dr.KernelType.JIT]
+
+
 def next_chunk_after(samples: int, sample_s: float) -> int:
     """The most samples of a chunk, after one whose samples took so many seconds each."""
     kernel = _renderer._kernel

@@ -12,6 +12,7 @@ from tests.support.mitsuba_process import (
     MitsubaProcess,
     by_mitsuba,
     chunks_of_pass,
+    machine_code_of_pass,
     next_chunk_after,
     zones_of_pass,
 )
@@ -215,6 +216,14 @@ class TestBits:
         assert mitsuba.call(next_chunk_after, 2**21, 0.3e-6) == 2**21
         assert mitsuba.call(next_chunk_after, 3 * 2**20, 0.3e-6) == 2**21  # after 0.9 s
         assert mitsuba.call(next_chunk_after, 2**16, 1.0) == 2**16
+
+    @pytest.mark.parametrize("filter_", ["box", "gaussian"])
+    def test_the_machine_code_is_that_of_any_spp(self, mitsuba, tmp_path, filter_):
+        # By zones each round has other spp, and to compile takes as long as 500,000 samples
+        mitsuba.load(_scene(tmp_path), filter=filter_)
+        code = mitsuba.call(machine_code_of_pass, 5)
+        assert code
+        assert mitsuba.call(machine_code_of_pass, 7) == code
 
     def test_a_zone_has_the_films_pixels(self, mitsuba, tmp_path):
         mitsuba.load(_scene(tmp_path))

@@ -148,31 +148,41 @@ class Kernel:
 
     def _begin(self, pixels: NDArray[np.uint32], spp: int, seed: int) -> Any:
         """Begin to render these pixels of the film; return the sums to be."""
-        arguments = mi.UInt32(pixels), dr.opaque(mi.UInt32, seed), spp, pixels.size
+        # Opaque values stay out of the machine code: one kernel serves every seed and spp.
+        numbers = dr.opaque(mi.UInt32, seed), dr.opaque(mi.UInt32, spp)
+        arguments = mi.UInt32(pixels), *numbers, dr.opaque(mi.Float, 1 / math.sqrt(spp))
         with scene_errors():
             try:
-                sums = self._recorded(*arguments)
+                sums = self._recorded(*arguments, spp, pixels.size)
             except RuntimeError:
                 # Dr.Jit cannot record what some plugins do (the thin lens is one).
                 self._recorded = self._sums
-                sums = self._sums(*arguments)
+                sums = self._sums(*arguments, spp, pixels.size)
             dr.eval(sums)  # waits for nothing
         return sums
 
     def _sums(
-        self, pixels: Any, seed: Any, spp: int, count: int
+        self, pixels: Any, seed: Any, spp: Any, spacing: Any, block: int, count: int
     ) -> tuple[list[list[Any]], list[Any]]:
         """Return each pixel's sums, for each tap of the filter; and its ids.
 
-        The number of pixels is said beside them: a recording is of one size.
+        Parameters
+        ----------
+        pixels, seed, spp
+            Of the pass.
+        spacing
+            Of a pixel's samples, in pixels: 1/√spp.
+        block, count
+            The spp and the number of pixels, for sizes: a recording is of one size.
         """
         one = self._one
-        pixel = dr.repeat(pixels, spp)
-        number = dr.arange(mi.UInt32, count * spp) % spp
-        sampler = _lane_sampler()(seed, pixel * spp + number)
+        lane = dr.arange(mi.UInt32, count * block)
+        place = lane // spp
+        pixel = dr.gather(mi.UInt32, pixels, place)
+        sampler = _lane_sampler()(seed, pixel * spp + (lane - place * spp))
         y = pixel // one.width
         within = sampler.next_2d()
-        values = self._sampled(sampler, mi.Point2f(pixel - y * one.width, y) + within, spp)
+        values = self._sampled(sampler, mi.Point2f(pixel - y * one.width, y) + within, spacing)
         # Now, and once: each sum of its own would trace the path again.
         dr.eval(values, within)
         summed = [values[index] for index in one.channels.summed]
@@ -180,9 +190,9 @@ class Kernel:
         ids = [dr.gather(mi.Float, values[index], first) for index in one.channels.of_ids]
         if self.border:
             return self._filtered(summed, within, first, spp), ids
-        return [[dr.block_sum(value, spp) for value in summed]], ids
+        return [[dr.block_sum(value, block) for value in summed]], ids
 
-    def _sampled(self, sampler: Any, place: Any, spp: int) -> list[Any]:
+    def _sampled(self, sampler: Any, place: Any, spacing: Any) -> list[Any]:
         """Return the channels of one sample at each of these places, as they stand in the film."""
         one, sensor = self._one, self._one.sensor
         moment = mi.Float(sensor.shutter_open())
@@ -192,7 +202,7 @@ class Kernel:
         aperture = sampler.next_2d() if sensor.needs_aperture_sample() else mi.Point2f(0.5)
         on_film = place / mi.ScalarVector2f(one.width, one.height)
         ray, importance = sensor.sample_ray_differential(moment, wavelength, on_film, aperture)
-        ray.scale_differential(mi.Float(1 / math.sqrt(spp)))
+        ray.scale_differential(spacing)
         radiance, hit, aovs = one.integrator.sample(
             one.scene, sampler, ray, sensor.get_medium(), True
         )
@@ -205,7 +215,7 @@ class Kernel:
         alpha = [dr.select(hit, mi.Float(1), mi.Float(0))] if one.channels.has_alpha else []
         return [*mi.Color3f(colour), weight, *alpha, *(aovs[index] for index in one.channels.aovs)]
 
-    def _filtered(self, values: list[Any], within: Any, first: Any, spp: int) -> list[list[Any]]:
+    def _filtered(self, values: list[Any], within: Any, first: Any, spp: Any) -> list[list[Any]]:
         """Return what the samples of each pixel give to the pixels around it, tap by tap."""
         border = self.border
         taps = range(-border, border + 1)
