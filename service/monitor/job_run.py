@@ -219,8 +219,12 @@ class JobRun:
     def _show_and_save(self, *, show: bool, save: bool) -> Known:
         known = self._known
         if show:
+            began_s = time.monotonic()
             self._show(known, self._denoised_image())
-            known = self._known = replace(known, shown_spp=known.spp, shown_at_s=time.monotonic())
+            now_s = time.monotonic()
+            known = self._known = replace(
+                known, shown_spp=known.spp, shown_at_s=now_s, shown_in_s=now_s - began_s
+            )
         if save:
             self._checkpoints.save(self._merge, self._judge)
             known = replace(known, saved=known.merged, saved_at_s=time.monotonic())

@@ -9,8 +9,12 @@ from plateau.farm.model.plan import Plan, Round
 from plateau.farm.model.states import JobState
 from plateau.service.monitor.look_ahead import LookAhead
 
-#: The shortest time between two shown images of a running job.
+#: The shortest time between two shown images of a running job, and the longest that is due to
+#: what the last one cost.
 SHOW_EVERY_S: Final = 2.0
+SHOW_WITHIN_S: Final = 10.0
+#: The share of a monitor's time for the images of one job.
+_SHOWING: Final = 0.02
 #: The shortest time between two checkpoints.
 SAVE_EVERY_S: Final = 5.0
 #: The fewest new slices in a checkpoint; their partials are about as large as the checkpoint.
@@ -59,6 +63,7 @@ class Known:
     planned: int = -1  #: slices before this one are planned; −1 before the first plan
     shown_spp: int = 0  #: of the image that this monitor showed last
     shown_at_s: float = float("-inf")  #: when it last showed an image after the first
+    shown_in_s: float = 0.0  #: what that took
     saved: int = 0  #: slices in the last readable checkpoint
     saved_at_s: float = float("-inf")
     glimpsed: bool = False  #: whether the first pass was shown, or cannot be
@@ -117,7 +122,8 @@ class Known:
     @property
     def is_new(self) -> bool:
         """Whether the merged image has changed and is due to be shown."""
-        is_due = self.spp != self.shown_spp and self.at_s >= self.shown_at_s + SHOW_EVERY_S
+        wait_s = max(SHOW_EVERY_S, min(self.shown_in_s / _SHOWING, SHOW_WITHIN_S))
+        is_due = self.spp != self.shown_spp and self.at_s >= self.shown_at_s + wait_s
         # Between two denoised images there is none to show.
         return is_due and not self.is_to_be_denoised
 

@@ -9,6 +9,7 @@ EVERY_TIME: Final = {
     "plateau.service.monitor.known:SAVE_EVERY_S": 0.0,
     "plateau.service.monitor.known:SLICES_PER_CHECKPOINT": 1,
     "plateau.service.monitor.known:SHOW_EVERY_S": 0.0,
+    "plateau.service.monitor.known:SHOW_WITHIN_S": 0.0,
 }
 
 

@@ -89,6 +89,15 @@ CASES: list[tuple[Known, steps.Step]] = [
     (RECORDED, steps.ShowAndSave(False, False)),
     (replace(RECORDED, shown_spp=0, saved=0), steps.ShowAndSave(True, False)),
     (replace(RECORDED, shown_spp=0, shown_at_s=-1.9), steps.ShowAndSave(False, False)),
+    # Images that take long come less often, but for a limit
+    (
+        replace(RECORDED, shown_spp=0, shown_at_s=-4.9, shown_in_s=0.1),
+        steps.ShowAndSave(False, False),
+    ),
+    (
+        replace(RECORDED, shown_spp=0, shown_at_s=-10.1, shown_in_s=0.3),
+        steps.ShowAndSave(True, False),
+    ),
     (replace(RECORDED, merged=8, judged=8, saved=3, at_s=9.0), steps.ShowAndSave(True, True)),
     (
         replace(RECORDED, merged=8, judged=8, saved=3, saved_at_s=-4.9),
