@@ -111,7 +111,9 @@ def test_an_image_that_breaks_later_fails_its_job_then(farm: NoiseFarm) -> None:
 
 
 def test_a_time_limit_does_not_make_a_broken_image_a_result(farm: NoiseFarm) -> None:
-    job = farm.submit(**{**QUICK, "step": 400}, rule={"name": "visible"}, time_limit_s=1)
+    # Given a job that no worker brings to its first step in a second
+    far = {**QUICK, "step": 10_000, "max_spp": 10_000}
+    job = farm.submit(**far, rule={"name": "visible"}, time_limit_s=1)
     with farm.monitor():
         done = render(farm, job, lambda index: broken(index, 700))
     assert done.state is JobState.FAILED
