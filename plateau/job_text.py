@@ -1,5 +1,6 @@
 """A job and its curve as text, for progress and summaries."""
 
+import re
 from datetime import datetime
 
 from plateau.farm.model.job import CurvePoint, Job
@@ -115,6 +116,17 @@ def time_left(job: Job, now: datetime) -> str:
     return f"at most {roughly(to_cap * rendering_s / rendered)} left"
 
 
+def title(job: Job) -> str:
+    """What the job is called; one of an older Plateau without the suffix of its scene's file."""
+    return re.sub(r"\.(zip|xml)$", "", job.name) or job.name
+
+
+def title_with_parameters(job: Job) -> str:
+    """What the job is called, and the values for its scene's parameters."""
+    values = (f"{name}={value}" for name, value in job.spec.parameter_strings().items())
+    return " ".join((title(job), *values))
+
+
 def pauses(job: Job) -> str:
     """For how long the job was paused before, and since when it is paused now."""
     before = f"for {duration(job.paused_s)}" if job.paused_s else ""
@@ -129,7 +141,7 @@ def summary(job: Job, now: datetime, waits_for: str | None = None) -> str:
         rows.append(("workers", f"it {waits_for}"))
     if job.width is not None:
         denoised = ", denoised" if job.spec.is_denoised else ""
-        image = f"{job.width}×{job.height}, {job.variant}, scene {job.name}{denoised}"
+        image = f"{job.width}×{job.height}, {job.variant}, {title_with_parameters(job)}{denoised}"
         rows.append(("image", image))
     samples = f"{job.spp:,} of at most {job.spec.max_spp:,} spp"
     if job.samples_saved:  # one share of the cap is enough

@@ -131,8 +131,9 @@ class Continuations:
         """
         compared = guarded_batches.compared(self._redis, spec.batch, spec) if spec.batch else ""
         digest = hashlib.sha256(f"{job.id} {spec.as_request()}".encode()).hexdigest()
+        name = spec.name or job.name
         new = records.new_job(
-            spec, name=job.name, scene_sha256=job.scene_sha256, owner=owner, notes=notes
+            spec, name=name, scene_sha256=job.scene_sha256, owner=owner, notes=notes
         )
         made = self._scripts.run(
             Continue(

@@ -105,7 +105,7 @@ class Job(_Record):
     """A job: one image on its way to where more samples change nothing that a person sees."""
 
     id: str
-    name: str = Field(description="the name of the scene's file")
+    name: str = Field(description="its own name, or its scene's")
     owner: str | None = Field(
         None, description="id of the API key that made it; null where it was made without one"
     )

@@ -109,6 +109,9 @@ class ViewSpec(Strict):
 class SharedSpec(Strict):
     """How an image is sampled, judged and stopped, whatever the scene's parameters are."""
 
+    name: Annotated[str, Field(min_length=1, max_length=100)] | None = Field(
+        default=None, description="what the job is called; by default as its scene is"
+    )
     step: Spp = Field(
         default=100,
         description="spp between two evaluations of the rule; where it, the cap and the slices are "

@@ -206,6 +206,9 @@ def spec_from_options(
             show_default="none",
         ),
     ] = None,
+    name: Annotated[
+        str | None, typer.Option(help="What the job is called.", show_default="as its scene is")
+    ] = None,
     batch: Annotated[str | None, typer.Option(help="Batch that the job belongs to.")] = None,
     flicker_guard: Annotated[
         bool,

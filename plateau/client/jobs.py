@@ -224,6 +224,6 @@ def submitted(
         else:
             path = stack.enter_context(scene_file(scene))
             packed = stack.enter_context(pack(path, *values))
-            name = f"{path.resolve().name}.zip" if path.is_dir() else packed.name
-            parts["scene"] = (name, packed.file, packed.media_type)  # httpx rewinds it each time
+            # httpx rewinds it each time
+            parts["scene"] = (packed.name, packed.file, packed.media_type)
         return transport.ask(kind, "POST", "/v1/jobs", headers=headers, files=parts)

@@ -27,8 +27,8 @@ from plateau.terminal.tables import print_rows
 
 _PAGE = 100
 _WAITING = 5  #: most jobs without a fitting worker that are named
-_COLUMNS = ("id", "state", "spp", "noise left", "time", "created (UTC)", "batch", "scene")
-_SPARE = ("created (UTC)", "batch", "time")  # on a narrow terminal
+_COLUMNS = ("id", "state", "spp", "noise left", "time", "created (UTC)", "by", "batch", "job")
+_SPARE = ("by", "created (UTC)", "batch", "time")  # on a narrow terminal
 
 
 def submit(scene: Path, spec: JobSpec, *, url: str | None, as_json: bool) -> None:
@@ -84,7 +84,7 @@ def show(job_id: str, *, url: str | None, as_json: bool) -> None:
     if as_json:
         print(job.model_dump_json(indent=2))
         return
-    print(job_text.row("job", f"{job.id} ({job.name})"))
+    print(job_text.row("job", f"{job.id} ({job_text.title(job)})"))
     if job.owner is not None:
         print(job_text.row("owner", f"{job.owner_name} (key {job.owner})"))
     print(job_text.summary(job, utc_now(), job.waits_for))
@@ -194,8 +194,9 @@ def _row(job: Job) -> tuple[str, ...]:
         left,
         figures.duration(job.duration_s(utc_now())),
         f"{job.created_at:%Y-%m-%d %H:%M:%S}",
+        job.owner_name or "–",
         job.spec.batch or "–",
-        job.name,
+        job_text.title_with_parameters(job),
     )
 
 

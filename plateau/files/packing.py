@@ -97,7 +97,7 @@ def pack(path: Path, *parameters: Mapping[str, str]) -> Packed:
     for values in dict.fromkeys(tuple(one.items()) for one in parameters) or [()]:
         references |= dict.fromkeys(read_scene(disk, entry, dict(values), _LIMITS).references)
     if not references:
-        return Packed(path.open("rb"), _XML, path.name, (path,))
+        return Packed(path.open("rb"), _XML, f"{_name(path)}.xml", (path,))
     for reference in references:
         _check_keeps_its_place(disk, reference)
     layout = _Layout.of(entry, references)
@@ -107,7 +107,12 @@ def pack(path: Path, *parameters: Mapping[str, str]) -> Packed:
         _check_entry(bundle, layout)
         until_it_is_good.pop_all()
     files = tuple(disk.path(parts) for parts in layout.files)
-    return Packed(bundle, _ZIP, f"{path.stem}.zip", files)
+    return Packed(bundle, _ZIP, f"{_name(path)}.zip", files)
+
+
+def _name(path: Path) -> str:
+    """What a Mitsuba XML is called: a ``scene.xml`` as its folder is."""
+    return path.resolve().parent.name if path.name == SCENE_XML else path.stem
 
 
 class _Disk:

@@ -32,7 +32,9 @@ def scene_file(scene: SceneAtHand) -> Iterator[Path]:
         with tempfile.TemporaryDirectory(prefix=_PREFIX) as folder:
             with needs("worker"):
                 from plateau.worker.renderers.mitsuba.scene_dict import write_scene_dict
-            yield write_scene_dict(scene, Path(folder))
+            named = Path(folder) / "scene"  # as it is called where nobody says how
+            named.mkdir()
+            yield write_scene_dict(scene, named)
     elif isinstance(scene, str | os.PathLike):
         try:
             path = scenes.path_of(Path(scene))

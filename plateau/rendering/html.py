@@ -3,7 +3,6 @@
 import base64
 import io
 from html import escape
-from pathlib import Path
 from typing import Final
 
 from plateau import job_text
@@ -59,7 +58,7 @@ def headline(job: Job) -> str:
         job_text.time_left(job, now),
     ]
     line = escape(" · ".join(filter(None, about)))
-    return f"<b>{escape(Path(job.name).stem)}</b> {line}<br>{escape(job.reason)}"
+    return f"<b>{escape(job_text.title(job))}</b> {line}<br>{escape(job.reason)}"
 
 
 def _smaller(png: bytes) -> bytes:

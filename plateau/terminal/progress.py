@@ -3,7 +3,6 @@
 from abc import ABC, abstractmethod
 from collections import deque
 from datetime import datetime
-from pathlib import Path
 from typing import Final
 
 from rich.console import Console, Group
@@ -156,7 +155,7 @@ class LiveProgress(Progress):
         now = utc_now()
         times = filter(None, (job_text.time_left(job, now), figures.duration(job.duration_s(now))))
         head.add_row(
-            Text.assemble((Path(job.name).stem, "bold"), f"  {job.state.value}{variant}{size}"),
+            Text.assemble((job_text.title(job), "bold"), f"  {job.state.value}{variant}{size}"),
             " · ".join(times),
         )
         spp = max(job.spp, job.committed_spp) if not job.state.ended else job.spp

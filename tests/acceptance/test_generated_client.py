@@ -85,7 +85,7 @@ def test_submits_a_zip_waits_and_fetches_an_exr(farm: RealFarm, call: Callable[.
     assert events.rstrip().rpartition("event: ")[2].startswith("finished")
     done = call("jobs.get_job", job.id)
     assert done.state == models.JobState.CONVERGED, done.reason
-    assert (done.spp, done.name) == (16, "box.zip")
+    assert (done.spp, done.name) == (16, "box")
     # And its image comes as bytes
     image = decode_image(call("results.get_image_exr", job.id).payload.read())
     assert image.shape == (24, 32, 3)

@@ -25,7 +25,7 @@ from plateau.service.api.routes.jobs import JobId, shown
 from plateau.service.api.submission import idempotency
 from plateau.service.api.submission.idempotency import IdempotencyKey
 from plateau.service.api.submission.merge_patch import merge_patch
-from plateau.service.api.submission.submitted_spec import check_batch_name
+from plateau.service.api.submission.submitted_spec import check_names
 
 router = APIRouter(prefix="/v1/jobs/{job_id}", tags=["jobs"])
 
@@ -102,7 +102,7 @@ class Asker:
             raise invalid_spec(error) from error
         spec = fitted(wanted, keep_slices=True)
         check_webhook(spec, self.farm.receivers)
-        check_batch_name(spec)
+        check_names(spec)
         check(job, remains, spec)
         new = self.farm.continuations.start(
             job,

@@ -36,7 +36,7 @@ def submitted_spec(text: str | bytes) -> JobSpec | BatchSpec:
         spec = _SUBMITTED.validate_json(_plain(text), strict=True)
     except ValidationError as error:
         raise invalid_spec(error) from error
-    check_batch_name(spec)
+    check_names(spec)
     return spec
 
 
@@ -48,9 +48,15 @@ def _plain(text: str | bytes) -> str | bytes:
         return text
 
 
-def check_batch_name(spec: SharedSpec) -> None:
-    """Refuse a batch whose name cannot be in a path; jobs of an older Plateau may have one."""
-    name = spec.batch or ""
-    if name in {".", ".."} or any(unicodedata.category(one) in _NOT_IN_NAMES for one in name):
-        message = "must be a name without control characters and line ends, and not . or .."
+def check_names(spec: SharedSpec) -> None:
+    """Refuse names that nobody can read, and a batch whose name cannot be in a path.
+
+    Jobs of an older Plateau may have such names.
+    """
+    for field, name in (("name", spec.name or ""), ("batch", spec.batch or "")):
+        if any(unicodedata.category(one) in _NOT_IN_NAMES for one in name):
+            message = "must be a name without control characters and line ends"
+            raise invalid_field(problems.INVALID_SPEC, f"spec.{field}", message)
+    if spec.batch in {".", ".."}:
+        message = "must be another name than . and .."
         raise invalid_field(problems.INVALID_SPEC, "spec.batch", message)

@@ -39,6 +39,8 @@ from plateau.service.api.submission.idempotency import idempotency_key
 from plateau.service.api.submission.submitted_spec import submitted_spec
 
 _FIELDS: Final = frozenset({"scene", "scene_sha256", "spec"})
+#: What a scene's name ends with and a job's does not.
+_SUFFIX: Final = re.compile(r"\.(zip|xml|json)$", re.IGNORECASE)
 _MAX_NAME: Final = 90  #: leaves room for the suffix of a generated batch name
 #: CPU time of all checks: one may take a second, and a list has up to a thousand entries.
 _MOST_CHECKING_S: Final = 60.0
@@ -203,13 +205,13 @@ def create_job(asked: Submission, scene: StoredScene, farm: Parts, *, owner: str
 
     The scene is stored before, so that no worker finds a job without one.
     """
-    sha256, name = scene.sha256, scene.name
+    sha256, called = scene.sha256, _SUFFIX.sub("", scene.name) or scene.name
     digest = hashlib.sha256(f"{sha256} {asked.spec.as_request()}".encode()).hexdigest()
     variant = variant_for(asked.spec.variant, scene.summary.renderer)
-    specs = _job_specs(asked.spec, name)
+    specs = _job_specs(asked.spec, called)
     return farm.jobs.create_all(
         [one.model_copy(update={"variant": variant}) for one in specs],
-        name=name,
+        name=asked.spec.name or called,
         scene_sha256=sha256,
         idempotency_key=asked.idempotency_key,
         digest=digest,
@@ -222,8 +224,7 @@ def _job_specs(spec: JobSpec | BatchSpec, scene: str) -> list[JobSpec]:
     """The spec of each job; those of a list in the batch that it names, or in a generated one."""
     if isinstance(spec, JobSpec):
         return [spec]
-    stem = scene.rpartition(".")[0] or scene
-    return spec.job_specs(spec.batch or f"{stem}-{secrets.token_hex(3)}")
+    return spec.job_specs(spec.batch or f"{scene}-{secrets.token_hex(3)}")
 
 
 def _opened(scene: UploadFile | str, farm: Parts) -> BinaryIO:

@@ -113,6 +113,7 @@ class TestOptions:
             "max-spp": str(spec.max_spp),
             "time-limit": "none",
             "min-spp": "none",
+            "name": "as its scene is",
             "rule": spec.rule.name,
             "allocation": spec.allocation.name,
             "denoise": spec.denoise.name,
@@ -254,7 +255,8 @@ class TestTalkingToAService:
         assert (job["id"], job["spec"]["max_spp"], job["spec"]["batch"]) == (job_id, 200, "b")
 
     def test_list_is_for_grep_and_cut(self, box: str) -> None:
-        made = [plateau("submit", box)[1].strip() for _ in range(3)]
+        called = (("--name", "Kitchen v1.2"), (), ())
+        made = [plateau("submit", box, *name)[1].strip() for name in called]
         plateau("cancel", made[0])
         code, out, err = plateau("list")
         assert code == 0
@@ -265,6 +267,7 @@ class TestTalkingToAService:
         rows = [line.split("\t") for line in out.splitlines()]
         assert [row[0] for row in rows] == made[::-1]
         assert rows[-1][1:3] == ["cancelled", "0/10000"]
+        assert [row[-1] for row in rows] == [*[Path(box).stem] * 2, "Kitchen v1.2"]
         assert plateau("list", "--state", "cancelled")[1].split("\t")[0] == made[0]
         assert len(json.loads(plateau("list", "--limit", "2", "--json")[1])) == 2
         assert plateau("list", "--batch", "none") == (0, "", "no jobs\n")

@@ -23,7 +23,7 @@ from tests.support.staged_job import StagedJob
 class TestScenes:
     def test_by_the_name_of_an_example_or_a_path_as_text(self, plateau: Client) -> None:
         job = plateau.submit("scenes:box", max_spp=200)
-        assert (job.name, job.spec.max_spp) == ("box.zip", 200)
+        assert (job.name, job.spec.max_spp) == ("box", 200)
         from plateau import scenes
 
         assert plateau.submit(str(scenes.FOLDER / "box")).scene_sha256 == job.scene_sha256

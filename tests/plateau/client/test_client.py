@@ -32,7 +32,7 @@ def test_a_scene_goes_in_and_its_job_comes_out(
 ) -> None:
     # A folder is packed with its meshes, and named after itself
     job = plateau.submit(box, JobSpec(max_spp=200, batch="b"))
-    assert (job.state, job.name, job.spec.max_spp) == (JobState.QUEUED, "box.zip", 200)
+    assert (job.state, job.name, job.spec.max_spp) == (JobState.QUEUED, "box", 200)
     assert plateau.job(job.id) == job
     assert plateau.scenes()[0].sha256 == job.scene_sha256
     # It can be submitted again by its hash

@@ -64,7 +64,7 @@ class TestTheClient:
         made = list(plateau.all_jobs(batch="walk/1"))[::-1]
         assert [job.id for job in made] == batch.job_ids
         assert [job.spec.parameters for job in made] == [{"frame": 0}, {"frame": 2}, {"frame": 1}]
-        assert {job.name for job in made} == {"walk.zip"}
+        assert {job.name for job in made} == {"walk"}
         # It can be submitted again by its hash, and repeated
         again = plateau.submit_batch(
             made[0].scene_sha256, [{"frame": 1}], JobSpec(batch="b"), idempotency_key="k"

@@ -77,11 +77,11 @@ def test_parameters_choose_what_is_packed(project: Path):
         assert "shots/one/geometry/low.ply" not in names(packed)
 
 
-def test_a_scene_without_references_is_sent_as_it_is(project: Path):
+def test_a_scene_without_references_is_sent_as_it_is_under_its_folder_s_name(project: Path):
     path = project / "shots" / "two" / "scene.xml"
     with pack(path) as packed:
         assert (packed.name, packed.media_type, packed.files) == (
-            "scene.xml",
+            "two.xml",
             "application/xml",
             (path,),
         )

@@ -61,7 +61,7 @@ class TestSubmitting:
         # It says where the job is, and shows it
         assert first.headers["location"] == f"/v1/jobs/{job['id']}" == job["links"]["self"]
         assert http.get(first.headers["location"]).json() == job
-        assert (job["state"], job["name"]) == ("queued", "box.xml")
+        assert (job["state"], job["name"]) == ("queued", "box")
         # What was asked for is filled up with defaults
         assert job["spec"]["max_spp"] == 200
         assert job["spec"]["step"] == 100
@@ -85,15 +85,22 @@ class TestSubmitting:
         again = submit(http, None, scene_sha256=sha256)
         assert again.status_code == 201
         assert again.json()["scene_sha256"] == sha256
-        assert again.json()["name"] == "box.xml"
+        assert again.json()["name"] == "box"
 
     def test_takes_a_spec_as_a_file(self, http: httpx.Client) -> None:
         files = {"scene": ("box.xml", BOX), "spec": ("spec.json", b'{"seed": 7}')}
         assert http.post("/v1/jobs", files=files).json()["spec"]["seed"] == 7
 
-    def test_keeps_only_the_printable_end_of_a_file_name(self, http: httpx.Client) -> None:
+    def test_is_called_as_its_file_is_without_folders_and_suffix(self, http: httpx.Client) -> None:
         job = submit(http, filename="C:\\scenes\\..\\b\u202eox.xml").json()
-        assert job["name"] == "box.xml"
+        assert job["name"] == "box"
+
+    def test_is_called_as_its_spec_says(self, http: httpx.Client) -> None:
+        job = submit(http, spec={"name": "Kitchen, v1.2"}).json()
+        assert (job["name"], job["spec"]["name"]) == ("Kitchen, v1.2", "Kitchen, v1.2")
+        for name in ("", "a\nb", "x" * 101):
+            told = problem(submit(http, spec={"name": name}), 422, "invalid-spec")
+            assert [one["field"] for one in told["errors"]] == ["spec.name"]
 
     def test_checks_the_scene_with_the_parameters_of_the_spec(self, http: httpx.Client) -> None:
         wide = scene(sensor=f'<sensor type="perspective">{FILM.format("$w")}</film></sensor>')
