@@ -23,7 +23,7 @@ from plateau.service.judging.result_files import flaw_of
 from plateau.service.monitor import steps
 from plateau.service.monitor.decisions import last_step, next_step
 from plateau.service.monitor.denoising import oidn
-from plateau.service.monitor.denoising.process import Denoising, DenoisingFailed
+from plateau.service.monitor.denoising.process import Denoising, DenoisingFailed, TooLarge
 from plateau.service.monitor.known import Answer, Known
 from plateau.service.monitor.look_ahead import Crew, LookAhead
 from plateau.service.monitor.result_sets import ResultSets
@@ -162,9 +162,9 @@ class JobRun:
         Raises
         ------
         ValueError
-            It could not be denoised several times, and the job has not ended.
+            It could not be denoised several times or is too large, and the job has not ended.
         """
-        slices = self._merge.slices
+        slices, has_ended = self._merge.slices, self._known.job.state.ended
         if self._being_denoised is not None and self._being_denoised[0] == slices:
             future = self._being_denoised[1]
             if not future.done():
@@ -175,7 +175,7 @@ class JobRun:
             except DenoisingFailed as failed:
                 self._denoising_failures += 1
                 _LOG.warning("the image of %d slices was not denoised: %s", slices, failed)
-                if self._denoising_failures >= MAX_TRIES and self._known.job.state.ended:
+                if self._denoising_failures >= MAX_TRIES and has_ended:
                     return True
                 if self._denoising_failures >= MAX_TRIES:
                     raise ValueError(f"the image cannot be denoised: {failed}") from failed
@@ -183,8 +183,13 @@ class JobRun:
                 self._denoising_failures = 0
                 return True
         task = DenoisingTask.of(self._merge, self._known.job.spec)
-        self._being_denoised = slices, self._denoising.start(self.owned.job_id, task)
-        return False
+        try:
+            self._being_denoised = slices, self._denoising.start(self.owned.job_id, task)
+        except TooLarge as too_large:
+            _LOG.warning("%s", too_large)
+            if not has_ended:
+                raise ValueError(f"the image cannot be denoised: {too_large}") from too_large
+        return self._being_denoised is None
 
     def _denoised_image(self) -> Denoised | None:
         """The merged image denoised, if it is."""

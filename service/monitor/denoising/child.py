@@ -29,9 +29,7 @@ def denoised(task: DenoisingTask) -> Denoised:
 
 def write(stream: BinaryIO, arrays: Arrays) -> None:
     """Write arrays as one ``.npz`` file."""
-    content = io.BytesIO()
-    np.savez(content, allow_pickle=False, **arrays)
-    stream.write(content.getbuffer())
+    np.savez(stream, allow_pickle=False, **arrays)
     stream.flush()
 
 

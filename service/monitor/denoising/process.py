@@ -1,6 +1,7 @@
 """The monitor's side of the process that denoises: it starts one for each image, in turn."""
 
 import io
+import os
 import signal
 import subprocess
 import sys
@@ -15,10 +16,23 @@ from plateau.service.monitor.denoising import child
 #: Seconds that an image may take, and how many more for each pixel: some twenty times what two
 #: cores need.
 _DEADLINE_S: Final = (60.0, 2e-4)
+#: Bytes of memory that the process takes, and those for each pixel.
+_MEMORY: Final = (7e7, 430.0)
+#: Those of the network for each pixel, and where it begins to denoise in tiles.
+_NETWORK: Final = (610.0, 2e9)
+
+
+def memory_bytes() -> int:
+    """Return how much memory this machine has."""
+    return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
 
 
 class DenoisingFailed(Exception):
     """The process did not answer; it may if it is asked again."""
+
+
+class TooLarge(Exception):
+    """This machine has not the memory for the image."""
 
 
 class Denoising:
@@ -37,7 +51,21 @@ class Denoising:
         return bool(self._jobs)
 
     def start(self, job_id: str, task: DenoisingTask) -> "Future[Denoised]":
-        """Return the future image of a job; it fails with `DenoisingFailed`."""
+        """Return the future image of a job; it fails with `DenoisingFailed`.
+
+        Raises
+        ------
+        TooLarge
+            No process could denoise it.
+        """
+        height, width = task.image.shape[:2]
+        pixels, here = height * width, memory_bytes()
+        needed = _MEMORY[0] + _MEMORY[1] * pixels + min(_NETWORK[0] * pixels, _NETWORK[1])
+        if needed > here:
+            raise TooLarge(
+                f"{width}×{height} pixels take {needed / 1e9:.1f} GB of memory to denoise, and the "
+                f"monitor's machine has {here / 1e9:.1f} GB"
+            )
         future = self._thread.submit(self._run, task)
         self._jobs[future] = job_id
         return future

@@ -15,7 +15,9 @@ from plateau.farm.images.exr import decode_layers
 from plateau.farm.model.errors import CannotContinue
 from plateau.farm.model.job import Job
 from plateau.farm.model.states import JobState
-from plateau.service.monitor.denoising import child, oidn
+from plateau.metric import Half, View
+from plateau.service.judging.denoised import DenoisingTask
+from plateau.service.monitor.denoising import child, oidn, process
 from tests.service.api.test_continue import go_on
 from tests.service.monitor.test_channels import header
 from tests.support.every_time import save_every_time
@@ -54,11 +56,11 @@ def killed(most: int) -> Iterator[list[int]]:
 
     def watch() -> None:
         while not over.wait(0.05) and len(victims) < most:
-            for process in psutil.Process().children():
+            for one in psutil.Process().children():
                 try:
-                    if child.__name__ in process.cmdline() and process.pid not in victims:
-                        process.kill()
-                        victims.append(process.pid)
+                    if child.__name__ in one.cmdline() and one.pid not in victims:
+                        one.kill()
+                        victims.append(one.pid)
                 except psutil.Error:
                     pass
 
@@ -174,6 +176,24 @@ def test_one_whose_image_cannot_be_denoised_fails_in_words(farm: NoiseFarm) -> N
         done = finished(farm, **JOB)
     assert done.state is JobState.FAILED
     assert "the image cannot be denoised: its process ended with status -9" in done.reason
+
+
+def test_one_too_large_for_the_machine_fails_in_words(
+    farm: NoiseFarm, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(process, "memory_bytes", lambda: 10**6)
+    done = finished(farm, **JOB)
+    assert done.state is JobState.FAILED
+    assert "take 0.1 GB of memory to denoise, and the monitor's machine has 0.0 GB" in done.reason
+    # And what there is of it is delivered as it is
+    assert "denoised.weight" not in layers(farm, done)
+
+
+@pytest.mark.parametrize("size", [(1, 1), (2, 3)])
+def test_an_image_may_be_as_small_as_can_be(size: tuple[int, int]) -> None:
+    image = np.full((*size, 3), 0.5, np.float32)
+    task = DenoisingTask(image, (Half(image, 1), Half(image, 1)), (image, image), View())
+    np.testing.assert_allclose(child.denoised(task).blend.image, image, atol=1e-3)
 
 
 def test_no_other_job_waits_for_it(farm: NoiseFarm) -> None:
