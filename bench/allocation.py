@@ -48,7 +48,7 @@ _SPP, _EST, _TRUTH, _SAME = "spp", "estimate", "truth", "spp at the target's tru
 _NOTES = (
     "Jobs are replayed: a pixel's first samples are the same in every way to spread them.",
     "A round is always in flight: it was decided before the image that is judged.",
-    "Truth is a mean over 12 samples of noise, scaled; a job has seen 10 % to 28 % of it.",
+    "Truth is a mean over 12 samples of noise, scaled; a job has seen 10 % to 30 % of it.",
     "The oracle knows the noise of each zone from half of these, and is judged by the others.",
 )
 

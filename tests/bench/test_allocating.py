@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from bench import allocation
+from bench import allocation, selective
 from bench.allocating import bias
 from bench.allocating.film import JUDGING, OTHERS, Film
 from bench.allocating.truth import Truth, crossing
@@ -71,3 +71,12 @@ def test_who_decides_alone_is_biased():
 
 def test_a_crossing_is_found():
     assert crossing(lambda x: 100 / x, 4) == pytest.approx(25, rel=0.02)
+
+
+def test_a_rule_ends_each_zone_by_itself(recording):
+    spp, still = selective.by_zone(recording, SPP, "myszkowski", 16)
+    assert spp[0, 0] > 2 * spp[40, 40]
+    assert still == 0
+    whole, _ = selective.by_zone(recording, SPP, "myszkowski", None)
+    assert (whole == whole[0, 0]).all()
+    assert whole[0, 0] > spp.mean()
