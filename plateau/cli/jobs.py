@@ -78,7 +78,13 @@ def watch(
     job_id: o.OrJobId = None,
     batch: o.OrBatch = None,
     out: Annotated[
-        Path | None, typer.Option("--out", "-o", metavar="DIR", help="Folder for the results.")
+        Path | None,
+        typer.Option(
+            "--out",
+            "-o",
+            metavar="DIR",
+            help="Folder for the results; of a batch, also a pattern for its images alone.",
+        ),
     ] = None,
     no_curve: o.NoCurve = False,
     events: Annotated[
@@ -92,10 +98,12 @@ def watch(
     For example:
       plateau watch 3f9ac2d01b77 -o out
       plateau watch --batch walk -o frames
+      plateau watch --batch walk -o 'shots/{batch}.{frame:04d}.exr'
       plateau watch 3f9ac2d01b77 --events | jq 'select(.type == "point") | .data.visible_pixels'
 
     On a terminal the curve is drawn as it grows. Ctrl-C stops watching; the job continues. --json
-    prints the summary at the end. The exit code is 3 if jobs of the batch ended before their rule
+    prints the summary at the end. A pattern's fields are batch, name, id, place, and the
+    parameters of the scene. The exit code is 3 if jobs of the batch ended before their rule
     stopped them.
     """
     from plateau.commands.batches import watch as watch_batch

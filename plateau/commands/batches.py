@@ -2,14 +2,15 @@
 
 import json
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Final
 
 from rich.console import Console
 
 from plateau import job_text
-from plateau.client import Client
+from plateau.client import ApiError, Client
 from plateau.commands.connect import connect
 from plateau.commands.outputs import write_results
 from plateau.errors import CommandFailed, tell
@@ -19,15 +20,20 @@ from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
 from plateau.farm.wire import figures
 from plateau.farm.wire.batch_views import BatchSteered, BatchView
+from plateau.farm.wire.views import JobView
 from plateau.files.frames import Values, each, from_file
 from plateau.files.job_folder import frame, require_free_for_batch
-from plateau.files.out_folder import make_writable
+from plateau.files.out_folder import make, make_writable
+from plateau.files.out_pattern import OutPattern
 from plateau.terminal.batch_progress import batch_progress_on, in_states
 from plateau.terminal.tables import print_rows
 
 _POLL_S: Final = 1.0
 _COLUMNS: Final = ("batch", "jobs", "states", "newest (UTC)")
 _SHOWN: Final = 10
+
+#: Writes what is to be had of one job, by its place among the jobs of its batch.
+_Fetch = Callable[[Sequence[JobView], int], None]
 
 
 def submit(
@@ -52,15 +58,12 @@ def watch(name: str, out: Path | None, *, url: str | None, as_json: bool) -> int
     """Follow a batch until all of its jobs are finished; returns the exit code.
 
     The results of each job are written when it finishes, into a folder named by its place in the
-    batch.
+    batch; its image alone, where `out` is a pattern.
     """
-    if out is not None:
-        make_writable(out)
     with connect(url) as client:
-        if out is not None:
-            require_free_for_batch(out, client.batch(name).job_ids)
+        fetch = None if out is None else _fetching(client, name, out)
         try:
-            batch = _follow(client, name, out)
+            batch = _follow(client, name, fetch)
         except KeyboardInterrupt:
             tell(f"no longer watching; batch {name} continues")
             raise
@@ -81,29 +84,60 @@ def _exit_code(batch: BatchView) -> ExitCode:
     return ExitCode.MISSED if batch.guard.missed_jobs else ExitCode.OK
 
 
-def _follow(client: Client, name: str, out: Path | None) -> BatchView:
+def _fetching(client: Client, name: str, out: Path) -> _Fetch:
+    """Return what writes the results of a job; raises `CommandFailed` where it could not."""
+    if OutPattern.is_one(str(out)):
+        pattern = OutPattern(str(out))
+        pattern.files(_in_order(client, client.batch(name)))  # refused before anything is rendered
+        return partial(_write_image, client, pattern)
+    make_writable(out)
+    require_free_for_batch(out, client.batch(name).job_ids)
+    return partial(_write_folder, client, out)
+
+
+def _follow(client: Client, name: str, fetch: _Fetch | None) -> BatchView:
     written: set[str] = set()
     with batch_progress_on(Console(stderr=True)) as show:
         while True:
             batch = client.batch(name)
             show(batch)
-            if out is not None and batch.finished > len(written):
-                _fetch(client, batch, out, written)
-            if batch.finished == batch.jobs and (out is None or len(written) == batch.jobs):
+            if fetch is not None and batch.finished > len(written):
+                jobs = _in_order(client, batch)
+                for place, job in enumerate(jobs):
+                    if job.finished_at is not None and job.id not in written:
+                        fetch(jobs, place)
+                        written.add(job.id)
+            if batch.finished == batch.jobs and (fetch is None or len(written) == batch.jobs):
                 return batch
             time.sleep(_POLL_S)
 
 
-def _fetch(client: Client, batch: BatchView, out: Path, written: set[str]) -> None:
-    """Write the results of newly finished jobs, unless an earlier command has written them."""
-    places = {job_id: place for place, job_id in enumerate(batch.job_ids)}
-    for job in client.all_jobs(batch=batch.name):
-        if job.finished_at is None or job.id in written or job.id not in places:
-            continue
-        folder = frame(out, places[job.id], job.id)
-        if not (folder / "summary.json").exists():  # the last file of a job
-            write_results(client, job, folder)
-        written.add(job.id)
+def _in_order(client: Client, batch: BatchView) -> list[JobView]:
+    """Return the jobs of a batch in their order."""
+    jobs = {job.id: job for job in client.all_jobs(batch=batch.name)}
+    return [jobs[job_id] for job_id in batch.job_ids if job_id in jobs]
+
+
+def _write_folder(client: Client, out: Path, jobs: Sequence[JobView], place: int) -> None:
+    """Write the results of a finished job, unless an earlier command has written them."""
+    folder = frame(out, place, jobs[place].id)
+    if not (folder / "summary.json").exists():  # the last file of a job
+        write_results(client, jobs[place], folder)
+
+
+def _write_image(client: Client, pattern: OutPattern, jobs: Sequence[JobView], place: int) -> None:
+    """Write the image of a finished job, unless a later one has its file, or it has none."""
+    job = jobs[place]
+    path = pattern.files(jobs).get(job.id)
+    if path is None:
+        return
+    make(path.parent)
+    try:
+        client.download(job.id, pattern.image, path)
+    except ApiError as error:
+        if error.slug != "no-image-yet":
+            raise
+        tell(f"job {job.id} has no image, so there is no {path}")
 
 
 def list_batches(*, limit: int, url: str | None, as_json: bool) -> None:
