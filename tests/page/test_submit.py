@@ -67,7 +67,7 @@ def test_a_scene_is_looked_at_and_rendered(form: Page, farm: NoiseFarm, scene: P
     expect(form).to_have_url(re.compile("/jobs/[0-9a-f]{12}$"))
     expect(form.get_by_role("heading", name="sphere")).to_be_visible()
     job = farm.jobs.get(form.url.rpartition("/")[2])
-    assert job.name == "sphere.xml"
+    assert job.name == "sphere"
     assert job.spec.rule.model_dump() == {"name": "visible", "target": 0.001, "min_spp": 200}
     assert job.spec.parameters == {"width": "64", "height": "48"}
     assert (job.spec.max_spp, job.spec.time_limit_s, job.spec.batch) == (2000, 120, "evening")
