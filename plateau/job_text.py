@@ -118,7 +118,7 @@ def time_left(job: Job, now: datetime) -> str:
 
 def title(job: Job) -> str:
     """What the job is called; one of an older Plateau without the suffix of its scene's file."""
-    return re.sub(r"\.(zip|xml)$", "", job.name) or job.name
+    return job.spec.name or re.sub(r"\.(zip|xml)$", "", job.name) or job.name
 
 
 def title_with_parameters(job: Job) -> str:

@@ -19,7 +19,7 @@ def submit(
         list[str] | None,
         typer.Option(
             metavar="NAME=VALUES",
-            help="Submit one job for each value of the scene's parameter $NAME: 0..99 or 0..99..2 "
+            help="Submit one job for each value of the scene's parameter $NAME: 0..99 or 0..99:2 "
             "(whole numbers, the last one included) or a,b,c; repeated, for each combination.",
         ),
     ] = None,

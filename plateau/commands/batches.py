@@ -32,8 +32,8 @@ _POLL_S: Final = 1.0
 _COLUMNS: Final = ("batch", "jobs", "states", "newest (UTC)")
 _SHOWN: Final = 10
 
-#: Writes what is to be had of one job, by its place among the jobs of its batch.
-_Fetch = Callable[[Sequence[JobView], int], None]
+#: Writes what is to be had of some of a batch's jobs, by their places among all of them.
+_Fetch = Callable[[Sequence[JobView], Sequence[int]], None]
 
 
 def submit(
@@ -89,10 +89,10 @@ def _fetching(client: Client, name: str, out: Path) -> _Fetch:
     if OutPattern.is_one(str(out)):
         pattern = OutPattern(str(out))
         pattern.files(_in_order(client, client.batch(name)))  # refused before anything is rendered
-        return partial(_write_image, client, pattern)
+        return partial(_write_images, client, pattern)
     make_writable(out)
     require_free_for_batch(out, client.batch(name).job_ids)
-    return partial(_write_folder, client, out)
+    return partial(_write_folders, client, out)
 
 
 def _follow(client: Client, name: str, fetch: _Fetch | None) -> BatchView:
@@ -103,10 +103,13 @@ def _follow(client: Client, name: str, fetch: _Fetch | None) -> BatchView:
             show(batch)
             if fetch is not None and batch.finished > len(written):
                 jobs = _in_order(client, batch)
-                for place, job in enumerate(jobs):
-                    if job.finished_at is not None and job.id not in written:
-                        fetch(jobs, place)
-                        written.add(job.id)
+                new = [
+                    place
+                    for place, job in enumerate(jobs)
+                    if job.finished_at is not None and job.id not in written
+                ]
+                fetch(jobs, new)
+                written.update(jobs[place].id for place in new)
             if batch.finished == batch.jobs and (fetch is None or len(written) == batch.jobs):
                 return batch
             time.sleep(_POLL_S)
@@ -118,26 +121,32 @@ def _in_order(client: Client, batch: BatchView) -> list[JobView]:
     return [jobs[job_id] for job_id in batch.job_ids if job_id in jobs]
 
 
-def _write_folder(client: Client, out: Path, jobs: Sequence[JobView], place: int) -> None:
-    """Write the results of a finished job, unless an earlier command has written them."""
-    folder = frame(out, place, jobs[place].id)
-    if not (folder / "summary.json").exists():  # the last file of a job
-        write_results(client, jobs[place], folder)
+def _write_folders(
+    client: Client, out: Path, jobs: Sequence[JobView], places: Sequence[int]
+) -> None:
+    """Write the results of finished jobs, unless an earlier command has written them."""
+    for place in places:
+        folder = frame(out, place, jobs[place].id)
+        if not (folder / "summary.json").exists():  # the last file of a job
+            write_results(client, jobs[place], folder)
 
 
-def _write_image(client: Client, pattern: OutPattern, jobs: Sequence[JobView], place: int) -> None:
-    """Write the image of a finished job, unless a later one has its file, or it has none."""
-    job = jobs[place]
-    path = pattern.files(jobs).get(job.id)
-    if path is None:
-        return
-    make(path.parent)
-    try:
-        client.download(job.id, pattern.image, path)
-    except ApiError as error:
-        if error.slug != "no-image-yet":
-            raise
-        tell(f"job {job.id} has no image, so there is no {path}")
+def _write_images(
+    client: Client, pattern: OutPattern, jobs: Sequence[JobView], places: Sequence[int]
+) -> None:
+    """Write the images of finished jobs, but of those whose file a later job has, or without."""
+    files = pattern.files(jobs)
+    for job in (jobs[place] for place in places):
+        path = files.get(job.id)
+        if path is None:
+            continue
+        make(path.parent)
+        try:
+            client.download(job.id, pattern.image, path)
+        except ApiError as error:
+            if error.slug != "no-image-yet":
+                raise
+            tell(f"job {job.id} has no image, so there is no {path}")
 
 
 def list_batches(*, limit: int, url: str | None, as_json: bool) -> None:

@@ -18,7 +18,9 @@ from plateau.farm.model.spec import MAX_ENTRIES
 
 Values = dict[str, str | int | float | bool]
 
-_RANGE: Final = re.compile(r"(-?[0-9]{1,9})\.\.(-?[0-9]{1,9})(?:\.\.([1-9][0-9]{0,8}))?")
+_RANGE: Final = re.compile(r"(-?[0-9]{1,9})\.\.(-?[0-9]{1,9})(?:(?:\.\.|:)([1-9][0-9]{0,8}))?")
+#: What is meant as a range, whatever follows.
+_LIKE_A_RANGE: Final = re.compile(r"[-+]?[0-9]+\.\.[^,]*")
 
 
 def each(definitions: Sequence[str]) -> list[Values]:
@@ -27,8 +29,8 @@ def each(definitions: Sequence[str]) -> list[Values]:
     Parameters
     ----------
     definitions
-        ``NAME=FIRST..LAST`` or ``NAME=FIRST..LAST..STEP`` for whole numbers, LAST included;
-        ``NAME=VALUE,VALUE,…`` for other values.
+        ``NAME=FIRST..LAST`` or ``NAME=FIRST..LAST:STEP`` (also ``FIRST..LAST..STEP``) for whole
+        numbers, LAST included; ``NAME=VALUE,VALUE,…`` for other values.
 
     Raises
     ------
@@ -51,6 +53,11 @@ def each(definitions: Sequence[str]) -> list[Values]:
 def _values(text: str) -> Sequence[str]:
     match = _RANGE.fullmatch(text)
     if match is None:
+        if _LIKE_A_RANGE.fullmatch(text):
+            raise CommandFailed(
+                f"--each takes a range as 0..99 or 0..99:2, of whole numbers of nine digits at "
+                f"most and a positive step, not {text!r}"
+            )
         return text.split(",")
     first, last, step = int(match[1]), int(match[2]), int(match[3] or 1)
     numbers = range(first, last + 1, step) if first <= last else range(first, last - 1, -step)

@@ -1,6 +1,7 @@
 """The files of a sequence's images: one for each job of a batch, named by a pattern."""
 
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from pathlib import Path, PurePath
 from string import Formatter
 from typing import Final
@@ -10,6 +11,7 @@ from plateau.farm.wire.views import JobView
 
 #: The image of a job that a file with this suffix is.
 IMAGES: Final = {".exr": "image.exr", ".png": "image.png"}
+_NOT_IN_FILES: Final = frozenset("/\\\x7f\x85\u2028\u2029").union(map(chr, range(32)))
 _OF_JOB: Final = ("batch", "name", "id", "place")
 
 
@@ -60,8 +62,8 @@ class OutPattern:
         Parameters
         ----------
         jobs : iterable of JobView
-            The batch's, in their order. Of jobs with the same parameters the last has the file: a
-            frame was rendered again.
+            The batch's, in their order. Of jobs of one scene, sensor and parameters the last has
+            the file: a frame was rendered again.
 
         Raises
         ------
@@ -73,7 +75,7 @@ class OutPattern:
         for place, job in enumerate(jobs):
             path = self._file(job, place)
             before = takers.get(path)
-            if before is not None and before.spec.parameters != job.spec.parameters:
+            if before is not None and _shown(before) != _shown(job):
                 raise CommandFailed(
                     f"-o {self.text!r} gives the jobs {before.id} and {job.id} one file, {path}: "
                     f"let it have what they differ in, such as {{{_difference(before, job)}}}"
@@ -98,20 +100,33 @@ class OutPattern:
                 continue
             value = values[name]
             try:
-                shown = format(value, layout or "")
-            except ValueError as error:
+                shown = _laid_out(value, layout or "")
+            except (ValueError, OverflowError) as error:
                 raise CommandFailed(
                     f"-o {self.text!r}: {name} is {value!r} here, which has no format {layout!r}: "
                     f"{error}"
                 ) from None
-            if not shown or shown in {".", ".."} or set(shown) & set("/\\\0"):
+            if not shown or shown in {".", ".."} or set(shown) & _NOT_IN_FILES:
                 raise CommandFailed(
                     f"-o {self.text!r}: {name} is {shown!r} here, which cannot be in a file's name"
                 )
             yield shown
 
 
+def _laid_out(value: object, layout: str) -> str:
+    """The value in its format; text of a number, as command lines and CSV give it, is one."""
+    for kind in (int, float) if layout and isinstance(value, str) else ():
+        with suppress(ValueError):
+            return format(kind(value), layout)
+    return format(value, layout)
+
+
+def _shown(job: JobView) -> Mapping[str, object]:
+    """What the image shows. Parameters are as Mitsuba reads them: 1 and "1" are one frame."""
+    return {**job.spec.parameter_strings(), "name": job.name, "id": job.spec.sensor}
+
+
 def _difference(one: JobView, other: JobView) -> str:
-    """The first parameter in which two jobs differ."""
-    had, has = one.spec.parameters, other.spec.parameters
+    """The first field in which two jobs differ: that of a sensor is the job's id."""
+    had, has = _shown(one), _shown(other)
     return next(name for name in {**had, **has} if had.get(name) != has.get(name))

@@ -197,6 +197,15 @@ OPEN: Final = (
         ),
         lambda known: ShowAndSave(known.is_new, known.is_unsaved),
     ),
+    Row(
+        "the image of the newest point is due, and the next point may be far off",
+        lambda known: (
+            known.is_new
+            and known.judged == known.merged
+            and known.spp > (known.job.image_spp or 0)
+        ),
+        ShowAndSave(show=True, save=False),
+    ),
     Row("nothing is left to do", _always, Wait()),
 )
 

@@ -11,9 +11,11 @@ from plateau.farm.wire.json_numbers import whole_numbers
 from plateau.service.api.problems import problem as problems
 from plateau.service.api.problems.spec_checks import BRANCHES, invalid_field, invalid_spec
 
-#: Unicode's categories of control characters, surrogates and line ends: invisible, and not allowed
-#: in paths.
-_NOT_IN_NAMES: Final = frozenset({"Cc", "Cs", "Zl", "Zp"})
+#: Unicode's categories of control and format characters, surrogates and line ends: invisible, and
+#: not allowed in paths.
+_NOT_IN_NAMES: Final = frozenset({"Cc", "Cf", "Cs", "Zl", "Zp"})
+#: Format characters that join letters or keep them apart, as Persian and emoji need.
+_JOINERS: Final = frozenset("\u200c\u200d")
 
 _JOB, _BATCH = BRANCHES
 
@@ -54,8 +56,8 @@ def check_names(spec: SharedSpec) -> None:
     Jobs of an older Plateau may have such names.
     """
     for field, name in (("name", spec.name or ""), ("batch", spec.batch or "")):
-        if any(unicodedata.category(one) in _NOT_IN_NAMES for one in name):
-            message = "must be a name without control characters and line ends"
+        if any(unicodedata.category(one) in _NOT_IN_NAMES for one in {*name} - _JOINERS):
+            message = "must be a name without invisible characters and line ends"
             raise invalid_field(problems.INVALID_SPEC, f"spec.{field}", message)
     if spec.batch in {".", ".."}:
         message = "must be another name than . and .."

@@ -2,7 +2,6 @@
 
 import io
 import re
-import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -83,10 +82,11 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Finished]:
     farm = NoiseFarm(client, server.url, folder)
     job = farm.submit("box.zip", **SPEC)
     with farm.monitor():
-        for slices in (1, 3, 4):
+        for slices in (1, 3):
             farm.render(slices)
-            if slices < 4:  # a preview is kept at most every 2 s
-                time.sleep(2.2)
+            # The newest point's preview is kept within ten seconds of the one before
+            until(lambda: farm.jobs.get(job.id).spp in kept(farm.store, job.id), 60)
+        farm.render(4)
         until(lambda: farm.jobs.get(job.id).finished_at is not None, 60)
     with live_api(server.url, farm.store) as url:
         spps = kept(farm.store, job.id)

@@ -117,6 +117,7 @@ class TestLists:
             ("n=2..-2..2", ["2", "0", "-2"]),
             ("n=5..5", ["5"]),
             ("n=1..8..3", ["1", "4", "7"]),
+            ("n=1..8:3", ["1", "4", "7"]),
             ("n=red,blue", ["red", "blue"]),
             ("n=0.5,1..2", ["0.5", "1..2"]),
         ],
@@ -139,6 +140,8 @@ class TestLists:
             (["n="], "NAME=FIRST..LAST"),
             (["=1..2"], "NAME=FIRST..LAST"),
             (["n=1..2", "n=3..4"], "one parameter twice"),
+            (["n=1..8:0"], r"a range as 0..99 or 0..99:2.* not '1..8:0'"),
+            (["n=0..1.5"], "a range as"),
             (["n=0..1000"], "makes 1,001 jobs"),
             (["n=0..999999999"], "makes 1,000,000,000 jobs"),
             (["n=1..100", "m=1..11"], "makes 1,100 jobs"),
@@ -290,6 +293,15 @@ class TestTheCommandLine:
         assert command("watch", "--batch", "w", "-o", out)[0] == 0
         shots = {path.name: path.read_bytes() for path in (tmp_path / "shots").iterdir()}
         assert shots == {"w.0001.png": b"a picture", "w.0002.png": b"a picture"}
+        # Also where they came from a command line, as text
+        command("submit", str(walk), "--each", "frame=0..2:2", "--batch", "text", "--max-spp", "100")
+        for job_id in plateau.batch("text").job_ids:
+            end(client, store, job_id, JobState.CONVERGED)
+        assert command("watch", "--batch", "text", "-o", out)[0] == 0
+        assert sorted(path.name for path in (tmp_path / "shots").glob("text*")) == [
+            "text.0000.png",
+            "text.0002.png",
+        ]
         # But a pattern that is none, or of which frames have one file, is refused
         for pattern, said in {
             "{frame:04d}": "let it end with .exr or .png",

@@ -98,7 +98,8 @@ class TestSubmitting:
     def test_is_called_as_its_spec_says(self, http: httpx.Client) -> None:
         job = submit(http, spec={"name": "Kitchen, v1.2"}).json()
         assert (job["name"], job["spec"]["name"]) == ("Kitchen, v1.2", "Kitchen, v1.2")
-        for name in ("", "a\nb", "x" * 101):
+        assert submit(http, spec={"name": "👩\u200d🚀.zip"}).status_code == 201
+        for name in ("", "a\nb", "gpj\u202e.exr", "a\u200b", "x" * 101):
             told = problem(submit(http, spec={"name": name}), 422, "invalid-spec")
             assert [one["field"] for one in told["errors"]] == ["spec.name"]
 

@@ -157,6 +157,15 @@ CASES: list[tuple[Known, steps.Step]] = [
         known(ledger=READ, merged=3, saved=3, shown_spp=75, job=made_job(state=JobState.PAUSED)),
         steps.Wait(),
     ),
+    # The image of a point that came too soon after another's is shown though no slice comes
+    (
+        replace(RECORDED, answer=None, ledger=READ, shown_spp=75, shown_at_s=-2.1),
+        steps.ShowAndSave(True, False),
+    ),
+    (
+        replace(RECORDED, answer=None, ledger=READ, shown_spp=75, shown_at_s=-1.9),
+        steps.Wait(),
+    ),
     (ended(), steps.ReadConclusion()),
     (ended(merged=4, spp=100, concluded=False), steps.JudgeImage()),
     (ended_denoised(merged=4, spp=100, concluded=False), steps.DenoiseImage()),
