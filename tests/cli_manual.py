@@ -57,7 +57,7 @@ TASKS: Final[tuple[tuple[str, str, tuple[str, ...]], ...]] = (
             "A batch is several jobs under one name, such as the frames of an animation: "
             "[animation.md](animation.md)."
         ),
-        ("batches", "batch"),
+        ("batches", "batch", "movie"),
     ),
     (
         "Ask observers",

@@ -82,12 +82,7 @@ def render_pair(work: Work, turn_s: float) -> Pair:
             "Mitsuba alone": work.alone(work.calls).start(told_file),
         }
         watch = plateau_render.Watch(processes["the farm"])
-
-        def look(name: str) -> None:
-            if name == "the farm":
-                watch.look()
-
-        ran = take_turns(processes, turn_s, after_turn=look)
+        ran = take_turns(processes, turn_s, look=watch.look)
         curve = json.loads((Path(folder) / "summary.json").read_text())["curve"]
         told = read_told(told_file)
 
@@ -114,7 +109,7 @@ def _farm_run(
     looks_s = [ran.own_s(look.at) for look in watch.looks]
 
     def used_s(values: list[float]) -> float:
-        """What was used between the two points: looks come between turns, points within them."""
+        """What was used between the two points, which come between looks."""
         before, after = np.interp([done[first], done[last]], looks_s, values)
         return float(after - before)
 

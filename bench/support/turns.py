@@ -1,7 +1,7 @@
 """Process trees that run in turns, so that a machine that slows down slows them alike.
 
 The speed of a virtual machine drifts. Two runs of a minute, one after the other, then differ by
-more than is to be measured. So both are alive at once and run in turns of a fraction of a second,
+more than is to be measured. So both are alive at once and run in turns of some seconds,
 stopped (SIGSTOP) in between; the clock of each counts its own turns only.
 """
 
@@ -20,9 +20,12 @@ from bench.support.cores import children_cpu_s
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-#: Long compared with a change of turns (some milliseconds), short compared with the drift.
-TURN_S: Final = 0.5
-_LOOK_EVERY_S: Final = 0.005
+#: Short compared with the drift, and long compared with what a stop costs. That is more than a
+#: change of turns: a render child that is stopped in a chunk takes it for slow, and makes the next
+#: ones smaller.
+TURN_S: Final = 4.0
+_POLL_EVERY_S: Final = 0.005
+_LOOK_EVERY_S: Final = 0.5
 
 
 @dataclass
@@ -41,7 +44,7 @@ def take_turns(
     processes: Mapping[str, psutil.Popen],
     turn_s: float = TURN_S,
     *,
-    after_turn: Callable[[str], None] = lambda _name: None,
+    look: Callable[[], None] = lambda: None,
 ) -> dict[str, Ran]:
     """Let processes, each with its descendants, run in turns until all have ended.
 
@@ -51,8 +54,8 @@ def take_turns(
         Newly started processes by name, in the order of their turns.
     turn_s
         Seconds of a turn.
-    after_turn
-        Called with the name of a process after its turn, unless it has ended.
+    look
+        Called twice a second and between turns, whoever's turn it is: so all pay for it alike.
 
     Raises
     ------
@@ -69,11 +72,11 @@ def take_turns(
                 buried_cpu_s = children_cpu_s()
                 started = time.time()
                 tree.go_on()
-                status = tree.status(turn_s)
+                status = tree.status(turn_s, look)
                 ended = tree.stop() if status is None else time.time()
                 ran[name].turns.append((started, ended))
                 if status is None:
-                    after_turn(name)
+                    look()
                     continue
                 ran[name].cpu_s = children_cpu_s() - buried_cpu_s
                 if status:
@@ -109,12 +112,15 @@ class _Tree:
         self._members = [self._root, *(one for one in self._members[1:] if one.is_running())]
         return stopped_at
 
-    def status(self, within_s: float) -> int | None:
+    def status(self, within_s: float, look: Callable[[], None]) -> int | None:
         """Return the root's exit code once it ends; None if it still runs after `within_s`."""
-        deadline = time.monotonic() + within_s
+        began = looked = time.monotonic()
         status: int | None = None
-        while status is None and time.monotonic() < deadline:
-            time.sleep(_LOOK_EVERY_S)
+        while status is None and time.monotonic() < began + within_s:
+            time.sleep(_POLL_EVERY_S)
+            if time.monotonic() >= looked + _LOOK_EVERY_S:
+                look()
+                looked = time.monotonic()
             status = self._root.poll()
         return status
 

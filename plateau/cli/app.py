@@ -52,6 +52,7 @@ _EXTRAS: Final = {
     "judge": "monitor,plot",
     "keys": "farm",
     "monitor": "service",
+    "movie": "images,movie",
     "redis-acl": "farm",
     "scale": "farm",
     "study": "plot",

@@ -1,5 +1,6 @@
 """Commands for batches: many jobs under one name."""
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -44,3 +45,33 @@ def batch(
     from plateau.commands.batches import show as run
 
     run(name, url=url, as_json=as_json)
+
+
+@app.command()
+def movie(
+    name: Annotated[str, typer.Argument(help="The batch's name.", metavar="NAME")],
+    out: Annotated[
+        Path,
+        typer.Option(
+            "--out", "-o", metavar="FILE", help="The movie: .mp4 or .mov (H.264), or .webm (VP9)."
+        ),
+    ],
+    fps: Annotated[
+        str, typer.Option(metavar="RATE", help="Frames per second, such as 29.97 or 30000/1001.")
+    ] = "24",
+    url: o.Url = None,
+    as_json: o.Json = False,
+) -> None:
+    """Write the pictures of a batch as a movie.
+
+    For example:
+      plateau movie walk -o walk.mp4
+      plateau watch --batch walk && plateau movie walk -o walk.webm --fps 30
+
+    Frames play by the parameter that tells them apart, if it is a number, or else as they were
+    submitted; of a frame that was rendered again the newest job counts. While a batch is rendered,
+    its frames are as they are now, and the one before stands in for a frame without an image.
+    """
+    from plateau.commands.movie import movie as run
+
+    run(name, out, rate=fps, url=url, as_json=as_json)

@@ -23,6 +23,13 @@ def submit(
             "(whole numbers, the last one included) or a,b,c; repeated, for each combination.",
         ),
     ] = None,
+    zipped: Annotated[
+        bool,
+        typer.Option(
+            "--zipped",
+            help="Combine the values of several --each one by one: the first with the first.",
+        ),
+    ] = False,
     parameters: Annotated[
         Path | None,
         typer.Option(
@@ -65,11 +72,19 @@ def submit(
     from plateau.commands.webhooks import with_webhook
 
     spec = with_webhook(spec, webhook, webhook_event or ())
+    if zipped and not each:
+        raise typer.BadParameter("--zipped combines the values of --each: give some")
     if parameters is None and not each:
         run(scene, spec, url=url, as_json=as_json)
     else:
         submit_batch(
-            scene, spec, parameters=parameters, definitions=each or [], url=url, as_json=as_json
+            scene,
+            spec,
+            parameters=parameters,
+            definitions=each or [],
+            zipped=zipped,
+            url=url,
+            as_json=as_json,
         )
 
 

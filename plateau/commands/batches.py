@@ -42,13 +42,15 @@ def submit(
     *,
     parameters: Path | None,
     definitions: list[str],
+    zipped: bool,
     url: str | None,
     as_json: bool,
 ) -> None:
     """Submit a scene once for each entry of the file, or each combination; prints the batch."""
     if parameters is not None and definitions:
         raise CommandFailed("--each and --parameters both list the jobs: give one of them")
-    entries: list[Values] = each(definitions) if parameters is None else from_file(parameters)
+    entries: list[Values]
+    entries = each(definitions, zipped=zipped) if parameters is None else from_file(parameters)
     with connect(url) as client:
         batch = client.submit_batch(scene, entries, spec)
     print(batch.model_dump_json(indent=2) if as_json else batch.name)
@@ -88,7 +90,7 @@ def _fetching(client: Client, name: str, out: Path) -> _Fetch:
     """Return what writes the results of a job; raises `CommandFailed` where it could not."""
     if OutPattern.is_one(str(out)):
         pattern = OutPattern(str(out))
-        pattern.files(_in_order(client, client.batch(name)))  # refused before anything is rendered
+        pattern.files(in_order(client, client.batch(name)))  # refused before anything is rendered
         return partial(_write_images, client, pattern)
     make_writable(out)
     require_free_for_batch(out, client.batch(name).job_ids)
@@ -102,7 +104,7 @@ def _follow(client: Client, name: str, fetch: _Fetch | None) -> BatchView:
             batch = client.batch(name)
             show(batch)
             if fetch is not None and batch.finished > len(written):
-                jobs = _in_order(client, batch)
+                jobs = in_order(client, batch)
                 new = [
                     place
                     for place, job in enumerate(jobs)
@@ -115,7 +117,7 @@ def _follow(client: Client, name: str, fetch: _Fetch | None) -> BatchView:
             time.sleep(_POLL_S)
 
 
-def _in_order(client: Client, batch: BatchView) -> list[JobView]:
+def in_order(client: Client, batch: BatchView) -> list[JobView]:
     """Return the jobs of a batch in their order."""
     jobs = {job.id: job for job in client.all_jobs(batch=batch.name)}
     return [jobs[job_id] for job_id in batch.job_ids if job_id in jobs]

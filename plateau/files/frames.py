@@ -23,7 +23,7 @@ _RANGE: Final = re.compile(r"(-?[0-9]{1,9})\.\.(-?[0-9]{1,9})(?:(?:\.\.|:)([1-9]
 _LIKE_A_RANGE: Final = re.compile(r"[-+]?[0-9]+\.\.[^,]*")
 
 
-def each(definitions: Sequence[str]) -> list[Values]:
+def each(definitions: Sequence[str], *, zipped: bool = False) -> list[Values]:
     """Every combination of the defined values; the last parameter varies fastest.
 
     Parameters
@@ -31,11 +31,14 @@ def each(definitions: Sequence[str]) -> list[Values]:
     definitions
         ``NAME=FIRST..LAST`` or ``NAME=FIRST..LAST:STEP`` (also ``FIRST..LAST..STEP``) for whole
         numbers, LAST included; ``NAME=VALUE,VALUE,…`` for other values.
+    zipped
+        Combine the first values of all parameters, then the second ones, and so on.
 
     Raises
     ------
     CommandFailed
-        A definition is malformed, a name occurs twice, or there are too many combinations.
+        A definition is malformed, a name occurs twice, there are too many combinations, or zipped
+        parameters have unequally many values.
     """
     names, values = [], []
     for definition in definitions:
@@ -46,8 +49,13 @@ def each(definitions: Sequence[str]) -> list[Values]:
         values.append(_values(text))
     if len(set(names)) < len(names):
         raise CommandFailed("--each names one parameter twice")
-    _check_count(math.prod(map(len, values)))
-    return [dict(zip(names, one, strict=True)) for one in product(*values)]
+    counts = [len(one) for one in values]
+    if zipped and len(set(counts)) > 1:
+        told = ", ".join(f"{name} has {count}" for name, count in zip(names, counts, strict=True))
+        raise CommandFailed(f"--zipped needs as many values for each parameter: {told}")
+    _check_count(counts[0] if zipped else math.prod(counts))
+    combined = zip(*values, strict=True) if zipped else product(*values)
+    return [dict(zip(names, one, strict=True)) for one in combined]
 
 
 def _values(text: str) -> Sequence[str]:

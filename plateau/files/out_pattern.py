@@ -8,6 +8,7 @@ from typing import Final
 
 from plateau.errors import CommandFailed
 from plateau.farm.wire.views import JobView
+from plateau.files.sequence import what_it_shows
 
 #: The image of a job that a file with this suffix is.
 IMAGES: Final = {".exr": "image.exr", ".png": "image.png"}
@@ -75,7 +76,7 @@ class OutPattern:
         for place, job in enumerate(jobs):
             path = self._file(job, place)
             before = takers.get(path)
-            if before is not None and _shown(before) != _shown(job):
+            if before is not None and what_it_shows(before) != what_it_shows(job):
                 raise CommandFailed(
                     f"-o {self.text!r} gives the jobs {before.id} and {job.id} one file, {path}: "
                     f"let it have what they differ in, such as {{{_difference(before, job)}}}"
@@ -115,18 +116,15 @@ class OutPattern:
 
 def _laid_out(value: object, layout: str) -> str:
     """The value in its format; text of a number, as command lines and CSV give it, is one."""
-    for kind in (int, float) if layout and isinstance(value, str) else ():
-        with suppress(ValueError):
-            return format(kind(value), layout)
+    if layout and isinstance(value, str):
+        for kind in (int, float):
+            with suppress(ValueError):
+                return format(kind(value), layout)
     return format(value, layout)
 
 
-def _shown(job: JobView) -> Mapping[str, object]:
-    """What the image shows. Parameters are as Mitsuba reads them: 1 and "1" are one frame."""
-    return {**job.spec.parameter_strings(), "name": job.name, "id": job.spec.sensor}
-
-
 def _difference(one: JobView, other: JobView) -> str:
-    """The first field in which two jobs differ: that of a sensor is the job's id."""
-    had, has = _shown(one), _shown(other)
-    return next(name for name in {**had, **has} if had.get(name) != has.get(name))
+    """The first field in which two jobs differ: sensors have none, but the jobs have ids."""
+    had, has = what_it_shows(one), what_it_shows(other)
+    name = next(name for name in {**had, **has} if had.get(name) != has.get(name))
+    return "id" if name == "sensor" else name

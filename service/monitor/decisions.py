@@ -200,9 +200,7 @@ OPEN: Final = (
     Row(
         "the image of the newest point is due, and the next point may be far off",
         lambda known: (
-            known.is_new
-            and known.judged == known.merged
-            and known.spp > (known.job.image_spp or 0)
+            known.is_new and known.judged == known.merged and known.spp > (known.job.image_spp or 0)
         ),
         ShowAndSave(show=True, save=False),
     ),

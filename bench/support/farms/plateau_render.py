@@ -38,7 +38,10 @@ class Watch:
 
     def look(self) -> None:
         """Take a sample; a process that has ended counts as in the sample before."""
-        for process in (self._root, *self._root.children(recursive=True)):
+        below: list[psutil.Process] = []
+        with suppress(psutil.NoSuchProcess):
+            below = self._root.children(recursive=True)
+        for process in (self._root, *below):
             with suppress(psutil.NoSuchProcess):  # it ended a moment ago
                 times = process.cpu_times()
                 self._used_s[process] = times.user + times.system

@@ -133,6 +133,14 @@ class TestLists:
             {"a": "2", "b": "y"},
         ]
 
+    def test_of_several_are_zipped(self) -> None:
+        assert each(["a=1..3:2", "b=x,y"], zipped=True) == [
+            {"a": "1", "b": "x"},
+            {"a": "3", "b": "y"},
+        ]
+        with pytest.raises(CommandFailed, match="as many values for each parameter: a has 3, b"):
+            each(["a=1..3", "b=x,y"], zipped=True)
+
     @pytest.mark.parametrize(
         ("definitions", "words"),
         [
@@ -294,7 +302,9 @@ class TestTheCommandLine:
         shots = {path.name: path.read_bytes() for path in (tmp_path / "shots").iterdir()}
         assert shots == {"w.0001.png": b"a picture", "w.0002.png": b"a picture"}
         # Also where they came from a command line, as text
-        command("submit", str(walk), "--each", "frame=0..2:2", "--batch", "text", "--max-spp", "100")
+        command(
+            "submit", str(walk), "--each", "frame=0..2:2", "--batch", "text", "--max-spp", "100"
+        )
         for job_id in plateau.batch("text").job_ids:
             end(client, store, job_id, JobState.CONVERGED)
         assert command("watch", "--batch", "text", "-o", out)[0] == 0

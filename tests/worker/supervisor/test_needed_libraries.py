@@ -18,6 +18,7 @@ ROOT = Path(__file__).parents[3]
 #: Part of the C library, as which each Python is linked with them.
 C_LIBRARY = {
     *("libc.so.6", "libm.so.6", "libpthread.so.0", "libdl.so.2", "librt.so.1"),
+    "libmvec.so.1",
     *("ld-linux-x86-64.so.2", "ld-linux-aarch64.so.1"),
 }
 
