@@ -24,6 +24,7 @@ if TYPE_CHECKING:
         MAP_PALETTE,
         SAMPLES_PALETTE,
         difference_map,
+        noise_map,
         non_finite_map,
         samples_map,
     )
@@ -78,6 +79,7 @@ __all__ = [
     "estimate_from",
     "forecast",
     "half_buffer_estimate",
+    "noise_map",
     "non_finite_map",
     "non_finite_pixels",
     "plan_round",
@@ -99,6 +101,7 @@ _HOMES: Final = {
         "MAP_PALETTE",
         "SAMPLES_PALETTE",
         "difference_map",
+        "noise_map",
         "non_finite_map",
         "samples_map",
     ),

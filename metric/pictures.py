@@ -9,12 +9,18 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from plateau.metric.display import Mask
+    from plateau.metric.display import Mask, Plane
     from plateau.metric.non_finite import NonFinite
 
-#: Codes and colours of the marks on an image in dim grey: visible, NaN and infinite pixels.
-_VISIBLE, _NAN, _INFINITE = 255, 254, 253
-_COLOURS = {_VISIBLE: (255, 140, 0), _NAN: (255, 0, 255), _INFINITE: (0, 200, 255)}
+#: Codes and colours of the marks on an image in dim grey: visible, NaN, infinite, and perhaps
+#: visible pixels.
+_VISIBLE, _NAN, _INFINITE, _PERHAPS = 255, 254, 253, 252
+_COLOURS = {
+    _VISIBLE: (255, 140, 0),
+    _NAN: (255, 0, 255),
+    _INFINITE: (0, 200, 255),
+    _PERHAPS: (170, 70, 0),
+}
 #: The colour of each code of a map, (256, 3) uint8.
 MAP_PALETTE = np.repeat(np.arange(256, dtype=np.uint8)[:, np.newaxis], 3, axis=1)
 for _code, _colour in _COLOURS.items():
@@ -57,6 +63,24 @@ def difference_map(picture: NDArray[np.uint8], visible: Mask) -> NDArray[np.uint
     """
     codes = _dim_grey(picture)
     codes[visible] = _VISIBLE
+    return codes
+
+
+def noise_map(picture: NDArray[np.uint8], visible: Plane) -> NDArray[np.uint8]:
+    """Return the map of the noise that is left to see over a picture.
+
+    Parameters and codes are as for `difference_map`, but of `visible`: that of an `Estimate`,
+    (H, W) of 0, ½ or 1. A pixel at ½ is marked in a darker orange.
+
+    Examples
+    --------
+    >>> visible = np.array([[1.0, 0.5, 0.0]], np.float32)
+    >>> codes = noise_map(np.zeros((1, 3, 3), np.uint8), visible)
+    >>> MAP_PALETTE[codes].tolist()
+    [[[255, 140, 0], [170, 70, 0], [0, 0, 0]]]
+    """
+    codes = difference_map(picture, visible > 0)
+    codes[visible == np.float32(0.5)] = _PERHAPS
     return codes
 
 

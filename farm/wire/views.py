@@ -238,6 +238,7 @@ def job_view(job: Job, waits_for: str | None = None, *, to_owner: bool = False) 
         "image_png": f"{root}/image.png",
         "image_exr": f"{root}/image.exr",
         "difference_png": f"{root}/difference.png",
+        "noise_png": f"{root}/noise.png",
         "spp_png": f"{root}/spp.png",
         "non_finite_png": f"{root}/non-finite.png",
         "thumbnail_png": f"{root}/thumbnail.png",

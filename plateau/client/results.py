@@ -68,7 +68,7 @@ class ResultCalls(Calls):
         return columns(self.curve(job_id))
 
     def image(self, job_id: str, name: str = "image.png") -> bytes:
-        """One of the job's images: ``image.png``, ``image.exr``, ``difference.png``, ``spp.png``.
+        """One of the job's images, such as ``image.png``, ``image.exr`` or ``noise.png``.
 
         Raises
         ------

@@ -15,7 +15,7 @@ from plateau.client import ApiError
 from plateau.errors import CommandFailed, ExtraMissing, needs
 from plateau.farm.model.job import CurvePoint, utc_now
 from plateau.farm.wire.views import JobView, SliceView
-from plateau.files.job_folder import IMAGES, SLICES, SPP_MAP, begin, in_turn, whole
+from plateau.files.job_folder import IMAGES, NOISE_MAP, SLICES, SPP_MAP, begin, in_turn, whole
 
 _KEPT: Final = "plateau-kept-"
 
@@ -41,7 +41,8 @@ class Source(Protocol):
 def write_results(client: Source, job: JobView, folder: Path) -> dict[str, Any]:
     """Write all that is known of an ended job into a folder; returns the summary as JSON.
 
-    These are ``image.exr``, ``image.png`` and ``difference.png``, where the job has an image;
+    These are ``image.exr``, ``image.png``, ``difference.png`` and ``noise.png``, where the job has
+    an image and its maps;
     ``spp.png``, where it is allocated by zones; ``non-finite.png``, where the image is NaN or
     infinite anywhere; ``curve.csv`` and ``curve.png``, where its curve has points; ``slices``,
     where it kept them, for `plateau judge`; ``summary.txt`` and ``summary.json``. Slices that are
@@ -127,6 +128,8 @@ def _fetch(client: Source, job: JobView, folder: Path) -> _Fetched:
     begin(folder, job.id, lambda path: _is_one_of(slices, path))
     for name in IMAGES:
         if name == SPP_MAP and not job.spec.by_zones:
+            continue
+        if name == NOISE_MAP and "noise_png" not in job.links:
             continue
         if _download(client, job.id, name, folder / name, fetched.damaged):
             fetched.files.append(folder / name)

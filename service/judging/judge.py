@@ -81,7 +81,9 @@ class Judge:
         }
         self._shown = tuple(self._rules)
         self._zones = spec.zones
-        self._curve_map: tuple[int, NDArray[np.bool_]] | None = None  # of the last evaluation
+        # Of the last evaluation, each with its spp
+        self._curve_map: tuple[int, NDArray[np.bool_]] | None = None
+        self._noise_map: tuple[int, NDArray[np.float32] | None] | None = None
         self._target = spec.noise_target or create_rule(DEFAULT).noise_target
         for name in REMEMBERED_ANYWAY:
             if name not in self._rules:
@@ -101,15 +103,8 @@ class Judge:
         denoised
             The merged image denoised, if that is to be judged.
         """
-        halves = merge.halves()
-        raw = evidence = Evidence(
-            spp=merge.spp,
-            image=merge.image(),
-            halves=None if halves is None else _as_halves(*halves),
-            metric=self._metric,
-        )
-        if denoised is not None:
-            evidence = replace(raw, image=denoised.blend.image, error=denoised.error)
+        raw = self._evidence(merge)
+        evidence = raw if denoised is None else _of_denoised(raw, denoised)
         verdicts = {name: rule.judge(evidence) for name, rule in self._rules.items()}
         visible = verdicts[CURVE].visible
         assert visible is not None  # it always judges a map
@@ -118,6 +113,7 @@ class Judge:
         flaw = flaw_of(evidence.image) if curve["non_finite_pixels"] else None
         # An image that cannot be a result has no estimate, which would be one of its other pixels.
         estimate = None if flaw else evidence.estimate
+        self._noise_map = merge.spp, None if estimate is None else estimate.visible
         forecast, decided = None, None
         if self._target and not flaw:
             if plan is not None and merge.zone_spp is not None:
@@ -145,6 +141,15 @@ class Judge:
         expected = self._expected_spp(own, forecast, merge.spp)
         verdict = self._not_too_early(own, merge.spp)
         return Judgement(point, verdict, expected, flaw, decided)
+
+    def _evidence(self, merge: Merge) -> Evidence:
+        halves = merge.halves()
+        return Evidence(
+            spp=merge.spp,
+            image=merge.image(),
+            halves=None if halves is None else _as_halves(*halves),
+            metric=self._metric,
+        )
 
     def _denoising(self, estimate: Estimate | None, raw: Estimate | None) -> dict[str, object]:
         """Return what a point of a denoised image has beside the estimate."""
@@ -191,6 +196,22 @@ class Judge:
         difference = self._metric.compare(self._metric.percept(first), evidence.percept)
         return difference.visible & evidence.finite if difference.non_finite else difference.visible
 
+    def noise_map(
+        self, merge: Merge, denoised: Denoised | None = None
+    ) -> NDArray[np.float32] | None:
+        """Return where noise is left to see, as `Estimate.visible` has it.
+
+        It is that of the merged image, or of the image denoised. None where nobody knows it: of a
+        single slice, or of an image that cannot be a result.
+        """
+        if self._noise_map is None or self._noise_map[0] != merge.spp:
+            evidence = self._evidence(merge)
+            if denoised is not None:
+                evidence = _of_denoised(evidence, denoised)
+            estimate = None if flaw_of(evidence.image) else evidence.estimate
+            self._noise_map = merge.spp, None if estimate is None else estimate.visible
+        return self._noise_map[1]
+
     def _zone_fractions(
         self, visible: NDArray[np.bool_], estimate: Estimate | None
     ) -> dict[str, object]:
@@ -223,6 +244,10 @@ class Judge:
                 if image.startswith(f"{name}:")
             }
             rule.recall(Memory(numbers[name], own))
+
+
+def _of_denoised(raw: Evidence, denoised: Denoised) -> Evidence:
+    return replace(raw, image=denoised.blend.image, error=denoised.error)
 
 
 def _as_halves(one: tuple[Pixels, float], other: tuple[Pixels, float]) -> tuple[Half, Half]:

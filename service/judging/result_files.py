@@ -19,6 +19,7 @@ from plateau.metric import (
     allowed_non_finite,
     difference_map,
     encode_srgb,
+    noise_map,
     non_finite_map,
     non_finite_pixels,
     samples_map,
@@ -38,6 +39,7 @@ _CAUSES: Final = (
 def result_files(
     merge: Merge,
     visible: Mask | None,
+    noise: NDArray[np.float32] | None,
     facts: Facts,
     spec: JobSpec,
     blend: Blend | None = None,
@@ -53,6 +55,8 @@ def result_files(
     visible
         Where it differs visibly from the first image of the curve, (height, width) bool; None
         before there is one.
+    noise
+        Where noise is left to see, as `Judge.noise_map` returns it.
     facts
         The metadata.
     spec
@@ -84,6 +88,8 @@ def result_files(
         files["spp.png"] = spp_png(spp_map, facts)
     if visible is not None:
         files["difference.png"] = encode_png(difference_map(picture, visible), MAP_PALETTE)
+    if noise is not None:
+        files["noise.png"] = encode_png(noise_map(picture, noise), MAP_PALETTE)
     return files
 
 

@@ -123,8 +123,8 @@ class ResultSets:
         compressed: bool,
     ) -> dict[str, bytes]:
         blend = None if denoised is None else denoised.blend
-        visible = judge.visible_map(merge, blend)
-        files = result_files(merge, visible, facts, self._spec, blend, compressed=compressed)
+        maps = judge.visible_map(merge, blend), judge.noise_map(merge, denoised)
+        files = result_files(merge, *maps, facts, self._spec, blend, compressed=compressed)
         return {
             **files,
             FILE: encode_facts(facts),

@@ -181,7 +181,7 @@ def test_the_whole_of_it_renders_a_scene_outside_the_repository(
     about = json.loads(done.stdout)
     assert (about["state"], about["spp"]) == ("converged", 16)
     assert {Path(name).name for name in about["files"]} == {
-        *("image.exr", "image.png", "difference.png"),
+        *("image.exr", "image.png", "difference.png", "noise.png"),
         *("curve.csv", "curve.png", "summary.txt", "summary.json"),
     }
     found = run(programs / "python", "-c", "import plateau.worker; print(plateau.worker.__file__)")
@@ -259,7 +259,7 @@ with Client(os.environ["PLATEAU_URL"]) as client:
     fetched = run(plateau, "fetch", job, "-o", "out", **where)
     assert fetched.returncode == 0
     assert {Path(line).name for line in fetched.stdout.splitlines()} == {
-        *("image.exr", "image.png", "difference.png"),
+        *("image.exr", "image.png", "difference.png", "noise.png"),
         *("curve.csv", "summary.txt", "summary.json"),
     }
     [line] = fetched.stderr.splitlines()

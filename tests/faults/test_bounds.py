@@ -45,7 +45,7 @@ LEASE_S = 15.0
 #: Planned beyond the merged slices: each worker renders one and finds the next, one is merged.
 LOOK_AHEAD = 2 * WORKERS + 1
 #: Old and new while one replaces the other: a checkpoint, and a set of pictures; and previews.
-MOST_OTHERS = 2 + 2 * len((*RESULTS, "difference.png")) + MOST_PREVIEWS + 1
+MOST_OTHERS = 2 + 2 * len((*RESULTS, "difference.png", "noise.png")) + MOST_PREVIEWS + 1
 
 #: What a process may grow from the run's first third to its last, in bytes. Were the film of each
 #: slice kept in memory, it would be 10 MB in the short form and 100 MB in the long.

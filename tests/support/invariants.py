@@ -16,6 +16,7 @@ from plateau.farm.ledger.ownership import Checkpoint
 from plateau.farm.model.states import JOB_MOVES, JobState
 from plateau.farm.redis import keys
 from plateau.farm.wire.views import JobView
+from plateau.metric import allowed_non_finite
 from plateau.service.judging.previews import MOST as MOST_PREVIEWS
 from tests.support.real_farm import RealFarm
 from tests.support.until import until
@@ -84,6 +85,9 @@ def check_job(
     expected = {f"{jobs.results(job_id)}/{name}" for name in RESULTS}
     if job.points:
         expected.add(f"{jobs.results(job_id)}/difference.png")
+    is_broken = (job.non_finite_pixels or 0) > allowed_non_finite(plan.pixels)
+    if job.spp and plan.slices_of(job.spp) > 1 and not is_broken:
+        expected.add(f"{jobs.results(job_id)}/noise.png")
     if job.spec.by_zones:
         expected.add(f"{jobs.results(job_id)}/spp.png")
     if job.spec.keep_slices:

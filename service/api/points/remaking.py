@@ -2,7 +2,7 @@
 
 import hashlib
 import logging
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from numpy.typing import NDArray
 
@@ -11,13 +11,15 @@ from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.model.errors import CorruptPartial, JobNotFound
 from plateau.farm.model.job import Job
-from plateau.metric import Mask
 from plateau.rules import CURVE
 from plateau.service.judging.checkpoints import read_sums
 from plateau.service.judging.facts import FILE, Facts, decode_facts, old_facts
 from plateau.service.judging.films import checked_partial
 from plateau.service.judging.merge import Merge
 from plateau.service.judging.result_files import result_files
+
+if TYPE_CHECKING:
+    from plateau.service.judging.judge import Judge
 
 _LOG = logging.getLogger(__name__)
 
@@ -48,7 +50,8 @@ def remade(blob: str, sha256: str, jobs: Jobs, store: Blobs) -> bytes | None:
         return None
     files = result_files(
         merge,
-        _visible(job, merge, memory) if picture == "difference.png" else None,
+        _judge(job, memory).visible_map(merge) if picture == "difference.png" else None,
+        _judge(job, memory).noise_map(merge) if picture == "noise.png" else None,
         facts,
         job.spec,
         compressed=folder.endswith(blobs.FINAL),
@@ -82,11 +85,11 @@ def _facts(blob: str, job: Job, spp: int, store: Blobs) -> Facts:
         return old_facts(job.id, spp)
 
 
-def _visible(job: Job, merge: Merge, memory: _Memory) -> Mask | None:
-    """The map of visible differences from the first image."""
+def _judge(job: Job, memory: _Memory) -> "Judge":
+    """The job's judge, who remembers its first image."""
     # Imported here, because it loads the compiled metric, which the API needs for nothing else.
     from plateau.service.judging.judge import Judge
 
     judge = Judge(job.spec)
     judge.recall(*memory)
-    return judge.visible_map(merge)
+    return judge

@@ -28,6 +28,7 @@ POLICY: Final = (
 CAPTIONS: Final = {
     "image.png": "The merged image, as the job's display shows it.",
     "difference.png": "Orange: changed since the first image of the curve, as a person sees it.",
+    "noise.png": "Orange: noise that is left to see; darker, where it is as likely as not.",
     "spp.png": "From dark blue to yellow: zones with few samples, and with many.",
     "non-finite.png": "Magenta: pixels that are NaN; blue: infinite ones.",
 }

@@ -51,6 +51,16 @@ def get_difference_png(request: Request, job_id: JobId, farm: Farm, has: IfNoneM
     return _image("difference.png", PNG, job_id, farm, has, request)
 
 
+@router.get("/noise.png", **_PNG)
+def get_noise_png(request: Request, job_id: JobId, farm: Farm, has: IfNoneMatch) -> Response:
+    """Show where noise is left to see, in orange: the pixels that `estimate_pixels` counts.
+
+    Of two images with noise like this one's, a pixel differs visibly in both, or in one where it is
+    of a darker orange. In another image of as many samples other pixels differ, about as many.
+    """
+    return _image("noise.png", PNG, job_id, farm, has, request)
+
+
 @router.get("/spp.png", **_PNG)
 def get_spp_png(request: Request, job_id: JobId, farm: Farm, has: IfNoneMatch) -> Response:
     """Show how many samples each pixel has, from dark blue to yellow, if the job is by zones.
@@ -134,6 +144,11 @@ def _no_image(job: Job, name: str) -> Problem:
     lost = job.state.ended and job.points  # the difference map comes with the first point
     if name == "difference.png" and job.image_spp and not lost:
         detail = _no_difference(job)
+    elif name == "noise.png" and job.image_spp:
+        detail = (
+            f"job {job.id} is {job.state.value} and has an image of {job.image_spp} spp, whose "
+            "noise nobody knows yet: that takes two slices, and an image without broken pixels"
+        )
     elif name == "spp.png" and not job.spec.by_zones:
         detail = f"job {job.id} is allocated by frame: all its pixels have the same samples"
     elif name == "non-finite.png" and job.image_spp:

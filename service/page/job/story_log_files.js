@@ -65,8 +65,8 @@ export class Records {
 
   /** @param {Api.JobView} job */
   #showFiles(job) {
-    const { id, links, points, image_spp: image, finished_at: finished, non_finite_pixels: broken } = job;
-    const kind = [image, points, finished, broken].map(Boolean).join();
+    const { id, links, points, image_spp: image, finished_at: finished, non_finite_pixels: broken, estimate_fraction: noise } = job;
+    const kind = [image, points, finished, broken, noise != null].map(Boolean).join();
     if (kind === this.#filesShown) return;
     this.#filesShown = kind;
     const ofImage = [
@@ -76,6 +76,7 @@ export class Records {
     ];
     const ofPoints = [
       ["difference.png", "Difference", "what has changed since the first image", links.difference_png],
+      ...(noise == null ? [] : [["noise.png", "Noise", "where noise is left to see", links.noise_png]]),
       ["curve.csv", "CSV", "the points of the curve", `${links.self}/curve.csv`],
     ];
     const ofBroken = [["non-finite.png", "Broken", "where the image is NaN or infinite", links.non_finite_png]];

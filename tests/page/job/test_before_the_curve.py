@@ -50,7 +50,7 @@ def test_files_are_listed_as_they_come(visit: Visit, farm: NoiseFarm, job: Job) 
     files_are(page, "EXR", "PNG", "Report")
     # When there is a point
     farm.render(2)
-    files_are(page, "EXR", "PNG", "Difference", "CSV", "Report")
+    files_are(page, "EXR", "PNG", "Difference", "Noise", "CSV", "Report")
 
 
 def test_a_job_that_ended_so_has_its_files(visit: Visit, farm: NoiseFarm, job: Job) -> None:

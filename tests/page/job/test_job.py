@@ -224,6 +224,9 @@ class TestTheImage:
         above = shown.locator("img.layer").last
         expect(above).to_be_visible()
         is_shown(above, png(finished.farm.picture(finished.job, "difference.png")))
+        # And where its noise is left to see
+        shown.get_by_role("button", name="Noise", exact=True).click()
+        is_shown(above, png(finished.farm.picture(finished.job, "noise.png")))
         # Nothing of its image is broken, so no picture of that is offered
         expect(shown.get_by_role("button", name="Broken")).to_be_hidden()
         shown.get_by_label("Overlay").fill("40")
@@ -319,6 +322,7 @@ def test_its_records_are_there(shown: Page, finished: Finished) -> None:
         ("EXR", "image.exr", b"v/1\x01"),
         ("PNG", "image.png", b"\x89PNG"),
         ("Difference", "difference.png", b"\x89PNG"),
+        ("Noise", "noise.png", b"\x89PNG"),
         ("CSV", "curve.csv", b"spp,visible_pixels"),
         ("Report", "report.html", b"<!doctype html>"),
     ],

@@ -76,6 +76,7 @@ def test_a_scene_becomes_an_image(render: Render, tmp_path: Path) -> None:
         "difference.png",
         "image.exr",
         "image.png",
+        "noise.png",
         "summary.json",
         "summary.txt",
     }

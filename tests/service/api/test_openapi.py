@@ -210,6 +210,7 @@ def test_every_header_that_is_read_is_there(operations: list[Operation]) -> None
                 "image.png",
                 "image.exr",
                 "difference.png",
+                "noise.png",
                 "spp.png",
                 "non-finite.png",
                 "thumbnail.png",

@@ -15,25 +15,27 @@ import { Stage } from "./zoom_pan.js";
 
 /** A fetch that takes longer is announced. */
 const SOON_MS = 400;
-/** @typedef {"image" | "compare" | "difference" | "samples" | "broken" | "zones"} Mode */
+/** @typedef {"image" | "compare" | "difference" | "noise" | "samples" | "broken" | "zones"} Mode */
 /** @type {[Mode, string][]} */
 const MODES = [
   ["image", "Image"],
   ["compare", "Compare"],
   ["difference", "Difference"],
+  ["noise", "Noise"],
   ["samples", "Samples"],
   ["broken", "Broken"],
   ["zones", "Zones"],
 ];
 
 /**
- * Maps over the image, by mode: the link, and the job's figure that is 0 without a map.
- * @type {Partial<Record<Mode, { link: string, where: "points" | "image_spp" | "non_finite_pixels" }>>}
+ * Maps over the image, by mode: the link, and whether a job has the map.
+ * @type {Partial<Record<Mode, { link: string, of: (job: Api.JobView) => unknown }>>}
  */
 const MAPS = {
-  difference: { link: "difference_png", where: "points" },
-  samples: { link: "spp_png", where: "image_spp" },
-  broken: { link: "non_finite_png", where: "non_finite_pixels" },
+  difference: { link: "difference_png", of: (job) => job.points },
+  noise: { link: "noise_png", of: (job) => job.estimate_fraction != null },
+  samples: { link: "spp_png", of: (job) => job.image_spp },
+  broken: { link: "non_finite_png", of: (job) => job.non_finite_pixels },
 };
 
 export class Viewer {
@@ -84,6 +86,8 @@ export class Viewer {
       compare: this.#compare.element,
       difference: h("div", { class: "panel" },
         h("span", { class: "hint" }, "Orange: changed since the first image, as a person sees it.")),
+      noise: h("div", { class: "panel" },
+        h("span", { class: "hint" }, "Orange: noise that a person could still see; darker, where that is as likely as not.")),
       samples: this.#scale.element,
       broken: h("div", { class: "panel" },
         h("span", { class: "hint" }, "Magenta: NaN. Blue: infinite. No sample repairs such a pixel; look for its emitter, texture or material.")),
@@ -167,7 +171,7 @@ export class Viewer {
     if (this.#mode === "compare") return this.#compare.sides();
     const newest = newestOf(job);
     const map = MAPS[this.#mode];
-    return map && job[map.where] ? [newest, { png: job.links[map.link], exr: null, ev: 0, version: newest.version }] : [newest];
+    return map?.of(job) ? [newest, { png: job.links[map.link], exr: null, ev: 0, version: newest.version }] : [newest];
   }
 
   /** @param {Mode} mode */
@@ -251,6 +255,7 @@ export class Viewer {
       image: this.#ev() === 0 ? "as its display shows it" : "from the linear image",
       compare: "drag across the image, or use the slider",
       difference: "on the image in dim grey",
+      noise: job.estimate_fraction == null ? "known from the second slice on" : "on the image in dim grey",
       samples: `zones of ${zoneSize(job)} × ${zoneSize(job)} pixels`,
       broken: `${several(job.non_finite_pixels ?? 0, "pixel")} of the last judged image`,
       zones: this.#zones.caption(),
@@ -264,7 +269,7 @@ export class Viewer {
  * @param {Mode} mode
  */
 function isOverlaid(mode) {
-  return mode === "difference" || mode === "samples";
+  return mode === "difference" || mode === "noise" || mode === "samples";
 }
 
 /**
