@@ -15,6 +15,7 @@ from plateau.farm.wire.figures import (
     significant,
     spp_range,
 )
+from plateau.farm.wire.views import JobView
 from plateau.rules import CURVE, SlopeLimit, create
 
 
@@ -134,6 +135,30 @@ def pauses(job: Job) -> str:
     return ", and ".join(filter(None, (before, now)))
 
 
+def _cost(job: Job) -> str:
+    """The core hours and the money of a job, and of what its stop saved."""
+    cost = job.cost if isinstance(job, JobView) else None
+    spent = amount(job.core_hours, None if cost is None else (cost.amount, cost.currency))
+    if not job.samples_saved:
+        return spent
+    saved = (cost.saved, cost.currency) if cost is not None else None
+    return f"{spent}; the stop saved about {amount(job.saved_core_hours, saved)}"
+
+
+def amount(core_hours: float, money: tuple[float, str] | None = None) -> str:
+    """Core hours for people, and what they cost in a currency.
+
+    Examples
+    --------
+    >>> amount(12.25), amount(0.02311, (0.0009244, "EUR"))
+    ('12.3 core hours', '0.0231 core hours (0.000924 EUR)')
+    """
+    hours = f"{significant(core_hours)} core hours"
+    if money is None:
+        return hours
+    return f"{hours} ({' '.join(filter(None, (significant(money[0]), money[1])))})"
+
+
 def summary(job: Job, now: datetime, waits_for: str | None = None) -> str:
     """A job in a few lines; `waits_for` says which worker it lacks, if any."""
     rows = [("state", job.state.value), ("reason", job.reason)]
@@ -166,6 +191,8 @@ def summary(job: Job, now: datetime, waits_for: str | None = None) -> str:
     rows.append(
         ("time", f"{duration(job.duration_s(now))}; machine time {duration(job.machine_s)}")
     )
+    if job.core_hours:
+        rows.append(("cost", _cost(job)))
     if to_come := time_left(job, now):
         aims = stop_fraction(job) is not None and job.forecast_spp is not None
         forecast = f", forecast {job.forecast_spp:,} spp" if aims else ""

@@ -39,7 +39,7 @@ TASKS: Final[tuple[tuple[str, str, tuple[str, ...]], ...]] = (
             "with `--url` or `PLATEAU_URL`. `PLATEAU_KEY` or `PLATEAU_KEY_FILE` has the API key. "
             "A job's id may be shortened, as in git."
         ),
-        ("submit", "watch", "list", "show", "log", "curve", "fetch", "workers", "scenes"),
+        ("submit", "watch", "list", "show", "log", "curve", "fetch", "workers", "usage", "scenes"),
     ),
     (
         "Control jobs",

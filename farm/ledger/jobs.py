@@ -1,6 +1,7 @@
 """Jobs in Redis: creating, reading, listing and steering them."""
 
 from dataclasses import dataclass
+from datetime import datetime
 from typing import Any
 
 from plateau.farm.blobs import store as blobs
@@ -9,6 +10,7 @@ from plateau.farm.ledger.listing import jobs_before
 from plateau.farm.ledger.ownership import Checkpoint, checkpoint_of
 from plateau.farm.ledger.slice_log import slice_log
 from plateau.farm.ledger.totals import Census, take_census
+from plateau.farm.ledger.usage import usage
 from plateau.farm.ledger.workers import ALIVE_S
 from plateau.farm.model.errors import (
     IllegalTransition,
@@ -22,6 +24,7 @@ from plateau.farm.model.job import BEFORE_ALL_EVENTS, CurvePoint, Event, Job, Lo
 from plateau.farm.model.plan import Plan, Round
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
+from plateau.farm.model.usage import Grouping, Spent
 from plateau.farm.redis import keys
 from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.commands.command import Command
@@ -152,6 +155,12 @@ class Jobs:
         return jobs_before(
             self._redis, state=state, batch=batch, owner=owner, before=before, limit=limit
         )
+
+    def usage(
+        self, by: Grouping, *, since: datetime | None, until: datetime | None, limit: int
+    ) -> tuple[list[Spent], int, Spent]:
+        """What jobs have cost; see `plateau.farm.ledger.usage.usage`."""
+        return usage(self._redis, by, since=since, until=until, limit=limit)
 
     def curve(self, job_id: str) -> list[CurvePoint]:
         """The points of the job's curve, by rising spp."""

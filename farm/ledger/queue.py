@@ -75,6 +75,8 @@ class SliceQueue:
         A lease that is not renewed for this long may be taken from its worker.
     pool, tags
         The worker takes only jobs of this pool that require no other tags.
+    threads
+        On how many its render child runs, for the job's core hours.
     """
 
     def __init__(
@@ -85,12 +87,14 @@ class SliceQueue:
         *,
         pool: str = DEFAULT_POOL,
         tags: tuple[str, ...] = (),
+        threads: int = 1,
     ) -> None:
         self._redis = client
         self._scripts = Scripts(client)
         self._worker = worker_id
         self._lease_ms = round(lease_s * 1000)
         self._pool, self._tags = pool, tags
+        self._threads = threads
         self._look_again_s = float("inf")
 
     @property
@@ -170,6 +174,7 @@ class SliceQueue:
                     index=lease.index,
                     record=record.model_dump_json(),
                     machine_ms=round(record.render_s * 1000),
+                    threads=self._threads,
                     width=width,
                     height=height,
                     notes=json.dumps(notes),
@@ -190,6 +195,7 @@ class SliceQueue:
                 cause=cause,
                 most_tries=MAX_TRIES,
                 machine_ms=round(machine_s * 1000),
+                threads=self._threads,
                 said=said,
             )
         )
@@ -213,6 +219,7 @@ class SliceQueue:
                 what="unfit" if unfit else "handed-back",
                 cause=cause,
                 machine_ms=round(machine_s * 1000),
+                threads=self._threads,
                 said=said,
             )
         )
@@ -227,6 +234,7 @@ class SliceQueue:
                 index=lease.index,
                 reason=reason,
                 machine_ms=round(machine_s * 1000),
+                threads=self._threads,
                 said=said,
             )
         )

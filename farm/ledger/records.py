@@ -125,6 +125,8 @@ def _job(fields: dict[str, str], sealed: dict[str, str]) -> Job:
         verdict=json.loads(fields["verdict"]) if "verdict" in fields else None,
         samples_saved=int(fields.get("samples_saved", 0)),
         machine_s=int(fields["machine_ms"]) / 1000,
+        core_hours=core_hours(fields),
+        saved_core_hours=saved_core_hours(fields, spec.slice_spp),
         wasted_s=int(fields.get("wasted_ms", 0)) / 1000,
         second_tries=int(fields.get("second_tries", 0)),
         notes=_notes(fields),
@@ -190,6 +192,20 @@ def committed_spp(fields: Mapping[str, str | None], slice_spp: int) -> int:
     if samples and width and height:
         return int(samples) // (int(width) * int(height))
     return int(fields["committed"] or 0) * slice_spp
+
+
+def core_hours(fields: Mapping[str, str | None]) -> float:
+    """The job's core hours; time that an older Plateau counted is that of one core."""
+    core_ms = int(fields["machine_ms"] or 0) + int(fields.get("further_core_ms") or 0)
+    return round(core_ms / 3_600_000, 9)
+
+
+def saved_core_hours(fields: Mapping[str, str | None], slice_spp: int) -> float:
+    """What the saved samples would have cost, had each cost what the job's own did."""
+    rendered_spp = committed_spp(fields, slice_spp) - int(fields.get("continued_spp") or 0)
+    samples = rendered_spp * int(fields.get("width") or 0) * int(fields.get("height") or 0)
+    saved = int(fields.get("samples_saved") or 0)
+    return round(core_hours(fields) * saved / samples, 9) if samples > 0 else 0.0
 
 
 def _zone_spp(fields: dict[str, str], latest: dict[str, Any], name: str) -> int | None:

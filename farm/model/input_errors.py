@@ -15,6 +15,9 @@ if TYPE_CHECKING:
 
 #: The message for each pattern; a test finds patterns without one.
 PATTERNS: Final = {
+    r"^[0-9]{4}-[0-9]{2}-[0-9]{2}"
+    r"(T[0-9]{2}:[0-9]{2}(:[0-9]{2})?(Z|[+-][0-9]{2}:[0-9]{2})?)?$": "must be a day or a "
+    "time, such as 2026-11-01 or 2026-11-01T12:00Z",
     r"^[0-9a-f]{12}$": "must be an id: 12 characters, each a digit or a letter from a to f",
     r"^([0-9a-f]{64})?$": "must be a SHA-256: 64 characters, each a digit or a letter from a to f",
     r"^[A-Za-z0-9][A-Za-z0-9_.-]*$": "must begin with a letter or a digit, followed by letters, "

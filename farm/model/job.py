@@ -164,6 +164,17 @@ class Job(_Record):
         "its cap, without those that it has or took over; none by the rule fixed",
     )
     machine_s: float = Field(description="seconds that render children spent on the job")
+    core_hours: float = Field(
+        0.0,
+        description="the same times the threads of each render child, in hours: of all tries, "
+        "wasted ones too, but those that were lost with their worker; time counted by an older "
+        "Plateau is that of one thread",
+    )
+    saved_core_hours: float = Field(
+        0.0,
+        description="core hours that `samples_saved` would have cost at the job's mean rate, an "
+        "estimate",
+    )
     wasted_s: float = Field(
         0.0, description="seconds of those on tries of slices of which another was committed first"
     )

@@ -196,6 +196,19 @@ class Settings(BaseSettings):
         description="what a process does that cannot work with the farm's data or the farm's other "
         "processes: exit with code 76, or wait until it can",
     )
+    core_hour_price: float | None = Field(
+        None,
+        ge=0,
+        le=1e9,
+        allow_inf_nan=False,
+        description="price of an hour of one core, for the API; unset, it shows no money",
+    )
+    currency: str = Field(
+        "",
+        max_length=12,
+        pattern=r"^[^\x00-\x1f\x7f]*$",
+        description="what that price is counted in, such as EUR",
+    )
     log_format: LogFormat = Field(
         "text", description="how processes log: text, or json, an object for each line"
     )

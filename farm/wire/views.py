@@ -8,6 +8,7 @@ from pydantic.config import JsonDict
 from plateau.farm.model.job import CurvePoint, Event, Job, LogEntry, RefusedProcess, Worker
 from plateau.farm.model.spec import Priority
 from plateau.farm.wire import examples
+from plateau.farm.wire.costs import Cost, Price, cost_of
 from plateau.farm.wire.json_numbers import WithWholeNumbers
 
 
@@ -24,6 +25,9 @@ class JobView(Job):
 
     waits_for: str | None = Field(
         None, description="what kind of worker it waits for, in words, where none lives that fits"
+    )
+    cost: Cost | None = Field(
+        None, description="in money; null where the service has no price, and in webhooks"
     )
     links: dict[str, str] = Field(description="paths of the job's curve, events and images")
 
@@ -219,11 +223,17 @@ class Health(BaseModel):
     status: str = "ok"
 
 
-def job_view(job: Job, waits_for: str | None = None, *, to_owner: bool = False) -> JobView:
+def job_view(
+    job: Job,
+    waits_for: str | None = None,
+    *,
+    to_owner: bool = False,
+    price: Price | None = None,
+) -> JobView:
     """The job as the API shows it.
 
     `waits_for` names the worker that it lacks. Only its owner sees the path of its webhook, which
-    is often a secret.
+    is often a secret. Without a `price`, it shows no money.
     """
     if job.spec.webhook is not None and not to_owner:
         spec = job.spec.model_copy(update={"webhook": job.spec.webhook.hidden()})
@@ -251,4 +261,9 @@ def job_view(job: Job, waits_for: str | None = None, *, to_owner: bool = False) 
         "rejudge": f"{root}/rejudge",
         "webhooks": f"{root}/webhooks",
     }
-    return JobView(**job.model_dump(), waits_for=waits_for, links=links)
+    return JobView(
+        **job.model_dump(),
+        waits_for=waits_for,
+        cost=None if price is None else cost_of(job, price),
+        links=links,
+    )

@@ -7,6 +7,7 @@ import typer
 
 from plateau.cli import options as o
 from plateau.cli.app import app
+from plateau.farm.model.usage import Grouping
 
 
 @app.command()
@@ -65,6 +66,37 @@ def workers(url: o.Url = None, as_json: o.Json = False) -> None:
     from plateau.commands.farm import workers as run
 
     run(url=url, as_json=as_json)
+
+
+@app.command()
+def usage(
+    by: Annotated[Grouping, typer.Option(help="What a row is.")] = "week",
+    since: Annotated[
+        str | None,
+        typer.Option(metavar="TIME", help="Jobs submitted from this day, or time (UTC), on."),
+    ] = None,
+    until: Annotated[
+        str | None, typer.Option(metavar="TIME", help="And before this day or time.")
+    ] = None,
+    as_csv: Annotated[bool, typer.Option("--csv", help="Print CSV.")] = False,
+    url: o.Url = None,
+    as_json: o.Json = False,
+) -> None:
+    """Sum up what the stored jobs have cost, in core hours and money.
+
+    For example:
+      plateau usage
+      plateau usage --by owner --since 2026-11-01 --csv > november.csv
+
+    In a pipe, columns are separated by tabs: week, owner, batch or job, name, jobs, core hours,
+    cost, core hours saved, cost saved. The total goes to standard error. Money is shown where the
+    service has a price (PLATEAU_CORE_HOUR_PRICE). Removed jobs do not count any more.
+    """
+    if as_csv and as_json:
+        raise typer.BadParameter("--csv and --json are two forms: choose one")
+    from plateau.commands.usage import usage as run
+
+    run(by, since=since, until=until, url=url, as_csv=as_csv, as_json=as_json)
 
 
 @app.command()

@@ -147,6 +147,8 @@ class AsyncClient:
     slices = _awaited(Client.slices)
     submit = _awaited(Client.submit)
     submit_batch = _awaited(Client.submit_batch)
+    usage = _awaited(Client.usage)
+    usage_csv = _awaited(Client.usage_csv)
     wait_for_batch = _awaited(Client.wait_for_batch)
     webhooks = _awaited(Client.webhooks)
     whole_id = _awaited(Client.whole_id)

@@ -1,10 +1,28 @@
 """Calls about the workers, the stored scenes and the messages to webhooks."""
 
+from datetime import date, datetime
+
 from plateau.client.transport import Calls
 from plateau.farm.model.deliveries import Delivery
 from plateau.farm.model.job import RefusedProcess, Worker
+from plateau.farm.model.usage import Grouping
+from plateau.farm.wire.usage_views import Usage
 from plateau.farm.wire.views import Scenes, SceneView, Workers
 from plateau.farm.wire.webhook_views import Deliveries
+
+
+def _asked(
+    by: str, since: date | str | None, until: date | str | None, limit: int | None
+) -> dict[str, str]:
+    """The parameters; a `datetime` is a `date`, too."""
+    asked = {"by": by, "since": _text(since), "until": _text(until), "limit": limit}
+    return {name: str(value) for name, value in asked.items() if value is not None}
+
+
+def _text(time: date | str | None) -> str | None:
+    if isinstance(time, datetime):
+        return time.isoformat(timespec="seconds")
+    return time.isoformat() if isinstance(time, date) else time
 
 
 class FarmCalls(Calls):
@@ -17,6 +35,35 @@ class FarmCalls(Calls):
     def refused(self) -> list[RefusedProcess]:
         """The last process of each machine that was refused for its version."""
         return self._transport.read(Workers, "/v1/workers").refused
+
+    def usage(
+        self,
+        by: Grouping = "week",
+        *,
+        since: date | str | None = None,
+        until: date | str | None = None,
+        limit: int | None = None,
+    ) -> Usage:
+        """What the jobs that were submitted from `since` on and before `until` have cost.
+
+        Raises
+        ------
+        ApiError
+            ``invalid-request``, for example where `until` is not later than `since`.
+        """
+        return self._transport.read(Usage, "/v1/usage", params=_asked(by, since, until, limit))
+
+    def usage_csv(
+        self,
+        by: Grouping = "week",
+        *,
+        since: date | str | None = None,
+        until: date | str | None = None,
+        limit: int | None = None,
+    ) -> str:
+        """The same as CSV."""
+        asked = _asked(by, since, until, limit)
+        return self._transport.send("GET", "/v1/usage.csv", params=asked).text
 
     def scenes(self) -> list[SceneView]:
         """The stored scenes; `Client.submit` takes one by its SHA-256."""

@@ -18,6 +18,7 @@ from plateau.farm.ledger.scene_index import SceneIndex
 from plateau.farm.ledger.workers import Workers
 from plateau.farm.process.addresses import Receivers
 from plateau.farm.redis.client import RedisClient
+from plateau.farm.wire.costs import Price
 from plateau.service.api.access.guards import ENVELOPE_BYTES, BodyLimit, OneLength
 from plateau.service.api.access.key_guard import Access, KeyGuard
 from plateau.service.api.events.hub import EventHub
@@ -45,6 +46,7 @@ from plateau.service.api.routes import previews as routes_previews
 from plateau.service.api.routes import report as routes_report
 from plateau.service.api.routes import results as routes_results
 from plateau.service.api.routes import scenes as routes_scenes
+from plateau.service.api.routes import usage as routes_usage
 from plateau.service.api.routes import webhooks as routes_webhooks
 from plateau.service.api.scene_checks.pool import SceneChecks
 
@@ -64,10 +66,12 @@ def create_app(
     checks: SceneChecks,
     access: Access = Access.UNTIL_KEYS,
     webhook_allow: tuple[str, ...] = (),
+    price: Price | None = None,
 ) -> FastAPI:
     """Make the API over this Redis and this blob store; it closes the hub and the checks.
 
-    `webhook_allow` are private networks and host names that may receive webhooks.
+    `webhook_allow` are private networks and host names that may receive webhooks. Without a
+    `price` of a core hour, no money is shown.
     """
 
     @asynccontextmanager
@@ -107,6 +111,7 @@ def create_app(
         outbox=Outbox(client),
         workers=Workers(client),
         receivers=Receivers(webhook_allow),
+        price=price,
     )
     app.state.parts = parts
     app.state.metrics = Metrics(parts.jobs, blobs)
@@ -120,6 +125,7 @@ def create_app(
         routes_previews,
         routes_report,
         routes_scenes,
+        routes_usage,
         routes_webhooks,
         routes_farm,
         routes_pages,

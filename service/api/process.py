@@ -22,6 +22,7 @@ from plateau.farm.model.errors import StoreUnavailable
 from plateau.farm.process.addresses import is_loopback
 from plateau.farm.process.settings import Settings
 from plateau.farm.redis.link import connect
+from plateau.farm.wire.costs import Price
 from plateau.service.api.access.key_guard import Access
 from plateau.service.api.app import create_app
 from plateau.service.api.events.hub import EventHub
@@ -122,6 +123,7 @@ def run(
         checks=checks,
         access=access,
         webhook_allow=settings.webhook_allow,
+        price=_price(settings),
     )
     descriptors = raise_descriptor_limit()
     config = server_config(
@@ -135,6 +137,12 @@ def run(
     )
     url = url_of(listener, "http" if tls is None else "https")
     _Server(config, hub, lambda: ready(url)).run(sockets=[listener])
+
+
+def _price(settings: Settings) -> Price | None:
+    if settings.core_hour_price is None:
+        return None
+    return Price(settings.core_hour_price, settings.currency)
 
 
 def spool_in(folder: Path) -> None:

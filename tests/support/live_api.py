@@ -9,6 +9,7 @@ import uvicorn
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.bundle import BundleLimits
 from plateau.farm.redis.link import connect
+from plateau.farm.wire.costs import Price
 from plateau.service.api.access.key_guard import Access
 from plateau.service.api.app import create_app
 from plateau.service.api.events.hub import EventHub
@@ -28,6 +29,7 @@ def live_api(
     access: Access = Access.UNTIL_KEYS,
     webhook_allow: tuple[str, ...] = (),
     grace_s: int = 8,
+    price: Price | None = None,
 ) -> Iterator[str]:
     """The URL of an API over this Redis and this store; it is stopped on leaving.
 
@@ -43,6 +45,7 @@ def live_api(
         checks=SceneChecks(BundleLimits(max_bytes=LARGEST_UPLOAD)),
         access=access,
         webhook_allow=webhook_allow,
+        price=price,
     )
     config = server_config(app, grace_s=grace_s, log_level="critical")
     server = uvicorn.Server(config)

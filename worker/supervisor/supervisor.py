@@ -63,12 +63,17 @@ class Supervisor:
         self._settings = settings
         self._choice = choice
         self._client = connect(settings.redis_url)
+        threads = settings.threads or len(os.sched_getaffinity(0))
         self._queue = SliceQueue(
-            self._client, self.id, settings.lease_s, pool=settings.pool, tags=settings.tags
+            self._client,
+            self.id,
+            settings.lease_s,
+            pool=settings.pool,
+            tags=settings.tags,
+            threads=threads,
         )
         renewing = connect_to_renew(settings.redis_url, settings.lease_s)
         self._renewals = SliceQueue(renewing, self.id, settings.lease_s)
-        threads = settings.threads or len(os.sched_getaffinity(0))
         loading_s = START_TIMEOUT_S + settings.load_timeout_s
         scenes = SceneCache(store, settings.cache / "scenes", in_use_s=loading_s)
         self._host = RenderHost(settings, threads, choice.llvm_library, scenes)

@@ -58,6 +58,7 @@ class TryCommand(LeaseCommand[Answer]):
 
     index: int
     machine_ms: int
+    threads: int  #: of the render child
     said: str  #: the render child's output
 
 

@@ -1,8 +1,10 @@
 -- A job: its state, its image, its end.
 
--- Add a render child's time to the job.
-function Job.spend(id, ms)
+-- Add the time of a try's render child, which ran on so many threads, to the job.
+function Job.spend(it)
+  local id, ms = it.job, it.machine_ms
   redis.call('HINCRBY', job_key(id), 'machine_ms', ms)
+  redis.call('HINCRBY', job_key(id), 'further_core_ms', string.format('%.0f', ms * (it.threads - 1)))
   count('machine ms', ms)
 end
 

@@ -115,17 +115,18 @@ function Slice.note_try(id, index, worker, what, cause, ms, said)
 end
 
 -- Note a try of a slice that came after the commit of another.
-function Slice.note_outrun(id, entry, index, worker, ms, said)
-  redis.call('HDEL', job_key(id, 'outrun'), entry)
-  Job.spend(id, ms)
-  redis.call('HINCRBY', job_key(id), 'wasted_ms', ms)
-  count('wasted ms', ms)
-  Slice.note_try(id, index, worker, 'duplicate', 'another try was committed before', ms, said)
+function Slice.note_outrun(it)
+  redis.call('HDEL', job_key(it.job, 'outrun'), it.entry)
+  Job.spend(it)
+  redis.call('HINCRBY', job_key(it.job), 'wasted_ms', it.machine_ms)
+  count('wasted ms', it.machine_ms)
+  local cause = 'another try was committed before'
+  Slice.note_try(it.job, it.index, it.worker, 'duplicate', cause, it.machine_ms, it.said)
 end
 
 -- The same, if this try is not noted yet.
-function Slice.note_if_outrun(id, entry, ...)
-  if redis.call('HEXISTS', job_key(id, 'outrun'), entry) == 1 then Slice.note_outrun(id, entry, ...) end
+function Slice.note_if_outrun(it)
+  if redis.call('HEXISTS', job_key(it.job, 'outrun'), it.entry) == 1 then Slice.note_outrun(it) end
 end
 
 -- A slice is late that takes twice the usual time from its lease on: the median of the job's last commits.

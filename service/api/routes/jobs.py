@@ -40,7 +40,10 @@ router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
 def shown(jobs: list[Job], farm: Parts, who: Caller) -> list[JobView]:
     """The jobs as the caller sees them, with what those wait for that no worker can render."""
     kinds = [] if all(job.state.ended for job in jobs) else farm.jobs.kinds()
-    return [job_view(job, waits_for(job, kinds), to_owner=who.made(job.owner)) for job in jobs]
+    return [
+        job_view(job, waits_for(job, kinds), to_owner=who.made(job.owner), price=farm.price)
+        for job in jobs
+    ]
 
 
 JobId = Annotated[str, Path(description="the job's `id`", examples=[examples.JOB_ID])]
@@ -231,7 +234,7 @@ def cancel_job(job_id: JobId, farm: Farm, who: CallerOf) -> JobView:
     otherwise answers 409 with its state.
     """
     job = farm.jobs.cancel(farm.job(job_id).id, f"cancelled by {who.name}")
-    return job_view(job, to_owner=who.made(job.owner))
+    return job_view(job, to_owner=who.made(job.owner), price=farm.price)
 
 
 @router.post(
@@ -247,7 +250,7 @@ def pause_job(job_id: JobId, farm: Farm, who: CallerOf) -> JobView:
     409 with its state.
     """
     job = farm.jobs.pause(farm.job(job_id).id, f"paused by {who.name}")
-    return job_view(job, to_owner=who.made(job.owner))
+    return job_view(job, to_owner=who.made(job.owner), price=farm.price)
 
 
 @router.post(

@@ -108,6 +108,19 @@ class TestSlices:
         assert farm.tries() == dict.fromkeys(expected, 1)
         assert farm.jobs.census().machine_s == farm.jobs.get(job.id).machine_s == 1.5
 
+    def test_cost_their_time_on_each_thread_of_their_worker(self, farm: Farm) -> None:
+        job, _ = farm.job(slices=2)
+        four = SliceQueue(farm.client, "four", LEASE_S, threads=4)
+        four.died(farm.lease(four), "SIGSEGV", 0.5)
+        farm.commit(farm.lease())  # by one thread
+        four.fail(farm.lease(four), "no such plugin", 1.0)
+        known = farm.jobs.get(job.id)
+        assert known.machine_s == 2.0
+        assert known.core_hours == pytest.approx((4 * 0.5 + 0.5 + 4 * 1.0) / 3600)
+        # If an older Plateau has counted, which knows no threads
+        farm.client.hdel(keys.job(job.id), "further_core_ms")
+        assert farm.jobs.get(job.id).core_hours == pytest.approx(2.0 / 3600)
+
     def test_of_a_worker_that_fell_silent_are_lost(self, farm: Farm) -> None:
         farm.job(slices=1)
         farm.lease(farm.worker("silent"))

@@ -14,19 +14,19 @@ function for_workers.commit(it)
   if known then
     Slice.drop(id, entry)
     if known.blob == record.blob then return 'committed' end
-    if not is_repeated() then Slice.note_outrun(id, entry, index, worker, machine_ms, said) end
+    if not is_repeated() then Slice.note_outrun(it) end
     return 'duplicate'
   end
   if not Job.is_open(id) then
     if not is_repeated() then
-      Job.spend(id, machine_ms)
+      Job.spend(it)
       count('tries late')
     end
     return 'ended'
   end
   if redis.call('HGET', job, 'variant') ~= it.variant then
     if not is_repeated() then
-      Job.spend(id, machine_ms)
+      Job.spend(it)
       Slice.note_try(id, index, worker, 'stale', 'others render with another variant by now', machine_ms, said)
     end
     return 'stale'
@@ -34,11 +34,11 @@ function for_workers.commit(it)
   local seeds = job_key(id, 'seeds')
   local below = redis.call('ZREVRANGEBYSCORE', seeds, record.last_seed, '-inf', 'LIMIT', 0, 1)[1]
   if below and tonumber(string.match(below, '-(%d+)$')) >= record.first_seed then
-    if not is_repeated() then Job.spend(id, machine_ms) end
+    if not is_repeated() then Job.spend(it) end
     return 'overlap'
   end
 
-  Job.spend(id, machine_ms)
+  Job.spend(it)
   redis.call('ZADD', seeds, record.first_seed, Slice.seeds(record))
   redis.call('HSET', job_key(id, 'ledger'), index, cjson.encode({at = now(), record = it.record}))
   Slice.settle(id, index, entry, worker)
@@ -72,10 +72,10 @@ end
 function for_workers.died(it)
   local held, tries = Slice.holds(it.job, it.entry, it.worker)
   if not held then
-    Slice.note_if_outrun(it.job, it.entry, it.index, it.worker, it.machine_ms, it.said)
+    Slice.note_if_outrun(it)
     return 'lost'
   end
-  Job.spend(it.job, it.machine_ms)
+  Job.spend(it)
   local causes = Slice.note_death(it.job, it.index, it.worker, it.cause, it.machine_ms, it.said)
   if #causes >= it.most_tries then
     Slice.poison(it.job, it.index, causes)
@@ -91,10 +91,10 @@ function for_workers.hand_back(it)
   local id = it.job
   local held, tries = Slice.holds(id, it.entry, it.worker)
   if not held then
-    Slice.note_if_outrun(id, it.entry, it.index, it.worker, it.machine_ms, it.said)
+    Slice.note_if_outrun(it)
     return 'lost'
   end
-  Job.spend(id, it.machine_ms)
+  Job.spend(it)
   Slice.put_back(id, it.entry, tries - 1)
   Slice.note_try(id, it.index, it.worker, it.what, it.cause, it.machine_ms, it.said)
   -- A worker that could render nothing does not bind the others to its variant.
@@ -110,6 +110,7 @@ end
 -- Returns 'failed' or 'lost'.
 function for_workers.fail(it)
   if not Slice.holds(it.job, it.entry, it.worker) then return 'lost' end
+  Job.spend(it)
   Slice.note_try(it.job, it.index, it.worker, 'failed', it.reason, it.machine_ms, it.said)
   Job.end_with(it.job, 'failed', it.reason)
   return 'failed'
