@@ -115,7 +115,7 @@ def create_app(
     )
     app.state.parts = parts
     app.state.metrics = Metrics(parts.jobs, blobs)
-    add_problem_handlers(app)
+    add_problem_handlers(app, routes_pages.unknown_page)
     for routes in (
         routes_jobs,
         routes_batches,

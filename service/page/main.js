@@ -1,7 +1,7 @@
 // The router: the path determines the screen, and links between screens load no page.
 
 import { forgetKey, hasKey } from "./shared/api_key.js";
-import { byId, setAttribute } from "./shared/dom.js";
+import { byId, h, setAttribute } from "./shared/dom.js";
 import { complain } from "./shared/notices.js";
 import { maySubmit, meetMe } from "./shared/permissions.js";
 import * as job from "./job/job_screen.js";
@@ -27,6 +27,18 @@ const SCREENS = [
   [/^\/studies\/([^/]+)\/observe$/, "observe", observe],
 ];
 
+/** What is shown where no screen is. */
+const NOWHERE = {
+  /** @param {HTMLElement} main */
+  open(main) {
+    document.title = "Not found · Plateau";
+    main.append(h("div", { class: "nothing" },
+      h("h1", {}, "There is nothing here"),
+      h("p", {}, `No page of this farm is at ${location.pathname}.`),
+      h("a", { class: "button primary", href: "/" }, "Show the jobs")));
+  },
+};
+
 const main = byId("main");
 let leaving = new AbortController();
 
@@ -36,7 +48,7 @@ function open({ focus }) {
   leaving = new AbortController();
   complain("");
   main.replaceChildren();
-  const [path, name, screen] = SCREENS.find(([path]) => path.test(location.pathname)) ?? SCREENS[0];
+  const [path, name, screen] = SCREENS.find(([path]) => path.test(location.pathname)) ?? [/^/, "nowhere", NOWHERE];
   main.dataset.screen = name;
   for (const link of document.querySelectorAll("a[data-screen]")) {
     setAttribute(link, "aria-current", link.getAttribute("data-screen") === name ? "page" : null);

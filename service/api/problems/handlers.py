@@ -1,9 +1,9 @@
 """Error handlers: every error of a route is answered with a problem."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Final
 
-from fastapi import FastAPI, Request
+from fastapi import FastAPI, Request, Response
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
 from starlette.exceptions import HTTPException
@@ -72,13 +72,19 @@ def answer_as_they_are(
         app.add_exception_handler(expected, answer_as_it_is)
 
 
-def add_problem_handlers(app: FastAPI) -> None:
-    """Answer every error with a problem: our own, the framework's and unexpected ones."""
+def add_problem_handlers(app: FastAPI, unknown_page: Callable[[], Response]) -> None:
+    """Answer every error with a problem: our own, the framework's and unexpected ones.
+
+    A browser that asks for an unknown path outside the API has `unknown_page` instead.
+    """
     answer_as_they_are(app, _AS_THEY_ARE)
 
     @app.exception_handler(HTTPException)
-    def answer_http(request: Request, error: HTTPException) -> JSONResponse:
-        return _from_http(request, error).response(request.url.path)
+    def answer_http(request: Request, error: HTTPException) -> Response:
+        problem = _from_http(request, error)
+        if problem.kind is problems.UNKNOWN_PATH and _wants_a_page(request):
+            return unknown_page()
+        return problem.response(request.url.path)
 
     @app.exception_handler(RequestValidationError)
     def answer_invalid(request: Request, error: RequestValidationError) -> JSONResponse:
@@ -136,6 +142,13 @@ def add_problem_handlers(app: FastAPI) -> None:
     def answer_unexpected(request: Request, _: Exception) -> JSONResponse:
         detail = "Plateau met an error that it did not expect; the API's log has the details"
         return Problem(problems.INTERNAL_ERROR, detail).response(request.url.path)
+
+
+def _wants_a_page(request: Request) -> bool:
+    """Whether somebody looks at the answer: a browser that was sent to this path."""
+    is_api = request.url.path.startswith(("/v1/", "/problems/", "/page/"))
+    accepted = request.headers.get("accept", "")
+    return request.method in {"GET", "HEAD"} and "text/html" in accepted and not is_api
 
 
 def _from_http(request: Request, error: HTTPException) -> Problem:

@@ -11,7 +11,7 @@ from typing import Final
 
 from fastapi import APIRouter, Response
 
-from plateau.service.api.http.etags import IfNoneMatch
+from plateau.service.api.http.etags import IfNoneMatch, Known
 from plateau.service.api.http.static_files import OWN_ONLY, StaticFile, read_folder, serve
 
 router = APIRouter(include_in_schema=False)
@@ -40,6 +40,13 @@ _DOCS_POLICY: Final = {**OWN_ONLY, "style-src": "'self' 'unsafe-inline'", "img-s
 def page(has: IfNoneMatch) -> Response:
     """Show the web page, which chooses its screen by the path."""
     return serve(_page_files(), "index.html", has, _PAGE_POLICY)
+
+
+def unknown_page() -> Response:
+    """Show the web page, which says that it has nothing at this path."""
+    answer = serve(_page_files(), "index.html", Known(frozenset(), anything=False), _PAGE_POLICY)
+    answer.status_code = 404
+    return answer
 
 
 @router.get("/page/{name:path}")

@@ -4,12 +4,14 @@ import { follow, get, isProblem } from "../shared/api.js";
 import { h, setAttribute, setText } from "../shared/dom.js";
 import { ago, whole } from "../shared/figures.js";
 import { controls } from "../shared/job_controls.js";
-import { ENDED, noiseTarget, timeLeft, title, took } from "../shared/job_summary.js";
+import { JobId } from "../shared/job_id.js";
+import { ENDED, inWords, noiseTarget, timeLeft, title, took } from "../shared/job_summary.js";
 import { complain, messageOf } from "../shared/notices.js";
 import { maySteer } from "../shared/permissions.js";
 import { repeat } from "../shared/polling.js";
 import { meetRules } from "../shared/rules.js";
 import { studyButton } from "../study/make_study_dialog.js";
+import { againButton } from "./again_dialog.js";
 import { continueButton } from "./continue_dialog.js";
 import { CostFigures } from "./cost_figures.js";
 import { CurveChart } from "./curve/curve_chart.js";
@@ -29,6 +31,7 @@ export function open(main, { id, signal, go }) {
   const path = `/v1/jobs/${encodeURIComponent(id)}`;
   const name = h("h1");
   const state = h("span", { class: "state", role: "status" });
+  const copied = new JobId();
   const about = h("p", { class: "summary" });
   const reason = h("p", { class: "reason" });
   const progress = h("progress", { max: 1, "aria-label": "Samples merged of the cap" });
@@ -47,7 +50,7 @@ export function open(main, { id, signal, go }) {
     h("header", {},
       h("p", { class: "crumb" }, h("a", { href: "/" }, "Jobs")),
       h("div", { class: "head" },
-        h("div", {}, h("p", { class: "title" }, name, state), about, before),
+        h("div", {}, h("p", { class: "title" }, name, state, copied.element), about, before),
         actions),
       reason, progress),
     h("div", { class: "pair" }, viewer.element, chart.element),
@@ -85,10 +88,11 @@ export function open(main, { id, signal, go }) {
     newest = job;
     screen.hidden = false;
     absent.hidden = true;
-    document.title = `${title(job)}: ${job.state} · Plateau`;
+    document.title = `${title(job)}: ${inWords(job.state)} · Plateau`;
     setText(name, title(job));
-    setText(state, job.state);
+    setText(state, inWords(job.state));
     setAttribute(state, "data-state", job.state);
+    copied.show(job.id);
     setText(about, [
       job.width && `${job.width} × ${job.height}`,
       job.variant,
@@ -110,7 +114,7 @@ export function open(main, { id, signal, go }) {
     const kind = `${job.state} ${job.spec.priority} ${job.finished_at ?? ""} ${maySteer(job)}`;
     if (kind !== shown) {
       shown = kind;
-      const buttons = [continueButton(job, go), rejudgeButton(job, go), studyButton(job, go)].filter((one) => one !== null);
+      const buttons = [continueButton, rejudgeButton, studyButton, againButton].map((make) => make(job, go)).filter((one) => one !== null);
       actions.replaceChildren(...buttons, ...controls(() => newest, look));
     }
     chart.show(job, points);

@@ -2,6 +2,7 @@
 
 import { h, KeyedList, setAttribute, setText } from "../shared/dom.js";
 import { several } from "../shared/figures.js";
+import { inWords } from "../shared/job_summary.js";
 import { JobRow, nameOf } from "./job_row.js";
 import { batchMenu } from "./menus.js";
 
@@ -37,7 +38,7 @@ export class BatchGroup {
   update({ jobs }) {
     const counts = new Map();
     for (const { state } of jobs) counts.set(state, (counts.get(state) ?? 0) + 1);
-    const states = [...counts].map(([state, count]) => `${count} ${state}`).join(", ");
+    const states = [...counts].map(([state, count]) => `${count} ${inWords(state)}`).join(", ");
     setText(this.#counts, `${several(jobs.length, "job")}: ${states}`);
     setAttribute(this.element, "data-batch", this.#batch);
     const differing = namesOfDiffering(jobs);

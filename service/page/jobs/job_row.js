@@ -3,7 +3,8 @@
 import { get, isProblem } from "../shared/api.js";
 import { h, setAttribute, setText } from "../shared/dom.js";
 import { ago, percent, several, share, whole } from "../shared/figures.js";
-import { ENDED, savings, timeLeft, title, took } from "../shared/job_summary.js";
+import { JobId } from "../shared/job_id.js";
+import { asked, ENDED, inWords, savings, timeLeft, title, took } from "../shared/job_summary.js";
 import { Picture } from "../shared/picture.js";
 import { jobMenu } from "./menus.js";
 import { Sparkline } from "./sparkline.js";
@@ -44,7 +45,9 @@ export class JobRow {
   #spark = new Sparkline();
   #name = h("a", { class: "name" });
   #state = h("span", { class: "state" });
+  #id = new JobId();
   #owner = h("span", { class: "owner" });
+  #asked = h("p", { class: "asked" });
   #why = h("p", { class: "why" });
   #spp = h("strong");
   #cap = h("span");
@@ -65,8 +68,8 @@ export class JobRow {
     this.element = h("li", { class: "job" },
       h("div", { class: "thumb" }, this.#image),
       h("div", { class: "what" },
-        h("p", { class: "title" }, this.#name, this.#state, this.#owner),
-        this.#why),
+        h("p", { class: "title" }, this.#name, this.#state, this.#id.element, this.#owner),
+        this.#asked, this.#why),
       this.#spark.element,
       h("p", { class: "figure" }, this.#spp, this.#cap),
       h("p", { class: "figure" }, this.#left, this.#leftOf),
@@ -88,9 +91,12 @@ export class JobRow {
     const name = nameOf(job);
     setText(this.#name, name);
     this.#menu.name(`Actions for ${name}`);
-    setText(this.#state, state);
+    setText(this.#state, inWords(state));
     setAttribute(this.#state, "data-state", state);
     setText(this.#owner, job.owner_name ? `by ${job.owner_name}` : "");
+    this.#id.show(job.id);
+    setText(this.#asked, asked(job, { withParameters: !job.told }).join(" · "));
+    setAttribute(this.#asked, "title", this.#asked.textContent);
     const why = job.waits_for ?? job.reason;
     setText(this.#why, why);
     setAttribute(this.#why, "title", why);

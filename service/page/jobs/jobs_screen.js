@@ -3,7 +3,7 @@
 import { get } from "../shared/api.js";
 import { h, KeyedList, setText } from "../shared/dom.js";
 import { several } from "../shared/figures.js";
-import { ENDED } from "../shared/job_summary.js";
+import { ENDED, inWords } from "../shared/job_summary.js";
 import { repeat } from "../shared/polling.js";
 import { meetRules } from "../shared/rules.js";
 import { BatchGroup } from "./batch_group.js";
@@ -28,7 +28,7 @@ export function open(main, { signal, go }) {
   let workers = [];
 
   const summary = h("p", { class: "summary", "aria-live": "polite" });
-  const states = filter("State", "state", "any state");
+  const states = filter("State", "state", "any state", inWords);
   states.offer(STATES);
   const batches = filter("Batch", "batch", "any batch");
   const list = h("ul", { class: "jobs", "aria-label": "Jobs" });
@@ -65,8 +65,9 @@ export function open(main, { signal, go }) {
    * @param {string} name
    * @param {string} field
    * @param {string} any
+   * @param {(value: any) => string} words - what an option is called
    */
-  function filter(name, field, any) {
+  function filter(name, field, any, words = String) {
     const select = h("select", {}, h("option", { value: "" }, any));
     select.addEventListener("change", () => {
       if (select.value) asked.set(field, select.value);
@@ -77,7 +78,7 @@ export function open(main, { signal, go }) {
     const wanted = asked.get(field) ?? "";
     const offer = (/** @type {string[]} */ values) => {
       for (const value of values) {
-        if (![...select.options].some((option) => option.value === value)) select.append(h("option", { value }, value));
+        if (![...select.options].some((option) => option.value === value)) select.append(h("option", { value }, words(value)));
       }
       select.value = wanted;
     };

@@ -9,11 +9,35 @@ import { valueIn } from "./rules.js";
 export const ENDED = new Set(["converged", "exhausted", "cancelled", "failed"]);
 
 /**
- * A scene's name without its suffix.
+ * A state in words: a job is exhausted at its cap of spp or at its time limit.
+ * @param {Api.JobState} state
+ */
+export function inWords(state) {
+  return state === "exhausted" ? "reached its limit" : state;
+}
+
+/**
+ * What a job is called; one of an older Plateau without the suffix of its scene's file.
  * @param {Api.JobView} job
  */
 export function title(job) {
-  return job.name.replace(/\.(zip|xml)$/i, "") || job.name;
+  return job.spec.name || job.name.replace(/\.(zip|xml)$/i, "") || job.name;
+}
+
+/**
+ * What a job was asked for, in a few words each: what tells it from others of its scene.
+ * @param {Api.JobView} job
+ * @param {{ withParameters: boolean }} options
+ */
+export function asked({ spec, width, height }, { withParameters }) {
+  return [
+    width && `${width} × ${height}`,
+    ...(withParameters ? Object.entries(spec.parameters).map(([name, value]) => `${name} ${value}`) : []),
+    spec.sensor && `sensor ${spec.sensor}`,
+    spec.rule.name !== "visible" && `rule ${spec.rule.name}`,
+    spec.allocation.name === "zones" && "by zones",
+    spec.denoise.name !== "none" && "denoised",
+  ].filter(Boolean);
 }
 
 /**

@@ -49,6 +49,29 @@ def test_a_job_is_followed_from_its_queue_to_its_end(visit: Visit, farm: NoiseFa
     expect(row(page, job.id)).to_be_visible()
 
 
+def test_rows_of_one_scene_are_told_apart(visit: Visit, farm: NoiseFarm) -> None:
+    bright = farm.submit("box", parameters={"intensity": 40}, rule={"name": "fixed", "spp": 100})
+    zones = farm.submit("box", allocation={"name": "zones"})
+    visitor = visit()
+    expect(row(visitor.page, bright.id)).to_contain_text("intensity 40 · rule fixed")
+    expect(row(visitor.page, zones.id)).to_contain_text("by zones")
+    # A click on its id copies it, and does not lead to the job
+    visitor.context.grant_permissions(["clipboard-read", "clipboard-write"])
+    visitor.page.get_by_role("button", name=f"Copy the job's id, {zones.id}").click()
+    said = visitor.page.get_by_role("status").filter(has_text=f"The job's id {zones.id} is copied")
+    expect(said).to_have_count(1)
+    assert visitor.page.evaluate("navigator.clipboard.readText()") == zones.id
+    expect(visitor.page).to_have_url(re.compile("/$"))
+
+
+def test_a_path_without_a_screen_says_so(visit: Visit) -> None:
+    page = visit("/job/box", expected={404}).page
+    expect(page.get_by_role("heading", name="There is nothing here")).to_be_visible()
+    expect(page.get_by_text("No page of this farm is at /job/box.")).to_be_visible()
+    page.get_by_role("link", name="Show the jobs").click()
+    expect(page.get_by_role("heading", name="Jobs", exact=True)).to_be_visible()
+
+
 def test_filters_are_part_of_the_address(page: Page, farm: NoiseFarm) -> None:
     kept, other = farm.submit("kept"), farm.submit("other", batch="evening")
     farm.jobs.cancel(other.id)

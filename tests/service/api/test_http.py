@@ -66,6 +66,17 @@ class TestAPath:
         assert answer.status_code == 404
         assert answer.json()["type"] == "/problems/unknown-path"
 
+    def test_that_is_not_there_is_a_page_for_who_looks(self, http: httpx.Client) -> None:
+        looks = {"Accept": "text/html,application/xhtml+xml,*/*;q=0.8"}
+        answer = http.get("/job/box", headers=looks)
+        assert (answer.status_code, answer.headers["content-type"]) == (
+            404,
+            "text/html; charset=utf-8",
+        )
+        assert answer.headers["content-security-policy"]
+        problem(http.get("/v1/job/box", headers=looks), 404, "unknown-path")
+        problem(http.post("/job/box", headers=looks), 404, "unknown-path")
+
     @pytest.mark.parametrize("index", ["x", "-1", "1.5", "9" * 5000])
     @pytest.mark.parametrize("rest", [".exr", "/log"])
     def test_with_an_index_that_is_none_is_refused(
