@@ -54,7 +54,7 @@ def usage(
 def _jobs(
     client: RedisClient, by: Grouping, since: datetime | None, until: datetime | None
 ) -> Iterator[Spent]:
-    """What each job has spent, newest first; memory holds one portion of jobs."""
+    """What each job has spent, newest first, read in portions."""
     before = "+inf"
     while True:
         with unavailable_as_farm_error():

@@ -10,6 +10,8 @@ from pydantic import BaseModel, ConfigDict, Field
 from plateau.farm.model.usage import Grouping, Spent
 from plateau.farm.wire.costs import Price
 
+#: With what a spreadsheet's formulas begin.
+_FORMULA: Final = ("=", "+", "-", "@", "\t")
 _ROW: Final[dict[str, Any]] = {
     "key": "exposures",
     "name": "",
@@ -91,9 +93,17 @@ def row_view(spent: Spent, price: Price | None) -> UsageRow:
 
 
 def usage_csv(usage: Usage) -> str:
-    """The rows as CSV, each with the currency."""
+    """The rows as CSV, each with the currency.
+
+    A name that a spreadsheet would take for a formula begins with an apostrophe.
+    """
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow([*UsageRow.model_fields, "currency"])
-    writer.writerows([*row.model_dump().values(), usage.currency] for row in usage.rows)
+    for row in usage.rows:
+        writer.writerow([*map(_as_text, row.model_dump().values()), usage.currency])
     return text.getvalue()
+
+
+def _as_text(value: object) -> object:
+    return f"'{value}" if isinstance(value, str) and value.startswith(_FORMULA) else value

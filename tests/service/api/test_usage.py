@@ -14,6 +14,8 @@ from plateau.cli import app
 from plateau.client import Client
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger import usage as ledger
+from plateau.farm.ledger.jobs import Jobs
+from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
 from plateau.farm.redis import keys
 from plateau.farm.wire.costs import Price
@@ -128,6 +130,12 @@ def test_csv_has_the_same_rows(priced: str, jobs: list[StagedJob]) -> None:
         ("", "", "2"),
     ]
     assert {row["currency"] for row in rows} == {"EUR"}
+
+
+def test_no_name_is_a_formula_of_a_spreadsheet(http: httpx.Client, client: redis.Redis) -> None:
+    Jobs(client).create(JobSpec(), name="=1+1", scene_sha256="00")
+    [row] = csv.DictReader(http.get("/v1/usage.csv", params={"by": "job"}).text.splitlines())
+    assert row["name"] == "'=1+1"
 
 
 def test_the_client_asks_by_dates(priced: str, jobs: list[StagedJob]) -> None:

@@ -148,6 +148,7 @@ def test_it_renders_what_is_planned(bench: Bench) -> None:
         assert partial.pixels.shape == (16, 16, 4)
         np.testing.assert_array_equal(partial.pixels[..., 3], 5)
     now = bench.jobs.get(job.id)
+    assert now.core_hours == pytest.approx(2 * now.machine_s / 3600, abs=1e-9)
     assert (now.width, now.height, now.variant) == (16, 16, "scalar_rgb")
     (note,) = now.notes
     assert note.startswith("the scene's 'multijitter' sampler was replaced by 'independent': ")
