@@ -82,10 +82,10 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Finished]:
     farm = NoiseFarm(client, server.url, folder)
     job = farm.submit("box.zip", **SPEC)
     with farm.monitor():
-        for slices in (1, 3):
-            farm.render(slices)
-            # The newest point's preview is kept within ten seconds of the one before
-            until(lambda: farm.jobs.get(job.id).spp in kept(farm.store, job.id), 60)
+        farm.render(1)
+        until(lambda: 25 in kept(farm.store, job.id), 60)
+        farm.render(3)  # the newest preview is kept within ten seconds of the one before
+        until(lambda: 100 in kept(farm.store, job.id), 60)
         farm.render(4)
         until(lambda: farm.jobs.get(job.id).finished_at is not None, 60)
     with live_api(server.url, farm.store) as url:
