@@ -143,4 +143,5 @@ def test_a_job_of_many_workers_is_hardly_rendered_beyond_its_end(
         until(lambda: farm.jobs.get(found.id).finished_at is not None, 60)
     assert ended.state is JobState.CONVERGED
     assert ended.spp > 300
-    assert ended.committed_spp <= ended.spp * (1 + SPARE) + found.spec.step
+    # The end may come a step before it was expected, while as much as is planned is committed
+    assert ended.committed_spp <= ended.spp * (1 + SPARE) + 2 * found.spec.step
