@@ -9,6 +9,7 @@ second part measures how much deciding by the samples that one keeps biases.
 from __future__ import annotations
 
 import argparse
+import json
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,17 +21,22 @@ from bench.allocating.recordings import SCENES, add_options, recorded
 from bench.allocating.truth import Truth
 from bench.allocating.ways import Cycles, Frames, Naive, Neyman, Zones
 from bench.support import markdown
+from bench.support.farms.plateau_render import render
 from bench.support.report import Figure, last_figures, last_report, write_report
-from plateau.metric import View, Visible
+from plateau import scenes
+from plateau.farm.images.exr import decode_layers
+from plateau.metric import View, Visible, VisibleDifferences
 from plateau.metric.compiled import CompiledVisibleDifferences
 from plateau.metric.estimate import allowed_pixels
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+    from pathlib import Path
 
     from numpy.typing import NDArray
 
     from bench.allocating.ways import Way
+    from bench.experiment.cases import Case
 
 TARGET = 0.0002
 FRAMES, ORACLE = "whole frames", "oracle, {} px"
@@ -57,6 +63,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     add_options(parser)
     parser.add_argument("--renders", type=int, default=64, help="of fireflies (64)")
+    parser.add_argument(
+        "--live",
+        action="store_true",
+        help="render a job by zones of 16 px instead of replaying any: for scenes of which zones "
+        "need more samples than can be recorded",
+    )
     asked = parser.parse_args()
     kept = last_figures("allocation")
     settings = last_report("allocation")["settings"].get("scenes", {})
@@ -64,8 +76,16 @@ def main() -> None:
         recording = recorded(SCENES[name], asked.pixels, asked.spp, asked.slice_spp, asked.data)
         scene = f"{name}, {asked.pixels} px"
         settings[scene] = {"spp": asked.spp, "slice_spp": asked.slice_spp, "runs": asked.runs}
+        if asked.live:
+            settings[scene] |= {"runs": 1, "live": True}
         kept = [one for one in kept if not one.name.startswith(f"{scene}: ")]
-        for way, row in measured(recording, asked.slice_spp, asked.runs).items():
+        truth = Truth(CompiledVisibleDifferences(View()), recording, asked.slice_spp)
+        if asked.live:
+            out = asked.data / f"{SCENES[name].slug}-{asked.pixels}-live"
+            rows = live(SCENES[name], truth, asked.pixels, out)
+        else:
+            rows = measured(recording, truth, asked.slice_spp, asked.runs)
+        for way, row in rows.items():
             for what, value in row.items():
                 kept.append(Figure(name=f"{scene}: {way}: {what}", value=value, unit=unit_of(what)))
     kept = [one for one in kept if not one.name.startswith("bias: ")]
@@ -77,11 +97,10 @@ def main() -> None:
 
 
 def measured(
-    recording: NDArray[np.float32], slice_spp: int, runs: int
+    recording: NDArray[np.float32], truth: Truth, slice_spp: int, runs: int
 ) -> dict[str, dict[str, float]]:
     """Return what each way spent and left, as means over the runs; nothing if one did not end."""
-    metric = CompiledVisibleDifferences(View())
-    truth = Truth(metric, recording, slice_spp)
+    metric = truth.metric
     allowed = allowed_pixels(TARGET, recording.shape[1] * recording.shape[2])
     rows: dict[str, list[dict[str, float]]] = {}
     for run in range(runs):
@@ -100,10 +119,40 @@ def measured(
         for name, some in rows.items()
         if len(some) == runs
     }
-    return found | {ORACLE.format(size): {_SAME: truth.oracle(allowed, size)} for size in (16, 32)}
+    return found | oracles(truth, allowed)
 
 
-def ended(film: Film, way: Way, metric: CompiledVisibleDifferences) -> float | None:
+def live(case: Case, truth: Truth, pixels: int, out: Path) -> dict[str, dict[str, float]]:
+    """Return what a real job by zones spent and left, and what whole frames need for the same.
+
+    The job's results are in the folder `out`; it is rendered if there is none.
+    """
+    if not out.exists():
+        film = {"width": pixels, "height": pixels, "intensity": f"{case.intensity:g}"}
+        options = {"--allocation": "zones", "--max-spp": 50_000}
+        render(scenes.FOLDER / case.family, out, parameters=film, options=options)
+    spp = decode_layers((out / "image.exr").read_bytes())["spp"]
+    job = json.loads((out / "summary.json").read_text())
+    allowed = allowed_pixels(TARGET, spp.size)
+    zones = {
+        _SPP: float(spp.mean()),
+        _EST: job["estimate_pixels"],
+        _TRUTH: float(truth.visible(spp).sum()),
+        _SAME: truth.spp_at(allowed, spp),
+    }
+    return {
+        FRAMES: {_SAME: truth.spp_at(allowed, float(spp.mean()))},
+        "zones, 16 px": zones,
+        **oracles(truth, allowed),
+    }
+
+
+def oracles(truth: Truth, allowed: float) -> dict[str, dict[str, float]]:
+    """Return what zones of two sizes need if their noise is known."""
+    return {ORACLE.format(size): {_SAME: truth.oracle(allowed, size)} for size in (16, 32)}
+
+
+def ended(film: Film, way: Way, metric: VisibleDifferences) -> float | None:
     """Render a job to its end; return its estimate, None if the recording was too short."""
     rule = Visible(target=TARGET)
     everywhere = np.ones(film.spp.shape, np.bool_)
@@ -139,10 +188,11 @@ def tables(report: dict[str, Any]) -> dict[str, str]:
         same = "–" if one[1] is None or first[1] is None else f"{first[1] / one[1]:.2f}"
         if way.startswith("oracle"):
             return f"same truth {same}"
-        if one[0] is None or first[0] is None:
+        if one[0] is None:
             return "not ended"
+        stop = "–" if first[0] is None else f"{first[0] / one[0]:.2f}"
         ratio = "–" if not one[3] else f"{one[2] / one[3]:.2f}"
-        return f"{first[0] / one[0]:.2f}, {same}, {ratio}"
+        return f"{stop}, {same}, {ratio}"
 
     spent = markdown.table(
         ["way", *found],

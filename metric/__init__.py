@@ -17,6 +17,7 @@ if TYPE_CHECKING:
         estimate_from,
         half_buffer_estimate,
     )
+    from plateau.metric.focus import focus_plane
     from plateau.metric.forecasts import Forecast, forecast
     from plateau.metric.noise_model import Half, NoiseModel
     from plateau.metric.non_finite import NonFinite, allowed_non_finite, non_finite_pixels
@@ -77,6 +78,7 @@ __all__ = [
     "difference_map",
     "encode_srgb",
     "estimate_from",
+    "focus_plane",
     "forecast",
     "half_buffer_estimate",
     "noise_map",
@@ -94,6 +96,7 @@ _HOMES: Final = {
     "blend": ("Blend", "BlendError", "Denoise", "blended"),
     "display": ("Image", "Mask", "Primaries", "View", "encode_srgb"),
     "estimate": ("Estimate", "allowed_pixels", "estimate_from", "half_buffer_estimate"),
+    "focus": ("focus_plane",),
     "forecasts": ("Forecast", "forecast"),
     "noise_model": ("Half", "NoiseModel"),
     "non_finite": ("NonFinite", "allowed_non_finite", "non_finite_pixels"),

@@ -8,13 +8,13 @@ the visible pixels of a zone fall.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from plateau.metric.estimate import allowed_pixels, require_target
-from plateau.metric.zone_noise import GROWTH, zone_curves
+from plateau.metric.zone_noise import GROWTH, zone_curves, zone_sums
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -116,7 +116,12 @@ def plan_round(
     curves = zone_curves(metric, model, clean, estimate, size)
     total = float((planned * curves.pixels).sum())
     least = max(LEAST_ROUND * total, float(curves.pixels.sum()))
-    needed = _needed(curves, spp, planned, allowed_pixels(target, model.pixels), total + least)
+    if model.focus is not None:
+        finite = np.where(model.non_finite, np.float32(0), model.focus)
+        weight = zone_sums(finite, size) / np.maximum(curves.pixels, 1)
+        curves = replace(curves, visible=curves.visible * weight[..., np.newaxis])
+    allowed = allowed_pixels(target, model.pixels, model.heaviest)
+    needed = _needed(curves, spp, planned, allowed, total + least)
     zones, more = _round(needed, planned, curves.pixels, least)
     return Allocation(zones, math.ceil(more), needed)
 

@@ -36,8 +36,8 @@ DETERMINED = 2.0
 class Estimate:
     """The visible difference of an image from the converged one, as estimated."""
 
-    #: Visible pixels, 0 or more; a mean of two counts. This and the fields below leave out pixels
-    #: that are NaN or infinite, which no sample repairs.
+    #: Visible pixels, 0 or more; a mean of two counts, by weight where there is a focus. This and
+    #: the fields below leave out pixels that are NaN or infinite, which no sample repairs.
     pixels: float
     #: `pixels` over the number of pixels, in [0, 1].
     fraction: float
@@ -121,13 +121,13 @@ def estimate_from(metric: VisibleDifferences, model: NoiseModel, clean: Percept)
     differences = [
         metric.compare(clean, metric.percept(model.noisy(amount))) for amount in (1.0, -1.0)
     ]
-    pixels = sum(difference.finite_count for difference in differences) / 2
+    pixels = sum(map(model.count, differences)) / 2
     visible = np.add(*(difference.visible for difference in differences), dtype=np.float32)
     visible *= np.float32(0.5)
     non_finite = differences[0].non_finite
     if non_finite:
         visible[model.non_finite] = 0
-    low, high = _band(pixels, visible > 0)
+    low, high = _band(pixels, clump_in(model, visible > 0))
     return Estimate(
         pixels,
         pixels / visible.size,
@@ -138,18 +138,18 @@ def estimate_from(metric: VisibleDifferences, model: NoiseModel, clean: Percept)
     )
 
 
-def allowed_pixels(target: float, pixels: int) -> float:
+def allowed_pixels(target: float, pixels: int, heaviest: float = 1.0) -> float:
     """Return how many pixels a target fraction allows.
 
-    It is at least 1, so that a single pixel, such as a firefly, cannot keep a whole image from
-    converging.
+    It is at least one pixel, the `heaviest` where they have weights, so that a single one, such as
+    a firefly, cannot keep a whole image from converging.
 
     Examples
     --------
     >>> allowed_pixels(0.001, 65_536), allowed_pixels(0.001, 64)
     (65.536, 1.0)
     """
-    return max(1.0, target * pixels)
+    return max(heaviest, target * pixels)
 
 
 def require_target(target: float) -> None:
@@ -180,10 +180,19 @@ def mean_clump(visible: Mask) -> float:
     return min(max(pixels / clumps, 1.0), LARGEST_CLUMP)
 
 
-def _band(pixels: float, visible: Mask) -> tuple[float, float]:
+def clump_in(model: NoiseModel, visible: Mask) -> float:
+    """Return what a clump of visible pixels counts: the mean by weight, where there is a focus."""
+    clump = mean_clump(visible)
+    if model.focus is None or not visible.any():
+        return clump
+    weights = model.focus[visible].astype(np.float64)
+    total = float(weights.sum())
+    return clump * float(np.square(weights).sum()) / total if total else clump
+
+
+def _band(pixels: float, clump: float) -> tuple[float, float]:
     """Return the least and the greatest likely count of the truth, given the estimate."""
     # The square root of a Poisson count has deviation ½. Estimate and truth both vary, by clumps.
-    clump = mean_clump(visible)
     spread = BAND_DEVIATIONS * math.sqrt(2 * clump) / 2
     low = max(math.sqrt(pixels) - spread, 0.0) ** 2
     high = (math.sqrt(pixels + 0.375 * clump) + spread) ** 2

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING
 from plateau.metric.estimate import (
     BAND_DEVIATIONS,
     allowed_pixels,
+    clump_in,
     estimate_from,
-    mean_clump,
     require_target,
 )
 from plateau.metric.noise_model import noise_model
@@ -152,20 +152,20 @@ def forecast_from(
     `spp` is that of the merged image.
     """
     require_target(target)
-    allowed = allowed_pixels(target, model.pixels)
+    allowed = allowed_pixels(target, model.pixels, model.heaviest)
     if estimate.pixels <= allowed:
         return Forecast(spp, spp, spp)
 
     search = _Search(above=(0.0, _over(estimate.pixels, allowed)))
-    clump = mean_clump(estimate.visible > 0)
+    clump = clump_in(model, estimate.visible > 0)
     furthest = math.log(FURTHEST)
     place = math.log(guess / spp) if guess is not None and guess > spp else search.crossing
     for _ in range(MOST_LOOKS):
         place = min(place, furthest)
         difference = metric.compare(clean, metric.percept(model.noisy(math.exp(-place / 2))))
-        excess = _over(difference.finite_count, allowed)
+        excess = _over(model.count(difference), allowed)
         if excess > 0:
-            clump = mean_clump(difference.visible)
+            clump = clump_in(model, difference.visible)
             if place == furthest:
                 return Forecast(None, None, None)
         search.add((place, excess))

@@ -15,11 +15,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from plateau.metric.display import Image, Mask, as_image, finite_pixels
+from plateau.metric.display import Image, Mask, Plane, as_image, finite_pixels
 
 if TYPE_CHECKING:
     from plateau.metric.display import View
-    from plateau.metric.vdp import VisibleDifferences
+    from plateau.metric.vdp import Difference, VisibleDifferences
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,11 +46,24 @@ class NoiseModel:
     noise: Image
     #: Pixels of the merged image that are NaN or infinite, (H, W).
     non_finite: Mask = field(repr=False)
+    #: What a visible pixel counts, (H, W) with a mean of 1; None if each counts one.
+    focus: Plane | None = field(default=None, repr=False)
+
+    def count(self, difference: Difference) -> float:
+        """Return the number of visible pixels that are finite, by their weights in the focus."""
+        if self.focus is None:
+            return difference.finite_count
+        return float(self.focus[difference.visible & ~self.non_finite].sum(dtype=np.float64))
 
     @property
     def pixels(self) -> int:
         """The number of pixels."""
         return self.non_finite.size
+
+    @property
+    def heaviest(self) -> float:
+        """The most that one visible pixel counts."""
+        return 1.0 if self.focus is None else float(self.focus.max())
 
     def noisy(self, amount: float) -> Image:
         """Return the clean image plus `amount` times the noise: ±1 is the present noise.

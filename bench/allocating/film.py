@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from plateau.metric import Estimate, Mask, Percept, VisibleDifferences
+    from plateau.metric.display import Plane
     from plateau.metric.noise_model import NoiseModel
 
 #: Slices of a round: the image is judged by the even and the odd ones, and an allocation may be
@@ -30,6 +31,8 @@ class Film:
     recording: NDArray[np.float32]  #: (slices, H, W, 3)
     slice_spp: int
     order: NDArray[np.intp]  #: of the slices
+    #: What each pixel counts, as in `Evidence`.
+    focus: Plane | None = None
     exhausted: bool = field(default=False, init=False)
 
     def __post_init__(self) -> None:
@@ -83,13 +86,13 @@ class Film:
         spp = int(self.mean_spp) // 2 * 2
         image = ((even + odd) / 2).astype(np.float32)
         first, second = (Half(one.astype(np.float32), spp // 2) for one in (even, odd))
-        return Evidence(spp, image, (first, second), metric)
+        return Evidence(spp, image, (first, second), metric, focus=self.focus)
 
 
 def modelled(seen: Evidence) -> tuple[NoiseModel, Percept, Estimate]:
     """Return the noise model of an image, the percept of its clean image, and the estimate."""
     assert seen.halves is not None
-    model = noise_model(seen.metric, seen.image, seen.halves)
+    model = replace(noise_model(seen.metric, seen.image, seen.halves), focus=seen.focus)
     clean = seen.metric.percept(model.clean)
     return model, clean, estimate_from(seen.metric, model, clean)
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from bench.allocating.bias import Bias
-from bench.allocating.film import JUDGING, OTHERS, modelled, spread
+from bench.allocating.film import JUDGING, OTHERS, ROUND, modelled, spread
 from plateau.metric import Evidence, Half, View
 from plateau.metric.allocation import plan_round
 from plateau.metric.compiled import CompiledVisibleDifferences
@@ -40,12 +40,12 @@ def study(report: Callable[[str, Bias], None], renders: int) -> None:
 def _render(chance: float, bright: float, seed: int) -> NDArray[np.float64]:
     """Return the mean of each zone of a film that the allocator ended."""
     rng, metric = np.random.default_rng(seed), CompiledVisibleDifferences(View())
-    sums = np.zeros((4, SIDE, SIDE))
+    sums = np.zeros((ROUND, SIDE, SIDE))
     spp = np.zeros((SIDE // ZONE, SIDE // ZONE), np.int64)
     flying = np.zeros_like(spp) + PILOT
     allowed = allowed_pixels(TARGET, SIDE**2)
     while True:
-        each = spread(flying, ZONE, sums[0]) // 4
+        each = spread(flying, ZONE, sums[0]) // ROUND
         sums += GREY * each + bright * rng.binomial(each, chance, sums.shape)
         spp += flying
         seen = _evidence(sums, spp, metric, JUDGING)
@@ -62,7 +62,7 @@ def _render(chance: float, bright: float, seed: int) -> NDArray[np.float64]:
             planned=spp,
             size=ZONE,
         )
-        flying = plan.zones * plan.spp
+        flying = plan.zones * (-(-plan.spp // ROUND) * ROUND)  # the same in each quarter
 
 
 def _evidence(

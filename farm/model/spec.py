@@ -1,7 +1,7 @@
 """What a user asks for: the specification of a job, checked field by field."""
 
 import json
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Final, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
@@ -23,6 +23,7 @@ from plateau.farm.model.rule_specs import (
     VisibleSpec,
 )
 from plateau.farm.model.seeds import SeedSchedule
+from plateau.farm.model.view import ViewSpec
 from plateau.farm.model.webhook_spec import WebhookSpec
 from plateau.rules import MOST_SPP, SlopeLimit
 
@@ -60,8 +61,6 @@ Variant = Annotated[renderers.AnyVariant, _FROM_FULL_NAME]
 #: The longest time limit: a year.
 MOST_S: Final = 366 * 86_400
 
-Radiance = Annotated[float, Field(ge=0, le=1e6)]
-
 
 def _each_once(names: tuple[AovName, ...]) -> tuple[AovName, ...]:
     if len(set(names)) < len(names):
@@ -75,35 +74,6 @@ Aovs = Annotated[tuple[AovName, ...], AfterValidator(_each_once)]
 Spp = Annotated[int, Field(ge=1, le=MOST_SPP)]
 #: A list of parameters makes at most so many jobs.
 MAX_ENTRIES: Final = 1000
-
-
-class ViewSpec(Strict):
-    """The display and the distance at which the image is judged."""
-
-    exposure_ev: float = Field(
-        default=0.0, ge=-100, le=100, description="exposure in EV (powers of two)"
-    )
-    white_luminance: float = Field(
-        default=100.0, ge=0.01, le=20_000, description="display white in cd/m²"
-    )
-    field_of_view_deg: float = Field(
-        default=45.0,
-        ge=0.0001,
-        le=179.9,
-        description="angle under which the image's width is seen, in degrees",
-    )
-    primaries: Literal["rec709", "adobe1998"] = Field(
-        default="rec709", description="the display's RGB primaries"
-    )
-    background: tuple[Radiance, Radiance, Radiance] = Field(
-        default=(0.0, 0.0, 0.0),
-        description="linear R, G and B behind an image with alpha, where it is judged and in PNG "
-        "files; without alpha it changes nothing, nor does it change image.exr",
-    )
-
-    def of_display(self) -> dict[str, Any]:
-        """What `plateau.metric.View` takes: all but the background."""
-        return self.model_dump(exclude={"background"})
 
 
 class SharedSpec(Strict):
@@ -201,6 +171,11 @@ class SharedSpec(Strict):
             )
         if self.by_zones:
             self._check_zones()
+        if self.view.focus is not None and self.noise_target is None and not self.by_zones:
+            raise ValueError(
+                "a focus weighs the noise that is left, for which no rule of the job waits: choose "
+                "the rule visible, or watch it"
+            )
         names = [rule.name for rule in (self.rule, *self.watch)]
         if len(set(names)) < len(names):
             raise ValueError("each rule may be named once, as the rule or under watch")

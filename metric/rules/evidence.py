@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from plateau.metric.allocation import Allocation, plan_round
 from plateau.metric.display import as_image, finite_pixels
-from plateau.metric.estimate import Estimate, estimate_from
+from plateau.metric.estimate import Estimate, allowed_pixels, estimate_from
 from plateau.metric.forecasts import Forecast, forecast_from
 from plateau.metric.noise_model import Half, NoiseModel, noise_model
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from plateau.metric.blend import BlendError
-    from plateau.metric.display import Image, Mask
+    from plateau.metric.display import Image, Mask, Plane
     from plateau.metric.vdp import Percept, VisibleDifferences
 
 
@@ -41,6 +41,8 @@ class Evidence:
     metric: VisibleDifferences
     #: The error of a denoised image, which is not that of its halves.
     error: BlendError | None = None
+    #: What each pixel counts in the estimate, (H, W) with a mean of 1; None if all count one.
+    focus: Plane | None = None
 
     def __post_init__(self) -> None:
         if self.spp < 1:
@@ -75,7 +77,10 @@ class Evidence:
             model = noise_model(self.metric, self.image, self.halves)
         else:
             return None
-        return model, self.metric.percept(model.clean)
+        return self._focused(model), self.metric.percept(model.clean)
+
+    def _focused(self, model: NoiseModel) -> NoiseModel:
+        return model if self.focus is None else replace(model, focus=self.focus)
 
     @cached_property
     def estimate(self) -> Estimate | None:
@@ -89,12 +94,17 @@ class Evidence:
         if self.error is None:
             return estimate
         _, clean = self._model
-        greatest = estimate_from(self.metric, self.error.greatest, clean)
+        greatest = estimate_from(self.metric, self._focused(self.error.greatest), clean)
         return replace(
             estimate,
             high_pixels=max(estimate.high_pixels, greatest.pixels),
             greatest_pixels=greatest.pixels,
         )
+
+    def allowed_pixels(self, target: float) -> float:
+        """Return how many visible pixels a target fraction allows, counted as the estimate is."""
+        heaviest = 1.0 if self.focus is None else float(self.focus.max())
+        return allowed_pixels(target, self.pixels, heaviest)
 
     @cached_property
     def kept_image(self) -> Image:

@@ -90,10 +90,8 @@ class Visible(Rule):
 
     def judge(self, evidence: Evidence) -> Verdict:
         """Return whether the target is reached; the value is the estimate's fraction."""
-        from plateau.metric.estimate import allowed_pixels
-
         require_later(evidence.spp, self._newest_spp)
-        estimate, allowed = evidence.estimate, allowed_pixels(self.target, evidence.pixels)
+        estimate, allowed = evidence.estimate, evidence.allowed_pixels(self.target)
         pixels = None if estimate is None else estimate.pixels
         if pixels is not None:
             self._points = _recent([*self._points, (evidence.spp, pixels)])
@@ -156,6 +154,8 @@ class Visible(Rule):
         else:
             words = f"by estimate no pixel of {evidence.pixels:,} still differs visibly "
         words += "from the converged image"
+        if evidence.focus is not None:
+            words += ", weighted by the focus"
         dark = None if pixels > 0 else darkness(evidence)
         words += ("" if dark is None else f", since {dark}") + left_out(estimate.non_finite)
 

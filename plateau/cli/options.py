@@ -189,6 +189,17 @@ def spec_from_options(
             show_default="0,0,0",
         ),
     ] = None,
+    focus: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            exists=True,
+            dir_okay=False,
+            help="PNG or EXR of where people look, stretched over the image: more noise may be "
+            "left where it is dark.",
+            show_default="all over",
+        ),
+    ] = None,
     priority: Annotated[
         int | None,
         typer.Option(help="Jobs of higher priority are rendered first.", show_default="0"),

@@ -1,6 +1,7 @@
 """The fields of a spec, from options; a wrong one raises `typer.BadParameter` with its name."""
 
 from contextlib import suppress
+from pathlib import Path
 from typing import Any, Final
 
 import typer
@@ -25,6 +26,7 @@ def spec_fields(
     exr_precision: str | None = None,
     exr_compression: str | None = None,
     background: str | None = None,
+    focus: Path | None = None,
     **named_alike: object,
 ) -> dict[str, Any]:
     """The fields of a spec that were given; the options are in `plateau.cli.options`."""
@@ -34,6 +36,7 @@ def spec_fields(
         field_of_view_deg=field_of_view,
         primaries=primaries,
         background=_colour(background) if background else None,
+        focus=_focus(focus) if focus else None,
     )
     exr = _given(precision=exr_precision, compression=exr_compression)
     return _given(
@@ -84,6 +87,12 @@ def _colour(text: str) -> list[float]:
     except ValueError:
         raise typer.BadParameter(f"--background takes R,G,B, not {text!r}") from None
     return [red, green, blue]
+
+
+def _focus(path: Path) -> list[list[float]]:
+    from plateau.files.focus_map import focus_of
+
+    return focus_of(path)
 
 
 def _named(text: str, what: str) -> dict[str, str | int | float]:

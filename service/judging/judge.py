@@ -20,8 +20,8 @@ from plateau.metric import (
     Rule,
     Verdict,
     View,
-    allowed_pixels,
     create_rule,
+    focus_plane,
     zone_fractions,
 )
 from plateau.metric.compiled import CompiledVisibleDifferences
@@ -84,6 +84,7 @@ class Judge:
         # Of the last evaluation, each with its spp
         self._curve_map: tuple[int, NDArray[np.bool_]] | None = None
         self._noise_map: tuple[int, NDArray[np.float32] | None] | None = None
+        self._focus = spec.view.focus
         self._target = spec.noise_target or create_rule(DEFAULT).noise_target
         for name in REMEMBERED_ANYWAY:
             if name not in self._rules:
@@ -129,7 +130,7 @@ class Judge:
             **_least_and_most(merge.spp_range),
             **curve,
             **_estimate(estimate),
-            **({} if denoised is None or flaw else self._denoising(estimate, raw.estimate)),
+            **({} if denoised is None or flaw else self._denoising(evidence, raw.estimate)),
             **_forecast(forecast),
             "zones": self._zone_fractions(visible, estimate),
             "rules": {
@@ -143,19 +144,22 @@ class Judge:
         return Judgement(point, verdict, expected, flaw, decided)
 
     def _evidence(self, merge: Merge) -> Evidence:
-        halves = merge.halves()
+        halves, image = merge.halves(), merge.image()
+        focus = None if self._focus is None else focus_plane(self._focus, *image.shape[:2])
         return Evidence(
             spp=merge.spp,
-            image=merge.image(),
+            image=image,
             halves=None if halves is None else _as_halves(*halves),
             metric=self._metric,
+            focus=focus,
         )
 
-    def _denoising(self, estimate: Estimate | None, raw: Estimate | None) -> dict[str, object]:
+    def _denoising(self, evidence: Evidence, raw: Estimate | None) -> dict[str, object]:
         """Return what a point of a denoised image has beside the estimate."""
+        estimate = evidence.estimate
         if estimate is None or raw is None:
             return {}
-        allowed = allowed_pixels(self._target, estimate.visible.size) if self._target else 0.0
+        allowed = evidence.allowed_pixels(self._target) if self._target else 0.0
         return {
             "estimate_undetermined": not estimate.is_determined(allowed),
             "raw_estimate_pixels": raw.pixels,

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from bench import allocation, selective
-from bench.allocating import bias
+from bench.allocating import bias, fireflies
 from bench.allocating.film import JUDGING, OTHERS, Film
 from bench.allocating.truth import Truth, crossing
 from plateau.metric import View
@@ -56,7 +56,8 @@ def test_the_truth_falls_and_is_found_again(recording):
 
 
 def test_zones_end_sooner_than_frames(recording):
-    found = allocation.measured(recording, SPP, runs=1)
+    truth = Truth(CompiledVisibleDifferences(View()), recording, SPP)
+    found = allocation.measured(recording, truth, SPP, runs=1)
     frames, zones = found[allocation.FRAMES], found["zones, 16 px"]
     assert zones["spp"] < 0.8 * frames["spp"]
     assert found["oracle, 16 px"]["spp at the target's truth"] < frames["spp"]
@@ -67,6 +68,12 @@ def test_who_decides_alone_is_biased():
     together = bias.bias(0.02, 10.0, 256, 500, own=True, seed=1)
     assert alone.relative < -0.01
     assert abs(together.relative) < 2 * together.doubt
+
+
+def test_the_allocator_loses_no_light_of_fireflies():
+    found = {}
+    fireflies.study(found.__setitem__, renders=4)
+    assert all(abs(one.relative) < 3 * one.doubt < 0.02 for one in found.values())
 
 
 def test_a_crossing_is_found():

@@ -7,6 +7,8 @@ import pytest
 from bench import (
     allocation,
     api,
+    attention,
+    bias,
     denoising,
     estimate,
     farm,
@@ -38,6 +40,8 @@ def tables() -> dict[str, str]:
         "rules": stopping.table(figures("stopping")),
         "vdp": vdp.table(figures("vdp")),
         **allocation.tables(figures("allocation")),
+        **attention.tables(figures("attention")),
+        **bias.tables(figures("bias")),
         **api.tables(figures("api")),
         **denoising.tables(figures("denoising")),
         **farm.tables(figures("farm")),

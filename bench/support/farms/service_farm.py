@@ -38,13 +38,13 @@ _HANDS = 16
 
 
 class ServiceFarm:
-    """`plateau up` with one worker, in a folder of its own, while the context lasts.
+    """`plateau up` in a folder of its own, while the context lasts.
 
     It starts with this many finished `jobs`, of which one in `RARE` has failed and the others are
-    cancelled. `threads` are those of the render child.
+    cancelled. `threads` are those of the render child of each worker.
     """
 
-    def __init__(self, folder: Path, *, jobs: int, threads: int) -> None:
+    def __init__(self, folder: Path, *, jobs: int, threads: int, workers: int = 1) -> None:
         _fill(folder, jobs)
         environment = {
             **os.environ,
@@ -54,7 +54,7 @@ class ServiceFarm:
         for name in ("PLATEAU_REDIS_URL", "PLATEAU_BLOBS"):
             environment.pop(name, None)
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "plateau", "up", "--port", "0"],
+            [sys.executable, "-m", "plateau", "up", "--port", "0", "--workers", str(workers)],
             cwd=ROOT,
             env=environment,
             stdin=subprocess.DEVNULL,

@@ -36,6 +36,7 @@ export function asked({ spec, width, height }, { withParameters }) {
     spec.sensor && `sensor ${spec.sensor}`,
     spec.rule.name !== "visible" && `rule ${spec.rule.name}`,
     spec.allocation.name === "zones" && "by zones",
+    spec.view.focus && "by a focus",
     spec.denoise.name !== "none" && "denoised",
   ].filter(Boolean);
 }

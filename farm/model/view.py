@@ -1,0 +1,64 @@
+"""How a job's image is looked at: a part of its spec."""
+
+from typing import Annotated, Any, Final, Literal
+
+from pydantic import AfterValidator, Field
+
+from plateau.farm.model.rule_model import Strict
+
+#: The most rows and columns of a focus: some degrees each, as fine as an eye's own.
+MOST_FOCUS: Final = 32
+
+_Radiance = Annotated[float, Field(ge=0, le=1e6)]
+_Weights = Annotated[
+    tuple[Annotated[float, Field(ge=0, le=1e6)], ...], Field(min_length=1, max_length=MOST_FOCUS)
+]
+
+
+def _is_a_focus(rows: tuple[tuple[float, ...], ...]) -> tuple[tuple[float, ...], ...]:
+    if len({len(row) for row in rows}) > 1:
+        raise ValueError("all rows of a focus have the same number of weights")
+    if not any(weight for row in rows for weight in row):
+        raise ValueError("a weight of the focus has to be above 0: nobody would look anywhere")
+    return rows
+
+
+Focus = Annotated[
+    tuple[_Weights, ...],
+    Field(min_length=1, max_length=MOST_FOCUS),
+    AfterValidator(_is_a_focus),
+]
+
+
+class ViewSpec(Strict):
+    """The display and the distance at which the image is judged."""
+
+    exposure_ev: float = Field(
+        default=0.0, ge=-100, le=100, description="exposure in EV (powers of two)"
+    )
+    white_luminance: float = Field(
+        default=100.0, ge=0.01, le=20_000, description="display white in cd/m²"
+    )
+    field_of_view_deg: float = Field(
+        default=45.0,
+        ge=0.0001,
+        le=179.9,
+        description="angle under which the image's width is seen, in degrees",
+    )
+    primaries: Literal["rec709", "adobe1998"] = Field(
+        default="rec709", description="the display's RGB primaries"
+    )
+    background: tuple[_Radiance, _Radiance, _Radiance] = Field(
+        default=(0.0, 0.0, 0.0),
+        description="linear R, G and B behind an image with alpha, where it is judged and in PNG "
+        "files; without alpha it changes nothing, nor does it change image.exr",
+    )
+    focus: Focus | None = Field(
+        default=None,
+        description="where people look: rows of weights, stretched over the image; a visible pixel "
+        "counts by its weight in the noise that is left, so that more may be left where it is low",
+    )
+
+    def of_display(self) -> dict[str, Any]:
+        """What `plateau.metric.View` takes: the display and the distance."""
+        return self.model_dump(exclude={"background", "focus"})
