@@ -80,6 +80,7 @@ def test_a_viewer_is_offered_what_it_may(visit: Visit, farm: NoiseFarm, keys: Ap
     page.get_by_role("link", name="Jobs").click()
     page.get_by_role("button", name="Actions for box").click()
     expect(page.get_by_text("It is nobody's, and your key may not change it.")).to_be_visible()
+    expect(page.get_by_role("checkbox")).to_have_count(0)  # to select jobs by
     page.goto(f"/jobs/{job.id}")
     expect(page.get_by_role("heading", name="box")).to_be_visible()
     expect(page.get_by_role("button", name="Cancel")).to_have_count(0)

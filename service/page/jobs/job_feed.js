@@ -58,8 +58,8 @@ export class JobFeed {
   }
 
   /** Adds a page of older jobs. */
-  async older() {
-    const { jobs, next_cursor: next } = await this.#page({ limit: PAGE, cursor: this.next });
+  async older(limit = PAGE) {
+    const { jobs, next_cursor: next } = await this.#page({ limit, cursor: this.next });
     const known = new Set(this.jobs.map(({ id }) => id));
     this.jobs = [...this.jobs, ...jobs.filter(({ id }) => !known.has(id))];
     this.next = next;

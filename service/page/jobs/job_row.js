@@ -3,18 +3,21 @@
 import { get, isProblem } from "../shared/api.js";
 import { h, setAttribute, setText } from "../shared/dom.js";
 import { ago, percent, several, share, whole } from "../shared/figures.js";
+import { mayControl } from "../shared/job_controls.js";
 import { JobId } from "../shared/job_id.js";
 import { asked, ENDED, inWords, savings, timeLeft, title, took } from "../shared/job_summary.js";
 import { Picture } from "../shared/picture.js";
 import { jobMenu } from "./menus.js";
 import { Sparkline } from "./sparkline.js";
 
+/** @import { Selection } from "./selection.js" */
+
 const PICTURE_EVERY_MS = 4000;
 
 /** @typedef {Api.JobView & { serving?: number, told?: string }} ListedJob
  *   a job with the number of its workers, and its differences from the others of its batch */
 /** @typedef {(element: Element, tell: (seen: boolean) => void) => void} Visible  reports when an element comes into sight */
-/** @typedef {{ signal: AbortSignal, refresh: () => unknown, visible: Visible }} RowContext */
+/** @typedef {{ signal: AbortSignal, refresh: () => unknown, visible: Visible, selection: Selection }} RowContext */
 
 /** How many more rows may start a fetch now. */
 let free = 4;
@@ -35,6 +38,7 @@ async function inTurn(work) {
 
 export class JobRow {
   #signal;
+  #selection;
   #seen = false;
   #job;
   #shownPoints = -1;
@@ -43,6 +47,9 @@ export class JobRow {
   #image = h("img", { alt: "", width: 96, height: 72, hidden: true });
   #picture = new Picture(this.#image);
   #spark = new Sparkline();
+  #pick = h("input", { type: "checkbox", class: "pick", onclick: (event) => {
+    this.#selection.toggle(this.#job.id, { checked: this.#pick.checked, range: event.shiftKey });
+  } });
   #name = h("a", { class: "name" });
   #state = h("span", { class: "state" });
   #id = new JobId();
@@ -61,12 +68,13 @@ export class JobRow {
    * @param {ListedJob} job
    * @param {RowContext} context
    */
-  constructor(job, { signal, refresh, visible }) {
+  constructor(job, { signal, refresh, visible, selection }) {
     this.#job = job;
     this.#signal = signal;
+    this.#selection = selection;
     this.#menu = jobMenu(() => this.#job, refresh);
     this.element = h("li", { class: "job" },
-      h("div", { class: "thumb" }, this.#image),
+      h("div", { class: "thumb" }, this.#image, this.#pick),
       h("div", { class: "what" },
         h("p", { class: "title" }, this.#name, this.#state, this.#id.element, this.#owner),
         this.#asked, this.#why),
@@ -91,6 +99,9 @@ export class JobRow {
     const name = nameOf(job);
     setText(this.#name, name);
     this.#menu.name(`Actions for ${name}`);
+    setAttribute(this.#pick, "aria-label", `Select ${name}`);
+    setAttribute(this.#pick, "hidden", mayControl(job) ? null : "");
+    this.#pick.checked = this.#selection.has(job.id);
     setText(this.#state, inWords(state));
     setAttribute(this.#state, "data-state", state);
     setText(this.#owner, job.owner_name ? `by ${job.owner_name}` : "");

@@ -9,9 +9,14 @@ import { meetRules } from "../shared/rules.js";
 import { BatchGroup } from "./batch_group.js";
 import { JobFeed } from "./job_feed.js";
 import { JobRow } from "./job_row.js";
+import { found, ORDERS } from "./narrowing.js";
+import { Selection } from "./selection.js";
 
 const BUSY_MS = 2000;
 const CALM_MS = 3000;
+/** So many jobs are searched or sorted without a click on the button for older ones. */
+const REACH = 1000;
+const REACH_PAGE = 200;
 /** @type {Api.JobState[]} */
 const STATES = ["rendering", "queued", "paused", "converged", "exhausted", "cancelled", "failed"];
 
@@ -26,21 +31,31 @@ export function open(main, { signal, go }) {
   const feed = new JobFeed(asked, signal);
   /** @type {Api.Worker[]} */
   let workers = [];
+  let loaded = false;
+  let reaching = false;
 
   const summary = h("p", { class: "summary", "aria-live": "polite" });
   const states = filter("State", "state", "any state", inWords);
   states.offer(STATES);
   const batches = filter("Batch", "batch", "any batch");
+  const search = h("input", { type: "search", "aria-label": "Search the jobs", placeholder: "Search",
+    value: asked.get("search"), oninput: () => { narrow("search", search.value.trim()); } });
+  const order = h("select", { "aria-label": "Order", onchange: () => { narrow("sort", order.value); } },
+    h("option", { value: "" }, "newest first"),
+    [...ORDERS].map(([value, { words }]) => h("option", { value }, words)));
+  const sort = asked.get("sort") ?? "";
+  order.value = ORDERS.has(sort) ? sort : "";
+  const selection = new Selection(show, refresh);
   const list = h("ul", { class: "jobs", "aria-label": "Jobs" });
   const more = h("button", { class: "more", hidden: true, onclick: () => older().catch(() => {}) }, "Older jobs");
   const nothing = h("div", { class: "nothing", hidden: true });
   main.append(
     h("div", { class: "head" },
       h("div", {}, h("h1", {}, "Jobs"), summary),
-      h("div", { class: "filters" }, states.label, batches.label)),
-    list, nothing, more);
+      h("div", { class: "filters" }, search, states.label, batches.label, order)),
+    list, nothing, more, selection.element);
 
-  const context = { signal, refresh, visible };
+  const context = { signal, refresh, visible, selection };
   const rows = new KeyedList(list, (/** @type {ListedJob | Group} */ item) =>
     /** @type {{ element: Element, update(item: ListedJob | Group): void }} */
     ("batch" in item ? new BatchGroup(item, context) : new JobRow(item, context)));
@@ -70,9 +85,7 @@ export function open(main, { signal, go }) {
   function filter(name, field, any, words = String) {
     const select = h("select", {}, h("option", { value: "" }, any));
     select.addEventListener("change", () => {
-      if (select.value) asked.set(field, select.value);
-      else asked.delete(field);
-      go(`/${asked.size ? `?${asked}` : ""}`);
+      go(addressWith(field, select.value));
     });
     const label = h("label", {}, h("span", {}, name), select);
     const wanted = asked.get(field) ?? "";
@@ -86,10 +99,52 @@ export function open(main, { signal, go }) {
     return { label, offer };
   }
 
+  /**
+   * The address of this list with a field of its own.
+   * @param {string} field
+   * @param {string} value
+   */
+  function addressWith(field, value) {
+    if (value) asked.set(field, value);
+    else asked.delete(field);
+    return `/${asked.size ? `?${asked}` : ""}`;
+  }
+
+  /**
+   * @param {"search" | "sort"} field
+   * @param {string} value
+   */
+  function narrow(field, value) {
+    history.replaceState(null, "", addressWith(field, value));
+    if (!loaded) return;
+    show();
+    reach().catch(() => {});  // the next refresh tries again
+  }
+
+  /** Whether the jobs to search and to sort are still to be fetched. */
+  function reaches() {
+    return Boolean(feed.next) && feed.jobs.length < REACH && (asked.has("search") || asked.has("sort"));
+  }
+
+  async function reach() {
+    if (reaching) return;
+    reaching = true;
+    try {
+      while (reaches()) {
+        await feed.older(REACH_PAGE);
+        show();
+      }
+    } finally {
+      reaching = false;
+    }
+  }
+
   async function refresh() {
     const [, { workers: alive }] = await Promise.all([feed.refresh(), get("/v1/workers", signal), meetRules(signal)]);
     workers = alive;
+    loaded = true;
     show();
+    await reach();
   }
 
   async function older() {
@@ -98,13 +153,22 @@ export function open(main, { signal, go }) {
   }
 
   function show() {
-    const jobs = feed.jobs.map((job) => ({ ...job, serving: workers.filter((worker) => worker.job === job.id).length }));
-    rows.show(grouped(jobs), (item) => ("batch" in item ? `batch ${item.batch}` : item.id));
-    batches.offer([...new Set(jobs.flatMap((job) => job.spec.batch ?? []))]);
-    setText(summary, summed(feed, workers));
-    more.hidden = !feed.next;
-    nothing.hidden = feed.jobs.length > 0;
-    if (!nothing.hidden && !nothing.firstChild) nothing.append(...emptiness(asked.size > 0));
+    const by = ORDERS.get(order.value)?.order;
+    const listed = found(feed.jobs, asked.get("search") ?? "");
+    const jobs = (by ? listed.sort(by) : listed)
+      .map((job) => ({ ...job, serving: workers.filter((worker) => worker.job === job.id).length }));
+    const items = grouped(jobs);
+    selection.show(items.flatMap((item) => ("batch" in item ? item.jobs : item)));
+    rows.show(items, (item) => ("batch" in item ? `batch ${item.batch}` : item.id));
+    batches.offer([...new Set(feed.jobs.flatMap((job) => job.spec.batch ?? []))]);
+    setText(summary, summed(jobs, Boolean(feed.next), workers));
+    more.hidden = !feed.next || reaches();
+    nothing.hidden = jobs.length > 0 || reaches();
+    const filtered = feed.jobs.length > 0 || asked.has("state") || asked.has("batch");
+    if (!nothing.hidden && nothing.dataset.filtered !== String(filtered)) {
+      nothing.dataset.filtered = String(filtered);
+      nothing.replaceChildren(...emptiness(filtered));
+    }
   }
 
   repeat(refresh, () => (feed.jobs.some((job) => !job.finished_at) ? BUSY_MS : CALM_MS), signal);
@@ -134,16 +198,17 @@ function grouped(jobs) {
 }
 
 /**
- * @param {JobFeed} feed
+ * @param {Api.JobView[]} jobs
+ * @param {boolean} more - whether there are older ones
  * @param {Api.Worker[]} workers
  */
-function summed({ jobs, next }, workers) {
+function summed(jobs, more, workers) {
   const counts = STATES.slice(0, 3)
     .map((state) => [state, jobs.filter((job) => job.state === state).length])
     .filter(([, count]) => count)
     .map(([state, count]) => `${count} ${state}`);
   const ended = jobs.filter((job) => ENDED.has(job.state)).length;
-  if (ended) counts.push(`${ended}${next ? " or more" : ""} ended`);
+  if (ended) counts.push(`${ended}${more ? " or more" : ""} ended`);
   const alive = workers.length ? several(workers.length, "worker") : "no worker: nothing is rendered";
   return [counts.join(", "), alive].filter(Boolean).join(" · ");
 }

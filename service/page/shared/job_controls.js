@@ -10,13 +10,34 @@ import { maySteer } from "./permissions.js";
 import { PRIORITY } from "./spec_fields.js";
 
 /**
+ * Whether a job may still be paused, cancelled or given another priority, with this key.
+ * @param {Api.JobView} job
+ */
+export function mayControl(job) {
+  return !ENDED.has(job.state) && maySteer(job);
+}
+
+/**
+ * A form that sets a priority.
+ * @param {number} value
+ * @param {(priority: number) => unknown} set
+ */
+export function priorityForm(value, set) {
+  const input = h("input", { type: "number", ...PRIORITY, value, "aria-label": "Priority" });
+  return h("form", { class: "priority", onsubmit: (event) => {
+    event.preventDefault();
+    set(Number(input.value));
+  } }, h("label", {}, "Priority ", input), h("button", {}, "Set"));
+}
+
+/**
  * The controls for a job in its state; none for an ended job.
  * @param {() => Api.JobView} jobNow - the job at the time of a click
  * @param {() => unknown} refresh
  */
 export function controls(jobNow, refresh) {
   const job = jobNow();
-  if (ENDED.has(job.state) || !maySteer(job)) return [];
+  if (!mayControl(job)) return [];
   const move = (/** @type {string} */ path, /** @type {string} */ done) => () =>
     attempt(() => send("POST", path), done, refresh);
   const name = title(job);
@@ -38,14 +59,7 @@ export function controls(jobNow, refresh) {
       await attempt(() => send("POST", job.links.cancel), `${name} is cancelled`, refresh);
     }
   }
-  const input = h("input", { type: "number", ...PRIORITY, value: job.spec.priority, "aria-label": "Priority" });
-  found.push(h("form", { class: "priority", onsubmit: prioritise },
-    h("label", {}, "Priority ", input), h("button", {}, "Set")));
-  /** @param {SubmitEvent} event */
-  function prioritise(event) {
-    event.preventDefault();
-    const priority = Number(input.value);
-    attempt(() => send("PATCH", job.links.self, { priority }), `${name} has priority ${priority}`, refresh);
-  }
+  found.push(priorityForm(job.spec.priority, (priority) =>
+    attempt(() => send("PATCH", job.links.self, { priority }), `${name} has priority ${priority}`, refresh)));
   return found;
 }

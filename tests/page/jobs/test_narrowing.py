@@ -1,0 +1,77 @@
+"""The list of jobs, searched and sorted, in a real browser."""
+
+import re
+
+import pytest
+from playwright.sync_api import Locator, Page, expect
+
+from tests.page.conftest import Visit
+from tests.support.noise_farm import NoiseFarm
+
+
+def names(page: Page) -> Locator:
+    return page.locator(".job .name")
+
+
+@pytest.fixture
+def jobs(farm: NoiseFarm) -> dict[str, str]:
+    """The ids of three jobs by their scenes, the oldest first."""
+    made = {
+        "frame-10": {"priority": 5, "batch": "dusk"},
+        "frame-9": {"priority": 9},
+        "lamp": {"requires": ["big-memory"]},
+    }
+    return {scene: farm.submit(scene, **spec).id for scene, spec in made.items()}
+
+
+def test_a_search_looks_at_names_ids_batches_and_tags(visit: Visit, jobs: dict[str, str]) -> None:
+    page = visit().page
+    expect(names(page)).to_have_text(["lamp", "frame-9", "frame-10"])
+    search = page.get_by_role("searchbox", name="Search the jobs")
+    for text, found in (
+        ("FRAME", ["frame-9", "frame-10"]),
+        ("dusk frame", ["frame-10"]),
+        (jobs["frame-9"], ["frame-9"]),
+        ("big-mem", ["lamp"]),
+    ):
+        search.fill(text)
+        expect(names(page)).to_have_text(found)
+    # It is part of the address, and takes nothing from who types
+    expect(page).to_have_url(re.compile(r"\?search=big-mem$"))
+    expect(search).to_be_focused()
+    page.reload()
+    expect(search).to_have_value("big-mem")
+    expect(names(page)).to_have_text(["lamp"])
+    search.fill("nothing like it")
+    expect(page.get_by_text("No job matches")).to_be_visible()
+    page.get_by_role("link", name="Show all jobs").click()
+    expect(names(page)).to_have_count(3)
+
+
+def test_the_order_is_part_of_the_address(visit: Visit, jobs: dict[str, str]) -> None:
+    page = visit("/?search=frame").page
+    order = page.get_by_role("combobox", name="Order")
+    for words, found in (
+        ("by name", ["frame-9", "frame-10"]),
+        ("oldest first", ["frame-10", "frame-9"]),
+        ("highest priority first", ["frame-9", "frame-10"]),
+    ):
+        order.select_option(words)
+        expect(names(page)).to_have_text(found)
+    expect(page).to_have_url(re.compile(r"\?search=frame&sort=priority$"))
+    # It is still there after a look at a job
+    page.get_by_role("link", name="frame-9").click()
+    expect(page).to_have_url(re.compile(jobs["frame-9"]))
+    page.go_back()
+    expect(order).to_have_value("priority")
+    expect(names(page)).to_have_text(["frame-9", "frame-10"])
+
+
+def test_a_search_reaches_jobs_that_are_not_shown_yet(visit: Visit, farm: NoiseFarm) -> None:
+    farm.submit("needle")
+    for number in range(60):
+        farm.submit(f"straw-{number}")
+    page = visit().page
+    expect(names(page)).to_have_count(50)
+    page.get_by_role("searchbox", name="Search the jobs").fill("needle")
+    expect(names(page)).to_have_text(["needle"])
