@@ -79,6 +79,6 @@ def cache_folder() -> Path | None:
 def _fingerprint() -> str:
     """Return a digest of every source whose code or constants a kernel may contain."""
     digest = hashlib.sha256()
-    for source in sorted([*_PACKAGE.glob("*.py"), *_PACKAGE.parent.glob("*.py")]):
+    for source in sorted([*_PACKAGE.parent.glob("*.py"), *_PACKAGE.parent.glob("c*/*.py")]):
         digest.update(source.read_bytes())
     return digest.hexdigest()[:16]

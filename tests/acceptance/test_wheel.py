@@ -147,6 +147,7 @@ def test_the_wheel_holds_the_package_and_nothing_else(sources: Path, wheel: Path
     }
     assert {"plateau/py.typed", "plateau/scale/worker.sbatch"} < files
     assert {"plateau/scenes/box/scene.xml", "plateau/service/page/index.html"} < files
+    assert "plateau/metric/cvvdp/castle_csf.json" in files
     with zipfile.ZipFile(wheel) as archive:
         names = set(archive.namelist())
         [entry_points] = [name for name in names if name.endswith("/entry_points.txt")]
