@@ -9,6 +9,7 @@ from bench import (
     api,
     attention,
     bias,
+    cvvdp,
     denoising,
     estimate,
     farm,
@@ -38,6 +39,7 @@ def tables() -> dict[str, str]:
     return {
         "estimate": estimate.table(figures("estimate")),
         "rules": stopping.table(figures("stopping")),
+        "cvvdp": cvvdp.table(figures("cvvdp")),
         "vdp": vdp.table(figures("vdp")),
         **allocation.tables(figures("allocation")),
         **attention.tables(figures("attention")),
