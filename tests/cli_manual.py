@@ -75,7 +75,7 @@ TASKS: Final[tuple[tuple[str, str, tuple[str, ...]], ...]] = (
         ),
         (
             *("keys create", "keys list", "keys rotate", "keys revoke"),
-            *("webhooks list", "webhooks redeliver", "webhooks secret"),
+            *("webhooks list", "webhooks redeliver", "webhooks secret", "notify"),
             *("redis-acl", "scale slurm"),
         ),
     ),

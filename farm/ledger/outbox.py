@@ -10,7 +10,7 @@ import base64
 import json
 import random
 import secrets
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Any, Final
@@ -22,6 +22,7 @@ from plateau.farm.model.webhook_spec import SECRET_PREFIX, WebhookEvent
 from plateau.farm.redis import keys
 from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.commands.webhooks import (
+    DueDelivery,
     FarmSecrets,
     Redeliver,
     RenewFarmSecret,
@@ -74,15 +75,22 @@ class Taken:
     tries: int  #: this one included
     receiver: str
     url: str = field(repr=False)  #: its path may be confidential
-    secrets: tuple[str, ...] = field(repr=False)  #: each signs; never empty
+    secrets: tuple[str, ...] = field(repr=False)  #: each signs; none to a target
     token: str
     fields: dict[str, str] = field(repr=False)  #: the job's, as they were when it happened
     sealed: dict[str, str] = field(repr=False)  #: the job's that workers cannot change
+    #: The number of jobs of the whole batch by state, where the message is about that.
+    batch: Mapping[str, int] | None = None
 
     @property
     def id(self) -> str:
         """The message's ``webhook-id``."""
         return message_id(self.job_id, self.number)
+
+    @property
+    def target(self) -> str | None:
+        """The name of the target that is notified; None where it goes to the job's webhook."""
+        return _target(self.receiver)
 
     @property
     def job(self) -> Job:
@@ -118,10 +126,11 @@ class Outbox:
             tries=due.tries,
             receiver=due.receiver,
             url=due.url,
-            secrets=(due.secret,) if due.secret else self.farm_secrets(),
+            secrets=self._secrets(due),
             token=token,
             fields={**message["job"], "spec": due.spec},
             sealed=due.sealed,
+            batch=message.get("batch"),
         )
 
     def settle(
@@ -162,13 +171,14 @@ class Outbox:
             pipe.hget(keys.job(job_id), "webhook_receiver")
             found, tries, receiver = pipe.execute()
             numbers = sorted(int(field) for field in found if field.isdigit())
-            if not numbers:
-                return []
-            members = [f"{job_id}:{number}" for number in numbers]
-            due = self._redis.zmscore(keys.webhooks_due(receiver), members)
+            to = [found.get(f"{number} receiver") or receiver for number in numbers]
+            pipe = self._redis.pipeline(transaction=False)
+            for number, one in zip(numbers, to, strict=True):
+                pipe.zscore(keys.webhooks_due(one), f"{job_id}:{number}")
+            due = pipe.execute()
         return [
-            _delivery(job_id, number, found, at, tries)
-            for number, at in zip(numbers, due, strict=True)
+            _delivery(job_id, number, found, at, tries, _target(one))
+            for number, at, one in zip(numbers, due, to, strict=True)
         ]
 
     def redeliver(self, job_id: str, number: int) -> Delivery | None:
@@ -176,6 +186,11 @@ class Outbox:
         if self._scripts.run(Redeliver(job=job_id, number=number)) == "unknown":
             return None
         return next((one for one in self.deliveries(job_id) if one.number == number), None)
+
+    def _secrets(self, due: DueDelivery) -> tuple[str, ...]:
+        if _target(due.receiver) is not None:
+            return ()
+        return (due.secret,) if due.secret else self.farm_secrets()
 
     def farm_secrets(self) -> tuple[str, ...]:
         """The secret for jobs without their own, and for a day those before it."""
@@ -194,12 +209,17 @@ class Outbox:
         return renewed
 
 
+def _target(receiver: str) -> str | None:
+    return receiver.removeprefix(keys.NOTIFIED) if receiver.startswith(keys.NOTIFIED) else None
+
+
 def _delivery(
     job_id: str,
     number: int,
     found: dict[str, str],
     due: float | None,
     tries: list[tuple[str, dict[str, str]]],
+    target: str | None,
 ) -> Delivery:
     message = json.loads(found[str(number)])
     state: Any = found[f"{number} state"]
@@ -209,6 +229,7 @@ def _delivery(
         number=number,
         id=message_id(job_id, number),
         event=message["event"],
+        target=target,
         at=moment(message["at"]),
         state=state,
         next_try_at=moment(due) if state == "waiting" and due is not None else None,

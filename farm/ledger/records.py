@@ -163,6 +163,8 @@ def new_job(
         "points": 0,
         "machine_ms": 0,
     }
+    if spec.notify:
+        fields["notify"] = " ".join(spec.notify)
     if spec.webhook is not None:
         secret = spec.webhook.secret
         fields["webhook_receiver"] = spec.webhook.receiver

@@ -22,13 +22,16 @@ class DeliveryTry(BaseModel):
 
 
 class Delivery(BaseModel):
-    """A message to a webhook's receiver, and what became of it."""
+    """A message to a webhook or to a target of notifications, and what became of it."""
 
     model_config = ConfigDict(frozen=True)
 
     number: int = Field(description="of the job's messages, from 1, in the order of what happened")
     id: str = Field(description="its `webhook-id`")
     event: WebhookEvent
+    target: str | None = Field(
+        default=None, description="who was notified; null where it goes to the job's webhook"
+    )
     at: datetime = Field(description="when it happened")
     state: DeliveryState = Field(
         description="waiting for its next try, being tried, delivered (the receiver answered 2xx), "

@@ -162,6 +162,11 @@ class SharedSpec(Strict):
     webhook: WebhookSpec | None = Field(
         default=None, description="receiver of the job's events, by signed requests"
     )
+    notify: Tags = Field(
+        default=(),
+        description="names of targets that are notified when the job, or the whole of its batch, "
+        "has ended; the farm's operator names them",
+    )
 
     @model_validator(mode="after")
     def _consistent(self) -> "SharedSpec":

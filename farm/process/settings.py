@@ -177,6 +177,15 @@ class Settings(BaseSettings):
         description="networks and host names, separated by commas, that may be sent webhooks "
         "though they are private, by http too",
     )
+    notify_file: _File = Field(
+        None,
+        repr=False,
+        description="a file with the targets of notifications, for the API and the monitors: "
+        "lines of a name, a blank and a URL of apprise",
+    )
+    notify: Annotated[Tags, NoDecode] = Field(
+        (), description="those of them, separated by commas, that are notified of every job"
+    )
     alive_file: Path | None = Field(
         None, description="a file that a worker or a monitor touches at each heartbeat, for probes"
     )
@@ -225,7 +234,7 @@ class Settings(BaseSettings):
             )
         return given
 
-    @field_validator("tags", "plugins", mode="before")
+    @field_validator("tags", "plugins", "notify", mode="before")
     @classmethod
     def _separate_words(cls, given: object) -> object:
         return tuple(given.replace(",", " ").split()) if isinstance(given, str) else given

@@ -55,6 +55,7 @@ plateau:key:ID:open       set     the key's jobs that have not ended            
 plateau:key:ID:jobs       zset    the key's jobs, scored by their number of creation   the jobs'
 plateau:webhooks          zset    receivers of webhooks, scored by when one is due      till told
 plateau:webhooks:due:URL  zset    job:number of deliveries to one, by when due (ms)    till told
+                                  (``notify:NAME`` is the target of that name)
 plateau:webhooks:secret   string  the farm's own secret, where a job brings none       for ever
 plateau:webhooks:before   string  those before it, which also sign                     1 d
 plateau:idempotency:KEY   string  JSON of job id and request digest                    24 h
@@ -142,6 +143,8 @@ WAKE_MONITORS: Final = PREFIX + "wake:monitors"
 #: Before the id in a hint to monitors: the job's owner has given it back.
 FREE: Final = "free "
 WAKE_WEBHOOKS: Final = PREFIX + "wake:webhooks"
+#: Before the name of a target of notifications, as a receiver.
+NOTIFIED: Final = "notify:"
 
 #: Most different needs (pool and tags) of open jobs: a lease may look at each.
 MOST_NEEDS: Final = 64
@@ -230,7 +233,7 @@ local STORE, SWEPT = '{STORE}', '{SWEPT}'
 local HEARD, GRACE = '{HEARD}', '{GRACE}'
 local API_KEYS, API_KEYS_USED = '{API_KEYS}', '{API_KEYS_USED}'
 local WAKE_WORKERS, WAKE_MONITORS = '{WAKE_WORKERS}', '{WAKE_MONITORS}'
-local RECEIVERS, WAKE_WEBHOOKS = '{RECEIVERS}', '{WAKE_WEBHOOKS}'
+local RECEIVERS, WAKE_WEBHOOKS, NOTIFIED = '{RECEIVERS}', '{WAKE_WEBHOOKS}', '{NOTIFIED}'
 local WEBHOOK_SECRET, OLD_WEBHOOK_SECRET = '{WEBHOOK_SECRET}', '{OLD_WEBHOOK_SECRET}'
 local function job_key(id, part)
   if part then return PREFIX .. 'job:' .. id .. ':' .. part end

@@ -53,6 +53,7 @@ _EXTRAS: Final = {
     "keys": "farm",
     "monitor": "service",
     "movie": "images,movie",
+    "notify": "monitor,notify",
     "redis-acl": "farm",
     "scale": "farm",
     "study": "plot",

@@ -55,6 +55,14 @@ def submit(
             show_default="all but queued",
         ),
     ] = None,
+    notify: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME",
+            help="Target, named by the farm's operator, that is notified when the job, or its "
+            "whole batch, has ended; may be repeated.",
+        ),
+    ] = None,
     url: o.Url = None,
     as_json: o.Json = False,
 ) -> None:
@@ -69,9 +77,9 @@ def submit(
     """
     from plateau.commands.batches import submit as submit_batch
     from plateau.commands.jobs import submit as run
-    from plateau.commands.webhooks import with_webhook
+    from plateau.commands.webhooks import with_targets, with_webhook
 
-    spec = with_webhook(spec, webhook, webhook_event or ())
+    spec = with_targets(with_webhook(spec, webhook, webhook_event or ()), notify or ())
     if zipped and not each:
         raise typer.BadParameter("--zipped combines the values of --each: give some")
     if parameters is None and not each:

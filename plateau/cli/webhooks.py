@@ -5,7 +5,28 @@ from typing import Annotated
 import typer
 
 from plateau.cli import options as o
-from plateau.cli.app import group
+from plateau.cli.app import app, group
+
+
+@app.command()
+def notify(
+    target: Annotated[
+        str, typer.Argument(metavar="NAME", help="A target's name in PLATEAU_NOTIFY_FILE.")
+    ],
+    as_json: o.Json = False,
+) -> None:
+    """Send a test message to a target of notifications, and say whether it was taken.
+
+    For example:
+      PLATEAU_NOTIFY_FILE=/etc/plateau/targets plateau notify ops
+
+    `plateau submit --notify NAME` has a target notified of a job's end. Where a message cannot be
+    sent, the reason is shown, and may have parts of the target's URL.
+    """
+    from plateau.commands.notify import notify as run
+
+    run(target, as_json=as_json)
+
 
 webhooks = group(
     "webhooks",

@@ -37,12 +37,22 @@ def with_webhook(spec: JobSpec, url: str | None, events: Sequence[str]) -> JobSp
         raise CommandFailed(f"{name}: {input_errors.message(found)}") from None
 
 
+def with_targets(spec: JobSpec, names: Sequence[str]) -> JobSpec:
+    """The spec with these targets of notifications."""
+    try:
+        found = JobSpec.model_validate({"notify": tuple(names)})
+    except ValidationError as error:
+        message = input_errors.message(error.errors()[0])
+        raise CommandFailed(f"--notify: {message}") from None
+    return spec.model_copy(update={"notify": found.notify})
+
+
 def undelivered(client: Client, job: JobView) -> list[str]:
-    """A line for each message to the job's webhook that was tried and not delivered."""
-    if job.spec.webhook is None:
+    """A line for each message about the job that was tried and not delivered."""
+    if job.spec.webhook is None and not job.spec.notify:
         return []
     return [
-        f"{one.number} ({one.event}): {one.state.replace('-', ' ')} after {_tries(one)}, "
+        f"{one.number} ({_what(one)}): {one.state.replace('-', ' ')} after {_tries(one)}, "
         f"{_next(one)}: {one.tries[-1].error}"
         for one in client.webhooks(job.id).deliveries
         if one.state != "delivered" and one.tries
@@ -71,13 +81,17 @@ def _row(one: Delivery) -> tuple[str, ...]:
     last = one.tries[-1] if one.tries else None
     return (
         str(one.number),
-        one.event,
+        _what(one),
         f"{one.at:%Y-%m-%d %H:%M:%S}",
         one.state,
         str(len(one.tries)),
-        "–" if last is None else last.error or str(last.status),
+        "–" if last is None else last.error or str(last.status or "taken"),
         "–" if one.next_try_at is None else f"{one.next_try_at:%Y-%m-%d %H:%M:%S}",
     )
+
+
+def _what(one: Delivery) -> str:
+    return one.event if one.target is None else f"{one.event} → {one.target}"
 
 
 def _tries(one: Delivery) -> str:

@@ -17,6 +17,7 @@ from plateau.farm.ledger.outbox import Outbox
 from plateau.farm.ledger.scene_index import SceneIndex
 from plateau.farm.ledger.workers import Workers
 from plateau.farm.process.addresses import Receivers
+from plateau.farm.process.notify_targets import Targets
 from plateau.farm.redis.client import RedisClient
 from plateau.farm.wire.costs import Price
 from plateau.service.api.access.guards import ENVELOPE_BYTES, BodyLimit, OneLength
@@ -66,12 +67,13 @@ def create_app(
     checks: SceneChecks,
     access: Access = Access.UNTIL_KEYS,
     webhook_allow: tuple[str, ...] = (),
+    targets: Targets | None = None,
     price: Price | None = None,
 ) -> FastAPI:
     """Make the API over this Redis and this blob store; it closes the hub and the checks.
 
-    `webhook_allow` are private networks and host names that may receive webhooks. Without a
-    `price` of a core hour, no money is shown.
+    `webhook_allow` are private networks and host names that may receive webhooks, and `targets`
+    are those of notifications. Without a `price` of a core hour, no money is shown.
     """
 
     @asynccontextmanager
@@ -111,6 +113,7 @@ def create_app(
         outbox=Outbox(client),
         workers=Workers(client),
         receivers=Receivers(webhook_allow),
+        targets=targets or Targets(),
         price=price,
     )
     app.state.parts = parts

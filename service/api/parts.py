@@ -16,6 +16,7 @@ from plateau.farm.ledger.workers import Workers
 from plateau.farm.model.errors import JobNotFound
 from plateau.farm.model.job import Job
 from plateau.farm.process.addresses import Receivers
+from plateau.farm.process.notify_targets import Targets
 from plateau.farm.wire.costs import Price
 from plateau.service.api.events.hub import EventHub
 from plateau.service.api.points.images import PointImages
@@ -41,6 +42,7 @@ class Parts:
     outbox: Outbox
     workers: Workers
     receivers: Receivers  #: of webhooks
+    targets: Targets  #: of notifications
     price: Price | None  #: of a core hour; None where no money is shown
 
     def job(self, job_id: str) -> Job:

@@ -20,6 +20,7 @@ from plateau.farm.bundle import BundleLimits, known_plugins
 from plateau.farm.ledger.api_keys import ApiKeys
 from plateau.farm.model.errors import StoreUnavailable
 from plateau.farm.process.addresses import is_loopback
+from plateau.farm.process.notify_targets import read_targets
 from plateau.farm.process.settings import Settings
 from plateau.farm.redis.link import connect
 from plateau.farm.wire.costs import Price
@@ -107,6 +108,7 @@ def run(
         max_bytes=round(settings.max_upload_gb * 2**30), plugins=known_plugins(settings.plugins)
     )
     checks = SceneChecks(limits)
+    targets = read_targets(settings)
     client = connect(settings.redis_url)
     access = access_at(host, ApiKeys(client), open_to_all=open_to_all)
     if tls is not None:
@@ -123,6 +125,7 @@ def run(
         checks=checks,
         access=access,
         webhook_allow=settings.webhook_allow,
+        targets=targets,
         price=_price(settings),
     )
     descriptors = raise_descriptor_limit()

@@ -8,6 +8,7 @@ import uvicorn
 
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.bundle import BundleLimits
+from plateau.farm.process.notify_targets import Targets
 from plateau.farm.redis.link import connect
 from plateau.farm.wire.costs import Price
 from plateau.service.api.access.key_guard import Access
@@ -28,6 +29,7 @@ def live_api(
     port: int = 0,
     access: Access = Access.UNTIL_KEYS,
     webhook_allow: tuple[str, ...] = (),
+    targets: Targets | None = None,
     grace_s: int = 8,
     price: Price | None = None,
 ) -> Iterator[str]:
@@ -45,6 +47,7 @@ def live_api(
         checks=SceneChecks(BundleLimits(max_bytes=LARGEST_UPLOAD)),
         access=access,
         webhook_allow=webhook_allow,
+        targets=targets,
         price=price,
     )
     config = server_config(app, grace_s=grace_s, log_level="critical")

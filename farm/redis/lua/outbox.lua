@@ -1,4 +1,4 @@
--- The outbox: messages about jobs that wait for their webhooks' receivers. The command that changes a job
+-- The outbox: messages about jobs that wait for their receivers, webhooks and targets of notifications. The command that changes a job
 -- fills it in the same step, so no change is lost and none is made up.
 
 -- The command's events that webhooks may want: job, event, job, event, …
@@ -20,7 +20,11 @@ local MOST_DELIVERIES = 100
 
 function Outbox.due_key(receiver) return RECEIVERS .. ':due:' .. receiver end
 
-local function receiver_of(id) return redis.call('HGET', job_key(id), 'webhook_receiver') end
+-- The receiver of a delivery; an older Plateau noted none, since all went to the job's webhook.
+local function receiver_of(id, number)
+  return redis.call('HGET', job_key(id, 'deliveries'), number .. ' receiver')
+      or redis.call('HGET', job_key(id), 'webhook_receiver')
+end
 
 -- A receiver is due when the first of its deliveries is.
 local function reschedule(receiver)
@@ -34,14 +38,14 @@ end
 
 -- Schedule a try of a delivery (ms), perhaps for the end of a lease on it.
 function Outbox.deliver_at(id, number, at)
-  local receiver = receiver_of(id)
+  local receiver = receiver_of(id, number)
   redis.call('ZADD', Outbox.due_key(receiver), at, id .. ':' .. number)
   reschedule(receiver)
 end
 
 -- End the tries of a delivery.
 function Outbox.deliver_no_more(id, number)
-  local receiver = receiver_of(id)
+  local receiver = receiver_of(id, number)
   redis.call('ZREM', Outbox.due_key(receiver), id .. ':' .. number)
   reschedule(receiver)
 end
@@ -59,7 +63,8 @@ local function drop_delivery(id, number)
   if not state then return end
   if state == 'waiting' then count('webhooks dropped') end
   Outbox.deliver_no_more(id, number)
-  redis.call('HDEL', deliveries, number, number .. ' state', number .. ' tries', number .. ' token')
+  redis.call('HDEL', deliveries, number, number .. ' state', number .. ' tries', number .. ' token',
+             number .. ' receiver')
 end
 
 -- Forget all deliveries of a job that is about to be forgotten itself.
@@ -69,11 +74,9 @@ function Outbox.drop_deliveries(id)
   end
 end
 
--- Put an event into the outbox, with the job as it is now, if the job's webhook wants it. The spec is left
--- out: it may be large, and does not change.
-local function put_into_outbox(id, event)
-  local hook = redis.call('HMGET', job_key(id), 'webhook_receiver', 'webhook_events')
-  if not hook[1] or not string.find(hook[2], ' ' .. event .. ' ', 1, true) then return end
+-- Put a message into the outbox, with the job as it is now. The spec is left out: it may be large, and does
+-- not change. `batch` counts the jobs of the whole batch by state, where the message is about that.
+local function put_into_outbox(id, receiver, event, batch)
   local number = redis.call('HINCRBY', job_key(id), 'webhook_count', 1)
   local fields, job = redis.call('HGETALL', job_key(id)), {}
   for i = 1, #fields, 2 do
@@ -82,13 +85,52 @@ local function put_into_outbox(id, event)
     end
   end
   redis.call('HSET', job_key(id, 'deliveries'), number .. ' state', 'waiting', number .. ' tries', 0,
-             number, cjson.encode({event = event, at = now(), job = job}))
+             number .. ' receiver', receiver,
+             number, cjson.encode({event = event, at = now(), job = job, batch = batch}))
   drop_delivery(id, number - MOST_DELIVERIES)
   Outbox.deliver_at(id, number, now())
   redis.call('PUBLISH', WAKE_WEBHOOKS, id)
 end
 
+-- The jobs of a batch by state; nothing while one of them is not done. The newest come first, as they are
+-- often done last.
+local function whole_batch(name)
+  local jobs, states = redis.call('ZREVRANGE', batch_key(name), 0, -1), {}
+  for _, id in ipairs(jobs) do
+    if redis.call('SISMEMBER', UNFINISHED, id) == 1 then return nil end
+  end
+  for _, id in ipairs(jobs) do
+    local state = redis.call('HGET', job_key(id), 'state')
+    if state then states[state] = (states[state] or 0) + 1 end
+  end
+  return states
+end
+
+-- The targets of notifications hear of a job whose results are written. Of a batch they hear when all of it
+-- is done, and of each job that failed.
+local function notify_targets(id)
+  local job = redis.call('HMGET', job_key(id), 'notify', 'batch', 'state')
+  if (job[1] or '') == '' then return end
+  local batch
+  if (job[2] or '') ~= '' then
+    batch = whole_batch(job[2])
+    if not batch and job[3] ~= 'failed' then return end
+  end
+  for target in string.gmatch(job[1], '%S+') do
+    put_into_outbox(id, NOTIFIED .. target, 'finished', batch)
+  end
+end
+
+local function tell_webhook(id, event)
+  local hook = redis.call('HMGET', job_key(id), 'webhook_receiver', 'webhook_events')
+  if not hook[1] or not string.find(hook[2], ' ' .. event .. ' ', 1, true) then return end
+  put_into_outbox(id, hook[1], event)
+end
+
 -- Called at the end of a command, so that a message shows the job as the command left it.
 function Outbox.fill()
-  for i = 1, #happened, 2 do put_into_outbox(happened[i], happened[i + 1]) end
+  for i = 1, #happened, 2 do
+    tell_webhook(happened[i], happened[i + 1])
+    if happened[i + 1] == 'finished' then notify_targets(happened[i]) end
+  end
 end

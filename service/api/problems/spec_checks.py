@@ -1,7 +1,7 @@
 """Problems with a spec or a request, by field."""
 
 from collections.abc import Sequence
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 from pydantic import ValidationError
 
@@ -9,8 +9,11 @@ from plateau.farm.model import input_errors
 from plateau.farm.model.seeds import SeedsExhausted
 from plateau.farm.model.spec import JobSpec, SharedSpec
 from plateau.farm.process.addresses import ReceiverRefused, Receivers
+from plateau.farm.process.notify_targets import Targets, UnknownTarget
 from plateau.service.api.problems import problem as problems
 from plateau.service.api.problems.problem import FieldError, Problem, ProblemType
+
+AnySpec = TypeVar("AnySpec", bound=SharedSpec)
 
 #: The tags of a submitted spec's two kinds, with a space so that no field has such a name.
 BRANCHES: Final = ("one job", "many jobs")
@@ -73,6 +76,14 @@ def check_seeds(spec: JobSpec, width: int, height: int, field: str = "spec") -> 
         spec.seed_schedule(variant, width, height)
     except SeedsExhausted as error:
         raise invalid_field(problems.INVALID_SPEC, field, str(error)) from error
+
+
+def with_targets(spec: AnySpec, targets: Targets) -> AnySpec:
+    """The spec with the targets that are notified of every job; refuses unknown ones."""
+    try:
+        return spec.model_copy(update={"notify": targets.with_always(spec.notify)})
+    except UnknownTarget as unknown:
+        raise invalid_field(problems.INVALID_SPEC, "spec.notify", str(unknown)) from unknown
 
 
 def check_webhook(spec: SharedSpec, receivers: Receivers) -> None:

@@ -11,7 +11,7 @@ import secrets
 import tempfile
 from collections.abc import AsyncIterator
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Annotated, BinaryIO, Final, cast
 
@@ -32,7 +32,12 @@ from plateau.service.api.parts import Farm, Parts, parts_of
 from plateau.service.api.problems import problem as problems
 from plateau.service.api.problems.framework_errors import MOST_FIELD_BYTES, MOST_FIELDS, MOST_FILES
 from plateau.service.api.problems.problem import CLIENT_GONE, Problem
-from plateau.service.api.problems.spec_checks import check_seeds, check_webhook, invalid_field
+from plateau.service.api.problems.spec_checks import (
+    check_seeds,
+    check_webhook,
+    invalid_field,
+    with_targets,
+)
 from plateau.service.api.scene_checks.pool import Gone, TooManyChecks, Turn
 from plateau.service.api.scene_checks.process import CheckEnded
 from plateau.service.api.submission.idempotency import idempotency_key
@@ -73,8 +78,9 @@ async def submission(request: Request) -> AsyncIterator[Submission]:
             max_files=MOST_FILES, max_fields=MOST_FIELDS, max_part_size=MOST_FIELD_BYTES
         ) as form:
             asked = await _submission(form, idempotency_key(request))
-            check_webhook(asked.spec, parts_of(request).receivers)
-            yield asked
+            farm = parts_of(request)
+            check_webhook(asked.spec, farm.receivers)
+            yield replace(asked, spec=with_targets(asked.spec, farm.targets))
     except OSError as error:
         raise Problem(
             problems.STORE_UNAVAILABLE, f"the upload could not be kept: {error.strerror}"

@@ -1,4 +1,4 @@
-"""The delivery of webhooks by threads of a monitor.
+"""The delivery of webhooks and notifications by threads of a monitor.
 
 All monitors share the outbox. The threads share nothing with the monitor's other work, so a silent
 receiver holds up no merge, and no delivery to another receiver. A killed monitor loses nothing: its
@@ -13,18 +13,22 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Final
 
+from plateau.errors import ExtraMissing
 from plateau.farm.ledger.outbox import MOST_TRIES, Outbox, Taken, retry_delay_s
 from plateau.farm.model.errors import StoreUnavailable
 from plateau.farm.process import log
 from plateau.farm.process.addresses import Receivers
 from plateau.farm.process.backoff import Backoff
+from plateau.farm.process.notify_targets import read_targets
 from plateau.farm.process.settings import Settings
 from plateau.farm.process.stop import Stop
 from plateau.farm.redis import keys
 from plateau.farm.redis.commands.webhooks import TryEnd
 from plateau.farm.redis.link import connect
 from plateau.farm.redis.wake import Wake
+from plateau.farm.wire.costs import Price
 from plateau.farm.wire.webhook_views import message
+from plateau.service.monitor.webhooks.notifications import Notifications, NotNotified
 from plateau.service.monitor.webhooks.requests import (
     TOTAL_S,
     Answer,
@@ -54,13 +58,26 @@ def delivering(settings: Settings) -> Iterator[None]:
     receivers = Receivers(settings.webhook_allow)
     client = connect(settings.redis_url or "")
     deliverer = Deliverer(
-        Outbox(client), Wake(client, keys.WAKE_WEBHOOKS), Requests(receivers), lease_s=_LEASE_S
+        Outbox(client),
+        Wake(client, keys.WAKE_WEBHOOKS),
+        Requests(receivers),
+        notifications=_notifications(settings),
+        lease_s=_LEASE_S,
     )
     threading.Thread(target=deliverer.run, name="webhooks", daemon=True).start()
     try:
         yield
     finally:
         deliverer.stop()
+
+
+def _notifications(settings: Settings) -> Notifications:
+    price = settings.core_hour_price
+    return Notifications(
+        read_targets(settings),
+        None if price is None else Price(price, settings.currency),
+        settings.url if "url" in settings.model_fields_set else None,
+    )
 
 
 class Deliverer:
@@ -71,7 +88,9 @@ class Deliverer:
     outbox, wake
         The messages, and the hints that a new one came.
     requests
-        Sends the messages.
+        Sends the messages to webhooks.
+    notifications
+        Sends those to the targets of notifications.
     lease_s
         Seconds after which an unrecorded try counts as lost.
     delay_s
@@ -87,6 +106,7 @@ class Deliverer:
         wake: Wake,
         requests: Requests,
         *,
+        notifications: Notifications | None = None,
         lease_s: float,
         delay_s: Callable[[int, float], float] = retry_delay_s,
         look_s: float = _LOOK_S,
@@ -94,6 +114,7 @@ class Deliverer:
         self._outbox = outbox
         self._wake = wake
         self._requests = requests
+        self._notifications = notifications or Notifications()
         self._lease_s = lease_s
         self._delay_s = delay_s
         self._look_s = look_s
@@ -174,10 +195,10 @@ class Deliverer:
     def _deliver(self, taken: Taken) -> None:
         started = time.monotonic()
         answer, error = self._tried(taken)
-        self._remember(taken.receiver, silent=answer is None)
+        self._remember(taken.receiver, silent=answer is None and bool(error))
         took_s = time.monotonic() - started
         status = None if answer is None else answer.status
-        end = _end_of(taken, answer)
+        end = _end_of(taken, answer, error)
         asked_s = 0.0 if answer is None else answer.retry_after_s
         delay_s = self._delay_s(taken.tries, asked_s) if end == "failed" else 0.0
         settled = self._settle(taken, end, status, error, took_s, delay_s)
@@ -186,16 +207,19 @@ class Deliverer:
     def _tried(self, taken: Taken) -> tuple[Answer | None, str]:
         """Send the message; returns the answer, if any, and the error unless it was delivered."""
         try:
+            if taken.target is not None:
+                self._notifications.tell(taken)
+                return None, ""
             job = taken.job
             body = message(job, taken.event, taken.number, taken.at).model_dump_json().encode()
             headers = signed_headers(taken.id, taken.now, body, taken.secrets)
             answer = self._requests.post(taken.url, headers, body)
-        except NoAnswer as error:
+        except (NoAnswer, NotNotified, ExtraMissing) as error:
             return None, str(error)
         except Exception as error:  # noqa: BLE001  (one message must not hurt the others)
             _LOG.exception("webhook %s could not be sent", taken.id)
             return None, f"it could not be sent: {type(error).__name__}; the monitor's log has more"
-        if _is_delivered(answer):
+        if 200 <= answer.status < 300:
             return answer, ""
         if 300 <= answer.status < 400:
             return answer, f"the receiver answered {answer.status}; redirects are not followed"
@@ -231,12 +255,8 @@ class Deliverer:
                     raise
 
 
-def _is_delivered(answer: Answer) -> bool:
-    return 200 <= answer.status < 300
-
-
-def _end_of(taken: Taken, answer: Answer | None) -> TryEnd:
-    if answer is not None and _is_delivered(answer):
+def _end_of(taken: Taken, answer: Answer | None, error: str) -> TryEnd:
+    if not error:
         return "delivered"
     if taken.tries >= MOST_TRIES or (answer is not None and answer.status == _GONE):
         return "given-up"

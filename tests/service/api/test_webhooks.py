@@ -11,6 +11,7 @@ from plateau.farm.ledger.api_keys import ApiKeys, KeyLimits, Role
 from plateau.farm.ledger.outbox import Outbox, new_secret
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.webhook_spec import DEFAULT_EVENTS
+from plateau.farm.process.notify_targets import Targets
 from tests.service.api.test_jobs import problem, submit
 from tests.support.live_api import live_api
 from tests.support.staged_job import StagedJob
@@ -218,3 +219,20 @@ def test_the_api_s_description_has_what_is_sent(http: httpx.Client) -> None:
     assert set(operations["post"]["responses"]) == {"204"}
     secret = document["components"]["schemas"]["WebhookSpec"]["properties"]["secret"]
     assert secret["anyOf"][0]["writeOnly"] is True
+
+
+def test_a_job_names_targets_that_the_operator_knows_and_never_sees_their_urls(
+    client: redis.Redis, redis_url: str, store: Blobs
+) -> None:
+    targets = Targets({"ops": "json://127.0.0.1/a-secret", "lead": "slack://b-secret"}, ("ops",))
+    with (
+        live_api(redis_url, store, targets=targets) as url,
+        httpx.Client(base_url=url) as lab,
+    ):
+        assert submit(lab).json()["spec"]["notify"] == ["ops"]
+        answer = submit(lab, spec={"notify": ["lead"]})
+        assert answer.json()["spec"]["notify"] == ["lead", "ops"]
+        found = problem(submit(lab, spec={"notify": ["boss"]}), 422, "invalid-spec")
+        assert found["errors"][0]["field"] == "spec.notify"
+        assert "names: lead, ops" in found["detail"]
+        assert "secret" not in found["detail"] + answer.text

@@ -1,0 +1,123 @@
+"""Messages to the targets that the farm's operator names, sent by apprise.
+
+Apprise says why a message was not sent in log lines alone, which may show parts of a URL. So they
+are kept from the farm's log and from users: `plateau notify` shows them to the operator.
+"""
+
+import logging
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Final
+
+from plateau.errors import needs
+from plateau.farm.ledger.outbox import Taken
+from plateau.farm.model.job import Job
+from plateau.farm.model.states import JobState
+from plateau.farm.process.notify_targets import Targets, UnknownTarget
+from plateau.farm.wire.costs import Price
+from plateau.farm.wire.figures import duration, percent
+
+_APPRISE: Final = logging.getLogger("apprise")
+_APPRISE.addHandler(logging.NullHandler())
+_APPRISE.propagate = False
+
+_ENDS: Final = {
+    JobState.CONVERGED: "converged",
+    JobState.EXHAUSTED: "reached its cap",
+    JobState.CANCELLED: "was cancelled",
+    JobState.FAILED: "failed",
+}
+_COUNTED: Final = {
+    JobState.CONVERGED: "converged",
+    JobState.EXHAUSTED: "reached their cap",
+    JobState.CANCELLED: "cancelled",
+    JobState.FAILED: "failed",
+}
+
+
+class NotNotified(Exception):
+    """A target was not notified; the message says so without its URL."""
+
+    def __init__(self, message: str, said: str = "") -> None:
+        super().__init__(message)
+        self.said = said  #: by apprise; for the operator's eyes
+
+
+@dataclass(frozen=True)
+class Note:
+    """A message as people read it."""
+
+    subject: str
+    body: str
+
+
+@dataclass(frozen=True)
+class Notifications:
+    """Sends notes to targets; with a price they say what a job cost, with `url` where it is seen.
+
+    Parameters
+    ----------
+    targets
+        Who can be notified.
+    price
+        Of a core hour.
+    url
+        Of the farm's page, as its users reach it.
+    """
+
+    targets: Targets = field(default_factory=Targets)
+    price: Price | None = None
+    url: str | None = None
+
+    def tell(self, taken: Taken) -> None:
+        """Notify the message's target, or raise `NotNotified`."""
+        try:
+            url = self.targets.url(taken.target or "")
+        except UnknownTarget as error:
+            raise NotNotified(f"for this monitor {error}") from error
+        job = taken.job
+        note = self.of_job(job) if taken.batch is None else self.of_batch(job, taken.batch)
+        send(taken.target or "", url, note)
+
+    def of_job(self, job: Job) -> Note:
+        """The note that a job has ended."""
+        facts = [f"{job.spp:,} spp"]
+        if job.started_at is not None and job.ended_at is not None:
+            facts.append(f"in {duration((job.ended_at - job.started_at).total_seconds())}")
+        if job.estimate_fraction is not None:
+            facts.append(f"noise left {percent(job.estimate_fraction)} of the pixels")
+        lines = [f"Job {job.id}: {job.reason}", ", ".join(facts)]
+        if self.price is not None:
+            lines.append(f"cost {self.price.of(job.core_hours):g} {self.price.currency}".rstrip())
+        return Note(
+            f"{job.name} {_ENDS.get(job.state, job.state.value)}", self._with_link(lines, job)
+        )
+
+    def of_batch(self, job: Job, states: Mapping[str, int]) -> Note:
+        """The note that all jobs of a batch have ended; `job` was the last."""
+        counts = [f"{states[one]} {words}" for one, words in _COUNTED.items() if one in states]
+        lines = [f"{sum(states.values())} jobs: {', '.join(counts)}", f"The last was {job.name}."]
+        return Note(f"batch {job.spec.batch} has ended", self._with_link(lines, job))
+
+    def _with_link(self, lines: list[str], job: Job) -> str:
+        link = [f"{self.url.rstrip('/')}/jobs/{job.id}"] if self.url else []
+        return "\n".join((*lines, *link))
+
+
+def send(name: str, url: str, note: Note) -> None:
+    """Send a note to the target of this name and URL; raises `NotNotified`."""
+    with needs("notify"):
+        import apprise
+
+    asset = apprise.AppriseAsset(async_mode=False, app_id="Plateau", app_desc="render farm")
+    service = apprise.Apprise(asset=asset)
+    with apprise.LogCapture(level=logging.WARNING) as lines:  # type: ignore[no-untyped-call]
+        sent = service.add(url) and service.notify(
+            title=note.subject, body=note.body, body_format=apprise.NotifyFormat.TEXT
+        )
+        said = lines.getvalue().strip()
+    if not sent:
+        raise NotNotified(
+            f"{name} was not notified; `plateau notify {name}` on this machine says why",
+            said,
+        )
