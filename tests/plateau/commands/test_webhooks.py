@@ -10,6 +10,7 @@ import typer.testing
 from plateau.cli import app
 from plateau.farm.ledger.outbox import Outbox, new_secret
 from tests.support.bundles import scene
+from tests.support.receiver import OK, receiving
 from tests.support.staged_job import StagedJob
 
 URL = "https://studio.example/hooks/plateau"
@@ -134,3 +135,25 @@ def test_secret_is_made_once_and_renewed_when_asked(
     code, second, error = plateau("webhooks", "secret", "--renew", "--json")
     assert (code, "for a day" in error) == (0, True)
     assert Outbox(client).farm_secrets() == (json.loads(second)["secret"], first.strip())
+
+
+class TestNotify:
+    def test_tells_whether_a_target_took_a_test_message(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        answers = lambda number, _: OK if number == 1 else (500, {})  # noqa: E731
+        with receiving(answers) as receiver:
+            file = tmp_path / "targets"
+            file.write_text(f"ops {receiver.url.replace('http', 'json', 1)}\n")
+            monkeypatch.setenv("PLATEAU_NOTIFY_FILE", str(file))
+            assert plateau("notify", "ops") == (0, "ops was notified\n", "")
+            code, _, error = plateau("notify", "ops")
+        assert (code, "ops was not notified" in error, "500" in error) == (1, True, True)
+        code, _, error = plateau("notify", "boss")
+        assert (code, "PLATEAU_NOTIFY_FILE names: ops" in error) == (1, True)
+
+    def test_a_job_names_targets(self, box: str) -> None:
+        code, _, error = plateau("submit", box, "--notify", "ops")
+        assert (code, "there is no target 'ops'" in error) == (1, True)
+        code, _, error = plateau("submit", box, "--notify", "https://studio.example")
+        assert (code, "--notify: " in error) == (1, True)
