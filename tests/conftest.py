@@ -28,11 +28,11 @@ _LONG = ("faults", "acceptance", "bench", "page", "statistical", "worker", "plat
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_auto_num_workers() -> int:
-    """For ``-n auto``: two processes more than cores, since a test waits as long as it computes.
+    """For ``-n auto``: one process more than cores, since a test waits as long as it computes.
 
     No more than six, for each of them starts farms of its own.
     """
-    return min((os.cpu_count() or 1) + 2, 6)
+    return min((os.cpu_count() or 1) + 1, 6)
 
 
 @pytest.hookimpl(tryfirst=True)
