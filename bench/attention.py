@@ -20,7 +20,7 @@ from bench.allocating.ways import Frames, Zones
 from bench.allocation import TARGET, ended
 from bench.support import markdown
 from bench.support.report import Figure, last_figures, last_report, write_report
-from plateau.farm.model.view import MOST_FOCUS
+from plateau.farm.model.spec.view import MOST_FOCUS
 from plateau.metric import View, encode_srgb, focus_plane
 from plateau.metric.compiled import CompiledVisibleDifferences
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from plateau.farm.images.channels import Channels
 from plateau.farm.images.layers import read_layer
 from plateau.farm.model.errors import CorruptPartial
-from plateau.farm.model.exr_spec import Compression
+from plateau.farm.model.spec.exr import Compression
 from plateau.farm.model.zones import Zone
 
 Pixels = NDArray[np.float32]

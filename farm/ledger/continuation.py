@@ -26,14 +26,14 @@ from plateau.farm.model.errors import CannotContinue, JobNotFound
 from plateau.farm.model.job import Job
 from plateau.farm.model.plan import LAG, Plan, Round
 from plateau.farm.model.seeds import SeedRange, SeedsExhausted
-from plateau.farm.model.spec import MOST_SPP, JobSpec
-from plateau.farm.model.webhook_spec import WebhookSpec
+from plateau.farm.model.spec import JobSpec
+from plateau.farm.model.spec.webhook import WebhookSpec
 from plateau.farm.redis import keys
 from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.commands.jobs import Continue, DecidedRound
 from plateau.farm.redis.link import unavailable_as_farm_error
 from plateau.farm.redis.scripts import Scripts
-from plateau.rules import as_offered
+from plateau.rules import MOST_SPP, as_offered
 
 #: The fields of a spec that determine the samples, ...
 _SAMPLING: Final = ("slice_spp", "variant", "seed", "sensor", "parameters", "allocation")

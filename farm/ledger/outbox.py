@@ -18,7 +18,7 @@ from typing import Any, Final
 from plateau.farm.ledger import records
 from plateau.farm.model.deliveries import Delivery, DeliveryTry
 from plateau.farm.model.job import Job, moment
-from plateau.farm.model.webhook_spec import SECRET_PREFIX, WebhookEvent
+from plateau.farm.model.spec.webhook import SECRET_PREFIX, WebhookEvent
 from plateau.farm.redis import keys
 from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.commands.webhooks import (

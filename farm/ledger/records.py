@@ -13,8 +13,8 @@ from plateau.farm.model import fit
 from plateau.farm.model.errors import UnreadableJob
 from plateau.farm.model.job import CurvePoint, Event, Job, Worker, moment
 from plateau.farm.model.spec import JobSpec, stored_spec
+from plateau.farm.model.spec.whole_slices import fitted
 from plateau.farm.model.states import JobState
-from plateau.farm.model.whole_slices import fitted
 from plateau.farm.redis import keys
 from plateau.farm.redis.client import Pipeline
 from plateau.farm.redis.commands.jobs import NewJob

@@ -5,7 +5,7 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from plateau.farm.model.webhook_spec import WebhookEvent
+from plateau.farm.model.spec.webhook import WebhookEvent
 
 DeliveryState = Literal["waiting", "trying", "delivered", "given-up"]
 

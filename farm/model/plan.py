@@ -16,8 +16,8 @@ from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Final
 
-from plateau.farm.model.allocation import ZonesAllocation
 from plateau.farm.model.passes import MOST_SLICE_SPP
+from plateau.farm.model.spec.allocation import ZonesAllocation
 from plateau.farm.model.zones import Grid, Zone, pixels_of
 
 if TYPE_CHECKING:

@@ -6,7 +6,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from plateau.farm.model.deliveries import Delivery
 from plateau.farm.model.job import Job
-from plateau.farm.model.webhook_spec import WebhookEvent
+from plateau.farm.model.spec.webhook import WebhookEvent
 from plateau.farm.wire import examples
 from plateau.farm.wire.views import JobView, job_view
 

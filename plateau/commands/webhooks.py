@@ -11,7 +11,7 @@ from plateau.errors import CommandFailed
 from plateau.farm.model import input_errors
 from plateau.farm.model.deliveries import Delivery
 from plateau.farm.model.spec import JobSpec
-from plateau.farm.model.webhook_spec import WebhookSpec
+from plateau.farm.model.spec.webhook import WebhookSpec
 from plateau.farm.wire.views import JobView
 from plateau.terminal.tables import print_rows
 

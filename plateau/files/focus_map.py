@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from plateau.errors import CommandFailed
 from plateau.farm.images.exr import decode_image
 from plateau.farm.images.png import decode_png
-from plateau.farm.model.view import MOST_FOCUS
+from plateau.farm.model.spec.view import MOST_FOCUS
 
 
 def focus_of(path: Path) -> list[list[float]]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from plateau.farm.model.aovs import AOVS
-from plateau.farm.model.denoise import GUIDES, OidnDenoising
+from plateau.farm.model.spec.denoise import GUIDES, OidnDenoising
 from plateau.metric import Blend, BlendError, Half, NoiseModel, View
 
 if TYPE_CHECKING:

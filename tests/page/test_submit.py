@@ -10,9 +10,9 @@ import pytest
 from playwright.sync_api import Page, expect
 from pydantic import BaseModel
 
-from plateau.farm.model.allocation import ZonesAllocation
 from plateau.farm.model.aovs import AOV_NAMES
 from plateau.farm.model.spec import ExrSpec, JobSpec, RuleSpec, ViewSpec
+from plateau.farm.model.spec.allocation import ZonesAllocation
 from plateau.farm.wire.examples import SCENE_XML
 from tests.page.conftest import Visit
 from tests.support.noise_farm import NoiseFarm

@@ -12,8 +12,8 @@ from plateau.farm.ledger.continuation import Remains, changed_spec, check
 from plateau.farm.model.errors import CannotContinue
 from plateau.farm.model.job import Job
 from plateau.farm.model.spec import JobSpec
-from plateau.farm.model.whole_slices import changes as changes_of
-from plateau.farm.model.whole_slices import fitted
+from plateau.farm.model.spec.whole_slices import changes as changes_of
+from plateau.farm.model.spec.whole_slices import fitted
 from plateau.farm.wire.json_numbers import whole_numbers
 from plateau.farm.wire.views import JobView
 from plateau.service.api.access.callers import CallerOf

@@ -26,7 +26,7 @@ from plateau.farm.ledger.jobs import Created
 from plateau.farm.ledger.scene_index import SceneIndex
 from plateau.farm.model.renderers import variant_for
 from plateau.farm.model.spec import BatchSpec, JobSpec
-from plateau.farm.model.whole_slices import changes, fitted
+from plateau.farm.model.spec.whole_slices import changes, fitted
 from plateau.service.api.access.callers import Caller, CallerOf
 from plateau.service.api.parts import Farm, Parts, parts_of
 from plateau.service.api.problems import problem as problems

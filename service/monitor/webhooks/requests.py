@@ -18,7 +18,7 @@ from urllib.parse import urlsplit
 
 import httpcore
 
-from plateau.farm.model.webhook_spec import SECRET_PREFIX
+from plateau.farm.model.spec.webhook import SECRET_PREFIX
 from plateau.farm.process.addresses import ReceiverRefused, Receivers
 
 CONNECT_S: Final = 5.0

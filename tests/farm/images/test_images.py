@@ -19,7 +19,7 @@ from plateau.farm.images.exr import (
     encode_partial,
 )
 from plateau.farm.model.errors import CorruptPartial
-from plateau.farm.model.exr_spec import Compression
+from plateau.farm.model.spec.exr import Compression
 
 RNG = np.random.default_rng(7)
 

@@ -12,8 +12,8 @@ from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.outbox import Outbox, Taken, new_secret
 from plateau.farm.model.job import Job
 from plateau.farm.model.spec import JobSpec
+from plateau.farm.model.spec.webhook import DEFAULT_EVENTS, WebhookSpec
 from plateau.farm.model.states import JobState
-from plateau.farm.model.webhook_spec import DEFAULT_EVENTS, WebhookSpec
 from plateau.farm.redis import keys
 from plateau.farm.redis.commands.sweeps import Forget
 from plateau.farm.redis.scripts import Scripts

@@ -12,8 +12,8 @@ from annotated_types import Ge, Le
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
-from plateau.farm.model.rule_specs import SPECS
 from plateau.farm.model.spec import JobSpec, ViewSpec
+from plateau.farm.model.spec.rule_specs import SPECS
 from plateau.metric import View
 from plateau.rules import DEFAULT, rules
 from tests import rule_files

@@ -10,7 +10,7 @@ from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.api_keys import ApiKeys, KeyLimits, Role
 from plateau.farm.ledger.outbox import Outbox, new_secret
 from plateau.farm.model.spec import JobSpec
-from plateau.farm.model.webhook_spec import DEFAULT_EVENTS
+from plateau.farm.model.spec.webhook import DEFAULT_EVENTS
 from plateau.farm.process.notify_targets import Targets
 from tests.service.api.test_jobs import problem, submit
 from tests.support.live_api import live_api

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from plateau.farm.images.exr import Partial
-from plateau.farm.model.allocation import ZonesAllocation
 from plateau.farm.model.spec import JobSpec
+from plateau.farm.model.spec.allocation import ZonesAllocation
 from plateau.farm.model.zones import Grid
 from plateau.service.judging.merge import Merge
 

@@ -4,7 +4,7 @@ from typing import Annotated, Any, Final, Literal
 
 from pydantic import AfterValidator, Field
 
-from plateau.farm.model.rule_model import Strict
+from plateau.farm.model.spec.rule_model import Strict
 
 #: The most rows and columns of a focus: some degrees each, as fine as an eye's own.
 MOST_FOCUS: Final = 32

@@ -8,7 +8,7 @@ from pydantic import ValidationError
 
 from plateau.farm.ledger.outbox import new_secret, retry_delay_s
 from plateau.farm.model.spec import JobSpec
-from plateau.farm.model.webhook_spec import DEFAULT_EVENTS, WebhookSpec
+from plateau.farm.model.spec.webhook import DEFAULT_EVENTS, WebhookSpec
 from plateau.farm.process.settings import Settings
 
 URL = "https://studio.example/hooks/plateau"

@@ -5,7 +5,7 @@ from typing import Annotated, Final, Literal
 from pydantic import Field
 
 from plateau.farm.model.aovs import AovName
-from plateau.farm.model.rule_model import Strict
+from plateau.farm.model.spec.rule_model import Strict
 
 #: AOVs that tell a denoiser what is texture and what is noise.
 GUIDES: Final[tuple[AovName, ...]] = ("albedo", "normal")

@@ -3,7 +3,7 @@ from typing import Annotated, Final, Literal
 
 from pydantic import Field
 
-from plateau.farm.model.rule_model import RuleModel
+from plateau.farm.model.spec.rule_model import RuleModel
 
 SPECS: Final[dict[str, type[RuleModel]]]
 

@@ -9,7 +9,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from plateau.farm.model.rule_model import rule_model
+from plateau.farm.model.spec.rule_model import rule_model
 from plateau.rules import rules
 
 SPECS = {name: rule_model(rule, __name__) for name, rule in rules().items()}

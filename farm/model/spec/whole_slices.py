@@ -9,7 +9,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final, TypeVar
 
-from plateau.farm.model.spec import MOST_SPP, SharedSpec
+from plateau.farm.model.spec.shared import SharedSpec
+from plateau.rules import MOST_SPP
 
 _Spec = TypeVar("_Spec", bound=SharedSpec)
 

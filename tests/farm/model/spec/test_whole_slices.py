@@ -6,8 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from plateau.farm.model.spec import MOST_SPP, JobSpec
-from plateau.farm.model.whole_slices import changes, fitted
+from plateau.farm.model.spec import JobSpec
+from plateau.farm.model.spec.whole_slices import changes, fitted
+from plateau.rules import MOST_SPP
 
 ZONES = {"name": "zones"}
 OIDN = {"name": "oidn"}

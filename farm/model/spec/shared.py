@@ -1,4 +1,4 @@
-"""What a user asks for: the specification of a job, checked field by field."""
+"""How an image is sampled, judged and stopped, whatever the parameters of its scene are."""
 
 import json
 from typing import Annotated, Final, Literal
@@ -6,49 +6,18 @@ from typing import Annotated, Final, Literal
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from plateau.farm.model import renderers
-from plateau.farm.model.allocation import AllocationSpec, FrameAllocation
 from plateau.farm.model.aovs import AOV_NAMES, AOVS, AovName
-from plateau.farm.model.denoise import GUIDES, DenoiseSpec, NoDenoising, OidnDenoising
-from plateau.farm.model.exr_spec import ExrSpec
 from plateau.farm.model.passes import MOST_SLICE_SPP
 from plateau.farm.model.place_names import DEFAULT_POOL, PlaceName, Tags
-from plateau.farm.model.rule_model import Strict
-from plateau.farm.model.rule_specs import (
-    FixedSpec,
-    MultipleSpec,
-    MyszkowskiSpec,
-    ReverseSpec,
-    RuleSpec,
-    SuccessiveSpec,
-    VisibleSpec,
-)
 from plateau.farm.model.seeds import SeedSchedule
-from plateau.farm.model.view import ViewSpec
-from plateau.farm.model.webhook_spec import WebhookSpec
+from plateau.farm.model.spec.allocation import AllocationSpec, FrameAllocation
+from plateau.farm.model.spec.denoise import GUIDES, DenoiseSpec, NoDenoising, OidnDenoising
+from plateau.farm.model.spec.exr import ExrSpec
+from plateau.farm.model.spec.rule_model import Strict
+from plateau.farm.model.spec.rule_specs import RuleSpec, VisibleSpec
+from plateau.farm.model.spec.view import ViewSpec
+from plateau.farm.model.spec.webhook import WebhookSpec
 from plateau.rules import MOST_SPP, SlopeLimit
-
-__all__ = [
-    "MAX_ENTRIES",
-    "MOST_S",
-    "MOST_SPP",
-    "BatchSpec",
-    "ExrSpec",
-    "FixedSpec",
-    "JobSpec",
-    "MultipleSpec",
-    "MyszkowskiSpec",
-    "Parameters",
-    "RenderVariant",
-    "ReverseSpec",
-    "RuleSpec",
-    "SharedSpec",
-    "SuccessiveSpec",
-    "Variant",
-    "ViewSpec",
-    "VisibleSpec",
-    "parameter_strings",
-    "stored_spec",
-]
 
 ZoneCount = Annotated[int, Field(ge=1, le=64)]
 Priority = Annotated[int, Field(ge=-1000, le=1000)]
@@ -72,8 +41,6 @@ Aovs = Annotated[tuple[AovName, ...], AfterValidator(_each_once)]
 
 #: Samples per pixel.
 Spp = Annotated[int, Field(ge=1, le=MOST_SPP)]
-#: A list of parameters makes at most so many jobs.
-MAX_ENTRIES: Final = 1000
 
 
 class SharedSpec(Strict):
@@ -258,67 +225,3 @@ class SharedSpec(Strict):
         """
         most = MOST_SLICE_SPP if self.by_zones else 0
         return SeedSchedule(variant, width, height, self.slice_spp, self.max_spp, self.seed, most)
-
-
-#: Any that 64 bits hold; more digits would be no number to any renderer.
-_WholeNumber = Annotated[int, Field(ge=-(2**63), le=2**63 - 1)]
-
-#: A number of numpy becomes one of Python.
-_FROM_NUMPY: Final = BeforeValidator(
-    lambda value: value.item() if type(value).__module__ == "numpy" else value
-)
-
-#: Values for a scene's ``$parameters``.
-Parameters = dict[str, Annotated[str | _WholeNumber | float | bool, _FROM_NUMPY]]
-
-
-def parameter_strings(parameters: Parameters) -> dict[str, str]:
-    """The parameters as Mitsuba reads them: text, with lower-case booleans."""
-    return {
-        name: str(value).lower() if isinstance(value, bool) else str(value)
-        for name, value in parameters.items()
-    }
-
-
-class JobSpec(SharedSpec):
-    """A job: how one image is sampled, judged and stopped."""
-
-    parameters: Parameters = Field(
-        default_factory=dict, description="values for the scene's $parameters, as mitsuba -D"
-    )
-
-    @model_validator(mode="after")
-    def _guards_a_batch(self) -> "JobSpec":
-        if self.flicker_guard and self.batch is None:
-            raise ValueError("flicker_guard guards a batch, and there is none: name one as batch")
-        return self
-
-    def parameter_strings(self) -> dict[str, str]:
-        """`parameters` as Mitsuba reads them."""
-        return parameter_strings(self.parameters)
-
-
-def stored_spec(text: str) -> JobSpec:
-    """The spec as Redis has it, without what a newer Plateau has added to specs.
-
-    That one does without these fields where they are left out, or an older one such as this is not
-    let into its farm; see `plateau.farm.model.versions`.
-    """
-    return JobSpec.model_validate_json(text, extra="ignore")
-
-
-class BatchSpec(SharedSpec):
-    """Many jobs that are alike but for the scene's parameters, one for each entry of a list."""
-
-    parameters: tuple[Parameters, ...] = Field(
-        min_length=1,
-        max_length=MAX_ENTRIES,
-        description="for each job the values for the scene's $parameters, in their order",
-    )
-
-    def job_specs(self, batch: str) -> list[JobSpec]:
-        """The spec of each job, in a batch of this name."""
-        shared = {name: getattr(self, name) for name in SharedSpec.model_fields}
-        return [
-            JobSpec(**{**shared, "batch": batch}, parameters=values) for values in self.parameters
-        ]

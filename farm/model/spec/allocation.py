@@ -4,7 +4,7 @@ from typing import Annotated, Final, Literal
 
 from pydantic import Field
 
-from plateau.farm.model.rule_model import Strict
+from plateau.farm.model.spec.rule_model import Strict
 
 #: Zones begin at multiples of this many pixels.
 _ALIGNMENT: Final = 16

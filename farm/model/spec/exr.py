@@ -4,7 +4,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from plateau.farm.model.rule_model import Strict
+from plateau.farm.model.spec.rule_model import Strict
 
 #: Those without loss: the ids and the depth of an image are to be exact, and so is its remake.
 Compression = Literal["none", "rle", "zips", "zip", "piz"]

@@ -1,0 +1,45 @@
+"""What a user asks for: the specification of a job or of a batch, checked field by field."""
+
+from plateau.farm.model.spec.exr import ExrSpec
+from plateau.farm.model.spec.job import (
+    MAX_ENTRIES,
+    BatchSpec,
+    JobSpec,
+    Parameters,
+    parameter_strings,
+    stored_spec,
+)
+from plateau.farm.model.spec.rule_specs import (
+    FixedSpec,
+    MultipleSpec,
+    MyszkowskiSpec,
+    ReverseSpec,
+    RuleSpec,
+    SuccessiveSpec,
+    VisibleSpec,
+)
+from plateau.farm.model.spec.shared import MOST_S, Priority, RenderVariant, SharedSpec, Variant
+from plateau.farm.model.spec.view import ViewSpec
+
+__all__ = [
+    "MAX_ENTRIES",
+    "MOST_S",
+    "BatchSpec",
+    "ExrSpec",
+    "FixedSpec",
+    "JobSpec",
+    "MultipleSpec",
+    "MyszkowskiSpec",
+    "Parameters",
+    "Priority",
+    "RenderVariant",
+    "ReverseSpec",
+    "RuleSpec",
+    "SharedSpec",
+    "SuccessiveSpec",
+    "Variant",
+    "ViewSpec",
+    "VisibleSpec",
+    "parameter_strings",
+    "stored_spec",
+]
