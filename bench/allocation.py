@@ -22,7 +22,7 @@ from bench.allocating.truth import Truth
 from bench.allocating.ways import Cycles, Frames, Naive, Neyman, Zones
 from bench.support import markdown
 from bench.support.farms.plateau_render import render
-from bench.support.report import Figure, last_figures, last_report, write_report
+from bench.support.report import Figure, last_figures, last_report, renewed, write_report
 from plateau import scenes
 from plateau.farm.images.exr import decode_layers
 from plateau.metric import View, Visible, VisibleDifferences
@@ -78,16 +78,21 @@ def main() -> None:
         settings[scene] = {"spp": asked.spp, "slice_spp": asked.slice_spp, "runs": asked.runs}
         if asked.live:
             settings[scene] |= {"runs": 1, "live": True}
-        kept = [one for one in kept if not one.name.startswith(f"{scene}: ")]
         truth = Truth(CompiledVisibleDifferences(View()), recording, asked.slice_spp)
         if asked.live:
             out = asked.data / f"{SCENES[name].slug}-{asked.pixels}-live"
             rows = live(SCENES[name], truth, asked.pixels, out)
         else:
             rows = measured(recording, truth, asked.slice_spp, asked.runs)
-        for way, row in rows.items():
-            for what, value in row.items():
-                kept.append(Figure(name=f"{scene}: {way}: {what}", value=value, unit=unit_of(what)))
+        kept = renewed(
+            kept,
+            scene,
+            (
+                Figure(name=f"{way}: {what}", value=value, unit=unit_of(what))
+                for way, row in rows.items()
+                for what, value in row.items()
+            ),
+        )
     kept = [one for one in kept if not one.name.startswith("bias: ")]
     study(lambda name, one: kept.extend(one.figures(name)))
     fireflies.study(lambda name, one: kept.extend(one.figures(name)), asked.renders)

@@ -19,7 +19,7 @@ from bench.allocating.truth import Truth
 from bench.allocating.ways import Frames, Zones
 from bench.allocation import TARGET, ended
 from bench.support import markdown
-from bench.support.report import Figure, last_figures, last_report, write_report
+from bench.support.report import Figure, last_figures, last_report, renewed, write_report
 from plateau.farm.model.spec.view import MOST_FOCUS
 from plateau.metric import View, encode_srgb, focus_plane
 from plateau.metric.compiled import CompiledVisibleDifferences
@@ -71,12 +71,16 @@ def main() -> None:
     names = list(last_report("attention")["settings"].get("scenes", []))
     for name in asked.cases:
         recording = recorded(SCENES[name], asked.pixels, asked.spp, asked.slice_spp, asked.data)
-        kept = [one for one in kept if not one.name.startswith(f"{name}: ")]
-        for way, row in measured(recording, asked.slice_spp, asked.runs).items():
-            kept += [
-                Figure(name=f"{name}: {way}: {what}", value=value, unit=_UNITS[what])
+        rows = measured(recording, asked.slice_spp, asked.runs)
+        kept = renewed(
+            kept,
+            name,
+            (
+                Figure(name=f"{way}: {what}", value=value, unit=_UNITS[what])
+                for way, row in rows.items()
                 for what, value in row.items()
-            ]
+            ),
+        )
         names += [name] if name not in names else []
     about = {"target": TARGET, "least weight": LEAST, "runs": asked.runs, "scenes": names}
     notes = ["One looks where the weight is above the median."]

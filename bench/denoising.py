@@ -11,7 +11,7 @@ import math
 import subprocess
 import sys
 import time
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -21,7 +21,7 @@ import numpy as np
 from bench import ROOT
 from bench.allocating.recordings import SCENES, add_options, recorded
 from bench.support import markdown
-from bench.support.report import Figure, figure, last_figures, last_report, write_report
+from bench.support.report import Figure, figure, last_figures, last_report, renewed, write_report
 from plateau.farm.model.plan import Plan
 from plateau.farm.model.spec import JobSpec
 from plateau.metric import Evidence, Half, View, Visible, allowed_pixels, blended, create_rule
@@ -86,10 +86,10 @@ def main() -> None:
         guides = guides_of(case, asked.pixels, asked.data)
         scene = f"{name}, {asked.pixels} px"
         settings[scene] = {"spp": asked.spp, "slice_spp": asked.slice_spp, "runs": asked.runs}
-        kept = [one for one in kept if not one.name.startswith(f"{scene}: ")]
-        for one in figures(recording, asked.slice_spp, guides, asked.runs):
-            kept.append(replace(one, name=f"{scene}: {one.name}"))
-            print(kept[-1].name, kept[-1].value, file=sys.stderr)
+        found = figures(recording, asked.slice_spp, guides, asked.runs)
+        kept = renewed(kept, scene, found)
+        for one in found:
+            print(scene, one.name, one.value, file=sys.stderr)
     report = write_report("denoising", kept, settings={"scenes": settings}, notes=_NOTES)
     markdown.fill(markdown.DOCS / "denoising.md", tables(report))
 

@@ -120,7 +120,7 @@ def plan_round(
         finite = np.where(model.non_finite, np.float32(0), model.focus)
         weight = zone_sums(finite, size) / np.maximum(curves.pixels, 1)
         curves = replace(curves, visible=curves.visible * weight[..., np.newaxis])
-    allowed = allowed_pixels(target, model.pixels, model.heaviest)
+    allowed = allowed_pixels(target, model.pixels, model.focus)
     needed = _needed(curves, spp, planned, allowed, total + least)
     zones, more = _round(needed, planned, curves.pixels, least)
     return Allocation(zones, math.ceil(more), needed)

@@ -155,6 +155,22 @@ def as_image(image: NDArray[Any]) -> Image:
     return image.astype(np.float32, copy=False)
 
 
+def require_same_size(reference: tuple[int, int], test: tuple[int, int]) -> None:
+    """Raise ValueError unless two images, of these rows and columns, have one size.
+
+    Examples
+    --------
+    >>> require_same_size((240, 320), (240, 321))
+    Traceback (most recent call last):
+    ValueError: reference and test must have the same size, not 320×240 and 321×240 pixels
+    """
+    if reference != test:
+        raise ValueError(
+            "reference and test must have the same size, not "
+            f"{reference[1]}×{reference[0]} and {test[1]}×{test[0]} pixels"
+        )
+
+
 def finite_pixels(image: Image) -> Mask:
     """Return, for each pixel, whether all three channels are finite.
 

@@ -138,18 +138,18 @@ def estimate_from(metric: VisibleDifferences, model: NoiseModel, clean: Percept)
     )
 
 
-def allowed_pixels(target: float, pixels: int, heaviest: float = 1.0) -> float:
+def allowed_pixels(target: float, pixels: int, focus: Plane | None = None) -> float:
     """Return how many pixels a target fraction allows.
 
-    It is at least one pixel, the `heaviest` where they have weights, so that a single one, such as
-    a firefly, cannot keep a whole image from converging.
+    It is at least one pixel, the heaviest of a focus, so that a single one, such as a firefly,
+    cannot keep a whole image from converging.
 
     Examples
     --------
     >>> allowed_pixels(0.001, 65_536), allowed_pixels(0.001, 64)
     (65.536, 1.0)
     """
-    return max(heaviest, target * pixels)
+    return max(1.0 if focus is None else float(focus.max()), target * pixels)
 
 
 def require_target(target: float) -> None:

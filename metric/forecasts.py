@@ -152,7 +152,7 @@ def forecast_from(
     `spp` is that of the merged image.
     """
     require_target(target)
-    allowed = allowed_pixels(target, model.pixels, model.heaviest)
+    allowed = allowed_pixels(target, model.pixels, model.focus)
     if estimate.pixels <= allowed:
         return Forecast(spp, spp, spp)
 

@@ -60,11 +60,6 @@ class NoiseModel:
         """The number of pixels."""
         return self.non_finite.size
 
-    @property
-    def heaviest(self) -> float:
-        """The most that one visible pixel counts."""
-        return 1.0 if self.focus is None else float(self.focus.max())
-
     def noisy(self, amount: float) -> Image:
         """Return the clean image plus `amount` times the noise: ±1 is the present noise.
 

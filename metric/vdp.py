@@ -34,6 +34,7 @@ from plateau.metric.display import (
     displayed,
     finite_pixels,
     opponent_chroma,
+    require_same_size,
     tristimulus,
 )
 from plateau.metric.pyramid import LEVELS, blurred_levels
@@ -215,11 +216,7 @@ class VisibleDifferences:
 
     def check(self, reference: Percept, test: Percept) -> None:
         """Raise ValueError unless both have one size and this view."""
-        if reference.shape != test.shape:
-            raise ValueError(
-                "reference and test must have the same size, not "
-                f"{_size(reference.shape)} and {_size(test.shape)} pixels"
-            )
+        require_same_size(reference.shape, test.shape)
         for percept in (reference, test):
             if percept.view != self.view:
                 raise ValueError(f"an image prepared for {percept.view} met {self.view}")
@@ -308,8 +305,3 @@ def _exceeds(
     if colour is not None:
         visible |= colour > elevation
     return visible
-
-
-def _size(shape: tuple[int, int]) -> str:
-    height, width = shape
-    return f"{width}×{height}"

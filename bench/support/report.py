@@ -7,7 +7,7 @@ import os
 import platform
 import re
 import statistics
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from datetime import datetime, timezone
 from importlib.metadata import version
 from pathlib import Path
@@ -20,7 +20,7 @@ from plateau.worker.supervisor.llvm_libraries import llvm_libraries
 from plateau.worker.supervisor.llvm_libraries import version as llvm_version
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
 RESULTS = ROOT / "bench" / "results"
 OTHERS = "other work on the cores meanwhile"
@@ -122,6 +122,12 @@ def last_report(name: str) -> dict[str, Any]:
     path = RESULTS / f"{name}.json"
     nothing: dict[str, Any] = {"settings": {}, "figures": []}
     return json.loads(path.read_text()) if path.exists() else nothing
+
+
+def renewed(kept: list[Figure], case: str, figures: Iterable[Figure]) -> list[Figure]:
+    """The figures with those of a case replaced; their names begin with its name."""
+    others = [one for one in kept if not one.name.startswith(f"{case}: ")]
+    return others + [replace(one, name=f"{case}: {one.name}") for one in figures]
 
 
 def in_words(one: Figure) -> str:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pydantic import BaseModel, ConfigDict, Field
 
 from plateau.farm.model.job import Job
+from plateau.farm.process.settings import Settings
 
 #: Digits after the point of an amount: more than any currency has, for jobs of seconds.
 _DIGITS = 6
@@ -16,6 +17,12 @@ class Price:
 
     per_core_hour: float
     currency: str = ""
+
+    @classmethod
+    def if_set(cls, settings: Settings) -> "Price | None":
+        """The price that the settings name, if they do."""
+        price = settings.core_hour_price
+        return None if price is None else cls(price, settings.currency)
 
     def of(self, core_hours: float) -> float:
         """The price of these core hours."""

@@ -27,6 +27,8 @@ _Kernel = TypeVar("_Kernel", bound="Callable[..., Any]")
 _OPTIONS = {"error_model": "numpy", "nogil": True, "fastmath": False}
 
 _PACKAGE = Path(__file__).parent
+#: Files of the metric whose code or constants a kernel may contain.
+_SOURCES = ("*.py", "compiled/*.py", "cvvdp/*.py", "cvvdp/*.json")
 
 
 def inlined(function: _Kernel) -> _Kernel:
@@ -79,6 +81,6 @@ def cache_folder() -> Path | None:
 def _fingerprint() -> str:
     """Return a digest of every source whose code or constants a kernel may contain."""
     digest = hashlib.sha256()
-    for source in sorted([*_PACKAGE.parent.glob("*.py"), *_PACKAGE.parent.glob("c*/*.py")]):
+    for source in sorted(file for kind in _SOURCES for file in _PACKAGE.parent.glob(kind)):
         digest.update(source.read_bytes())
     return digest.hexdigest()[:16]

@@ -21,7 +21,7 @@ from plateau.metric.cvvdp.parameters import (
 from plateau.metric.cvvdp.pooling import jod, norm, quality, raised
 from plateau.metric.cvvdp.pyramid import band_frequencies, expanded, halved
 from plateau.metric.cvvdp.sensitivity import log_sensitivities, sensitivities
-from plateau.metric.display import as_image
+from plateau.metric.display import as_image, require_same_size
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -132,11 +132,7 @@ class ColorVideoVDP:
         ValueError
             If the images differ in size, or were prepared for another display.
         """
-        if reference.shape != test.shape:
-            raise ValueError(
-                "reference and test must have the same size, not "
-                f"{reference.shape[::-1]} and {test.shape[::-1]} pixels"
-            )
+        require_same_size(reference.shape, test.shape)
         for percept in (reference, test):
             if percept.display != self.display:
                 raise ValueError(f"an image prepared for {percept.display} met {self.display}")

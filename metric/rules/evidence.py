@@ -103,8 +103,7 @@ class Evidence:
 
     def allowed_pixels(self, target: float) -> float:
         """Return how many visible pixels a target fraction allows, counted as the estimate is."""
-        heaviest = 1.0 if self.focus is None else float(self.focus.max())
-        return allowed_pixels(target, self.pixels, heaviest)
+        return allowed_pixels(target, self.pixels, self.focus)
 
     @cached_property
     def kept_image(self) -> Image:

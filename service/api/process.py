@@ -126,7 +126,7 @@ def run(
         access=access,
         webhook_allow=settings.webhook_allow,
         targets=targets,
-        price=_price(settings),
+        price=Price.if_set(settings),
     )
     descriptors = raise_descriptor_limit()
     config = server_config(
@@ -140,12 +140,6 @@ def run(
     )
     url = url_of(listener, "http" if tls is None else "https")
     _Server(config, hub, lambda: ready(url)).run(sockets=[listener])
-
-
-def _price(settings: Settings) -> Price | None:
-    if settings.core_hour_price is None:
-        return None
-    return Price(settings.core_hour_price, settings.currency)
 
 
 def spool_in(folder: Path) -> None:

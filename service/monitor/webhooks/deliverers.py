@@ -72,10 +72,9 @@ def delivering(settings: Settings) -> Iterator[None]:
 
 
 def _notifications(settings: Settings) -> Notifications:
-    price = settings.core_hour_price
     return Notifications(
         read_targets(settings),
-        None if price is None else Price(price, settings.currency),
+        Price.if_set(settings),
         settings.url if "url" in settings.model_fields_set else None,
     )
 

@@ -23,13 +23,13 @@ _APPRISE.propagate = False
 
 _ENDS: Final = {
     JobState.CONVERGED: "converged",
-    JobState.EXHAUSTED: "reached its cap",
+    JobState.EXHAUSTED: "reached its limit",
     JobState.CANCELLED: "was cancelled",
     JobState.FAILED: "failed",
 }
 _COUNTED: Final = {
     JobState.CONVERGED: "converged",
-    JobState.EXHAUSTED: "reached their cap",
+    JobState.EXHAUSTED: "reached their limit",
     JobState.CANCELLED: "cancelled",
     JobState.FAILED: "failed",
 }
