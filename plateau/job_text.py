@@ -40,6 +40,13 @@ def size(count: float) -> str:
     return f"{count:,.1f} GB"
 
 
+def share_of(part: float, whole: float) -> str:
+    """Bytes of more bytes: ``9.1 of 33.6 GB``."""
+    used, all_of_it = size(part), size(whole)
+    unit = all_of_it.rpartition(" ")[2]
+    return f"{used.removesuffix(f' {unit}')} of {all_of_it}"
+
+
 def point_figures(job: Job, point: CurvePoint) -> list[str]:
     """The known figures of a point.
 
@@ -128,6 +135,11 @@ def title_with_parameters(job: Job) -> str:
     return " ".join((title(job), *values))
 
 
+def filed(job: Job) -> list[str]:
+    """Whether the job is archived or deleted."""
+    return ["deleted"] if job.deleted_at else ["archived"] if job.archived_at else []
+
+
 def pauses(job: Job) -> str:
     """For how long the job was paused before, and since when it is paused now."""
     before = f"for {duration(job.paused_s)}" if job.paused_s else ""
@@ -199,5 +211,10 @@ def summary(job: Job, now: datetime, waits_for: str | None = None) -> str:
         rows.append(("to come", f"{to_come}{forecast}"))
     if job.paused_at is not None or job.paused_s:
         rows.append(("paused", pauses(job)))
+    if job.archived_at is not None:
+        rows.append(("archived", f"since {job.archived_at:%Y-%m-%d %H:%M:%S} UTC"))
+    if job.deleted_at is not None:
+        undo = f"`plateau restore {job.id}` undoes it for a while"
+        rows.append(("deleted", f"since {job.deleted_at:%Y-%m-%d %H:%M:%S} UTC; {undo}"))
     rows += [("note", note) for note in job.notes]
     return "\n".join(row(name, text) for name, text in rows)

@@ -42,9 +42,12 @@ TASKS: Final[tuple[tuple[str, str, tuple[str, ...]], ...]] = (
         ("submit", "watch", "list", "show", "log", "curve", "fetch", "workers", "usage", "scenes"),
     ),
     (
-        "Control jobs",
-        "With an API key, a submitter controls its own jobs and an admin those of everybody.",
-        ("cancel", "pause", "resume", "priority"),
+        "Control jobs and workers",
+        (
+            "With an API key, a submitter controls its own jobs, an admin those of everybody, and "
+            "the workers."
+        ),
+        ("cancel", "pause", "resume", "priority", "archive", "delete", "restore", "drain"),
     ),
     (
         "Continue ended jobs",

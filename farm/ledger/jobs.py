@@ -6,7 +6,7 @@ from typing import Any
 
 from plateau.farm.blobs import store as blobs
 from plateau.farm.ledger import guarded_batches, records
-from plateau.farm.ledger.listing import jobs_before
+from plateau.farm.ledger.listing import Filter, jobs_before
 from plateau.farm.ledger.ownership import Checkpoint, checkpoint_of
 from plateau.farm.ledger.slice_log import slice_log
 from plateau.farm.ledger.totals import Census, take_census
@@ -20,11 +20,12 @@ from plateau.farm.model.errors import (
     TooManyNeeds,
 )
 from plateau.farm.model.fit import Kind
-from plateau.farm.model.job import BEFORE_ALL_EVENTS, CurvePoint, Event, Job, LogEntry, Worker
+from plateau.farm.model.job import BEFORE_ALL_EVENTS, CurvePoint, Event, Job, LogEntry
 from plateau.farm.model.plan import Plan, Round
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
 from plateau.farm.model.usage import Grouping, Spent
+from plateau.farm.model.worker import Worker
 from plateau.farm.redis import keys
 from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.commands.command import Command
@@ -143,18 +144,10 @@ class Jobs:
         return records.job(job_id, fields, sealed)
 
     def search(
-        self,
-        *,
-        state: JobState | None = None,
-        batch: str | None = None,
-        owner: str | None = None,
-        before: int | None = None,
-        limit: int = 50,
+        self, *, before: int | None = None, limit: int = 50, **wanted: Any
     ) -> tuple[list[Job], int | None]:
-        """A page of jobs; see `plateau.farm.ledger.listing.jobs_before`."""
-        return jobs_before(
-            self._redis, state=state, batch=batch, owner=owner, before=before, limit=limit
-        )
+        """A page of the jobs that a `Filter` of these fields wants; see `jobs_before`."""
+        return jobs_before(self._redis, Filter(**wanted), before=before, limit=limit)
 
     def usage(
         self, by: Grouping, *, since: datetime | None, until: datetime | None, limit: int

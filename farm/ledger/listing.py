@@ -1,8 +1,14 @@
-"""Lists jobs, newest first: all, in a state, of a batch or of an owner.
+"""Lists jobs, newest first: all, or those that a filter lets through.
 
-Each of the four has an index, so the cost of a page does not grow with the stored jobs.
+All jobs, those in a state, of a batch, of an owner, the archived and the deleted ones have an index
+each. So the cost of a page does not grow with the stored jobs where one of them has what is asked
+for, but for the archived and deleted jobs that it passes over. Otherwise the jobs of one index are
+read until the page is full.
 """
 
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Final
 
 from plateau.farm.ledger import records
@@ -15,27 +21,35 @@ from plateau.farm.redis.link import unavailable_as_farm_error
 #: Jobs of an index that are filtered together.
 _LOOKED_AT: Final = 500
 
+#: A job of an index, and its number of creation.
+_Row = tuple[str, float]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Filter:
+    """Which jobs are wanted; None wants all."""
+
+    state: JobState | None = None
+    batch: str | None = None  #: the jobs that were submitted to it
+    owner: str | None = None  #: an API key's id
+    archived: bool | None = False
+    deleted: bool | None = False
+    search: str = ""  #: words that all occur in what the job is called and belongs to
+
 
 def jobs_before(
-    client: RedisClient,
-    *,
-    state: JobState | None = None,
-    batch: str | None = None,
-    owner: str | None = None,
-    before: int | None = None,
-    limit: int = 50,
+    client: RedisClient, wanted: Filter, *, before: int | None = None, limit: int = 50
 ) -> tuple[list[Job], int | None]:
-    """The newest jobs, and the next page's number, None after the last page.
+    """The newest wanted jobs, and the next page's number, None after the last page.
 
-    Only those below the number `before`, which an earlier call returned, in this state, of this
-    batch and of this owner (an API key's id).
+    Only those below the number `before`, which an earlier call returned.
     """
-    index, wanted = _index(state, batch, owner)
+    index, fields = _index(wanted)
     found: list[Job] = []
+    asked = _LOOKED_AT if fields or wanted.search else limit
     with unavailable_as_farm_error():
         while True:
-            asked = _LOOKED_AT if wanted else limit - len(found)
-            rows = client.zrevrangebyscore(
+            rows: list[_Row] = client.zrevrangebyscore(
                 index,
                 f"({before}" if before is not None else "+inf",
                 "-inf",
@@ -46,42 +60,110 @@ def jobs_before(
             more = len(rows) == asked
             if rows:
                 before = int(rows[-1][1])
-            if wanted:
-                rows = _matching(client, rows, wanted)
-                if len(found) + len(rows) > limit:
-                    rows, more = rows[: limit - len(found)], True
-                    before = int(rows[-1][1])
+            rows = _matching(client, _filed(client, rows, wanted), fields, wanted.search)
+            if len(found) + len(rows) > limit:
+                rows, more = rows[: limit - len(found)], True
+                before = int(rows[-1][1])
             # A job may have left the state since its index was read.
             found += (
-                job for job in _jobs(client, [row[0] for row in rows]) if state in {None, job.state}
+                job
+                for job in _jobs(client, [row[0] for row in rows])
+                if wanted.state in {None, job.state}
             )
             if not more:
                 return found, None
             if len(found) >= limit:
                 return found, before
+            asked = _LOOKED_AT
 
 
-def _index(
-    state: JobState | None, batch: str | None, owner: str | None
-) -> tuple[str, dict[str, str]]:
+def _index(wanted: Filter) -> tuple[str, dict[str, str]]:
     """The index that has the wanted jobs, and the fields by which they are still to be filtered."""
-    wanted = {} if state is None else {"state": state.value}
-    if batch is not None:
-        return keys.batch(batch), wanted if owner is None else {"owner": owner, **wanted}
-    if owner is not None:
-        return keys.jobs_of_key(owner), wanted
-    return keys.JOBS if state is None else keys.in_state(state.value), {}
+    given = {
+        "batch": wanted.batch,
+        "owner": wanted.owner,
+        "state": wanted.state and wanted.state.value,
+    }
+    fields = {name: value for name, value in given.items() if value is not None}
+    if wanted.deleted:
+        return keys.DELETED, fields
+    if wanted.batch is not None and wanted.deleted is False:
+        return keys.batch(fields.pop("batch")), fields
+    if wanted.owner is not None:
+        return keys.jobs_of_key(fields.pop("owner")), fields
+    if wanted.archived:
+        return keys.ARCHIVED, fields
+    if wanted.state is not None:
+        return keys.in_state(fields.pop("state")), fields
+    return keys.JOBS, fields
+
+
+def _filed(client: RedisClient, rows: list[_Row], wanted: Filter) -> list[_Row]:
+    """Those that are archived, and deleted, as wanted."""
+    for index, flag in ((keys.ARCHIVED, wanted.archived), (keys.DELETED, wanted.deleted)):
+        if rows and flag is not None:
+            scores = client.zmscore(index, [row[0] for row in rows])
+            rows = [
+                row for row, score in zip(rows, scores, strict=True) if (score is not None) is flag
+            ]
+    return rows
 
 
 def _matching(
-    client: RedisClient, rows: list[tuple[str, float]], wanted: dict[str, str]
-) -> list[tuple[str, float]]:
+    client: RedisClient, rows: list[_Row], fields: dict[str, str], search: str
+) -> list[_Row]:
+    """Those with these fields in which each word of the search occurs."""
+    words = search.lower().split()
+    if not rows or not (fields or words):
+        return rows
+    wanted = {name: value for name, value in fields.items() if name != "owner"}
+    asked = (*wanted, "party", *(("name", "spec") if words else ()))
+    texts: dict[_Row, str] = {}
+    for row, had in zip(rows, _read(client, rows, asked), strict=True):
+        if all(had[name] == value for name, value in wanted.items()):
+            text = _text(row[0], had, words)
+            if had["party"] or _has(text, words):
+                texts[row] = text
+    # Owners are read only where they decide.
+    unsure = [row for row, text in texts.items() if "owner" in fields or not _has(text, words)]
+    owners = dict(
+        zip(unsure, _read(client, unsure, ("owner", "owner_name"), "sealed"), strict=True)
+    )
+    return [
+        row
+        for row, text in texts.items()
+        if row not in owners
+        or (
+            fields.get("owner") in {None, owners[row]["owner"]}
+            and _has(f"{text}\n{owners[row]['owner_name'] or ''}".lower(), words)
+        )
+    ]
+
+
+def _read(
+    client: RedisClient, rows: list[_Row], names: Sequence[str], part: str = ""
+) -> list[dict[str, str | None]]:
+    """These fields of each job."""
     pipe = client.pipeline(transaction=False)
     for job_id, _ in rows:
-        for field in wanted:
-            pipe.hget(keys.job(job_id, "sealed") if field == "owner" else keys.job(job_id), field)
-    found = iter(pipe.execute())
-    return [row for row in rows if [next(found) for _ in wanted] == list(wanted.values())]
+        pipe.hmget(keys.job(job_id, part), names)
+    return [dict(zip(names, values, strict=True)) for values in pipe.execute()]
+
+
+def _has(text: str, words: Sequence[str]) -> bool:
+    return all(word in text for word in words)
+
+
+def _text(job_id: str, fields: dict[str, str | None], words: Sequence[str]) -> str:
+    """What a search looks at beside the owner: a job's id, its names, its batch and its tags."""
+    if not words:
+        return ""
+    try:
+        spec = json.loads(fields["spec"] or "{}")
+        texts = (fields["name"], spec.get("name"), spec.get("batch"), *spec.get("requires", ()))
+        return "\n".join(filter(None, (job_id, *texts))).lower()
+    except (AttributeError, TypeError, ValueError):  # no list has an unreadable job
+        return ""
 
 
 def _jobs(client: RedisClient, job_ids: list[str]) -> list[Job]:

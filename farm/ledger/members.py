@@ -16,7 +16,8 @@ from typing import Final
 
 from plateau.farm.model import versions
 from plateau.farm.model.errors import Refused
-from plateau.farm.model.job import ProcessRole, RefusedProcess, moment
+from plateau.farm.model.job import moment
+from plateau.farm.model.worker import ProcessRole, RefusedProcess
 from plateau.farm.redis import keys
 from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.commands import workers as commands

@@ -11,10 +11,11 @@ from typing import Any
 from plateau.farm.blobs import store as blobs
 from plateau.farm.model import fit
 from plateau.farm.model.errors import UnreadableJob
-from plateau.farm.model.job import CurvePoint, Event, Job, Worker, moment
+from plateau.farm.model.job import CurvePoint, Event, Job, moment
 from plateau.farm.model.spec import JobSpec, stored_spec
 from plateau.farm.model.spec.whole_slices import fitted
 from plateau.farm.model.states import JobState
+from plateau.farm.model.worker import Worker
 from plateau.farm.redis import keys
 from plateau.farm.redis.client import Pipeline
 from plateau.farm.redis.commands.jobs import NewJob
@@ -97,6 +98,7 @@ def _job(fields: dict[str, str], sealed: dict[str, str]) -> Job:
         for name in ("created_at", "started_at", "paused_at", "ended_at", "finished_at")
         if name in fields
     }
+    filed = {name: moment(sealed[name]) for name in ("archived_at", "deleted_at") if name in sealed}
     judged = (
         *("visible_pixels", "visible_fraction", "slope", "estimate_pixels", "estimate_fraction"),
         *("estimate_undetermined", "non_finite_pixels", "forecast_spp"),
@@ -134,6 +136,7 @@ def _job(fields: dict[str, str], sealed: dict[str, str]) -> Job:
         continued_spp=int(fields.get("continued_spp", 0)),
         paused_s=int(fields.get("paused_ms", 0)) / 1000,
         **times,
+        **filed,
     )
 
 

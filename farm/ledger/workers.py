@@ -6,7 +6,7 @@ from typing import Final
 
 from plateau.farm.ledger.members import refused_within
 from plateau.farm.model.errors import WorkerNotFound
-from plateau.farm.model.job import RefusedProcess, Worker
+from plateau.farm.model.worker import RefusedProcess, Worker
 from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.commands.members import Drain
 from plateau.farm.redis.scripts import Scripts

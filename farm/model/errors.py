@@ -9,6 +9,7 @@
     ├── BatchNotFound      no batch of that name
     ├── UnevenBatch        the jobs of a guarded batch would not stop alike
     ├── JobEnded           the job has ended and cannot be changed any more; carries its story
+    ├── JobNotEnded        the job has not ended, so it cannot be archived or deleted
     ├── CannotContinue     no job can continue this one in the wanted way
     ├── FenceLost          another monitor owns the job now
     ├── WorkerNotFound     no worker of that id lives
@@ -123,6 +124,15 @@ class JobEnded(FarmError):
         self.job_id = job_id
         self.state = state
         self.story = story
+
+
+class JobNotEnded(FarmError):
+    """The job has not ended, so it cannot be archived or deleted."""
+
+    def __init__(self, job_id: str, state: str) -> None:
+        super().__init__(f"job {job_id} is {state}: it has not ended")
+        self.job_id = job_id
+        self.state = state
 
 
 class WorkerNotFound(FarmError):

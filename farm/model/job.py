@@ -5,7 +5,6 @@ from typing import Final, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from plateau.farm.model.place_names import DEFAULT_POOL
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
 
@@ -203,6 +202,15 @@ class Job(_Record):
         None, description="when the final images were written and everything else was cleared"
     )
 
+    archived_at: datetime | None = Field(
+        None, description="when it was archived: it is out of the list until it is restored"
+    )
+    deleted_at: datetime | None = Field(
+        None,
+        description="when it was deleted: it is hidden, and can be restored until a sweep removes "
+        "it after PLATEAU_KEEP_DELETED_DAYS",
+    )
+
     def duration_s(self, now: datetime) -> float:
         """Seconds from its submission to its end, or until `now`: waits and pauses count."""
         return max(0.0, ((self.ended_at or now) - self.created_at).total_seconds())
@@ -251,50 +259,3 @@ class LogEntry(_Record):
     text: str = Field(
         "", description="what Mitsuba printed while it loaded and rendered: its last 4 KB"
     )
-
-
-class Worker(_Record):
-    """A worker as its last heartbeat described it."""
-
-    id: str
-    host: str
-    pid: int
-    plateau: str | None = Field(None, description="its version")
-    variants: tuple[str, ...] = Field(description="what it can render with, best first")
-    threads: int
-    pool: str = Field(DEFAULT_POOL, description="it renders the jobs of this pool alone")
-    tags: tuple[str, ...] = Field((), description="what jobs may require of it")
-    job: str | None = Field(description="the job it renders, if any")
-    slice: int | None
-    slices_done: int
-    samples_per_s: float | None = Field(description="rate over its last slice")
-    last_error: str | None = Field(
-        description="what went wrong last; null once it has rendered a slice since"
-    )
-    trouble: str | None = Field(
-        None, description="why it takes no work: it found that it can render nothing"
-    )
-    label: str | None = Field(
-        None, description="its name in the system that started it, such as slurm:1234_5"
-    )
-    drained: bool = Field(
-        False, description="it takes no more slices, and finishes the one that it has"
-    )
-    started_at: datetime
-    seen_at: datetime
-
-
-ProcessRole = Literal["api", "monitor", "worker"]
-
-
-class RefusedProcess(BaseModel):
-    """A process that was not let into the farm: the last one of its machine and role."""
-
-    model_config = ConfigDict(frozen=True, extra="ignore")
-
-    role: ProcessRole
-    host: str
-    pid: int
-    plateau: str = Field(description="its version")
-    why: str = Field(description="what does not fit, and what to do")
-    at: datetime

@@ -152,6 +152,13 @@ class Settings(BaseSettings):
         allow_inf_nan=False,
         description="days after which finished jobs are removed; unset, they stay",
     )
+    keep_deleted_days: float = Field(
+        7.0,
+        ge=0,
+        le=_MOST_DAYS,
+        allow_inf_nan=False,
+        description="days for which a deleted job can be restored, before a sweep removes it",
+    )
     keep_sums_days: float = Field(
         3.0,
         ge=0,

@@ -24,9 +24,9 @@ so mark a job as failed or done, show a wrong image, forge an event of a webhook
 remove a job as old, or block other workers by unreadable entries; it can fill Redis's memory, and
 keep Redis busy while it is connected. It sees the names of all keys, since a lease rebuilds a
 damaged index. It cannot learn or change API keys, secrets and addresses of webhooks, owners of
-jobs, or the tokens of monitors. To shut it out, give its user another password in the file; then
-``plateau-admin`` may have Redis read it (`ACL LOAD`) and end the connections
-(`CLIENT KILL USER plateau-worker`).
+jobs, which of them are archived or deleted, or the tokens of monitors. To shut it out, give its
+user another password in the file; then ``plateau-admin`` may have Redis read it (`ACL LOAD`) and
+end the connections (`CLIENT KILL USER plateau-worker`).
 
 Redis has users since 6.0 and read-only rights (``%R~``) since 7.0: on 6.2 the right to read a key
 is one to write it.
@@ -90,6 +90,8 @@ _MONITOR: Final = (
     *(keys.job(_ID, part) for part in keys.JOB_PARTS if part not in QUEUE_PARTS),
     keys.JOBS,
     keys.UNFINISHED,
+    keys.ARCHIVED,
+    keys.DELETED,
     keys.BATCHES,
     keys.GUARDED,
     keys.batch("*"),

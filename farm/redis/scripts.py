@@ -42,7 +42,7 @@ _NAMESPACES: Final = {
 #: The subjects of commands: for workers, and all others.
 _FOR_WORKERS: Final = ("lease", "slices", "workers")
 _FOR_FARM: Final = (
-    *("jobs", "owners", "batches", "scenes", "sweeps", "webhooks"),
+    *("jobs", "visibility", "owners", "batches", "scenes", "sweeps", "webhooks"),
     *("members", "api_keys", "studies", "census"),
 )
 

@@ -30,7 +30,8 @@ __all__ = ["Swept", "is_due", "sweep"]
 class Swept:
     """What a sweep removed, or would remove."""
 
-    jobs: int  #: finished jobs, with all their records
+    jobs: int  #: old jobs, with all their records
+    deleted: int = 0  #: and those that were deleted, with theirs
     sums: int = 0  #: checkpoints of ended jobs, from which another could have continued
     scenes: int
     orphans: int  #: blobs of no job, of no use to their job, or half put
@@ -43,6 +44,7 @@ def sweep(
     store: Blobs,
     *,
     results_older_than_s: float | None = None,
+    deleted_older_than_s: float | None = None,
     sums_older_than_s: float | None = None,
     scenes_unused_for_s: float | None = None,
     dry_run: bool = False,
@@ -55,6 +57,8 @@ def sweep(
         Redis, and the blob store that belongs to it.
     results_older_than_s
         Forget the jobs that finished this long ago; None keeps them.
+    deleted_older_than_s
+        Forget the jobs that were deleted this long ago; None keeps them.
     sums_older_than_s
         Drop the sums of jobs that finished this long ago; None keeps them.
     scenes_unused_for_s
@@ -75,6 +79,9 @@ def sweep(
         jobs = FinishedJobs(client, removal)
         if results_older_than_s is not None:
             jobs.forget(results_older_than_s)
+        old = len(jobs.forgotten)
+        if deleted_older_than_s is not None:
+            jobs.forget_deleted(deleted_older_than_s)
         if sums_older_than_s is not None:
             jobs.let_sums_go(sums_older_than_s)
         orphans = remove_orphans(client, removal, jobs.forgotten)
@@ -83,7 +90,8 @@ def sweep(
             scenes = remove_scenes(client, removal, scenes_unused_for_s, jobs.forgotten)
         orphans += removal.remove_half_put()
     return Swept(
-        jobs=len(jobs.forgotten),
+        jobs=old,
+        deleted=len(jobs.forgotten) - old,
         sums=jobs.sums,
         scenes=scenes,
         orphans=orphans,

@@ -36,13 +36,22 @@ class FinishedJobs:
 
     def forget(self, older_than_s: float) -> None:
         """Forget the jobs that finished this long ago."""
-        older_than_ms = round(older_than_s * 1000)
+        ms = round(older_than_s * 1000)
+        self._forget([Forget(job=one, finished_for_ms=ms) for one in self._finished_for(ms)])
+
+    def forget_deleted(self, older_than_s: float) -> None:
+        """Forget the finished jobs that were deleted this long ago."""
+        ms = round(older_than_s * 1000)
+        self._forget([Forget(job=one, deleted_for_ms=ms) for one in self._deleted_for(ms)])
+
+    def _forget(self, commands: list[Forget]) -> None:
+        """Forget these jobs, newest first, so continuing jobs before the old."""
         continuing = self._continuing()
-        for job_id in self._finished_for(older_than_ms):
+        for forget in commands:
+            job_id = forget.job
             if self._removal.dry_run:
                 goes = self.forgotten.issuperset(continuing[job_id])
             else:
-                forget = Forget(job=job_id, finished_for_ms=older_than_ms)
                 goes = self._scripts.run(forget) == "forgotten"
             if goes:
                 self.forgotten.add(job_id)
@@ -82,10 +91,25 @@ class FinishedJobs:
         return continuing
 
     def _finished_for(self, older_than_ms: int) -> list[str]:
-        """The jobs that finished this long ago, newest first, so continuing jobs before the old."""
+        """The jobs that finished this long ago, newest first."""
         before = now_ms(self._redis) - older_than_ms
         newest_first = reversed(list(field_of_all(self._redis, "finished_at")))
         return [job_id for job_id, at in newest_first if at is not None and float(at) <= before]
+
+    def _deleted_for(self, older_than_ms: int) -> list[str]:
+        """The finished jobs that were deleted this long ago, newest first."""
+        before = now_ms(self._redis) - older_than_ms
+        job_ids = self._redis.zrevrange(keys.DELETED, 0, -1)
+        pipe = self._redis.pipeline(transaction=False)
+        for job_id in job_ids:
+            pipe.hget(keys.job(job_id, "sealed"), "deleted_at")
+            pipe.hget(keys.job(job_id), "finished_at")
+        answers = iter(pipe.execute())
+        return [
+            job_id
+            for job_id, at, finished_at in zip(job_ids, answers, answers, strict=True)
+            if at is not None and float(at) <= before and finished_at is not None
+        ]
 
 
 def field_of_all(client: RedisClient, field: str) -> Iterator[tuple[str, str | None]]:

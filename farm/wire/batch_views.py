@@ -24,6 +24,8 @@ def _links(name: str) -> dict[str, str]:
         "cancel": f"{root}/cancel",
         "pause": f"{root}/pause",
         "resume": f"{root}/resume",
+        "archive": f"{root}/archive",
+        "restore": f"{root}/restore",
         "guard": f"{root}/guard",
     }
 
@@ -128,7 +130,7 @@ class SteeredJob(BaseModel):
 
 
 class BatchSteered(BaseModel):
-    """The result of cancelling, pausing or resuming each job of a batch."""
+    """The result of a change to each job of a batch."""
 
     model_config = ConfigDict(extra="ignore", json_schema_extra={"examples": [STEERED]})
 

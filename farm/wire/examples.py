@@ -129,6 +129,16 @@ WORKER: Final[dict[str, Any]] = {
     "slice": 16,
     "slices_done": 16,
     "samples_per_s": 2.7e6,
+    "core_hours": 0.022,
+    "last_slices": [{"job": JOB_ID, "slice": 15, "spp": 25, "render_s": 0.61}],
+    "machine": {
+        "cores": 8,
+        "load": 0.93,
+        "memory_bytes": 33_567_264_768,
+        "memory_used_bytes": 9_123_528_704,
+        "disk_bytes": 250_790_436_864,
+        "disk_free_bytes": 180_304_302_080,
+    },
     "last_error": "slice 3: the render process was ended by SIGSEGV while rendering a pass",
     "trouble": None,
     "drained": False,
@@ -295,6 +305,8 @@ PROBLEM_DETAILS: Final = {
     f"alike; this one differs from job {JOB_ID}: rule.target is 0.001 here, and 0.0002 "
     "there; ask for the same, or name another batch",
     "job-ended": f"job {JOB_ID} is converged; only a job that has not ended can be changed",
+    "job-not-ended": f"job {JOB_ID} is rendering; only a job that has ended can be archived or "
+    "deleted: cancel it first",
     "cannot-cancel": f"job {JOB_ID} is converged; only a job that has not ended can be cancelled",
     "upload-too-large": "the request has more than 1,075,838,976 bytes; PLATEAU_MAX_UPLOAD_GB "
     "sets the limit",

@@ -5,8 +5,9 @@ from typing import Any, Literal
 from pydantic import BaseModel, ConfigDict, Field
 from pydantic.config import JsonDict
 
-from plateau.farm.model.job import CurvePoint, Event, Job, LogEntry, RefusedProcess, Worker
+from plateau.farm.model.job import CurvePoint, Event, Job, LogEntry
 from plateau.farm.model.spec import Priority
+from plateau.farm.model.worker import RefusedProcess, Worker
 from plateau.farm.wire import examples
 from plateau.farm.wire.costs import Cost, Price, cost_of
 from plateau.farm.wire.json_numbers import WithWholeNumbers
@@ -257,6 +258,8 @@ def job_view(
         "cancel": f"{root}/cancel",
         "pause": f"{root}/pause",
         "resume": f"{root}/resume",
+        "archive": f"{root}/archive",
+        "restore": f"{root}/restore",
         "continue": f"{root}/continue",
         "rejudge": f"{root}/rejudge",
         "webhooks": f"{root}/webhooks",

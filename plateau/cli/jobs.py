@@ -188,6 +188,18 @@ def list_jobs(
     owner: Annotated[
         str | None, typer.Option(metavar="ID", help="Only jobs of this API key.")
     ] = None,
+    search: Annotated[
+        str | None,
+        typer.Option(
+            metavar="WORDS",
+            help="Only jobs in which each word occurs: in the id, the name, the batch, the "
+            "owner's name or a required tag.",
+        ),
+    ] = None,
+    archived: Annotated[bool, typer.Option("--archived", help="Only archived jobs.")] = False,
+    deleted: Annotated[
+        bool, typer.Option("--deleted", help="Only deleted jobs, which can be restored.")
+    ] = False,
     limit: Annotated[int, typer.Option(help="Most jobs to list.", min=1, max=10_000)] = 20,
     url: o.Url = None,
     as_json: o.Json = False,
@@ -196,90 +208,18 @@ def list_jobs(
 
     For example:
       plateau list --state rendering
+      plateau list --search 'kitchen dusk'
     """
     from plateau.commands.jobs import list_jobs as run
 
-    run(state=state, batch=batch, owner=owner, limit=limit, url=url, as_json=as_json)
-
-
-@app.command()
-def cancel(
-    job_id: o.OrJobId = None, batch: o.OrBatch = None, url: o.Url = None, as_json: o.Json = False
-) -> None:
-    """Cancel a job or a batch. The image merged so far is kept.
-
-    For example:
-      plateau cancel 3f9ac2d01b77
-      plateau cancel --batch walk
-    """
-    _steer(job_id, batch, "cancel", url=url, as_json=as_json)
-
-
-@app.command()
-def pause(
-    job_id: o.OrJobId = None, batch: o.OrBatch = None, url: o.Url = None, as_json: o.Json = False
-) -> None:
-    """Pause a rendering job or a batch: workers finish their slices and take no more.
-
-    For example:
-      plateau pause 3f9ac2d01b77
-      plateau pause --batch walk
-      plateau resume 3f9ac2d01b77
-
-    Slices that are already rendered are merged and judged, so the job may still converge. Its time
-    limit is suspended. To let other jobs go first, lower the priority instead.
-    """
-    _steer(job_id, batch, "pause", url=url, as_json=as_json)
-
-
-@app.command()
-def resume(
-    job_id: o.OrJobId = None, batch: o.OrBatch = None, url: o.Url = None, as_json: o.Json = False
-) -> None:
-    """Resume a paused job or batch. A pause does not change the image.
-
-    For example:
-      plateau resume 3f9ac2d01b77
-      plateau resume --batch walk
-    """
-    _steer(job_id, batch, "resume", url=url, as_json=as_json)
-
-
-def _steer(
-    job_id: str | None, batch: str | None, action: str, *, url: str | None, as_json: bool
-) -> None:
-    """Cancel, pause or resume the one of the two that is named."""
-    from plateau.commands.batches import steer as steer_batch
-    from plateau.commands.jobs import steer as steer_job
-
-    job = o.one_of(job_id, batch)
-    if batch is None:
-        steer_job(job, action, url=url, as_json=as_json)
-    else:
-        steer_batch(batch, action, url=url, as_json=as_json)
-
-
-@app.command(context_settings={"ignore_unknown_options": True})  # -5 is a priority
-def priority(
-    job_id: o.JobId,
-    value: Annotated[
-        int,
-        typer.Argument(
-            metavar="N", help="Higher is rendered first; the default is 0.", min=-1000, max=1000
-        ),
-    ],
-    url: o.Url = None,
-    as_json: o.Json = False,
-) -> None:
-    """Change the priority of a job, from the next slice on.
-
-    For example:
-      plateau priority 3f9ac2d01b77 10
-      plateau priority 3f9ac2d01b77 -10
-
-    Workers render jobs of the highest priority first, and share their time among jobs of equal
-    priority. No worker stops in the middle of a slice.
-    """
-    from plateau.commands.jobs import priority as run
-
-    run(job_id, value, url=url, as_json=as_json)
+    run(
+        state=state,
+        batch=batch,
+        owner=owner,
+        search=search,
+        archived=archived,
+        deleted=deleted,
+        limit=limit,
+        url=url,
+        as_json=as_json,
+    )

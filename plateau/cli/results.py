@@ -60,12 +60,35 @@ def workers(url: o.Url = None, as_json: o.Json = False) -> None:
       plateau workers
 
     In a pipe, columns are separated by tabs: id, host, best variant, threads, pool and tags, job
-    and slice, rate over the last slice, slices done, time since its start, version, trouble.
+    and slice, rate over the last slice, slices done, load of the machine, its memory in use, disk
+    that is left for the cache, time since the worker's start, version, trouble.
     Workers that were refused for their version are listed on standard error.
     """
     from plateau.commands.farm import workers as run
 
     run(url=url, as_json=as_json)
+
+
+@app.command()
+def drain(
+    worker_id: Annotated[
+        str, typer.Argument(metavar="WORKER", help="The worker's id, as `plateau workers` has it.")
+    ],
+    undo: Annotated[bool, typer.Option("--undo", help="Let it take slices again.")] = False,
+    url: o.Url = None,
+    as_json: o.Json = False,
+) -> None:
+    """Let a worker finish its slice and take no more, so that it can be stopped without loss.
+
+    For example:
+      plateau drain vm-23618-bc86
+      plateau drain vm-23618-bc86 --undo
+
+    It lasts as long as that process lives. If the service has keys, it needs an admin's.
+    """
+    from plateau.commands.farm import drain as run
+
+    run(worker_id, undo=undo, url=url, as_json=as_json)
 
 
 @app.command()

@@ -171,6 +171,14 @@ def gc(
             show_default="PLATEAU_KEEP_RESULTS_DAYS, else never",
         ),
     ] = None,
+    deleted_older_than: Annotated[
+        float | None,
+        _days(
+            help="Remove jobs that were deleted more than this many days ago, with their results. "
+            "Until then, `plateau restore` restores them.",
+            show_default="PLATEAU_KEEP_DELETED_DAYS, else 7",
+        ),
+    ] = None,
     sums_older_than: Annotated[
         float | None,
         _days(
@@ -192,7 +200,7 @@ def gc(
     ] = False,
     as_json: o.Json = False,
 ) -> None:
-    """Remove old jobs, unused scenes and orphaned blobs.
+    """Remove old and deleted jobs, unused scenes and orphaned blobs.
 
     For example:
       plateau gc --results-older-than 30 --dry-run
@@ -200,14 +208,21 @@ def gc(
 
     Orphaned blobs, left by killed processes, are always removed. Unfinished jobs keep everything.
     Monitors do the same once an hour, by the settings PLATEAU_KEEP_RESULTS_DAYS,
-    PLATEAU_KEEP_SUMS_DAYS and PLATEAU_KEEP_SCENES_DAYS.
+    PLATEAU_KEEP_DELETED_DAYS, PLATEAU_KEEP_SUMS_DAYS and PLATEAU_KEEP_SCENES_DAYS.
 
     Works on PLATEAU_REDIS_URL and PLATEAU_BLOBS if they are set, otherwise on the data folder,
     whether `plateau up` is running or not.
     """
     from plateau.commands.gc import gc as run
 
-    run(results_older_than, sums_older_than, scenes_unused_for, dry_run=dry_run, as_json=as_json)
+    run(
+        results_older_than,
+        deleted_older_than,
+        sums_older_than,
+        scenes_unused_for,
+        dry_run=dry_run,
+        as_json=as_json,
+    )
 
 
 @app.command()

@@ -1,11 +1,12 @@
 """Calls about the workers, the stored scenes and the messages to webhooks."""
 
 from datetime import date, datetime
+from urllib.parse import quote
 
 from plateau.client.transport import Calls
 from plateau.farm.model.deliveries import Delivery
-from plateau.farm.model.job import RefusedProcess, Worker
 from plateau.farm.model.usage import Grouping
+from plateau.farm.model.worker import RefusedProcess, Worker
 from plateau.farm.wire.usage_views import Usage
 from plateau.farm.wire.views import Scenes, SceneView, Workers
 from plateau.farm.wire.webhook_views import Deliveries
@@ -31,6 +32,25 @@ class FarmCalls(Calls):
     def workers(self) -> list[Worker]:
         """The living workers, and what each renders."""
         return self._transport.read(Workers, "/v1/workers").workers
+
+    def drain(self, worker_id: str) -> Worker:
+        """Let the worker finish its slice and take no more; repeating it is harmless.
+
+        Raises
+        ------
+        ApiError
+            ``unknown-worker``; ``role-too-low`` unless the key is an admin's.
+        """
+        return self._steer_worker(worker_id, "drain")
+
+    def undrain(self, worker_id: str) -> Worker:
+        """Let the drained worker take slices again; raises as `drain` does."""
+        return self._steer_worker(worker_id, "resume")
+
+    def _steer_worker(self, worker_id: str, action: str) -> Worker:
+        path = f"/v1/workers/{quote(worker_id, safe='')}/{action}"
+        workers = self._transport.ask(Workers, "POST", path).workers
+        return next(worker for worker in workers if worker.id == worker_id)
 
     def refused(self) -> list[RefusedProcess]:
         """The last process of each machine that was refused for its version."""

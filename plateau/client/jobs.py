@@ -75,7 +75,7 @@ class JobCalls(Calls):
         BadId
             None of the newest 1,000 jobs has such an id, or several have.
         """
-        return whole_id(job_id, self.all_jobs())
+        return whole_id(job_id, self.all_jobs(archived=None, deleted=None))
 
     def job(self, job_id: str) -> JobView:
         """The current state of the job."""
@@ -87,6 +87,9 @@ class JobCalls(Calls):
         state: JobState | None = None,
         batch: str | None = None,
         owner: str | None = None,
+        search: str | None = None,
+        archived: bool | None = False,
+        deleted: bool | None = False,
         cursor: str | None = None,
         limit: int = 50,
     ) -> JobPage:
@@ -96,6 +99,11 @@ class JobCalls(Calls):
         ----------
         state, batch, owner
             Only jobs in this state, of this batch, or of the API key with this id.
+        search
+            Only jobs in which each of these words occurs: in the id, the name, the batch, the
+            owner's name or a required tag.
+        archived, deleted
+            Only jobs that are, or are not, archived or deleted; None for both kinds.
         cursor
             `next_cursor` of the previous page.
         limit
@@ -110,6 +118,9 @@ class JobCalls(Calls):
             "state": state and state.value,
             "batch": batch,
             "owner": owner,
+            "search": search,
+            "archived": _whether(archived),
+            "deleted": _whether(deleted),
             "cursor": cursor,
             "limit": limit,
         }
@@ -117,16 +128,30 @@ class JobCalls(Calls):
         return self._transport.read(JobPage, "/v1/jobs", params=params)
 
     def all_jobs(
-        self, *, state: JobState | None = None, batch: str | None = None, owner: str | None = None
+        self,
+        *,
+        state: JobState | None = None,
+        batch: str | None = None,
+        owner: str | None = None,
+        search: str | None = None,
+        archived: bool | None = False,
+        deleted: bool | None = False,
     ) -> Iterator[JobView]:
-        """Every job, newest first; pages are fetched as they are needed.
+        """Every such job, newest first; pages are fetched as they are needed.
 
-        Jobs submitted in the meantime are left out.
+        Jobs submitted in the meantime are left out. The parameters are those of `jobs`.
         """
         cursor = None
         while True:
             page = self.jobs(
-                state=state, batch=batch, owner=owner, cursor=cursor, limit=_LARGEST_PAGE
+                state=state,
+                batch=batch,
+                owner=owner,
+                search=search,
+                archived=archived,
+                deleted=deleted,
+                cursor=cursor,
+                limit=_LARGEST_PAGE,
             )
             yield from page.jobs
             cursor = page.next_cursor
@@ -165,6 +190,39 @@ class JobCalls(Calls):
         """
         return self._steer(job_id, "resume")
 
+    def archive(self, job_id: str) -> JobView:
+        """Archive the ended job: lists leave it out. Archiving it again is harmless.
+
+        Raises
+        ------
+        ApiError
+            ``unknown-job``; ``job-not-ended``; ``uneven-batch`` as for `restore`.
+        """
+        return self._steer(job_id, "archive")
+
+    def delete(self, job_id: str) -> JobView:
+        """Delete the ended job; `restore` undoes that until a sweep has removed it.
+
+        It leaves lists and its batch at once. Deleting it again is harmless.
+
+        Raises
+        ------
+        ApiError
+            ``unknown-job``; ``job-not-ended``.
+        """
+        return self._transport.ask(JobView, "DELETE", f"/v1/jobs/{job_id}")
+
+    def restore(self, job_id: str) -> JobView:
+        """Put the archived or deleted job back into the list; restoring it again is harmless.
+
+        Raises
+        ------
+        ApiError
+            ``unknown-job``; ``job-not-ended``; ``uneven-batch`` if its batch has a flicker guard by
+            now, and the job did not stop as the others do.
+        """
+        return self._steer(job_id, "restore")
+
     def set_priority(self, job_id: str, priority: int) -> JobView:
         """Give the job another priority, -1000 to 1000; a higher one is rendered first.
 
@@ -196,6 +254,11 @@ class JobCalls(Calls):
 
     def _steer(self, job_id: str, action: str) -> JobView:
         return self._transport.ask(JobView, "POST", f"/v1/jobs/{job_id}/{action}")
+
+
+def _whether(flag: bool | None) -> str | None:
+    """A flag as the service reads it; its own default is left out."""
+    return {False: None, True: "true", None: "any"}[flag]
 
 
 def spec_of(spec: JobSpec | None, fields: Mapping[str, Any]) -> JobSpec:

@@ -119,7 +119,7 @@ def _follow(client: Client, name: str, fetch: _Fetch | None) -> BatchView:
 
 def in_order(client: Client, batch: BatchView) -> list[JobView]:
     """Return the jobs of a batch in their order."""
-    jobs = {job.id: job for job in client.all_jobs(batch=batch.name)}
+    jobs = {job.id: job for job in client.all_jobs(batch=batch.name, archived=None)}
     return [jobs[job_id] for job_id in batch.job_ids if job_id in jobs]
 
 
@@ -173,12 +173,15 @@ def show(name: str, *, url: str | None, as_json: bool) -> None:
 
 
 def steer(name: str, action: str, *, url: str | None, as_json: bool) -> None:
-    """Cancel, pause or resume all jobs of a batch, and print the outcome for each."""
+    """Change all jobs of a batch, and print the outcome for each."""
     with connect(url) as client:
         calls = {
             "cancel": client.cancel_batch,
             "pause": client.pause_batch,
             "resume": client.resume_batch,
+            "archive": client.archive_batch,
+            "delete": client.delete_batch,
+            "restore": client.restore_batch,
         }
         steered: BatchSteered = calls[action](name)
     if as_json:

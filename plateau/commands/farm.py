@@ -5,10 +5,11 @@ from datetime import datetime
 
 from plateau.commands.connect import connect
 from plateau.errors import tell
-from plateau.farm.model.job import Worker, utc_now
-from plateau.farm.wire.figures import duration
+from plateau.farm.model.job import utc_now
+from plateau.farm.model.worker import Worker
+from plateau.farm.wire.figures import duration, percent
 from plateau.farm.wire.views import SceneView
-from plateau.job_text import size
+from plateau.job_text import share_of, size
 from plateau.terminal.tables import print_rows
 
 WORKER_COLUMNS = (
@@ -20,11 +21,25 @@ WORKER_COLUMNS = (
     "renders",
     "rate",
     "done",
+    "load",
+    "memory",
+    "disk free",
     "up",
     "version",
     "trouble",
 )
-_SPARE = ("version", "up", "threads", "host", "done", "pool", "rate", "variant")
+_SPARE = (
+    "version",
+    "disk free",
+    "memory",
+    "up",
+    "threads",
+    "host",
+    "done",
+    "pool",
+    "rate",
+    "variant",
+)
 
 
 def workers(*, url: str | None, as_json: bool) -> None:
@@ -46,6 +61,14 @@ def workers(*, url: str | None, as_json: bool) -> None:
         tell(f"the {one.role} of {one.host} was refused at {one.at:%H:%M} UTC: {one.why}")
 
 
+def drain(worker_id: str, *, undo: bool, url: str | None, as_json: bool) -> None:
+    """Drain a worker, or let it take slices again."""
+    with connect(url) as client:
+        worker = client.undrain(worker_id) if undo else client.drain(worker_id)
+    state = "drained" if worker.drained else "takes slices"
+    print(worker.model_dump_json(indent=2) if as_json else f"{worker.id} {state}")
+
+
 def scenes(*, url: str | None, as_json: bool) -> None:
     """Print the stored scenes."""
     with connect(url) as client:
@@ -59,7 +82,8 @@ def scenes(*, url: str | None, as_json: bool) -> None:
 
 def worker_row(worker: Worker, now: datetime) -> tuple[str, ...]:
     """The worker as a row of a table with `WORKER_COLUMNS`."""
-    rate = worker.samples_per_s
+    rate, machine = worker.samples_per_s, worker.machine
+    free = None if machine is None else machine.disk_free_bytes
     return (
         worker.id,
         worker.host,
@@ -69,6 +93,9 @@ def worker_row(worker: Worker, now: datetime) -> tuple[str, ...]:
         "–" if worker.job is None else f"{worker.job}/{worker.slice}",
         "–" if rate is None else f"{rate / 1e6:.2f} Msamples/s",
         str(worker.slices_done),
+        "–" if machine is None else percent(machine.load),
+        "–" if machine is None else share_of(machine.memory_used_bytes, machine.memory_bytes),
+        "–" if free is None else size(free),
         duration(max(0.0, (now - worker.started_at).total_seconds())),
         worker.plateau or "–",
         worker.trouble or worker.last_error or "–",

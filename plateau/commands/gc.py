@@ -1,6 +1,7 @@
 """`plateau gc`: removes old jobs, unused scenes and orphaned blobs."""
 
 import json
+from collections.abc import Iterable
 from contextlib import ExitStack
 from dataclasses import asdict
 from typing import Final
@@ -21,6 +22,7 @@ _DAY_S: Final = 86_400.0
 
 def gc(
     results_older_than_days: float | None,
+    deleted_older_than_days: float | None,
     sums_older_than_days: float | None,
     scenes_unused_for_days: float | None,
     *,
@@ -31,6 +33,8 @@ def gc(
     settings = farm_settings()
     if results_older_than_days is None:
         results_older_than_days = settings.keep_results_days
+    if deleted_older_than_days is None:
+        deleted_older_than_days = settings.keep_deleted_days
     if sums_older_than_days is None:
         sums_older_than_days = settings.keep_sums_days
     if scenes_unused_for_days is None:
@@ -51,6 +55,7 @@ def gc(
             client,
             store,
             results_older_than_s=_seconds(results_older_than_days),
+            deleted_older_than_s=_seconds(deleted_older_than_days),
             sums_older_than_s=_seconds(sums_older_than_days),
             scenes_unused_for_s=_seconds(scenes_unused_for_days),
             dry_run=dry_run,
@@ -58,32 +63,34 @@ def gc(
     if as_json:
         print(json.dumps({"dry_run": dry_run, **asdict(swept)}, indent=2))
     else:
-        days = (results_older_than_days, sums_older_than_days, scenes_unused_for_days)
-        print(_report(swept, *days, where, dry_run))
+        lines = (
+            _line("jobs", swept.jobs, "finished", results_older_than_days, "results-older-than"),
+            _line("deleted", swept.deleted, "jobs, deleted", deleted_older_than_days),
+            _line("sums", swept.sums, "of jobs finished", sums_older_than_days),
+            _line(
+                "scenes",
+                swept.scenes,
+                "of no job, last used",
+                scenes_unused_for_days,
+                "scenes-unused-for",
+            ),
+        )
+        print(_report(swept, lines, where, dry_run=dry_run))
 
 
-def _report(
-    swept: Swept,
-    results_days: float | None,
-    sums_days: float,
-    scenes_days: float | None,
-    where: str,
-    dry_run: bool,
-) -> str:
+def _report(swept: Swept, lines: Iterable[str], where: str, *, dry_run: bool) -> str:
     verb = "Would remove" if dry_run else "Removed"
     count = "1 blob" if swept.blobs == 1 else f"{swept.blobs:,} blobs"
     return "\n".join(
         (
             f"{verb} {count}, {size(swept.freed_bytes)}, from {where}:",
-            _line("jobs", swept.jobs, "finished", results_days, "results-older-than"),
-            _line("sums", swept.sums, "of jobs finished", sums_days, "sums-older-than"),
-            _line("scenes", swept.scenes, "of no job, last used", scenes_days, "scenes-unused-for"),
+            *lines,
             f"  {'orphans':<8}{swept.orphans:>8,}  blobs that no job needs",
         )
     )
 
 
-def _line(name: str, count: int, condition: str, days: float | None, option: str) -> str:
+def _line(name: str, count: int, condition: str, days: float | None, option: str = "") -> str:
     if days is None:
         return f"  {name:<8}{'–':>8}  kept for ever: --{option} DAYS sets a limit"
     return f"  {name:<8}{count:>8,}  {condition} more than {days:g} days ago"

@@ -126,6 +126,9 @@ def list_jobs(
     state: str | None,
     batch: str | None,
     owner: str | None,
+    search: str | None,
+    archived: bool,
+    deleted: bool,
     limit: int,
     url: str | None,
     as_json: bool,
@@ -139,6 +142,9 @@ def list_jobs(
                 state=_state(state),
                 batch=batch,
                 owner=owner,
+                search=search,
+                archived=archived,
+                deleted=deleted,
                 cursor=cursor,
                 limit=min(limit - len(jobs), _PAGE),
             )
@@ -154,11 +160,19 @@ def list_jobs(
 
 
 def steer(job_id: str, action: str, *, url: str | None, as_json: bool) -> None:
-    """Cancel, pause or resume a job."""
+    """Cancel, pause or resume a job that renders; archive, delete or restore one that has ended."""
     with connect(url) as client:
-        calls = {"cancel": client.cancel, "pause": client.pause, "resume": client.resume}
+        calls = {
+            "cancel": client.cancel,
+            "pause": client.pause,
+            "resume": client.resume,
+            "archive": client.archive,
+            "delete": client.delete,
+            "restore": client.restore,
+        }
         job = calls[action](client.whole_id(job_id))
-    print(job.model_dump_json(indent=2) if as_json else f"{job.id} {job.state.value}")
+    shown = f"{job.id} {', '.join((job.state.value, *job_text.filed(job)))}"
+    print(job.model_dump_json(indent=2) if as_json else shown)
 
 
 def priority(job_id: str, value: int, *, url: str | None, as_json: bool) -> None:

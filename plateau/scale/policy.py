@@ -13,7 +13,7 @@ from datetime import datetime
 from typing import Final
 
 from plateau.farm.ledger.totals import Demand
-from plateau.farm.model.job import Worker
+from plateau.farm.model.worker import Worker
 from plateau.scale.starts import Starts
 from plateau.scale.tasks import Look, Plan, Task, TaskState
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.workers import Workers
 from plateau.farm.model.errors import StoreUnavailable, WorkerNotFound
-from plateau.farm.model.job import Worker
+from plateau.farm.model.worker import Worker
 from plateau.scale.policy import Policy
 from plateau.scale.report import Report
 from plateau.scale.slurm import Slurm, SlurmFailed, label

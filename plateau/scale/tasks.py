@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from plateau.farm.ledger.totals import Demand
-from plateau.farm.model.job import Worker
+from plateau.farm.model.worker import Worker
 
 
 class TaskState(Enum):

@@ -15,6 +15,7 @@ from plateau.farm.ledger.continuation import Continuations
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.outbox import Outbox
 from plateau.farm.ledger.scene_index import SceneIndex
+from plateau.farm.ledger.visibility import Visibilities
 from plateau.farm.ledger.workers import Workers
 from plateau.farm.process.addresses import Receivers
 from plateau.farm.process.notify_targets import Targets
@@ -48,6 +49,7 @@ from plateau.service.api.routes import report as routes_report
 from plateau.service.api.routes import results as routes_results
 from plateau.service.api.routes import scenes as routes_scenes
 from plateau.service.api.routes import usage as routes_usage
+from plateau.service.api.routes import visibility as routes_visibility
 from plateau.service.api.routes import webhooks as routes_webhooks
 from plateau.service.api.scene_checks.pool import SceneChecks
 
@@ -104,6 +106,7 @@ def create_app(
         jobs=ledger,
         scenes=SceneIndex(client),
         batches=Batches(client),
+        visibility=Visibilities(client),
         continuations=Continuations(client),
         blobs=blobs,
         files=StoredFiles(blobs, ledger),
@@ -121,6 +124,7 @@ def create_app(
     add_problem_handlers(app, routes_pages.unknown_page)
     for routes in (
         routes_jobs,
+        routes_visibility,
         routes_batches,
         routes_continue,
         routes_results,

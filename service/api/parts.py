@@ -12,6 +12,7 @@ from plateau.farm.ledger.continuation import Continuations
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.outbox import Outbox
 from plateau.farm.ledger.scene_index import SceneIndex
+from plateau.farm.ledger.visibility import Visibilities
 from plateau.farm.ledger.workers import Workers
 from plateau.farm.model.errors import JobNotFound
 from plateau.farm.model.job import Job
@@ -33,6 +34,7 @@ class Parts:
     jobs: Jobs
     scenes: SceneIndex
     batches: Batches
+    visibility: Visibilities
     continuations: Continuations
     blobs: Blobs
     files: StoredFiles

@@ -6,9 +6,10 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from plateau.farm.model.fit import Kind
-from plateau.farm.model.job import Job, Worker
+from plateau.farm.model.job import Job
 from plateau.farm.model.plan import Plan
 from plateau.farm.model.spec import JobSpec
+from plateau.farm.model.worker import Worker
 
 #: Slices planned beyond an evaluation that may end the job, for each merged one. They keep workers
 #: busy during the evaluation, and are wasted if the job ends with it.

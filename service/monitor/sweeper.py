@@ -46,6 +46,7 @@ def _sweep_when_due(settings: Settings, store: Blobs, over: threading.Event) -> 
                     client,
                     store,
                     results_older_than_s=_seconds(settings.keep_results_days),
+                    deleted_older_than_s=_seconds(settings.keep_deleted_days),
                     sums_older_than_s=_seconds(settings.keep_sums_days),
                     scenes_unused_for_s=_seconds(settings.keep_scenes_days),
                 )
@@ -58,10 +59,12 @@ def _sweep_when_due(settings: Settings, store: Blobs, over: threading.Event) -> 
 
 
 def _report(swept: Swept) -> None:
-    if swept.blobs or swept.jobs:
+    if swept.blobs or swept.jobs or swept.deleted:
         _LOG.info(
-            "swept %d old jobs, %d unused scenes and %d orphaned blobs: %d blobs, %d bytes in all",
+            "swept %d old jobs, %d deleted ones, %d unused scenes and %d orphaned blobs: "
+            "%d blobs, %d bytes in all",
             swept.jobs,
+            swept.deleted,
             swept.scenes,
             swept.orphans,
             swept.blobs,

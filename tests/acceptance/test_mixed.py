@@ -1,5 +1,6 @@
 """Workers that are unlike: one that is stuck holds up no job, and a job finds those it needs."""
 
+import os
 import signal
 from contextlib import suppress
 
@@ -64,6 +65,19 @@ def test_a_job_waits_for_a_worker_of_its_pool_and_tags_and_says_so(farm: RealFar
     shown = {one.id: one for one in farm.client.workers()}[worker]
     assert (shown.pool, shown.tags) == ("night", ("fast", "gpu", "highmem"))
     assert shown.samples_per_s is not None
+    # It says what its machine does, and what it has rendered
+    machine = shown.machine
+    assert machine is not None
+    assert machine.cores == os.cpu_count()
+    assert 0 <= machine.load <= 1
+    assert 0 < machine.memory_used_bytes < machine.memory_bytes
+    assert machine.disk_free_bytes is not None
+    assert 0 < machine.disk_free_bytes < (machine.disk_bytes or 0)
+    newest, *_ = shown.last_slices
+    assert (newest.job, newest.spp) == (job.id, job.spec.slice_spp)
+    assert 1 <= len(shown.last_slices) <= 5
+    assert shown.core_hours is not None
+    assert shown.core_hours > newest.render_s * shown.threads / 3600 * 0.999
 
 
 @pytest.mark.parametrize("options", [("--pool", "two words"), ("--tag", "gpu:0")])

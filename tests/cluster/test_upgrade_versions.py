@@ -11,7 +11,7 @@ import pytest
 
 from plateau.exit_codes import ExitCode
 from plateau.farm.model import versions
-from plateau.farm.model.job import Worker
+from plateau.farm.model.worker import Worker
 from plateau.farm.redis import keys
 from tests.support.faulty_farm import SPEC, FaultyFarm
 from tests.support.invariants import assert_same, outcome

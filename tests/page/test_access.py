@@ -74,6 +74,13 @@ def test_no_rule_of_accessibility_is_broken(visit: Visit, job: Job, scheme: str)
     page.get_by_role("button", name="Cancel", exact=True).click()
     expect(page.get_by_role("dialog")).to_be_visible()
     assert violations(page) == []
+    page.get_by_role("button", name="Cancel the job").click()
+    expect(page.locator(".job[data-state=cancelled]")).to_have_count(1)
+    page.get_by_role("button", name="Actions for other").click()
+    page.get_by_role("button", name="Archive", exact=True).click()
+    page.get_by_role("button", name="Undo").wait_for()
+    page.get_by_role("button", name="Views").click()
+    assert violations(page) == []
 
 
 def test_nor_on_a_phone(visit: Visit, job: Job) -> None:
@@ -108,6 +115,7 @@ def test_a_phone_needs_no_scrolling_sideways(visit: Visit, job: Job) -> None:
     for path in screens(page, job):
         if path == "/":
             page.get_by_role("checkbox", name="Select other").check()
+            page.get_by_role("button", name="Views").click()
         widths = page.evaluate("[document.documentElement.scrollWidth, innerWidth]")
         assert widths[0] <= widths[1], path
 

@@ -13,6 +13,15 @@ from tests.farm.ledger.test_workers import about
 from tests.page.conftest import Visit
 from tests.support.noise_farm import NoiseFarm
 
+MACHINE = {
+    "cores": 8,
+    "load": 0.934,
+    "memory_bytes": 33_567_264_768,
+    "memory_used_bytes": 9_123_528_704,
+    "disk_bytes": 250e9,
+    "disk_free_bytes": 812e6,
+}
+
 
 def test_each_worker_says_what_it_does(visit: Visit, farm: NoiseFarm, client: redis.Redis) -> None:
     page = visit("/workers").page
@@ -20,6 +29,8 @@ def test_each_worker_says_what_it_does(visit: Visit, farm: NoiseFarm, client: re
     job = farm.submit("box.zip")
     place = {"pool": "night", "tags": ["gpu", "highmem"]}
     busy = {**about("w-1"), **place, "job": job.id, "slice": 3, "samples_per_s": 2.5e6}
+    done = {"job": job.id, "slice": 2, "spp": 25, "render_s": 0.61}
+    busy |= {"machine": MACHINE, "core_hours": 0.25, "last_slices": [done]}
     SliceQueue(client, "w-1", 60).heartbeat(busy, ())
     error = {"last_error": "slice 2: <b>SIGSEGV</b>"}
     SliceQueue(client, "w-2", 60).heartbeat({**about("w-2"), **error}, ())
@@ -27,6 +38,15 @@ def test_each_worker_says_what_it_does(visit: Visit, farm: NoiseFarm, client: re
     expect(first).to_contain_text("box, slice 3")
     expect(first).to_contain_text("2.5 M")
     expect(first).to_contain_text("pool night · tags gpu, highmem")
+    # Its machine, its cost and its last slices, if it says them
+    expect(first.locator(".machine")).to_have_text(
+        "93.4 % of 8 cores in use · 8.5 GB of 31.3 GB memory · 774 MB of disk left · "
+        "0.25 core hours of rendering"
+    )
+    first.get_by_text("Last slices").click()
+    expect(first.get_by_role("listitem")).to_have_text("box, slice 2: 25 spp in 0.6 s")
+    expect(second.locator(".machine")).to_be_hidden()
+    expect(second.get_by_text("Last slices")).to_be_hidden()
     expect(second).not_to_contain_text("pool")
     expect(second).to_contain_text("idle")
     expect(second).to_contain_text("Last error: slice 2: <b>SIGSEGV</b>")
@@ -42,7 +62,7 @@ def test_each_worker_says_what_it_does(visit: Visit, farm: NoiseFarm, client: re
     page.get_by_role("button", name="Resume w-2").click()
     expect(second).to_contain_text("idle")
     # And what each renders is one step away
-    first.get_by_role("link", name="box").click()
+    first.get_by_role("link", name="box").first.click()
     expect(page.get_by_role("heading", name="box")).to_be_visible()
 
 

@@ -17,10 +17,11 @@ from plateau.farm.ledger.ownership import Checkpoint, Ownership, Ownerships
 from plateau.farm.ledger.queue import Committed, Lease, SliceQueue, SliceRecord
 from plateau.farm.ledger.scene_index import SceneIndex
 from plateau.farm.ledger.totals import MonitorWork, note_sweep
+from plateau.farm.ledger.visibility import Visibilities
 from plateau.farm.ledger.workers import Workers
 from plateau.farm.model.errors import FenceLost
 from plateau.farm.model.spec import JobSpec
-from plateau.farm.model.states import JobState
+from plateau.farm.model.states import JobState, Visibility
 from plateau.farm.redis import keys
 from plateau.farm.redis.commands.members import ApiHeartbeat, Pair
 from plateau.farm.redis.commands.scenes import ForgetScene, NoteScenes, SceneGone
@@ -432,6 +433,12 @@ def _(world: World) -> Callable[[], object]:
     job = world.leased().job_id
     Jobs(world.direct).pause(job)
     return lambda: world.jobs.resume(job)
+
+
+@case("set_visibility", is_anything, answers_before=2)
+def _(world: World) -> Callable[[], object]:
+    job = world.finished(batch="frames")
+    return lambda: Visibilities(world.lossy).set(job, Visibility.ARCHIVED)
 
 
 @case("reprioritise", lambda job: job.spec.priority == 7)

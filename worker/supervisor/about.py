@@ -2,13 +2,18 @@
 
 import os
 import socket
+from collections import deque
 from datetime import datetime, timezone
+from typing import Final
 
 from plateau.farm.ledger.queue import Lease
 from plateau.farm.model import versions
 from plateau.farm.model.zones import pixels_of
 from plateau.farm.process.settings import Settings
+from plateau.worker.supervisor.machine import MachineUse
 from plateau.worker.supervisor.uploader import Rendered
+
+_LAST: Final = 5  #: slices that are named
 
 
 class About:
@@ -32,21 +37,34 @@ class About:
             "label": settings.label,
             "started_at": datetime.now(timezone.utc).isoformat(),
         }
+        self.machine = MachineUse(settings.cache)
+        self._threads = threads
+        self._render_s = 0.0
+        self._slices: deque[dict[str, object]] = deque(maxlen=_LAST)
         self._slices_done = 0
         self._samples_per_s: float | None = None
         self.last_error: str | None = None  #: the last one since it rendered a slice
         self.trouble: str | None = None  #: why it takes no work
 
     def rendered(self, one: Rendered) -> None:
-        """Count a slice and take its rate; errors before it are forgotten."""
+        """Count a slice, its cost and its rate; errors before it are forgotten."""
         self._slices_done += 1
+        self._render_s += one.render_s
+        self._slices.appendleft(
+            {
+                "job": one.lease.job_id,
+                "slice": one.lease.index,
+                "spp": one.lease.spp,
+                "render_s": one.render_s,
+            }
+        )
         self.last_error = None
         pixels = pixels_of(one.zones) if one.zones else one.scene.width * one.scene.height
         samples = pixels * one.lease.spp
         self._samples_per_s = samples / one.render_s
 
     def told(self, rendering: Lease | None, hangs: str | None) -> dict[str, object]:
-        """Return the fields of `plateau.farm.model.job.Worker`, while this slice is rendered.
+        """Return the fields of `plateau.farm.model.worker.Worker`, while this slice is rendered.
 
         `hangs` is a trouble that the worker cannot have noted itself.
         """
@@ -56,6 +74,9 @@ class About:
             "slice": rendering.index if rendering else None,
             "slices_done": self._slices_done,
             "samples_per_s": self._samples_per_s,
+            "core_hours": self._render_s * self._threads / 3600,
+            "last_slices": tuple(self._slices),
+            "machine": self.machine.now(),
             "last_error": self.last_error,
             "trouble": hangs or self.trouble,
         }

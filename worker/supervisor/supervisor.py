@@ -104,6 +104,7 @@ class Supervisor:
             watcher.start()
         try:
             self._host.warm_up(self._choice.variant)
+            self._about.machine.look_at_disk()
             self._work()
         finally:
             self._host.close()
@@ -209,6 +210,7 @@ class Supervisor:
         rendered = self._host.render(lease, self._uploader.show)
         self._pace.took(lease.job_id, rendered.render_s)
         self._about.rendered(rendered)
+        self._about.machine.look_at_disk()
         return rendered
 
     def _is_fit(self, lease: Lease, error: str, tried: Tried) -> bool:

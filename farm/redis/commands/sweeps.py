@@ -20,10 +20,11 @@ class NoteSweep(Command[None]):
 
 @dataclass(frozen=True, kw_only=True)
 class Forget(Command[Literal["forgotten", "kept", "missing"]]):
-    """Forget a job that finished this long ago."""
+    """Forget a finished job: one that finished, or was deleted, this long ago."""
 
     job: str
-    finished_for_ms: int
+    finished_for_ms: int | None = None
+    deleted_for_ms: int | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

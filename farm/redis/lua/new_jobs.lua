@@ -74,12 +74,7 @@ function New.job(job, priority, reason)
   seal_owner(id, owner, key)
   redis.call('ZADD', JOBS, number, id)
   redis.call('ZADD', in_state_key('queued'), number, id)
-  local batch = redis.call('HMGET', job_key(id), 'batch', 'guards')
-  if batch[1] and batch[1] ~= '' then
-    redis.call('ZADD', batch_key(batch[1]), number, id)
-    redis.call('ZADD', BATCHES, number, batch[1])
-    if batch[2] == '1' then redis.call('SADD', GUARDED, batch[1]) end
-  end
+  Job.join_batch(id)
   redis.call('ZADD', OPEN, priority, id)
   redis.call('SADD', UNFINISHED, id)
   redis.call('HINCRBY', NEEDS, redis.call('HGET', job_key(id), 'need') or DEFAULT_POOL, 1)

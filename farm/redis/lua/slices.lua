@@ -226,5 +226,10 @@ end
 
 function Slice.poison(id, index, causes)
   local why = 'slice %s failed %d times; each time the process that rendered it ended: %s'
-  Job.end_with(id, 'failed', string.format(why, index, #causes, table.concat(causes, '; ')))
+  local known, different = {}, {}
+  for _, cause in ipairs(causes) do
+    if not known[cause] then different[#different + 1] = cause end
+    known[cause] = true
+  end
+  Job.end_with(id, 'failed', string.format(why, index, #causes, table.concat(different, '; ')))
 end

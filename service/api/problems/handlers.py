@@ -15,6 +15,7 @@ from plateau.farm.model.errors import (
     IllegalTransition,
     Incompatible,
     JobEnded,
+    JobNotEnded,
     JobNotFound,
     StoreUnavailable,
     TooManyJobs,
@@ -118,6 +119,15 @@ def add_problem_handlers(app: FastAPI, unknown_page: Callable[[], Response]) -> 
             f"job {error.job_id} is {error.state}; only a job that has not ended can be changed"
         )
         problem = Problem(problems.JOB_ENDED, detail, state=error.state, story=error.story)
+        return problem.response(request.url.path)
+
+    @app.exception_handler(JobNotEnded)
+    def answer_not_ended(request: Request, error: JobNotEnded) -> JSONResponse:
+        detail = (
+            f"job {error.job_id} is {error.state}; only a job that has ended can be archived or "
+            "deleted: cancel it first"
+        )
+        problem = Problem(problems.JOB_NOT_ENDED, detail, state=error.state)
         return problem.response(request.url.path)
 
     @app.exception_handler(Incompatible)  # this API is about to end; another may answer

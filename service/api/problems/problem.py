@@ -68,6 +68,7 @@ TOO_MANY_NEEDS: Final = ProblemType(
     "too-many-needs", 409, "Too many combinations of pools and tags"
 )
 JOB_ENDED: Final = ProblemType("job-ended", 409, "Job already ended")
+JOB_NOT_ENDED: Final = ProblemType("job-not-ended", 409, "Job not ended")
 TOO_MANY_SCENES: Final = ProblemType("too-many-scenes", 403, "Scene storage quota exceeded")
 UPLOAD_TOO_LARGE: Final = ProblemType("upload-too-large", 413, "Upload too large")
 NOT_MULTIPART: Final = ProblemType("not-multipart", 415, "Unsupported media type")

@@ -1,6 +1,6 @@
 """Routes that create, show, list and steer jobs."""
 
-from typing import Annotated, Any, Final
+from typing import Annotated, Any, Final, Literal
 
 from fastapi import APIRouter, Depends, Path, Query, Response
 
@@ -45,6 +45,10 @@ def shown(jobs: list[Job], farm: Parts, who: Caller) -> list[JobView]:
         for job in jobs
     ]
 
+
+#: Whether jobs have a property; ``any`` if that does not matter.
+Whether = Literal["false", "true", "any"]
+_WHETHER: Final[dict[Whether, bool | None]] = {"false": False, "true": True, "any": None}
 
 JobId = Annotated[str, Path(description="the job's `id`", examples=[examples.JOB_ID])]
 
@@ -184,15 +188,45 @@ def list_jobs(
             examples=[examples.KEY_ID],
         ),
     ] = None,
+    search: Annotated[
+        str,
+        Query(
+            max_length=200,
+            description="only jobs in which each of these words occurs: in the id, the name, the "
+            "batch, the owner's name or a tag that workers must have",
+            examples=["dusk frame"],
+        ),
+    ] = "",
+    archived: Annotated[
+        Whether,
+        Query(description="leave archived jobs out, or list only those, or both", examples=["any"]),
+    ] = "false",
+    deleted: Annotated[
+        Whether,
+        Query(
+            description="leave deleted jobs out, or list only those, or both; they can be restored",
+            examples=["true"],
+        ),
+    ] = "false",
     cursor: Cursor = None,
     limit: Annotated[
         int, Query(ge=1, le=200, description="most jobs on the page", examples=[20])
     ] = 50,
 ) -> JobPage:
-    """List jobs, newest first."""
+    """List jobs, newest first.
+
+    A search, and a filter by several fields, read the stored jobs until the page is full.
+    """
     before = number_of(cursor)
     found, after = farm.jobs.search(
-        state=state, batch=batch, owner=owner, before=before, limit=limit
+        state=state,
+        batch=batch,
+        owner=owner,
+        search=search,
+        archived=_WHETHER[archived],
+        deleted=_WHETHER[deleted],
+        before=before,
+        limit=limit,
     )
     return JobPage(jobs=shown(found, farm, who), next_cursor=cursor_of(after))
 

@@ -5,6 +5,7 @@ import { openForm } from "../shared/dialogs.js";
 import { h } from "../shared/dom.js";
 import { OneJob } from "../shared/job_request.js";
 import { ENDED, title } from "../shared/job_summary.js";
+import { complain } from "../shared/notices.js";
 import { maySubmit } from "../shared/permissions.js";
 
 /**
@@ -22,7 +23,7 @@ export function againButton(job, go) {
  * @param {(path: string) => void} go
  */
 function ask(job, go) {
-  const { webhook, ...spec } = job.spec;  // the path of a webhook may be hidden
+  const { webhook, ...spec } = job.spec;
   const text = h("textarea", { id: "again-spec", rows: 18, spellcheck: false });
   text.value = JSON.stringify(spec, null, 2);
   const wanted = new OneJob();
@@ -32,14 +33,42 @@ function ask(job, go) {
     h("p", { class: "help", hidden: !webhook }, "The job's webhook is left out: add it, if it is to hear of the new job."),
   ], {
     send: async () => {
-      const form = new FormData();
-      form.set("scene_sha256", job.scene_sha256);
-      form.set("spec", new Blob([text.value], { type: "application/json" }));
-      const { signal } = new AbortController();
-      const next = await wanted.make((headers) => upload("/v1/jobs", form, { signal, headers }));
+      const next = await submitAgain(job, text.value, wanted);
       return () => go(`/jobs/${next.id}`);
     },
     refused: () => text.focus(),
   });
   dialog.classList.add("wide");
+}
+
+/**
+ * A button that submits a job's scene again at once, as it was; null if the key may not.
+ * @param {Api.JobView} job
+ * @param {(path: string) => void} go
+ */
+export function tryAgainButton(job, go) {
+  if (!maySubmit()) return null;
+  const { webhook: _, ...spec } = job.spec;  // its path may be hidden
+  const wanted = new OneJob();
+  return h("button", { class: "primary", onclick: async () => {
+    try {
+      const next = await submitAgain(job, JSON.stringify(spec), wanted);
+      go(`/jobs/${next.id}`);
+    } catch (error) {
+      complain(error, true);
+    }
+  } }, "Try again");
+}
+
+/**
+ * @param {Api.JobView} job
+ * @param {string} spec - as JSON
+ * @param {OneJob} wanted
+ */
+function submitAgain({ scene_sha256: scene }, spec, wanted) {
+  const form = new FormData();
+  form.set("scene_sha256", scene);
+  form.set("spec", new Blob([spec], { type: "application/json" }));
+  const { signal } = new AbortController();
+  return wanted.make((headers) => upload("/v1/jobs", form, { signal, headers }));
 }

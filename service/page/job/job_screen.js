@@ -4,6 +4,7 @@ import { follow, get, isProblem } from "../shared/api.js";
 import { h, setAttribute, setText } from "../shared/dom.js";
 import { ago, whole } from "../shared/figures.js";
 import { controls } from "../shared/job_controls.js";
+import { file, filedSince, filingButtons, filings } from "../shared/job_filing.js";
 import { JobId } from "../shared/job_id.js";
 import { ENDED, inWords, noiseTarget, timeLeft, title, took } from "../shared/job_summary.js";
 import { complain, messageOf } from "../shared/notices.js";
@@ -15,6 +16,7 @@ import { againButton } from "./again_dialog.js";
 import { continueButton } from "./continue_dialog.js";
 import { CostFigures } from "./cost_figures.js";
 import { CurveChart } from "./curve/curve_chart.js";
+import { Failure } from "./failure.js";
 import { reasonInWords } from "./reason.js";
 import { rejudgeButton } from "./rejudge_dialog.js";
 import { Records } from "./story_log_files.js";
@@ -42,6 +44,7 @@ export function open(main, { id, signal, go }) {
   const viewer = new Viewer(signal);
   const facts = new CostFigures();
   const records = new Records(signal);
+  const failure = new Failure(signal);
   /** @type {Api.CurvePoint[]} */
   const points = [];
   let shown = "";
@@ -52,7 +55,7 @@ export function open(main, { id, signal, go }) {
       h("div", { class: "head" },
         h("div", {}, h("p", { class: "title" }, name, state, copied.element), about, before),
         actions),
-      reason, progress),
+      reason, failure.element, progress),
     h("div", { class: "pair" }, viewer.element, chart.element),
     facts.element, records.element);
   // A heading for screen readers until the job has been fetched.
@@ -98,6 +101,7 @@ export function open(main, { id, signal, go }) {
       job.variant,
       job.spec.batch && `batch ${job.spec.batch}`,
       job.owner_name && `by ${job.owner_name}`,
+      filedSince(job),
       ENDED.has(job.state) ? `${took(job)}, ended ${ago(job.ended_at)}` : timeLeft(job) || `submitted ${ago(job.created_at)}`,
     ].filter(Boolean).join(" · "));
     before.hidden = !job.continues;
@@ -111,13 +115,15 @@ export function open(main, { id, signal, go }) {
     const goal = noiseTarget(job) != null && job.forecast_spp ? Math.min(job.forecast_spp, job.spec.max_spp) : job.spec.max_spp;
     progress.value = Math.min(1, job.spp / goal);
     setAttribute(progress, "title", `${whole(job.spp)} of ${whole(goal)} spp`);
-    const kind = `${job.state} ${job.spec.priority} ${job.finished_at ?? ""} ${maySteer(job)}`;
+    const kind = `${job.state} ${job.spec.priority} ${job.finished_at ?? ""} ${filings(job)} ${maySteer(job)}`;
     if (kind !== shown) {
       shown = kind;
       const buttons = [continueButton, rejudgeButton, studyButton, againButton].map((make) => make(job, go)).filter((one) => one !== null);
-      actions.replaceChildren(...buttons, ...controls(() => newest, look));
+      actions.replaceChildren(...buttons, ...controls(() => newest, look),
+        ...filingButtons(filings(job), (what) => file([newest], what, look)));
     }
     chart.show(job, points);
+    failure.show(job, go);
     facts.show(job);
     records.show(job);
   }

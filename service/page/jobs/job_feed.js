@@ -17,6 +17,8 @@ export class JobFeed {
    */
   #turn = null;
   #wantsOlder = false;
+  /** What the jobs were asked for with. */
+  #had = "";
   /**
    * The jobs, newest first.
    * @type {Api.JobView[]}
@@ -29,7 +31,7 @@ export class JobFeed {
   next = null;
 
   /**
-   * @param {URLSearchParams} asked - the filters `state` and `batch`, if any
+   * @param {URLSearchParams} asked - `state`, `batch`, `search` and `show`, if given, at any time
    * @param {AbortSignal} signal
    */
   constructor(asked, signal) {
@@ -40,14 +42,17 @@ export class JobFeed {
   /** Brings the jobs up to date. */
   async refresh() {
     const before = new Map(this.jobs.map((job) => [job.id, job]));
+    const wanted = this.#wanted();
     const first = await this.#page({ limit: PAGE });
+    if (wanted !== this.#wanted()) return;  // another refresh asks for what is wanted now
     const seen = new Set(first.jobs.map(({ id }) => id));
     const older = this.jobs.filter(({ id }) => !seen.has(id));
-    if (!this.#wantsOlder || !older.length || !first.next_cursor) {
+    if (!this.#wantsOlder || !older.length || !first.next_cursor || wanted !== this.#had) {
       this.jobs = first.jobs;
       this.next = first.next_cursor;
       this.#turn = null;
       this.#wantsOlder = false;
+      this.#had = wanted;
       return;
     }
     this.jobs = [...first.jobs, ...older];
@@ -59,11 +64,25 @@ export class JobFeed {
 
   /** Adds a page of older jobs. */
   async older(limit = PAGE) {
+    const wanted = this.#wanted();
     const { jobs, next_cursor: next } = await this.#page({ limit, cursor: this.next });
+    if (wanted !== this.#wanted() || wanted !== this.#had) return;
     const known = new Set(this.jobs.map(({ id }) => id));
     this.jobs = [...this.jobs, ...jobs.filter(({ id }) => !known.has(id))];
     this.next = next;
     this.#wantsOlder = true;
+  }
+
+  /**
+   * Drops jobs that are listed no more.
+   * @param {string[]} ids
+   */
+  drop(ids) {
+    this.jobs = this.jobs.filter(({ id }) => !ids.includes(id));
+  }
+
+  #wanted() {
+    return ["state", "batch", "search", "show"].map((name) => this.#asked.get(name) ?? "").join("\n");
   }
 
   /**
@@ -72,7 +91,9 @@ export class JobFeed {
    * @returns {Promise<Api.JobPage>}
    */
   #page(query) {
-    const asked = { state: this.#asked.get("state"), batch: this.#asked.get("batch"), ...query };
+    const [batch, search, show] = ["batch", "search", "show"].map((name) => this.#asked.get(name));
+    const filed = show === "archived" || show === "deleted" ? { [show]: "true" } : {};
+    const asked = { state: this.#asked.get("state"), batch, search, ...filed, ...query };
     const given = Object.entries(asked).filter(([, value]) => value).map(([name, value]) => [name, String(value)]);
     return get(`/v1/jobs?${new URLSearchParams(given)}`, this.#signal);
   }
@@ -80,7 +101,7 @@ export class JobFeed {
   /** The filtered jobs that are rendering, which change all the time. */
   async #rendering() {
     const state = this.#asked.get("state") || "rendering";
-    return state === "rendering" ? (await this.#page({ state, limit: 200 })).jobs : [];
+    return state === "rendering" && !this.#asked.has("show") ? (await this.#page({ state, limit: 200 })).jobs : [];
   }
 
   /**

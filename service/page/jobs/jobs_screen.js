@@ -9,14 +9,17 @@ import { meetRules } from "../shared/rules.js";
 import { BatchGroup } from "./batch_group.js";
 import { JobFeed } from "./job_feed.js";
 import { JobRow } from "./job_row.js";
-import { found, ORDERS } from "./narrowing.js";
+import { ORDERS } from "./narrowing.js";
+import { viewsMenu } from "./saved_views.js";
 import { Selection } from "./selection.js";
 
 const BUSY_MS = 2000;
 const CALM_MS = 3000;
-/** So many jobs are searched or sorted without a click on the button for older ones. */
+/** So many jobs are sorted without a click on the button for older ones. */
 const REACH = 1000;
 const REACH_PAGE = 200;
+/** A search begins when nothing was typed for this long. */
+const TYPED_MS = 200;
 /** @type {Api.JobState[]} */
 const STATES = ["rendering", "queued", "paused", "converged", "exhausted", "cancelled", "failed"];
 
@@ -33,29 +36,33 @@ export function open(main, { signal, go }) {
   let workers = [];
   let loaded = false;
   let reaching = false;
+  /** @type {ReturnType<typeof setTimeout>} */
+  let typed;
 
   const summary = h("p", { class: "summary", "aria-live": "polite" });
   const states = filter("State", "state", "any state", inWords);
   states.offer(STATES);
   const batches = filter("Batch", "batch", "any batch");
+  const shelves = filter("Show", "show", "current jobs");
+  shelves.offer(["archived", "deleted"]);
   const search = h("input", { type: "search", "aria-label": "Search the jobs", placeholder: "Search",
-    value: asked.get("search"), oninput: () => { narrow("search", search.value.trim()); } });
+    maxlength: 200, value: asked.get("search"), oninput: () => { narrow("search", search.value.trim()); } });
   const order = h("select", { "aria-label": "Order", onchange: () => { narrow("sort", order.value); } },
     h("option", { value: "" }, "newest first"),
     [...ORDERS].map(([value, { words }]) => h("option", { value }, words)));
   const sort = asked.get("sort") ?? "";
   order.value = ORDERS.has(sort) ? sort : "";
-  const selection = new Selection(show, refresh);
+  const selection = new Selection(show, refresh, filed);
   const list = h("ul", { class: "jobs", "aria-label": "Jobs" });
   const more = h("button", { class: "more", hidden: true, onclick: () => older().catch(() => {}) }, "Older jobs");
   const nothing = h("div", { class: "nothing", hidden: true });
   main.append(
     h("div", { class: "head" },
       h("div", {}, h("h1", {}, "Jobs"), summary),
-      h("div", { class: "filters" }, search, states.label, batches.label, order)),
+      h("div", { class: "filters" }, search, states.label, batches.label, shelves.label, order, viewsMenu())),
     list, nothing, more, selection.element);
 
-  const context = { signal, refresh, visible, selection };
+  const context = { signal, refresh, filed, visible, selection };
   const rows = new KeyedList(list, (/** @type {ListedJob | Group} */ item) =>
     /** @type {{ element: Element, update(item: ListedJob | Group): void }} */
     ("batch" in item ? new BatchGroup(item, context) : new JobRow(item, context)));
@@ -117,13 +124,23 @@ export function open(main, { signal, go }) {
   function narrow(field, value) {
     history.replaceState(null, "", addressWith(field, value));
     if (!loaded) return;
-    show();
-    reach().catch(() => {});  // the next refresh tries again
+    clearTimeout(typed);
+    typed = setTimeout(() => refresh().catch(() => {}), TYPED_MS);  // the next refresh tries again
+    if (field === "sort") show();
   }
 
-  /** Whether the jobs to search and to sort are still to be fetched. */
+  /**
+   * Jobs were archived, deleted or restored, and so leave the list.
+   * @param {string[]} ids
+   */
+  async function filed(ids) {
+    feed.drop(ids);
+    if (!signal.aborted) await refresh();
+  }
+
+  /** Whether the jobs to sort are still to be fetched. */
   function reaches() {
-    return Boolean(feed.next) && feed.jobs.length < REACH && (asked.has("search") || asked.has("sort"));
+    return Boolean(feed.next) && feed.jobs.length < REACH && asked.has("sort");
   }
 
   async function reach() {
@@ -154,8 +171,7 @@ export function open(main, { signal, go }) {
 
   function show() {
     const by = ORDERS.get(order.value)?.order;
-    const listed = found(feed.jobs, asked.get("search") ?? "");
-    const jobs = (by ? listed.sort(by) : listed)
+    const jobs = (by ? [...feed.jobs].sort(by) : feed.jobs)
       .map((job) => ({ ...job, serving: workers.filter((worker) => worker.job === job.id).length }));
     const items = grouped(jobs);
     selection.show(items.flatMap((item) => ("batch" in item ? item.jobs : item)));
@@ -164,14 +180,20 @@ export function open(main, { signal, go }) {
     setText(summary, summed(jobs, Boolean(feed.next), workers));
     more.hidden = !feed.next || reaches();
     nothing.hidden = jobs.length > 0 || reaches();
-    const filtered = feed.jobs.length > 0 || asked.has("state") || asked.has("batch");
+    const filtered = ["search", "state", "batch", "show"].some((name) => asked.has(name));
     if (!nothing.hidden && nothing.dataset.filtered !== String(filtered)) {
       nothing.dataset.filtered = String(filtered);
       nothing.replaceChildren(...emptiness(filtered));
     }
   }
 
-  repeat(refresh, () => (feed.jobs.some((job) => !job.finished_at) ? BUSY_MS : CALM_MS), signal);
+  let took = 0;  // a search of a large farm is repeated less often
+  async function timed() {
+    const began = performance.now();
+    await refresh();
+    took = performance.now() - began;
+  }
+  repeat(timed, () => Math.max(feed.jobs.some((job) => !job.finished_at) ? BUSY_MS : CALM_MS, 10 * took), signal);
 }
 
 /**
@@ -215,7 +237,7 @@ function summed(jobs, more, workers) {
 
 /** @param {boolean} filtered */
 function emptiness(filtered) {
-  if (filtered) return [h("p", {}, "No job matches these filters. "), h("a", { href: "/" }, "Show all jobs")];
+  if (filtered) return [h("p", {}, "No job matches."), h("a", { href: "/" }, "Show all jobs")];
   return [
     h("p", { class: "lead" }, "Nothing to see yet."),
     h("p", {}, "Submit a Mitsuba scene, and watch it until more samples change nothing that you could see."),

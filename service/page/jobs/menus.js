@@ -3,23 +3,29 @@
 import { send } from "../shared/api.js";
 import { confirmed } from "../shared/dialogs.js";
 import { h, setAttribute } from "../shared/dom.js";
+import { several } from "../shared/figures.js";
 import { controls } from "../shared/job_controls.js";
+import { file, filingButtons, filings } from "../shared/job_filing.js";
 import { ENDED } from "../shared/job_summary.js";
-import { attempt } from "../shared/notices.js";
+import { attempt, complain, offerUndo, say } from "../shared/notices.js";
 import { maySubmit } from "../shared/permissions.js";
 import { showGuard } from "./flicker_guard.js";
+
+/** @import { Filing } from "../shared/job_filing.js" */
 
 /**
  * The menu of a job.
  * @param {() => Api.JobView} jobNow
  * @param {() => unknown} refresh
+ * @param {(ids: string[]) => unknown} filed
  */
-export function jobMenu(jobNow, refresh) {
+export function jobMenu(jobNow, refresh, filed) {
   return menuButton(() => {
-    const found = controls(jobNow, refresh);
+    const found = [...controls(jobNow, refresh),
+      ...filingButtons(filings(jobNow()), (what) => file([jobNow()], what, filed))];
     if (found.length) return found;
-    const { state, owner_name: owner } = jobNow();
-    return [h("p", {}, ENDED.has(state) ? `It has ended: ${state}.` : `It is ${owner ? `${owner}'s` : "nobody's"}, and your key may not change it.`)];
+    const { owner_name: owner } = jobNow();
+    return [h("p", {}, `It is ${owner ? `${owner}'s` : "nobody's"}, and your key may not change it.`)];
   });
 }
 
@@ -29,10 +35,30 @@ export function jobMenu(jobNow, refresh) {
  * @param {() => Api.JobView[]} jobsNow
  * @param {(id: string) => string} nameOf - the name of a job
  * @param {() => unknown} refresh
+ * @param {(ids: string[]) => unknown} filed
  */
-export function batchMenu(batch, jobsNow, nameOf, refresh) {
+export function batchMenu(batch, jobsNow, nameOf, refresh, filed) {
+  const path = `/v1/batches/${encodeURIComponent(batch)}`;
   const all = (/** @type {string} */ what, /** @type {string} */ done) =>
-    attempt(() => send("POST", `/v1/batches/${encodeURIComponent(batch)}/${what}`), done, refresh);
+    attempt(() => send("POST", `${path}/${what}`), done, refresh);
+  /** @param {Filing} what */
+  async function fileAll(what) {
+    try {
+      /** @type {Api.BatchSteered} */
+      const { jobs } = await (what === "delete" ? send("DELETE", path) : send("POST", `${path}/${what}`));
+      const ids = jobs.filter(({ done }) => done).map(({ job }) => job);
+      complain("");
+      if (what === "restore") say(`The jobs of ${batch} are restored`);
+      else offerUndo(`${several(ids.length, "job")} of ${batch} ${ids.length === 1 ? "is" : "are"} ${what}d`, async () => {
+        await send("POST", `${path}/restore`);
+        say(`The jobs of ${batch} are put back`);
+        await filed([]);
+      });
+      await filed(ids);
+    } catch (error) {
+      complain(error, true);
+    }
+  }
   async function cancel() {
     const kept = "Jobs that are being rendered keep the image that they have by then.";
     if (await confirmed(`Cancel all jobs of ${batch}?`, kept, "Cancel them all", "Keep them")) {
@@ -41,14 +67,16 @@ export function batchMenu(batch, jobsNow, nameOf, refresh) {
   }
   const menu = menuButton(() => {
     const states = new Set(jobsNow().filter((job) => !ENDED.has(job.state)).map((job) => job.state));
-    const guard = h("button", { onclick: () => showGuard(batch, nameOf) }, "Will it flicker?");
-    if (!states.size) return [h("p", {}, "All its jobs have ended."), guard];
-    if (!maySubmit()) return [guard];
+    const guard = !jobsNow()[0].deleted_at && h("button", { onclick: () => showGuard(batch, nameOf) }, "Will it flicker?");
+    if (!maySubmit()) return [guard || h("p", {}, "Your key may not change it.")];
+    const ended = new Set(jobsNow().flatMap(filings));
     return [
       states.has("rendering") && h("button", { onclick: () => all("pause", `${batch} is paused`) }, "Pause all"),
       states.has("paused") && h("button", { onclick: () => all("resume", `${batch} is resumed`) }, "Resume all"),
-      h("button", { class: "danger", onclick: cancel }, "Cancel all"),
+      states.size > 0 && h("button", { class: "danger", onclick: cancel }, "Cancel all"),
       guard,
+      ended.size > 0 && h("p", { class: "hint" }, states.size ? "Those that have ended:" : "All its jobs have ended."),
+      ...filingButtons([...ended], fileAll),
     ];
   });
   menu.name(`Actions for the batch ${batch}`);
@@ -59,10 +87,11 @@ export function batchMenu(batch, jobsNow, nameOf, refresh) {
  * A button with a menu that is filled when it opens and closes with a choice: its `element`, and
  * `name(text)`, which sets its accessible name.
  * @param {() => (HTMLElement | false)[]} fill - makes the menu's items
+ * @param {string} [label] - of the button; three dots without
  */
-function menuButton(fill) {
+export function menuButton(fill, label) {
   const menu = h("div", { class: "menu", popover: "auto" });
-  const button = h("button", { class: "quiet dots", "aria-haspopup": "true", "aria-expanded": "false" }, "⋯");
+  const button = h("button", { class: label ? "" : "quiet dots", "aria-haspopup": "true", "aria-expanded": "false" }, label ?? "⋯");
   button.popoverTargetElement = menu;
   menu.addEventListener("beforetoggle", (event) => {
     button.setAttribute("aria-expanded", String(event.newState === "open"));
@@ -71,6 +100,10 @@ function menuButton(fill) {
     const place = button.getBoundingClientRect();
     menu.style.top = `${place.bottom + scrollY + 4}px`;
     menu.style.right = `${Math.max(8, document.documentElement.clientWidth - place.right)}px`;
+  });
+  menu.addEventListener("toggle", () => {
+    const beyond = 8 - menu.getBoundingClientRect().left;  // the left edge of a narrow window
+    if (beyond > 0) menu.style.right = `${Math.max(8, parseFloat(menu.style.right) - beyond)}px`;
   });
   // Closed before the chosen action runs, so that a dialog that it opens keeps the focus.
   menu.addEventListener("submit", () => menu.hidePopover(), { capture: true });

@@ -1,4 +1,4 @@
-// Which of the jobs are listed, by a search, and in which order.
+// The orders of the list.
 
 import { durationSeconds, title } from "../shared/job_summary.js";
 
@@ -23,20 +23,4 @@ export const ORDERS = new Map([
  */
 function falling(value) {
   return (a, b) => value(b) - value(a);
-}
-
-/**
- * The jobs in which every word of the search occurs: in the name, the id, the scene, the batch, the
- * owner or the tags that a worker must have.
- * @template {Api.JobView} Job
- * @param {Job[]} jobs
- * @param {string} search
- */
-export function found(jobs, search) {
-  const words = search.toLowerCase().split(/\s+/).filter(Boolean);
-  return jobs.filter((job) => {
-    const { id, name, owner_name: owner, spec } = job;
-    const text = [title(job), id, name, spec.batch, owner, ...spec.requires].join("\n").toLowerCase();
-    return words.every((word) => text.includes(word));
-  });
 }

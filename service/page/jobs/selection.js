@@ -5,15 +5,19 @@ import { confirmed } from "../shared/dialogs.js";
 import { byId, h, setText } from "../shared/dom.js";
 import { several } from "../shared/figures.js";
 import { mayControl, priorityForm } from "../shared/job_controls.js";
-import { title } from "../shared/job_summary.js";
-import { complain, messageOf, say } from "../shared/notices.js";
+import { each, file, filingButtons, filings } from "../shared/job_filing.js";
+import { say } from "../shared/notices.js";
+import { maySteer } from "../shared/permissions.js";
 
-/** How many requests are made at once. */
-const AT_ONCE = 4;
+/** @import { Filing } from "../shared/job_filing.js" */
+
+/** @type {Filing[]} */
+const FILINGS = ["archive", "restore", "delete"];
 
 export class Selection {
   #changed;
   #refresh;
+  #filed;
   /** @type {Set<string>} */
   #ids = new Set();
   /**
@@ -26,32 +30,35 @@ export class Selection {
   #count = h("strong");
   #pause = h("button", { onclick: () => this.#steer("rendering", "pause", "Paused") }, "Pause");
   #resume = h("button", { onclick: () => this.#steer("paused", "resume", "Resumed") }, "Resume");
+  #stop = h("button", { class: "danger", onclick: () => this.#cancel() }, "Cancel…");
+  #priority = priorityForm(0, (priority) => this.#send(this.#selected().filter(mayControl), `Priority ${priority}`,
+    ({ links }) => send("PATCH", links.self, { priority })));
+  #filings = filingButtons(FILINGS, (what) => file(this.#fit(what), what, this.#filed));
   #every = h("button", { class: "quiet", onclick: () => this.#select(this.#jobs.map(({ id }) => id)) });
+  #clear = h("button", { class: "quiet", onclick: () => this.#select([]) }, "Clear");
   #bar = [
-    this.#count, this.#pause, this.#resume,
-    h("button", { class: "danger", onclick: () => this.#cancel() }, "Cancel…"),
-    priorityForm(0, (priority) => this.#send(this.#selected(), `Priority ${priority}`,
-      ({ links }) => send("PATCH", links.self, { priority }))),
-    this.#every,
-    h("button", { class: "quiet", onclick: () => this.#select([]) }, "Clear"),
+    this.#count, this.#pause, this.#resume, this.#stop, this.#priority, ...this.#filings, this.#every, this.#clear,
   ];
   element = h("div", { class: "selected", role: "region", "aria-label": "Selected jobs", hidden: true });
 
   /**
    * @param {() => void} changed - called when jobs are selected or not any more
    * @param {() => unknown} refresh - called when jobs were changed
+   * @param {(ids: string[]) => unknown} filed - called when jobs were archived, deleted or restored
    */
-  constructor(changed, refresh) {
+  constructor(changed, refresh, filed) {
     this.#changed = changed;
     this.#refresh = refresh;
+    this.#filed = filed;
   }
 
   /**
-   * Takes the listed jobs; one that is listed no more, or has ended, is selected no more.
+   * Takes the listed jobs; one that is listed no more is selected no more.
    * @param {Api.JobView[]} jobs - from top to bottom
    */
   show(jobs) {
-    this.#jobs = jobs.filter(mayControl);
+    const focused = this.element.contains(document.activeElement) ? document.activeElement : null;
+    this.#jobs = jobs.filter(maySteer);
     const selected = this.#selected();
     this.#ids = new Set(selected.map(({ id }) => id));
     const states = new Set(selected.map(({ state }) => state));
@@ -59,11 +66,17 @@ export class Selection {
     setText(this.#every, `Select all ${this.#jobs.length}`);
     this.#pause.hidden = !states.has("rendering");
     this.#resume.hidden = !states.has("paused");
+    this.#stop.hidden = this.#priority.hidden = !selected.some(mayControl);
+    FILINGS.forEach((what, at) => (this.#filings[at].hidden = !this.#fit(what).length));
     this.#every.hidden = selected.length === this.#jobs.length;
-    if (!selected.length && this.element.contains(document.activeElement)) byId("main").focus({ preventScroll: true });
-    if (this.element.hidden === !selected.length) return;
-    this.element.hidden = !selected.length;
-    this.element.replaceChildren(...(selected.length ? this.#bar : []));
+    if (this.element.hidden === Boolean(selected.length)) {
+      this.element.hidden = !selected.length;
+      this.element.replaceChildren(...(selected.length ? this.#bar : []));
+    }
+    if (!focused || (selected.length && !focused.closest("[hidden]"))) return;
+    // What had the focus is gone.
+    if (selected.length) this.#clear.focus();
+    else byId("main").focus({ preventScroll: true });
   }
 
   /** @param {string} id */
@@ -95,6 +108,14 @@ export class Selection {
   }
 
   /**
+   * The selected jobs that can be filed so.
+   * @param {Filing} what
+   */
+  #fit(what) {
+    return this.#selected().filter((job) => filings(job).includes(what));
+  }
+
+  /**
    * @param {Api.JobState} state - of the jobs that it is for
    * @param {"pause" | "resume"} what
    * @param {string} done
@@ -104,7 +125,7 @@ export class Selection {
   }
 
   async #cancel() {
-    const jobs = this.#selected();
+    const jobs = this.#selected().filter(mayControl);
     const these = several(jobs.length, "job");
     const kept = "Jobs that are being rendered keep the image that they have by then.";
     if (await confirmed(`Cancel ${these}?`, kept, `Cancel ${these}`, "Keep them")) {
@@ -113,22 +134,14 @@ export class Selection {
   }
 
   /**
-   * Sends a request for each of the jobs, and says how many were done, and which were refused.
+   * Sends a request for each of the jobs, and says for how many it was done.
    * @param {Api.JobView[]} jobs
    * @param {string} done
    * @param {(job: Api.JobView) => Promise<unknown>} request
    */
   async #send(jobs, done, request) {
-    /** @type {string[]} */
-    const refused = [];
-    const queue = jobs.values();
-    await Promise.all(Array.from({ length: AT_ONCE }, async () => {
-      for (const job of queue) {
-        await request(job).catch((error) => refused.push(`${title(job)}: ${messageOf(error)}`));
-      }
-    }));
-    if (refused.length < jobs.length) say(`${done}: ${several(jobs.length - refused.length, "job")}`);
-    complain(refused.length ? `Refused for ${refused.length} of ${several(jobs.length, "job")}. ${refused[0]}` : "", true);
+    const { length } = await each(jobs, request);
+    if (length) say(`${done}: ${several(length, "job")}`);
     await this.#refresh();
   }
 }

@@ -30,9 +30,12 @@ export function title(job) {
  * @param {{ withParameters: boolean }} options
  */
 export function asked({ spec, width, height }, { withParameters }) {
+  // The size of the image is said already.
+  const given = Object.entries(spec.parameters).filter(([name, value]) =>
+    !(name === "width" && Number(value) === width) && !(name === "height" && Number(value) === height));
   return [
     width && `${width} × ${height}`,
-    ...(withParameters ? Object.entries(spec.parameters).map(([name, value]) => `${name} ${value}`) : []),
+    ...(withParameters ? given.map(([name, value]) => `${name} ${value}`) : []),
     spec.sensor && `sensor ${spec.sensor}`,
     spec.rule.name !== "visible" && `rule ${spec.rule.name}`,
     spec.allocation.name === "zones" && "by zones",

@@ -3,7 +3,7 @@
 import { get, send } from "../shared/api.js";
 import { confirmed } from "../shared/dialogs.js";
 import { h, KeyedList, setAttribute, setText } from "../shared/dom.js";
-import { ago, several, three, whole } from "../shared/figures.js";
+import { ago, bytes, duration, percent, several, three, whole } from "../shared/figures.js";
 import { title } from "../shared/job_summary.js";
 import { attempt } from "../shared/notices.js";
 import { maySteerWorkers } from "../shared/permissions.js";
@@ -12,7 +12,7 @@ import { repeat } from "../shared/polling.js";
 const EVERY_MS = 2000;
 
 /** @import { Screen } from "../main.js" */
-/** @typedef {Api.Worker & { jobName?: string }} NamedWorker  with the name of its job */
+/** @typedef {Api.Worker & { nameOf: (job: string) => string }} NamedWorker  with the names of its jobs */
 
 /** @type {Screen} */
 export function open(main, { signal }) {
@@ -32,12 +32,13 @@ export function open(main, { signal }) {
   async function refresh() {
     /** @type {Api.Workers} */
     const { workers, refused } = await get("/v1/workers", signal);
-    const unknown = new Set(workers.flatMap(({ job }) => (job && !names.has(job) ? job : [])));
+    const named = workers.flatMap(({ job, last_slices: last }) => [...(job ? [job] : []), ...last.map((one) => one.job)]);
+    const unknown = new Set(named.filter((id) => !names.has(id)));
     await Promise.all([...unknown].map(async (id) => {
       names.set(id, await get(`/v1/jobs/${id}`, signal).then(title, () => id));
     }));
     workers.sort((a, b) => a.id.localeCompare(b.id));
-    rows.show(workers.map((worker) => ({ ...worker, jobName: names.get(worker.job ?? "") })), ({ id }) => id);
+    rows.show(workers.map((worker) => ({ ...worker, nameOf: (/** @type {string} */ id) => names.get(id) ?? id })), ({ id }) => id);
     const busy = workers.filter(({ job }) => job).length;
     const rate = workers.reduce((sum, worker) => sum + (worker.job ? worker.samples_per_s ?? 0 : 0), 0);
     setText(summary, workers.length
@@ -61,11 +62,14 @@ class WorkerRow {
   #does = h("p", { class: "does" });
   #rate = h("p", { class: "figure" });
   #done = h("p", { class: "figure" });
+  #machine = h("p", { class: "summary machine" });
+  #last = h("ol", { class: "last-slices" });
+  #slices = h("details", {}, h("summary", {}, "Last slices"), this.#last);
   #trouble = h("p", { class: "bad" });
   #drain = h("button");
   #worker;
   element = h("li", { class: "worker" },
-    h("div", {}, this.#name, this.#where), this.#does, this.#rate, this.#done, this.#drain, this.#trouble);
+    h("div", {}, this.#name, this.#where), this.#does, this.#rate, this.#done, this.#drain, this.#trouble, this.#machine, this.#slices);
 
   /**
    * @param {NamedWorker} worker
@@ -97,7 +101,7 @@ class WorkerRow {
     setAttribute(this.#does, "data-busy", String(Boolean(job)));
     if (job) {
       setAttribute(this.#job, "href", `/jobs/${job}`);
-      setText(this.#job, worker.jobName ?? job);
+      setText(this.#job, worker.nameOf(job));
       const text = [slice == null ? "" : `, slice ${slice}`, worker.drained ? ", its last" : ""].join("");
       if (this.#does.firstChild !== this.#job) this.#does.replaceChildren(this.#job, this.#rest);
       setText(this.#rest, text);
@@ -108,7 +112,34 @@ class WorkerRow {
     show(this.#done, whole(worker.slices_done), "slices done");
     setText(this.#trouble, trouble ?? (error ? `Last error: ${error}` : ""));
     this.#trouble.hidden = !(trouble || error);
+    setText(this.#machine, used(worker));
+    this.#machine.hidden = !this.#machine.textContent;
+    this.#showSlices(worker);
   }
+
+  /** @param {NamedWorker} worker */
+  #showSlices({ last_slices: last, nameOf }) {
+    this.#slices.hidden = !last.length;
+    const items = last.map(({ job, slice, spp, render_s: seconds }) => ({ job, name: nameOf(job), text: `, slice ${slice}: ${whole(spp)} spp in ${duration(seconds)}` }));
+    const shown = JSON.stringify(items);
+    if (this.#last.dataset.shown === shown) return;
+    this.#last.dataset.shown = shown;
+    this.#last.replaceChildren(...items.map(({ job, name, text }) => h("li", {}, h("a", { href: `/jobs/${job}` }, name), text)));
+  }
+}
+
+/**
+ * What its machine does, and what the worker has cost.
+ * @param {Api.Worker} worker
+ */
+function used({ machine, core_hours: hours }) {
+  const free = machine?.disk_free_bytes;
+  return [
+    machine && `${percent(machine.load)} of ${several(machine.cores, "core")} in use`,
+    machine && `${bytes(machine.memory_used_bytes)} of ${bytes(machine.memory_bytes)} memory`,
+    free != null && `${bytes(free)} of disk left`,
+    hours ? `${three(hours)} core hours of rendering` : "",
+  ].filter(Boolean).join(" · ");
 }
 
 /**

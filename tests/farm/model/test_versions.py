@@ -15,8 +15,8 @@ from plateau.farm.ledger.schema import check_schema
 from plateau.farm.ledger.totals import MonitorWork
 from plateau.farm.model import versions
 from plateau.farm.model.errors import OldProcesses, Refused, WrongLayout
-from plateau.farm.model.job import Worker
 from plateau.farm.model.spec import JobSpec
+from plateau.farm.model.worker import Worker
 from plateau.farm.redis import keys, scripts
 from plateau.farm.redis.scripts import Scripts
 from tests.farm.ledger.test_workers import about

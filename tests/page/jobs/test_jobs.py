@@ -52,10 +52,15 @@ def test_a_job_is_followed_from_its_queue_to_its_end(visit: Visit, farm: NoiseFa
 def test_rows_of_one_scene_are_told_apart(visit: Visit, farm: NoiseFarm) -> None:
     bright = farm.submit("box", parameters={"intensity": 40}, rule={"name": "fixed", "spp": 100})
     zones = farm.submit("box", allocation={"name": "zones"})
+    sized = farm.submit("box", parameters={"width": 32, "height": "24", "depth": 3}, priority=1)
+    with farm.monitor():  # the size of an image is known from its first slice on
+        farm.work(lambda: farm.jobs.get(sized.id).width)
     visitor = visit()
     expect(row(visitor.page, bright.id)).to_contain_text("intensity 40 · rule fixed")
     expect(row(visitor.page, zones.id)).to_contain_text("by zones")
-    # A click on its id copies it, and does not lead to the job
+    # The size of an image is said once
+    expect(row(visitor.page, sized.id).locator(".asked")).to_have_text("32 × 24 · depth 3")
+    # A click on an id copies it, and does not lead to the job
     visitor.context.grant_permissions(["clipboard-read", "clipboard-write"])
     visitor.page.get_by_role("button", name=f"Copy the job's id, {zones.id}").click()
     said = visitor.page.get_by_role("status").filter(has_text=f"The job's id {zones.id} is copied")

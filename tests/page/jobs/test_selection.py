@@ -70,10 +70,16 @@ def test_some_are_cancelled_by_keyboard_alone(
         JobState.CANCELLED,
         JobState.RENDERING,
     ]
-    # What has ended cannot be selected any more, and the bar goes with its last job
-    expect(page.get_by_role("checkbox")).to_have_count(2)
-    expect(page.get_by_role("region", name="Selected jobs")).to_have_count(0)
+    # They stay selected, and what can be done with them is what can be done with ended jobs
+    bar = page.get_by_role("region", name="Selected jobs")
+    expect(bar).to_contain_text("2 jobs selected")
+    expect(bar.get_by_role("button", name="Cancel…")).to_be_hidden()
+    expect(bar.get_by_label("Priority")).to_be_hidden()
+    bar.get_by_role("button", name="Delete").press("Enter")
+    # The bar goes with its last job
+    expect(bar).to_have_count(0)
     expect(page.locator("main")).to_be_focused()
+    expect(page.locator(".job")).to_have_count(2)
 
 
 def test_jobs_that_a_search_hides_are_not_changed(

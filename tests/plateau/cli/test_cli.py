@@ -323,6 +323,24 @@ class TestTalkingToAService:
         code, _, err = plateau("log", job.id, "--slice", "400")
         assert (code, "has no slice 400" in err) == (1, True)
 
+    def test_what_was_put_away_is_listed_apart_and_comes_back(self, client: redis.Redis) -> None:
+        job = StagedJob(client, batch="walk", name="lamp")
+        assert plateau("delete", job.id)[0] == 1
+        job.end(JobState.CANCELLED)
+        for command, option, said in (
+            ("archive", "--archived", "cancelled, archived"),
+            ("delete", "--deleted", "cancelled, deleted"),
+        ):
+            assert plateau(command, job.id) == (0, f"{job.id} {said}\n", "")
+            assert plateau("list") == (0, "", "no jobs\n")
+            assert plateau("list", option)[1].startswith(f"{job.id}\tcancelled\t")
+        assert f"`plateau restore {job.id}` undoes it" in plateau("show", job.id)[1]
+        assert plateau("restore", job.id[:6]) == (0, f"{job.id} cancelled\n", "")
+        assert plateau("list", "--search", "LAMP walk")[1].startswith(job.id)
+        assert plateau("delete", "--batch", "walk") == (0, f"{job.id} cancelled\n", "")
+        assert plateau("batch", "walk")[0] == 1
+        assert plateau("restore", "--batch", "walk")[0] == plateau("batch", "walk")[0] == 0
+
     def test_cancel_may_be_repeated_but_not_too_late(self, client: redis.Redis) -> None:
         job = StagedJob(client)
         for _ in range(2):

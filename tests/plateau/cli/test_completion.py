@@ -16,9 +16,10 @@ from plateau import scenes
 from plateau.cli import complete
 from plateau.cli.bash_completion import joined
 from plateau.farm.ledger.jobs import Jobs
+from plateau.farm.ledger.visibility import Visibilities
 from plateau.farm.model.renderers import VARIANTS
 from plateau.farm.model.spec import JobSpec
-from plateau.farm.model.states import JobState
+from plateau.farm.model.states import JobState, Visibility
 from tests.support.staged_job import StagedJob
 
 Offers = Callable[..., list[str]]
@@ -123,15 +124,20 @@ def test_jobs_are_offered_where_something_can_be_done_with_them(
             Jobs(client).pause(staged.id)
         if state == "converged":
             staged.end()
+    put_away = Jobs(client).cancel(StagedJob(client).id).id
+    Visibilities(client).set(put_away, Visibility.DELETED)
     for command, states in {
         "show": ("queued", "rendering", "paused", "converged"),
         "cancel": ("queued", "rendering", "paused"),
         "pause": ("rendering",),
         "resume": ("paused",),
+        "delete": ("converged",),
     }.items():
         words = ["plateau", command, ""]
         offered = set(run_till_answered("bash", words, tmp_path, PLATEAU_URL=api))
         assert offered == {jobs[state] for state in states}, command
+    words = ["plateau", "restore", ""]
+    assert set(run_till_answered("bash", words, tmp_path, PLATEAU_URL=api)) == {put_away}
     job_id = jobs["rendering"]
     words = ["plateau", "watch", job_id[:6]]
     assert job_id in run_till_answered("bash", words, tmp_path, PLATEAU_URL=api)

@@ -15,8 +15,10 @@ import plateau.client.errors
 import plateau.errors
 from plateau import ApiError, AsyncClient, BadId, Client, ClientError, TimedOut, Unreachable
 from plateau.client import BadUrl, NoImageYet, UnknownJob, UnknownScene
+from plateau.farm.ledger.queue import SliceQueue
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.versions import plateau as version
+from tests.farm.ledger.test_workers import about
 from tests.support.staged_job import StagedJob
 
 
@@ -73,6 +75,33 @@ def test_ids_may_be_shortened(plateau: Client, client: redis.Redis) -> None:
     unknown = next(text for text in ("0000", "ffff") if not job.startswith(text))
     with pytest.raises(BadId, match=f"no job has an id that begins with {unknown}"):
         next(plateau.events(unknown))
+
+
+def test_ended_jobs_are_put_away_and_come_back(plateau: Client, client: redis.Redis) -> None:
+    job = StagedJob(client, batch="walk").id
+    with pytest.raises(ApiError, match="cancel it first"):
+        plateau.archive(job)
+    plateau.cancel(job)
+    assert plateau.archive(job).archived_at is not None
+    assert plateau.delete(job[:5]).deleted_at is not None
+    assert list(plateau.all_jobs()) == list(plateau.all_jobs(archived=True)) == []
+    assert [one.id for one in plateau.all_jobs(deleted=True, search="box")] == [job]
+    # A deleted job can still be named by the beginning of its id
+    restored = plateau.restore(job[:5])
+    assert (restored.archived_at, restored.deleted_at) == (None, None)
+    assert [one.id for one in plateau.jobs(search="walk").jobs] == [job]
+    for call in (plateau.archive_batch, plateau.delete_batch, plateau.restore_batch):
+        assert call("walk").done == 1
+    assert plateau.batch("walk").job_ids == [job]
+
+
+def test_a_worker_is_drained_and_takes_slices_again(plateau: Client, client: redis.Redis) -> None:
+    SliceQueue(client, "vm-1 a", 60).heartbeat(about("vm-1 a"), ())
+    assert plateau.drain("vm-1 a").drained
+    assert plateau.workers()[0].drained
+    assert not plateau.undrain("vm-1 a").drained
+    with pytest.raises(ApiError, match="there is no worker"):
+        plateau.drain("another")
 
 
 def test_problems_have_types(plateau: Client, client: redis.Redis) -> None:

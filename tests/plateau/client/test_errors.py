@@ -16,7 +16,7 @@ from plateau import ApiError, Client, ClientError, Unreachable
 from plateau.client import BadUrl, NotPlateau, PointEvent
 from plateau.commands.connect import connect
 from plateau.farm.model import versions
-from plateau.farm.model.job import Worker
+from plateau.farm.model.worker import Worker
 from plateau.farm.wire import examples
 from plateau.farm.wire.views import JobPage
 

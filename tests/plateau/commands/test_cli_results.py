@@ -17,10 +17,13 @@ from plateau.cli import app
 from plateau.client import BadId, Client
 from plateau.commands.farm import WORKER_COLUMNS, worker_row
 from plateau.farm.blobs.store import Blobs
-from plateau.farm.model.job import Worker
+from plateau.farm.ledger.queue import SliceQueue
 from plateau.farm.model.states import JobState
+from plateau.farm.model.worker import Worker
 from plateau.farm.redis import keys
+from plateau.job_text import share_of
 from plateau.service.api.process import listen
+from tests.farm.ledger.test_workers import about
 from tests.support.bundles import scene
 from tests.support.staged_job import StagedJob
 
@@ -174,11 +177,23 @@ class TestFarm:
         assert row[:2] == [sha256, "box.xml"]
         assert json.loads(plateau("scenes", "--json")[1])[0]["sha256"] == sha256
 
+    def test_memory_in_use_keeps_its_unit_where_that_differs(self) -> None:
+        assert share_of(812e6, 33.6e9) == "812.0 MB of 33.6 GB"
+        assert share_of(0, 1e9) == "0 bytes of 1.0 GB"
+
     def test_workers_are_listed(self) -> None:
         code, out, err = plateau("workers")
         assert (code, out) == (0, "")
         assert "plateau worker" in err
         assert plateau("workers", "--json") == (0, "[]\n", "")
+
+    def test_a_worker_is_drained(self, client: redis.Redis) -> None:
+        SliceQueue(client, "w-1", 60).heartbeat(about("w-1"), ())
+        assert plateau("drain", "w-1") == (0, "w-1 drained\n", "")
+        assert json.loads(plateau("drain", "w-1", "--json")[1])["drained"]
+        assert plateau("drain", "w-1", "--undo") == (0, "w-1 takes slices\n", "")
+        code, _, err = plateau("drain", "w-2")
+        assert (code, "there is no worker 'w-2'" in err) == (1, True)
 
     def test_a_worker_is_a_row(self) -> None:
         now = datetime(2026, 1, 1, 12, tzinfo=timezone.utc)
@@ -196,6 +211,14 @@ class TestFarm:
             last_error="slice 3: SIGSEGV",
             started_at=now.replace(hour=11),
             seen_at=now,
+            machine={
+                "cores": 8,
+                "load": 0.934,
+                "memory_bytes": 33.6e9,
+                "memory_used_bytes": 9.1e9,
+                "disk_bytes": 250e9,
+                "disk_free_bytes": 812e6,
+            },
         )
         shown = dict(zip(WORKER_COLUMNS, worker_row(worker, now), strict=True))
         assert shown == {
@@ -207,6 +230,9 @@ class TestFarm:
             "renders": "3b52dbb3a017/16",
             "rate": "2.70 Msamples/s",
             "done": "12",
+            "load": "93.4 %",
+            "memory": "9.1 of 33.6 GB",
+            "disk free": "812.0 MB",
             "up": "1 h 00 min",
             "version": "0.1.0",
             "trouble": "slice 3: SIGSEGV",
@@ -240,7 +266,7 @@ class TestShortIds:
         alike = [
             job.model_copy(update={"id": f"abcd0000000{number}"}) for number, job in enumerate(jobs)
         ]
-        monkeypatch.setattr(plateau_client, "all_jobs", lambda: iter(alike))
+        monkeypatch.setattr(plateau_client, "all_jobs", lambda **_: iter(alike))
         with pytest.raises(BadId, match="abcd may be abcd00000000, abcd00000001: give more"):
             plateau_client.whole_id("abcd")
         assert plateau_client.whole_id("abcd00000001") == "abcd00000001"

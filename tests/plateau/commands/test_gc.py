@@ -79,6 +79,7 @@ def test_without_a_limit_orphans_go_and_it_says_how_to_set_one(tmp_path: Path, d
     assert said.splitlines() == [
         f"Removed 1 blob, 500 bytes, from {data / 'blobs'}:",
         "  jobs           –  kept for ever: --results-older-than DAYS sets a limit",
+        "  deleted        0  jobs, deleted more than 7 days ago",
         "  sums           0  of jobs finished more than 3 days ago",
         "  scenes         –  kept for ever: --scenes-unused-for DAYS sets a limit",
         "  orphans        1  blobs that no job needs",
@@ -93,8 +94,8 @@ def test_a_dry_run_is_true_and_removes_nothing(tmp_path: Path, data: Path) -> No
     assert "jobs           1  finished more than 0 days ago" in would
     assert kept(data) == (2, 5)
     did = json.loads(gc("--results-older-than", "0", "--json"))
-    expected = {"jobs": 1, "sums": 0, "scenes": 0, "orphans": 0, "blobs": 4, "freed_bytes": 3500}
-    assert did == {"dry_run": False, **expected}
+    expected = {"jobs": 1, "deleted": 0, "sums": 0, "scenes": 0, "orphans": 0}
+    assert did == {"dry_run": False, **expected, "blobs": 4, "freed_bytes": 3500}
     # What is not finished is as it was
     assert kept(data) == (1, 1)
 

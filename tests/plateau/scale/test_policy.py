@@ -7,7 +7,7 @@ from itertools import pairwise
 import pytest
 
 from plateau.farm.ledger.totals import Demand
-from plateau.farm.model.job import Worker
+from plateau.farm.model.worker import Worker
 from plateau.scale.policy import MOST_AT_ONCE, Limits, Policy, worth
 from plateau.scale.tasks import Look, Plan, Task, TaskState
 

@@ -25,13 +25,13 @@ class TestAMethod:
         ("path", "allowed"),
         [
             ("/v1/jobs", "GET, HEAD, POST"),
-            ("/v1/jobs/0123456789ab", "GET, HEAD, PATCH"),
+            ("/v1/jobs/0123456789ab", "DELETE, GET, HEAD, PATCH"),
             ("/v1/jobs/0123456789ab/cancel", "POST"),
             ("/v1/jobs/0123456789ab/image.png", "GET, HEAD"),
             ("/healthz", "GET, HEAD"),
         ],
     )
-    @pytest.mark.parametrize("method", ["DELETE", "OPTIONS", "FANCY"])
+    @pytest.mark.parametrize("method", ["PUT", "OPTIONS", "FANCY"])
     def test_that_a_path_does_not_have_is_answered_with_those_it_has(
         self, http: httpx.Client, path: str, allowed: str, method: str
     ) -> None:
@@ -104,7 +104,9 @@ class TestAQueryParameter:
         )
         [error] = found["errors"]
         assert error["field"] == "stat"
-        assert error["message"].endswith("there are state, batch, owner, cursor, limit")
+        assert error["message"].endswith(
+            "there are state, batch, owner, search, archived, deleted, cursor, limit"
+        )
         events = f"/v1/jobs/{StagedJob(client).id}/events"
         problem(http.get(events, params={"from": "0-0"}), 422, "invalid-request")
 

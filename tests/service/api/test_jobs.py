@@ -326,6 +326,70 @@ class TestCancelling:
         assert found["story"][-1].endswith("converged: levelled off")
 
 
+class TestPuttingAway:
+    def test_archives_deletes_and_restores_an_ended_job(
+        self, http: httpx.Client, client: redis.Redis
+    ) -> None:
+        job = StagedJob(client)
+        job.commit()
+        job.end()
+        links = http.get(f"/v1/jobs/{job.id}").json()["links"]
+        lists = ({}, {"archived": "true"}, {"deleted": "true"})
+        for method, path, place in (
+            ("POST", links["archive"], 1),
+            ("DELETE", links["self"], 2),
+            ("POST", links["restore"], 0),
+            ("DELETE", links["self"], 2),
+            ("POST", links["archive"], 1),
+        ):
+            for _ in range(2):
+                answer = http.request(method, path)
+                assert answer.status_code == 202
+                assert answer.json() == http.get(links["self"]).json()
+                found = [answer.json()[f"{one}_at"] is not None for one in ("archived", "deleted")]
+                assert found == [place == 1, place == 2]
+            listed = [http.get("/v1/jobs", params=asked).json()["jobs"] for asked in lists]
+            assert [len(jobs) for jobs in listed] == [int(one == place) for one in range(3)]
+        everything = {"archived": "any", "deleted": "any"}
+        assert len(http.get("/v1/jobs", params=everything).json()["jobs"]) == 1
+
+    def test_refuses_what_has_not_ended(self, http: httpx.Client, client: redis.Redis) -> None:
+        job = StagedJob(client)
+        for method, call in (("POST", "/archive"), ("DELETE", ""), ("POST", "/restore")):
+            found = problem(http.request(method, f"/v1/jobs/{job.id}{call}"), 409, "job-not-ended")
+            assert found["state"] == "queued"
+            problem(http.request(method, f"/v1/jobs/{'0' * 12}{call}"), 404, "unknown-job")
+            problem(http.request(method, f"/v1/batches/none{call}"), 404, "unknown-batch")
+
+    def test_a_batch_goes_as_one(self, http: httpx.Client, client: redis.Redis) -> None:
+        ended, open_ = (StagedJob(client, batch="walk/1") for _ in range(2))
+        ended.commit()
+        ended.end()
+        path = "/v1/batches/walk%2F1"
+        for method, call in (("POST", "/archive"), ("DELETE", ""), ("POST", "/restore")):
+            steered = http.request(method, path + call).json()
+            assert (steered["name"], steered["done"]) == ("walk/1", 1)
+            outcomes = [(one["job"], one["why_not"]) for one in steered["jobs"]]
+            assert sorted(outcomes) == sorted([(ended.id, None), (open_.id, "it has not ended")])
+        assert len(http.get(path).json()["job_ids"]) == 2
+
+
+def test_a_search_reads_names_and_more(http: httpx.Client) -> None:
+    lamp = submit(http, spec={"name": "Lamp at dusk", "batch": "evening"}).json()["id"]
+    other = submit(http).json()["id"]
+
+    def found(search: str) -> list[str]:
+        jobs = http.get("/v1/jobs", params={"search": search}).json()["jobs"]
+        return [job["id"] for job in jobs]
+
+    assert found("") == [other, lamp]
+    assert found("box") == [other]
+    assert found("DUSK  even") == found(lamp[2:]) == [lamp]
+    assert found("dusk morning") == []
+    problem(http.get("/v1/jobs", params={"search": "x" * 201}), 422, "invalid-request")
+    problem(http.get("/v1/jobs", params={"archived": "yes"}), 422, "invalid-request")
+
+
 class TestPausing:
     def test_and_resuming_may_be_repeated(self, http: httpx.Client, client: redis.Redis) -> None:
         job = StagedJob(client)

@@ -9,29 +9,25 @@ function for_farm.note_sweep()
   redis.call('HSET', TOTALS, 'swept at', string.format('%.0f', now()))
 end
 
--- Forget a job that finished `finished_for_ms` ago, with all its records.
--- Returns 'forgotten', 'kept' (it has not finished, or later, or another job has taken over its slices) or
--- 'missing'.
+-- Forget a finished job, with all its records: one that finished `finished_for_ms` ago, or was deleted
+-- `deleted_for_ms` ago, where these are given.
+-- Returns 'forgotten', 'kept' (it has not finished, or both were later, or another job has taken over its
+-- slices) or 'missing'.
 function for_farm.forget(it)
   local id = it.job
   if redis.call('EXISTS', job_key(id)) == 0 then return 'missing' end
   local job = redis.call('HMGET', job_key(id), 'finished_at', 'continued', 'continues')
-  if not job[1] or now() - job[1] < it.finished_for_ms then return 'kept' end
+  local deleted_at = redis.call('HGET', job_key(id, 'sealed'), 'deleted_at')
+  local is_old = it.finished_for_ms and job[1] and now() - job[1] >= it.finished_for_ms
+  local is_gone = it.deleted_for_ms and deleted_at and now() - deleted_at >= it.deleted_for_ms
+  if not job[1] or not (is_old or is_gone) then return 'kept' end
   if tonumber(job[2] or 0) > 0 then return 'kept' end
   if job[3] then redis.call('HINCRBY', job_key(job[3]), 'continued', -1) end
   redis.call('ZREM', JOBS, id)
   redis.call('ZREM', in_state_key(redis.call('HGET', job_key(id), 'state')), id)
-  local batch = redis.call('HGET', job_key(id), 'batch')
-  if batch and batch ~= '' then
-    redis.call('ZREM', batch_key(batch), id)
-    local newest = redis.call('ZREVRANGE', batch_key(batch), 0, 0, 'WITHSCORES')
-    if newest[1] then
-      redis.call('ZADD', BATCHES, newest[2], batch)
-    else
-      redis.call('ZREM', BATCHES, batch)
-      redis.call('SREM', GUARDED, batch)
-    end
-  end
+  redis.call('ZREM', ARCHIVED, id)
+  redis.call('ZREM', DELETED, id)
+  Job.leave_batch(id)
   local owner = redis.call('HGET', job_key(id, 'sealed'), 'owner')
   if owner then redis.call('ZREM', api_key_key(owner, 'jobs'), id) end
   Outbox.drop_deliveries(id)

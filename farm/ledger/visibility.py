@@ -1,0 +1,118 @@
+"""Archives, deletes and restores ended jobs, alone or a whole batch of them."""
+
+from collections.abc import Callable, Sequence
+
+from plateau.farm.ledger import guarded_batches
+from plateau.farm.model.batch import Steered
+from plateau.farm.model.errors import BatchNotFound, JobNotEnded, JobNotFound
+from plateau.farm.model.spec import stored_spec
+from plateau.farm.model.states import JobState, Visibility
+from plateau.farm.redis import keys
+from plateau.farm.redis.client import RedisClient
+from plateau.farm.redis.commands.visibility import MadeVisible, SetVisibility
+from plateau.farm.redis.link import unavailable_as_farm_error
+from plateau.farm.redis.scripts import Scripts
+
+
+class Visibilities:
+    """Where ended jobs are found. Every method raises `StoreUnavailable` when Redis is away.
+
+    An archived or deleted job keeps its records and results. A sweep removes a deleted one for good
+    (`plateau.farm.sweep.finished_jobs`), as soon as no other job continues it.
+    """
+
+    def __init__(self, client: RedisClient) -> None:
+        self._redis = client
+        self._scripts = Scripts(client)
+
+    def set(self, job_id: str, visibility: Visibility) -> None:
+        """List, archive or delete the job; repeating it is harmless.
+
+        A deleted job leaves its batch, and joins it again when it is restored.
+
+        Raises
+        ------
+        JobNotFound, JobNotEnded
+            There is no such job, or it has not ended.
+        UnevenBatch
+            Its batch is guarded by now, and the job did not stop as the batch's jobs do.
+        """
+        made = self._set(job_id, visibility)
+        if made.outcome == "illegal":
+            if made.state == "missing":
+                raise JobNotFound(job_id)
+            raise JobNotEnded(job_id, made.state)
+
+    def set_batch(
+        self,
+        name: str,
+        visibility: Visibility,
+        *,
+        may_touch: Callable[[str], bool] = lambda _: True,
+    ) -> list[Steered]:
+        """List, archive or delete each ended job of the batch; repeating it is harmless.
+
+        Jobs that were deleted from the batch are restored, too. Jobs whose owner (an API key's id,
+        or "") `may_touch` refuses are left alone.
+
+        Raises
+        ------
+        BatchNotFound
+            There is no such batch.
+        UnevenBatch
+            As for `set`; the jobs before that one are restored.
+        """
+        with unavailable_as_farm_error():
+            job_ids = self._redis.zrange(keys.batch(name), 0, -1)
+            if visibility is not Visibility.DELETED:
+                job_ids += self._deleted_from(name)
+            pipe = self._redis.pipeline(transaction=False)
+            for job_id in job_ids:
+                pipe.hget(keys.job(job_id), "state")
+                pipe.hget(keys.job(job_id, "sealed"), "owner")
+            answers = iter(pipe.execute())
+        if not job_ids:
+            raise BatchNotFound(name)
+        steered = []
+        for job_id, state, owner in zip(job_ids, answers, answers, strict=True):
+            done, why_not = False, "it belongs to another API key"
+            if may_touch(owner or ""):
+                made = self._set(job_id, visibility)
+                done = made.outcome == "done"
+                gone = made.state == "missing"
+                why_not = "it was just forgotten" if gone else "it has not ended"
+            steered.append(
+                Steered(
+                    job=job_id,
+                    done=done,
+                    state=None if state is None else JobState(state),
+                    why_not=None if done else why_not,
+                )
+            )
+        return steered
+
+    def _set(self, job_id: str, visibility: Visibility) -> MadeVisible:
+        made = MadeVisible(outcome="changed")
+        while made.outcome == "changed":  # another job has joined the batch since it was compared
+            compared = "" if visibility is Visibility.DELETED else self._compared(job_id)
+            made = self._scripts.run(
+                SetVisibility(job=job_id, visibility=visibility.value, compared=compared)
+            )
+        return made
+
+    def _compared(self, job_id: str) -> str:
+        """The number of the newest job of the guarded batch that a deleted job may join again."""
+        with unavailable_as_farm_error():
+            is_deleted = self._redis.hexists(keys.job(job_id, "sealed"), "deleted_at")
+            batch, spec = self._redis.hmget(keys.job(job_id), "batch", "spec")
+        if not is_deleted or not batch or spec is None:
+            return ""
+        return guarded_batches.compared(self._redis, batch, stored_spec(spec))
+
+    def _deleted_from(self, batch: str) -> Sequence[str]:
+        """The deleted jobs that were in the batch, by their number of creation."""
+        job_ids = self._redis.zrange(keys.DELETED, 0, -1)
+        pipe = self._redis.pipeline(transaction=False)
+        for job_id in job_ids:
+            pipe.hget(keys.job(job_id), "batch")
+        return [job_id for job_id, had in zip(job_ids, pipe.execute(), strict=True) if had == batch]

@@ -1,0 +1,86 @@
+"""Workers as they describe themselves, and processes that were not let into the farm."""
+
+from datetime import datetime
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from plateau.farm.model.place_names import DEFAULT_POOL
+
+
+class _Record(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="ignore")
+
+
+class Machine(_Record):
+    """The machine of a worker, which other processes may use too."""
+
+    cores: int = Field(description="logical ones")
+    load: float = Field(
+        description="how much of their time was used since the heartbeat before, in [0, 1]"
+    )
+    memory_bytes: int
+    memory_used_bytes: int = Field(description="what no process could be given")
+    disk_bytes: int | None = Field(None, description="of the disk that has the worker's cache")
+    disk_free_bytes: int | None = Field(None, description="there, after the worker's last slice")
+
+
+class RenderedSlice(_Record):
+    """A slice that a worker has rendered."""
+
+    job: str
+    slice: int
+    spp: int
+    render_s: float
+
+
+class Worker(_Record):
+    """A worker as its last heartbeat described it."""
+
+    id: str
+    host: str
+    pid: int
+    plateau: str | None = Field(None, description="its version")
+    variants: tuple[str, ...] = Field(description="what it can render with, best first")
+    threads: int
+    pool: str = Field(DEFAULT_POOL, description="it renders the jobs of this pool alone")
+    tags: tuple[str, ...] = Field((), description="what jobs may require of it")
+    job: str | None = Field(description="the job it renders, if any")
+    slice: int | None
+    slices_done: int
+    samples_per_s: float | None = Field(description="rate over its last slice")
+    last_error: str | None = Field(
+        description="what went wrong last; null once it has rendered a slice since"
+    )
+    trouble: str | None = Field(
+        None, description="why it takes no work: it found that it can render nothing"
+    )
+    label: str | None = Field(
+        None, description="its name in the system that started it, such as slurm:1234_5"
+    )
+    drained: bool = Field(
+        False, description="it takes no more slices, and finishes the one that it has"
+    )
+    core_hours: float | None = Field(
+        None,
+        description="what the slices cost that it has rendered since its start: their time, times "
+        "its threads",
+    )
+    last_slices: tuple[RenderedSlice, ...] = Field((), description="the newest five, newest first")
+    machine: Machine | None = Field(None, description="null for a worker of an older Plateau")
+    started_at: datetime
+    seen_at: datetime
+
+
+ProcessRole = Literal["api", "monitor", "worker"]
+
+
+class RefusedProcess(_Record):
+    """A process that was not let into the farm: the last one of its machine and role."""
+
+    role: ProcessRole
+    host: str
+    pid: int
+    plateau: str = Field(description="its version")
+    why: str = Field(description="what does not fit, and what to do")
+    at: datetime

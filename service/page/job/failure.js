@@ -1,0 +1,60 @@
+// Why a job failed: what its last tries died of, what to do, and what the renderer printed.
+
+import { get } from "../shared/api.js";
+import { h } from "../shared/dom.js";
+import { clock, sentence, several } from "../shared/figures.js";
+import { complain } from "../shared/notices.js";
+import { tryAgainButton } from "./again_dialog.js";
+
+/** What to do: where the scene is at fault, where renderers died, and otherwise. */
+const ADVICE = {
+  failed: "No worker can render the scene as it is. Mend it, and submit it again.",
+  died: "The renderer died. Most often a machine has too little memory for the scene: a smaller image needs less. If only some machines are at fault, drain their workers, and try again.",
+  none: "Change what is named above, and submit it again.",
+};
+
+export class Failure {
+  #signal;
+  #shown = "";
+  element = h("section", { class: "failure", "aria-label": "Why it failed", hidden: true });
+
+  /** @param {AbortSignal} signal */
+  constructor(signal) {
+    this.#signal = signal;
+  }
+
+  /**
+   * @param {Api.JobView} job
+   * @param {(path: string) => void} go
+   */
+  show(job, go) {
+    const key = job.state === "failed" ? job.id : "";
+    if (key === this.#shown) return;
+    this.#shown = key;
+    this.element.hidden = !key;
+    if (key) this.#fill(job, go).catch((error) => {
+      this.#shown = "";
+      if (!this.#signal.aborted) complain(error);
+    });
+  }
+
+  /**
+   * @param {Api.JobView} job
+   * @param {(path: string) => void} go
+   */
+  async #fill(job, go) {
+    /** @type {Api.Log} */
+    const { entries } = await get(job.links.log, this.#signal);
+    const fatal = /^slice (\d+) failed/.exec(job.reason);
+    const tries = entries.filter(({ what, slice }) => (fatal ? what === "died" && slice === Number(fatal[1]) : what === "failed"));
+    const workers = new Set(tries.map(({ worker }) => worker)).size;
+    this.element.replaceChildren(h("div", {},
+      h("p", {}, ADVICE[fatal ? "died" : tries.length ? "failed" : "none"]),
+      tries.length > 0 && h("p", { class: "summary" },
+        `Slice ${tries[0].slice} was tried ${several(tries.length, "time")}, by ${several(workers, "worker")}.`),
+      ...tries.map(({ at, worker, cause, text }) => h("div", {},
+        h("p", { class: "summary" }, h("time", { datetime: at }, clock(at)), ` ${worker}: ${sentence(cause ?? "")}`),
+        text && h("pre", { tabindex: 0, "aria-label": `What ${worker} printed` }, text))),
+      fatal && tryAgainButton(job, go)));
+  }
+}

@@ -1,0 +1,153 @@
+"""Ended jobs are archived, deleted and restored, and views of the list saved, in a real browser."""
+
+import re
+
+import pytest
+from playwright.sync_api import Locator, Page, expect
+
+from plateau.farm.ledger.visibility import Visibilities
+from plateau.farm.model.job import Job
+from plateau.farm.model.states import Visibility
+from tests.page.conftest import Visit
+from tests.support.noise_farm import NoiseFarm
+
+
+@pytest.fixture
+def jobs(farm: NoiseFarm) -> dict[str, Job]:
+    """Three jobs that have ended, one of them in a batch, and one that waits."""
+    specs = {"one": {}, "two": {}, "frame": {"batch": "walk"}}
+    made = {name: farm.jobs.cancel(farm.submit(name, **spec).id) for name, spec in specs.items()}
+    return {**made, "waits": farm.submit("waits")}
+
+
+def names(page: Page) -> Locator:
+    return page.locator(".job .name")
+
+
+def choose(page: Page, menu: str, action: str) -> None:
+    page.get_by_role("button", name=f"Actions for {menu}").click()
+    page.get_by_role("button", name=action, exact=True).click()
+
+
+def done(page: Page) -> Locator:
+    return page.get_by_role("region", name="Done")
+
+
+def test_a_deleted_job_is_gone_at_once_and_an_undo_brings_it_back(
+    visit: Visit, farm: NoiseFarm, jobs: dict[str, Job]
+) -> None:
+    page = visit().page
+    choose(page, "one", "Delete")
+    expect(done(page)).to_contain_text("one is deleted.")
+    expect(page.get_by_role("status").filter(has_text="one is deleted")).to_have_count(1)
+    expect(names(page)).to_have_text(["waits", "frame", "two"])
+    assert farm.jobs.get(jobs["one"].id).deleted_at is not None
+    # By keyboard
+    done(page).get_by_role("button", name="Undo").press("Enter")
+    expect(names(page)).to_have_text(["waits", "frame", "two", "one"])
+    expect(done(page)).to_be_hidden()
+    assert farm.jobs.get(jobs["one"].id).deleted_at is None
+
+
+def test_many_at_once_go_to_the_archive_and_back_from_there(
+    visit: Visit, farm: NoiseFarm, jobs: dict[str, Job]
+) -> None:
+    page = visit().page
+    bar = page.get_by_role("region", name="Selected jobs")
+    for name in ("one", "frame", "waits"):
+        page.get_by_role("checkbox", name=f"Select {name}").check()
+    bar.get_by_role("button", name="Archive").click()
+    # What has not ended stays
+    expect(done(page)).to_contain_text("2 jobs are archived.")
+    expect(names(page)).to_have_text(["waits", "two"])
+    expect(bar).to_contain_text("1 job selected")
+    page.get_by_role("combobox", name="Show").select_option("archived")
+    expect(page).to_have_url(re.compile(r"\?show=archived$"))
+    expect(names(page)).to_have_text(["frame", "one"])
+    expect(page.locator(".job").first).to_contain_text("archived just now")
+    page.get_by_role("checkbox", name="Select one").check()
+    expect(bar.get_by_role("button", name="Archive")).to_be_hidden()
+    bar.get_by_role("button", name="Delete").click()
+    expect(names(page)).to_have_text(["frame"])
+    # An undo puts a job where it was
+    done(page).get_by_role("button", name="Undo").click()
+    expect(names(page)).to_have_text(["frame", "one"])
+    page.get_by_role("checkbox", name="Select one").check()
+    bar.get_by_role("button", name="Restore").click()
+    expect(names(page)).to_have_text(["frame"])
+    page.goto("/")
+    expect(names(page)).to_have_text(["waits", "two", "one"])
+
+
+def test_a_batch_goes_as_one(visit: Visit, farm: NoiseFarm, jobs: dict[str, Job]) -> None:
+    farm.submit("next", batch="walk")
+    page = visit().page
+    choose(page, "the batch walk", "Delete")
+    expect(done(page)).to_contain_text("1 job of walk is deleted.")
+    expect(names(page)).to_have_text(["next", "waits", "two", "one"])
+    page.get_by_role("combobox", name="Show").select_option("deleted")
+    expect(names(page)).to_have_text(["frame"])
+    choose(page, "the batch walk", "Restore")
+    expect(page.get_by_text("No job matches.")).to_be_visible()
+    assert farm.jobs.get(jobs["frame"].id).deleted_at is None
+
+
+def test_the_screen_of_a_job_says_so_and_restores_it(
+    visit: Visit, farm: NoiseFarm, jobs: dict[str, Job]
+) -> None:
+    page = visit(f"/jobs/{jobs['two'].id}").page
+    actions = page.get_by_role("group", name="Actions")
+    actions.get_by_role("button", name="Archive").click()
+    expect(page.locator(".one-job .summary").first).to_contain_text("archived just now")
+    actions.get_by_role("button", name="Delete").click()
+    expect(page.locator(".one-job .summary").first).to_contain_text("deleted just now")
+    # The undo stays on the way to the list
+    page.get_by_role("link", name="Jobs", exact=True).first.click()
+    expect(names(page)).to_have_text(["waits", "frame", "one"])
+    done(page).get_by_role("button", name="Undo").click()
+    expect(done(page)).to_be_hidden()
+    page.get_by_role("combobox", name="Show").select_option("archived")
+    expect(names(page)).to_have_text(["two"])
+    page.goto(f"/jobs/{jobs['two'].id}")
+    actions.get_by_role("button", name="Restore").click()
+    expect(actions.get_by_role("button", name="Archive")).to_be_visible()
+
+
+def test_what_others_did_meanwhile_is_said(
+    visit: Visit, farm: NoiseFarm, jobs: dict[str, Job]
+) -> None:
+    filing = Visibilities(farm.jobs._redis)
+    visitor = visit(expected={404})
+    page = visitor.page
+    page.get_by_role("checkbox").first.wait_for()
+    page.route("**/v1/jobs?*", lambda route: None)  # the page does not see what follows
+    # A batch whose only job was deleted can still be archived
+    filing.set(jobs["frame"].id, Visibility.DELETED)
+    choose(page, "the batch walk", "Archive")
+    expect(done(page)).to_contain_text("1 job of walk is archived.")
+    farm.jobs._redis.delete(f"plateau:job:{jobs['one'].id}")
+    choose(page, "one", "Delete")
+    expect(page.get_by_role("alert")).to_contain_text("Refused for 1 of 1 job. one: there is no")
+
+
+def test_a_view_is_saved_and_opened_again(visit: Visit, jobs: dict[str, Job]) -> None:
+    visitor = visit("/?search=walk&sort=oldest")
+    page = visitor.page
+    expect(names(page)).to_have_text(["frame"])
+    views = page.get_by_role("button", name="Views")
+    views.click()
+    page.get_by_role("textbox", name="Name of this view").fill("Walk, oldest first")
+    page.keyboard.press("Enter")
+    expect(page.get_by_role("status").filter(has_text="saved as Walk, oldest")).to_have_count(1)
+    page.goto("/")
+    expect(names(page)).to_have_count(4)
+    views.click()
+    page.get_by_role("link", name="Walk, oldest first").click()
+    expect(page).to_have_url(re.compile(r"/\?search=walk&sort=oldest$"))
+    expect(names(page)).to_have_text(["frame"])
+    views.click()
+    view = page.get_by_role("link", name="Walk, oldest first")
+    expect(view).to_have_attribute("aria-current", "page")
+    page.get_by_role("button", name="Remove the view Walk, oldest first").click()
+    views.click()
+    expect(view).to_have_count(0)
