@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from plateau.metric.rules.base import Json, Memory, Rule, Verdict
     from plateau.metric.rules.evidence import Evidence
     from plateau.metric.rules.fixed import Fixed
+    from plateau.metric.rules.jod import Jod
     from plateau.metric.rules.multiple import Multiple
     from plateau.metric.rules.myszkowski import Myszkowski
     from plateau.metric.rules.reverse import Reverse
@@ -55,6 +56,7 @@ __all__ = [
     "Forecast",
     "Half",
     "Image",
+    "Jod",
     "Json",
     "Mask",
     "Memory",
@@ -112,6 +114,7 @@ _HOMES: Final = {
     "rules.base": ("Json", "Memory", "Rule", "Verdict"),
     "rules.evidence": ("Evidence",),
     "rules.fixed": ("Fixed",),
+    "rules.jod": ("Jod",),
     "rules.multiple": ("Multiple",),
     "rules.myszkowski": ("Myszkowski",),
     "rules.reverse": ("Reverse",),

@@ -55,6 +55,9 @@ EXPOSURE_LIMIT_EV = 100
 #: Powers of two that a float32 can hold.
 FLOAT32_EXPONENTS = (-126, 127)
 
+#: A room under the sun.
+BRIGHTEST_ROOM_LUX = 100_000
+
 #: The brightest white of a screen, in cd/m²: twice the highest that any standard encodes.
 BRIGHTEST_WHITE = 20_000
 
@@ -84,6 +87,11 @@ class View:
     exposure_ev: float = bounded(0.0, -EXPOSURE_LIMIT_EV, EXPOSURE_LIMIT_EV)
     #: Luminance of the screen's white in cd/m².
     white_luminance: float = bounded(100.0, 0.01, BRIGHTEST_WHITE)
+    #: The screen's white over its black in a dark room. This and the light of the room are for
+    #: ColorVideoVDP; the model of 2004 knows neither.
+    contrast: float = bounded(1000.0, 2.0, 1e9)
+    #: Light that falls on the screen, in lux.
+    ambient_lux: float = bounded(64.0, 0.0, BRIGHTEST_ROOM_LUX)
     #: Horizontal angle that the image fills, in degrees.
     field_of_view_deg: float = bounded(45.0, *FIELDS_OF_VIEW_DEG)
     #: The primaries of the screen and of the image's channels.
@@ -100,6 +108,17 @@ class View:
             raise ValueError(f"primaries must be one of {known}, not {self.primaries!r}")
         if not (math.isfinite(self.gamma) and self.gamma > 0):
             raise ValueError(f"gamma must be above 0, not {self.gamma}")
+
+    @property
+    def width_deg(self) -> float:
+        """The image's width in degrees on a flat screen, each as at its centre: 2 tan(a/2) 180/π.
+
+        Examples
+        --------
+        >>> round(256 / View(field_of_view_deg=45).width_deg, 2)
+        5.39
+        """
+        return math.degrees(2 * math.tan(math.radians(self.field_of_view_deg) / 2))
 
     @property
     def brightest(self) -> float:

@@ -11,7 +11,6 @@ doi:10.1080/10867651.2004.10504900
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
@@ -136,11 +135,9 @@ class VisibleDifferences:
 
     def __init__(self, view: View) -> None:
         self.view = view
-        #: The image's width in degrees, on a flat screen.
-        self.width_deg = math.degrees(2 * math.tan(math.radians(view.field_of_view_deg) / 2))
         #: The level with the luminance to which the eye adapts: blurred by about one degree.
         self.adaptation_level = next(
-            (level for level in range(LEVELS) if 2**level > self.width_deg), LEVELS - 1
+            (level for level in range(LEVELS) if 2**level > view.width_deg), LEVELS - 1
         )
 
     @staticmethod
@@ -249,7 +246,7 @@ class VisibleDifferences:
 
         `width` is that of the image, in pixels.
         """
-        nyquist = width / self.width_deg / 2
+        nyquist = width / self.view.width_deg / 2
         return np.asarray(nyquist * 0.5 ** np.arange(BANDS), dtype=np.float32)
 
     def band_weights(self, width: int) -> NDArray[np.float32]:

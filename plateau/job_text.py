@@ -64,10 +64,23 @@ def point_figures(job: Job, point: CurvePoint) -> list[str]:
         target = stop_fraction(job)
         aim = "" if target is None else f" (stops at {100 * target:g} %)"
         found.append(f"noise left {left}{aim}{undetermined(point)}")
-    if point.forecast_spp is not None and not job.state.ended:
-        found.append(f"forecast {point.forecast_spp:,} spp")
+    found += _own_values(job, point)
+    if point.expected_spp is not None and not job.state.ended:
+        found.append(f"forecast {point.expected_spp:,} spp")
     if point.non_finite_pixels:
         found.append(f"broken {point.non_finite_pixels:,} px")
+    return found
+
+
+def _own_values(job: Job, point: CurvePoint) -> list[str]:
+    """The values of the job's rules that have a quantity of their own, such as a quality."""
+    found = []
+    for spec in (job.spec.rule, *job.spec.watch):
+        rule, said = spec.behaviour, point.rules.get(spec.name)
+        if rule.quantity and said is not None and said.value is not None:
+            stops = "stops" if spec is job.spec.rule else "would stop"
+            aim = "" if rule.value_target is None else f" ({stops} at {rule.value_target:g})"
+            found.append(f"{rule.quantity} {significant(said.value)} {rule.unit}{aim}")
     return found
 
 
@@ -106,16 +119,11 @@ def time_left(job: Job, now: datetime) -> str:
     if job.state is not JobState.RENDERING or job.started_at is None:
         return ""
     rendered = job.committed_spp - job.continued_spp
-    forecast = job.forecast_spp
-    if (
-        stop_fraction(job) is not None
-        and job.forecast_s is not None
-        and forecast is not None
-        and forecast <= job.spec.max_spp
-    ):
+    expected, expected_s = job.expected_spp, job.expected_s
+    if expected is not None and expected_s is not None and expected <= job.spec.max_spp:
         # The forecast is as old as the last point; slices were committed since.
-        ahead = max(0, forecast - job.committed_spp) / max(1, forecast - job.spp)
-        seconds = ahead * job.forecast_s
+        ahead = max(0, expected - job.committed_spp) / max(1, expected - job.spp)
+        seconds = ahead * expected_s
         return "any moment" if seconds < 3 else f"about {roughly(seconds)} left"
     rendering_s = (now - job.started_at).total_seconds() - job.paused_s
     if rendered <= 0 or rendering_s <= 0:
@@ -206,8 +214,7 @@ def summary(job: Job, now: datetime, waits_for: str | None = None) -> str:
     if job.core_hours:
         rows.append(("cost", _cost(job)))
     if to_come := time_left(job, now):
-        aims = stop_fraction(job) is not None and job.forecast_spp is not None
-        forecast = f", forecast {job.forecast_spp:,} spp" if aims else ""
+        forecast = "" if job.expected_spp is None else f", forecast {job.expected_spp:,} spp"
         rows.append(("to come", f"{to_come}{forecast}"))
     if job.paused_at is not None or job.paused_s:
         rows.append(("paused", pauses(job)))

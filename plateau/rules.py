@@ -48,6 +48,8 @@ class ParameterRole(str, Enum):
     LEAST_SPP = "least_spp"
     #: The rule stops when the noise left is at most this share of the pixels.
     NOISE_TARGET = "noise_target"
+    #: The rule stops when its value has reached this.
+    VALUE_TARGET = "value_target"
     #: The rule stops when the curve rises by at most this, in changed pixels per spp at 512×512.
     SLOPE = "slope"
     #: How many points of the curve that slope is taken over.
@@ -135,6 +137,9 @@ class StoppingRule:
     featured: ClassVar[bool] = False
     #: Whether any ended job can be continued with it, because it needs no earlier image.
     continues: ClassVar[bool] = False
+    #: What its value is and its unit, where a point of the curve does not have that anyway.
+    quantity: ClassVar[str] = ""
+    unit: ClassVar[str] = ""
     #: The text after "It stopped by itself at N spp" on the page. {noise_left}, {slope},
     #: {slope_limit} and the name of any parameter stand for figures. If it is empty, or a figure is
     #: unknown, the page shows the verdict's reason.
@@ -163,6 +168,11 @@ class StoppingRule:
     def noise_target(self) -> float | None:
         """The noise left, as a share of the pixels, at which it stops."""
         return self.value_of(ParameterRole.NOISE_TARGET)
+
+    @property
+    def value_target(self) -> float | None:
+        """The value at which it stops, in its `unit`."""
+        return self.value_of(ParameterRole.VALUE_TARGET)
 
     @property
     def slope_limit(self) -> SlopeLimit | None:

@@ -36,7 +36,7 @@ def stub() -> str:
             kind = "int" if about.is_whole else "float"
             lines.append(f"    {parameter}: {kind} = {about.default!r}")
         lines.append("")
-    union = " | ".join(f"{rule.__name__}Spec" for rule in own.values())
+    union = "\n    | ".join(f"{rule.__name__}Spec" for rule in own.values())
     lines += ["RuleSpec = Annotated[", f"    {union},", '    Field(discriminator="name"),', "]", ""]
     return "\n".join(lines)
 

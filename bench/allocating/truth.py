@@ -41,21 +41,33 @@ class Truth:
         total = len(self.recording)
         group = total // GROUPS
         self._mean = self.recording.mean(axis=0, dtype=np.float64)
-        self._percept = self.metric.percept(self._mean.astype(np.float32))
+        self._percept = self.metric.percept(self.clean)
         for start in range(0, group * GROUPS, group):
             one = self.recording[start : start + group].mean(axis=0, dtype=np.float64)
             # The mean contains the group. To the noise of 1 spp:
             scale = math.sqrt(group * self.slice_spp / (1 - group / total))
             self._errors.append((one - self._mean) * scale)
 
+    @property
+    def clean(self) -> NDArray[np.float32]:
+        """The mean of all slices, (H, W, 3)."""
+        mean: NDArray[np.float32] = self._mean.astype(np.float32)
+        return mean
+
+    def image(self, group: int, spp: NDArray[Any] | float) -> NDArray[np.float32]:
+        """Return an image with the noise of a group at this spp of each pixel, (H, W, 3)."""
+        scale = np.sqrt(np.asarray(spp, np.float64))[..., np.newaxis]
+        noisy = self._mean + self._errors[group] / scale
+        image: NDArray[np.float32] = noisy.astype(np.float32)
+        return image
+
     def visible(self, spp: NDArray[Any] | float, groups: Sequence[int] | None = None) -> Floats:
         """Return the share of the groups in which each pixel is visible at its spp, (H, W)."""
-        scale = np.sqrt(np.asarray(spp, np.float64))[..., np.newaxis]
         chosen = range(GROUPS) if groups is None else groups
         seen = np.zeros(self._mean.shape[:2])
         for number in chosen:
-            image = (self._mean + self._errors[number] / scale).astype(np.float32)
-            seen += self.metric.compare(self._percept, self.metric.percept(image)).visible
+            percept = self.metric.percept(self.image(number, spp))
+            seen += self.metric.compare(self._percept, percept).visible
         seen /= len(chosen)
         return seen
 

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from plateau.metric import VisibleDifferences
 from plateau.metric.display import displayed
 
 if TYPE_CHECKING:
@@ -34,7 +33,7 @@ def opinions(reference: Image, test: Image, view: View) -> dict[str, float]:
 
 
 def _pixels_per_degree(image: Image, view: View) -> float:
-    return float(image.shape[1] / VisibleDifferences(view).width_deg)
+    return float(image.shape[1] / view.width_deg)
 
 
 def _flip(reference: Image, test: Image, view: View) -> float:

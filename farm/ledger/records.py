@@ -101,7 +101,7 @@ def _job(fields: dict[str, str], sealed: dict[str, str]) -> Job:
     filed = {name: moment(sealed[name]) for name in ("archived_at", "deleted_at") if name in sealed}
     judged = (
         *("visible_pixels", "visible_fraction", "slope", "estimate_pixels", "estimate_fraction"),
-        *("estimate_undetermined", "non_finite_pixels", "forecast_spp"),
+        *("estimate_undetermined", "non_finite_pixels", "forecast_spp", "expected_spp"),
     )
     return Job(
         id=fields["id"],
@@ -123,7 +123,8 @@ def _job(fields: dict[str, str], sealed: dict[str, str]) -> Job:
         **{name: latest.get(name) for name in judged},
         spp_min=_zone_spp(fields, latest, "spp_min"),
         spp_max=_zone_spp(fields, latest, "spp_max"),
-        forecast_s=_seconds_to_forecast(latest, fields),
+        forecast_s=_seconds_to(latest.get("forecast_spp"), latest, fields),
+        expected_s=_seconds_to(latest.get("expected_spp"), latest, fields),
         verdict=json.loads(fields["verdict"]) if "verdict" in fields else None,
         samples_saved=int(fields.get("samples_saved", 0)),
         machine_s=int(fields["machine_ms"]) / 1000,
@@ -225,8 +226,9 @@ def _image_spp(fields: dict[str, str]) -> int | None:
     return blobs.spp_of_set(results) or int(fields["spp"]) or None
 
 
-def _seconds_to_forecast(latest: dict[str, Any], fields: dict[str, str]) -> float | None:
-    if latest.get("forecast_spp") is None or "started_at" not in fields:
+def _seconds_to(spp: int | None, latest: dict[str, Any], fields: dict[str, str]) -> float | None:
+    """Seconds from the last point to so many spp, at the job's mean rate."""
+    if spp is None or "started_at" not in fields:
         return None
     paused_ms = int(fields.get("latest_paused_ms", 0))  # before the last point
     rendering_ms = float(fields["latest_at"]) - float(fields["started_at"]) - paused_ms
@@ -234,5 +236,5 @@ def _seconds_to_forecast(latest: dict[str, Any], fields: dict[str, str]) -> floa
     if rendered <= 0:  # the points are those of the job that this one continues
         return None
     spp_per_ms = rendered / max(1.0, rendering_ms)
-    seconds: float = max(0, latest["forecast_spp"] - latest["spp"]) / spp_per_ms / 1000
+    seconds: float = max(0, spp - latest["spp"]) / spp_per_ms / 1000
     return seconds

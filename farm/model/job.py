@@ -83,6 +83,11 @@ class CurvePoint(_Record):
     )
     forecast_low_spp: int | None = Field(None, description="the band around it")
     forecast_high_spp: int | None = None
+    expected_spp: int | None = Field(
+        None,
+        description="spp at which the job's own rule is likely to be satisfied, as far as the image "
+        "tells",
+    )
     non_finite_pixels: int = Field(
         0, description="pixels with a NaN or an infinity, left out of every other count"
     )
@@ -154,6 +159,10 @@ class Job(_Record):
     forecast_s: float | None = Field(
         None, description="seconds from the last point to `forecast_spp`, at the job's mean rate"
     )
+    expected_spp: int | None = Field(
+        None, description="spp at which the job's own rule is likely to be satisfied, if known"
+    )
+    expected_s: float | None = Field(None, description="seconds from the last point to there")
     verdict: dict[str, float | None] | None = Field(
         None, description="the numbers of the rule that fired"
     )

@@ -64,6 +64,7 @@ POINT: Final[dict[str, Any]] = {
     "forecast_spp": 1300,
     "forecast_low_spp": 1000,
     "forecast_high_spp": 1700,
+    "expected_spp": 1300,
     "non_finite_pixels": 0,
     "zones": None,
     "at": _AT,
@@ -76,8 +77,8 @@ POINT: Final[dict[str, Any]] = {
 CURVE_CSV: Final = (
     "spp,visible_pixels,visible_fraction,slope,estimate_pixels,estimate_fraction,"
     "estimate_low_pixels,estimate_high_pixels,forecast_spp,forecast_low_spp,forecast_high_spp,"
-    "non_finite_pixels,at,reverse_value,reverse_stop,visible_value,visible_stop\n"
-    "400,1204,0.01837158203125,0.42,96.5,0.0014724731,61.0,148.0,1300,1000,1700,0,"
+    "expected_spp,non_finite_pixels,at,reverse_value,reverse_stop,visible_value,visible_stop\n"
+    "400,1204,0.01837158203125,0.42,96.5,0.0014724731,61.0,148.0,1300,1000,1700,1300,0,"
     "2026-11-21T08:12:12.826000+00:00,0.42,false,0.0014724731,false\n"
 )
 
@@ -206,6 +207,8 @@ JOB: Final[dict[str, Any]] = {
     "non_finite_pixels": 0,
     "forecast_spp": 1300,
     "forecast_s": 15.3,
+    "expected_spp": 1300,
+    "expected_s": 15.3,
     "samples_saved": 0,
     "machine_s": 10.4,
     "core_hours": 0.023111111,

@@ -13,6 +13,8 @@ _EXAMPLE: Final[JsonDict] = {
     "help": "Stops there, whatever the image looks like.",
     "default": False,
     "featured": False,
+    "quantity": "",
+    "unit": "",
     "stopped": "",
     "parameters": [
         {
@@ -45,8 +47,9 @@ class ParameterView(BaseModel):
     scale: float = Field(description="a form shows the value divided by this: 0.01 for percent")
     role: ParameterRole | None = Field(
         description="what it means beyond the rule: it stops at this many spp (`end_spp`), or not "
-        "before (`least_spp`); at this share of noise left (`noise_target`); at this slope of the "
-        "curve (`slope`), in changed pixels per spp at 512×512, over so many points (`window`)"
+        "before (`least_spp`); at this share of noise left (`noise_target`); at this value of its "
+        "own `quantity` (`value_target`); at this slope of the curve (`slope`), in changed "
+        "pixels per spp at 512×512, over so many points (`window`)"
     )
 
 
@@ -60,6 +63,11 @@ class RuleView(BaseModel):
     help: str = Field(description="a sentence or two below the title")
     default: bool = Field(description="whether a job has it that names none")
     featured: bool = Field(description="whether it is among the first to be offered")
+    quantity: str = Field(
+        description="what its values on a curve are, such as quality; empty where the points have "
+        "that anyway"
+    )
+    unit: str = Field(description="of these values")
     stopped: str = Field(
         description="what follows 'It stopped by itself at N spp', where it says more than the "
         "job's reason; {noise_left}, {slope}, {slope_limit} and {PARAMETER} stand for figures"
@@ -85,6 +93,8 @@ def rules_view() -> Rules:
                 help=rule.help,
                 default=rule.name == DEFAULT,
                 featured=rule.featured,
+                quantity=rule.quantity,
+                unit=rule.unit,
                 stopped=rule.stopped,
                 parameters=[
                     ParameterView(

@@ -28,6 +28,14 @@ copyright 2024 Graphics and Displays group; the licence is in ``ColorVideoVDP.LI
 """
 
 from plateau.metric.cvvdp.display import DISPLAYS, Display, pixels_per_degree
-from plateau.metric.cvvdp.model import ColorVideoVDP, Percept, Quality
+from plateau.metric.cvvdp.model import LEAST_SIZE, ColorVideoVDP, Percept, Quality
 
-__all__ = ["DISPLAYS", "ColorVideoVDP", "Display", "Percept", "Quality", "pixels_per_degree"]
+__all__ = [
+    "DISPLAYS",
+    "LEAST_SIZE",
+    "ColorVideoVDP",
+    "Display",
+    "Percept",
+    "Quality",
+    "pixels_per_degree",
+]

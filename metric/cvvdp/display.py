@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 #: What pixels are: code values of a standard in [0, 1]; linear light of which 1 is the peak; or
 #: linear light in cd/m².
 Transfer = Literal["srgb", "pq", "hlg", "relative", "absolute"]
-Primaries = Literal["rec709", "rec2020"]
+Primaries = Literal["rec709", "adobe1998", "rec2020"]
 
 #: Above this peak in cd/m² the gamma of HLG depends on peak and ambient light.
 HLG_PEAK = 1000.0
@@ -31,6 +31,11 @@ _RGB_TO_XYZ = {
         [0.4124564, 0.3575761, 0.1804375],
         [0.2126729, 0.7151522, 0.072175],
         [0.0193339, 0.119192, 0.9503041],
+    ],
+    "adobe1998": [
+        [0.5766690, 0.1855582, 0.1882286],
+        [0.2973450, 0.6273636, 0.0752915],
+        [0.0270314, 0.0706889, 0.9913375],
     ],
     "rec2020": [[0.637, 0.1446, 0.1689], [0.2627, 0.678, 0.0593], [0.0, 0.0281, 1.061]],
 }

@@ -7,10 +7,12 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 from plateau.metric.allocation import Allocation, plan_round
+from plateau.metric.cvvdp import LEAST_SIZE
 from plateau.metric.display import as_image, finite_pixels
 from plateau.metric.estimate import Estimate, allowed_pixels, estimate_from
 from plateau.metric.forecasts import Forecast, forecast_from
 from plateau.metric.noise_model import Half, NoiseModel, noise_model
+from plateau.metric.quality import Quality, QualityModel
 
 if TYPE_CHECKING:
     import numpy as np
@@ -100,6 +102,30 @@ class Evidence:
             high_pixels=max(estimate.high_pixels, greatest.pixels),
             greatest_pixels=greatest.pixels,
         )
+
+    @cached_property
+    def quality(self) -> Quality | None:
+        """The quality by ColorVideoVDP; None where the image's error is not known.
+
+        That of a denoised image is at least what its greatest error leaves of it. An image of less
+        than 4 by 4 pixels has none.
+        """
+        model = self._quality_model
+        if model is None or self.error is None:
+            return None if model is None else model.quality
+        greatest = QualityModel(self.error.greatest, self.metric.view).quality
+        return replace(model.quality, low_jod=min(model.quality.low_jod, greatest.low_jod))
+
+    @cached_property
+    def _quality_model(self) -> QualityModel | None:
+        if self._model is None or min(self.percept.shape) < LEAST_SIZE:
+            return None
+        return QualityModel(self._model[0], self.metric.view)
+
+    def quality_forecast(self, target: float) -> int | None:
+        """Return the spp at which the quality reaches this target in JOD; None if unknown."""
+        model = self._quality_model
+        return None if model is None else model.forecast(target, spp=self.spp)
 
     def allowed_pixels(self, target: float) -> float:
         """Return how many visible pixels a target fraction allows, counted as the estimate is."""

@@ -7,7 +7,8 @@ from plateau.cli.app import app
 
 _JUDGING: Final = (
     *("rule", "watch", "min_spp", "step", "denoise"),
-    *("exposure", "white_luminance", "field_of_view", "primaries", "background", "focus", "batch"),
+    *("exposure", "white_luminance", "contrast", "ambient_lux", "field_of_view"),
+    *("primaries", "background", "focus", "batch"),
 )
 
 

@@ -173,6 +173,17 @@ def spec_from_options(
     white_luminance: Annotated[
         float | None, typer.Option(help="White of the display in cd/m².", show_default="100")
     ] = None,
+    contrast: Annotated[
+        float | None,
+        typer.Option(
+            help="White of the display over its black, in a dark room; for the rule jod.",
+            show_default="1000",
+        ),
+    ] = None,
+    ambient_lux: Annotated[
+        float | None,
+        typer.Option(help="Light on the display in lux; for the rule jod.", show_default="64"),
+    ] = None,
     field_of_view: Annotated[
         float | None,
         typer.Option(help="Angle that the image's width covers, in degrees.", show_default="45"),

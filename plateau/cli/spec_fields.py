@@ -18,6 +18,8 @@ def spec_fields(
     denoise: str | None = None,
     exposure: float | None = None,
     white_luminance: float | None = None,
+    contrast: float | None = None,
+    ambient_lux: float | None = None,
     field_of_view: float | None = None,
     primaries: str | None = None,
     time_limit: float | None = None,
@@ -33,6 +35,8 @@ def spec_fields(
     view = _given(
         exposure_ev=exposure,
         white_luminance=white_luminance,
+        contrast=contrast,
+        ambient_lux=ambient_lux,
         field_of_view_deg=field_of_view,
         primaries=primaries,
         background=_colour(background) if background else None,

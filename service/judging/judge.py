@@ -26,6 +26,7 @@ from plateau.metric import (
 )
 from plateau.metric.compiled import CompiledVisibleDifferences
 from plateau.metric.compiled.predictor import COMPARISONS_BEFORE_KEEPING
+from plateau.metric.cvvdp import DISPLAYS, ColorVideoVDP
 from plateau.rules import CURVE, DEFAULT
 from plateau.service.judging.allotment import allotment
 from plateau.service.judging.denoised import Denoised
@@ -43,6 +44,8 @@ def warm_up() -> None:
     for _ in range(COMPARISONS_BEFORE_KEEPING + 2):  # streamed, and then kept
         metric.compare(reference, metric.percept(image))
     metric.denoised(image, image)
+    eye = ColorVideoVDP(DISPLAYS["standard_fhd"])
+    eye.compare(eye.percept(image), eye.percept(image))
 
 
 #: Rules that every job's judge evaluates, so that a continuation has their memory.
@@ -132,6 +135,7 @@ class Judge:
             **_estimate(estimate),
             **({} if denoised is None or flaw else self._denoising(evidence, raw.estimate)),
             **_forecast(forecast),
+            "expected_spp": self._expected_by_image(forecast),
             "zones": self._zone_fractions(visible, estimate),
             "rules": {
                 name: {"value": verdicts[name].value, "stop": verdicts[name].stop and not flaw}
@@ -165,6 +169,13 @@ class Judge:
             "raw_estimate_pixels": raw.pixels,
             "raw_estimate_fraction": raw.fraction,
         }
+
+    def _expected_by_image(self, forecast: Forecast | None) -> int | None:
+        """Return where the rule is likely to be satisfied, as far as the image alone tells.
+
+        So the curve does not depend on which monitor judged the image before.
+        """
+        return self._rules[self._own].expected_end_spp(None if forecast is None else forecast.spp)
 
     def _expected_spp(self, own: Verdict, forecast: Forecast | None, spp: int) -> int | None:
         """Return the spp at which the rule is likely to be satisfied: see `expected_end_spp`."""

@@ -175,6 +175,4 @@ def test_the_adaptation_level_follows_the_field_of_view(field_of_view_deg, level
 
 
 def test_the_width_in_degrees_is_that_of_a_flat_screen():
-    assert VisibleDifferences(View(field_of_view_deg=45)).width_deg == pytest.approx(
-        47.465, abs=5e-4
-    )
+    assert View(field_of_view_deg=45).width_deg == pytest.approx(47.465, abs=5e-4)

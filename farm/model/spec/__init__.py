@@ -11,6 +11,7 @@ from plateau.farm.model.spec.job import (
 )
 from plateau.farm.model.spec.rule_specs import (
     FixedSpec,
+    JodSpec,
     MultipleSpec,
     MyszkowskiSpec,
     ReverseSpec,
@@ -28,6 +29,7 @@ __all__ = [
     "ExrSpec",
     "FixedSpec",
     "JobSpec",
+    "JodSpec",
     "MultipleSpec",
     "MyszkowskiSpec",
     "Parameters",

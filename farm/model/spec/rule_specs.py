@@ -15,6 +15,7 @@ from plateau.rules import rules
 SPECS = {name: rule_model(rule, __name__) for name, rule in rules().items()}
 
 FixedSpec = SPECS["fixed"]
+JodSpec = SPECS["jod"]
 MultipleSpec = SPECS["multiple"]
 MyszkowskiSpec = SPECS["myszkowski"]
 ReverseSpec = SPECS["reverse"]

@@ -35,7 +35,18 @@ class VisibleSpec(RuleModel):
     target: float = 0.0002
     min_spp: int = 200
 
+class JodSpec(RuleModel):
+    name: Literal["jod"] = "jod"
+    target: float = 9.5
+    min_spp: int = 200
+
 RuleSpec = Annotated[
-    FixedSpec | SuccessiveSpec | MultipleSpec | ReverseSpec | MyszkowskiSpec | VisibleSpec,
+    FixedSpec
+    | SuccessiveSpec
+    | MultipleSpec
+    | ReverseSpec
+    | MyszkowskiSpec
+    | VisibleSpec
+    | JodSpec,
     Field(discriminator="name"),
 ]

@@ -39,6 +39,16 @@ class ViewSpec(Strict):
     white_luminance: float = Field(
         default=100.0, ge=0.01, le=20_000, description="display white in cd/m²"
     )
+    contrast: float = Field(
+        default=1000.0,
+        ge=2,
+        le=1e9,
+        description="display white over its black in a dark room; for the rule `jod`, as the "
+        "model of the other rules does not know it",
+    )
+    ambient_lux: float = Field(
+        default=64.0, ge=0, le=100_000, description="light that falls on the display, for `jod`"
+    )
     field_of_view_deg: float = Field(
         default=45.0,
         ge=0.0001,

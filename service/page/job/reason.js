@@ -74,5 +74,6 @@ function aim(job) {
     const far = job.forecast_spp > cap ? `, which is beyond its cap of ${whole(cap)}` : "";
     return `It continues until that is ${percent(target)}, which is expected at ${whole(job.forecast_spp)} spp${far}.`;
   }
-  return `It continues until the rule ${rule.name} stops it, or to ${whole(cap)} spp.`;
+  const expected = job.expected_spp == null ? "" : `, which is expected at ${whole(job.expected_spp)} spp`;
+  return `It continues until the rule ${rule.name} stops it${expected}, or to ${whole(cap)} spp.`;
 }

@@ -13,7 +13,7 @@ import { maySubmit } from "../shared/permissions.js";
  */
 const NAMES = {
   "rule.name": "rule", "rule.target": "target", "rule.min_spp": "rule's least spp", min_spp: "least spp", step: "step",
-  "view.exposure_ev": "exposure", "view.white_luminance": "display white", "view.field_of_view_deg": "field of view",
+  "view.exposure_ev": "exposure", "view.white_luminance": "display white", "view.field_of_view_deg": "field of view", "view.contrast": "contrast", "view.ambient_lux": "light on the display",
   "view.background": "background", "view.focus": "focus",
 };
 /** Fields whose values are shares of an image's pixels. */
@@ -100,7 +100,8 @@ function alike({ rule, target, min_spp: least }) {
  */
 function shown(field, value) {
   if (value == null) return "none";
-  return SHARES.has(field) ? percent(Number(value)) : String(value);
+  // The target of the rule jod is no share, and never below 1.
+  return SHARES.has(field) && Number(value) < 1 ? percent(Number(value)) : String(value);
 }
 
 /**

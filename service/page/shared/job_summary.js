@@ -109,11 +109,11 @@ export function durationSeconds(job) {
  */
 export function timeLeft(job) {
   if (job.state !== "rendering") return "";
-  const { forecast_spp: forecast, committed_spp: committed } = job;
-  if (noiseTarget(job) != null && job.forecast_s != null && forecast != null && forecast <= job.spec.max_spp) {
+  const { expected_spp: expected, expected_s: wait, committed_spp: committed } = job;
+  if (expected != null && wait != null && expected <= job.spec.max_spp) {
     // The forecast is the last point's, and slices have been committed since.
-    const ahead = Math.max(0, forecast - committed) / Math.max(1, forecast - job.spp);
-    const seconds = ahead * job.forecast_s;
+    const ahead = Math.max(0, expected - committed) / Math.max(1, expected - job.spp);
+    const seconds = ahead * wait;
     return seconds < 3 ? "any moment" : `about ${roughly(seconds)} left`;
   }
   const rendered = committed - job.continued_spp;

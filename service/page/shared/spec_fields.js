@@ -12,6 +12,10 @@ export const VIEW = [
     help: "In powers of two; noise is judged at the brightness at which it is shown." },
   { name: "white_luminance", label: "Display white", unit: "cd/m²", value: 100, min: 0.01, max: 20000, step: "any",
     help: "How bright white is: about 100 for a desk, 300 for a bright monitor, 1000 for HDR." },
+  { name: "contrast", label: "Contrast", unit: ": 1", value: 1000, min: 2, max: 1e9, step: "any",
+    help: "White over black in a dark room. Only the rule jod knows it." },
+  { name: "ambient_lux", label: "Light on the display", unit: "lux", value: 64, min: 0, max: 100000, step: "any",
+    help: "About 0 in a cinema, 64 in a dim room, 250 in an office. Only the rule jod knows it." },
   { name: "field_of_view_deg", label: "Image width seen under", unit: "°", value: 45, min: 0.0001, max: 179.9, step: "any",
     help: "The nearer the eye, the larger the angle, and the finer the visible noise." },
 ];

@@ -24,7 +24,7 @@ def _told(spec: dict[str, Any]) -> dict[str, str]:
 
 
 PLACE = "^[A-Za-z0-9][A-Za-z0-9_.-]*$"
-RULES = "fixed, successive, multiple, reverse, myszkowski, visible"
+RULES = "fixed, successive, multiple, reverse, myszkowski, visible, jod"
 
 
 @pytest.mark.parametrize(

@@ -127,6 +127,8 @@ class TestOptions:
             "exr-compression": spec.exr.compression,
             "exposure": f"{spec.view.exposure_ev:g}",
             "white-luminance": f"{spec.view.white_luminance:g}",
+            "contrast": f"{spec.view.contrast:g}",
+            "ambient-lux": f"{spec.view.ambient_lux:g}",
             "field-of-view": f"{spec.view.field_of_view_deg:g}",
             "primaries": spec.view.primaries,
             "priority": str(spec.priority),

@@ -2,6 +2,7 @@
 
 import { h, table } from "../../shared/dom.js";
 import { percent, pixels, sppOf, three, whole } from "../../shared/figures.js";
+import { ruleNamed } from "../../shared/rules.js";
 
 const COLUMNS = ["spp", "changed", "slope", "noise left", "between", "forecast"];
 
@@ -18,7 +19,18 @@ export function told(point) {
     parts.push(`${pixels(point.estimate_pixels)} px${band && ` (${band})`} of noise left${undetermined(point)}`);
   }
   if (point.raw_estimate_pixels != null) parts.push(`${pixels(point.raw_estimate_pixels)} px without denoising`);
-  return parts.join(" · ");
+  return [...parts, ...ownValues(point)].join(" · ");
+}
+
+/**
+ * The values of rules that have a quantity of their own, such as a quality.
+ * @param {Api.CurvePoint} point
+ */
+function ownValues(point) {
+  return Object.entries(point.rules).flatMap(([name, { value }]) => {
+    const { quantity = "", unit = "" } = ruleNamed(name) ?? {};
+    return quantity && value != null ? [`${quantity} ${three(value)} ${unit}`] : [];
+  });
 }
 
 /** A collapsed table of all points. */

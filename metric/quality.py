@@ -1,0 +1,135 @@
+"""The quality of an image in JOD, estimated without the converged image.
+
+As in `plateau.metric.estimate`, T, the image without its noise, stands for the converged image, and
+N, noise like the image's own, for the error: ColorVideoVDP compares T with T + N and with T - N.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from plateau.metric.cvvdp import ColorVideoVDP, Display
+from plateau.metric.display import displayed
+
+if TYPE_CHECKING:
+    from plateau.metric.display import View
+    from plateau.metric.noise_model import NoiseModel
+
+#: The quality of an image in which nobody sees an error, in JOD.
+BEST_JOD = 10.0
+#: The share of what is lost by which the estimate may be off, in nine cases of ten.
+MODEL_ERROR = 0.05
+#: The farthest forecast, as a multiple of the present samples.
+FURTHEST = 1000.0
+#: Looks of a forecast; each costs one comparison.
+LOOKS = 4
+#: What is lost falls as a power of the samples: the initial guess of that power.
+FIRST_POWER = 0.5
+#: Coarser and finer pixels, per degree, are as these.
+_COARSEST, _FINEST = 0.1, 1000.0
+#: Less than this is nothing lost, in JOD.
+LEAST_LOST = 1e-6
+
+
+@dataclass(frozen=True)
+class Quality:
+    """The quality of an image against the converged one, in JOD, as estimated."""
+
+    #: 10 where nobody sees an error; one less where three of four prefer the converged image.
+    jod: float
+    #: It is at least this in about nine cases of ten.
+    low_jod: float
+
+
+class QualityModel:
+    """A noise model on the screen of a view, before the eye of ColorVideoVDP.
+
+    Parameters
+    ----------
+    model
+        The image without its noise, and the noise. Pixels that are not finite count as equal.
+    view
+        The screen, the room and the distance.
+
+    Raises
+    ------
+    ValueError
+        If the image is smaller than 4 by 4 pixels.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from plateau.metric import Half, View, VisibleDifferences
+    >>> from plateau.metric.noise_model import noise_model
+    >>> noise = np.random.default_rng(1).normal(0, 0.02, (2, 64, 64, 3)).astype(np.float32)
+    >>> even, odd = np.float32(0.4) + noise
+    >>> halves = Half(even, 50), Half(odd, 50)
+    >>> image, view = (even + odd) / 2, View()
+    >>> model = QualityModel(noise_model(VisibleDifferences(view), image, halves), view)
+    >>> model.quality.low_jod < model.quality.jod < 10
+    True
+    >>> 100 < model.forecast(9.9, spp=100) < 100_000
+    True
+    """
+
+    def __init__(self, model: NoiseModel, view: View) -> None:
+        self._model, self._view = model, view
+        self._eye = ColorVideoVDP(display_of(view, model.clean.shape[1]))
+        self._clean = self._eye.percept(displayed(model.clean, view))
+        jods = [self.at(amount) for amount in (1.0, -1.0)]
+        jod = sum(jods) / 2
+        self.quality = Quality(jod, BEST_JOD - (BEST_JOD - min(jods)) * (1 + MODEL_ERROR))
+
+    def at(self, amount: float) -> float:
+        """Return the quality in JOD with `amount` times the noise: ±1 is the present noise."""
+        noisy = self._model.noisy(amount)
+        noisy[self._model.non_finite] = self._model.clean[self._model.non_finite]
+        return self._eye.compare(self._clean, self._eye.percept(displayed(noisy, self._view))).jod
+
+    def forecast(self, target: float, *, spp: int) -> int | None:
+        """Return the spp at which the quality reaches a target in JOD; None if out of reach.
+
+        Notes
+        -----
+        At n' samples per pixel the noise is sqrt(n/n') times that at n, for an image of n = `spp`.
+        What is lost is close to a power of n', of which each look gives a better exponent.
+        """
+        allowed = math.log(BEST_JOD - target)
+        start = here = _log_lost(self.quality.jod)
+        place, power = 0.0, FIRST_POWER
+        for _ in range(LOOKS):
+            if here <= allowed and place == 0:
+                return spp
+            step = (here - allowed) / power
+            if place + step > math.log(FURTHEST):
+                return None
+            place = max(place + step, 0.0)
+            here = _log_lost(self.at(math.exp(-place / 2)))
+            power = max((start - here) / place, FIRST_POWER / 4) if place else power
+        return math.ceil(spp * math.exp(place))
+
+
+def _log_lost(jod: float) -> float:
+    return math.log(max(BEST_JOD - jod, LEAST_LOST))
+
+
+def display_of(view: View, width: int) -> Display:
+    """Return the display of a view of an image of this width, for displayed linear light.
+
+    Examples
+    --------
+    >>> from plateau.metric import View
+    >>> display = display_of(View(), 256)
+    >>> round(display.pixels_per_degree, 2), display.peak, display.black
+    (5.39, 100.0, 0.1)
+    """
+    return Display(
+        pixels_per_degree=min(max(width / view.width_deg, _COARSEST), _FINEST),
+        peak=view.white_luminance,
+        black=view.white_luminance / view.contrast,
+        ambient_lux=view.ambient_lux,
+        transfer="relative",
+        primaries=view.primaries,
+    )
