@@ -85,8 +85,8 @@ class CurvePoint(_Record):
     forecast_high_spp: int | None = None
     expected_spp: int | None = Field(
         None,
-        description="spp at which the job's own rule is likely to be satisfied, as far as the image "
-        "tells",
+        description="spp at which the job's own rule is likely to be satisfied, as far as the "
+        "image tells",
     )
     non_finite_pixels: int = Field(
         0, description="pixels with a NaN or an infinity, left out of every other count"
