@@ -1,8 +1,9 @@
-"""Time of one comparison by ColorVideoVDP at 1080p, ours and the authors': `make bench-cvvdp`.
+"""Time of a comparison by ColorVideoVDP at 1080p, ours and the authors': `make bench-cvvdp`.
 
-Both prepare both images every time, on one core and on two, and take turns in one run, each in a
-process of its own. The authors' package (`pip install cvvdp`) may be another environment's:
-`python -m bench.cvvdp --python ITS_INTERPRETER`.
+Both prepare both images, or all frames of both videos, every time, on one core and on two, and take
+turns in one run, each in a process of its own. Cases that are not measured now keep their figures:
+`python -m bench.cvvdp video` measures videos alone. The authors' package (`pip install cvvdp`) may
+be another environment's: `python -m bench.cvvdp --python ITS_INTERPRETER`.
 """
 
 from __future__ import annotations
@@ -22,10 +23,16 @@ from bench import ROOT
 from bench.support import markdown
 from bench.support.bare import cvvdp_child
 from bench.support.bare.vdp_ways import noisy_pair
-from bench.support.report import Figure, figure, write_report
+from bench.support.report import Figure, figure, last_figures, last_report, write_report
 
+_NOTES = [
+    "Wall time of one comparison, both images prepared each time; of a video, for each frame.",
+    f"Videos have {cvvdp_child.FRAMES} frames at {cvvdp_child.FPS} per second, and are not stored.",
+]
 #: Standard deviation of the noise over the signal's.
 _NOISE = 0.1
+#: What is compared, and what the names of its figures begin with.
+_CASES = {"still": "", "video": "video, "}
 _WAYS = {"ours": "ours", "authors": "the authors'"}
 #: The greatest difference in JOD.
 _TOLERANCE = 0.02
@@ -33,6 +40,7 @@ _TOLERANCE = 0.02
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("cases", nargs="*", choices=_CASES, default=list(_CASES))
     parser.add_argument("--python", default=sys.executable, help="interpreter that has cvvdp")
     parser.add_argument("--turns", type=int, default=7, help="comparisons of each way")
     options = parser.parse_args()
@@ -40,19 +48,19 @@ def main() -> None:
     if options.python == sys.executable and find_spec("pycvvdp") is None:
         print("The authors' package is not here: pip install cvvdp")
         return
-    figures = []
+    figures, settings = last_figures("cvvdp"), last_report("cvvdp")["settings"]
     with tempfile.TemporaryDirectory() as folder:
         files = [Path(folder, name) for name in ("reference.npy", "test.npy")]
         for file, image in zip(files, noisy_pair((1080, 1920), _NOISE), strict=True):
             np.save(file, np.clip(image, 0, 1))
-        for cores in (1, 2):
-            figures += _take_turns(files, options.python, cores, options.turns)
-    report = write_report(
-        "cvvdp",
-        figures,
-        settings={"turns": options.turns, "noise": _NOISE},
-        notes=["Wall time of one comparison, both images prepared each time."],
-    )
+        for case in options.cases:
+            titles = {cores: _title(case, cores) for cores in (1, 2)}
+            starts = tuple(f"{title}: " for title in titles.values())
+            figures = [one for one in figures if not one.name.startswith(starts)]
+            settings[case] = {"turns": options.turns, "noise": _NOISE}
+            for cores in titles:
+                figures += _take_turns(case, files, options.python, cores, options.turns)
+    report = write_report("cvvdp", figures, settings=settings, notes=_NOTES)
     markdown.fill(markdown.DOCS / "metric.md", {"cvvdp": table(report)})
 
 
@@ -60,25 +68,37 @@ def table(report: dict[str, Any]) -> str:
     """Return a report as Markdown: time and memory of both ways on one core and on two."""
     found = {one["name"]: one["value"] for one in report["figures"]}
     return markdown.table(
-        ["1920×1080", "ours", "the authors'", "ratio", "memory, ours", "memory, the authors'"],
+        [
+            "1920×1080, each frame",
+            "ours",
+            "the authors'",
+            "ratio",
+            "memory, ours",
+            "memory, the authors'",
+        ],
         [
             [
-                cores,
-                *(f"{found[f'{cores}: {way}']:.3g} s" for way in _WAYS.values()),
-                f"{found[f'{cores}: ours is faster by']:.3g}",
-                *(f"{found[f'{cores}: memory, {way}']:.0f} MiB" for way in _WAYS.values()),
+                title,
+                *(f"{found[f'{title}: {way}']:.3g} s" for way in _WAYS.values()),
+                f"{found[f'{title}: ours is faster by']:.3g}",
+                *(f"{found[f'{title}: memory, {way}']:.0f} MiB" for way in _WAYS.values()),
             ]
-            for cores in ("1 core", "2 cores")
+            for case in _CASES
+            for title in (_title(case, 1), _title(case, 2))
         ],
     )
 
 
-def _take_turns(files: list[Path], python: str, cores: int, turns: int) -> list[Figure]:
+def _title(case: str, cores: int) -> str:
+    return f"{_CASES[case]}{cores} core{'s' * (cores > 1)}"
+
+
+def _take_turns(case: str, files: list[Path], python: str, cores: int, turns: int) -> list[Figure]:
     """Return both ways' times and memory on this many cores, and the ratio of their turns."""
     some = set(sorted(os.sched_getaffinity(0))[:cores])
     children = {
         way: subprocess.Popen(
-            [interpreter, cvvdp_child.__file__, way, *map(str, files)],
+            [interpreter, cvvdp_child.__file__, way, case, *map(str, files)],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
@@ -99,12 +119,12 @@ def _take_turns(files: list[Path], python: str, cores: int, turns: int) -> list[
             child.stdin.flush()
             times[way].append(_answer(child))
 
-    title = "1 core" if cores == 1 else f"{cores} cores"
+    title, frames = _title(case, cores), cvvdp_child.FRAMES if case == "video" else 1
     figures = []
     for way, child in children.items():
         assert child.stdin is not None
         child.stdin.close()
-        figures.append(figure(f"{title}: {_WAYS[way]}", times[way], "s"))
+        figures.append(figure(f"{title}: {_WAYS[way]}", [t / frames for t in times[way]], "s"))
         figures.append(figure(f"{title}: memory, {_WAYS[way]}", [_answer(child)], "MiB"))
         child.wait()
     ratios = [theirs / ours for ours, theirs in zip(*times.values(), strict=True)]

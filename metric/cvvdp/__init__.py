@@ -1,12 +1,14 @@
 """ColorVideoVDP: how much worse a test image looks than a reference, on a given display.
 
 The scale is that of just-objectionable differences (JOD): 10 where nobody sees a difference, and
-one less where three of four people prefer the reference. This package is the still-image part of
-version 0.5.7, the base model. Its kernels are compiled as in `plateau.metric.compiled`.
+one less where three of four people prefer the reference. This package is version 0.5.7, the base
+model. Its kernels are compiled as in `plateau.metric.compiled`.
 
     model        ColorVideoVDP, the class to use
     display      what the screen shows: photometry and geometry
     light        code values to opponent colour (compiled)
+    video        temporal channels of the frames of a video (compiled)
+    percept      what a comparison needs of one image
     pyramid      levels of halved size (compiled)
     sensitivity  castleCSF from its table
     bands        contrast, masking and differences in a band (compiled)
@@ -28,7 +30,9 @@ copyright 2024 Graphics and Displays group; the licence is in ``ColorVideoVDP.LI
 """
 
 from plateau.metric.cvvdp.display import DISPLAYS, Display, pixels_per_degree
-from plateau.metric.cvvdp.model import LEAST_SIZE, ColorVideoVDP, Percept, Quality
+from plateau.metric.cvvdp.model import ColorVideoVDP, Quality, video_jod
+from plateau.metric.cvvdp.percept import LEAST_SIZE, Percept
+from plateau.metric.cvvdp.video import Video
 
 __all__ = [
     "DISPLAYS",
@@ -37,5 +41,7 @@ __all__ = [
     "Display",
     "Percept",
     "Quality",
+    "Video",
     "pixels_per_degree",
+    "video_jod",
 ]

@@ -19,7 +19,6 @@ from plateau.metric.compiled.jit import entry_point, inlined, kernel
 from plateau.metric.cvvdp.light import power
 from plateau.metric.cvvdp.parameters import (
     CHANNEL_EXPONENT,
-    CHANNELS,
     CROSS_CHANNEL,
     DIFFERENCE_EXPONENT,
     EPSILON,
@@ -30,7 +29,6 @@ from plateau.metric.cvvdp.parameters import (
     MASKING_EXPONENTS,
     MASKING_GAIN,
     MASKING_SIGMA,
-    STILL_WEIGHT,
 )
 from plateau.metric.cvvdp.pyramid import expand_row
 from plateau.metric.cvvdp.sensitivity import log_luminances
@@ -58,7 +56,6 @@ _EPSILON_Q = np.asarray(EPSILON ** np.array(MASKING_EXPONENTS), np.float32)
 _WEIGHTS = np.asarray(2.0 ** np.array(CROSS_CHANNEL), np.float32)
 _MASKING_GAIN = _f(10**MASKING_GAIN)
 _GREATEST = _f(10**GREATEST_DIFFERENCE)
-_STILL = _f(STILL_WEIGHT)
 _EPSILON_4, _EPSILON_ROOT = _f(EPSILON**CHANNEL_EXPONENT), _f(EPSILON ** (1 / CHANNEL_EXPONENT))
 
 
@@ -77,26 +74,27 @@ def contrasts(
 ) -> None:
     """Write Δ and the smaller contrast of some rows of a band, each (channels, H, W).
 
-    `table` is from `log_sensitivities`; contrasts are multiplied by `scale`. The smaller contrast
-    is blurred along the rows if the band is larger than the blur.
+    Channels are the three of a still, or the four of a video. `table` is from `log_sensitivities`;
+    contrasts are multiplied by `scale`. The smaller contrast is blurred along the rows if the band
+    is larger than the blur.
     """
-    _, height, width = reference.shape
+    channels, height, width = reference.shape
     blurred = min(height, width) > _REACH
     coarse_row = np.empty(coarse_reference.shape[2], np.float32)
-    ours, theirs = np.empty((CHANNELS, width), np.float32), np.empty((CHANNELS, width), np.float32)
+    ours, theirs = np.empty((channels, width), np.float32), np.empty((channels, width), np.float32)
     work = np.empty((3, width), np.float32)
     our_light, their_light, row = work[0], work[1], work[2]
     padded = np.empty(width + 2 * _REACH, np.float32)
     place, sensitivity = np.empty(width, np.float32), np.empty(width, np.float32)
     for y in range(first, end):
-        for channel in range(CHANNELS):
+        for channel in range(channels):
             expand_row(coarse_reference[channel], y, coarse_row, ours[channel])
             expand_row(coarse_test[channel], y, coarse_row, theirs[channel])
         _place(ours[0], _f(table.shape[1] - 1), place)
         _per_light(ours[0], scale, our_light)
         _per_light(theirs[0], scale, their_light)
         most = scale * _MOST
-        for channel in range(CHANNELS):
+        for channel in range(channels):
             _sensitivity(place, table[channel], _GAINS[channel], sensitivity)
             _difference(
                 reference[channel, y],
@@ -193,19 +191,20 @@ def masked(
     common: Plane,
     first: int,
     end: int,
+    weights: NDArray[np.float32],
     sums: NDArray[np.float64],
     strength: Plane,
 ) -> None:
     """Write each row's sum of D² + 2 ε D for every channel into `sums`, (channels, H) float64.
 
-    `strength` receives the difference of all channels, (H, W), unless it is empty.
+    `strength` receives the difference of all channels by their weights, (H, W), unless it is empty.
     """
-    _, height, width = differences.shape
+    channels, height, width = differences.shape
     blurred = min(height, width) > _REACH
-    raised = np.empty((CHANNELS, width), np.float32)
+    raised = np.empty((channels, width), np.float32)
     mask = np.empty(width, np.float32)
     for y in range(first, end):
-        for channel in range(CHANNELS):
+        for channel in range(channels):
             row, plane = raised[channel], common[channel]
             if blurred:
                 _weigh(plane[y], _TAPS[0], row)
@@ -215,15 +214,18 @@ def masked(
             else:
                 _weigh(plane[y], _ONE, row)
             _raise(row, _Q[channel], _EPSILON_Q[channel])
-        for channel in range(CHANNELS):
+        for channel in range(channels):
             mask[:] = _ONE
-            for by in range(CHANNELS):
-                _add_scaled(raised[by], _WEIGHTS[by, channel], mask)
+            for by in range(channels):
+                add_scaled(raised[by], _WEIGHTS[by, channel], mask)
             row = differences[channel, y]
             _mask(row, mask)
             sums[channel, y] = _pooled(row)
         if strength.size > 0:
-            _combine(differences[0, y], differences[1, y], differences[2, y], strength[y])
+            strength[y] = _ZERO
+            for channel in range(channels):
+                _add_fourth(differences[channel, y], weights[channel], strength[y])
+            _take_fourth_root(strength[y])
 
 
 @inlined
@@ -239,7 +241,8 @@ def _raise(row: Plane, exponent: np.float32, offset: np.float32) -> None:
 
 
 @kernel
-def _add_scaled(row: Plane, weight: np.float32, out: Plane) -> None:
+def add_scaled(row: Plane, weight: np.float32, out: Plane) -> None:
+    """Add a row times its weight to another row."""
     for x in range(out.size):
         out[x] += row[x] * weight
 
@@ -260,14 +263,13 @@ def _pooled(row: Plane) -> float:
 
 
 @kernel
-def _combine(achromatic: Plane, red_green: Plane, yellow_violet: Plane, out: Plane) -> None:
+def _add_fourth(row: Plane, weight: np.float32, out: Plane) -> None:
     for x in range(out.size):
-        total = _fourth(achromatic[x]) + _fourth(red_green[x]) + _fourth(yellow_violet[x])
-        out[x] = math.sqrt(math.sqrt(max(total, _ZERO) + _EPSILON)) - _EPSILON_ROOT
+        v = weight * row[x] + _EPSILON
+        out[x] += (v * v) * (v * v) - _EPSILON_4
 
 
-@inlined
-def _fourth(difference: np.float32) -> np.float32:
-    x = _STILL * difference + _EPSILON
-    result: np.float32 = (x * x) * (x * x) - _EPSILON_4
-    return result
+@kernel
+def _take_fourth_root(row: Plane) -> None:
+    for x in range(row.size):
+        row[x] = math.sqrt(math.sqrt(max(row[x], _ZERO) + _EPSILON)) - _EPSILON_ROOT

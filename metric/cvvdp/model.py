@@ -1,69 +1,61 @@
-"""`ColorVideoVDP`: two images on a display, and the quality of one against the other in JOD."""
+"""`ColorVideoVDP`: two images or videos on a display, and the quality of one against the other."""
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from plateau.metric.cvvdp.bands import contrasts, masked
-from plateau.metric.cvvdp.light import opponent, screen
+from plateau.metric.cvvdp.light import screen
 from plateau.metric.cvvdp.parameters import (
     BASE_WEIGHTS,
     CHANNEL_EXPONENT,
-    CHANNELS,
+    CHANNEL_WEIGHTS,
+    COLOURS,
     LEAST_BACKGROUND,
     PIXEL_EXPONENT,
-    STILL_WEIGHT,
 )
-from plateau.metric.cvvdp.pooling import jod, norm, quality, raised
-from plateau.metric.cvvdp.pyramid import band_frequencies, expanded, halved
+from plateau.metric.cvvdp.percept import Percept, checked, percept_of, share, write_colours
+from plateau.metric.cvvdp.pooling import (
+    jod,
+    norm,
+    over_frames,
+    pooled_difference,
+    raised,
+    viewing_weight,
+)
+from plateau.metric.cvvdp.pyramid import band_frequencies, expanded
 from plateau.metric.cvvdp.sensitivity import log_sensitivities, sensitivities
-from plateau.metric.display import as_image, require_same_size
+from plateau.metric.cvvdp.video import Video
+from plateau.metric.display import require_same_size
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Iterable
 
     from numpy.typing import NDArray
 
     from plateau.metric.cvvdp.display import Display
     from plateau.metric.display import Plane
 
-#: The least height and width of an image, in pixels.
-LEAST_SIZE = 4
-
-
-@dataclass(frozen=True, eq=False)
-class Percept:
-    """One image, prepared for comparison on one display."""
-
-    display: Display
-    #: Opponent colour in cd/m², each level (3, H, W) and half the size of the one before.
-    levels: tuple[Plane, ...]
-
-    @property
-    def shape(self) -> tuple[int, int]:
-        """Height and width in pixels."""
-        _, height, width = self.levels[0].shape
-        return height, width
-
 
 @dataclass(frozen=True, eq=False)
 class Quality:
-    """How a test image compares with a reference."""
+    """How a test image, or a frame of a video, compares with a reference."""
 
-    #: 10 where nobody sees a difference; one less where three of four prefer the reference.
+    #: 10 where nobody sees a difference; one less where three of four prefer the reference. Of a
+    #: frame it is what the video would have if all its frames differed as much.
     jod: float
-    #: What each channel and band contributes, (3, bands), from the finest band to the base.
+    #: What each channel and band contributes, (channels, bands), from the finest band to the base.
+    #: A still has three channels, a frame also the transient one.
     differences: NDArray[np.float64]
     #: Where a person would see it, (H, W) float32 in [0, 1], tenths of a JOD per pixel; or None.
     heat: Plane | None
 
 
 class ColorVideoVDP:
-    """The model for stills on one display.
+    """The model for one display.
 
     Parameters
     ----------
@@ -104,23 +96,29 @@ class ColorVideoVDP:
             If the image is not (H, W, 3), too small, not finite everywhere, or has code values
             outside [0, 1].
         """
-        image = as_image(image)
-        height, width, _ = image.shape
-        if min(height, width) < LEAST_SIZE:
-            raise ValueError(f"an image of {width}×{height} pixels is too small: at least 4×4")
-        if not np.isfinite(image).all():
-            raise ValueError("an image for ColorVideoVDP has to be finite in every pixel")
-        if self.display.transfer not in ("relative", "absolute"):
-            least, greatest = float(image.min()), float(image.max())
-            if least < 0 or greatest > 1:
-                raise ValueError(f"code values lie in [0, 1], not in [{least:g}, {greatest:g}]")
-        colour = np.empty((CHANNELS, height, width), np.float32)
-        pixels = np.ascontiguousarray(image).reshape(height, 3 * width)
-        self._share(height, lambda start, end: opponent(pixels, self._screen, start, end, colour))
-        levels = [colour]
-        for _ in band_frequencies((height, width), self.display.pixels_per_degree)[1:]:
-            levels.append(self._halved(levels[-1]))
-        return Percept(self.display, tuple(levels))
+        image = checked(image, self.display)
+        colours = np.empty((COLOURS, *image.shape[:2]), np.float32)
+        write_colours(image, self._screen, self.threads, colours)
+        return percept_of(colours, self.display, self.threads)
+
+    def video(self, fps: float) -> Video:
+        """Return a video without frames, from 1 to 480 per second, whose percepts `compare` takes.
+
+        Each video has its own, the reference and the test.
+
+        Examples
+        --------
+        >>> from plateau.metric.cvvdp import DISPLAYS, video_jod
+        >>> model = ColorVideoVDP(DISPLAYS["standard_fhd"])
+        >>> noise = np.random.default_rng(1).random((6, 64, 64, 3), np.float32) / 5
+        >>> still, flickering = model.video(24), model.video(24)
+        >>> frames = [
+        ...     model.compare(still.percept(noise[0]), flickering.percept(frame)) for frame in noise
+        ... ]
+        >>> frames[0].jod, video_jod(frames) < 9
+        (10.0, True)
+        """
+        return Video(self.display, fps, self.threads)
 
     def compare(self, reference: Percept, test: Percept, *, heat: bool = False) -> Quality:
         """Return the quality of the test image, with a heat map if asked.
@@ -130,12 +128,19 @@ class ColorVideoVDP:
         Raises
         ------
         ValueError
-            If the images differ in size, or were prepared for another display.
+            If the images differ in size, or were prepared for another display or another rate of
+            frames.
         """
         require_same_size(reference.shape, test.shape)
         for percept in (reference, test):
             if percept.display != self.display:
                 raise ValueError(f"an image prepared for {percept.display} met {self.display}")
+        if reference.fps != test.fps:
+            ours, theirs = (
+                f"a frame at {percept.fps:g} fps" if percept.fps else "a still"
+                for percept in (reference, test)
+            )
+            raise ValueError(f"{ours} as the reference met {theirs}")
         frequencies = band_frequencies(reference.shape, self.display.pixels_per_degree)
         pooled, maps = [], []
         for band, frequency in enumerate(frequencies[:-1]):
@@ -145,7 +150,7 @@ class ColorVideoVDP:
         sums, strength = _base(reference.levels[-1], test.levels[-1], frequencies[-1])
         differences = np.stack([*pooled, sums], axis=1)
         heat_map = _reconstructed([*maps, strength]) if heat else None
-        return Quality(quality(differences), differences, heat_map)
+        return Quality(float(jod(pooled_difference(differences))), differences, heat_map)
 
     def _band(
         self, reference: Percept, test: Percept, band: int, frequency: float, heat: bool
@@ -153,12 +158,13 @@ class ColorVideoVDP:
         """Return each channel's pooled difference in a band, and its map."""
         ours, our_next = reference.levels[band : band + 2]
         theirs, their_next = test.levels[band : band + 2]
-        _, height, width = ours.shape
+        channels, height, width = ours.shape
         # A band's kernel lets half of its contrast through, except for the finest.
         scale = np.float32(1 if band == 0 else 2)
         table = log_sensitivities(frequency)
         differences, common = np.empty_like(ours), np.empty_like(ours)
-        self._share(
+        share(
+            self.threads,
             height,
             lambda start, end: contrasts(
                 ours,
@@ -173,30 +179,45 @@ class ColorVideoVDP:
                 common,
             ),
         )
-        sums = np.empty((CHANNELS, height))
+        sums, weights = np.empty((channels, height)), _weights(channels)
         strength = np.empty((height, width) if heat else (0, 0), np.float32)
-        self._share(
-            height, lambda start, end: masked(differences, common, start, end, sums, strength)
+        share(
+            self.threads,
+            height,
+            lambda start, end: masked(differences, common, start, end, weights, sums, strength),
         )
         mean = sums.sum(axis=1) / (height * width)
         if heat and band > 0:
             strength *= np.float32(0.5)
         return raised(mean, 1 / PIXEL_EXPONENT), strength
 
-    def _halved(self, level: Plane) -> Plane:
-        if self.threads == 1:
-            return halved(level)
-        with ThreadPoolExecutor(self.threads) as pool:
-            return np.concatenate(list(pool.map(halved, np.split(level, CHANNELS))))
 
-    def _share(self, rows: int, work: Callable[[int, int], None]) -> None:
-        """Call the work for ranges of rows, one for each thread."""
-        edges = np.linspace(0, rows, self.threads + 1).astype(int).tolist()
-        if self.threads == 1:
-            work(0, rows)
-            return
-        with ThreadPoolExecutor(self.threads) as pool:
-            list(pool.map(work, edges[:-1], edges[1:]))
+def video_jod(frames: Iterable[Quality]) -> float:
+    """Return the JOD of a video from the qualities of all its frames.
+
+    Frames are pooled by their quadratic mean. The authors judge a video of one frame as a still.
+
+    Raises
+    ------
+    ValueError
+        If there are no frames.
+
+    Examples
+    --------
+    >>> frames = [Quality(10.0, np.full((4, 6), q), None) for q in (0.0, 1.0)]
+    >>> round(video_jod(frames), 3)
+    9.476
+    """
+    differences = [pooled_difference(frame.differences) for frame in frames]
+    if not differences:
+        raise ValueError("a video without frames has no quality")
+    return float(jod(over_frames(differences)))
+
+
+def _weights(channels: int) -> NDArray[np.float32]:
+    """Return by what the differences of each channel count in the map."""
+    weights = viewing_weight(channels) * np.array(CHANNEL_WEIGHTS[:channels])
+    return weights.astype(np.float32)
 
 
 def _base(reference: Plane, test: Plane, frequency: float) -> tuple[NDArray[np.float64], Plane]:
@@ -205,11 +226,12 @@ def _base(reference: Plane, test: Plane, frequency: float) -> tuple[NDArray[np.f
     D = S |test / mean(test) - reference / mean(reference)|, with the means of luminance.
     """
     ours, theirs = (np.maximum(level[0], LEAST_BACKGROUND).mean() for level in (reference, test))
-    sensitivity = sensitivities(frequency, float(ours))[:, np.newaxis, np.newaxis]
+    channels = len(reference)
+    sensitivity = sensitivities(frequency, float(ours))[:channels, np.newaxis, np.newaxis]
     differences = np.abs(test / theirs - reference / ours) * sensitivity
     mean = raised(differences, PIXEL_EXPONENT).mean(axis=(1, 2))
-    weights = STILL_WEIGHT * np.array(BASE_WEIGHTS)[:, np.newaxis, np.newaxis]
-    strength = norm(differences * weights, CHANNEL_EXPONENT, axis=0)
+    weights = _weights(channels) * np.array(BASE_WEIGHTS[:channels])
+    strength = norm(differences * weights[:, np.newaxis, np.newaxis], CHANNEL_EXPONENT, axis=0)
     return raised(mean, 1 / PIXEL_EXPONENT), np.asarray(strength, np.float32)
 
 

@@ -10,7 +10,10 @@ from plateau.metric.cvvdp.parameters import (
     BAND_EXPONENT,
     BASE_WEIGHTS,
     CHANNEL_EXPONENT,
+    CHANNEL_WEIGHTS,
+    COLOURS,
     EPSILON,
+    FRAME_EXPONENT,
     JOD_EXPONENT,
     JOD_SCALE,
     LINEAR_BELOW,
@@ -46,24 +49,50 @@ def norm(x: ArrayLike, exponent: float, axis: int) -> Array:
     return raised(raised(x, exponent).sum(axis=axis), 1 / exponent)
 
 
-def quality(differences: ArrayLike) -> float:
-    """Return JOD from the pooled difference of each channel and band, (channels, bands).
+def pooled_difference(differences: ArrayLike) -> float:
+    """Return Q from the pooled difference of each channel and band, (channels, bands).
 
-    The base band comes last.
+    The base band comes last. Three channels are a still's, four those of a frame of a video.
 
     Notes
     -----
-    Q = 0.578 ‖ ‖w D‖₄ over bands ‖₄ over channels, with w = 1 but for the base band.
+    Q = ‖ ‖w v D‖₄ over bands ‖₄ over channels, where v = 1 but for the base band, and w = 1 but for
+    the transient channel, 0.81. A still's is multiplied by 0.578.
 
     Examples
     --------
-    >>> quality(np.zeros((3, 5)))
-    10.0
+    >>> pooled_difference(np.zeros((3, 5)))
+    0.0
     """
     weighted = np.array(differences, np.float64)
-    weighted[:, -1] *= BASE_WEIGHTS
+    channels = len(weighted)
+    weighted *= np.array(CHANNEL_WEIGHTS[:channels])[:, np.newaxis]
+    weighted[:, -1] *= BASE_WEIGHTS[:channels]
     of_channels = norm(weighted, BAND_EXPONENT, axis=1)
-    return float(jod(STILL_WEIGHT * norm(of_channels, CHANNEL_EXPONENT, axis=0)))
+    return viewing_weight(channels) * float(norm(of_channels, CHANNEL_EXPONENT, axis=0))
+
+
+def viewing_weight(channels: int) -> float:
+    """Return by what the difference of an image with this many channels is multiplied.
+
+    Examples
+    --------
+    >>> round(viewing_weight(3), 3), viewing_weight(4)
+    (0.578, 1.0)
+    """
+    return STILL_WEIGHT if channels == COLOURS else 1.0
+
+
+def over_frames(differences: ArrayLike) -> float:
+    """Return the Q of a video from that of each of its frames, (frames,): their quadratic mean.
+
+    Examples
+    --------
+    >>> round(over_frames([1.0, 7.0]), 2)
+    5.0
+    """
+    squares = raised(differences, FRAME_EXPONENT)
+    return float(raised(squares.mean(), 1 / FRAME_EXPONENT))
 
 
 def jod(difference: ArrayLike) -> Array:

@@ -1,7 +1,8 @@
-"""castleCSF: the contrast sensitivity of each opponent channel, from the authors' table.
+"""castleCSF: the contrast sensitivity of each channel, from the authors' table.
 
-The table, ``castle_csf.json``, has log10 of the sensitivity to a static pattern in a Gaussian
-envelope of fixed size at 32 luminances and 32 frequencies, rounded to seven digits.
+The table, ``castle_csf.json``, has log10 of the sensitivity to a pattern in a Gaussian envelope of
+fixed size at 32 luminances and 32 frequencies, rounded to seven digits. The pattern is static, and
+flickers at 5 Hz for the transient channel.
 """
 
 from __future__ import annotations
@@ -57,7 +58,7 @@ def log_sensitivities(frequency_cpd: float) -> NDArray[np.float32]:
     Examples
     --------
     >>> log_sensitivities(2.0).shape
-    (3, 32)
+    (4, 32)
     """
     _, frequency, log_sensitivity = _table()
     x = np.log10(frequency_cpd)
@@ -81,7 +82,7 @@ def sensitivities(frequency_cpd: float, luminance: float) -> NDArray[np.float64]
     Examples
     --------
     >>> sensitivities(2.0, 100.0).round(1).tolist()
-    [279.0, 284.8, 61.7]
+    [279.0, 284.8, 61.7, 301.7]
     """
     table = log_sensitivities(frequency_cpd)
     points = np.linspace(*log_luminances(), table.shape[1])

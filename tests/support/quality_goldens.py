@@ -59,8 +59,8 @@ def pair(name):
     scene, change, size = name.split()
     height, width = (int(number) for number in size.split("x"))
     rng = np.random.default_rng([SCENES.index(scene), CHANGES.index(change), height, width])
-    reference = _made(scene, height, width, rng)
-    return _rounded(reference), _rounded(_changed(_rounded(reference), change, rng))
+    reference = made(scene, height, width, rng)
+    return rounded(reference), rounded(_changed(rounded(reference), change, rng))
 
 
 def _read(file):
@@ -68,12 +68,14 @@ def _read(file):
         return np.asarray(picture.convert("RGB"), np.float32) / np.float32(255)
 
 
-def _rounded(image):
+def rounded(image):
+    """Return the image in multiples of 1/255, in [0, 1]."""
     codes = np.round(np.clip(image, 0, 1) * 255).astype(np.float32)
     return codes / np.float32(255)
 
 
-def _made(scene, height, width, rng):
+def made(scene, height, width, rng):
+    """Return one of the `SCENES`, (H, W, 3)."""
     y, x = np.mgrid[0:height, 0:width] / max(height, width)
     if scene == "ramp":
         return np.stack([x, y, 1 - x], axis=-1)
@@ -115,42 +117,51 @@ def _changed(image, change, rng):
     return corner
 
 
-def _record():
+def authors_model(display):
+    """Return the authors' model on the display of this name."""
     import pycvvdp
     import torch
     from pycvvdp.display_model import vvdp_display_geometry, vvdp_display_photo_eotf
 
     spaces = {"srgb": "sRGB", "pq": "BT.2020-PQ", "hlg": "BT.2020-HLG", "absolute": "BT.709-linear"}
+    about = {
+        "peak": 200, "black": 0.2, "ambient_lux": 250, "transfer": "srgb", "exposure": 1,
+        "pixels_per_degree": 75.4, "primaries": "rec709", **DISPLAYS[display],
+    }  # fmt: skip
+    photometry = vvdp_display_photo_eotf(
+        about["peak"],
+        contrast=about["peak"] / about["black"] if about["black"] else float("inf"),
+        source_colorspace=spaces[about["transfer"]],
+        E_ambient=about["ambient_lux"],
+        exposure=about["exposure"],
+    )
+    if about["transfer"] == "srgb" and about["primaries"] == "rec2020":
+        wide = vvdp_display_photo_eotf(1, source_colorspace="BT.2020-linear")
+        photometry.rgb2xyz_list = wide.rgb2xyz_list
+    return pycvvdp.cvvdp(
+        display_photometry=photometry,
+        display_geometry=vvdp_display_geometry((1, 1), ppd=about["pixels_per_degree"]),
+        heatmap="raw",
+        device=torch.device("cpu"),
+        quiet=True,
+    )
+
+
+def write_rows(rows, file):
+    """Write one golden a line."""
+    file.parent.mkdir(exist_ok=True)
+    lines = ",\n".join(json.dumps(row) for row in rows)
+    file.write_text(f"[\n{lines}\n]\n")
+
+
+def _record():
     rows = []
     for name, display in cases():
-        about = {
-            "peak": 200, "black": 0.2, "ambient_lux": 250, "transfer": "srgb", "exposure": 1,
-            "pixels_per_degree": 75.4, "primaries": "rec709", **DISPLAYS[display],
-        }  # fmt: skip
-        photometry = vvdp_display_photo_eotf(
-            about["peak"],
-            contrast=about["peak"] / about["black"] if about["black"] else float("inf"),
-            source_colorspace=spaces[about["transfer"]],
-            E_ambient=about["ambient_lux"],
-            exposure=about["exposure"],
-        )
-        if about["transfer"] == "srgb" and about["primaries"] == "rec2020":
-            wide = vvdp_display_photo_eotf(1, source_colorspace="BT.2020-linear")
-            photometry.rgb2xyz_list = wide.rgb2xyz_list
         reference, test = pair(name)
-        model = pycvvdp.cvvdp(
-            display_photometry=photometry,
-            display_geometry=vvdp_display_geometry((1, 1), ppd=about["pixels_per_degree"]),
-            heatmap="raw",
-            device=torch.device("cpu"),
-            quiet=True,
-        )
-        jod, about_it = model.predict(test, reference, dim_order="HWC")
+        jod, about_it = authors_model(display).predict(test, reference, dim_order="HWC")
         heat = about_it["heatmap"].float().mean().item()
         rows.append({"pair": name, "display": display, "jod": float(jod), "mean_heat": heat})
-    STILLS.parent.mkdir(exist_ok=True)
-    lines = ",\n".join(json.dumps(row) for row in rows)
-    STILLS.write_text(f"[\n{lines}\n]\n")
+    write_rows(rows, STILLS)
 
 
 if __name__ == "__main__":
