@@ -50,7 +50,7 @@ class Quality:
     #: What each channel and band contributes, (channels, bands), from the finest band to the base.
     #: A still has three channels, a frame also the transient one.
     differences: NDArray[np.float64]
-    #: Where a person would see it, (H, W) float32 in [0, 1], tenths of a JOD per pixel; or None.
+    #: Where a person would see it, (H, W) float32 of 0 or more: what is lost, over 10 JOD; or None.
     heat: Plane | None
 
 

@@ -1,7 +1,8 @@
 """A video on one display: the frames that the eye still sees, in its four temporal channels.
 
 The eye's response to frame f is a weighted sum of the last quarter of a second, up to f itself;
-before the first frame stands the first frame. Its filters are even functions around the middle of
+before the first frame stands the first frame, unless others are given before it (`mirrored`). Its
+filters are even functions around the middle of
 that time, so they answer an eighth of a second late, to both videos alike. The opponent colours
 pass three low-pass filters, and the achromatic one, also a band-pass filter at 5 Hz: the transient
 channel, in which flicker is seen.
@@ -109,6 +110,32 @@ class Video:
             lambda first, end: _filter(self._window, shown, self._taps, first, end, channels),
         )
         return percept_of(channels, self.display, self.threads, self.fps)
+
+
+def mirrored(fps: float, frames: int) -> list[int]:
+    """Return which frames of a video to give before its first, so that it begins as it goes on.
+
+    They are those that follow the first one, the nearest last. Their own quality does not count.
+    Without them the first frame, noise included, stands still for a quarter of a second.
+
+    Parameters
+    ----------
+    fps
+        Frames per second, from 1 to 480.
+    frames
+        How many frames the video has, 1 or more.
+
+    Examples
+    --------
+    >>> mirrored(24, 48)
+    [6, 5, 4, 3, 2, 1]
+    >>> mirrored(24, 3)
+    [2, 1, 0, 1, 2, 1]
+    """
+    _, length = temporal_filters(fps).shape
+    period = max(2 * (frames - 1), 1)
+    places = (before % period for before in range(length - 1, 0, -1))
+    return [min(place, period - place) for place in places]
 
 
 def temporal_filters(fps: float) -> NDArray[np.float32]:

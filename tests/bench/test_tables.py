@@ -21,6 +21,7 @@ from bench import (
     savings,
     scale,
     selective,
+    shots,
     startup,
     stopping,
     vdp,
@@ -50,6 +51,7 @@ def tables() -> dict[str, str]:
         **eyes.tables(figures("eyes")),
         **farm.tables(figures("farm")),
         **scale.tables(figures("scale")),
+        **shots.tables(figures("shots")),
         **selective.tables(figures("selective")),
         **startup.tables(figures("startup")),
         **latency.tables(figures("latency")),
@@ -66,6 +68,7 @@ def tables() -> dict[str, str]:
     "document",
     [
         "allocation.md",
+        "animation.md",
         "denoising.md",
         "metric.md",
         "stopping.md",

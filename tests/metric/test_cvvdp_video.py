@@ -6,7 +6,7 @@ import tracemalloc
 import numpy as np
 import pytest
 
-from plateau.metric.cvvdp import DISPLAYS, ColorVideoVDP, Display, video_jod
+from plateau.metric.cvvdp import DISPLAYS, ColorVideoVDP, Display, mirrored, video_jod
 from tests.support import video_goldens
 from tests.support.quality_goldens import DISPLAYS as GOLDEN_DISPLAYS
 
@@ -20,6 +20,16 @@ def compared(model, reference, test, fps, **options):
         model.compare(ours.percept(one), theirs.percept(other), **options)
         for one, other in zip(reference, test, strict=True)
     ]
+
+
+def test_the_authors_numbers_with_a_mirrored_start():
+    for row in ROWS:
+        model = ColorVideoVDP(Display(**GOLDEN_DISPLAYS[row["display"]]))
+        fps, videos = video_goldens.fps_of(row["video"]), video_goldens.videos(row["video"])
+        before = mirrored(fps, len(videos[0]))
+        order = [*before, *range(len(videos[0]))]
+        frames = compared(model, *(video[order] for video in videos), fps)
+        assert video_jod(frames[len(before) :]) == pytest.approx(row["mirrored"], abs=0.001)
 
 
 def test_all_the_goldens_are_here():

@@ -86,11 +86,13 @@ def _record():
     rows = []
     for name, display in cases():
         reference, test = videos(name)
-        jod, about_it = authors_model(display).predict(
-            test, reference, dim_order="FHWC", frames_per_second=fps_of(name)
-        )
+        model = authors_model(display)
+        about = {"dim_order": "FHWC", "frames_per_second": fps_of(name)}
+        jod, about_it = model.predict(test, reference, **about)
         heat = about_it["heatmap"].float().mean(dim=(0, 1, 3, 4)).tolist()
-        row = {"video": name, "display": display, "jod": float(jod)}
+        model.temp_padding, model.do_heatmap = "symmetric", False
+        mirrored, _ = model.predict(test, reference, **about)
+        row = {"video": name, "display": display, "jod": float(jod), "mirrored": float(mirrored)}
         rows.append({**row, "mean_heat": [round(mean, 5) for mean in heat]})
     write_rows(rows, VIDEOS)
 
