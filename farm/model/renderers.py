@@ -50,7 +50,7 @@ class VariantFacts:
     seeds: Literal["distinct", "scalar"] = "distinct"
     renders_in_parts: bool = True  #: pass by parts, so that a pass may have any number of samples
     on_gpu: bool = False  #: whether it renders on a GPU, whose driver a confined child cannot use
-    works_everywhere: bool = False  #: on any machine, so that a worker offers it without a trial
+    works_everywhere: bool = False  #: wherever its renderer can be loaded: it needs no library
 
     @property
     def backend(self) -> str:

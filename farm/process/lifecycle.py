@@ -78,11 +78,17 @@ def forget_life(file: Path | None) -> None:
             file.unlink()
 
 
-def show_life(file: Path | None) -> None:
-    """Touch the file by which probes see that this process lives, if one is set."""
+def show_life(file: Path | None, trouble: str | None = None) -> None:
+    """Touch the file by which probes see that this process lives, if one is set.
+
+    The file says why the process takes no work, and is empty while it does.
+    """
     if file is None:
         return
+    words = trouble or ""
     try:
         file.touch()
+        if file.read_text(encoding="utf-8") != words:
+            file.write_text(words, encoding="utf-8")
     except OSError as error:
         _LOG.warning("no sign of life: %s", error)

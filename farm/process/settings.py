@@ -194,7 +194,9 @@ class Settings(BaseSettings):
         (), description="those of them, separated by commas, that are notified of every job"
     )
     alive_file: Path | None = Field(
-        None, description="a file that a worker or a monitor touches at each heartbeat, for probes"
+        None,
+        description="a file that a worker or a monitor touches at each heartbeat, for probes; it "
+        "says why a worker takes no work",
     )
     label: str | None = Field(
         None,

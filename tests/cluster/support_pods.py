@@ -99,9 +99,12 @@ class Pod:
         assert code == 0, f"{self.name} ended with {code}: {self.log.read_text()}"
 
     def await_probe(self, probe: str) -> None:
-        """Wait until the probe succeeds, no longer than it may take by the manifest."""
+        """Wait until the probe succeeds, no longer than it may take by the manifest.
+
+        That of the start waits by itself: each failure would be an event of Kubernetes's.
+        """
         asked = self._container[probe]
-        tries = max(asked.get("failureThreshold", 3), 30)
+        tries = 1 if probe == "startupProbe" else max(asked.get("failureThreshold", 3), 30)
         for _ in range(tries):
             assert self.process.poll() is None, f"{self.name} ended: {self.log.read_text()}"
             if self._probed(asked):
@@ -112,10 +115,9 @@ class Pod:
     def _probed(self, probe: Manifest) -> bool:
         if "exec" in probe:
             command = [self._at_its_port(self.here(word)) for word in probe["exec"]["command"]]
-            return (
-                subprocess.run(command, capture_output=True, timeout=30, check=False).returncode
-                == 0
-            )
+            timeout_s = probe["timeoutSeconds"]
+            done = subprocess.run(command, capture_output=True, timeout=timeout_s, check=False)
+            return done.returncode == 0
         address = self._node.addresses[self.name]
         if "tcpSocket" in probe:
             host, port = address.split(":")
@@ -130,6 +132,7 @@ class Pod:
 
     def _at_its_port(self, text: str) -> str:
         port = self._node.addresses.get(self.name, "").rpartition(":")[2]
+        text = text.replace("/127.0.0.1/8713", f"/127.0.0.1/{port}")
         return text.replace("redis-cli ", f"{self._node.find('redis-cli')} -p {port} ")
 
     def _confined(self, command: list[str]) -> list[str]:

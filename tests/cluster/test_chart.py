@@ -128,6 +128,11 @@ def test_a_trigger_says_what_its_scaler_of_keda_knows() -> None:
         assert known[secret["parameter"]]["triggerAuthenticationVariableReadable"]
 
 
+def test_a_copy_of_the_chart_has_all_of_it() -> None:
+    links = [path for path in chart.CHART.rglob("*") if path.is_symlink()]
+    assert links == []
+
+
 class TestValues:
     def test_are_all_in_the_readme_as_they_are(self) -> None:
         readme = (chart.CHART / "README.md").read_text()

@@ -157,12 +157,32 @@ def parsed(arguments: list[str]) -> dict[str, Any]:
     return {"command": name, **command.make_context(name, rest, resilient_parsing=False).params}
 
 
+def test_a_first_try_fits_a_small_machine() -> None:
+    found = chart.manifests(chart.recorded("minimal"))
+    asked = {"cpu": 0.0, "memory": 0.0}
+    for one in chart.of_kind(found, "Deployment", "StatefulSet"):
+        for container in one["spec"]["template"]["spec"]["containers"]:
+            for what in asked:
+                amount = _amount(container["resources"]["requests"][what])
+                asked[what] += one["spec"]["replicas"] * amount
+    assert asked["cpu"] <= 2
+    assert asked["memory"] <= 4 * 2**30
+
+
+def _amount(quantity: str) -> float:
+    """A quantity as Kubernetes writes it: cores or bytes."""
+    written = re.fullmatch(r"([\d.]+)(m|Mi|Gi|)", quantity)
+    assert written is not None
+    return float(written[1]) * {"m": 1e-3, "Mi": 2**20, "Gi": 2**30, "": 1}[written[2]]
+
+
 class TestRedis:
     def test_loses_nothing_that_it_has_acknowledged(self) -> None:
         found = chart.manifests(chart.recorded("minimal"))
         [config] = chart.of_kind(found, "ConfigMap")
         lines = config["data"]["redis.conf"].splitlines()
         assert {"appendonly yes", "appendfsync always", "maxmemory-policy noeviction"} <= set(lines)
+        assert 'save ""' in lines  # its log has all: a snapshot beside it costs memory and disk
         [redis] = chart.of_kind(found, "StatefulSet")
         [claim] = redis["spec"]["volumeClaimTemplates"]
         [mount] = [

@@ -63,11 +63,8 @@ class About:
         samples = pixels * one.lease.spp
         self._samples_per_s = samples / one.render_s
 
-    def told(self, rendering: Lease | None, hangs: str | None) -> dict[str, object]:
-        """Return the fields of `plateau.farm.model.worker.Worker`, while this slice is rendered.
-
-        `hangs` is a trouble that the worker cannot have noted itself.
-        """
+    def told(self, rendering: Lease | None, trouble: str | None) -> dict[str, object]:
+        """Return the fields of `plateau.farm.model.worker.Worker`, while this slice is rendered."""
         return {
             **self._fixed,
             "job": rendering.job_id if rendering else None,
@@ -78,5 +75,5 @@ class About:
             "last_slices": tuple(self._slices),
             "machine": self.machine.now(),
             "last_error": self.last_error,
-            "trouble": hangs or self.trouble,
+            "trouble": trouble,
         }

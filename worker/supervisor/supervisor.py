@@ -103,6 +103,9 @@ class Supervisor:
         for watcher in watchers:
             watcher.start()
         try:
+            if not self._choice.renders:
+                self._about.trouble = self._choice.why
+                self._sit_out(self._choice.variant)
             self._host.warm_up(self._choice.variant)
             self._about.machine.look_at_disk()
             self._work()
@@ -257,12 +260,12 @@ class Supervisor:
         while True:
             wait_s = self._settings.heartbeat_s
             hangs = self._hang.is_seen()
+            trouble = HANGS if hangs or self._uploader.is_hung else self._about.trouble
             if not hangs:
-                show_life(self._settings.alive_file)
+                show_life(self._settings.alive_file, trouble)
             try:
                 rendering = None if hangs else self._rendering
                 leases = self._uploader.leases + ((rendering,) if rendering else ())
-                trouble = HANGS if hangs or self._uploader.is_hung else None
                 lost = self._renewals.heartbeat(self._about.told(rendering, trouble), leases)
                 if rendering in lost and rendering is self._rendering:
                     self._host.cancel()

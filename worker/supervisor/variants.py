@@ -3,7 +3,7 @@
 Dr.Jit loads its backends from the system: CUDA from the driver, LLVM from an installed library.
 Some libraries are refused, and some abort the process during a render (LLVM 15 and 16 do on recent
 CPUs). So each candidate renders a small image in a process of its own, in the order CUDA, then each
-LLVM from the newest down, then ``scalar_rgb``, which needs no library and always works.
+LLVM from the newest down, then ``scalar_rgb``, which needs no library.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from plateau.worker.supervisor.llvm_libraries import llvm_libraries, system_libr
 
 CUDA, LLVM, SCALAR = "cuda_ad_rgb", "llvm_ad_rgb", "scalar_rgb"
 
-#: The variants that every worker offers without a trial.
+#: The variants that a worker offers without a trial, wherever its renderer can be loaded.
 _EVERYWHERE = tuple(name for name, known in VARIANTS.items() if known.works_everywhere)
 
 #: A probe takes about two seconds, but far longer on a loaded machine or while a driver starts.
@@ -39,6 +39,9 @@ _PROBE_TIMEOUT_S = 120.0
 
 _TIMED_OUT = "gave no image within"
 _ENDED_BY = "was ended by"
+
+#: Lines that say why. Others follow them: Dr.Jit hides a missing library behind a NameError.
+_CAUSES = ("LLVM ERROR", "cannot open shared object file")
 
 #: The signals by which an unsuitable LLVM ends its process. Any other one came from outside, when
 #: the worker was stopped or the kernel ran short of memory.
@@ -63,6 +66,11 @@ class VariantChoice:
     llvm_library: str | None  #: the ``DRJIT_LIBLLVM_PATH`` of the LLVM variant
     why: str  #: a sentence for the log
     tried: tuple[Probe, ...]  #: in the order of trial
+
+    @property
+    def renders(self) -> bool:
+        """Whether any variant worked here."""
+        return any(probe.ok for probe in self.tried)
 
     @property
     def variants(self) -> tuple[str, ...]:
@@ -159,10 +167,7 @@ def _has_cuda_driver() -> bool:
 def _try(candidates: list[tuple[str, str | None]], every: bool) -> tuple[Probe, ...]:
     tried: list[Probe] = []
     for variant, library in candidates:
-        if every or variant != SCALAR:
-            tried.append(probe(variant, library))
-        else:
-            tried.append(Probe(variant, library, ok=True, detail="needs no library"))
+        tried.append(probe(variant, library))
         if tried[-1].ok and not every:
             break
     return tuple(tried)
@@ -197,13 +202,14 @@ def _described(one: Probe) -> str:
 
 
 def _last_words(done: subprocess.CompletedProcess[str]) -> str:
-    """Return how a probe ended, with LLVM's error or else the last line that it wrote."""
+    """Return how a probe ended, with the line that has the cause, or else its last line."""
     if done.returncode < 0:
         how = f"{_ENDED_BY} {signal.Signals(-done.returncode).name}"
     else:
         how = f"exited with {done.returncode}"
     lines = [line.strip() for line in (done.stdout + done.stderr).splitlines() if line.strip()]
-    said = next((line for line in lines if "LLVM ERROR" in line), lines[-1] if lines else "nothing")
+    telling = (line for line in lines if any(mark in line for mark in _CAUSES))
+    said = next(telling, lines[-1] if lines else "nothing")
     return f"{how}, saying {said[:300]}"
 
 

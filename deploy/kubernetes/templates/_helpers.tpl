@@ -122,23 +122,29 @@ settings beside the common ones. */}}
 {{- end }}
 {{- end -}}
 
-{{/* Of a process without HTTP: a file that it touches at each heartbeat, every 5 s. */}}
+{{/* Each failure of a probe is an event, so the one of the start waits; a process that is started
+again has removed the file of the one before by then. */}}
+{{- define "plateau.startupProbe" -}}
+startupProbe:
+  exec: {command: [bash, -c, {{ printf "until %s; do sleep 1; done 2>/dev/null" .until | quote }}]}
+  initialDelaySeconds: 5
+  periodSeconds: 10
+  timeoutSeconds: 150
+  failureThreshold: 2
+{{- end -}}
+
+{{/* Of a process without HTTP: a file that it touches at each heartbeat, every 5 s, and that says why
+it takes no work. */}}
 {{- define "plateau.aliveProbes" -}}
 {{- $fresh := "test $(( $(date +%s) - $(stat -c %Y /tmp/alive) )) -lt 60" }}
-startupProbe:
-  exec: {command: [sh, -c, {{ $fresh | quote }}]}
-  # By then a process that was started again has removed the file of the one before.
-  initialDelaySeconds: 5
-  periodSeconds: 2
-  timeoutSeconds: 5
-  failureThreshold: 150
+{{- include "plateau.startupProbe" (dict "until" "test -e /tmp/alive") }}
 livenessProbe:
   exec: {command: [sh, -c, {{ $fresh | quote }}]}
   periodSeconds: 20
   timeoutSeconds: 5
   failureThreshold: 3
 readinessProbe:
-  exec: {command: [sh, -c, {{ $fresh | quote }}]}
+  exec: {command: [sh, -c, {{ printf "cat /tmp/alive; %s && test ! -s /tmp/alive" $fresh | quote }}]}
   periodSeconds: 20
   timeoutSeconds: 5
 {{- end -}}

@@ -30,12 +30,15 @@ from plateau.farm.model.states import JobState
 from plateau.farm.process.settings import Settings
 from plateau.farm.process.stop import Stop
 from plateau.farm.redis import keys
+from plateau.worker.supervisor import supervisor
 from plateau.worker.supervisor.supervisor import Supervisor
 from plateau.worker.supervisor.variants import Probe, VariantChoice
 from tests.support.loop_disk import LoopDisk
 from tests.support.until import until
 
-SCALAR = VariantChoice("scalar_rgb", None, "asked for by the test", ())
+SCALAR = VariantChoice(
+    "scalar_rgb", None, "asked for by the test", (Probe("scalar_rgb", None, ok=True, detail=""),)
+)
 SCENE = """<scene version="3.0.0">
   <default name="size" value="16"/>
   <integrator type="{integrator}"/>
@@ -249,6 +252,26 @@ def test_a_worker_that_can_render_nothing_harms_no_job_and_says_so(bench: Bench)
     returned = bench.jobs.log(job.id)[0]
     assert (returned.what, returned.worker) == ("unfit", worker.id)
     assert "llvm_ad_rgb renders nothing here" in str(returned.cause)
+
+
+def test_a_worker_in_which_nothing_rendered_at_its_start_takes_no_slice(
+    bench: Bench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(supervisor, "_SIT_OUT_S", (1.0, 1.0))
+    alive = tmp_path / "alive"
+    bench.settings = bench.settings.model_copy(update={"alive_file": alive})
+    why = "nothing renders here: scalar_rgb was ended by SIGILL"
+    tried = Probe("scalar_rgb", None, ok=False, detail="was ended by SIGILL")
+    nothing = VariantChoice("scalar_rgb", None, why, (tried,))
+    job, _ = bench.job(slices=1)
+    with bench.worker(nothing):
+        # Then it says so to the farm, and to the probe of its readiness
+        until(lambda: [one.trouble for one in bench.jobs.workers()] == [why])
+        until(lambda: alive.exists() and alive.read_text() == why)
+        assert bench.jobs.log(job.id) == []
+        # And renders as soon as it can
+        until(lambda: len(bench.jobs.ledger(job.id)) == 1)
+        until(lambda: alive.read_text() == "")
 
 
 def test_a_scene_that_cannot_be_fetched_for_a_while_costs_no_try(bench: Bench) -> None:

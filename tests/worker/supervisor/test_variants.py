@@ -124,6 +124,19 @@ class TestProbe:
         assert not found.ok
         assert found.detail == "was ended by SIGABRT, saying LLVM ERROR: Cannot select"
 
+    def test_a_library_that_is_missing_is_named(self, tmp_path, monkeypatch):
+        # Given a Dr.Jit that hides which library it lacks behind another error, as the real one
+        (tmp_path / "drjit.py").write_text(
+            "import ctypes\ntry: ctypes.CDLL('libfancy.so.3')\nexcept OSError: _drjit_ext.__file__",
+            encoding="utf-8",
+        )
+        search = [str(tmp_path), *filter(None, [os.environ.get("PYTHONPATH")])]
+        monkeypatch.setenv("PYTHONPATH", os.pathsep.join(search))
+        assert probe(SCALAR, None).detail == (
+            "exited with 1, saying OSError: libfancy.so.3: cannot open shared object file: No such "
+            "file or directory"
+        )
+
     # Python's own KeyboardInterrupt makes an exit code of the one, and an abort of the other.
     @pytest.mark.parametrize("at", ["site", "mitsuba.mitsuba_ext"])
     def test_ctrl_c_ends_it_as_a_signal_does_whatever_it_is_doing(self, signalled, at):
@@ -186,11 +199,15 @@ class TestChoice:
         found = choose(tmp_path, every=True).tried
         assert [(one.variant, one.detail) for one in found][1:] == [(SCALAR, "rendered an image")]
 
-    def test_where_nothing_renders_it_says_so(self, tmp_path, broken_library, dying_children):
+    @pytest.mark.parametrize("every", [True, False])
+    def test_where_nothing_renders_it_says_so(
+        self, tmp_path, broken_library, dying_children, every
+    ):
         dying_children()
-        choice = choose(tmp_path, every=True)
+        choice = choose(tmp_path, every=every)
         assert choice.variant == SCALAR
         assert choice.why.startswith("nothing renders here: ")
+        assert [one.ok for one in choice.tried] == [False, False]
 
 
 class TestMemory:
