@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Final
 from bench.support.bare.alone import Alone
 from plateau.farm.model.seeds import Pass
 from plateau.farm.process.settings import Settings
-from plateau.worker.supervisor.child_process import NICE
+from plateau.worker.supervisor.child_start import NICE
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence

@@ -47,6 +47,7 @@ class Bucket:
     """
 
     #: The message where the store has lost its mark.
+    scratch = None
     lost = "{where} does not have what was stored there: is it still the bucket of this farm?"
 
     def __init__(self, url: str) -> None:

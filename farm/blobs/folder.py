@@ -28,6 +28,7 @@ class Folder:
     def __init__(self, path: Path) -> None:
         make_folder(path)
         self._path = path
+        self.scratch = path / INCOMING
         self._folders = FolderSync(path)
         self.store = LocalStore(path, automatic_cleanup=True)
 

@@ -1,6 +1,8 @@
 """`Blobs`, the store, and the names of the blobs in it."""
 
 import re
+import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -135,12 +137,22 @@ class Blobs:
         self.where = where
         folder = _folder(where)
         self._place: Bucket | Folder = Bucket(where) if folder is None else Folder(folder)
+        self._calls: dict[int, float] = {}  # the threads that wait for the store, since when
         self._marked = self.in_folder and self._place.has(MARK)
 
     @property
     def in_folder(self) -> bool:
         """Whether the blobs are files."""
         return isinstance(self._place, Folder)
+
+    @property
+    def scratch(self) -> Path | None:
+        """The folder for half-written blobs; None where the blobs are no files."""
+        return self._place.scratch
+
+    def called_since(self, thread: int) -> float | None:
+        """Return since when a thread waits for the store, by `monotonic`; None if it does not."""
+        return self._calls.get(thread)
 
     def mark(self) -> str | None:
         """The content of the store's mark; None where it has none."""
@@ -160,7 +172,7 @@ class Blobs:
         stored its blob all the same, so the store is asked for what it has.
         """
         try:
-            with _store_errors(AlreadyExistsError):
+            with self._calling(AlreadyExistsError):
                 self._place.create(name, content)
         except AlreadyExistsError:
             return self.get(name) == content
@@ -175,7 +187,7 @@ class Blobs:
 
         A failed put leaves nothing behind; a killed one may leave one of `leftovers`.
         """
-        with _store_errors():
+        with self._calling():
             self._check_mark()
             self._place.put(name, content)
 
@@ -185,7 +197,7 @@ class Blobs:
         A blob of another size is damaged, and is put again.
         """
         if self.size(name) == size:
-            with _store_errors():  # its put may not have got that far
+            with self._calling():  # its put may not have got that far
                 self._place.settle(name)
             return
         try:
@@ -223,7 +235,7 @@ class Blobs:
 
     def listing(self, prefix: str) -> Iterator[StoredBlob]:
         """As `names`, with sizes, read a page at a time."""
-        with _store_errors():
+        with self._calling():
             self._check_mark()
             for page in obstore.list(self._place.store, prefix):
                 for meta in page:
@@ -232,7 +244,7 @@ class Blobs:
 
     def delete(self, *names: str) -> None:
         """Remove blobs; a missing blob is fine."""
-        with _store_errors():
+        with self._calling():
             self._place.delete(names)
 
     def leftovers(self, older_than_s: float) -> list[Path]:
@@ -243,12 +255,29 @@ class Blobs:
         return self._place.leftovers(older_than_s)
 
     @contextmanager
+    def _calling(self, *but: type[Exception]) -> Iterator[None]:
+        """Note the wait, and raise `BlobsUnavailable` for every error but those of these types."""
+        thread = threading.get_ident()
+        outer = self._calls.get(thread)
+        self._calls[thread] = time.monotonic()
+        try:
+            yield
+        except but:
+            raise
+        except (BaseError, OSError) as error:
+            raise _failed(error) from error
+        finally:
+            self._calls.pop(thread, None)
+            if outer is not None:
+                self._calls[thread] = time.monotonic()
+
+    @contextmanager
     def _reading(self, name: str) -> Iterator[None]:
         """Raise `FileNotFoundError` only where the store itself is there."""
         if not self._marked:
             self._check_mark()  # later a place without the mark is known not to be the store
         try:
-            with _store_errors(FileNotFoundError):
+            with self._calling(FileNotFoundError):
                 yield
         except FileNotFoundError as error:
             if not is_absence(error):
@@ -260,7 +289,7 @@ class Blobs:
 
     def _is_there(self, name: str) -> bool:
         try:
-            with _store_errors(FileNotFoundError):
+            with self._calling(FileNotFoundError):
                 self._place.size(name)
         except FileNotFoundError:
             return False
@@ -268,7 +297,7 @@ class Blobs:
 
     def _check_mark(self) -> None:
         """Refuse a place that has lost its mark: an unmounted disk, a gateway without a server."""
-        with _store_errors():
+        with self._calling():
             there = self._place.has(MARK)
         if self._marked and not there:
             raise BlobsUnavailable(self._place.lost.format(where=self.where))
@@ -281,17 +310,6 @@ def _folder(where: str) -> Path | None:
         return Path(where).absolute()
     url = urlsplit(where)
     return Path(url2pathname(url.path)) if url.scheme == "file" else None
-
-
-@contextmanager
-def _store_errors(*but: type[Exception]) -> Iterator[None]:
-    """Raise `BlobsUnavailable` for every error of the store but those of these types."""
-    try:
-        yield
-    except but:
-        raise
-    except (BaseError, OSError) as error:
-        raise _failed(error) from error
 
 
 def _failed(error: Exception) -> BlobsUnavailable:

@@ -4,16 +4,87 @@ No signal ends such a wait, so the thread can do nothing about it. Another one c
 its work.
 """
 
+import signal
+import subprocess
+import sys
 import threading
 import time
 from contextlib import suppress
 from pathlib import Path
-from typing import Final
+from typing import Final, Protocol
+
+from plateau.farm.process.lifecycle import die_with_parent
 
 #: A thread that has been in one wait for so long hangs. A sync of a busy disk may take ten seconds.
 HUNG_S: Final = 30.0
 #: What is wrong with it, in words.
 HANGS: Final = "it waits for a disk, a network mount or a device that does not answer"
+
+#: Share of `HUNG_S` after which a folder is tested; the test has to hang for as long.
+_DOUBT: Final = 1 / 3
+
+
+class DiskTest:
+    """Tests by a small file whether a folder's disk answers.
+
+    In a process of its own, which may hang: one at a time, since a signal might not end it.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._writing: subprocess.Popen[str] | None = None
+        self._since_s = 0.0
+
+    def trouble(self, within_s: float) -> str | None:
+        """Return why no file can be written, or None; wait for so long at most.
+
+        Raises
+        ------
+        OSError
+            There can be no other process.
+        """
+        writing = self._writing or self._begin()
+        try:
+            _, words = writing.communicate(timeout=within_s)
+        except subprocess.TimeoutExpired:
+            return f"cannot write into {self._folder}: {HANGS}"
+        self._writing = None
+        failed = writing.returncode != 0
+        return words.strip() or f"cannot write into {self._folder}" if failed else None
+
+    def hangs(self, after_s: float, *, begin: bool) -> bool:
+        """Return at once whether a test runs for longer than this; if none runs, `begin` one."""
+        writing = self._writing or (self._begin() if begin else None)
+        if writing is None:
+            return False
+        if writing.poll() is not None:
+            writing.communicate()
+            self._writing = None
+            return False
+        return time.monotonic() > self._since_s + after_s
+
+    def _begin(self) -> subprocess.Popen[str]:
+        self._since_s = time.monotonic()
+        self._writing = subprocess.Popen(
+            [sys.executable, "-s", "-m", "plateau.farm.process.disk_probe", self._folder],
+            stdin=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            text=True,
+            errors="replace",
+            preexec_fn=die_with_parent(signal.SIGKILL),
+        )
+        return self._writing
+
+
+class Store(Protocol):
+    """A blob store, as `Hang` sees it."""
+
+    @property
+    def scratch(self) -> Path | None:
+        """The folder for half-written blobs; None where the blobs are no files."""
+
+    def called_since(self, thread: int) -> float | None:
+        """Return since when a thread, by its identity, waits for the store, as `monotonic` does."""
 
 
 class Hang:
@@ -23,19 +94,36 @@ class Hang:
     ----------
     thread : threading.Thread
         It has started.
+    store : Store
+        The blob store, for which other threads than the watched one may wait in its place, and
+        where a wait may be one that signals end (FUSE). A store that is only slow answers a test.
     """
 
-    def __init__(self, thread: threading.Thread) -> None:
+    def __init__(self, thread: threading.Thread, store: Store) -> None:
         self._status = Path(f"/proc/self/task/{thread.native_id}/status")
         self._wait: str | None = None  # the one that was seen last, by its number
         self._since_s = 0.0
+        self._thread = thread
+        self._store = store
+        self._test = None if store.scratch is None else DiskTest(store.scratch)
 
     def is_seen(self) -> bool:
         """Return whether the thread hangs; it takes two calls in one wait to see that."""
         wait = self._uninterruptible_wait()
         if wait is None or wait != self._wait:
             self._wait, self._since_s = wait, time.monotonic()
-        return wait is not None and time.monotonic() > self._since_s + HUNG_S
+        in_the_kernel = wait is not None and time.monotonic() > self._since_s + HUNG_S
+        return in_the_kernel or self._store_is_silent()
+
+    def _store_is_silent(self) -> bool:
+        if self._test is None:
+            return False
+        called_s = self._store.called_since(self._thread.ident or 0)
+        waits_s = 0.0 if called_s is None else time.monotonic() - called_s
+        doubt_s = HUNG_S * _DOUBT
+        with suppress(OSError):  # there can be no other process, and nothing is known
+            return self._test.hangs(doubt_s, begin=waits_s > doubt_s) and waits_s > HUNG_S
+        return False
 
     def _uninterruptible_wait(self) -> str | None:
         """Return the number of the thread's wait, if it is in one that no signal ends."""

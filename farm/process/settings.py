@@ -106,16 +106,17 @@ class Settings(BaseSettings):
         description="a worker renews its leases this often; unset, 5 or a third of the lease",
     )
     pass_timeout_s: float = Field(
-        120.0,
+        1200.0,
         gt=0,
         le=_DAY_S,
-        description=(
-            "a part of a pass, usually about a second, that takes longer is killed with its "
-            "process group"
-        ),
+        description="how long a render child may work at a part of a pass, usually about a second, "
+        "before it is killed, while its scene's pace is not known",
     )
     load_timeout_s: float = Field(
-        300.0, gt=0, le=_DAY_S, description="loading of a scene that takes longer is aborted"
+        1200.0,
+        gt=0,
+        le=_DAY_S,
+        description="how long a render child may work at loading a scene before it is killed",
     )
     child_memory_gb: float | None = Field(
         None,

@@ -78,7 +78,7 @@ class Monitor:
         self._sign_on()
         warm_up()  # compiling later would hold up the renewals
         over = threading.Event()
-        hang = Hang(threading.current_thread())
+        hang = Hang(threading.current_thread(), self._blobs)
         renewer = threading.Thread(
             target=self._keep_owning, args=(over, hang), name="renewer", daemon=True
         )

@@ -15,6 +15,7 @@ from tests.support.faulty_farm import FaultyFarm
 from tests.support.invariants import Outcome, assert_same, outcome
 from tests.support.long_tests import cases
 from tests.support.loop_disk import LoopDisk
+from tests.support.silent_mount import BoundFolder, SilentMount
 from tests.support.until import until
 
 Submit = Callable[[], str]
@@ -82,6 +83,27 @@ def test_a_worker_whose_cache_hangs_says_so_and_comes_back(
             assert_same(outcome(farm, job), undisturbed)
         finally:
             disk.thaw()
+        until(lambda: not _troubles(farm))
+        farm.stop_all()
+
+
+@pytest.mark.parametrize("role", cases(["worker", "monitor"], ["worker", "monitor"]))
+def test_others_take_the_work_of_a_process_whose_blobs_are_on_a_mount_that_stops(
+    farm: FaultyFarm, undisturbed: Outcome, submit: Submit, tmp_path: Path, role: str
+) -> None:
+    farm.start("worker" if role == "monitor" else "monitor")
+    with BoundFolder(Path(farm.store.where), tmp_path / "seen") as seen:
+        there = {"PLATEAU_BLOBS": str(seen)}
+        stuck = farm.start_changed(role, environment=there, set=_SOON)
+        job = submit()
+        until(lambda: farm.client.job(job).points >= 2)
+        with SilentMount(seen):
+            if role == "worker":
+                until(lambda: _troubles(farm))
+            farm.start(role)
+            assert_same(outcome(farm, job), undisturbed)
+            assert stuck.poll() is None
+        # And it is of use again once its mount answers
         until(lambda: not _troubles(farm))
         farm.stop_all()
 

@@ -134,6 +134,7 @@ def test_a_render_child_that_is_told_to_stop_renders_on(
 
 
 def test_a_render_child_that_hangs(farm: FaultyFarm, undisturbed: Outcome, submit: Submit) -> None:
+    watch = "plateau.worker.supervisor.child_watch"
     farm.start("monitor")
     job = submit()
     where, when, nth = WORKER_STAGES["in mid-pass"]
@@ -144,11 +145,16 @@ def test_a_render_child_that_hangs(farm: FaultyFarm, undisturbed: Outcome, submi
         time=nth,
         signal_name="SIGSTOP",
         target="children",
-        PLATEAU_PASS_TIMEOUT_S="5",
+        constants={f"{watch}:STILL_S": 5.0, f"{watch}:_TOLD_S": 1.0},
+    )
+    # Then the farm sees it while its worker lives, and takes its slice back
+    until(
+        lambda: any("uses no processor time" in str(one.trouble) for one in farm.client.workers())
     )
     assert_same(outcome(farm, job), undisturbed)
     (trouble,) = (one for one in farm.jobs.events(job) if one.type == "trouble")
-    assert "longer than" in str(trouble.data["cause"])
+    assert "used no processor time for 5 s while" in str(trouble.data["cause"])
+    until(lambda: not any(one.trouble for one in farm.client.workers()))
 
 
 @pytest.mark.parametrize(

@@ -7,26 +7,27 @@ import selectors
 import signal
 import socket
 import subprocess
-import sys
 import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Final, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from plateau.farm.images.channels import MOST_VALUES, Channels
+from plateau.farm.images.channels import Channels
+from plateau.farm.model.renderers import variant_named
 from plateau.farm.model.seeds import Pass
 from plateau.farm.model.zones import Zone, pixels_of
 from plateau.farm.process.hang import HANGS
-from plateau.farm.process.lifecycle import die_with_parent, plain_environment
 from plateau.worker.renderers import contract
 from plateau.worker.renderers.contract import Answer, Loaded, Request, SceneError
 from plateau.worker.supervisor.child_output import Words
+from plateau.worker.supervisor.child_start import ChildLimits, Inherited, start
+from plateau.worker.supervisor.child_watch import ChildWatch
 from plateau.worker.supervisor.scene_cache import loading_threads
 
 _LOG = logging.getLogger(__name__)
@@ -41,15 +42,8 @@ CANCEL_GRACE_S: Final = 2.0
 
 #: A child that has not imported its renderer by then is killed.
 START_TIMEOUT_S: Final = 120.0
-_POLL_S: Final = 0.5  #: a silent child is killed at most this much after its deadline
+_POLL_S: Final = 0.5  #: between two looks at a silent child
 _LAST_WORDS: Final = 1000
-#: The films of a slice: its first pass and its sum, in float32.
-_LARGEST_FILMS_BYTES: Final = 2 * MOST_VALUES * 4
-
-#: A render takes every core for hours. Processes that answer people need little of one, but soon.
-#: Idle cores still go to the child.
-NICE: Final = 10
-
 
 #: A killed child that is there for longer waits for something that no signal ends.
 GONE_S: Final = 10.0
@@ -63,18 +57,6 @@ class Cancelled(Exception):
     """The request was cancelled; the child may have been killed."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class ChildLimits:
-    """The resources that a render child may use."""
-
-    threads: int
-    memory_bytes: int  #: 0 for no limit
-    load_timeout_s: float
-    pass_timeout_s: float
-    open_files: int = 1024
-    file_bytes: int = _LARGEST_FILMS_BYTES  #: of any file that it writes
-
-
 class RenderChild:
     """A child process with a renderer in it, kept alive between slices.
 
@@ -84,10 +66,11 @@ class RenderChild:
     open scenes in the folders `scenes`, and writes into `home` alone; see
     `plateau.worker.confinement.confine`.
 
-    Every request raises `ChildDied` if the process ends, breaks the protocol, or does not answer in
-    time (its whole process group is then killed). It raises `SceneError` with the renderer's
-    message, and `OSError` if the disk of `home` takes no film; the scene then has to be loaded
-    again. After `cancel`, called from another thread, the current request raises `Cancelled`.
+    Every request raises `ChildDied` if the process ends, breaks the protocol, is stuck, or does not
+    answer in time (its whole process group is then killed). It raises `SceneError` with the
+    renderer's message, and `OSError` if the disk of `home` takes no film; the scene then has to be
+    loaded again. After `cancel`, called from another thread, the current request raises
+    `Cancelled`.
     """
 
     def __init__(
@@ -105,40 +88,20 @@ class RenderChild:
         self._lock = threading.Lock()
         self._words = Words()
         self._home = home
-        kernels = home / ".drjit"  # where Dr.Jit keeps them, and all that the child writes into
-        kernels.mkdir(parents=True, exist_ok=True)
-        environment = plain_environment()
-        environment["HOME"] = str(home.absolute())
-        if llvm_library is not None:
-            environment["DRJIT_LIBLLVM_PATH"] = llvm_library
+        home.mkdir(parents=True, exist_ok=True)
         # A file without a name: nothing of it remains, whichever process dies.
         self._films = tempfile.TemporaryFile(dir=home, buffering=0)  # noqa: SIM115  (as the words)
         ours, theirs = socket.socketpair()
         with theirs:
-            self._process = subprocess.Popen(
-                [
-                    sys.executable,
-                    "-s",  # that home has no modules
-                    "-m",
-                    "plateau.worker.child",
-                    f"--socket={theirs.fileno()}",
-                    f"--films={self._films.fileno()}",
-                    f"--variant={variant}",
-                    f"--threads={limits.threads}",
-                    f"--memory-bytes={limits.memory_bytes}",
-                    f"--open-files={limits.open_files}",
-                    f"--file-bytes={limits.file_bytes}",
-                    f"--kernels={kernels.absolute()}",
-                    *(f"--scenes={folder.absolute()}" for folder in scenes),
-                ],
-                env=environment,
-                pass_fds=[theirs.fileno(), self._films.fileno()],
-                stdin=subprocess.DEVNULL,
-                stdout=self._words.file,
-                stderr=self._words.file,
-                start_new_session=True,
-                preexec_fn=_below_others(),
+            self._process = start(
+                Inherited(theirs.fileno(), self._films.fileno(), self._words.file.fileno()),
+                variant,
+                llvm_library,
+                limits,
+                home,
+                scenes,
             )
+        self._watch = ChildWatch(self.pid, on_gpu=variant_named(variant).on_gpu)
         self._socket = ours
         self._readable = selectors.DefaultSelector()
         self._readable.register(ours, selectors.EVENT_READ)
@@ -149,6 +112,11 @@ class RenderChild:
     def pid(self) -> int:
         """The child's process id."""
         return self._process.pid
+
+    @property
+    def trouble(self) -> str | None:
+        """What is wrong with the child while it owes an answer; see `ChildWatch`."""
+        return self._watch.trouble
 
     def await_ready(self) -> None:
         """Return once the child has imported its renderer; `load` waits for this by itself."""
@@ -187,6 +155,7 @@ class RenderChild:
             self.kill()
             raise ChildDied(f"the render process said {scene!r}: {error}") from error
         self._scene = scene
+        self._watch.new_scene()
         return scene
 
     def render(
@@ -201,12 +170,18 @@ class RenderChild:
         zones the film is (pixels, channels), as `contract.Renderer.render` says.
         """
         assert self._scene is not None
+        pixels = pixels_of(zones) if zones else self._scene.width * self._scene.height
+        samples = pixels * max(one.spp for one in passes)
+        limit_s = self._watch.limit_s(self._limits.pass_timeout_s, samples)
         self._ask(contract.Render(passes=passes, glimpse=show is not None, zones=zones))
         while True:
-            answer = self._next_answer(self._limits.pass_timeout_s, "rendering a pass")
+            began = time.monotonic()
+            answer = self._next_answer(limit_s, "rendering a pass")
+            self._watch.took(time.monotonic() - began)
             if isinstance(answer, contract.FirstPass) and show is not None:
                 show(self._film(self._scene, zones, answer.at), answer.spp)
             elif isinstance(answer, contract.SumDone):
+                self._watch.ended(samples)
                 return self._film(self._scene, zones, answer.at), answer.render_s
 
     def _film(self, scene: Loaded, zones: Sequence[Zone], at: int) -> Film:
@@ -244,14 +219,23 @@ class RenderChild:
         """
         with contextlib.suppress(ProcessLookupError):
             os.killpg(self._process.pid, signal.SIGKILL)
-        try:
+        with contextlib.suppress(subprocess.TimeoutExpired):
             self._process.wait(GONE_S)
-        except subprocess.TimeoutExpired:
+        if self._is_there():
             _LOG.error("the killed render child %d is still there: %s", self.pid, HANGS)
+        self._watch.answered()
         self._readable.close()
         self._socket.close()
         self._words.close()
         self._films.close()
+
+    def _is_there(self) -> bool:
+        """Return whether any process of the group is left, the child or what it started."""
+        try:
+            os.killpg(self._process.pid, 0)
+        except ProcessLookupError:
+            return False
+        return True
 
     def _ask(self, request: contract.Load | contract.Render) -> None:
         with self._lock:
@@ -274,6 +258,7 @@ class RenderChild:
     def _next_answer(self, timeout_s: float, doing: str) -> Answer:
         """Return the next answer to the request; see the class for its errors."""
         deadline = time.monotonic() + timeout_s
+        self._watch.asked()
         while b"\n" not in self._received:
             now, cancelled_at = time.monotonic(), self._cancelled_at
             if cancelled_at is not None and now > cancelled_at + CANCEL_GRACE_S:
@@ -281,8 +266,11 @@ class RenderChild:
                 raise Cancelled
             if now > deadline:
                 self.kill()
-                raise ChildDied(f"{doing} took longer than {timeout_s:g} s")
-            self._receive(doing)
+                raise ChildDied(f"{doing} took longer than {timeout_s:.3g} s")
+            if not self._receive(doing) and (why := self._watch.stuck()) is not None:
+                self.kill()
+                raise ChildDied(f"the render process {why} while {doing}")
+        self._watch.answered()
         line, _, self._received = self._received.partition(b"\n")
         try:
             answer = contract.read_answer(line)
@@ -297,10 +285,10 @@ class RenderChild:
             raise Cancelled
         return answer
 
-    def _receive(self, doing: str) -> None:
-        """Read what has arrived; raise `ChildDied` at the end of the stream."""
+    def _receive(self, doing: str) -> bool:
+        """Read what has arrived, if anything; raise `ChildDied` at the end of the stream."""
         if not self._readable.select(_POLL_S):
-            return
+            return False
         try:
             chunk = self._socket.recv(65536)
         except OSError:
@@ -310,6 +298,7 @@ class RenderChild:
             self.kill()  # its group may live on
             raise ChildDied(f"the render process {how} while {doing}{words}")
         self._received += chunk
+        return True
 
     def _last_words(self) -> str:
         words = self._words.read()[-_LAST_WORDS:]
@@ -321,17 +310,3 @@ def _how(status: int) -> str:
     if status >= 0:
         return f"exited with {status}"
     return f"was ended by {signal.Signals(-status).name}"
-
-
-def _below_others() -> Callable[[], None]:
-    """Return what a child runs before its program, so that it holds for all threads."""
-    arrange = die_with_parent(signal.SIGKILL)
-
-    def before_the_program() -> None:
-        arrange()
-        # Slurm and systemd send it to every process of a worker that is to stop. The supervisor
-        # ends its child itself; a child that went first would look as if the scene had killed it.
-        signal.signal(signal.SIGTERM, signal.SIG_IGN)
-        os.nice(NICE)
-
-    return before_the_program

@@ -1,14 +1,10 @@
 """Tests whether this worker can render anything at all; if not, a scene is not to blame."""
 
-import signal
-import subprocess
-import sys
 import time
 from pathlib import Path
 from typing import Final
 
-from plateau.farm.process.hang import HANGS
-from plateau.farm.process.lifecycle import die_with_parent
+from plateau.farm.process.hang import DiskTest
 from plateau.worker.supervisor.variants import SCALAR, probe
 
 #: How long a worker that passed the test is trusted.
@@ -24,10 +20,9 @@ class Health:
     """
 
     def __init__(self, cache: Path, llvm_library: str | None) -> None:
-        self._cache = cache
+        self._disk = DiskTest(cache)
         self._llvm_library = llvm_library
         self._trusted_until: dict[str, float] = {}
-        self._writing: subprocess.Popen[str] | None = None  # the last test of the disk, if it hangs
 
     def trouble(self, variant: str) -> str | None:
         """Return why this worker cannot render with `variant`, or None. Takes some seconds."""
@@ -39,24 +34,10 @@ class Health:
         return trouble
 
     def _disk_trouble(self) -> str | None:
-        if self._writing is None:
-            try:
-                self._writing = subprocess.Popen(
-                    [sys.executable, "-s", "-m", "plateau.worker.child.disk_probe", self._cache],
-                    stdin=subprocess.DEVNULL,
-                    stderr=subprocess.PIPE,
-                    text=True,
-                    errors="replace",
-                    preexec_fn=die_with_parent(signal.SIGKILL),
-                )
-            except OSError as error:
-                return f"cannot start a process: {error.strerror}"
         try:
-            _, words = self._writing.communicate(timeout=ANSWERS_S)
-        except subprocess.TimeoutExpired:  # a signal might not end it: one such process is enough
-            return f"cannot write into {self._cache}: {HANGS}"
-        failed, self._writing = self._writing.returncode != 0, None
-        return words.strip() or "cannot write into its cache" if failed else None
+            return self._disk.trouble(ANSWERS_S)
+        except OSError as error:
+            return f"cannot start a process: {error.strerror}"
 
     def _render_trouble(self, variant: str) -> str | None:
         library = None if variant == SCALAR else self._llvm_library

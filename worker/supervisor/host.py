@@ -13,7 +13,8 @@ from plateau.farm.model.plan import slice_zones
 from plateau.farm.model.renderers import variant_named
 from plateau.farm.process.settings import Settings
 from plateau.worker.renderers.contract import Loaded
-from plateau.worker.supervisor.child_process import ChildLimits, Film, RenderChild
+from plateau.worker.supervisor.child_process import Film, RenderChild
+from plateau.worker.supervisor.child_start import ChildLimits
 from plateau.worker.supervisor.scene_cache import SceneCache
 from plateau.worker.supervisor.uploader import Glimpse, Rendered
 
@@ -85,6 +86,12 @@ class RenderHost:
         for folder in (self._files, self._files.resolve()) if self._files else ():
             words = words.replace(f"{folder}/", "")
         return words
+
+    @property
+    def trouble(self) -> str | None:
+        """What is wrong with a child that owes an answer; from any thread."""
+        child = self._child
+        return None if child is None else child.trouble
 
     def cancel(self) -> None:
         """Cancel the child's request; from any thread."""

@@ -60,7 +60,7 @@ class Supervisor:
         if settings.redis_url is None:
             raise ValueError("a worker needs redis_url")
         self.id = process_id()
-        self._settings = settings
+        self._settings, self._store = settings, store
         self._choice = choice
         self._client = connect(settings.redis_url)
         threads = settings.threads or len(os.sched_getaffinity(0))
@@ -90,7 +90,7 @@ class Supervisor:
 
     def run(self) -> None:
         """Work until told to stop, then give back the current slice and commit rendered ones."""
-        self._hang = Hang(threading.current_thread())
+        self._hang = Hang(threading.current_thread(), self._store)
         over = Stop()
         watchers = [
             threading.Thread(target=watch, args=(over,), name=name, daemon=True)
@@ -260,7 +260,9 @@ class Supervisor:
         while True:
             wait_s = self._settings.heartbeat_s
             hangs = self._hang.is_seen()
-            trouble = HANGS if hangs or self._uploader.is_hung else self._about.trouble
+            trouble = self._about.trouble or self._host.trouble
+            if hangs or self._uploader.is_hung:
+                trouble = HANGS
             if not hangs:
                 show_life(self._settings.alive_file, trouble)
             try:

@@ -77,7 +77,7 @@ class Uploader:
         self._give_up = threading.Event()
         self._thread = threading.Thread(target=self._run, name="uploader", daemon=True)
         self._thread.start()
-        self._hang = Hang(self._thread)
+        self._hang = Hang(self._thread, store)
 
     def submit(self, rendered: Rendered, stop: threading.Event) -> bool:
         """Take over a rendered slice; wait while too many are queued.

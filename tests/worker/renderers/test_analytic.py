@@ -13,7 +13,8 @@ from plateau.farm.model.zones import Zone
 from plateau.worker.renderers.analytic import picture
 from plateau.worker.renderers.analytic.picture import Picture
 from plateau.worker.renderers.contract import SceneError
-from plateau.worker.supervisor.child_process import ChildLimits, RenderChild
+from plateau.worker.supervisor.child_process import RenderChild
+from plateau.worker.supervisor.child_start import ChildLimits
 from tests.support import independence
 
 VARIANT = "analytic:numpy"

@@ -19,7 +19,8 @@ from plateau.farm.bundle import BundleLimits
 from plateau.farm.model.seeds import Pass
 from plateau.worker.confinement.seccomp import refuse_calls
 from plateau.worker.renderers.contract import SceneError
-from plateau.worker.supervisor.child_process import ChildDied, ChildLimits, RenderChild
+from plateau.worker.supervisor.child_process import ChildDied, RenderChild
+from plateau.worker.supervisor.child_start import ChildLimits
 from tests.support.variants import VARIANTS, library_for
 
 BOX = Path(__file__).parents[3] / "scenes" / "box"

@@ -10,7 +10,8 @@ import redis
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.model.job import LogEntry
 from plateau.farm.model.states import JobState
-from plateau.worker.supervisor.child_process import ChildDied, ChildLimits, RenderChild
+from plateau.worker.supervisor.child_process import ChildDied, RenderChild
+from plateau.worker.supervisor.child_start import ChildLimits
 from tests.support.until import until
 from tests.worker.supervisor.test_supervisor import SCENE, Bench, render_children, the_child
 

@@ -16,13 +16,14 @@ import pytest
 
 from plateau.farm.model.seeds import Pass
 from plateau.worker.renderers.contract import Loaded, SceneError, answer_line
+from plateau.worker.supervisor import child_watch
 from plateau.worker.supervisor.child_process import (
     Cancelled,
     ChildDied,
-    ChildLimits,
     Film,
     RenderChild,
 )
+from plateau.worker.supervisor.child_start import ChildLimits
 from tests.support.loop_disk import LoopDisk
 
 BOX = Path(__file__).parents[3] / "scenes" / "box"
@@ -171,6 +172,50 @@ def test_a_hanging_pass_is_killed(tmp_path: Path) -> None:
     assert not psutil.pid_exists(child.pid)
 
 
+@pytest.mark.parametrize("doing", ["loading the scene", "rendering a pass"])
+def test_one_that_is_stopped_is_ended(
+    child: RenderChild, monkeypatch: pytest.MonkeyPatch, doing: str
+) -> None:
+    monkeypatch.setattr(child_watch, "STILL_S", 2.0)
+    monkeypatch.setattr(child_watch, "_TOLD_S", 0.5)
+    child.load(BOX, "scene.xml", SMALL, 0)
+    os.kill(child.pid, signal.SIGSTOP)
+    seen: list[str | None] = []
+    looking = threading.Timer(1.5, lambda: seen.append(child.trouble))
+    looking.start()
+    with pytest.raises(ChildDied, match=f"used no processor time for 2 s while {doing}"):
+        child.load(BOX, "scene.xml", SMALL, 0) if "load" in doing else child.render(LONG)
+    looking.join()
+    assert seen == ["its render child uses no processor time; it is ended after 2 s"]
+    assert not psutil.pid_exists(child.pid)
+    assert child.trouble is None
+
+
+def test_a_slow_scene_is_left_alone(child: RenderChild, monkeypatch: pytest.MonkeyPatch) -> None:
+    # Given a child that would be stuck, or late, after a moment
+    for limit in ("STILL_S", "_LEAST_S"):
+        monkeypatch.setattr(child_watch, limit, 0.2)
+    child.load(BOX, "scene.xml", {"width": "128", "height": "128"}, 0)
+    child.render((Pass(1, 0),))
+    # Then passes that take far longer, for they have more samples, are no sign of anything
+    film, render_s = child.render((Pass(64, 1),))
+    assert render_s > 0.2
+    np.testing.assert_array_equal(film[..., 3], 64)
+
+
+def test_one_that_falls_off_its_pace_is_ended(
+    child: RenderChild, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(child_watch, "_LEAST_S", 2.0)
+    child.load(BOX, "scene.xml", SMALL, 0)
+    child.render((Pass(64, 0),))
+    # When it ends no pass any more, though others like it took a moment
+    threading.Timer(0.5, os.kill, (child.pid, signal.SIGSTOP)).start()
+    with pytest.raises(ChildDied, match=r"rendering a pass took longer than [\d.]+ s"):
+        child.render((Pass(64, 1),) * 100_000)
+    assert not psutil.pid_exists(child.pid)
+
+
 def test_a_death_is_told_with_its_signal(child: RenderChild, tmp_path: Path) -> None:
     child.load(BOX, "scene.xml", {"width": "256", "height": "256"}, 0)
     threading.Timer(0.3, os.kill, (child.pid, signal.SIGSEGV)).start()
@@ -200,7 +245,8 @@ def test_it_knows_no_secrets(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
 def test_it_does_not_outlive_a_supervisor_that_is_killed(tmp_path: Path) -> None:
     program = (
         "import sys, time; from pathlib import Path\n"
-        "from plateau.worker.supervisor.child_process import ChildLimits, RenderChild\n"
+        "from plateau.worker.supervisor.child_process import RenderChild\n"
+        "from plateau.worker.supervisor.child_start import ChildLimits\n"
         "limits = ChildLimits(threads=1, memory_bytes=0, load_timeout_s=60, pass_timeout_s=60)\n"
         "print(RenderChild('scalar_rgb', None, limits, Path(sys.argv[1]), []).pid, flush=True)\n"
         "time.sleep(60)"
