@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,8 @@ from plateau.farm.images.exr import Partial, Pixels
 from plateau.farm.model.plan import Plan
 from plateau.farm.model.spec import SharedSpec
 from plateau.service.judging.canvas import Canvas, Sampled, canvas_of
+
+_BETWEEN: Final = ", "  #: the kinds of workers in `Merge.origin`
 
 
 @dataclass(kw_only=True)
@@ -112,6 +114,11 @@ class Merge:
             )
         return channels
 
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """The kinds of the workers that rendered it, in the order of their first slices."""
+        return tuple(filter(None, self.origin.get("renderer", "").split(_BETWEEN)))
+
     def add_partial(self, partial: Partial) -> None:
         """Add the next slice as its worker uploaded it; raises as `add`."""
         is_known = bool(self.origin) or not self.slices
@@ -120,13 +127,12 @@ class Merge:
         else:
             self._add_zones(partial, self.zone_size)
         if is_known:
-            before = self.origin.get("renderer", "")
-            names = filter(None, (*before.split(", "), partial.renderer))
+            names = filter(None, (*self.kinds, partial.renderer))
             self.origin = {
                 "first_seed": self.origin.get("first_seed", str(partial.first_seed)),
                 "last_seed": str(partial.last_seed),
                 "variant": partial.variant,
-                "renderer": ", ".join(dict.fromkeys(names)),  # each version once
+                "renderer": _BETWEEN.join(dict.fromkeys(names)),  # each kind once
             }
 
     def _add_zones(self, partial: Partial, size: int) -> None:

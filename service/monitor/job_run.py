@@ -281,13 +281,17 @@ class JobRun:
         )
 
     def _notes(self, notes: tuple[str, ...] | None = None) -> tuple[str, ...] | None:
-        """The job's notes with one about NaN and infinity in image.exr; None if it has neither."""
-        non_finite = self._merge.non_finite()
-        if not non_finite:
+        """The job's notes with what the image adds to them; None if it adds nothing."""
+        added = []
+        if non_finite := self._merge.non_finite():
+            added.append(f"image.exr has values that are NaN or infinite: {non_finite}")
+        if len(kinds := self._merge.kinds) > 1:
+            added.append(f"workers of {len(kinds)} kinds rendered the image: {', '.join(kinds)}")
+        if not added:
             return None
         if notes is None:  # read again: the first slice may have added some in this turn
             notes = self._jobs.get(self.owned.job_id).notes
-        return (*notes, f"image.exr has values that are NaN or infinite: {non_finite}")
+        return (*notes, *added)
 
     def _finish(self, *, keeps_sums: bool) -> None:
         # Read again: another monitor may have saved one while this one was suspended.

@@ -62,6 +62,7 @@ class NoiseFarm:
 
     variant = "scalar_rgb"  #: with which its slices are leased
     size = SIZE
+    kinds = ("analytic 1",)  #: of its workers, which take turns
 
     def __init__(
         self,
@@ -191,6 +192,6 @@ class NoiseFarm:
                 pixels=film,
                 channels=self._shown(lease).channels,
                 zones=self._zones(lease),
-                renderer="analytic 1",
+                renderer=self.kinds[lease.index % len(self.kinds)],
             )
         )

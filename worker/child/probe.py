@@ -1,4 +1,4 @@
-"""Has the renderer of the variant that it is given render a small image, and prints OK.
+"""Has the renderer of a variant render a known image, and prints OK and a digest of its bits.
 
 A process of its own, since a library that does not suit the machine may abort it. It shuts itself
 in as a render child does: a library that the confinement keeps away would not suit either.
@@ -26,8 +26,9 @@ def main(variant: str) -> None:
     # Imported here: numpy starts threads.
     from plateau.worker.renderers.contract import renderer_for
 
-    renderer_for(variant, threads=len(os.sched_getaffinity(0))).probe()
-    print("OK")
+    canary = renderer_for(variant, threads=len(os.sched_getaffinity(0))).probe()
+    canary.check()
+    print("OK", canary.bits)
 
 
 if __name__ == "__main__":

@@ -46,6 +46,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from plateau.farm.model.zones import Zone
+    from plateau.worker.renderers.canary import Canary
 
 #: The channels with which every film begins, see `plateau.farm.images.channels`.
 CHANNELS: Final = ("R", "G", "B", "W")
@@ -261,8 +262,10 @@ class Renderer(Protocol):
 
     def __init__(self, variant: str, threads: int) -> None: ...
 
-    def probe(self) -> None:
-        """Render a small image, in a process that is there for this alone.
+    def probe(self) -> Canary:
+        """Render a small image that is known, in a process that is there for this alone.
+
+        It has to go the way of `load` and `render`, so that it shows what slices would be.
 
         Raises
         ------

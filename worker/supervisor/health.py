@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Final
 
 from plateau.farm.process.hang import DiskTest
-from plateau.worker.supervisor.variants import SCALAR, probe
+from plateau.worker.supervisor.kinds import Kinds
 
 #: How long a worker that passed the test is trusted.
 _TRUST_S: Final = 30.0
@@ -16,19 +16,19 @@ ANSWERS_S: Final = 30.0
 class Health:
     """Tests this worker: it writes a file into its cache and renders a scene that always works.
 
-    `llvm_library` is the one that its children load.
+    `kinds` has the test of what it renders.
     """
 
-    def __init__(self, cache: Path, llvm_library: str | None) -> None:
+    def __init__(self, cache: Path, kinds: Kinds) -> None:
         self._disk = DiskTest(cache)
-        self._llvm_library = llvm_library
+        self._kinds = kinds
         self._trusted_until: dict[str, float] = {}
 
     def trouble(self, variant: str) -> str | None:
         """Return why this worker cannot render with `variant`, or None. Takes some seconds."""
         if time.monotonic() < self._trusted_until.get(variant, 0.0):
             return None
-        trouble = self._disk_trouble() or self._render_trouble(variant)
+        trouble = self._disk_trouble() or self._kinds.test(variant)
         if trouble is None:
             self._trusted_until[variant] = time.monotonic() + _TRUST_S
         return trouble
@@ -38,11 +38,3 @@ class Health:
             return self._disk.trouble(ANSWERS_S)
         except OSError as error:
             return f"cannot start a process: {error.strerror}"
-
-    def _render_trouble(self, variant: str) -> str | None:
-        library = None if variant == SCALAR else self._llvm_library
-        try:
-            tried = probe(variant, library)
-        except OSError as error:
-            return f"cannot start a process: {error.strerror}"
-        return None if tried.ok else f"{variant} renders nothing here: {tried.detail}"

@@ -15,6 +15,7 @@ from plateau.farm.process.settings import Settings
 from plateau.worker.renderers.contract import Loaded
 from plateau.worker.supervisor.child_process import Film, RenderChild
 from plateau.worker.supervisor.child_start import ChildLimits
+from plateau.worker.supervisor.kinds import Kinds
 from plateau.worker.supervisor.scene_cache import SceneCache
 from plateau.worker.supervisor.uploader import Glimpse, Rendered
 
@@ -26,12 +27,18 @@ class RenderHost:
     """At most one render child at a time, with at most one scene loaded."""
 
     def __init__(
-        self, settings: Settings, threads: int, llvm_library: str | None, scenes: SceneCache
+        self,
+        settings: Settings,
+        threads: int,
+        llvm_library: str | None,
+        scenes: SceneCache,
+        kinds: Kinds,
     ) -> None:
         self._settings = settings
         self._threads = threads
         self._llvm_library = llvm_library
         self._scenes = scenes
+        self._kinds = kinds
         self._child: RenderChild | None = None
         self._child_is_for: tuple[str, tuple[int, int]] | None = None
         self._loaded: tuple[tuple[object, ...], Loaded] | None = None
@@ -54,6 +61,8 @@ class RenderHost:
         first_seed, last_seed = schedule.seed_range(lease.index, lease.spp)
         zones = slice_zones(lease.spec, lease.round, scene.width, scene.height, scene.border)
 
+        kind = self._kinds.named(lease.variant)
+
         def show_pass(film: Film, spp: int) -> None:
             show(
                 Glimpse(
@@ -63,6 +72,7 @@ class RenderHost:
                     spp=spp,
                     first_seed=first_seed,
                     zones=zones,
+                    kind=kind,
                 )
             )
 
@@ -78,6 +88,7 @@ class RenderHost:
             last_seed=last_seed,
             render_s=render_s,
             zones=zones,
+            kind=kind,
         )
 
     def take_words(self) -> str:

@@ -33,6 +33,7 @@ from plateau.worker.supervisor.about import About
 from plateau.worker.supervisor.child_process import START_TIMEOUT_S, Cancelled, ChildDied
 from plateau.worker.supervisor.health import Health
 from plateau.worker.supervisor.host import RenderHost
+from plateau.worker.supervisor.kinds import Kinds
 from plateau.worker.supervisor.pace import Pace
 from plateau.worker.supervisor.reports import Reports, Tried
 from plateau.worker.supervisor.scene_cache import SceneCache
@@ -76,9 +77,10 @@ class Supervisor:
         self._renewals = SliceQueue(renewing, self.id, settings.lease_s)
         loading_s = START_TIMEOUT_S + settings.load_timeout_s
         scenes = SceneCache(store, settings.cache / "scenes", in_use_s=loading_s)
-        self._host = RenderHost(settings, threads, choice.llvm_library, scenes)
+        self._kinds = Kinds(settings.cache, choice)
+        self._host = RenderHost(settings, threads, choice.llvm_library, scenes, self._kinds)
         self._uploader = Uploader(store, self._queue, self.id)
-        self._health = Health(settings.cache, choice.llvm_library)
+        self._health = Health(settings.cache, self._kinds)
         self._reports = Reports(self._queue, stop)
         self._stop = stop
         self._rendering: Lease | None = None
@@ -180,7 +182,9 @@ class Supervisor:
         self._pace.began(lease.job_id)
         self._rendering = lease
         try:
-            if not self._uploader.submit(self._render(lease), self._stop):
+            if (trouble := self._kinds.trouble(lease.variant)) is not None:
+                self._give_up(lease, trouble, self._tried(started))
+            elif not self._uploader.submit(self._render(lease), self._stop):
                 self._reports.hand_back(lease, _STOPS, self._tried(started))
         except Cancelled:
             why = _STOPS if self._stop.is_set() else "it was cancelled"
@@ -220,12 +224,16 @@ class Supervisor:
         """Return whether this worker can render anything else, so that the scene is to blame."""
         _LOG.warning("%s", error)
         self._about.last_error = f"slice {lease.index} of job {lease.job_id}: {error}"
-        self._about.trouble = self._health.trouble(lease.variant)
-        if self._about.trouble is None:
-            return True
-        self._reports.unfit(lease, self._about.trouble, tried)
+        trouble = self._health.trouble(lease.variant)
+        if trouble is not None:
+            self._give_up(lease, trouble, tried)
+        return trouble is None
+
+    def _give_up(self, lease: Lease, trouble: str, tried: Tried) -> None:
+        """Return the slice, and take no work until this worker can render."""
+        self._about.trouble = trouble
+        self._reports.unfit(lease, trouble, tried)
         self._sit_out(lease.variant)
-        return False
 
     def _sit_out(self, variant: str) -> None:
         """Take no work until this worker can render again."""

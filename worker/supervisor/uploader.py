@@ -7,8 +7,6 @@ import threading
 import time
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import cache
-from importlib.metadata import PackageNotFoundError, version
 from typing import Final
 
 from plateau.farm.blobs import store as blobs
@@ -16,9 +14,7 @@ from plateau.farm.blobs.store import Blobs
 from plateau.farm.images.channels import Channels
 from plateau.farm.images.exr import Partial, encode_partial
 from plateau.farm.ledger.queue import Committed, Lease, SliceQueue, SliceRecord
-from plateau.farm.model import versions
 from plateau.farm.model.errors import StoreUnavailable
-from plateau.farm.model.renderers import variant_named
 from plateau.farm.model.zones import Zone
 from plateau.farm.process import log
 from plateau.farm.process.backoff import Backoff
@@ -47,6 +43,7 @@ class Rendered:
     render_s: float
     said: str  #: what the render child printed meanwhile
     zones: tuple[Zone, ...] = ()  #: the parts of the film that were rendered; none for all of it
+    kind: str = ""  #: of the worker, see `plateau.worker.supervisor.kinds`
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,6 +56,7 @@ class Glimpse:
     spp: int
     first_seed: int
     zones: tuple[Zone, ...] = ()
+    kind: str = ""
 
 
 class Uploader:
@@ -227,16 +225,6 @@ def _encoded(rendered: Rendered | Glimpse, spp: int, last_seed: int) -> bytes:
             channels=Channels(rendered.scene.channels, rendered.scene.ids),
             zones=rendered.zones,
             border=rendered.scene.border if rendered.zones else 0,
-            renderer=_renderer(lease.variant),
+            renderer=rendered.kind,
         )
     )
-
-
-@cache
-def _renderer(variant: str) -> str:
-    """The name and version of a variant's renderer, which may be a part of Plateau."""
-    name = variant_named(variant).renderer
-    try:
-        return f"{name} {version(name)}"
-    except PackageNotFoundError:
-        return f"{name} {versions.plateau()}"

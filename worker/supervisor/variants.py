@@ -8,25 +8,21 @@ LLVM from the newest down, then ``scalar_rgb``, which needs no library.
 
 from __future__ import annotations
 
-import contextlib
-import json
 import os
-import platform
+import re
 import signal
 import subprocess
 import sys
 import tempfile
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
-from importlib.metadata import version
 from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
 from plateau.farm.model.renderers import MITSUBA, VARIANTS, variant_named
 from plateau.farm.process.lifecycle import die_with_parent
-from plateau.worker.confinement import landlock
-from plateau.worker.supervisor import needed_libraries
+from plateau.worker.supervisor import identity, needed_libraries
 from plateau.worker.supervisor.llvm_libraries import llvm_libraries, system_libraries
 
 CUDA, LLVM, SCALAR = "cuda_ad_rgb", "llvm_ad_rgb", "scalar_rgb"
@@ -37,8 +33,12 @@ _EVERYWHERE = tuple(name for name, known in VARIANTS.items() if known.works_ever
 #: A probe takes about two seconds, but far longer on a loaded machine or while a driver starts.
 _PROBE_TIMEOUT_S = 120.0
 
+#: The last line of a probe that went well.
+_RENDERED = re.compile(r"OK ([0-9a-f]+)\s*\Z")
+
 _TIMED_OUT = "gave no image within"
 _ENDED_BY = "was ended by"
+_WRONG = "CanaryWrong"
 
 #: Lines that say why. Others follow them: Dr.Jit hides a missing library behind a NameError.
 _CAUSES = ("LLVM ERROR", "cannot open shared object file")
@@ -56,6 +56,7 @@ class Probe:
     library: str | None  #: the real path of an LLVM library
     ok: bool  #: whether it rendered an image
     detail: str  #: how it failed and its message, or why it works
+    bits: str | None = None  #: a digest of the image, if it rendered one
 
 
 @dataclass(frozen=True)
@@ -92,7 +93,7 @@ def choose(cache: Path, *, every: bool = False) -> VariantChoice:
     Parameters
     ----------
     cache : Path
-        Folder for the result, which is reused until Mitsuba, a library or the CPU changes.
+        Folder for the result, which is reused until anything changes on which it depends.
     every : bool
         Try all candidates again, as ``plateau doctor`` does.
     """
@@ -103,11 +104,12 @@ def choose(cache: Path, *, every: bool = False) -> VariantChoice:
         untried = tuple(Probe(*one, ok=False, detail="was not tried") for one in candidates)
         why = f"nothing renders here: {needed_libraries.told(missing)}"
         return VariantChoice(SCALAR, None, why, untried)
-    memory = _Memory(cache / "variant.json", _identity(candidates))
-    tried = None if every else memory.read()
+    memory = identity.Memory(cache / "variant.json", _identity(candidates))
+    tried = None if every else _known(memory)
     if tried is None:
         tried = _try(candidates, every)
-        memory.write(tried)
+        if all(map(_is_lasting, tried)):
+            memory.write([asdict(one) for one in tried])
     return _choice(tried)
 
 
@@ -136,8 +138,11 @@ def probe(variant: str, library: str | None, timeout_s: float = _PROBE_TIMEOUT_S
             )
         except subprocess.TimeoutExpired:
             return Probe(variant, library, ok=False, detail=f"{_TIMED_OUT} {timeout_s:g} s")
-    ok = done.returncode == 0 and done.stdout.rstrip().endswith("OK")
-    return Probe(variant, library, ok, "rendered an image" if ok else _last_words(done))
+    said = _RENDERED.search(done.stdout)
+    if done.returncode != 0 or said is None:
+        return Probe(variant, library, ok=False, detail=_last_words(done))
+    detail = f"rendered a known image, bits {said[1]}"
+    return Probe(variant, library, ok=True, detail=detail, bits=said[1])
 
 
 def _before_the_probe() -> Callable[[], None]:
@@ -191,8 +196,8 @@ def _is_lasting(one: Probe) -> bool:
     """Return whether another trial would probably have the same outcome."""
     if one.ok:
         return True
-    if one.variant == CUDA or one.detail.startswith(_TIMED_OUT):
-        return False  # a GPU in use, a machine under load
+    if one.variant == CUDA or one.detail.startswith(_TIMED_OUT) or _WRONG in one.detail:
+        return False  # a GPU in use, a machine under load, memory that fails
     broken = tuple(f"{_ENDED_BY} {number.name}," for number in _BROKEN)
     return not one.detail.startswith(_ENDED_BY) or one.detail.startswith(broken)
 
@@ -213,55 +218,17 @@ def _last_words(done: subprocess.CompletedProcess[str]) -> str:
     return f"{how}, saying {said[:300]}"
 
 
+def _known(memory: identity.Memory) -> tuple[Probe, ...] | None:
+    """Return the outcome of the last trial, if another would probably have the same."""
+    try:
+        tried = tuple(Probe(**one) for one in memory.read() or ())
+    except TypeError:
+        return None
+    return tried if tried and all(map(_is_lasting, tried)) else None
+
+
 def _identity(candidates: list[tuple[str, str | None]]) -> dict[str, Any]:
     """Return everything on which the outcome depends, as JSON shows it."""
-    files = [(path, Path(path).stat()) for _, path in candidates if path is not None]
-    return {
-        "mitsuba": version("mitsuba"),
-        "drjit": version("drjit"),
-        "cpu": _cpu_model(),
-        "landlock": landlock.abi(),
-        "candidates": [variant for variant, _ in candidates],
-        "libraries": [[path, stat.st_mtime_ns, stat.st_size] for path, stat in files],
-    }
-
-
-def _cpu_model() -> str:
-    with contextlib.suppress(OSError):
-        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
-            if line.startswith("model name"):
-                return line.partition(":")[2].strip()
-    return platform.processor() or platform.machine()
-
-
-class _Memory:
-    """The outcome of the last trial in a file, valid while the identity stays the same."""
-
-    def __init__(self, file: Path, identity: dict[str, Any]) -> None:
-        self._file = file
-        self._identity = identity
-
-    def read(self) -> tuple[Probe, ...] | None:
-        """Return the stored probes; None if there are none or they are no longer valid."""
-        try:
-            content = json.loads(self._file.read_text(encoding="utf-8"))
-            tried = tuple(Probe(**one) for one in content["tried"])
-            if content["identity"] == self._identity and all(map(_is_lasting, tried)):
-                return tried
-        except (OSError, ValueError, TypeError, KeyError):
-            pass  # an unreadable file counts as no file
-        return None
-
-    def write(self, tried: tuple[Probe, ...]) -> None:
-        """Store these probes, unless a failure may be temporary."""
-        if not all(map(_is_lasting, tried)):
-            return
-        content = {"identity": self._identity, "tried": [asdict(one) for one in tried]}
-        with contextlib.suppress(OSError):
-            self._file.parent.mkdir(parents=True, exist_ok=True)
-            # Atomically: another worker may start at the same moment.
-            with tempfile.NamedTemporaryFile(
-                "w", dir=self._file.parent, delete=False, encoding="utf-8"
-            ) as new:
-                json.dump(content, new)
-            Path(new.name).replace(self._file)
+    libraries = [path for _, path in candidates if path is not None]
+    known = identity.of(libraries)
+    return {**known, "candidates": [variant for variant, _ in candidates]}

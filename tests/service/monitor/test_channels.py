@@ -237,3 +237,11 @@ def test_a_spoiled_file_is_made_again_with_all_that_it_said(
     blob = f"{farm.jobs.results(done.id)}/{name}"
     content = farm.store.get(blob)
     assert remade(blob, farm.jobs.sha256(blob) or "", farm.jobs, farm.store) == content
+
+
+def test_an_image_of_workers_of_several_kinds_says_so(farm: NoiseFarm) -> None:
+    farm.kinds = ("analytic 1 (numpy; one CPU; bits 00)", "analytic 1 (numpy; another; bits 11)")
+    done = finished(farm)
+    both = ", ".join(farm.kinds)
+    assert header(farm.picture(done, "image.exr"))["plateau:renderer"] == both
+    assert done.notes == (f"workers of 2 kinds rendered the image: {both}",)

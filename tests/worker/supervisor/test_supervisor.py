@@ -2,6 +2,7 @@
 
 import contextlib
 import hashlib
+import json
 import os
 import shutil
 import signal
@@ -9,6 +10,7 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -31,14 +33,19 @@ from plateau.farm.process.settings import Settings
 from plateau.farm.process.stop import Stop
 from plateau.farm.redis import keys
 from plateau.worker.supervisor import supervisor
+from plateau.worker.supervisor.kinds import Kinds
 from plateau.worker.supervisor.supervisor import Supervisor
-from plateau.worker.supervisor.variants import Probe, VariantChoice
+from plateau.worker.supervisor.variants import Probe, VariantChoice, probe
 from tests.support.loop_disk import LoopDisk
 from tests.support.until import until
 
-SCALAR = VariantChoice(
-    "scalar_rgb", None, "asked for by the test", (Probe("scalar_rgb", None, ok=True, detail=""),)
-)
+
+@cache
+def scalar() -> VariantChoice:
+    """What a worker finds out at its start, without what it renders faster with."""
+    return VariantChoice("scalar_rgb", None, "asked for by the test", (probe("scalar_rgb", None),))
+
+
 SCENE = """<scene version="3.0.0">
   <default name="size" value="16"/>
   <integrator type="{integrator}"/>
@@ -81,9 +88,9 @@ class Bench:
         return job, owned
 
     @contextmanager
-    def worker(self, choice: VariantChoice = SCALAR) -> Iterator[Supervisor]:
+    def worker(self, choice: VariantChoice | None = None) -> Iterator[Supervisor]:
         stop = Stop()
-        worker = Supervisor(self.settings, choice, self.store, stop)
+        worker = Supervisor(self.settings, choice or scalar(), self.store, stop)
         thread = threading.Thread(target=worker.run)
         thread.start()
         try:
@@ -274,6 +281,29 @@ def test_a_worker_in_which_nothing_rendered_at_its_start_takes_no_slice(
         until(lambda: alive.read_text() == "")
 
 
+def test_a_worker_whose_bits_are_not_those_of_the_day_before_takes_no_slice(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(supervisor, "_SIT_OUT_S", (1.0, 1.0))
+    # Given a worker that has rendered other bits of the known image, two days ago
+    cache = bench.settings.cache
+    Kinds(cache, scalar())
+    file = cache / "kinds.json"
+    content = json.loads(file.read_text())
+    known = content["known"]["scalar_rgb"]
+    known.update(bits="0123456789ab", checked=known["checked"] - 48 * 3600)
+    file.write_text(json.dumps(content))
+    job, _ = bench.job(slices=1)
+    with bench.worker():
+        # Then it says so, and its slice counts no try
+        until(lambda: any(one.trouble for one in bench.jobs.workers()))
+        (about,) = bench.jobs.workers()
+        assert "scalar_rgb renders other bits of a known image" in str(about.trouble)
+        until(lambda: bench.jobs.log(job.id) != [])
+        assert bench.jobs.log(job.id)[0].what == "unfit"
+        assert bench.jobs.ledger(job.id) == {}
+
+
 def test_a_scene_that_cannot_be_fetched_for_a_while_costs_no_try(bench: Bench) -> None:
     job, _ = bench.job(slices=1)
     scene = Path(bench.store.where) / blobs.scene(job.scene_sha256)
@@ -391,7 +421,7 @@ def test_a_signal_to_all_of_its_processes_harms_no_slice(bench: Bench) -> None:
 def test_a_worker_without_work_leaves_where_it_was_told_to(bench: Bench) -> None:
     bench.settings = bench.settings.model_copy(update={"leave_after_s": 0.5, "label": "slurm:7_1"})
     job, _ = bench.job(slices=3)
-    worker = Supervisor(bench.settings, SCALAR, bench.store, Stop())
+    worker = Supervisor(bench.settings, scalar(), bench.store, Stop())
     thread = threading.Thread(target=worker.run)
     thread.start()
     until(lambda: bench.jobs.workers() != [])

@@ -106,7 +106,10 @@ def signalled(tmp_path, monkeypatch):
 
 class TestProbe:
     def test_scalar_works_everywhere(self):
-        assert probe(SCALAR, None) == Probe(SCALAR, None, ok=True, detail="rendered an image")
+        found = probe(SCALAR, None)
+        told = f"rendered a known image, bits {found.bits}"
+        assert found == Probe(SCALAR, None, ok=True, detail=told, bits=found.bits)
+        assert found.bits
 
     @pytest.mark.llvm
     def test_llvm_works_with_a_library_that_fits(self):
@@ -197,7 +200,7 @@ class TestChoice:
     def test_every_candidate_is_tried_on_demand(self, tmp_path, broken_library):
         choose(tmp_path)
         found = choose(tmp_path, every=True).tried
-        assert [(one.variant, one.detail) for one in found][1:] == [(SCALAR, "rendered an image")]
+        assert [(one.variant, one.ok) for one in found][1:] == [(SCALAR, True)]
 
     @pytest.mark.parametrize("every", [True, False])
     def test_where_nothing_renders_it_says_so(
@@ -230,7 +233,7 @@ class TestMemory:
         assert self._tried_again(choose(tmp_path / "cache"))
 
     @pytest.mark.parametrize(
-        "content", ["", "{", "[]", "null", '{"identity": 1}', '{"identity": {}, "tried": 3}']
+        "content", ["", "{", "[]", "null", '{"identity": 1}', '{"identity": {}, "known": 3}']
     )
     def test_a_corrupt_memory_is_no_memory(self, tmp_path, first, content):
         (tmp_path / "cache/variant.json").write_text(content, encoding="utf-8")
@@ -240,7 +243,7 @@ class TestMemory:
     def _let_it_remember(cache, **of_the_first):
         file = cache / "variant.json"
         content = json.loads(file.read_text(encoding="utf-8"))
-        content["tried"][0].update(of_the_first)
+        content["known"][0].update(of_the_first)
         file.write_text(json.dumps(content), encoding="utf-8")
 
     def test_a_memory_of_the_wrong_shape_is_no_memory(self, tmp_path, first):

@@ -11,6 +11,7 @@ from plateau.farm.bundle import BundleError, BundleLimits
 from plateau.farm.bundle.analytic import AnalyticScene, read_analytic_scene
 from plateau.worker.renderers.analytic.aovs import GEOMETRY
 from plateau.worker.renderers.analytic.picture import Picture
+from plateau.worker.renderers.canary import Canary
 from plateau.worker.renderers.contract import Loaded, SceneError, check_aovs
 
 if TYPE_CHECKING:
@@ -33,11 +34,11 @@ class Renderer:
             raise ValueError(f"analytic scenes have no variant {variant!r}, but numpy alone")
         self._picture: Picture | None = None
 
-    def probe(self) -> None:
-        """Render a small image; raise where it is none."""
-        film = Picture(AnalyticScene(width=16, height=16)).film(4, 1)
-        if not (np.isfinite(film).all() and film.mean() > 0):
-            raise ArithmeticError("the image is black or not finite")
+    def probe(self) -> Canary:
+        """Render a small image, whose truth is known as that of all analytic scenes."""
+        picture, spp = Picture(AnalyticScene(width=32, height=32)), 1024
+        truth = picture.truth.astype(np.float64)
+        return Canary(film=picture.film(spp, 1), truth=truth, spp=spp)
 
     def load(self, request: Load) -> Loaded:
         """Read a scene's file, in the place of the one before."""

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import gc
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from plateau.worker.renderers.contract import Loaded, SceneError
+from plateau.worker.renderers.canary import Canary, CanaryWrong
+from plateau.worker.renderers.contract import Load, Loaded, SceneError
 from plateau.worker.renderers.mitsuba.kernel import Kernel
 from plateau.worker.renderers.mitsuba.scene_prep import prepare, scene_errors
 
@@ -19,8 +21,13 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from plateau.farm.model.zones import Zone
-    from plateau.worker.renderers.contract import Load
     from plateau.worker.renderers.mitsuba.scene_prep import PreparedScene
+
+_CANARY = "canary.xml"
+_CANARY_SPP = 64
+#: Of that scene: a diffuse sphere in white light from everywhere, seen without perspective.
+_RADIUS, _REFLECTANCE = 0.7, (0.2, 0.5, 0.8)
+_LUMINANCE = (0.2126, 0.7152, 0.0722)  # of Rec. 709, which is all that mono variants know
 
 
 class Renderer:
@@ -37,13 +44,18 @@ class Renderer:
         self._prepared: PreparedScene | None = None
         self._kernel: Kernel | None = None
 
-    def probe(self) -> None:
-        """Render a small Cornell box with a path tracer; raise where its image is none."""
-        scene = mi.cornell_box()
-        scene["sensor"]["film"].update(width=16, height=16)
-        image = np.array(mi.render(mi.load_dict(scene), spp=4, seed=1))
+    def probe(self) -> Canary:
+        """Render a Cornell box, which takes more of LLVM, and then a known image."""
+        box = mi.cornell_box()
+        box["sensor"]["film"].update(width=16, height=16)
+        image = np.array(mi.render(mi.load_dict(box), spp=4, seed=1))
         if not (np.isfinite(image).all() and image.mean() > 0):
-            raise ArithmeticError("the image is black or not finite")
+            raise CanaryWrong("an image is black or not finite")
+        folder = Path(__file__).parent
+        self.load(Load(folder=str(folder), entry=_CANARY, parameters={}))
+        (film,) = self.render([(_CANARY_SPP, 1)], is_cancelled=lambda: False)
+        truth = known_sphere(film.shape[0], is_mono="mono" in self._variant)
+        return Canary(film=film, truth=truth, spp=_CANARY_SPP)
 
     def load(self, request: Load) -> Loaded:
         """Load a scene in the place of the one before; errors carry Mitsuba's message."""
@@ -85,6 +97,23 @@ class Renderer:
         self._prepared = self._kernel = None
         gc.collect()
         dr.flush_malloc_cache()
+
+
+def known_sphere(size: int, *, is_mono: bool) -> NDArray[np.float64]:
+    """Return the converged image of the scene in ``canary.xml``, (size, size, 3).
+
+    A diffuse convex body under radiance 1 has its reflectance as radiance, and nothing lies behind
+    it that is not 1.
+    """
+    parts = 16
+    at = (np.arange(size * parts) + 0.5) / (size * parts) * 2 - 1
+    inside = at[:, None] ** 2 + at**2 < _RADIUS**2
+    covered = inside.reshape(size, parts, size, parts).mean(axis=(1, 3))
+    reflectance = np.asarray(_REFLECTANCE)
+    if is_mono:
+        reflectance = np.full(3, reflectance @ np.asarray(_LUMINANCE))
+    known: NDArray[np.float64] = 1 - covered[..., None] * (1 - reflectance)
+    return known
 
 
 def _rendered(one: PreparedScene, spp: int, seed: int) -> NDArray[np.float32]:
