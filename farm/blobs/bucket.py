@@ -46,8 +46,9 @@ class Bucket:
     Methods raise obstore's errors; `plateau.farm.blobs.store.Blobs` explains them.
     """
 
-    #: The message where the store has lost its mark.
+    #: There is no folder for half-written blobs.
     scratch = None
+    #: The message where the store has lost its mark.
     lost = "{where} does not have what was stored there: is it still the bucket of this farm?"
 
     def __init__(self, url: str) -> None:

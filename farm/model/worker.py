@@ -53,7 +53,9 @@ class Worker(_Record):
         description="what went wrong last; null once it has rendered a slice since"
     )
     trouble: str | None = Field(
-        None, description="why it takes no work: it found that it can render nothing"
+        None,
+        description="why it takes no work, as it found that it can render nothing; or that its "
+        "render child is stuck",
     )
     label: str | None = Field(
         None, description="its name in the system that started it, such as slurm:1234_5"

@@ -291,7 +291,7 @@ class JobRun:
             return None
         if notes is None:  # read again: the first slice may have added some in this turn
             notes = self._jobs.get(self.owned.job_id).notes
-        return (*notes, *added)
+        return tuple(dict.fromkeys((*notes, *added)))
 
     def _finish(self, *, keeps_sums: bool) -> None:
         # Read again: another monitor may have saved one while this one was suspended.

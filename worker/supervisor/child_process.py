@@ -43,6 +43,7 @@ CANCEL_GRACE_S: Final = 2.0
 #: A child that has not imported its renderer by then is killed.
 START_TIMEOUT_S: Final = 120.0
 _POLL_S: Final = 0.5  #: between two looks at a silent child
+_LOOK_S: Final = 0.01  #: between two looks whether a killed group is gone
 _LAST_WORDS: Final = 1000
 
 #: A killed child that is there for longer waits for something that no signal ends.
@@ -217,10 +218,13 @@ class RenderChild:
 
         One that waits for a disk that does not answer ends when the disk answers.
         """
+        gone_by = time.monotonic() + GONE_S
         with contextlib.suppress(ProcessLookupError):
             os.killpg(self._process.pid, signal.SIGKILL)
         with contextlib.suppress(subprocess.TimeoutExpired):
             self._process.wait(GONE_S)
+        while self._is_there() and time.monotonic() < gone_by:
+            time.sleep(_LOOK_S)
         if self._is_there():
             _LOG.error("the killed render child %d is still there: %s", self.pid, HANGS)
         self._watch.answered()
