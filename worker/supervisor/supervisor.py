@@ -231,13 +231,13 @@ class Supervisor:
 
     def _give_up(self, lease: Lease, trouble: str, tried: Tried) -> None:
         """Return the slice, and take no work until this worker can render."""
-        self._about.trouble = trouble
         self._reports.unfit(lease, trouble, tried)
+        self._rendering = None
+        self._about.trouble = trouble
         self._sit_out(lease.variant)
 
     def _sit_out(self, variant: str) -> None:
         """Take no work until this worker can render again."""
-        self._rendering = None
         backoff = Backoff(*_SIT_OUT_S)
         while self._about.trouble is not None and not self._stop.is_set():
             _LOG.error("out of service: %s", self._about.trouble)
