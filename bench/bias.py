@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from bench.allocating.recordings import SCENES
+from bench.allocating.recordings import HARD, HARD_SCENES, SCENES
 from bench.support import markdown
 from bench.support.farms.service_farm import ServiceFarm
 from bench.support.report import Figure, last_figures, last_report, write_report
@@ -46,8 +46,6 @@ REFERENCES, REFERENCE_SPP = 64, 500
 WHOLE = {"rule": {"name": "fixed", "spp": REFERENCE_SPP}, "max_spp": REFERENCE_SPP}
 #: How often a farm without bias would be found biased, over all zones of all scenes.
 FALSE_ALARM = 1e-3
-_HARD = ("fireflies", "caustic")
-_FOLDER = Path(__file__).parent / "allocating" / "scenes"
 _WHAT = {
     "zones outside their 95 % interval": "zones",
     "zones": "zones",
@@ -122,7 +120,9 @@ def subjects() -> dict[str, Subject]:
         name: Subject(scenes.FOLDER / case.family, {**film, "intensity": case.intensity})
         for name, case in SCENES.items()
     }
-    return found | {name.upper(): Subject(_FOLDER / f"{name}.xml", dict(film)) for name in _HARD}
+    return found | {
+        name: Subject(HARD_SCENES / f"{case.family}.xml", dict(film)) for name, case in HARD.items()
+    }
 
 
 def main() -> None:

@@ -11,15 +11,27 @@ import math
 import subprocess
 import sys
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from bench import ROOT
-from bench.allocating.recordings import SCENES, add_options, recorded
+from bench.allocating.denoising_tables import (
+    BLEND,
+    DENOISED,
+    KINDS,
+    OWN,
+    RAW,
+    RULES,
+    TARGETS,
+    peers_of,
+    tables,
+)
+from bench.allocating.peers import PEERS, delivered
+from bench.allocating.recordings import HARD, SCENES, add_options, recorded
 from bench.support import markdown
 from bench.support.report import Figure, figure, last_figures, last_report, renewed, write_report
 from plateau.farm.model.plan import Plan
@@ -36,12 +48,6 @@ if TYPE_CHECKING:
     from bench.experiment.cases import Case
     from plateau.metric import Image
 
-TARGETS = (0.001, 0.0002)
-RAW, DENOISED, BLEND = "raw", "denoised alone", "blend"
-KINDS = (RAW, DENOISED, BLEND)
-#: The rules that are tried on the blend: Plateau's own, and the paper's.
-OWN = Visible.name
-RULES = (OWN, "reverse", "successive", "multiple", "myszkowski")
 #: Shares of the pixels from which on an estimate is compared with the truth.
 ENOUGH = 0.001
 _NOTES = (
@@ -59,6 +65,7 @@ class Point:
     seen: dict[str, Evidence]
     seconds: float  #: of the look, and of its cores
     core_seconds: float
+    is_look: bool = False  #: whether a denoised job judges it
 
     @property
     def is_determined(self) -> bool:
@@ -76,20 +83,24 @@ class Point:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    add_options(parser)
+    every = SCENES | HARD
+    add_options(parser, choices=every)
+    parser.add_argument("--peers", action="store_true", help="measure what peers deliver alone")
     asked = parser.parse_args()
     kept = last_figures("denoising")
     settings = last_report("denoising")["settings"].get("scenes", {})
     for name in asked.cases:
-        case = SCENES[name]
+        case = every[name]
         recording = recorded(case, asked.pixels, asked.spp, asked.slice_spp, asked.data)
         guides = guides_of(case, asked.pixels, asked.data)
         scene = f"{name}, {asked.pixels} px"
-        settings[scene] = {"spp": asked.spp, "slice_spp": asked.slice_spp, "runs": asked.runs}
-        found = figures(recording, asked.slice_spp, guides, asked.runs)
-        kept = renewed(kept, scene, found)
-        for one in found:
-            print(scene, one.name, one.value, file=sys.stderr)
+        asked_of = {"spp": asked.spp, "slice_spp": asked.slice_spp, "runs": asked.runs}
+        recorded_of = recording, asked.slice_spp, guides, asked.runs
+        kept = renewed(kept, peers_of(scene), figures_of_peers(*recorded_of))
+        settings[peers_of(scene)] = asked_of
+        if not asked.peers:
+            kept = renewed(kept, scene, figures(*recorded_of))
+            settings[scene] = asked_of
     report = write_report("denoising", kept, settings={"scenes": settings}, notes=_NOTES)
     markdown.fill(markdown.DOCS / "denoising.md", tables(report))
 
@@ -150,10 +161,24 @@ def figures(
     return found
 
 
+def figures_of_peers(
+    recording: NDArray[np.float32], slice_spp: int, guides: NDArray[np.float32], runs: int
+) -> list[Figure]:
+    """Return what other renderers deliver that stop in all runs, denoised."""
+    rows = [by_peers(recording, slice_spp, guides, run) for run in range(runs)]
+    found = []
+    for peer in PEERS:
+        if all(peer in row for row in rows):
+            found.append(figure(f"{peer}: spp", [row[peer][0] for row in rows], "spp"))
+            wrong = [row[peer][1] for row in rows]
+            found.append(figure(f"{peer}: wrong", wrong, "of the pixels"))
+    return found
+
+
 def points(
     recording: NDArray[np.float32], slice_spp: int, guides: NDArray[np.float32], run: int
 ) -> list[Point]:
-    """Return the points of a job's curve, as long as half of the recording remains."""
+    """Return the looks of a job, and points between, as long as half of the recording remains."""
     order = np.random.default_rng(run).permutation(len(recording))
     spec = JobSpec(
         slice_spp=slice_spp,
@@ -164,14 +189,22 @@ def points(
     plan, metric = Plan.of(spec), CompiledVisibleDifferences(View())
     total, sums = recording.sum(axis=0, dtype=np.float64), np.zeros((4, *recording.shape[1:]))
     row: list[Point] = []
+    between = plan
     for slices in range(1, plan.stop + 1):
         sums[(slices - 1) % 4] += recording[order[slices - 1]]
-        if plan.is_point(slices):
+        is_look = plan.is_point(slices)
+        if is_look or between.is_point(slices):
+            between = between.with_look(slices, None)
             reference = (total - sums.sum(axis=0)) / (len(recording) - slices)
             share = slices / (len(recording) - slices)
             row.append(
                 point(metric, sums, slices, slice_spp, reference.astype(np.float32), share, guides)
             )
+        if is_look:
+            row[-1] = replace(row[-1], is_look=True)
+            ahead = row[-1].seen[BLEND].forecast(Visible().target)
+            expected_spp = spec.expected_end_spp(None if ahead is None else ahead.spp)
+            plan = plan.with_look(slices, expected_spp)
     return row
 
 
@@ -199,9 +232,9 @@ def point(
     # The other halves have noise of their own, as the reference has.
     other = (quarters[0].mean + quarters[1].mean - quarters[2].mean - quarters[3].mean) / 4
     noise = (np.sqrt(share) * other).astype(np.float32)
-    percept, difference = metric.percept(reference), halves[0].mean - halves[1].mean
+    difference = halves[0].mean - halves[1].mean
     wrong = {
-        kind: max(0.0, _wrong(metric, percept, one) - _by_noise(metric, reference, own, noise))
+        kind: _wrong(metric, reference, noise, one, own)
         for kind, one, own in (
             (RAW, image, difference * np.float32(0.5)),
             (DENOISED, blend.denoised, error.likely.noise),
@@ -221,22 +254,46 @@ def point(
     )
 
 
-def _wrong(metric: CompiledVisibleDifferences, reference: Any, image: Image) -> float:
-    visible = metric.compare(reference, metric.percept(image)).visible
-    return float(np.count_nonzero(visible) / visible.size)
-
-
-def _by_noise(
-    metric: CompiledVisibleDifferences, reference: Image, own: Image, noise: Image
+def _wrong(
+    metric: CompiledVisibleDifferences, reference: Image, noise: Image, image: Image, own: Image
 ) -> float:
-    """Return the share of the pixels that the reference's noise makes visible beside an image's."""
+    """Return the share of an image's pixels that are visibly wrong.
+
+    The image has noise of its own. What the reference's noise makes visible beside that is taken
+    away.
+    """
     clean = metric.percept(reference)
-    shares = [
-        _wrong(metric, clean, reference + np.float32(sign) * own + more)
-        for sign in (1, -1)
-        for more in (noise, np.float32(0))
+
+    def visible(image: Image) -> float:
+        found = metric.compare(clean, metric.percept(image)).visible
+        return float(np.count_nonzero(found) / found.size)
+
+    by_noise = [
+        visible(reference + sign * own + noise) - visible(reference + sign * own)
+        for sign in (np.float32(1), np.float32(-1))
     ]
-    return (shares[0] + shares[2] - shares[1] - shares[3]) / 2
+    return max(0.0, visible(image) - sum(by_noise) / 2)
+
+
+def by_peers(
+    recording: NDArray[np.float32], slice_spp: int, guides: NDArray[np.float32], run: int
+) -> dict[str, tuple[float, float]]:
+    """Return the samples of each renderer that stops, and the share that is wrong then."""
+    order = np.random.default_rng(run).permutation(len(recording))
+    metric, found = CompiledVisibleDifferences(View()), {}
+    denoise, _ = oidn.denoiser(tuple(guides), metric.view)
+    mixed = recording[order]
+    for one in delivered(mixed, slice_spp, denoise, metric.view):
+        left = len(mixed) - one.slices
+        reference = mixed[one.slices :].mean(axis=0, dtype=np.float64).astype(np.float32)
+        first, second, third, fourth = (
+            mixed[quarter : one.slices : 4].mean(axis=0, dtype=np.float64) for quarter in range(4)
+        )
+        other = (first + second - third - fourth) / 4
+        noise = (np.sqrt(one.slices / left) * other).astype(np.float32)
+        own = ((first + third - second - fourth) / 4).astype(np.float32)
+        found[one.peer] = one.spp, _wrong(metric, reference, noise, one.image, own)
+    return found
 
 
 def spp_at(row: Sequence[Point], kind: str, target: float) -> float | None:
@@ -253,89 +310,9 @@ def ended(row: Sequence[Point], kind: str, name: str) -> Point | None:
     """Return where a rule ends the job; None if the recording is too short."""
     rule = create_rule(name)
     for one in row:
-        if rule.judge(one.seen[kind]).stop:
+        if (one.is_look or kind == RAW) and rule.judge(one.seen[kind]).stop:
             return one
     return None
-
-
-def tables(report: dict[str, Any]) -> dict[str, str]:
-    """Return every table by the name of its place in the document."""
-    found = {one["name"]: one for one in report["figures"]}
-    names = list(report["settings"]["scenes"])
-
-    def number(scene: str, what: str, form: str = ",.0f") -> str:
-        one = found.get(f"{scene}: {what}")
-        return "–" if one is None else format(one["value"], form)
-
-    def times(scene: str, what: str) -> str:
-        raw, blend = (found.get(f"{scene}: {kind}: {what}") for kind in (RAW, BLEND))
-        return "–" if raw is None or blend is None else f"{raw['value'] / blend['value']:.2f}"
-
-    def spread(scene: str, what: str) -> str:
-        one = found.get(f"{scene}: {what}")
-        return "–" if one is None else markdown.spread(one, 2)
-
-    needed = [
-        [
-            scene,
-            *(
-                f"{number(scene, f'{RAW}: {what}')} / {number(scene, f'{BLEND}: {what}')} "
-                f"= {times(scene, what)}"
-                for what in (*(f"spp at {target:.2%}" for target in TARGETS), f"{OWN}: spp")
-            ),
-            *(number(scene, f"{kind}: {OWN}: wrong", ".3%") for kind in (RAW, BLEND)),
-        ]
-        for scene in names
-    ]
-    quality = [
-        [
-            scene,
-            *(spread(scene, f"{kind}: wrong, of raw") for kind in (DENOISED, BLEND)),
-            *(spread(scene, f"{kind}: estimate / truth") for kind in (RAW, BLEND)),
-        ]
-        for scene in names
-    ]
-    rules = [
-        [
-            f"{scene}, {kind}",
-            *(
-                f"{number(scene, f'{kind}: {rule}: spp')} / "
-                f"{number(scene, f'{kind}: {rule}: wrong', '.3%')}"
-                for rule in RULES
-            ),
-        ]
-        for scene, kind in product(names, (BLEND, DENOISED))
-    ]
-    told = [
-        [
-            scene,
-            *(
-                number(scene, f"{BLEND}: {name}")
-                for name in ("points", "determined", "determined, and twice as wrong")
-            ),
-        ]
-        for scene in names
-    ]
-    return {
-        "denoising-rules": markdown.table(["scene", *(f"`{rule}`" for rule in RULES)], rules),
-        "denoising-determined": markdown.table(
-            ["scene", "points", "determined", "of these, twice as wrong"], told
-        ),
-        "denoising": markdown.table(
-            ["scene", "0.10 % wrong", "0.02 % wrong", "the rule's end", "wrong then, raw", "blend"],
-            needed,
-        ),
-        "denoising-quality": markdown.table(
-            [
-                "scene",
-                "denoised alone, wrong pixels of raw",
-                "blend, wrong pixels of raw",
-                "raw, estimate / truth",
-                "blend, estimate / truth",
-            ],
-            quality,
-        ),
-    }
 
 
 if __name__ == "__main__":

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from plateau.metric.estimate import (
     BAND_DEVIATIONS,
+    DETERMINED,
     allowed_pixels,
     clump_in,
     estimate_from,
@@ -183,6 +184,41 @@ def forecast_from(
         low_spp=max(_whole(spp, place - off), spp),
         high_spp=_whole(spp, place + off),
     )
+
+
+def when_determined(found: Forecast, estimate: Estimate, allowed: float, *, spp: int) -> Forecast:
+    """Return the forecast, or a later one where the samples do not tell the error by then.
+
+    Parameters
+    ----------
+    found
+        When the likely error makes no more pixels visible than are allowed.
+    estimate
+        Of the present image, which has so many spp.
+    allowed
+        How many pixels may be visible.
+
+    Notes
+    -----
+    The pixels of the greatest error are taken to become fewer by the same power of the samples as
+    those of the likely one.
+    """
+    if found.spp is None or estimate.greatest_pixels is None:
+        return found
+    sooner = math.log(found.spp / spp)
+    power = FIRST_POWER
+    if sooner > 0:
+        slope = _over(estimate.pixels, allowed) / sooner
+        power = min(max(slope, LEAST_POWER), MOST_POWER)
+    place = _over(estimate.greatest_pixels, DETERMINED * allowed) / power
+    if place <= sooner:
+        return found
+    if place > math.log(FURTHEST):
+        return Forecast(None, None, None)
+    assert found.low_spp is not None
+    assert found.high_spp is not None
+    off = place - sooner
+    return Forecast(_whole(found.spp, off), _whole(found.low_spp, off), _whole(found.high_spp, off))
 
 
 def _over(pixels: float, allowed: float) -> float:

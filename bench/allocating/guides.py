@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from plateau import scenes
+from bench.allocating.recordings import load
 
 SPP = 64
 
@@ -22,9 +22,7 @@ def main() -> None:
     import mitsuba as mi
 
     mi.set_variant("llvm_ad_rgb")
-    scene = mi.load_file(
-        str(scenes.FOLDER / asked.family / "scene.xml"), width=asked.pixels, height=asked.pixels
-    )
+    scene = load(mi, asked.family, width=asked.pixels, height=asked.pixels)
     guides = mi.load_dict({"type": "aov", "aovs": "albedo:albedo,normal:sh_normal"})
     image = np.array(mi.render(scene, spp=SPP, integrator=guides), np.float32)
     np.save(asked.file, np.stack([image[..., -6:-3], image[..., -3:]]))

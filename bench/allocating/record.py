@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from plateau import scenes
+from bench.allocating.recordings import load
 
 
 def main() -> None:
@@ -26,8 +26,9 @@ def main() -> None:
     import mitsuba as mi
 
     mi.set_variant("llvm_ad_rgb")
-    scene = mi.load_file(
-        str(scenes.FOLDER / asked.family / "scene.xml"),
+    scene = load(
+        mi,
+        asked.family,
         width=asked.pixels,
         height=asked.pixels,
         intensity=asked.intensity,

@@ -5,33 +5,44 @@ from __future__ import annotations
 import subprocess
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from bench import ROOT
-from bench.experiment.cases import cases
+from bench.experiment.cases import Case, cases
 from plateau import scenes
 
 if TYPE_CHECKING:
     import argparse
+    from collections.abc import Collection
 
     from numpy.typing import NDArray
 
-    from bench.experiment.cases import Case
-
 #: The scenes by their names.
 SCENES = {case.name: case for case in cases(tuple(scenes.NAMES))}
+#: Small scenes that are hard to render.
+HARD = {name.upper(): Case(name.upper(), name, 1.0, (0, 1)) for name in ("fireflies", "caustic")}
+HARD_SCENES = Path(__file__).parent / "scenes"
 
 
-def add_options(parser: argparse.ArgumentParser) -> None:
+def add_options(parser: argparse.ArgumentParser, *, choices: Collection[str] = SCENES) -> None:
     """Add the options that say what is recorded, and where."""
-    parser.add_argument("--cases", nargs="+", choices=SCENES, default=list(SCENES))
+    parser.add_argument("--cases", nargs="+", choices=choices, default=list(choices))
     parser.add_argument("--pixels", type=int, default=256, help="across and down (256)")
     parser.add_argument("--spp", type=int, default=10_000, help="of each recording (10,000)")
     parser.add_argument("--slice-spp", type=int, default=25, help="of a slice (25)")
     parser.add_argument("--runs", type=int, default=3, help="jobs of each scene (3)")
     parser.add_argument("--data", type=Path, default=ROOT / "allocation-data")
+
+
+def load(mi: Any, family: str, **parameters: str) -> Any:
+    """Return a scene, with those of the parameters that it has."""
+    hard = HARD_SCENES / f"{family}.xml"
+    file = hard if hard.exists() else scenes.FOLDER / family / "scene.xml"
+    text = file.read_text()
+    has = {name: value for name, value in parameters.items() if f"${name}" in text}
+    return mi.load_file(str(file), **has)
 
 
 def recorded(case: Case, pixels: int, spp: int, slice_spp: int, data: Path) -> NDArray[np.float32]:

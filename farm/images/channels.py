@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import groupby
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -130,6 +131,37 @@ class Channels:
             total[..., planes] = first
             return total
 
+    def add_part(
+        self, total: NDArray[np.float64], film: NDArray[np.float32], part: Channels
+    ) -> NDArray[np.float64]:
+        """Return a sum with a film added that lacks some channels, and there has the sum's mean.
+
+        Parameters
+        ----------
+        total : ndarray, shape (..., channels), float64
+            The sum so far; it is changed in place.
+        film : ndarray, shape (..., fewer channels), float32
+            The film.
+        part : Channels
+            Those of the film, which are some of these.
+        """
+        if part == self:
+            return self.add(total, film)
+        ids = {name: total[..., self.names.index(name)].copy() for name in self.ids}
+        weights = film[..., _WEIGHT].astype(np.float64)
+        with _infinities():
+            growth = np.zeros_like(weights)
+            np.divide(weights, total[..., _WEIGHT], out=growth, where=total[..., _WEIGHT] != 0)
+            growth += 1
+            for planes, theirs in _runs(self.names, part.names):
+                if theirs is None:
+                    total[..., planes] *= growth[..., np.newaxis]
+                else:
+                    total[..., planes] += film[..., theirs]
+        for name, first in ids.items():
+            total[..., self.names.index(name)] = first
+        return total
+
     def normalised(self, total: NDArray[np.float64]) -> dict[str, NDArray[np.float32]]:
         """Return the image of a sum of films: (height, width) float32 by channel, without W.
 
@@ -169,6 +201,27 @@ class Channels:
                 uncovered = np.where(np.isfinite(alpha), 1 - alpha, 0)
                 image += uncovered[..., None] * np.array(background, np.float32)
         return image
+
+
+def _runs(names: Sequence[str], part: Sequence[str]) -> list[tuple[slice, slice | None]]:
+    """Return neighbours among the names, each run with its place in a part, or None if it has none.
+
+    Examples
+    --------
+    >>> for run in _runs("abc", "ac"):
+    ...     print(run)
+    (slice(0, 1, None), slice(0, 1, None))
+    (slice(1, 2, None), None)
+    (slice(2, 3, None), slice(1, 2, None))
+    """
+    offsets = [part.index(name) - at if name in part else None for at, name in enumerate(names)]
+    runs = []
+    for offset, run in groupby(range(len(names)), key=offsets.__getitem__):
+        first, *rest = run
+        stop = first + 1 + len(rest)
+        theirs = None if offset is None else slice(first + offset, stop + offset)
+        runs.append((slice(first, stop), theirs))
+    return runs
 
 
 def _reached(total: NDArray[np.float64]) -> Any:

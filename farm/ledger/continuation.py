@@ -22,6 +22,7 @@ from typing import Any, Final
 from plateau.farm.ledger import guarded_batches, records
 from plateau.farm.ledger.jobs import Created, Jobs, request_key
 from plateau.farm.ledger.ownership import Checkpoint
+from plateau.farm.model.aovs import GUIDED_SPP
 from plateau.farm.model.errors import CannotContinue, JobNotFound
 from plateau.farm.model.job import Job
 from plateau.farm.model.plan import LAG, Plan, Round
@@ -240,7 +241,7 @@ def check(job: Job, remains: Remains, spec: JobSpec) -> None:
                 f"{name} makes other samples, so none could be taken over: submit the scene "
                 "as a new job",
             )
-    if spec.film_aovs != job.spec.film_aovs:
+    if _slice_aovs(spec) != _slice_aovs(job.spec):
         raise CannotContinue(
             job.id,
             f"its samples have {_aovs(job.spec)}, and more of them cannot have others: submit the "
@@ -254,6 +255,11 @@ def check(job: Job, remains: Remains, spec: JobSpec) -> None:
         )
     if spec.max_spp > remains.spp:
         _check_seeds(job, remains, spec)
+
+
+def _slice_aovs(spec: JobSpec) -> tuple[object, ...]:
+    """The AOVs of the first slice, and those of one that is past all guides."""
+    return spec.slice_aovs(0), spec.slice_aovs(GUIDED_SPP)  # as a slice has 1 spp or more
 
 
 def _aovs(spec: JobSpec) -> str:

@@ -251,7 +251,14 @@ class Jobs:
         if job.spec.by_zones:
             with unavailable_as_farm_error():
                 stored = self._redis.zrange(keys.job(job.id, "rounds"), 0, -1)
-        return Plan.of(job.spec, job.width, job.height, map(Round.from_json, stored))
+        points = self.curve(job.id) if job.spec.is_denoised else []
+        return Plan.of(
+            job.spec,
+            job.width,
+            job.height,
+            map(Round.from_json, stored),
+            [(point.spp, point.forecast_spp) for point in points],
+        )
 
     def ledger(self, job_id: str) -> dict[int, dict[str, Any]]:
         """Each committed slice's record, by index, in order."""

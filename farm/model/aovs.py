@@ -45,3 +45,8 @@ AOVS: Final[dict[AovName, Aov]] = {
     "shape_id": Aov(("id.shape",), "number of the shape", is_id=True),
     "primitive_id": Aov(("id.primitive",), "number of the triangle in its shape", is_id=True),
 }
+
+#: AOVs that tell a denoiser what is texture and what is noise.
+GUIDES: Final[tuple[AovName, ...]] = ("albedo", "normal")
+#: Samples per pixel that have them: enough that they hardly have noise.
+GUIDED_SPP: Final = 64

@@ -10,26 +10,23 @@ the merged slices alone.
 from __future__ import annotations
 
 import json
-import math
 from bisect import bisect_left, bisect_right
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Final
 
+from plateau.farm.model.looks import next_look
 from plateau.farm.model.passes import MOST_SLICE_SPP
 from plateau.farm.model.spec.allocation import ZonesAllocation
 from plateau.farm.model.zones import Grid, Zone, pixels_of
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Iterable, Iterator, Sequence
 
     from plateau.farm.model.spec import SharedSpec
 
 #: Rounds after which the image decides: that of round k decides round k + LAG.
 LAG: Final = 2
-#: By what a denoised image's samples grow from one point of the curve to the next, as a look at it
-#: takes long.
-GROWTH: Final = 1.25
 
 
 @dataclass(frozen=True)
@@ -95,8 +92,9 @@ class Plan:
         Of the film, in pixels; None before it is known.
     size : int or None
         Of a zone, in pixels; None where the job is allocated by frame.
-    sparse : bool
-        Whether points of the curve come at growing distances.
+    looks : tuple of int
+        Where the image is denoised, the slices of its points of the curve: of those that are known,
+        and of the next one.
     decided : tuple of Round
         The rounds that an image has decided, from round `LAG` on.
     """
@@ -107,7 +105,7 @@ class Plan:
     width: int | None = None
     height: int | None = None
     size: int | None = None
-    sparse: bool = False
+    looks: tuple[int, ...] = ()
     decided: tuple[Round, ...] = ()
 
     @classmethod
@@ -117,19 +115,27 @@ class Plan:
         width: int | None = None,
         height: int | None = None,
         decided: Iterable[Round] = (),
+        looks: Sequence[tuple[int, int | None]] = (),
     ) -> Plan:
-        """Return the plan of a job of this spec, with a film of this size in pixels if known."""
+        """Return the plan of a job of this spec, with a film of this size in pixels if known.
+
+        `looks` are the points of a denoised image: their spp, and what was forecast there.
+        """
         size = spec.allocation.size if isinstance(spec.allocation, ZonesAllocation) else None
-        return cls(
+        plan = cls(
             slice_spp=spec.slice_spp,
             step_slices=spec.step // spec.slice_spp,
             max_spp=spec.max_spp,
             width=width,
             height=height,
             size=size,
-            sparse=spec.is_denoised,
             decided=() if size is None else tuple(decided),
         )
+        if not spec.is_denoised:
+            return plan
+        seen = tuple(spp // spec.slice_spp for spp, _ in looks)
+        plan = replace(plan, looks=seen or (min(plan.step_slices, plan.stop),))
+        return plan.with_look(seen[-1], spec.expected_end_spp(looks[-1][1])) if seen else plan
 
     @property
     def by_zones(self) -> bool:
@@ -206,20 +212,11 @@ class Plan:
         """Whether the image of so many slices is judged."""
         if not slices:
             return False
-        if self.sparse:
-            return slices in self._sparse_points
+        if self.looks:
+            return slices in self.looks or slices == self.stop
         if self.by_zones:
             return slices in self._ends
         return not slices % self.step_slices or slices == self.stop
-
-    @cached_property
-    def _sparse_points(self) -> tuple[int, ...]:
-        """The slices of each point, where their distances grow."""
-        points, rounds = [], 1
-        while rounds * self.step_slices < self.stop:
-            points.append(rounds * self.step_slices)
-            rounds = max(rounds + 1, math.ceil(GROWTH * rounds))
-        return (*points, self.stop)
 
     def samples(self, slices: int) -> int:
         """Return the samples of the first slices, over all pixels of the film."""
@@ -253,9 +250,9 @@ class Plan:
 
         Where no such point is decided, these are the slices that are.
         """
-        if self.sparse:
-            wanted = -(-spp // self.slice_spp)
-            return next((end for end in self._sparse_points if end >= wanted), self.stop)
+        for look in self.looks:
+            if self.spp(look) >= spp:
+                return look
         if not self.by_zones:
             return -(-spp // (self.step_slices * self.slice_spp)) * self.step_slices
         return next((end for end in self._ends if self.spp(end) >= spp), self.stop)
@@ -284,6 +281,18 @@ class Plan:
             each = min(each, left // (4 * fours))
         one = Round(self.stop, 4 * fours, each, numbers, pixels)
         return one if one.samples >= self.pixels else replace(one, slices=0, spp=0)
+
+    def with_look(self, slices: int, expected_spp: int | None) -> Plan:
+        """Return the plan with the look after the one at these slices, unless that is known.
+
+        `expected_spp` is where the image of these slices says that the job ends, if it does.
+        """
+        if not self.looks or slices < self.looks[-1]:
+            return self
+        step_spp = self.step_slices * self.slice_spp
+        following = next_look(self.spp(slices), step_spp, expected_spp) // self.slice_spp
+        looks = sorted({*self.looks, slices, min(following, self.stop)})
+        return replace(self, looks=tuple(looks))
 
     def with_round(self, one: Round) -> Plan:
         """Return the plan with one round more."""

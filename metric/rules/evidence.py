@@ -10,7 +10,7 @@ from plateau.metric.allocation import Allocation, plan_round
 from plateau.metric.cvvdp import LEAST_SIZE
 from plateau.metric.display import as_image, finite_pixels
 from plateau.metric.estimate import Estimate, allowed_pixels, estimate_from
-from plateau.metric.forecasts import Forecast, forecast_from
+from plateau.metric.forecasts import Forecast, forecast_from, when_determined
 from plateau.metric.noise_model import Half, NoiseModel, noise_model
 from plateau.metric.quality import Quality, QualityModel
 
@@ -172,6 +172,7 @@ class Evidence:
         """
         if self._model is None or self.estimate is None:
             return None
-        return forecast_from(
+        found = forecast_from(
             self.metric, *self._model, self.estimate, target, spp=self.spp, guess=guess
         )
+        return when_determined(found, self.estimate, self.allowed_pixels(target), spp=self.spp)

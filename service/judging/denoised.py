@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from plateau.farm.model.aovs import AOVS
-from plateau.farm.model.spec.denoise import GUIDES, OidnDenoising
+from plateau.farm.model.aovs import AOVS, GUIDES
 from plateau.metric import Blend, BlendError, Half, NoiseModel, View
 
 if TYPE_CHECKING:
@@ -39,11 +38,10 @@ class DenoisingTask:
         """Return the task for a merged image of two slices or more."""
         halves = merge.halves()
         assert halves is not None
-        guided = isinstance(spec.denoise, OidnDenoising) and spec.denoise.guides
         return cls(
             merge.image(),
             (Half(*halves[0]), Half(*halves[1])),
-            guides_in(merge.layers()) if guided else (),
+            guides_in(merge.layers()) if spec.is_guided else (),
             View(**spec.view.of_display()),
         )
 

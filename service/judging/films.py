@@ -45,7 +45,6 @@ class Films:
     """The partials of a job's slices, for the monitor that owns the job."""
 
     def __init__(self, owned: Ownership, owners: Ownerships, store: Blobs, spec: JobSpec) -> None:
-        self._expected = {channel for aov in spec.film_aovs for channel in AOVS[aov].channels}
         self._spec = spec
         self._owned = owned
         self._owners = owners
@@ -97,7 +96,9 @@ class Films:
         return zones == slice_zones(self._spec, one, width, height, border)
 
     def _complete(self, partial: Partial, record: SliceRecord) -> Partial:
-        lacking = self._expected.difference(partial.channels.names)
+        aovs = self._spec.slice_aovs(record.index)
+        expected = {channel for aov in aovs for channel in AOVS[aov].channels}
+        lacking = expected.difference(partial.channels.names)
         if lacking:
             raise CorruptPartial(
                 f"slice {record.index} lacks the channels {', '.join(sorted(lacking))}: worker "

@@ -62,6 +62,8 @@ class Judgement:
     expected_spp: int | None
     #: Why the image cannot be a result, whatever the rules say; None if it can.
     flaw: str | None
+    #: The spp at which hardly any noise is left; None if unknown.
+    forecast_spp: int | None = None
     #: The round that the image decides; None where the job is allocated by frame.
     decided: Round | None = None
 
@@ -145,7 +147,8 @@ class Judge:
         own = verdicts[self._own]
         expected = self._expected_spp(own, forecast, merge.spp)
         verdict = self._not_too_early(own, merge.spp)
-        return Judgement(point, verdict, expected, flaw, decided)
+        forecast_spp = None if forecast is None else forecast.spp
+        return Judgement(point, verdict, expected, flaw, forecast_spp, decided)
 
     def _evidence(self, merge: Merge) -> Evidence:
         halves, image = merge.halves(), merge.image()

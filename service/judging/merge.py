@@ -9,11 +9,14 @@ from numpy.typing import NDArray
 
 from plateau.farm.images.channels import BLACK, Channels, Colour
 from plateau.farm.images.exr import Partial, Pixels
+from plateau.farm.model.aovs import AOVS, GUIDES
 from plateau.farm.model.plan import Plan
 from plateau.farm.model.spec import SharedSpec
 from plateau.service.judging.canvas import Canvas, Sampled, canvas_of
 
 _BETWEEN: Final = ", "  #: the kinds of workers in `Merge.origin`
+#: The channels that the first slices alone may have.
+_GUIDE_CHANNELS: Final = frozenset(name for guide in GUIDES for name in AOVS[guide].channels)
 
 
 @dataclass(kw_only=True)
@@ -85,34 +88,45 @@ class Merge:
         film
             Its film before normalisation, (height, width, channels) float32.
         channels
-            The film's channels; by default R, G, B and W.
+            The film's channels; by default R, G, B and W. It may lack a denoiser's guides where the
+            slices before have them, and then has their mean.
 
         Raises
         ------
         ValueError
             The slices before have another size or other channels.
         """
-        channels = self._checked(channels or Channels())
+        given = channels or Channels()
+        channels = self._checked(given)
         if self._total is not None and film.shape[:2] != self._total.shape[:2]:
             raise ValueError(
                 f"slice {self.slices} is {film.shape[1]}×{film.shape[0]} pixels, those before it "
                 f"{self._total.shape[1]}×{self._total.shape[0]}"
             )
-        self._total = channels.add(self._total, film)
+        if self._total is None:
+            self._total = channels.add(None, film)
+        else:
+            channels.add_part(self._total, film, given)
         seen, part = channels.seen(), film[..., : channels.judged]
         if self.slices % 2 == 0:
             self._even = seen.add(self._even, part)
         self.slices += 1
 
     def _checked(self, channels: Channels) -> Channels:
+        """Return the merge's channels, of which the next slice may lack guides alone."""
         if not self.slices:
             self.channels = channels
-        elif channels != self.channels:
+        elif channels != self.channels and not self._lacks_guides_alone(channels):
             raise ValueError(
                 f"slice {self.slices} has the channels {', '.join(channels.names)}, those before "
                 f"it {', '.join(self.channels.names)}: submit the scene as a new job"
             )
-        return channels
+        return self.channels
+
+    def _lacks_guides_alone(self, channels: Channels) -> bool:
+        needed = set(self.channels.names) - _GUIDE_CHANNELS
+        alike = (channels.judged, channels.ids) == (self.channels.judged, self.channels.ids)
+        return alike and needed <= set(channels.names) <= set(self.channels.names)
 
     @property
     def kinds(self) -> tuple[str, ...]:
@@ -153,7 +167,7 @@ class Merge:
         is_even = self.slices % 2 == 0
         for place, part in canvas.parts(partial.pixels, partial.zones):
             if self.slices:
-                channels.add(self._total[place], part)
+                channels.add_part(self._total[place], part, partial.channels)
             else:  # whose ids stay
                 self._total[place] = part
             seen = channels.seen()

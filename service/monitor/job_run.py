@@ -65,6 +65,7 @@ class JobRun:
         self._point: dict[str, object] = {}  # the last judgement's
         self._in_hand: deque[SliceRecord] = deque()  # committed and not yet merged
         self._decided: Round | None = None  # by the image that was judged last
+        self._forecast_spp: int | None = None  # from that image
         self._films = Films(owned, owners, store, job.spec)
         self._results = ResultSets(owned, owners, store, job.spec)
         self._checkpoints = Checkpoints(owned, owners, store, keep_slices=job.spec.keep_slices)
@@ -202,6 +203,7 @@ class JobRun:
                 self._merge, self._known.plan, denoised=self._denoised_image()
             )
         self._point, self._decided = judgement.point, judgement.decided
+        self._forecast_spp = judgement.forecast_spp
         verdict = judgement.verdict
         return self._known.with_answer(
             Answer(
@@ -219,7 +221,7 @@ class JobRun:
         known = self._known
         decided = self._decided if known.plan.decides(known.merged) else None
         self._owners.append_point(self.owned, known.spp, self._point, decided)
-        return known.with_point(decided)
+        return known.with_point(decided, self._forecast_spp)
 
     def _show_and_save(self, *, show: bool, save: bool) -> Known:
         known = self._known

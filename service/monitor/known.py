@@ -210,9 +210,10 @@ class Known:
         """The size of the film, which is known from the first commit on, was read."""
         return replace(self, plan=replace(self.plan, width=width, height=height))
 
-    def with_point(self, decided: Round | None) -> "Known":
-        """The curve has the point, and the plan the round that its image has decided, if any."""
+    def with_point(self, decided: Round | None, forecast_spp: int | None) -> "Known":
+        """The curve has the point, and the plan what its image has decided: a round, a look."""
         plan = self.plan if decided is None else self.plan.with_round(decided)
+        plan = plan.with_look(self.merged, self.job.spec.expected_end_spp(forecast_spp))
         return replace(self, recorded=True, plan=plan)
 
     def with_slices(self, found: int, asked: int) -> "Known":

@@ -7,6 +7,7 @@ import pytest
 
 from plateau.metric import (
     Evidence,
+    Forecast,
     Half,
     Image,
     View,
@@ -179,5 +180,9 @@ def test_a_rule_goes_on_while_the_samples_do_not_tell_how_wrong_the_denoiser_is(
     # Then the rule says so and goes on
     assert not said[-1].stop
     assert "is reached, but it is undetermined: 440 pixels may differ" in said[-1].reason
+    # And forecasts when they will have told
+    ahead = evidence(128, 0.01).forecast(0.01)
+    assert 128 < ahead.spp < 128 * 4
     # Until more samples have told
     assert rule.judge(evidence(256, 0.005)).stop
+    assert evidence(256, 0.005).forecast(0.01) == Forecast(256, 256, 256)

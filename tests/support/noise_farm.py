@@ -149,7 +149,8 @@ class NoiseFarm:
         return slice_zones(lease.spec, lease.round, self.size[1], self.size[0], border=0)
 
     def _shown(self, lease: Lease) -> Picture:
-        return ramp(self.sigma, () if self.blind else lease.spec.film_aovs, alpha=self.alpha)
+        aovs = () if self.blind else lease.spec.slice_aovs(lease.index)
+        return ramp(self.sigma, aovs, alpha=self.alpha)
 
     def commit(self, lease: Lease, film: Pixels | None = None) -> Committed:
         spp = lease.spp

@@ -64,6 +64,9 @@ class NotUnderstood(ValueError):
 class Load:
     """Load a scene in the place of the one before; answered by `Loaded`.
 
+    The slices of a job may differ in their AOVs. Where nothing else has changed, the scene of the
+    request before may stay.
+
     Attributes
     ----------
     id : int

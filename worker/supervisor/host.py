@@ -142,16 +142,17 @@ class RenderHost:
 
     def _load(self, child: RenderChild, lease: Lease) -> Loaded:
         spec = lease.spec
+        aovs = spec.slice_aovs(lease.index)
         parameters = spec.parameter_strings()
         wanted = (
             lease.scene_sha256,
             tuple(sorted(parameters.items())),
             spec.sensor,
-            spec.film_aovs,
+            aovs,
         )
         if self._loaded is None or self._loaded[0] != wanted:
             self._loaded = None
             self._files, entry = self._scenes.scene(lease.scene_sha256)
-            loaded = child.load(self._files, entry, parameters, spec.sensor, spec.film_aovs)
+            loaded = child.load(self._files, entry, parameters, spec.sensor, aovs)
             self._loaded = (wanted, loaded)
         return self._loaded[1]

@@ -1,14 +1,10 @@
 """Whether the image that a job delivers is denoised: a part of its spec."""
 
-from typing import Annotated, Final, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field
 
-from plateau.farm.model.aovs import AovName
 from plateau.farm.model.spec.rule_model import Strict
-
-#: AOVs that tell a denoiser what is texture and what is noise.
-GUIDES: Final[tuple[AovName, ...]] = ("albedo", "normal")
 
 
 class NoDenoising(Strict):
@@ -23,8 +19,8 @@ class OidnDenoising(Strict):
     name: Literal["oidn"] = "oidn"
     guides: bool = Field(
         default=True,
-        description="whether films have albedo and normal too, which keep texture from being taken "
-        "for noise",
+        description="whether the first films have albedo and normal too, which keep texture from "
+        "being taken for noise",
     )
 
 

@@ -6,12 +6,12 @@ from typing import Annotated, Final, Literal
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from plateau.farm.model import renderers
-from plateau.farm.model.aovs import AOV_NAMES, AOVS, AovName
+from plateau.farm.model.aovs import AOV_NAMES, AOVS, GUIDED_SPP, GUIDES, AovName
 from plateau.farm.model.passes import MOST_SLICE_SPP
 from plateau.farm.model.place_names import DEFAULT_POOL, PlaceName, Tags
 from plateau.farm.model.seeds import SeedSchedule
 from plateau.farm.model.spec.allocation import AllocationSpec, FrameAllocation
-from plateau.farm.model.spec.denoise import GUIDES, DenoiseSpec, NoDenoising, OidnDenoising
+from plateau.farm.model.spec.denoise import DenoiseSpec, NoDenoising, OidnDenoising
 from plateau.farm.model.spec.exr import ExrSpec
 from plateau.farm.model.spec.rule_model import Strict
 from plateau.farm.model.spec.rule_specs import RuleSpec, VisibleSpec
@@ -176,11 +176,25 @@ class SharedSpec(Strict):
         return self.denoise.name != "none"
 
     @property
+    def is_guided(self) -> bool:
+        """Whether albedo and normal guide the denoiser."""
+        return isinstance(self.denoise, OidnDenoising) and self.denoise.guides
+
+    @property
     def film_aovs(self) -> tuple[AovName, ...]:
-        """The AOVs of its films: those that it asks for, and the denoiser's guides."""
-        guided = isinstance(self.denoise, OidnDenoising) and self.denoise.guides
-        asked = {*self.aovs, *(GUIDES if guided else ())}
+        """The AOVs of its image: those that it asks for, and the denoiser's guides."""
+        return self.slice_aovs(0)
+
+    def slice_aovs(self, index: int) -> tuple[AovName, ...]:
+        """Return the AOVs of a slice's film: the guides are in the first slices alone."""
+        has_guides = self.is_guided and index * self.slice_spp < GUIDED_SPP
+        asked = {*self.aovs, *(GUIDES if has_guides else ())}
         return tuple(name for name in AOV_NAMES if name in asked)
+
+    def expected_end_spp(self, forecast_spp: int | None) -> int | None:
+        """Return where its rule is expected to end it, by a forecast alone; None if unknown."""
+        spp = self.rule.behaviour.expected_end_spp(forecast_spp)
+        return None if spp is None else max(spp, self.min_spp or 0)
 
     @property
     def noise_target(self) -> float | None:

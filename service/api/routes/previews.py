@@ -146,7 +146,7 @@ def _slices(farm: Parts, job: Job, spp: int) -> list[KeptSlice]:
     plan = farm.jobs.plan(job)
     slices = plan.slices_of(spp)
     if plan.spp(slices) != spp or not plan.is_point(slices) or spp > job.spp:
-        is_even = not plan.by_zones and not plan.sparse
+        is_even = not plan.by_zones and not plan.looks
         apart = f"they are {job.spec.step} spp apart" if is_even else "its curve has them"
         raise Problem(
             problems.UNKNOWN_POINT,

@@ -22,6 +22,27 @@ def test_sums_are_added_and_ids_stay_those_of_the_first_film():
     assert image == {"R": 1, "G": 1, "B": 1, "A": 1, "Z": 3, "id.shape": 5}
 
 
+@pytest.mark.parametrize(
+    ("names", "more"),
+    [
+        (("R", "G", "B", "W", "A", "id.shape"), (3, 2, 1, 6, 3, 7)),
+        (("R", "G", "B", "W", "A", "id.shape", "Z"), (3, 2, 1, 6, 3, 7, 24)),
+    ],
+)
+def test_a_film_without_some_channels_has_the_mean_of_the_sum(names, more):
+    total = CHANNELS.add(None, film(1, 2, 3, 2, 1, 8, 5))
+    total = CHANNELS.add_part(total, film(*more), Channels(names, ("id.shape",)))
+    assert total.tolist() == [[[4, 4, 4, 8, 4, 32, 5]]]
+    assert CHANNELS.normalised(total)["Z"].item() == 4
+
+
+def test_what_no_sample_has_reached_has_no_mean():
+    total = CHANNELS.add_part(
+        np.zeros((1, 1, 7)), film(1, 1, 1, 1, 1, 5), Channels(NAMES[:5] + NAMES[6:], ("id.shape",))
+    )
+    assert total.tolist() == [[[1, 1, 1, 1, 1, 0, 0]]]
+
+
 def test_a_sum_in_float64_does_not_lose_small_films():
     channels, total = Channels(), None
     for value in (1.0, *[2.0**-30] * 64):

@@ -47,8 +47,12 @@ def made_job(**fields: Any) -> Job:
 def points_of(spec: JobSpec, spp: int) -> list[int]:
     """The spp of the points of a curve, up to this one."""
     if spec.is_denoised:
-        slices = range(1, spp // spec.slice_spp + 1)
-        return [at * spec.slice_spp for at in filter(Plan.of(spec).is_point, slices)]
+        plan, points = Plan.of(spec), []
+        for at in range(1, spp // spec.slice_spp + 1):
+            if plan.is_point(at):
+                points.append(at * spec.slice_spp)
+                plan = plan.with_look(at, spec.expected_end_spp(None))
+        return points
     return [at for at in range(1, spp + 1) if at % spec.step == 0 or at == spec.max_spp]
 
 
@@ -220,7 +224,9 @@ class DecidingMonitor:
         read = job.read()
         self.known = Known(
             job=read,
-            plan=Plan.of(read.spec, read.width, read.height),
+            plan=Plan.of(
+                read.spec, read.width, read.height, looks=[(spp, None) for spp in self.job.curve]
+            ),
             ahead=LookAhead.of(read),
             keeps_sums=job.keeps_sums,
             merged=self.sums,
@@ -298,7 +304,7 @@ class DecidingMonitor:
                 if not job.curve or job.curve[-1] < spp:
                     job.curve.append(spp)
                     job.spp = spp
-                return replace(known, recorded=True)
+                return known.with_point(None, None)
             case steps.ShowAndSave(show, save):
                 return self._show_and_save(show=show, save=save)
             case steps.ShowFirstSlice():

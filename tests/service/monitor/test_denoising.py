@@ -11,9 +11,10 @@ import psutil
 import pytest
 import redis
 
-from plateau.farm.images.exr import decode_layers
+from plateau.farm.images.exr import decode_layers, decode_partial
 from plateau.farm.model.errors import CannotContinue
 from plateau.farm.model.job import Job
+from plateau.farm.model.looks import next_look
 from plateau.farm.model.states import JobState
 from plateau.metric import Half, View
 from plateau.service.judging.denoised import DenoisingTask
@@ -96,14 +97,19 @@ def test_what_is_judged_is_what_is_delivered(farm: NoiseFarm) -> None:
     assert last.estimate_undetermined is done.estimate_undetermined is False
 
 
-def test_points_come_at_growing_distances(farm: NoiseFarm) -> None:
+def test_each_look_says_when_the_next_one_comes(farm: NoiseFarm) -> None:
     done = finished(farm, **{**NEVER, "max_spp": 1000})
     assert done.state is JobState.EXHAUSTED
+    points = farm.jobs.curve(done.id)
+    assert points[-1].spp == 1000
+    for one, later in pairwise(points[:-1]):
+        assert later.spp == next_look(one.spp, 40, one.forecast_spp)
+
+
+def test_a_job_of_so_many_samples_has_a_look_there(farm: NoiseFarm) -> None:
+    done = finished(farm, **{**JOB, "rule": {"name": "fixed", "spp": 440}})
     spp = [point.spp for point in farm.jobs.curve(done.id)]
-    assert spp[:4] == [40, 80, 120, 160]
-    assert spp[-1] == 1000
-    assert all(one % 40 == 0 for one in spp)
-    assert all(later >= 1.25 * one for one, later in pairwise(spp[3:-1]))
+    assert (done.state, spp) == (JobState.CONVERGED, [40, 120, 200, 320, 440])
 
 
 def test_its_image_depends_on_no_monitor_and_no_order(
@@ -124,6 +130,29 @@ def test_albedo_and_normals_guide_it_and_are_in_the_image(farm: NoiseFarm) -> No
     assert {"albedo.R", "N.X", "Z"} <= found.keys()
     said = header(farm.picture(done, "image.exr"))
     assert "albedo and normal" in said["plateau:denoiser"]
+
+
+def test_the_first_slices_alone_have_guides(farm: NoiseFarm) -> None:
+    spec = {**JOB, "denoise": {"name": "oidn"}, "rule": {"name": "fixed", "spp": 120}}
+    done = finished(farm, **spec, keep_slices=True)
+    films = [
+        decode_partial(farm.store.get(record["blob"])).channels.names
+        for record in farm.jobs.ledger(done.id).values()
+    ]
+    assert [len(names) for names in films[:12]] == [10] * 7 + [4] * 5
+    # They are those of the first seven slices, and colour has all
+    first = finished(farm, **{**spec, "rule": {"name": "fixed", "spp": 40}})
+    for name, values in layers(farm, first).items():
+        if name.startswith(("albedo", "N.")):
+            np.testing.assert_allclose(layers(farm, done)[name], values, atol=0.05)
+    # What was rendered with AOVs throughout is denoised later, guided by all
+    asked = finished(farm, **RAW, aovs=["albedo", "normal"], keep_slices=True)
+    with farm.monitor():
+        again = farm.finish(go_on(farm, asked, denoise=spec["denoise"], max_spp=asked.spp))
+    assert again.state is JobState.CONVERGED
+    # And slices without AOVs are no slices with them
+    with pytest.raises(CannotContinue, match="more of them cannot have others"):
+        go_on(farm, done, denoise={"name": "none"}, aovs=["albedo", "normal"])
 
 
 def test_alpha_stays_and_what_is_behind_it_is_not_in_the_colour(

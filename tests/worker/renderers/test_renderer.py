@@ -69,6 +69,22 @@ class TestPurity:
         box_room.load(ROOM, filter="box")
         assert np.array_equal(box_room.render_pass(4, 7), first)
 
+    @pytest.mark.parametrize("filter_", ["box", "gaussian"])
+    def test_other_aovs_change_no_bit_of_the_colour_and_load_no_scene(
+        self, mitsuba, tmp_path, filter_
+    ):
+        folder = _scene(tmp_path, ('<rfilter type="box"/>', f'<rfilter type="{filter_}"/>'))
+        guided = mitsuba.load(folder, aovs=("albedo", "normal"))
+        film = mitsuba.render_pass(4, 7)
+        (folder / "scene.xml").unlink()  # it cannot be read again
+        plain = mitsuba.load(folder)
+        assert plain.channels == guided.channels[:4] == ("R", "G", "B", "W")
+        assert np.array_equal(mitsuba.render_pass(4, 7), film[..., :4])
+        assert mitsuba.load(folder, aovs=("depth",)).channels == (*plain.channels, "Z")
+        # The same request means the scene as it is now
+        with pytest.raises(SceneError):
+            mitsuba.load(folder, aovs=("depth",))
+
     @pytest.mark.parametrize("filter_", ["box", "gaussian", "lanczos"])
     @pytest.mark.parametrize("threads", [1, 9])
     def test_the_number_of_threads_changes_no_bit(self, mitsuba, threads, filter_):

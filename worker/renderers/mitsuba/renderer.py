@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,7 +14,7 @@ import numpy as np
 from plateau.worker.renderers.canary import Canary, CanaryWrong
 from plateau.worker.renderers.contract import Load, Loaded, SceneError
 from plateau.worker.renderers.mitsuba.kernel import Kernel
-from plateau.worker.renderers.mitsuba.scene_prep import prepare, scene_errors
+from plateau.worker.renderers.mitsuba.scene_prep import prepare, scene_errors, with_aovs
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -42,6 +43,7 @@ class Renderer:
         dr.set_thread_count(threads)
         self._variant = variant
         self._prepared: PreparedScene | None = None
+        self._request: Load | None = None  # of that scene
         self._kernel: Kernel | None = None
 
     def probe(self) -> Canary:
@@ -59,8 +61,14 @@ class Renderer:
 
     def load(self, request: Load) -> Loaded:
         """Load a scene in the place of the one before; errors carry Mitsuba's message."""
+        # The slices of a job may differ in their AOVs, and a scene may take minutes to load.
+        kept = self._prepared if _differ_in_aovs_alone(self._request, request) else None
         self._unload()
-        self._prepared = one = prepare(self._variant, request)
+        if kept is None:
+            one = prepare(self._variant, request)
+        else:
+            one = with_aovs(self._variant, kept, request)
+        self._prepared, self._request = one, request
         if not self._variant.startswith("scalar"):
             self._kernel = Kernel(one)
         return Loaded(
@@ -94,7 +102,7 @@ class Renderer:
 
     def _unload(self) -> None:
         """Free the scene before, so that two never share the memory."""
-        self._prepared = self._kernel = None
+        self._prepared = self._kernel = self._request = None
         gc.collect()
         dr.flush_malloc_cache()
 
@@ -114,6 +122,12 @@ def known_sphere(size: int, *, is_mono: bool) -> NDArray[np.float64]:
         reflectance = np.full(3, reflectance @ np.asarray(_LUMINANCE))
     known: NDArray[np.float64] = 1 - covered[..., None] * (1 - reflectance)
     return known
+
+
+def _differ_in_aovs_alone(one: Load | None, other: Load) -> bool:
+    if one is None or one.aovs == other.aovs:
+        return False
+    return one == replace(other, id=one.id, aovs=one.aovs)
 
 
 def _rendered(one: PreparedScene, spp: int, seed: int) -> NDArray[np.float32]:

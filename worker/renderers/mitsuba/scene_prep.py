@@ -16,6 +16,7 @@ import drjit as dr
 import mitsuba as mi
 
 from plateau.farm.bundle import BundleLimits
+from plateau.farm.model.seeds import SCALAR_BLOCK
 from plateau.worker.renderers.contract import SceneError, check_aovs
 from plateau.worker.renderers.mitsuba.adaptation import NO_WEIGHTS, adapt
 from plateau.worker.renderers.mitsuba.film_channels import MITSUBA_AOVS, film_channels
@@ -102,6 +103,12 @@ def prepare(variant: str, request: Load) -> PreparedScene:
     return _check(variant, scene, request, notes)
 
 
+def with_aovs(variant: str, one: PreparedScene, request: Load) -> PreparedScene:
+    """Return a scene that is prepared, with the AOVs of another request; raises as `prepare`."""
+    check_aovs(request.aovs, MITSUBA_AOVS)
+    return _check(variant, one.scene, request, one.notes)
+
+
 @contextmanager
 def scene_errors(folder: Path | None = None) -> Iterator[None]:
     """Turn what Mitsuba raises into `SceneError`, save for a lack of memory, which passes.
@@ -183,7 +190,7 @@ def _check(variant: str, scene: Any, request: Load, notes: tuple[str, ...]) -> P
             f"{BundleLimits().max_pixels:,} at most; make the film smaller"
         )
     aovs = [name for name in MITSUBA_AOVS if name in request.aovs]
-    integrator = _with_aovs(_checked(scene.integrator()), aovs)
+    integrator = _with_aovs(variant, _checked(scene.integrator()), aovs)
     channels = film_channels(
         has_alpha=mi.has_flag(film.flags(), mi.FilmFlags.Alpha),
         integrator_names=integrator.aov_names(),
@@ -205,9 +212,10 @@ def _checked(integrator: Any) -> Any:
     return integrator
 
 
-def _with_aovs(integrator: Any, asked: Sequence[AovName]) -> Any:
-    """Return an integrator that gives these AOVs too, as the last ones."""
+def _with_aovs(variant: str, integrator: Any, asked: Sequence[AovName]) -> Any:
+    """Return an integrator that gives these AOVs too, as the last ones, and the same samples."""
     if not asked:
         return integrator
     aovs = ",".join(f"{name}:{MITSUBA_AOVS[name]}" for name in asked)
-    return mi.load_dict({"type": "aov", "aovs": aovs, "image": integrator})
+    ours = {"block_size": SCALAR_BLOCK} if variant.startswith("scalar") else {}
+    return mi.load_dict({"type": "aov", "aovs": aovs, "image": integrator, **ours})
