@@ -94,7 +94,9 @@ class FinishedJobs:
         """The jobs that finished this long ago, newest first."""
         before = now_ms(self._redis) - older_than_ms
         newest_first = reversed(list(field_of_all(self._redis, "finished_at")))
-        return [job_id for job_id, at in newest_first if at is not None and float(at) <= before]
+        return [
+            job_id for job_id, at in newest_first if at is not None and int(float(at)) <= before
+        ]
 
     def _deleted_for(self, older_than_ms: int) -> list[str]:
         """The finished jobs that were deleted this long ago, newest first."""
@@ -108,7 +110,7 @@ class FinishedJobs:
         return [
             job_id
             for job_id, at, finished_at in zip(job_ids, answers, answers, strict=True)
-            if at is not None and float(at) <= before and finished_at is not None
+            if at is not None and int(float(at)) <= before and finished_at is not None
         ]
 
 

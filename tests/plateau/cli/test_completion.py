@@ -105,6 +105,7 @@ def test_states_rules_and_variants_are_offered(offers: Offers) -> None:
         "reverse",
         "myszkowski",
         "visible",
+        "jod",
     }
     for name, about in complete.rules(""):
         assert JobSpec.model_validate({"rule": {"name": name}})
