@@ -71,6 +71,13 @@ class NoiseModel:
             image[self.non_finite] = np.nan
         return image
 
+    def finite_noisy(self, amount: float) -> Image:
+        """Return `noisy`, with the clean image's pixels where the merged image is not finite."""
+        image = self.noisy(amount)
+        if self._has_non_finite:
+            image[self.non_finite] = self.clean[self.non_finite]
+        return image
+
     @cached_property
     def _has_non_finite(self) -> bool:
         return bool(self.non_finite.any())

@@ -84,8 +84,7 @@ class QualityModel:
 
     def at(self, amount: float) -> float:
         """Return the quality in JOD with `amount` times the noise: ±1 is the present noise."""
-        noisy = self._model.noisy(amount)
-        noisy[self._model.non_finite] = self._model.clean[self._model.non_finite]
+        noisy = self._model.finite_noisy(amount)
         return self._eye.compare(self._clean, self._eye.percept(displayed(noisy, self._view))).jod
 
     def forecast(self, target: float, *, spp: int) -> int | None:

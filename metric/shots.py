@@ -79,9 +79,8 @@ def shot_quality(eye: ColorVideoVDP, fps: float, models: Sequence[NoiseModel]) -
         model = models[place]
         reference = clean.percept(model.clean)
         for amount, video, qualities in ((1.0, above, one), (-1.0, below, other)):
-            noisy = model.noisy(amount)
-            noisy[model.non_finite] = model.clean[model.non_finite]
-            qualities.append(eye.compare(reference, video.percept(noisy)))
+            percept = video.percept(model.finite_noisy(amount))
+            qualities.append(eye.compare(reference, percept))
     one, other = one[len(before) :], other[len(before) :]
     return ShotQuality(
         jod=(video_jod(one) + video_jod(other)) / 2,
