@@ -259,10 +259,10 @@ def _forecast(members: list[Member], now: datetime) -> datetime | None:
 
 def _last_spp(member: Member, usual: float | None) -> float | None:
     spec = member.spec
-    last: float | None = spec.rule.behaviour.expected_end_spp(member.forecast_spp)
-    if last is None:
-        last = usual if usual is None or usual > member.spp else None
-    return None if last is None else min(max(last, spec.min_spp or 0), spec.max_spp)
+    last: float | None = spec.expected_end_spp(member.forecast_spp)
+    if last is None and usual is not None and usual > member.spp:
+        last = max(usual, spec.min_spp or 0)
+    return None if last is None else min(last, spec.max_spp)
 
 
 def _busy_s(members: list[Member], now: datetime) -> float:
