@@ -304,7 +304,9 @@ def test_a_worker_whose_bits_are_not_those_of_the_day_before_takes_no_slice(
         assert bench.jobs.ledger(job.id) == {}
 
 
-def test_a_scene_that_cannot_be_fetched_for_a_while_costs_no_try(bench: Bench) -> None:
+def test_a_scene_that_cannot_be_fetched_for_a_while_costs_no_try(
+    bench: Bench, tmp_path: Path
+) -> None:
     job, _ = bench.job(slices=1)
     scene = Path(bench.store.where) / blobs.scene(job.scene_sha256)
     content = scene.read_bytes()
@@ -313,8 +315,9 @@ def test_a_scene_that_cannot_be_fetched_for_a_while_costs_no_try(bench: Bench) -
     with bench.worker():
         until(lambda: (seen := bench.jobs.workers()) != [] and seen[0].last_error is not None)
         assert bench.jobs.get(job.id).state is not JobState.FAILED
-        scene.unlink()
-        scene.write_bytes(content)
+        # Readable again in one step: a try in between would find no scene, and fail the job
+        (tmp_path / "scene").write_bytes(content)
+        (tmp_path / "scene").replace(scene)
         until(lambda: len(bench.jobs.ledger(job.id)) == 1)
         # What troubled it is over with the next slice that it renders
         until(lambda: bench.jobs.workers()[0].last_error is None)
