@@ -47,8 +47,11 @@ from plateau.farm.model.renderers import variant_named
 #: smaller blocks when more threads run, and the samples would depend on the machine.
 SCALAR_BLOCK = 32
 
-#: Distinct seeds: the passes set aside for each job seed (2**12 job seeds of 2**20 passes).
-JIT_PASSES_PER_JOB_SEED = 2**20
+#: A job's seed is one of so many.
+JOB_SEEDS = 2**12
+
+#: Distinct seeds: the passes set aside for each job seed.
+JIT_PASSES_PER_JOB_SEED = 2**32 // JOB_SEEDS
 
 
 class SeedsExhausted(ValueError):
@@ -99,6 +102,9 @@ class SeedSchedule:
         The job's seed, 0 or more. Jobs that differ in nothing else draw disjoint samples.
     most_slice_spp : int
         The most spp of a slice of zones, where the job is allocated by zones; 0 where it is not.
+    frame_seed : int
+        How much of `job_seed` tells a frame of a batch from the first one. Where the variant has
+        too few seeds for all frames, they begin again at the first frame's.
 
     Raises
     ------
@@ -115,6 +121,7 @@ class SeedSchedule:
     max_spp: int
     job_seed: int = 0
     most_slice_spp: int = 0
+    frame_seed: int = 0
 
     def __post_init__(self) -> None:
         for name in ("width", "height", "slice_spp", "max_spp"):
@@ -133,10 +140,11 @@ class SeedSchedule:
                 f"{self.max_spp} spp in slices of {self.slice_spp} take {needed} passes, and "
                 f"{self._seeds.described} has distinct seeds for {offered}: {self._remedy}"
             )
-        if self.job_seed >= self._job_seeds:
+        if self._first_frames_seed >= self._job_seeds:
             raise SeedsExhausted(
-                f"job seed {self.job_seed} is too large: {self._seeds.described} has distinct "
-                f"seeds for {self._job_seeds} such jobs, and job seeds 0 to {self._job_seeds - 1} "
+                f"job seed {self._first_frames_seed} is too large: {self._seeds.described} has "
+                f"distinct seeds for {self._job_seeds} such jobs, and job seeds 0 to "
+                f"{self._job_seeds - 1} "
                 "fit" + (f"; else {self._remedy}" if self._seeds.scarce else "")
             )
 
@@ -171,7 +179,8 @@ class SeedSchedule:
         """Return the pass numbers of slice `index`, for the ledger; `spp` as for `pass_spp`."""
         if not 0 <= index < self._most_slices:
             raise ValueError(f"slice {index} is outside the job's {self._most_slices} slices")
-        first = self.job_seed * self._passes_per_job_seed + self._passes_before(index)
+        job_seed = (self._first_frames_seed + self.frame_seed) % self._job_seeds
+        first = job_seed * self._passes_per_job_seed + self._passes_before(index)
         return SeedRange(first, first + len(self.pass_spp(index, spp)) - 1)
 
     @property
@@ -209,6 +218,10 @@ class SeedSchedule:
     @property
     def _passes_per_job_seed(self) -> int:
         return self._seeds.reserved(self._passes_per_job)
+
+    @property
+    def _first_frames_seed(self) -> int:
+        return (self.job_seed - self.frame_seed) % JOB_SEEDS if self.frame_seed else self.job_seed
 
     @property
     def _job_seeds(self) -> int:

@@ -38,6 +38,14 @@ def submit(
             "JSON list.",
         ),
     ] = None,
+    same_seeds: Annotated[
+        bool,
+        typer.Option(
+            "--same-seeds",
+            help="With --each or --parameters: draw the same samples in all frames. Their noise "
+            "then stands still, and is seen more. By default each has a seed of its own.",
+        ),
+    ] = False,
     webhook: Annotated[
         str | None,
         typer.Option(
@@ -83,6 +91,8 @@ def submit(
     if zipped and not each:
         raise typer.BadParameter("--zipped combines the values of --each: give some")
     if parameters is None and not each:
+        if same_seeds:
+            raise typer.BadParameter("--same-seeds is of many jobs: give --each or --parameters")
         run(scene, spec, url=url, as_json=as_json)
     else:
         submit_batch(
@@ -91,6 +101,7 @@ def submit(
             parameters=parameters,
             definitions=each or [],
             zipped=zipped,
+            same_seeds=same_seeds,
             url=url,
             as_json=as_json,
         )

@@ -35,6 +35,7 @@ class BatchCalls(Calls):
         parameters: Sequence[Mapping[str, str | int | float | bool]],
         spec: JobSpec | None = None,
         *,
+        same_seeds: bool = False,
         idempotency_key: str | None = None,
     ) -> BatchView:
         """Submit a scene once for each of these sets of parameters; all jobs are made, or none.
@@ -47,7 +48,10 @@ class BatchCalls(Calls):
             For each job the values of the scene's ``$parameters``; 1 to 1000 jobs.
         spec
             How all jobs are sampled, judged and stopped. Its `parameters` are the defaults of each
-            job; its `batch` names the batch, for which the service otherwise makes a name.
+            job; its `batch` names the batch, for which the service otherwise makes a name. Its
+            `seed` is the first job's, and each further job has the next.
+        same_seeds
+            Give all jobs the seed of the first one, so that the noise of frames stands still.
         idempotency_key
             As for `Client.submit`.
 
@@ -61,7 +65,7 @@ class BatchCalls(Calls):
         spec = spec or JobSpec()
         shared = {name: getattr(spec, name) for name in SharedSpec.model_fields}
         entries = tuple({**spec.parameters, **values} for values in parameters)
-        asked = BatchSpec(**shared, parameters=entries)
+        asked = BatchSpec(**shared, parameters=entries, same_seeds=same_seeds)
         values = map(parameter_strings, entries)
         request = asked.as_request()
         return submitted(self._transport, BatchView, scene, request, values, idempotency_key)

@@ -43,6 +43,7 @@ def submit(
     parameters: Path | None,
     definitions: list[str],
     zipped: bool,
+    same_seeds: bool,
     url: str | None,
     as_json: bool,
 ) -> None:
@@ -52,7 +53,7 @@ def submit(
     entries: list[Values]
     entries = each(definitions, zipped=zipped) if parameters is None else from_file(parameters)
     with connect(url) as client:
-        batch = client.submit_batch(scene, entries, spec)
+        batch = client.submit_batch(scene, entries, spec, same_seeds=same_seeds)
     print(batch.model_dump_json(indent=2) if as_json else batch.name)
 
 

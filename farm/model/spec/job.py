@@ -4,6 +4,8 @@ from typing import Annotated, Final
 
 from pydantic import BeforeValidator, Field, model_validator
 
+from plateau.farm.model.passes import MOST_SLICE_SPP
+from plateau.farm.model.seeds import JOB_SEEDS, SeedSchedule
 from plateau.farm.model.spec.shared import SharedSpec
 
 #: A list of parameters makes at most so many jobs.
@@ -35,6 +37,13 @@ class JobSpec(SharedSpec):
     parameters: Parameters = Field(
         default_factory=dict, description="values for the scene's $parameters, as mitsuba -D"
     )
+    frame_seed: int = Field(
+        default=0,
+        ge=0,
+        le=JOB_SEEDS - 1,
+        description="how much of `seed` tells this frame of a batch from its first one; where a "
+        "scalar variant has too few seeds for all frames, they begin again at the first one's",
+    )
 
     @model_validator(mode="after")
     def _guards_a_batch(self) -> "JobSpec":
@@ -45,6 +54,25 @@ class JobSpec(SharedSpec):
     def parameter_strings(self) -> dict[str, str]:
         """`parameters` as Mitsuba reads them."""
         return parameter_strings(self.parameters)
+
+    def seed_schedule(self, variant: str, width: int, height: int) -> SeedSchedule:
+        """The passes and seeds of its slices: on a variant, of a film of this size in pixels.
+
+        Raises
+        ------
+        SeedsExhausted
+            The variant has too few seeds for it.
+        """
+        return SeedSchedule(
+            variant,
+            width,
+            height,
+            self.slice_spp,
+            self.max_spp,
+            self.seed,
+            MOST_SLICE_SPP if self.by_zones else 0,
+            self.frame_seed,
+        )
 
 
 def stored_spec(text: str) -> JobSpec:
@@ -64,10 +92,21 @@ class BatchSpec(SharedSpec):
         max_length=MAX_ENTRIES,
         description="for each job the values for the scene's $parameters, in their order",
     )
+    same_seeds: bool = Field(
+        default=False,
+        description="draw the same samples in all frames, so that their noise stands still before "
+        "what moves, where it is seen more; by default the first job has the seed `seed`, and each "
+        "further one the next",
+    )
 
     def job_specs(self, batch: str) -> list[JobSpec]:
         """The spec of each job, in a batch of this name."""
-        shared = {name: getattr(self, name) for name in SharedSpec.model_fields}
+        shared = {name: getattr(self, name) for name in SharedSpec.model_fields} | {"batch": batch}
         return [
-            JobSpec(**{**shared, "batch": batch}, parameters=values) for values in self.parameters
+            JobSpec(**shared | self._seeds(place), parameters=values)
+            for place, values in enumerate(self.parameters)
         ]
+
+    def _seeds(self, place: int) -> dict[str, int]:
+        frame_seed = 0 if self.same_seeds else place
+        return {"seed": (self.seed + frame_seed) % JOB_SEEDS, "frame_seed": frame_seed}

@@ -7,9 +7,8 @@ from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from plateau.farm.model import renderers
 from plateau.farm.model.aovs import AOV_NAMES, AOVS, GUIDED_SPP, GUIDES, AovName
-from plateau.farm.model.passes import MOST_SLICE_SPP
 from plateau.farm.model.place_names import DEFAULT_POOL, PlaceName, Tags
-from plateau.farm.model.seeds import SeedSchedule
+from plateau.farm.model.seeds import JOB_SEEDS
 from plateau.farm.model.spec.allocation import AllocationSpec, FrameAllocation
 from plateau.farm.model.spec.denoise import DenoiseSpec, NoDenoising, OidnDenoising
 from plateau.farm.model.spec.exr import ExrSpec
@@ -94,7 +93,10 @@ class SharedSpec(Strict):
         default=(), description="only workers that have all of these tags render it"
     )
     seed: int = Field(
-        default=0, ge=0, le=4095, description="another seed draws samples independent of all others"
+        default=0,
+        ge=0,
+        le=JOB_SEEDS - 1,
+        description="another seed draws samples independent of all others",
     )
     sensor: int = Field(default=0, ge=0, le=1000, description="index of the scene's sensor")
     aovs: Aovs = Field(
@@ -228,14 +230,3 @@ class SharedSpec(Strict):
         if self.webhook is not None and self.webhook.secret is not None:
             document["webhook"]["secret"] = self.webhook.secret.get_secret_value()
         return json.dumps(document)
-
-    def seed_schedule(self, variant: str, width: int, height: int) -> SeedSchedule:
-        """The passes and seeds of its slices: on a variant, of a film of this size in pixels.
-
-        Raises
-        ------
-        SeedsExhausted
-            The variant has too few seeds for it.
-        """
-        most = MOST_SLICE_SPP if self.by_zones else 0
-        return SeedSchedule(variant, width, height, self.slice_spp, self.max_spp, self.seed, most)

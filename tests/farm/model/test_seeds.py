@@ -111,6 +111,23 @@ def test_other_job_seeds_have_other_ledger_ranges():
         assert SeedSchedule(variant, 64, 64, 25, 1000, 1).seed_range(0).first > last
 
 
+def test_frames_have_ranges_of_their_own_as_far_as_there_are_seeds():
+    def first(variant, job_seed, frame_seed):
+        schedule = SeedSchedule(variant, 512, 512, 25, 10_000, job_seed, frame_seed=frame_seed)
+        return schedule.seed_range(0).first
+
+    # Given a variant with seeds for every frame, and one with seeds for five such jobs
+    assert [first("llvm_ad_rgb", k % 4096, k) for k in (0, 1, 4095)] == [0, 2**20, 4095 * 2**20]
+    scalar = [first("scalar_rgb", frame, frame) for frame in range(12)]
+    # Then neighbours differ, and the frames after the last seed begin again
+    assert len(set(scalar[:5])) == 5
+    assert scalar[5:10] == scalar[:5]
+    # Another seed of the batch gives each frame other samples, also where it wraps
+    other = [first("scalar_rgb", 3 + frame, frame) for frame in range(12)]
+    assert all(one != two for one, two in zip(scalar, other, strict=True))
+    assert first("llvm_ad_rgb", (4000 + 200) % 4096, 200) == 104 * 2**20
+
+
 def test_a_slice_is_a_pure_function_of_the_schedule_and_its_index():
     one, other = (SeedSchedule("scalar_rgb", 333, 255, 25, 1000, 1) for _ in range(2))
     backwards = [other.passes(index) for index in reversed(range(40))]
@@ -161,6 +178,7 @@ def test_scarce_scalar_seeds_make_passes_larger():
     [
         (("scalar_rgb", 4096, 4096, 25, 10_000), r"take 1200 passes.*4096×4096.*for 256.*LLVM"),
         (("scalar_rgb", 512, 512, 25, 10_000, 5), r"job seed 5 is too large.*0 to 4 fit.*LLVM"),
+        (("scalar_rgb", 512, 512, 25, 10_000, 9, 0, 4), r"job seed 5 is too large.*0 to 4 fit"),
         (("llvm_ad_rgb", 512, 512, 25, 10_000, 4096), r"0 to 4095 fit$"),
         (("llvm_ad_rgb", 512, 512, 1, 2**20 + 1), r"take 1048577 passes.*raise slice_spp"),
         (("scalar_rgb", 2**16, 2**16, 1, 2), r"take 2 passes.*for 1"),

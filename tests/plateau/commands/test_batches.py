@@ -65,6 +65,8 @@ class TestTheClient:
         assert [job.id for job in made] == batch.job_ids
         assert [job.spec.parameters for job in made] == [{"frame": 0}, {"frame": 2}, {"frame": 1}]
         assert {job.name for job in made} == {"walk"}
+        # Each draws samples of its own, unless it is asked for the same ones
+        assert [job.spec.seed for job in made] == [0, 1, 2]
         # It can be submitted again by its hash, and repeated
         again = plateau.submit_batch(
             made[0].scene_sha256, [{"frame": 1}], JobSpec(batch="b"), idempotency_key="k"
@@ -229,12 +231,21 @@ class TestTheCommandLine:
         code, _, error = command("submit", str(walk), "--batch", "w", "--min-spp", "500")
         assert (code, "min_spp is 500 here, and not set there" in error) == (1, True)
 
-    def test_submits_the_entries_of_a_file(self, walk: Path, tmp_path: Path) -> None:
+    def test_submits_the_entries_of_a_file(
+        self, walk: Path, plateau: Client, tmp_path: Path
+    ) -> None:
         (tmp_path / "frames.csv").write_text("frame\n2\n1\n")
         file = str(tmp_path / "frames.csv")
         code, out, error = command("submit", str(walk), "--parameters", file, "--json")
         assert code == 0, error
         assert json.loads(out)["jobs"] == 2
+        code, out, error = command(
+            "submit", str(walk), "--parameters", file, "--batch", "s", "--seed", "7", "--same-seeds"
+        )
+        assert code == 0, error
+        assert [job.spec.seed for job in plateau.all_jobs(batch="s")] == [7, 7]
+        code, _, error = command("submit", str(walk), "--same-seeds")
+        assert (code, "give --each or --parameters" in error) == (2, True)
         code, _, error = command("submit", str(walk), "--parameters", file, "--each", "frame=1..2")
         assert (code, "give one" in error) == (1, True)
         (tmp_path / "frames.csv").write_text('[{"frame": null}]')
