@@ -51,14 +51,6 @@ _NOTES = (
 )
 
 
-def view_of(pixels_per_degree: float | None, width: int) -> View:
-    """Return the default view, or that of so many pixels per degree at the centre."""
-    if pixels_per_degree is None:
-        return View()
-    half = math.atan(math.radians(width / pixels_per_degree) / 2)
-    return View(field_of_view_deg=math.degrees(2 * half))
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     add_options(parser)
@@ -79,12 +71,12 @@ def main() -> None:
 
 def measured(recording: NDArray[np.float32], slice_spp: int, runs: int) -> list[Figure]:
     """Return the figures of one recording."""
-    pixels, width = recording.shape[1] * recording.shape[2], recording.shape[2]
+    pixels = recording.shape[1] * recording.shape[2]
     truth = Truth(CompiledVisibleDifferences(View()), recording, slice_spp)
     stop = truth.spp_at(allowed_pixels(Visible().target, pixels), 1000.0)
     found = [Figure(name=_STOP, value=stop, unit="spp")]
     for name, density in VIEWS.items():
-        view = view_of(density, width)
+        view = View(pixels_per_degree=density)
         lost = Lost(truth, view)
         needed = {
             target: crossing(lambda spp: lost.at(1000 * spp), BEST_JOD - target) * 1000  # noqa: B023

@@ -8,7 +8,6 @@ and so is how many samples whole frames need for the same.
 from __future__ import annotations
 
 import argparse
-import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -120,7 +119,7 @@ def by_zone(
     still = 0
     for row, column in np.ndindex(found.shape):
         zone = slices[:, row * side : (row + 1) * side, column * side : (column + 1) * side]
-        metric = CompiledVisibleDifferences(_seen_alike(zone.shape[2], slices.shape[2]))
+        metric = CompiledVisibleDifferences(_seen_alike(slices.shape[2]))
         rule, total = create_rule(name), np.zeros(zone.shape[1:])
         for step in range(1, steps + 1):
             total += zone[(step - 1) * each : step * each].sum(axis=0, dtype=np.float64)
@@ -133,10 +132,9 @@ def by_zone(
     return spread(found, side, slices[0]), still / found.size
 
 
-def _seen_alike(width: int, whole: int) -> View:
+def _seen_alike(whole: int) -> View:
     """Return the view of a zone: its pixels look as large as those of the whole image."""
-    half = math.tan(math.radians(View().field_of_view_deg) / 2) * width / whole
-    return View(field_of_view_deg=2 * math.degrees(math.atan(half)))
+    return View(pixels_per_degree=whole / View().width_deg(whole))
 
 
 def tables(report: dict[str, Any]) -> dict[str, str]:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from plateau.bounds import bounded, require_bounds
+from plateau.bounds import bounded, bounded_if_given, require_bounds
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -64,6 +64,9 @@ BRIGHTEST_WHITE = 20_000
 #: From 10,000 pixels on a screen 1,000 km away to a screen directly before the eye.
 FIELDS_OF_VIEW_DEG = (0.0001, 179.9)
 
+#: A screen whose pixels are ten degrees wide, and one that no eye resolves.
+PIXELS_PER_DEGREE = (0.1, 1000.0)
+
 #: CIE 15:2004, where the cube root of CIELAB gives way to a straight line.
 LAB_EPSILON = 216 / 24389
 LAB_KAPPA = 24389 / 27
@@ -94,6 +97,8 @@ class View:
     ambient_lux: float = bounded(64.0, 0.0, BRIGHTEST_ROOM_LUX)
     #: Horizontal angle that the image fills, in degrees.
     field_of_view_deg: float = bounded(45.0, *FIELDS_OF_VIEW_DEG)
+    #: Pixels in a degree at the image's centre, which give the angle in place of the field of view.
+    pixels_per_degree: float | None = bounded_if_given(*PIXELS_PER_DEGREE)
     #: The primaries of the screen and of the image's channels.
     primaries: Primaries = "rec709"
     #: Exponent from the image's values to linear light, above 0: 1 for rendered radiance.
@@ -109,15 +114,20 @@ class View:
         if not (math.isfinite(self.gamma) and self.gamma > 0):
             raise ValueError(f"gamma must be above 0, not {self.gamma}")
 
-    @property
-    def width_deg(self) -> float:
-        """The image's width in degrees on a flat screen, each as at its centre: 2 tan(a/2) 180/π.
+    def width_deg(self, width: int) -> float:
+        """Return a width in degrees on a flat screen, each as at its centre: 2 tan(a/2) 180/π.
+
+        `width` is that of the image, in pixels. It counts where the view has pixels per degree.
 
         Examples
         --------
-        >>> round(256 / View(field_of_view_deg=45).width_deg, 2)
+        >>> round(256 / View(field_of_view_deg=45).width_deg(256), 2)
         5.39
+        >>> View(pixels_per_degree=40).width_deg(1920)
+        48.0
         """
+        if self.pixels_per_degree is not None:
+            return width / self.pixels_per_degree
         return math.degrees(2 * math.tan(math.radians(self.field_of_view_deg) / 2))
 
     @property

@@ -125,7 +125,7 @@ def display_of(view: View, width: int) -> Display:
     (5.39, 100.0, 0.1)
     """
     return Display(
-        pixels_per_degree=min(max(width / view.width_deg, _COARSEST), _FINEST),
+        pixels_per_degree=min(max(width / view.width_deg(width), _COARSEST), _FINEST),
         peak=view.white_luminance,
         black=view.white_luminance / view.contrast,
         ambient_lux=view.ambient_lux,

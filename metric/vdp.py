@@ -135,10 +135,6 @@ class VisibleDifferences:
 
     def __init__(self, view: View) -> None:
         self.view = view
-        #: The level with the luminance to which the eye adapts: blurred by about one degree.
-        self.adaptation_level = next(
-            (level for level in range(LEVELS) if 2**level > view.width_deg), LEVELS - 1
-        )
 
     @staticmethod
     def denoised(image: Image, noise: Image) -> Image:
@@ -182,7 +178,8 @@ class VisibleDifferences:
         self.check(reference, test)
 
         # Thresholds without masking, from the luminance to which the eye is adapted.
-        adaptation = reference.levels[self.adaptation_level] + test.levels[self.adaptation_level]
+        level = self.adaptation_level(reference.shape[1])
+        adaptation = reference.levels[level] + test.levels[level]
         adaptation *= 0.5
         np.maximum(adaptation, FLOOR, out=adaptation)
         threshold = luminance_threshold(adaptation)
@@ -241,12 +238,20 @@ class VisibleDifferences:
         elevation: Plane = np.clip(masked.sum(axis=0) / total, ELEVATION_MIN, ELEVATION_MAX)
         return elevation
 
+    def adaptation_level(self, width: int) -> int:
+        """Return the level with the luminance to which the eye adapts: blurred by about one degree.
+
+        `width` is that of the image, in pixels.
+        """
+        degrees = self.view.width_deg(width)
+        return next((level for level in range(LEVELS) if 2**level > degrees), LEVELS - 1)
+
     def frequencies_cpd(self, width: int) -> NDArray[np.float32]:
         """Return the bands' frequencies in cycles per degree, (6,): the Nyquist, then halves.
 
         `width` is that of the image, in pixels.
         """
-        nyquist = width / self.view.width_deg / 2
+        nyquist = width / self.view.width_deg(width) / 2
         return np.asarray(nyquist * 0.5 ** np.arange(BANDS), dtype=np.float32)
 
     def band_weights(self, width: int) -> NDArray[np.float32]:

@@ -22,8 +22,16 @@ def bounded(default: _Number, least: _Number, most: _Number, **about: object) ->
     return number
 
 
+def bounded_if_given(least: float, most: float) -> float | None:
+    """Return the field of a dataclass that is None, or has these bounds."""
+    number: float | None = field(default=None, metadata={_BOUNDS: (least, most)})
+    return number
+
+
 def require_bounds(parameters: DataclassInstance) -> None:
     """Raise ValueError unless each bounded field of the dataclass lies between its bounds.
+
+    A field whose default is None may be None too.
 
     Examples
     --------
@@ -41,6 +49,8 @@ def require_bounds(parameters: DataclassInstance) -> None:
             continue
         least, most = one.metadata[_BOUNDS]
         value = getattr(parameters, one.name)
+        if value is None and one.default is None:
+            continue
         is_whole = isinstance(one.default, int)
         fits = isinstance(value, int) and not isinstance(value, bool) if is_whole else True
         if not (fits and least <= value <= most):

@@ -33,7 +33,7 @@ def opinions(reference: Image, test: Image, view: View) -> dict[str, float]:
 
 
 def _pixels_per_degree(image: Image, view: View) -> float:
-    return float(image.shape[1] / view.width_deg)
+    return float(image.shape[1] / view.width_deg(image.shape[1]))
 
 
 def _flip(reference: Image, test: Image, view: View) -> float:

@@ -70,7 +70,7 @@ def eye(metric: VisibleDifferences, width: int) -> Eye:
     frequencies = metric.frequencies_cpd(width)
     coarsest = float(frequencies[-1])
     return Eye(
-        metric.adaptation_level,
+        metric.adaptation_level(width),
         metric.band_weights(width),
         frequencies * frequencies,
         _f(-coarsest * math.log2(math.e)),

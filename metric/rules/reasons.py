@@ -13,7 +13,8 @@ def darkness(evidence: Evidence) -> str | None:
     """Return a phrase for an image too dark for visible noise; None for a brighter one."""
     from plateau.metric.vdp import COLOUR_LUMINANCE
 
-    brightest = float(evidence.percept.levels[evidence.metric.adaptation_level].max())
+    level = evidence.metric.adaptation_level(evidence.percept.shape[1])
+    brightest = float(evidence.percept.levels[level].max())
     if brightest >= COLOUR_LUMINANCE:
         return None
     return f"the image is so dark (at most {brightest:.3g} cd/m²) that its noise cannot be seen"

@@ -100,6 +100,17 @@ def aovs(incomplete: str) -> Offered:
     return [(name, aov.meaning) for name, aov in AOVS.items() if name.startswith(incomplete)]
 
 
+def places(incomplete: str) -> Offered:
+    """Where an image is seen, with the pixels in a degree there."""
+    from plateau.farm.model.spec import PLACES
+
+    return [
+        (name, f"{view['pixels_per_degree']:g} pixels per degree")
+        for name, view in PLACES.items()
+        if name.startswith(incomplete)
+    ]
+
+
 def _here(incomplete: str) -> list[Path]:
     hidden = incomplete.startswith(".")
     return sorted(

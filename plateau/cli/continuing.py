@@ -8,6 +8,7 @@ from plateau.cli.app import app
 _JUDGING: Final = (
     *("rule", "watch", "min_spp", "step", "denoise"),
     *("exposure", "white_luminance", "contrast", "ambient_lux", "field_of_view"),
+    *("pixels_per_degree", "seen"),
     *("primaries", "background", "focus", "batch"),
 )
 

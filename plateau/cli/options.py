@@ -188,6 +188,24 @@ def spec_from_options(
         float | None,
         typer.Option(help="Angle that the image's width covers, in degrees.", show_default="45"),
     ] = None,
+    pixels_per_degree: Annotated[
+        float | None,
+        typer.Option(
+            help="Pixels in a degree at the image's centre, in place of --field-of-view.",
+            show_default="none",
+        ),
+    ] = None,
+    seen: Annotated[
+        str | None,
+        typer.Option(
+            metavar="PLACE",
+            help="Where the image is seen, pixel by pixel: on a desk, on a phone or in a cinema "
+            "(desk, phone, cinema). Sets --pixels-per-degree, --white-luminance, --contrast and "
+            "--ambient-lux, each of which may be given beside it.",
+            show_default="none",
+            autocompletion=complete.places,
+        ),
+    ] = None,
     primaries: Annotated[
         str | None,
         typer.Option(help="Primaries of the display: rec709 or adobe1998.", show_default="rec709"),

@@ -21,6 +21,8 @@ def spec_fields(
     contrast: float | None = None,
     ambient_lux: float | None = None,
     field_of_view: float | None = None,
+    pixels_per_degree: float | None = None,
+    seen: str | None = None,
     primaries: str | None = None,
     time_limit: float | None = None,
     require: list[str] | None = None,
@@ -32,16 +34,21 @@ def spec_fields(
     **named_alike: object,
 ) -> dict[str, Any]:
     """The fields of a spec that were given; the options are in `plateau.cli.options`."""
-    view = _given(
+    if field_of_view is not None and (pixels_per_degree is not None or seen is not None):
+        raise typer.BadParameter("--field-of-view stands for pixels per degree: give one of them")
+    view = _place(seen) | _given(
         exposure_ev=exposure,
         white_luminance=white_luminance,
         contrast=contrast,
         ambient_lux=ambient_lux,
         field_of_view_deg=field_of_view,
+        pixels_per_degree=pixels_per_degree,
         primaries=primaries,
         background=_colour(background) if background else None,
         focus=_focus(focus) if focus else None,
     )
+    if field_of_view is not None:
+        view["pixels_per_degree"] = None  # which a job that is judged again may have
     exr = _given(precision=exr_precision, compression=exr_compression)
     return _given(
         **named_alike,
@@ -91,6 +98,16 @@ def _colour(text: str) -> list[float]:
     except ValueError:
         raise typer.BadParameter(f"--background takes R,G,B, not {text!r}") from None
     return [red, green, blue]
+
+
+def _place(name: str | None) -> dict[str, object]:
+    from plateau.farm.model.spec import PLACES
+
+    if name is None:
+        return {}
+    if name not in PLACES:
+        raise typer.BadParameter(f"--seen takes one of {', '.join(PLACES)}, not {name!r}")
+    return dict(PLACES[name])
 
 
 def _focus(path: Path) -> list[list[float]]:

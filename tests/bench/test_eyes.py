@@ -26,7 +26,3 @@ def test_the_estimate_is_right_on_grey(found):
     ratios = [value for name, value in found.items() if "estimated / true" in name]
     assert len(ratios) == 3 * len(eyes.VIEWS)  # at 100, 200 and 400 spp
     assert all(0.85 < ratio < 1.2 for ratio in ratios)
-
-
-def test_a_view_of_pixels_per_degree_has_them():
-    assert 1920 / eyes.view_of(40.0, 1920).width_deg == pytest.approx(40)

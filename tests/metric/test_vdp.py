@@ -1,3 +1,5 @@
+import math
+
 import numpy as np
 import pytest
 
@@ -171,8 +173,25 @@ def test_percepts_of_different_views_are_not_compared():
 
 @pytest.mark.parametrize(("field_of_view_deg", "level"), [(17, 5), (45, 6), (60, 7), (120, 7)])
 def test_the_adaptation_level_follows_the_field_of_view(field_of_view_deg, level):
-    assert VisibleDifferences(View(field_of_view_deg=field_of_view_deg)).adaptation_level == level
+    metric = VisibleDifferences(View(field_of_view_deg=field_of_view_deg))
+    assert metric.adaptation_level(256) == level
 
 
 def test_the_width_in_degrees_is_that_of_a_flat_screen():
-    assert View(field_of_view_deg=45).width_deg == pytest.approx(47.465, abs=5e-4)
+    assert View(field_of_view_deg=45).width_deg(256) == pytest.approx(47.465, abs=5e-4)
+
+
+@pytest.mark.parametrize("predictor", [VisibleDifferences, CompiledVisibleDifferences])
+def test_pixels_per_degree_give_the_angle_of_an_image_of_any_width(predictor, noise):
+    by_pixels = predictor(View(field_of_view_deg=120, pixels_per_degree=noise[0].shape[1] / 16))
+    by_angle = predictor(View(field_of_view_deg=math.degrees(2 * math.atan(math.radians(16) / 2))))
+    seen, same, near = (
+        metric.compare(*map(metric.percept, noise)).visible
+        for metric in (by_pixels, by_angle, predictor(View(field_of_view_deg=120)))
+    )
+    np.testing.assert_array_equal(seen, same)
+    assert (seen != near).any()
+    # An image twice as wide fills twice the angle, and one level more is blurred by a degree
+    assert (by_pixels.frequencies_cpd(64) == by_pixels.frequencies_cpd(2048)).all()
+    assert by_pixels.adaptation_level(noise[0].shape[1]) == 5
+    assert by_pixels.adaptation_level(2 * noise[0].shape[1]) == 6

@@ -33,7 +33,8 @@ class PlainPredictor(VisibleDifferences):
     def visible(self, reference: Percept, test: Percept) -> Mask:
         """Return the map of visible pixels."""
         ours, theirs = reference.levels, test.levels
-        adaptation = (ours[self.adaptation_level] + theirs[self.adaptation_level]) / 2
+        level = self.adaptation_level(reference.shape[1])
+        adaptation = (ours[level] + theirs[level]) / 2
         adaptation = np.maximum(adaptation, np.float32(FLOOR))
 
         detail = np.maximum(

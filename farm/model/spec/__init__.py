@@ -20,11 +20,12 @@ from plateau.farm.model.spec.rule_specs import (
     VisibleSpec,
 )
 from plateau.farm.model.spec.shared import MOST_S, Priority, RenderVariant, SharedSpec, Variant
-from plateau.farm.model.spec.view import ViewSpec
+from plateau.farm.model.spec.view import PLACES, ViewSpec
 
 __all__ = [
     "MAX_ENTRIES",
     "MOST_S",
+    "PLACES",
     "BatchSpec",
     "ExrSpec",
     "FixedSpec",

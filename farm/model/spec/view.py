@@ -1,5 +1,7 @@
 """How a job's image is looked at: a part of its spec."""
 
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Annotated, Any, Final, Literal
 
 from pydantic import AfterValidator, Field
@@ -30,6 +32,33 @@ Focus = Annotated[
 ]
 
 
+#: Where people look at images of any size, pixel by pixel: fields of a view by the place's name.
+#: A monitor of 24 inches at 60 cm; a phone of 6 inches at 40 cm; a film of 1080 lines from three
+#: times its height (SMPTE RP 431-2 for white and contrast).
+PLACES: Final[Mapping[str, Mapping[str, float]]] = MappingProxyType(
+    {
+        "desk": {
+            "pixels_per_degree": 38,
+            "white_luminance": 200,
+            "contrast": 1000,
+            "ambient_lux": 250,
+        },
+        "phone": {
+            "pixels_per_degree": 120,
+            "white_luminance": 500,
+            "contrast": 10_000,
+            "ambient_lux": 250,
+        },
+        "cinema": {
+            "pixels_per_degree": 57,
+            "white_luminance": 48,
+            "contrast": 2000,
+            "ambient_lux": 0,
+        },
+    }
+)
+
+
 class ViewSpec(Strict):
     """The display and the distance at which the image is judged."""
 
@@ -54,6 +83,13 @@ class ViewSpec(Strict):
         ge=0.0001,
         le=179.9,
         description="angle under which the image's width is seen, in degrees",
+    )
+    pixels_per_degree: float | None = Field(
+        default=None,
+        ge=0.1,
+        le=1000,
+        description="pixels in a degree at the image's centre, in place of `field_of_view_deg`: "
+        "about 40 on a desk, where an image of any size is seen pixel by pixel",
     )
     primaries: Literal["rec709", "adobe1998"] = Field(
         default="rec709", description="the display's RGB primaries"

@@ -59,7 +59,7 @@ function ask(job, go) {
     return {
       rule: { name: chosen.name, ...chosen.values() },
       watch: watch.map(({ name }) => spec.watch.find((rule) => rule.name === name) ?? { name }),
-      view: view.values(), ...step.values(),
+      view: { pixels_per_degree: null, ...view.values() }, ...step.values(),
     };
   }
 

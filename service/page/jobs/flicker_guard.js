@@ -14,7 +14,7 @@ import { maySubmit } from "../shared/permissions.js";
 const NAMES = {
   "rule.name": "rule", "rule.target": "target", "rule.min_spp": "rule's least spp", min_spp: "least spp", step: "step",
   "view.exposure_ev": "exposure", "view.white_luminance": "display white", "view.contrast": "contrast",
-  "view.ambient_lux": "light on the display", "view.field_of_view_deg": "field of view",
+  "view.ambient_lux": "light on the display", "view.field_of_view_deg": "field of view", "view.pixels_per_degree": "pixels per degree",
   "view.background": "background", "view.focus": "focus",
 };
 /** Fields whose values are shares of an image's pixels. */

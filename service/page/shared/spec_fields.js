@@ -18,6 +18,8 @@ export const VIEW = [
     help: "About 0 in a cinema, 64 in a dim room, 250 in an office. Only the rule jod knows it." },
   { name: "field_of_view_deg", label: "Image width seen under", unit: "°", value: 45, min: 0.0001, max: 179.9, step: "any",
     help: "The nearer the eye, the larger the angle, and the finer the visible noise." },
+  { name: "pixels_per_degree", label: "Or pixels in a degree", value: "", min: 0.1, max: 1000, step: "any", optional: true,
+    help: "About 38 on a desk, 57 in a cinema, 120 on a phone, for images of any size. Empty: by the angle." },
 ];
 
 /** @type {FieldAbout[]} */

@@ -16,9 +16,11 @@ from typer.testing import CliRunner
 from plateau import scenes
 from plateau.cli import app
 from plateau.cli.options import spec_from_options
+from plateau.cli.spec_fields import spec_fields
 from plateau.farm.blobs.store import Blobs
-from plateau.farm.model.spec import JobSpec
+from plateau.farm.model.spec import PLACES, JobSpec
 from plateau.farm.model.states import JobState
+from plateau.metric import View
 from plateau.service.api.process import listen
 from tests.support.bundles import mesh, scene
 from tests.support.staged_job import StagedJob
@@ -130,6 +132,7 @@ class TestOptions:
             "contrast": f"{spec.view.contrast:g}",
             "ambient-lux": f"{spec.view.ambient_lux:g}",
             "field-of-view": f"{spec.view.field_of_view_deg:g}",
+            "pixels-per-degree": "none",
             "primaries": spec.view.primaries,
             "priority": str(spec.priority),
             "pool": spec.pool,
@@ -171,6 +174,14 @@ class TestOptions:
         assert (spec.exr.precision, spec.exr.compression) == ("half", "zip")
         assert spec.view.background == (0.5, 1, 0)
 
+    def test_set_a_place_from_which_the_image_is_seen(self) -> None:
+        view = spec_from_options(seen="cinema", contrast=1500).view
+        assert (view.pixels_per_degree, view.white_luminance, view.contrast) == (57, 48, 1500)
+        # Every place is one that the metric knows, and an angle replaces pixels per degree
+        for place in PLACES:
+            View(**spec_from_options(seen=place).view.of_display())
+        assert spec_fields(field_of_view=20)["view"]["pixels_per_degree"] is None
+
     @pytest.mark.parametrize(
         ("options", "words"),
         [
@@ -178,6 +189,9 @@ class TestOptions:
             (["--step", "-1"], "--step: must be at least 1"),
             (["--exposure", "101"], "--exposure: "),
             (["--field-of-view", "180"], "--field-of-view: "),
+            (["--pixels-per-degree", "0"], "--pixels-per-degree: must be at least 0.1"),
+            (["--seen", "moon"], "--seen takes one of desk, phone, cinema, not 'moon'"),
+            (["--seen", "desk", "--field-of-view", "20"], "give one of them"),
             (["--rule", "guess"], "--rule: there is no rule 'guess'; there are fixed, "),
             (["--watch", "guess"], "--watch: there is no rule 'guess'; there are fixed, "),
             (["--rule", "visible:target=2"], "--rule visible:target: must be at most 0.99"),

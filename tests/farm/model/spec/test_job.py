@@ -31,6 +31,7 @@ def test_the_default_is_the_papers_rule() -> None:
         ({"watch": [{"name": "visible"}]}, "may be named once"),
         ({"view": {"white_luminance": 0}}, "white_luminance"),
         ({"view": {"field_of_view_deg": 180}}, "field_of_view_deg"),
+        ({"view": {"pixels_per_degree": 0}}, "pixels_per_degree"),
         ({"view": {"focus": [[1, 2], [1]]}}, "same number of weights"),
         ({"view": {"focus": [[0, 0]]}}, "nobody would look"),
         ({"view": {"focus": [[1] * 33]}}, "focus"),
