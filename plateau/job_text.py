@@ -16,7 +16,7 @@ from plateau.farm.wire.figures import (
     spp_range,
 )
 from plateau.farm.wire.views import JobView
-from plateau.rules import CURVE, SlopeLimit, create
+from plateau.rules import CURVE, SlopeLimit, StoppingRule, create
 
 
 def row(name: str, text: str) -> str:
@@ -92,6 +92,12 @@ def undetermined(judged: Job | CurvePoint) -> str:
 def point_line(job: Job, point: CurvePoint, *more: str) -> str:
     """A point of the curve on one line, with `more` at its end."""
     return f"{point.spp:>6} spp  {'  '.join(filter(None, (*point_figures(job, point), *more)))}"
+
+
+def valued_rule(spec: JobSpec) -> StoppingRule | None:
+    """The first of the job's rules whose value is a quantity of its own, such as a quality."""
+    rules = (one.behaviour for one in (spec.rule, *spec.watch))
+    return next((rule for rule in rules if rule.quantity), None)
 
 
 def slope_limit(spec: JobSpec) -> SlopeLimit:

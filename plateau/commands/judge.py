@@ -58,5 +58,6 @@ def _write(judged: Judged, spec: JobSpec, name: str, out: Path) -> None:
             stop_slope=limit.of(judged.width * judged.height),
             target=spec.noise_target,
             stops={name: spp for name, spp in judged.stops.items() if spp is not None},
+            valued=job_text.valued_rule(spec),
         ),
     )

@@ -13,6 +13,7 @@ import numpy as np
 from plateau import job_text
 from plateau.farm.model.job import CurvePoint, Job
 from plateau.farm.wire.figures import share, significant
+from plateau.rules import StoppingRule
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -41,6 +42,7 @@ class Marks:
     stop_slope: float | None  #: the slope at which the job stops, in pixels per spp of this image
     target: float | None  #: the noise left at which the job stops, as a share of the pixels
     stops: Mapping[str, int]  #: by label: the spp of a vertical line
+    valued: StoppingRule | None = None  #: a rule with values of its own, which are a third plot
 
 
 def import_ahead() -> None:
@@ -65,6 +67,7 @@ def plot_job(job: Job, points: list[CurvePoint], path: Path) -> None:
             stop_slope=job_text.stop_slope(job),
             target=job_text.stop_fraction(job),
             stops={"": job.spp} if job.state.ended else {},
+            valued=job_text.valued_rule(job.spec),
         ),
     )
 
@@ -79,7 +82,8 @@ def curve_figure(name: str, outcome: str, points: list[CurvePoint], marks: Marks
 
     The upper plot shows the pixels that have changed since the first image, the regression line
     over the last window, and its slope. The lower plot shows the noise left and its band on a
-    logarithmic axis. All labels are above the plots, so they hide no data.
+    logarithmic axis. A third one shows the values of a rule that has its own, such as a quality.
+    All labels are above the plots, so they hide no data.
     """
     # Matplotlib takes a second to import.
     from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -87,22 +91,27 @@ def curve_figure(name: str, outcome: str, points: list[CurvePoint], marks: Marks
 
     figure = Figure(figsize=(8, 6))
     FigureCanvasAgg(figure)
-    above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2), gridspec_kw=_MARGINS)
+    ratios = (3, 2) if marks.valued is None else (3, 2, 2)
+    plots = figure.subplots(
+        len(ratios), 1, sharex=True, height_ratios=ratios, gridspec_kw=_MARGINS
+    ).tolist()
     room = max(_LEAST_LETTERS, _MOST_LETTERS - len(outcome))
     cut = name if len(name) <= room else f"{name[: room - 1]}…"
     figure.suptitle(f"{cut}: {outcome}", x=0.01, ha="left", fontweight="bold")
-    _draw_changed(above, points, marks)
-    _draw_noise_left(below, points, marks.target)
-    below.set_xlabel("samples per pixel (spp)")
-    below.xaxis.set_major_formatter(lambda value, _: f"{value:,.12g}")
-    for axes in (above, below):
+    _draw_changed(plots[0], points, marks)
+    _draw_noise_left(plots[1], points, marks.target)
+    if marks.valued is not None:
+        _draw_values(plots[2], points, marks.valued)
+    plots[-1].set_xlabel("samples per pixel (spp)")
+    plots[-1].xaxis.set_major_formatter(lambda value, _: f"{value:,.12g}")
+    for axes in plots:
         axes.grid(visible=True, color="#e3e3e3", linewidth=0.8)
         axes.set_axisbelow(True)
         axes.spines[["top", "right"]].set_visible(False)
         axes.margins(x=0.02)
         for spp in marks.stops.values():
             axes.axvline(spp, color=_STOP, linewidth=1, linestyle=(0, (4, 3)))
-    _name_stops(above, marks.stops)
+    _name_stops(plots[0], marks.stops)
     return figure
 
 
@@ -159,6 +168,19 @@ def _draw_noise_left(axes: "Axes", points: list[CurvePoint], target: float | Non
         axes.axhline(allowed, color=_LINE, linewidth=2, alpha=0.6)
         label = f"target: {100 * target:g} % of the image, {significant(allowed)} px"
         _label(axes, "right", label, _LINE)
+
+
+def _draw_values(axes: "Axes", points: list[CurvePoint], rule: StoppingRule) -> None:
+    said = {point.spp: point.rules[rule.name].value for point in points if rule.name in point.rules}
+    known = {spp: value for spp, value in said.items() if value is not None}
+    _label(axes, "left", f"{rule.quantity}, in {rule.unit}", _CURVE)
+    if not known:
+        axes.text(0.5, 0.5, "none was found", transform=axes.transAxes, ha="center")
+        return
+    axes.plot(list(known), list(known.values()), "o-", color=_CURVE, markersize=3.5)
+    if rule.value_target is not None:
+        axes.axhline(rule.value_target, color=_LINE, linewidth=2, alpha=0.6)
+        _label(axes, "right", f"target: {rule.value_target:g} {rule.unit}", _LINE)
 
 
 def _label(axes: "Axes", side: Literal["left", "right"], text: str, colour: str) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import redis
 from PIL import Image
 from playwright.sync_api import Browser, Locator, Page, expect
 
@@ -23,6 +24,7 @@ from tests.page.conftest import Visit
 from tests.support.browser import Visitor
 from tests.support.live_api import live_api
 from tests.support.noise_farm import SIZE, NoiseFarm, noise_film
+from tests.support.staged_job import StagedJob
 from tests.support.until import until
 
 SPEC = {
@@ -363,3 +365,17 @@ def test_a_job_that_is_not_there_is_said_so(visit: Visit) -> None:
     visitor = visit("/jobs/0123456789ab", expected={404})
     expect(visitor.page.get_by_role("heading", name="There is no such job")).to_be_visible()
     expect(visitor.page.get_by_role("link", name="All jobs")).to_be_visible()
+
+    def test_has_a_plot_of_the_values_of_a_rule_with_its_own(
+        self, visit: Visit, client: redis.Redis
+    ) -> None:
+        job = StagedJob(client, watch=[{"name": "jod", "target": 9.5}])
+        job.commit(8)
+        for spp, jod in ((100, None), (200, 9.1)):
+            job.point(spp, 9, rules={"jod": {"value": jod, "stop": False}})
+        page = visit(f"/jobs/{job.id}", expected={404}).page
+        expect(page.locator(".plot-title").last).to_have_text("Quality in JOD, by the rule jod")
+        expect(page.locator(".plot canvas")).to_have_count(3)
+        page.locator(".plots").focus()
+        page.keyboard.press("End")
+        expect(page.locator(".readout")).to_contain_text("quality 9.10 JOD")

@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from plateau.farm.model.job import CurvePoint
+from plateau.farm.model.job import CurvePoint, WatchedValue
 from plateau.files.plot import Marks, curve_figure
+from plateau.rules import create
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -99,3 +100,16 @@ def test_it_names_what_it_shows_by_the_two_terms() -> None:
     for term in ("changed since the first image", "noise left", "target: 0.02 % of the image"):
         assert term in said
     assert "visible" not in said
+
+
+def test_it_has_a_third_plot_of_the_values_of_a_rule_with_its_own() -> None:
+    points = [
+        point.model_copy(update={"rules": {"jod": WatchedValue(value=value, stop=False)}})
+        for point, value in zip(curve([9, 5, 4], 65_536), (None, 8.4, 9.1), strict=True)
+    ]
+    rule = create("jod", target=9.5)
+    marks = Marks(window=5, stop_slope=None, target=None, stops={"x": 300}, valued=rule)
+    figure = curve_figure("box", "rendering", points, marks)
+    said = [text for text, _ in written(figure)]
+    assert {"quality, in JOD", "target: 9.5 JOD"} <= set(said)
+    assert list(figure.axes[2].lines[0].get_ydata()) == [8.4, 9.1]

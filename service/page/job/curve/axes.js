@@ -30,6 +30,20 @@ export function decades(target) {
 }
 
 /**
+ * The range of an axis of values that never come near zero; it includes the target.
+ * @param {number | null} target
+ * @returns {(plot: uPlot, min: number | null, max: number | null) => [number, number]}
+ */
+export function around(target) {
+  return (_plot, min, max) => {
+    const [low, high] = [Math.min(min ?? Infinity, target ?? Infinity), Math.max(max ?? -Infinity, target ?? -Infinity)];
+    if (low > high) return [0, 1];
+    const room = 0.12 * (high - low || 1);
+    return [low - room, high + room];
+  };
+}
+
+/**
  * A short form of a number for an axis.
  * @param {number} value
  */

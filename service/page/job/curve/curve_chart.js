@@ -1,20 +1,18 @@
-// A job's convergence: what has changed since the first image, and the noise left.
+// A job's convergence: what has changed since the first image, the noise left, and the values of rules.
 
 import { h, setText, signButton } from "../../shared/dom.js";
-import { three, whole } from "../../shared/figures.js";
-import { imagePixels, ruleWith, stopSlope } from "../../shared/job_summary.js";
+import { whole } from "../../shared/figures.js";
 import { say } from "../../shared/notices.js";
-import { valueIn } from "../../shared/rules.js";
-import { colours, compact, decades, fromZero } from "./axes.js";
-import { drawForecast, drawLevel, drawStops, forecastOf, stopsOf } from "./marks.js";
+import { colours, compact } from "./axes.js";
+import { forecastOf } from "./marks.js";
+import { ChangedPanel, logToggle, NoiseLeftPanel, rulesWithValues, ValuePanel } from "./panels.js";
 import { PointTable, told } from "./point_table.js";
 // @ts-types="../../vendor/uPlot.d.ts"
 import uPlot from "../../vendor/uPlot.esm.js";
 
 /** @import { Theme } from "./axes.js" */
+/** @typedef {(ChangedPanel | NoiseLeftPanel | ValuePanel)[]} Panels */
 
-const HEIGHT_ABOVE = 250;
-const HEIGHT_BELOW = 200;
 const AXIS_PX = 58;
 
 export class CurveChart {
@@ -28,16 +26,12 @@ export class CurveChart {
   #zoom = null;
   /** @type {number | null} */
   #at = null;
-  #above = h("div", { class: "plot" });
-  #below = h("div", { class: "plot" });
+  /** @type {Panels} */
+  #panels = [new ChangedPanel(() => this.#build()), new NoiseLeftPanel(() => this.#build())];
   #readout = h("p", { class: "readout" });
-  #slope = h("span", { class: "slope" });
-  #undenoised = h("span", { class: "slope", hidden: true }, "; dashed: without denoising");
   #table = new PointTable();
   #drawn = "";
-  #logX = toggle("spp", false, () => this.#build());
-  #logAbove = toggle("changed", false, () => this.#build());
-  #logBelow = toggle("noise left", true, () => this.#build());
+  #logX = logToggle("spp", false, () => this.#build());
   #host;
   #empty = h("p", { class: "lead" });
   #full;
@@ -48,15 +42,11 @@ export class CurveChart {
       class: "plots", tabindex: 0, role: "group",
       "aria-label": "Convergence curve. Left and right select a point, plus and minus zoom, 0 shows all.",
       onkeydown: (event) => this.#key(event),
-    },
-    h("p", { class: "plot-title" }, h("b", {}, "Changed since the first image"), ": pixels that differ visibly from it", this.#slope),
-    this.#above,
-    h("p", { class: "plot-title" }, h("b", {}, "Noise left"), ": pixels that more samples would still change visibly, by half buffers", this.#undenoised),
-    this.#below);
+    }, this.#panels.flatMap(({ title, box }) => [title, box]));
     this.#full = h("div", { hidden: true },
       h("div", { class: "tools" },
         h("span", { class: "toggles", role: "group", "aria-label": "Logarithmic axes" },
-          "Logarithmic", this.#logX.label, this.#logAbove.label, this.#logBelow.label),
+          "Logarithmic", this.#logX.label, this.#panels.map(({ toggle }) => toggle?.label ?? null)),
         h("span", { class: "push" },
           signButton("−", "Zoom out", () => this.#zoomBy(2)), signButton("+", "Zoom in", () => this.#zoomBy(0.5)),
           signButton("All", "Show all of the curve", () => this.#zoomTo(null)))),
@@ -65,7 +55,7 @@ export class CurveChart {
     this.element = h("section", { class: "curve", "aria-labelledby": "curve-title" },
       h("h2", { id: "curve-title" }, "Convergence curve"), this.#empty, this.#full);
     const observer = new ResizeObserver(() => this.#resize());
-    observer.observe(this.#above);
+    observer.observe(this.#host);
     const dark = matchMedia("(prefers-color-scheme: dark)");
     dark.addEventListener("change", () => this.#build(), { signal });
     signal.addEventListener("abort", () => {
@@ -79,6 +69,7 @@ export class CurveChart {
    * @param {Api.CurvePoint[]} points
    */
   show(job, points) {
+    if (!this.#job) this.#addPanels(job);
     const rebuild = !this.#plots.length || this.#job?.width !== job.width;
     this.#job = job;
     this.#points = points;
@@ -98,47 +89,44 @@ export class CurveChart {
     this.#words();
   }
 
-  // Both plots.
+  // The plots.
 
   #build() {
     this.#destroy();
     if (!this.#points.length) return;
     const theme = colours();
     const sync = uPlot.sync(`curve ${this.#job.id}`);
-    this.#plots = [
-      new uPlot(this.#options(HEIGHT_ABOVE, theme, sync, this.#seriesAbove(theme), {
-        log: this.#logAbove.input.checked, bands: [], draw: (/** @type {uPlot} */ plot) => drawStops(plot, stopsOf(this.#job, this.#points), theme, true),
-      }), this.#dataAbove(), this.#above),
-      new uPlot(this.#options(HEIGHT_BELOW, theme, sync, this.#seriesBelow(theme), {
-        log: this.#logBelow.input.checked, bands: [{ series: [3, 2], fill: theme.band }],
-        draw: (/** @type {uPlot} */ plot) => {
-          drawStops(plot, stopsOf(this.#job, this.#points), theme, false);
-          drawLevel(plot, this.#target(), theme);
-          drawForecast(plot, this.#points, this.#target(), theme);
-        },
-      }), this.#dataBelow(), this.#below),
-    ];
+    this.#plots = this.#panels.map((panel) => new uPlot(this.#options(panel, theme, sync), this.#data(panel), panel.box));
     this.#update();
   }
 
   /**
-   * @param {number} height
+   * The panels of rules with values of their own, once the job is known.
+   * @param {Api.JobView} job
+   */
+  #addPanels(job) {
+    for (const panel of rulesWithValues(job).map((rule) => new ValuePanel(rule))) {
+      this.#panels.push(panel);
+      this.#host.append(panel.title, panel.box);
+    }
+  }
+
+  /**
+   * @param {Panels[number]} panel
    * @param {Theme} theme
    * @param {uPlot.SyncPubSub} sync
-   * @param {uPlot.Series[]} series
-   * @param {{ log: boolean, bands: uPlot.Band[], draw: (plot: uPlot) => void }} more
    * @returns {uPlot.Options}
    */
-  #options(height, theme, sync, series, { log, bands, draw }) {
+  #options(panel, theme, sync) {
     const axis = { stroke: theme.ink, grid: { stroke: theme.grid, width: 1 }, ticks: { show: false }, font: theme.font };
     /** @type {uPlot.Axis.DynamicValues} */
     const short = (_, values) => values.map((value) => (value == null ? "" : compact(value)));
     return {
-      width: Math.max(200, this.#above.clientWidth), height, series, bands,
+      width: Math.max(200, this.#host.clientWidth), height: panel.height, series: [{}, ...panel.series(theme)], bands: panel.bands(theme),
       legend: { show: false },
       scales: {
         x: { time: false, auto: false, distr: this.#logX.input.checked ? 3 : 1 },
-        y: log ? { distr: 3, range: decades(this.#target()) } : { range: fromZero },
+        y: { distr: panel.logarithmic ? 3 : 1, range: panel.range(this.#job) },
       },
       axes: [
         { ...axis, values: short, space: 60, size: 30 },
@@ -150,7 +138,7 @@ export class CurveChart {
         bind: { dblclick: () => () => { this.#zoomTo(null); return null; } },
       },
       hooks: {
-        draw: [draw],
+        draw: [(plot) => panel.draw(plot, this.#job, this.#points, theme)],
         setCursor: [(plot) => this.#read(plot.cursor.idx)],
         setSelect: [(plot) => {
           if (plot.select.width < 4) return;
@@ -162,61 +150,18 @@ export class CurveChart {
   }
 
   /**
-   * @param {Theme} theme
-   * @returns {uPlot.Series[]}
+   * @param {Panels[number]} panel
+   * @returns {uPlot.AlignedData}
    */
-  #seriesAbove(theme) {
-    return [{}, line(theme.curve), { stroke: theme.stopFaint, width: 5, points: { show: false } },
-      { stroke: theme.stop, width: 1.5, dash: [5, 4], points: { show: false } }];
-  }
-
-  /**
-   * @param {Theme} theme
-   * @returns {uPlot.Series[]}
-   */
-  #seriesBelow(theme) {
-    const edge = { stroke: "transparent", points: { show: false } };
-    return [{}, line(theme.estimate), edge, edge,
-      { stroke: theme.estimate, width: 1.5, dash: [5, 4], points: { show: false } }];
-  }
-
-  /** @returns {uPlot.AlignedData} */
-  #dataAbove() {
-    const points = this.#points;
-    const rule = ruleWith("slope", this.#job);
-    const window = points.slice(-((rule && valueIn("window", rule)) ?? 5));
-    const slope = points[points.length - 1].slope;
-    const mean = (/** @type {(point: Api.CurvePoint) => number} */ of) => window.reduce((sum, point) => sum + of(point), 0) / window.length;
-    const [spp, visible] = [mean((point) => point.spp), mean((point) => point.visible_pixels)];
-    const laid = (/** @type {number | null} */ steepness) => points.map((point) =>
-      steepness != null && window.includes(point) ? visible + steepness * (point.spp - spp) : null);
-    return [
-      points.map((point) => point.spp),
-      points.map((point) => drawable(point.visible_pixels, this.#logAbove)),
-      laid(slope),
-      laid(rule && slope != null ? stopSlope(this.#job, rule) : null),
-    ];
-  }
-
-  /** @returns {uPlot.AlignedData} */
-  #dataBelow() {
-    const column = (/** @type {"estimate_pixels" | "estimate_low_pixels" | "estimate_high_pixels" | "raw_estimate_pixels"} */ name) => this.#points.map((point) => drawable(point[name], this.#logBelow));
-    return [this.#points.map((point) => point.spp), column("estimate_pixels"),
-      column("estimate_low_pixels"), column("estimate_high_pixels"), column("raw_estimate_pixels")];
-  }
-
-  #target() {
-    const rule = ruleWith("noise_target", this.#job);
-    const target = rule ? valueIn("noise_target", rule) : null;
-    return target === null ? null : target * imagePixels(this.#job);
+  #data(panel) {
+    return [this.#points.map((point) => point.spp), ...panel.data(this.#job, this.#points)];
   }
 
   #update() {
     if (!this.#plots.length) return;
-    const data = [this.#dataAbove(), this.#dataBelow()];
     const range = this.#zoom ?? this.#whole();
     this.#plots.forEach((plot, index) => plot.batch(() => {
-      plot.setData(data[index], false);
+      plot.setData(this.#data(this.#panels[index]), false);
       plot.setScale("x", range);
     }));
   }
@@ -247,7 +192,7 @@ export class CurveChart {
   }
 
   #resize() {
-    const width = this.#above.clientWidth;
+    const width = this.#host.clientWidth;
     if (width < 1) return;
     for (const plot of this.#plots) if (plot.width !== width) plot.setSize({ width, height: plot.height });
   }
@@ -260,12 +205,7 @@ export class CurveChart {
   // Words.
 
   #words() {
-    const { slope } = this.#points[this.#points.length - 1];
-    const rule = ruleWith("slope", this.#job);
-    const limit = rule ? stopSlope(this.#job, rule) : null;
-    const aim = rule && limit !== null ? `; ${rule.name} waits for ${three(limit)}` : "";
-    setText(this.#slope, slope == null ? "" : `, rising by ${three(slope)} px/spp${aim}`);
-    this.#undenoised.hidden = this.#job.spec.denoise.name === "none";
+    for (const panel of this.#panels) panel.words(this.#job, this.#points);
     if (this.#at == null) this.#read(null);
     this.#table.show(this.#points);
   }
@@ -301,31 +241,4 @@ export class CurveChart {
     this.#read(index);
     say(told(point));
   }
-}
-
-/**
- * The value, or null if a logarithmic axis cannot show it.
- * @param {number | null | undefined} value
- * @param {{ input: HTMLInputElement }} toggle
- */
-function drawable(value, { input: { checked: logarithmic } }) {
-  return value == null || (logarithmic && value <= 0) ? null : value;
-}
-
-/**
- * @param {string} name
- * @param {boolean} checked
- * @param {() => void} act
- */
-function toggle(name, checked, act) {
-  const input = h("input", { type: "checkbox", checked, onchange: act });
-  return { input, label: h("label", { class: "toggle" }, input, name) };
-}
-
-/**
- * @param {string} stroke
- * @returns {uPlot.Series}
- */
-function line(stroke) {
-  return { stroke, width: 2, points: { show: true, size: 6, fill: stroke } };
 }
