@@ -194,7 +194,7 @@ def points(
         sums[(slices - 1) % 4] += recording[order[slices - 1]]
         is_look = plan.is_point(slices)
         if is_look or between.is_point(slices):
-            between = between.with_look(slices, None)
+            between = between.with_point(slices, None)
             reference = (total - sums.sum(axis=0)) / (len(recording) - slices)
             share = slices / (len(recording) - slices)
             row.append(
@@ -203,8 +203,10 @@ def points(
         if is_look:
             row[-1] = replace(row[-1], is_look=True)
             ahead = row[-1].seen[BLEND].forecast(Visible().target)
-            expected_spp = spec.expected_end_spp(None if ahead is None else ahead.spp)
-            plan = plan.with_look(slices, expected_spp)
+            expected_spp = spec.rule.behaviour.expected_end_spp(
+                None if ahead is None else ahead.spp
+            )
+            plan = plan.with_point(slices, expected_spp)
     return row
 
 

@@ -209,7 +209,7 @@ def _member(job_id: str, fields: dict[str, str | None], specs: dict[str, JobSpec
         spp=int(fields["spp"] or 0),
         committed_spp=records.committed_spp(fields, int(fields["slice_spp"] or 0)),
         estimate_fraction=latest.get("estimate_fraction"),
-        forecast_spp=latest.get("forecast_spp"),
+        expected_spp=latest.get("expected_spp"),
         film=(int(width), int(height)) if width and height else None,
         machine_s=int(fields["machine_ms"] or 0) / 1000,
         samples_saved=int(fields["samples_saved"] or 0),

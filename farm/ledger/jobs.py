@@ -21,7 +21,8 @@ from plateau.farm.model.errors import (
 )
 from plateau.farm.model.fit import Kind
 from plateau.farm.model.job import BEFORE_ALL_EVENTS, CurvePoint, Event, Job, LogEntry
-from plateau.farm.model.plan import Plan, Round
+from plateau.farm.model.plan import Plan
+from plateau.farm.model.rounds import Round
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
 from plateau.farm.model.usage import Grouping, Spent
@@ -257,7 +258,7 @@ class Jobs:
             job.width,
             job.height,
             map(Round.from_json, stored),
-            [(point.spp, point.forecast_spp) for point in points],
+            [(point.spp, point.expected_spp) for point in points],
         )
 
     def ledger(self, job_id: str) -> dict[int, dict[str, Any]]:

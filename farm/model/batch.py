@@ -111,7 +111,7 @@ class Member:
     spp: int
     committed_spp: int
     estimate_fraction: float | None
-    forecast_spp: int | None
+    expected_spp: int | None
     film: tuple[int, int] | None
     machine_s: float
     samples_saved: int
@@ -231,9 +231,9 @@ def _jump(members: list[Member]) -> Jump | None:
 def _forecast(members: list[Member], now: datetime) -> datetime | None:
     """When the last job will end, at the farm's mean rate while it worked on the batch.
 
-    A job ends at its own forecast, or at its cap where that comes first; without a forecast it is
-    taken to need the mean spp of the converged jobs. None where a job's end is unknown, or a job
-    waits for a person.
+    A job ends where its newest point expects it to, or at its cap where that comes first; where
+    nobody knows, it is taken to need the mean spp of the converged jobs. None where a job's end is
+    unknown, or a job waits for a person.
     """
     to_come = [member for member in members if not member.state.ended]
     if not to_come or any(one.held or one.state is JobState.PAUSED for one in to_come):
@@ -259,7 +259,9 @@ def _forecast(members: list[Member], now: datetime) -> datetime | None:
 
 def _last_spp(member: Member, usual: float | None) -> float | None:
     spec = member.spec
-    last: float | None = spec.expected_end_spp(member.forecast_spp)
+    last: float | None = member.expected_spp
+    if last is None:  # without a point
+        last = spec.rule.behaviour.expected_end_spp(None)
     if last is None and usual is not None and usual > member.spp:
         last = max(usual, spec.min_spp or 0)
     return None if last is None else min(last, spec.max_spp)

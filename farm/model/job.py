@@ -85,8 +85,8 @@ class CurvePoint(_Record):
     forecast_high_spp: int | None = None
     expected_spp: int | None = Field(
         None,
-        description="spp at which the job's own rule is likely to be satisfied, as far as the "
-        "image tells",
+        description="spp at which the job is likely to end, by its rule and its min_spp, as far as "
+        "the image tells",
     )
     non_finite_pixels: int = Field(
         0, description="pixels with a NaN or an infinity, left out of every other count"
@@ -160,7 +160,7 @@ class Job(_Record):
         None, description="seconds from the last point to `forecast_spp`, at the job's mean rate"
     )
     expected_spp: int | None = Field(
-        None, description="spp at which the job's own rule is likely to be satisfied, if known"
+        None, description="spp at which the job is likely to end, by its own rule, if known"
     )
     expected_s: float | None = Field(None, description="seconds from the last point to there")
     verdict: dict[str, float | None] | None = Field(

@@ -9,75 +9,21 @@ the merged slices alone.
 
 from __future__ import annotations
 
-import json
 from bisect import bisect_left, bisect_right
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
-from plateau.farm.model.looks import next_look
+from plateau.farm.model.looks import Looks
 from plateau.farm.model.passes import MOST_SLICE_SPP
+from plateau.farm.model.rounds import LAG, Round
 from plateau.farm.model.spec.allocation import ZonesAllocation
-from plateau.farm.model.zones import Grid, Zone, pixels_of
+from plateau.farm.model.zones import Grid, pixels_of
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
+    from collections.abc import Iterable, Sequence
 
     from plateau.farm.model.spec import SharedSpec
-
-#: Rounds after which the image decides: that of round k decides round k + LAG.
-LAG: Final = 2
-
-
-@dataclass(frozen=True)
-class Round:
-    """Some slices that an image has decided, until the next point of the curve.
-
-    Attributes
-    ----------
-    first : int
-        Index of the first slice.
-    slices : int
-        How many there are: a multiple of 4, as they form halves in two ways. 0 ends the plan.
-    spp : int
-        Samples per pixel of each slice.
-    zones : tuple of int or None
-        Numbers of zones in the grid, rising; None for the whole film.
-    pixels : int
-        Pixels of each slice.
-    """
-
-    first: int
-    slices: int
-    spp: int
-    zones: tuple[int, ...] | None
-    pixels: int
-
-    @property
-    def stop(self) -> int:
-        """The index after the last slice."""
-        return self.first + self.slices
-
-    @property
-    def samples(self) -> int:
-        """Of all slices."""
-        return self.slices * self.spp * self.pixels
-
-    def as_json(self) -> str:
-        """Return the round as text: zones as the bits of a number, in hexadecimal."""
-        bits = None if self.zones is None else f"{sum(1 << number for number in self.zones):x}"
-        return json.dumps({**asdict(self), "zones": bits})
-
-    @classmethod
-    def from_json(cls, text: str) -> Round:
-        """Return the round that `as_json` wrote."""
-        stored = json.loads(text)
-        zones = None if stored["zones"] is None else tuple(_bits(int(stored["zones"], 16)))
-        return cls(**{**stored, "zones": zones})
-
-
-def _bits(value: int) -> Iterator[int]:
-    return (place for place in range(value.bit_length()) if value >> place & 1)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,9 +38,8 @@ class Plan:
         Of the film, in pixels; None before it is known.
     size : int or None
         Of a zone, in pixels; None where the job is allocated by frame.
-    looks : tuple of int
-        Where the image is denoised, the slices of its points of the curve: of those that are known,
-        and of the next one.
+    looks : Looks or None
+        The points of the curve where the image is denoised; None where it is not.
     decided : tuple of Round
         The rounds that an image has decided, from round `LAG` on.
     """
@@ -105,7 +50,7 @@ class Plan:
     width: int | None = None
     height: int | None = None
     size: int | None = None
-    looks: tuple[int, ...] = ()
+    looks: Looks | None = None
     decided: tuple[Round, ...] = ()
 
     @classmethod
@@ -119,23 +64,20 @@ class Plan:
     ) -> Plan:
         """Return the plan of a job of this spec, with a film of this size in pixels if known.
 
-        `looks` are the points of a denoised image: their spp, and what was forecast there.
+        `looks` are the points of a denoised image: their spp, and where they expect the job to end.
         """
         size = spec.allocation.size if isinstance(spec.allocation, ZonesAllocation) else None
-        plan = cls(
+        whole = spec.max_spp - spec.max_spp % spec.slice_spp
+        return cls(
             slice_spp=spec.slice_spp,
             step_slices=spec.step // spec.slice_spp,
             max_spp=spec.max_spp,
             width=width,
             height=height,
             size=size,
+            looks=Looks.after(looks, spec.step, whole) if spec.is_denoised else None,
             decided=() if size is None else tuple(decided),
         )
-        if not spec.is_denoised:
-            return plan
-        seen = tuple(spp // spec.slice_spp for spp, _ in looks)
-        plan = replace(plan, looks=seen or (min(plan.step_slices, plan.stop),))
-        return plan.with_look(seen[-1], spec.expected_end_spp(looks[-1][1])) if seen else plan
 
     @property
     def by_zones(self) -> bool:
@@ -212,8 +154,8 @@ class Plan:
         """Whether the image of so many slices is judged."""
         if not slices:
             return False
-        if self.looks:
-            return slices in self.looks or slices == self.stop
+        if self.looks is not None:
+            return self.spp(slices) in self.looks
         if self.by_zones:
             return slices in self._ends
         return not slices % self.step_slices or slices == self.stop
@@ -250,9 +192,9 @@ class Plan:
 
         Where no such point is decided, these are the slices that are.
         """
-        for look in self.looks:
-            if self.spp(look) >= spp:
-                return look
+        look = None if self.looks is None else self.looks.first_from(spp)
+        if look is not None:
+            return look // self.slice_spp
         if not self.by_zones:
             return -(-spp // (self.step_slices * self.slice_spp)) * self.step_slices
         return next((end for end in self._ends if self.spp(end) >= spp), self.stop)
@@ -282,41 +224,15 @@ class Plan:
         one = Round(self.stop, 4 * fours, each, numbers, pixels)
         return one if one.samples >= self.pixels else replace(one, slices=0, spp=0)
 
-    def with_look(self, slices: int, expected_spp: int | None) -> Plan:
-        """Return the plan with the look after the one at these slices, unless that is known.
+    def with_point(self, slices: int, expected_spp: int | None) -> Plan:
+        """Return the plan after a point of the curve: it decides the look after it.
 
-        `expected_spp` is where the image of these slices says that the job ends, if it does.
+        `expected_spp` is where the image of these slices expects the job to end, if it does.
         """
-        if not self.looks or slices < self.looks[-1]:
+        if self.looks is None:
             return self
-        step_spp = self.step_slices * self.slice_spp
-        following = next_look(self.spp(slices), step_spp, expected_spp) // self.slice_spp
-        looks = sorted({*self.looks, slices, min(following, self.stop)})
-        return replace(self, looks=tuple(looks))
+        return replace(self, looks=self.looks.with_look(self.spp(slices), expected_spp))
 
     def with_round(self, one: Round) -> Plan:
         """Return the plan with one round more."""
         return replace(self, decided=(*self.decided, one))
-
-
-def slice_zones(
-    spec: SharedSpec, one: Round | None, width: int, height: int, border: int
-) -> tuple[Zone, ...]:
-    """Return the zones of the film that a slice's film has; none for the whole film.
-
-    Parameters
-    ----------
-    spec, one
-        Of the job, and of the slice.
-    width, height
-        Of the film, in pixels.
-    border
-        Pixels to which a sample contributes beyond its own. With a border zones lie apart, so that
-        the merge can tell their samples from each other's; without one, neighbours are joined.
-    """
-    if not isinstance(spec.allocation, ZonesAllocation):
-        return ()
-    grid, numbers = Grid(width, height, spec.allocation.size), None if one is None else one.zones
-    if border:
-        return grid.zones(numbers)
-    return () if numbers is None else grid.joined(numbers)

@@ -10,7 +10,8 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from plateau.farm.model.plan import Plan, Round
+    from plateau.farm.model.plan import Plan
+    from plateau.farm.model.rounds import Round
     from plateau.metric import Evidence
 
 

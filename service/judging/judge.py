@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plateau.farm.images.exr import Pixels
-from plateau.farm.model.plan import Plan, Round
+from plateau.farm.model.plan import Plan
+from plateau.farm.model.rounds import Round
 from plateau.farm.model.spec import JobSpec
 from plateau.metric import (
     Blend,
@@ -56,14 +57,12 @@ REMEMBERED_ANYWAY: Final = (CURVE, DEFAULT)
 class Judgement:
     """One evaluation: the point of the curve, and what the job's own rule said."""
 
-    point: dict[str, object]
+    point: dict[str, Any]
     verdict: Verdict
-    #: The spp at which the job's own rule is likely to be satisfied; None if unknown.
+    #: The spp at which the job is likely to end, by this image and those before; None if unknown.
     expected_spp: int | None
     #: Why the image cannot be a result, whatever the rules say; None if it can.
     flaw: str | None
-    #: The spp at which hardly any noise is left; None if unknown.
-    forecast_spp: int | None = None
     #: The round that the image decides; None where the job is allocated by frame.
     decided: Round | None = None
 
@@ -137,7 +136,8 @@ class Judge:
             **_estimate(estimate),
             **({} if denoised is None or flaw else self._denoising(evidence, raw.estimate)),
             **_forecast(forecast),
-            "expected_spp": self._expected_by_image(forecast),
+            # By the image alone, so that it does not depend on which monitor judged those before.
+            "expected_spp": self._expected_spp(forecast),
             "zones": self._zone_fractions(visible, estimate),
             "rules": {
                 name: {"value": verdicts[name].value, "stop": verdicts[name].stop and not flaw}
@@ -145,10 +145,8 @@ class Judge:
             },
         }
         own = verdicts[self._own]
-        expected = self._expected_spp(own, forecast, merge.spp)
-        verdict = self._not_too_early(own, merge.spp)
-        forecast_spp = None if forecast is None else forecast.spp
-        return Judgement(point, verdict, expected, flaw, forecast_spp, decided)
+        expected = self._expected_spp(forecast, self._crossing(own, merge.spp))
+        return Judgement(point, self._not_too_early(own, merge.spp), expected, flaw, decided)
 
     def _evidence(self, merge: Merge) -> Evidence:
         halves, image = merge.halves(), merge.image()
@@ -173,21 +171,20 @@ class Judge:
             "raw_estimate_fraction": raw.fraction,
         }
 
-    def _expected_by_image(self, forecast: Forecast | None) -> int | None:
-        """Return where the rule is likely to be satisfied, as far as the image alone tells.
-
-        So the curve does not depend on which monitor judged the image before.
-        """
-        return self._rules[self._own].expected_end_spp(None if forecast is None else forecast.spp)
-
-    def _expected_spp(self, own: Verdict, forecast: Forecast | None, spp: int) -> int | None:
-        """Return the spp at which the rule is likely to be satisfied: see `expected_end_spp`."""
-        before, self._before = self._before, None if own.value is None else (spp, own.value)
+    def _expected_spp(
+        self, forecast: Forecast | None, crossing_spp: int | None = None
+    ) -> int | None:
+        """Return where the job is likely to end: see the rule's `expected_end_spp`."""
         forecast_spp = None if forecast is None else forecast.spp
-        crossing = None
-        if before is not None and own.value is not None and own.limit is not None:
-            crossing = _crossing(before, (spp, own.value), own.limit)
-        return self._rules[self._own].expected_end_spp(forecast_spp, crossing)
+        spp = self._rules[self._own].expected_end_spp(forecast_spp, crossing_spp)
+        return None if spp is None else max(spp, self._min_spp)
+
+    def _crossing(self, own: Verdict, spp: int) -> int | None:
+        """Return where the line through the last two values of the rule falls to its limit."""
+        before, self._before = self._before, None if own.value is None else (spp, own.value)
+        if before is None or own.value is None or own.limit is None:
+            return None
+        return _crossing(before, (spp, own.value), own.limit)
 
     def _not_too_early(self, verdict: Verdict, spp: int) -> Verdict:
         """Return the rule's verdict, changed so that it ends no job before its `min_spp`."""

@@ -5,6 +5,7 @@ import time
 from collections import deque
 from concurrent.futures import Future
 from dataclasses import replace
+from typing import Any
 
 from plateau.farm.blobs import store as blobs
 from plateau.farm.blobs.store import Blobs
@@ -13,7 +14,7 @@ from plateau.farm.ledger.ownership import Ownership, Ownerships
 from plateau.farm.ledger.queue import SliceRecord
 from plateau.farm.ledger.totals import MonitorWork
 from plateau.farm.model.errors import FenceLost, IllegalTransition
-from plateau.farm.model.plan import Round
+from plateau.farm.model.rounds import Round
 from plateau.farm.model.states import MAX_TRIES, JobState
 from plateau.service.judging.checkpoints import Checkpoints
 from plateau.service.judging.denoised import Denoised, DenoisingTask
@@ -62,10 +63,9 @@ class JobRun:
         self._denoised: tuple[int, Denoised | None] = 0, None  # the last one, and of how many
         self._denoising_failures = 0  # one after the other
         self._judge = Judge(job.spec)
-        self._point: dict[str, object] = {}  # the last judgement's
+        self._point: dict[str, Any] = {}  # the last judgement's
         self._in_hand: deque[SliceRecord] = deque()  # committed and not yet merged
         self._decided: Round | None = None  # by the image that was judged last
-        self._forecast_spp: int | None = None  # from that image
         self._films = Films(owned, owners, store, job.spec)
         self._results = ResultSets(owned, owners, store, job.spec)
         self._checkpoints = Checkpoints(owned, owners, store, keep_slices=job.spec.keep_slices)
@@ -203,7 +203,6 @@ class JobRun:
                 self._merge, self._known.plan, denoised=self._denoised_image()
             )
         self._point, self._decided = judgement.point, judgement.decided
-        self._forecast_spp = judgement.forecast_spp
         verdict = judgement.verdict
         return self._known.with_answer(
             Answer(
@@ -221,7 +220,7 @@ class JobRun:
         known = self._known
         decided = self._decided if known.plan.decides(known.merged) else None
         self._owners.append_point(self.owned, known.spp, self._point, decided)
-        return known.with_point(decided, self._forecast_spp)
+        return known.with_point(decided, self._point["expected_spp"])
 
     def _show_and_save(self, *, show: bool, save: bool) -> Known:
         known = self._known

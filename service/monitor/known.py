@@ -5,7 +5,8 @@ from enum import Enum
 from typing import Final
 
 from plateau.farm.model.job import Job
-from plateau.farm.model.plan import Plan, Round
+from plateau.farm.model.plan import Plan
+from plateau.farm.model.rounds import Round
 from plateau.farm.model.states import JobState
 from plateau.service.monitor.look_ahead import LookAhead
 
@@ -210,11 +211,13 @@ class Known:
         """The size of the film, which is known from the first commit on, was read."""
         return replace(self, plan=replace(self.plan, width=width, height=height))
 
-    def with_point(self, decided: Round | None, forecast_spp: int | None) -> "Known":
-        """The curve has the point, and the plan what its image has decided: a round, a look."""
+    def with_point(self, decided: Round | None, expected_spp: int | None) -> "Known":
+        """The curve has the point, and the plan what its image has decided: a round, a look.
+
+        `expected_spp` is where the image expects the job to end.
+        """
         plan = self.plan if decided is None else self.plan.with_round(decided)
-        plan = plan.with_look(self.merged, self.job.spec.expected_end_spp(forecast_spp))
-        return replace(self, recorded=True, plan=plan)
+        return replace(self, recorded=True, plan=plan.with_point(self.merged, expected_spp))
 
     def with_slices(self, found: int, asked: int) -> "Known":
         """Of the slices asked for, this many are committed."""

@@ -52,9 +52,7 @@ class LookAhead:
         """The look-ahead of a job, by its rule and its curve so far."""
         rule = job.spec.rule.behaviour
         return cls(spec=job.spec).expecting(
-            rule.expected_end_spp(job.forecast_spp)
-            if job.points
-            else rule.soonest_end_spp(job.spec.step)
+            job.expected_spp if job.points else rule.soonest_end_spp(job.spec.step)
         )
 
     def expecting(self, spp: int | None) -> "LookAhead":

@@ -21,7 +21,7 @@ from plateau.farm.images.exr import Partial, Pixels, encode_partial
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.queue import Committed, Lease, SliceQueue, SliceRecord
 from plateau.farm.model.job import Job
-from plateau.farm.model.plan import slice_zones
+from plateau.farm.model.rounds import slice_zones
 from plateau.farm.model.seeds import SeedRange
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.zones import Zone

@@ -9,8 +9,8 @@ import psutil
 
 from plateau.farm.ledger.queue import Lease
 from plateau.farm.model.errors import StoreUnavailable
-from plateau.farm.model.plan import slice_zones
 from plateau.farm.model.renderers import variant_named
+from plateau.farm.model.rounds import slice_zones
 from plateau.farm.process.settings import Settings
 from plateau.worker.renderers.contract import Loaded
 from plateau.worker.supervisor.child_process import Film, RenderChild

@@ -193,11 +193,6 @@ class SharedSpec(Strict):
         asked = {*self.aovs, *(GUIDES if has_guides else ())}
         return tuple(name for name in AOV_NAMES if name in asked)
 
-    def expected_end_spp(self, forecast_spp: int | None) -> int | None:
-        """Return where its rule is expected to end it, by a forecast alone; None if unknown."""
-        spp = self.rule.behaviour.expected_end_spp(forecast_spp)
-        return None if spp is None else max(spp, self.min_spp or 0)
-
     @property
     def noise_target(self) -> float | None:
         """The noise left, as a share of the pixels, for which the first of its rules waits."""

@@ -51,7 +51,7 @@ class DecidedRound:
     """A round that an image has decided."""
 
     first: int  #: index of its first slice
-    json: str  #: of a `plateau.farm.model.plan.Round`
+    json: str  #: of a `plateau.farm.model.rounds.Round`
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -215,7 +215,7 @@ def member(number: int, state: JobState, **other: Any) -> Member:
         "spp": spp,
         "committed_spp": spp,
         "estimate_fraction": None,
-        "forecast_spp": None,
+        "expected_spp": None,
         "film": (32, 24) if spp else None,
         "machine_s": spp / 10,
         "samples_saved": 0,
@@ -235,21 +235,21 @@ class TestAForecast:
     def test_adds_what_each_job_still_needs_at_the_rate_so_far(self) -> None:
         members = [
             self.DONE,
-            member(1, JobState.RENDERING, spp=200, forecast_spp=500),
+            member(1, JobState.RENDERING, spp=200, expected_spp=500),
             member(2, JobState.QUEUED),  # as the one that converged
         ]
         found = summarise("b", members, guarded=False, now=NOW).forecast_end_at
         assert found == NOW + timedelta(seconds=(300 + 400) / 10)
 
     def test_ends_at_the_cap_and_not_before_the_least_spp(self) -> None:
-        for spec, spp in (
-            (JobSpec(max_spp=300), 300),
-            (JobSpec(min_spp=800), 800),
-            (JobSpec(rule={"name": "fixed", "spp": 600}), 600),
+        for spec, expected_spp, spp in (
+            (JobSpec(max_spp=300), 500, 300),
+            (JobSpec(min_spp=800), None, 800),
+            (JobSpec(rule={"name": "fixed", "spp": 600}), None, 600),
         ):
             members = [
                 self.DONE,
-                member(1, JobState.RENDERING, spp=200, forecast_spp=500, spec=spec),
+                member(1, JobState.RENDERING, spp=200, expected_spp=expected_spp, spec=spec),
             ]
             found = summarise("b", members, guarded=False, now=NOW).forecast_end_at
             assert found == NOW + timedelta(seconds=(spp - 200) / 10)
@@ -264,7 +264,7 @@ class TestAForecast:
             started_at=early,
             ended_at=early + timedelta(seconds=60),
         )
-        members = [old, member(1, JobState.RENDERING, spp=600, forecast_spp=900)]
+        members = [old, member(1, JobState.RENDERING, spp=600, expected_spp=900)]
         found = summarise("b", members, guarded=False, now=NOW).forecast_end_at
         assert found == NOW + timedelta(seconds=30)
 
@@ -274,7 +274,7 @@ class TestAForecast:
             [DONE],
             [member(0, JobState.QUEUED)],
             [member(0, JobState.RENDERING, spp=200)],
-            [DONE, member(1, JobState.PAUSED, spp=200, forecast_spp=500)],
+            [DONE, member(1, JobState.PAUSED, spp=200, expected_spp=500)],
             [DONE, member(1, JobState.QUEUED, held=True)],
         ],
         ids=["all ended", "nothing known", "no forecast yet", "one paused", "one held back"],

@@ -42,12 +42,12 @@ def test_a_plan_knows_the_looks_of_the_curve_and_the_next_one() -> None:
 
 def test_a_look_that_is_known_stays() -> None:
     plan = Plan.of(SPEC, looks=[(100, 5000), (300, 900)])
-    assert plan.with_look(4, 150) is plan
-    assert plan.with_look(plan.looks[-1], None).looks == (4, 12, 20, 24)
+    assert plan.with_point(4, 150) == plan
+    assert plan.with_point(plan.slices_of(500), None).looks.spp == (100, 300, 500, 600)
     assert [plan.point_from(spp) for spp in (1, 101, 301, 501, 601)] == [4, 12, 20, 24, 28]
 
 
 def test_no_job_without_denoising_has_looks() -> None:
     spec = JobSpec(step=100, slice_spp=25, max_spp=1000)
     plain = Plan.of(spec, looks=[(100, 200)])
-    assert plain.looks == plain.with_look(4, 1000).looks == ()
+    assert plain.looks is plain.with_point(4, 1000).looks is None

@@ -7,7 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from plateau.farm.model.plan import LAG, Plan, Round
+from plateau.farm.model.plan import Plan
+from plateau.farm.model.rounds import LAG, Round
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.zones import Grid, pixels_of
 

@@ -51,7 +51,7 @@ def points_of(spec: JobSpec, spp: int) -> list[int]:
         for at in range(1, spp // spec.slice_spp + 1):
             if plan.is_point(at):
                 points.append(at * spec.slice_spp)
-                plan = plan.with_look(at, spec.expected_end_spp(None))
+                plan = plan.with_point(at, None)
         return points
     return [at for at in range(1, spp + 1) if at % spec.step == 0 or at == spec.max_spp]
 

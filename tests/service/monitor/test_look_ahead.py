@@ -119,7 +119,7 @@ def test_before_its_first_point_a_job_may_end_at_its_second() -> None:
 
 
 def test_a_monitor_that_takes_over_knows_what_was_forecast() -> None:
-    assert LookAhead.of(job(forecast_spp=650)).stop(PLAN, 24, ENOUGH) == 28
+    assert LookAhead.of(job(expected_spp=650)).stop(PLAN, 24, ENOUGH) == 28
 
 
 @pytest.mark.parametrize(
