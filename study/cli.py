@@ -42,6 +42,14 @@ def create(
             show_default="1 % to 25 % of the reference's",
         ),
     ] = None,
+    at_stops: Annotated[
+        bool,
+        typer.Option(
+            "--at-stops",
+            help="Test images where the job's rules, its own and those that it watched, stopped or "
+            "would have; between the first and the last of them; and at half and twice their spp.",
+        ),
+    ] = False,
     name: Annotated[
         str | None, typer.Option(help="Name of the study.", show_default="the job's name")
     ] = None,
@@ -53,14 +61,18 @@ def create(
     For example:
       plateau study create 3f9ac2d01b77 --reference 8e11d0c2b7a4
       plateau study create 3f9ac2d01b77 --method limits --name "BAR, first stage"
+      plateau study create 3f9ac2d01b77 --reference 8e11d0c2b7a4 --at-stops
 
     The job must have kept its slices (--keep-slices). Observers take part on the web page, at the
     URL printed to standard error. docs/study.md explains how to run a study.
     """
     from plateau.study.commands import create as run
 
+    if at_stops and level:
+        raise typer.BadParameter("--level and --at-stops both choose the test images: give one")
     run(
         job_id,
+        at_stops=at_stops,
         reference=reference,
         method=method.value,
         levels=level or [],

@@ -1,13 +1,16 @@
 """`plateau study`: making, listing, exporting, deleting and fitting observer studies."""
 
 import json
+import math
 import sys
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from plateau.commands.connect import connect
+from plateau.errors import CommandFailed
 from plateau.exit_codes import ExitCode
+from plateau.farm.model.job import CurvePoint, Job
 from plateau.study.answers import AnswersFit
 from plateau.study.answers_table import FittedScene, fit_table, plot_study
 from plateau.study.model import PROBABILITIES
@@ -28,14 +31,18 @@ def create(
     reference: str | None,
     method: Method,
     levels: list[int],
+    at_stops: bool,
     name: str | None,
     url: str | None,
     as_json: bool,
 ) -> None:
     """Make a study of a job; print its id, and where observers take part."""
     with connect(url) as client:
+        whole_id = client.whole_id(job_id)
+        if at_stops:
+            levels = levels_at_stops(client.job(whole_id), client.curve(whole_id))
         study = client.studies.create(
-            client.whole_id(job_id),
+            whole_id,
             reference_job_id=None if reference is None else client.whole_id(reference),
             method=method,
             levels=levels or None,
@@ -51,6 +58,43 @@ def create(
                     "--reference",
                     file=sys.stderr,
                 )
+
+
+def levels_at_stops(job: Job, points: list[CurvePoint]) -> list[int]:
+    """Return the spp of test images that tell where rules disagree, in whole slices.
+
+    They are where each rule first stopped, the geometric mean of the first and the last of these,
+    half of the first, and twice the last as far as the job has samples.
+
+    Raises
+    ------
+    CommandFailed
+        Fewer than two rules stopped, or all at one point.
+    """
+    names = {name for point in points for name in point.rules}
+    first = {name: next((at.spp for at in points if _stops(at, name)), None) for name in names}
+    stops = sorted({spp for spp in first.values() if spp is not None})
+    if len(stops) < 2:
+        raise CommandFailed(
+            f"the rules of job {job.id} do not disagree: {_said(first)}; watch another one "
+            "(--watch jod), or choose the test images by --level"
+        )
+    wanted = (stops[0] / 2, *stops, math.sqrt(stops[0] * stops[-1]), 2 * stops[-1])
+    slices = {max(1, round(spp / job.spec.slice_spp)) for spp in wanted}
+    levels = (job.spec.slice_spp * one for one in sorted(slices))
+    return [spp for spp in levels if spp <= job.committed_spp]
+
+
+def _stops(point: CurvePoint, rule: str) -> bool:
+    return rule in point.rules and point.rules[rule].stop
+
+
+def _said(first: dict[str, int | None]) -> str:
+    said = ", ".join(
+        f"{name} {'never stopped' if spp is None else f'stopped at {spp:,} spp'}"
+        for name, spp in sorted(first.items())
+    )
+    return said or "its curve has no point"
 
 
 def list_studies(*, url: str | None, as_json: bool) -> None:

@@ -9,6 +9,11 @@ from typer.testing import CliRunner
 
 from plateau.cli import app
 from plateau.client import ApiError, Client
+from plateau.errors import CommandFailed
+from plateau.farm.model.job import CurvePoint, WatchedValue
+from plateau.farm.wire import examples
+from plateau.farm.wire.views import JobView
+from plateau.study.commands import levels_at_stops
 from plateau.study.model import Screen
 from tests.support.live_api import live_api
 from tests.support.noise_farm import NoiseFarm
@@ -38,6 +43,10 @@ def test_a_study_from_the_command_line(
         code, out, said = plateau("create", job.id, "--method", "limits", *levels, "--json")
         assert json.loads(out)["method"] == "limits"
         assert "name a job with another seed" in plateau("create", job.id, *levels)[2]
+        # One of where rules disagree needs rules that do
+        code, _, said = plateau("create", job.id, "--at-stops")
+        assert (code, "do not disagree: its curve has no point; watch" in said) == (1, True)
+        assert plateau("create", job.id, "--at-stops", *levels)[0] == 2
 
         for name in ("o-1", "o-2", "o-3", "o-4", "o-5"):
             observer = service.studies.take_part(study_id, name, Screen.model_validate(SCREEN))
@@ -67,3 +76,39 @@ def test_a_study_from_the_command_line(
         assert (code, said.count("\n")) == (1, 1)
         with pytest.raises(ApiError, match="there is no study"):
             service.studies.get(study_id)
+
+
+class TestLevelsAtStops:
+    def levels(self, visible: int, jod: int) -> list[int]:
+        job = JobView.model_validate(examples.JOB)
+        spec = job.spec.model_copy(update={"slice_spp": 10})
+        job = job.model_copy(update={"spec": spec, "committed_spp": 900})
+        points = [
+            CurvePoint(
+                spp=spp,
+                visible_pixels=0,
+                visible_fraction=0,
+                slope=None,
+                estimate_pixels=None,
+                estimate_fraction=None,
+                rules={
+                    "visible": WatchedValue(value=1.0, stop=spp >= visible),
+                    "jod": WatchedValue(value=1.0, stop=spp >= jod),
+                },
+                at=job.created_at,
+            )
+            for spp in range(100, 1000, 100)
+        ]
+        return levels_at_stops(job, points)
+
+    def test_are_at_and_around_the_stops_of_rules_that_disagree(self) -> None:
+        assert self.levels(visible=200, jod=400) == [100, 200, 280, 400, 800]
+        # As far as there are samples
+        assert self.levels(visible=800, jod=200) == [100, 200, 400, 800]
+
+    @pytest.mark.parametrize(
+        ("jod", "says"), [(300, "jod stopped at 300 spp, visible"), (9999, "jod never stopped")]
+    )
+    def test_of_rules_that_agree_are_refused(self, jod: int, says: str) -> None:
+        with pytest.raises(CommandFailed, match=says):
+            self.levels(visible=300, jod=jod)
