@@ -44,6 +44,10 @@ SAMPLES_PALETTE = np.column_stack(
 ).astype(np.uint8)
 
 
+#: Three JOD are lost where the error is such that hardly anybody prefers the image.
+_MOST_HEAT = 0.3
+
+
 def difference_map(picture: NDArray[np.uint8], visible: Mask) -> NDArray[np.uint8]:
     """Return the map of visible pixels over a picture, (H, W) uint8 indices of `MAP_PALETTE`.
 
@@ -121,6 +125,24 @@ def samples_map(spp: NDArray[Any]) -> NDArray[np.uint8]:
     """
     above = np.log(spp.astype(np.float64) / spp.min())
     codes: NDArray[Any] = np.rint(255 * above / (above.max() or 1))
+    return codes.astype(np.uint8)
+
+
+def heat_map(heat: Plane) -> NDArray[np.uint8]:
+    """Return where a person would see an error, as indices of `SAMPLES_PALETTE`, (H, W).
+
+    Parameters
+    ----------
+    heat
+        The map of `plateau.metric.cvvdp.Quality`, (H, W) of 0 or more: what is lost, over 10 JOD.
+        From `_MOST_HEAT` on all pixels have the last colour.
+
+    Examples
+    --------
+    >>> heat_map(np.array([[0, 0.15, 0.3, 1]], np.float32)).tolist()
+    [[0, 128, 255, 255]]
+    """
+    codes: NDArray[Any] = np.rint(255 * np.minimum(heat / np.float32(_MOST_HEAT), 1))
     return codes.astype(np.uint8)
 
 

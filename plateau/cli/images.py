@@ -7,6 +7,7 @@ import typer
 
 from plateau.cli import options as o
 from plateau.cli.app import app
+from plateau.cli.spec_fields import view_of_place
 
 
 @app.command()
@@ -26,7 +27,17 @@ def diff(
     pixel_pitch: Annotated[
         float | None, typer.Option(help="Distance between the screen's pixels in mm.")
     ] = None,
-    white_luminance: Annotated[float, typer.Option(help="White of the display in cd/m².")] = 100.0,
+    pixels_per_degree: Annotated[
+        float | None,
+        typer.Option(
+            help="Pixels in a degree at the image's centre, in place of the angle.",
+            show_default="none",
+        ),
+    ] = None,
+    seen: o.Seen = None,
+    white_luminance: Annotated[
+        float | None, typer.Option(help="White of the display in cd/m².", show_default="100")
+    ] = None,
     gamma: Annotated[
         float | None,
         typer.Option(
@@ -53,6 +64,22 @@ def diff(
             help="File for a copy of TEST with visible differences marked.",
         ),
     ] = None,
+    jod: Annotated[
+        bool,
+        typer.Option(
+            "--jod",
+            help="Also print the quality of TEST by ColorVideoVDP: 10 JOD is no difference, 9 one "
+            "by which three of four people prefer REFERENCE.",
+        ),
+    ] = False,
+    heat: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="OUT.png",
+            help="File for a map of where ColorVideoVDP sees differences: from dark blue, none, to "
+            "yellow, 3 JOD and more; with --jod.",
+        ),
+    ] = None,
     as_json: o.Json = False,
 ) -> None:
     """Count the pixels that differ visibly between two images.
@@ -62,25 +89,34 @@ def diff(
       plateau diff reference.exr test.exr --exposure 1 --json
       plateau diff a.exr b.exr --layer diffuse --viewing-distance 60 --pixel-pitch 0.25
 
+      plateau diff reference.exr test.exr --seen desk --jod --heat heat.png
+
     Reads PNG of any depth, and EXR with half or float channels. Transparent pixels are composited
     over black. The exit code is 0 whatever the count, and 2 if the images cannot be compared.
     """
     from plateau.commands.diff import diff as run
 
+    view = view_of_place(seen)
+    if pixels_per_degree is not None:
+        view["pixels_per_degree"] = pixels_per_degree
+    if white_luminance is not None:
+        view["white_luminance"] = white_luminance
     code = run(
         reference,
         test,
         field_of_view_deg=field_of_view,
-        white_luminance=white_luminance,
         viewing_distance=viewing_distance,
         pixel_pitch=pixel_pitch,
         layer=layer,
         gamma=gamma,
+        map_file=map_file,
+        jod=jod,
+        heat=heat,
+        as_json=as_json,
         primaries=primaries,
         exposure_ev=exposure,
         luminance_only=luminance_only,
-        map_file=map_file,
-        as_json=as_json,
+        **view,
     )
     raise typer.Exit(code)
 

@@ -52,6 +52,16 @@ Url = Annotated[
         show_default="http://127.0.0.1:8713",
     ),
 ]
+Seen = Annotated[
+    str | None,
+    typer.Option(
+        metavar="PLACE",
+        help="Where the image is seen, pixel by pixel: desk, phone or cinema. Sets pixels per "
+        "degree, white, contrast and light on the display; the options of these count before it.",
+        show_default="none",
+        autocompletion=complete.places,
+    ),
+]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON, for scripts.")]
 NoCurve = Annotated[bool, typer.Option("--no-curve", help="Show progress without the curve.")]
 
@@ -195,17 +205,7 @@ def spec_from_options(
             show_default="none",
         ),
     ] = None,
-    seen: Annotated[
-        str | None,
-        typer.Option(
-            metavar="PLACE",
-            help="Where the image is seen, pixel by pixel: on a desk, on a phone or in a cinema "
-            "(desk, phone, cinema). Sets --pixels-per-degree, --white-luminance, --contrast and "
-            "--ambient-lux, each of which may be given beside it.",
-            show_default="none",
-            autocompletion=complete.places,
-        ),
-    ] = None,
+    seen: Seen = None,
     primaries: Annotated[
         str | None,
         typer.Option(help="Primaries of the display: rec709 or adobe1998.", show_default="rec709"),

@@ -36,7 +36,7 @@ def spec_fields(
     """The fields of a spec that were given; the options are in `plateau.cli.options`."""
     if field_of_view is not None and (pixels_per_degree is not None or seen is not None):
         raise typer.BadParameter("--field-of-view stands for pixels per degree: give one of them")
-    view = _place(seen) | _given(
+    view = view_of_place(seen) | _given(
         exposure_ev=exposure,
         white_luminance=white_luminance,
         contrast=contrast,
@@ -100,7 +100,8 @@ def _colour(text: str) -> list[float]:
     return [red, green, blue]
 
 
-def _place(name: str | None) -> dict[str, object]:
+def view_of_place(name: str | None) -> dict[str, Any]:
+    """The fields of a view that --seen sets; none where it is not given."""
     from plateau.farm.model.spec import PLACES
 
     if name is None:

@@ -22,6 +22,8 @@ def diff(
     pixel_pitch: float | None,
     field_of_view_deg: float | None,
     map_file: Path | None,
+    jod: bool,
+    heat: Path | None,
     as_json: bool,
     **view: Any,
 ) -> int:
@@ -33,17 +35,31 @@ def diff(
         if field_of_view_deg is not None:
             view["field_of_view_deg"] = field_of_view_deg
         shown = _view(gamma, view)
+        if view.get("pixels_per_degree") and (field_of_view_deg or viewing_distance):
+            raise CannotCompare(
+                "give --seen or --pixels-per-degree, or how large the image is: both say at which "
+                "angle a pixel is seen"
+            )
         seen_from = _seen_from(viewing_distance, pixel_pitch, field_of_view_deg)
-        if map_file is not None and map_file.resolve() in {reference.resolve(), test.resolve()}:
-            raise CannotCompare(f"--map {map_file} would overwrite an image that is compared")
+        for option, file in (("--map", map_file), ("--heat", heat)):
+            if file is not None and file.resolve() in {reference.resolve(), test.resolve()}:
+                raise CannotCompare(f"{option} {file} would overwrite an image that is compared")
         comparison = compare_files(
-            reference, test, shown, gamma=gamma, layer=layer, seen_from=seen_from
+            reference,
+            test,
+            shown,
+            gamma=gamma,
+            layer=layer,
+            seen_from=seen_from,
+            jod=jod or heat is not None,
         )
     except CannotCompare as error:
         print(f"plateau: {error}", file=sys.stderr)
         return ExitCode.USAGE
     if map_file is not None:
         comparison.write_map(map_file)
+    if heat is not None:
+        comparison.write_heat(heat)
     print(json.dumps(comparison.as_json()) if as_json else comparison.in_words())
     return ExitCode.OK
 

@@ -10,22 +10,29 @@ import contextlib
 import io
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from plateau.errors import needs
 from plateau.farm.images.exr import decode_image
 from plateau.farm.images.png import decode_png, encode_png
 from plateau.metric import (
     MAP_PALETTE,
+    SAMPLES_PALETTE,
     Difference,
     Image,
+    Mask,
     View,
     VisibleDifferences,
     difference_map,
     encode_srgb,
+    heat_map,
 )
 from plateau.metric.display import SeenFrom, displayed, finite_pixels
+
+if TYPE_CHECKING:
+    from plateau.metric.cvvdp.model import Quality
 
 
 class CannotCompare(Exception):
@@ -58,6 +65,8 @@ class Comparison:
     shown: Image
     #: Column and row of the first pixel that is NaN or infinite in either; None where none is.
     non_finite_at: tuple[int, int] | None
+    #: By ColorVideoVDP, with its map; None where that was not asked.
+    quality: "Quality | None" = None
 
     @property
     def width(self) -> int:
@@ -79,6 +88,7 @@ class Comparison:
             "width": self.width,
             "height": self.height,
             "view": asdict(self.view),
+            **({} if self.quality is None else {"jod": self.quality.jod}),
         }
 
     def in_words(self) -> str:
@@ -90,12 +100,18 @@ class Comparison:
         if lost:
             words += f"; {lost:,} of them {'is' if lost == 1 else 'are'} NaN or infinite"
             words += "" if self.non_finite_at is None else f", the first at {self.non_finite_at}"
-        return words
+        return words if self.quality is None else f"{words}\n{self.quality.jod:.2f} JOD"
 
     def write_map(self, path: Path) -> None:
         """Write the visible pixels, marked on the test image in dim grey, as a PNG file."""
         codes = difference_map(encode_srgb(self.shown), self.difference.visible)
         path.write_bytes(encode_png(codes, MAP_PALETTE))
+
+    def write_heat(self, path: Path) -> None:
+        """Write where a person would see the errors by ColorVideoVDP, as a PNG file."""
+        assert self.quality is not None
+        assert self.quality.heat is not None
+        path.write_bytes(encode_png(heat_map(self.quality.heat), SAMPLES_PALETTE))
 
 
 def compare_files(
@@ -106,6 +122,7 @@ def compare_files(
     gamma: float | None = None,
     layer: str | None = None,
     seen_from: SeenFrom | None = None,
+    jod: bool = False,
 ) -> Comparison:
     """Compare two PNG or two EXR files, as both would be seen on the same screen.
 
@@ -124,6 +141,9 @@ def compare_files(
         Of EXR files; None for their plain R, G and B.
     seen_from
         Where given, the view's field of view is the one that the image's width has from there.
+    jod
+        Whether to compare them by ColorVideoVDP too, whose kernels compile for some 15 s once.
+        Pixels that are not finite in either image count as equal.
 
     Raises
     ------
@@ -149,13 +169,31 @@ def compare_files(
         difference = metric.compare(metric.percept(ours), metric.percept(theirs))
     except ValueError as error:
         raise CannotCompare(str(error)) from error
-    lost = np.argwhere(~(finite_pixels(ours) & finite_pixels(theirs)))
+    finite = finite_pixels(ours) & finite_pixels(theirs)
+    lost = np.argwhere(~finite)
     return Comparison(
         view=view,
         difference=difference,
         shown=displayed(theirs, view),
         non_finite_at=(int(lost[0][1]), int(lost[0][0])) if lost.size else None,
+        quality=_quality(ours, theirs, finite, view) if jod else None,
     )
+
+
+def _quality(ours: Image, theirs: Image, finite: Mask, view: View) -> "Quality":
+    with needs("monitor"):
+        from plateau.metric.cvvdp import ColorVideoVDP
+        from plateau.metric.quality import display_of
+
+    eye = ColorVideoVDP(display_of(view, ours.shape[1]))
+    try:
+        reference, test = (
+            eye.percept(displayed(np.where(finite[..., np.newaxis], image, 0), view))
+            for image in (ours, theirs)
+        )
+    except ValueError as error:
+        raise CannotCompare(str(error)) from error
+    return eye.compare(reference, test, heat=True)
 
 
 def _content(path: Path) -> bytes:

@@ -157,6 +157,44 @@ def test_the_map_marks_the_visible_pixels_on_the_test_image(file, tmp_path):
     assert (picture[~visible] == 43).all()
 
 
+class TestTheQuality:
+    def test_is_said_and_mapped(self, file, tmp_path):
+        reference, test = file("a.png", grey()), file("b.png", with_a_spot(grey(), 255))
+
+        words = diff(reference, test, "--jod", "--heat", tmp_path / "heat.png").stdout.splitlines()
+
+        assert words[0] == "16 of 1,536 pixels (1.0 %) differ visibly"
+        assert 5 < float(words[1].removesuffix(" JOD")) < 9.9
+        # Where the spot is, the map has another colour than far from it
+        heat = np.asarray(Image.open(tmp_path / "heat.png").convert("RGB")).astype(int)
+        assert np.abs(heat[12, 22] - heat[31, 0]).max() > 50
+        assert diff(reference, reference, "--jod").stdout.endswith("10.00 JOD\n")
+        in_json = json.loads(diff(reference, test, "--jod", "--json").stdout)
+        assert f"{in_json['jod']:.2f} JOD" == words[1]
+
+    def test_depends_on_where_the_image_is_seen(self, file):
+        reference, test = file("a.png", grey()), file("b.png", with_a_spot(grey(), 160))
+        at = {
+            place: json.loads(diff(reference, test, "--jod", "--json", "--seen", place).stdout)
+            for place in ("desk", "phone")
+        }
+        assert at["desk"]["jod"] < at["phone"]["jod"]
+        assert at["phone"]["view"]["pixels_per_degree"] == 120
+        assert at["phone"]["view"]["white_luminance"] == 500
+
+    def test_of_an_image_too_small_for_it_is_refused(self, file):
+        tiny = file("a.png", grey(shape=(2, 2)))
+        assert "4" in refused(tiny, tiny, "--jod")
+
+
+def test_a_place_and_an_angle_are_not_both_given(file):
+    image = file("a.png", grey())
+    for more in (["--field-of-view", "20"], ["--viewing-distance", "60", "--pixel-pitch", "0.25"]):
+        assert "say at which angle a pixel is seen" in refused(
+            image, image, "--seen", "desk", *more
+        )
+
+
 def test_the_map_lies_on_the_test_image_and_not_on_the_reference(file):
     reference, test = file("a.png", grey(40)), file("b.png", grey(200))
     shown = compare_files(reference, test).shown
