@@ -2,11 +2,12 @@
 
 import { send } from "../shared/api.js";
 import { confirmed } from "../shared/dialogs.js";
-import { byId, h, setText } from "../shared/dom.js";
+import { byId, h, setAttribute, setText } from "../shared/dom.js";
 import { several } from "../shared/figures.js";
 import { mayControl, priorityForm } from "../shared/job_controls.js";
 import { each, file, filingButtons, filings } from "../shared/job_filing.js";
 import { say } from "../shared/notices.js";
+import { comparisonOf } from "../shared/job_summary.js";
 import { maySteer } from "../shared/permissions.js";
 
 /** @import { Filing } from "../shared/job_filing.js" */
@@ -33,11 +34,12 @@ export class Selection {
   #stop = h("button", { class: "danger", onclick: () => this.#cancel() }, "Cancel…");
   #priority = priorityForm(0, (priority) => this.#send(this.#selected().filter(mayControl), `Priority ${priority}`,
     ({ links }) => send("PATCH", links.self, { priority })));
+  #compare = h("a", { class: "button", hidden: true }, "Compare");
   #filings = filingButtons(FILINGS, (what) => file(this.#fit(what), what, this.#filed));
   #every = h("button", { class: "quiet", onclick: () => this.#select(this.#jobs.map(({ id }) => id)) });
   #clear = h("button", { class: "quiet", onclick: () => this.#select([]) }, "Clear");
   #bar = [
-    this.#count, this.#pause, this.#resume, this.#stop, this.#priority, ...this.#filings, this.#every, this.#clear,
+    this.#count, this.#compare, this.#pause, this.#resume, this.#stop, this.#priority, ...this.#filings, this.#every, this.#clear,
   ];
   element = h("div", { class: "selected", role: "region", "aria-label": "Selected jobs", hidden: true });
 
@@ -67,6 +69,9 @@ export class Selection {
     this.#pause.hidden = !states.has("rendering");
     this.#resume.hidden = !states.has("paused");
     this.#stop.hidden = this.#priority.hidden = !selected.some(mayControl);
+    const compared = selected.length === 2 ? comparisonOf(selected[0], selected[1]) : null;
+    this.#compare.hidden = !compared;
+    setAttribute(this.#compare, "href", compared);
     FILINGS.forEach((what, at) => (this.#filings[at].hidden = !this.#fit(what).length));
     this.#every.hidden = selected.length === this.#jobs.length;
     if (this.element.hidden === Boolean(selected.length)) {

@@ -44,6 +44,19 @@ export function asked({ spec, width, height }, { withParameters }) {
   ].filter(Boolean);
 }
 
+/** The parameter of a job's address that names the job with which it is compared. */
+export const WITH = "with";
+
+/**
+ * The address at which two jobs are compared; null if their images differ in size, or one has none.
+ * @param {Api.JobView} job
+ * @param {Api.JobView} other
+ */
+export function comparisonOf(job, other) {
+  const isAlike = job.width === other.width && job.height === other.height && job.image_spp && other.image_spp;
+  return isAlike ? `/jobs/${job.id}?${WITH}=${other.id}` : null;
+}
+
 /**
  * The number of pixels of the image; 0 before its size is known.
  * @param {Api.JobView} job

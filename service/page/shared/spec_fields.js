@@ -43,6 +43,11 @@ export const AOVS = {
   albedo: "Albedo", normal: "Normals", depth: "Depth", position: "Position", uv: "Texture coordinates",
   shape_id: "Shape ids", primitive_id: "Primitive ids",
 };
+/** The same by the layers of image.exr, which compositors know by these names. @type {Record<string, string>} */
+export const LAYERS = {
+  albedo: AOVS.albedo, N: AOVS.normal, Z: AOVS.depth, P: AOVS.position, uv: AOVS.uv,
+  "id.shape": AOVS.shape_id, "id.primitive": AOVS.primitive_id,
+};
 /** How image.exr is written, the default first (farm/model/exr_spec.py). */
 export const EXR = { precision: ["float", "half"], compression: ["zip", "none", "rle", "zips", "piz"] };
 

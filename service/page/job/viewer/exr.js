@@ -1,4 +1,4 @@
-// Reads colour and alpha of the EXR files that Plateau writes: one part, scan lines, half or float32.
+// Reads channels of the EXR files that Plateau writes: one part, scan lines, half or float32.
 // See "OpenEXR File Layout" (openexr.com).
 
 const UNKNOWN_KIND = "not an EXR file of this kind";
@@ -10,17 +10,17 @@ const FLOAT = 2;
 const LINES = new Map([[0, 1], [2, 1], [3, 16]]);
 /** The compressions that are read, by their names in a spec. */
 export const READ = ["none", "zips", "zip"];
-const SHOWN = ["R", "G", "B", "A"];
 
-/** @typedef {{ width: number, height: number, planes: Record<string, Float32Array> }} LinearImage
- *   linear radiance; the planes are R, G and B, and A where there is alpha */
+/** @typedef {{ width: number, height: number, planes: Record<string, Float32Array>, channels: string[] }} LinearImage
+ *   linear radiance; the planes that were read, among them R, G and B, and the names of all channels of the file */
 
 /**
  * A file's pixels.
  * @param {ArrayBuffer} buffer
+ * @param {(channel: string) => boolean} isWanted
  * @returns {Promise<LinearImage>}
  */
-export async function readExr(buffer) {
+export async function readExr(buffer, isWanted) {
   const view = new DataView(buffer);
   const flags = view.getUint32(4, true);
   if (view.getUint32(0, true) !== MAGIC || flags & MULTIPART_OR_TILES) throw new Error(UNKNOWN_KIND);
@@ -31,8 +31,8 @@ export async function readExr(buffer) {
   const box = attribute("dataWindow");
   const [left, top, right, bottom] = [0, 4, 8, 12].map((offset) => box.getInt32(offset, true));
   const [width, height] = [right - left + 1, bottom - top + 1];
-  const shown = channels.filter(({ name }) => SHOWN.includes(name));
-  const planes = Object.fromEntries(shown.map(({ name }) => [name, new Float32Array(width * height)]));
+  const names = channels.map(({ name }) => name);
+  const planes = Object.fromEntries(names.filter(isWanted).map((name) => [name, new Float32Array(width * height)]));
   const pixelBytes = channels.reduce((sum, { type }) => sum + 2 * type, 0);
 
   const chunk = async (/** @type {number} */ number) => {
@@ -57,7 +57,7 @@ export async function readExr(buffer) {
     }
   };
   await Promise.all(Array.from({ length: Math.ceil(height / lines) }, (_, number) => chunk(number)));
-  return { width, height, planes };
+  return { width, height, planes, channels: names };
 }
 
 /**
@@ -69,22 +69,6 @@ function ofHalf(bits) {
   const [exponent, fraction] = [(bits >> 10) & 31, bits & 1023];
   if (exponent === 31) return fraction ? NaN : sign * Infinity;
   return sign * (exponent ? 2 ** (exponent - 25) * (1024 + fraction) : 2 ** -24 * fraction);
-}
-
-/**
- * The image over a colour, where it has alpha; a pixel whose alpha is not finite is opaque.
- * @param {LinearImage} image
- * @param {number[]} background - linear R, G and B
- * @returns {LinearImage}
- */
-export function over({ width, height, planes }, background) {
-  const { A, ...colour } = planes;
-  if (A) {
-    ["R", "G", "B"].forEach((name, channel) => {
-      colour[name] = colour[name].map((value, at) => value + (Number.isFinite(A[at]) ? 1 - A[at] : 0) * background[channel]);
-    });
-  }
-  return { width, height, planes: colour };
 }
 
 /**

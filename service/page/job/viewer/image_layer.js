@@ -1,15 +1,19 @@
-// One of the viewer's two images, as the job's display shows it or at another exposure.
+// One of the viewer's two images, as the job's display shows it or from its linear light.
 
 import { bytes } from "../../shared/api.js";
 import { drawing, h } from "../../shared/dom.js";
 import { Picture } from "../../shared/picture.js";
-import { over, readExr } from "./exr.js";
-import { linearised, toned } from "./tone_mapping.js";
+import { layerOf, shownOf } from "./channels.js";
+import { readExr } from "./exr.js";
+import { isAsJudged } from "./look.js";
+import { linearised, pictureOf } from "./tone_mapping.js";
 
 /** How long the linear image of a running job is shown before it is fetched again. */
 const LINEAR_EVERY_MS = 4000;
 
+/** @import { Shown } from "./channels.js" */
 /** @import { LinearImage } from "./exr.js" */
+/** @import { Look } from "./look.js" */
 
 /**
  * What an image layer can show.
@@ -26,11 +30,26 @@ export class ImageLayer {
   #image = h("img", { alt: "", class: "layer", draggable: "false" });
   #canvas = h("canvas", { class: "layer", hidden: true });
   #picture = new Picture(this.#image);
-  /** @type {{ png: string, version: string | null, at: number, shown: number | null, ev: number, image: LinearImage } | null} */
+  /**
+   * The linear image, whose `layer` was read beside its light.
+   * @type {{ png: string, version: string | null, layer: string, at: number, ev: number, background: number[], image: LinearImage } | null}
+   */
   #linear = null;
+  /** What of which linear image is on the canvas. @type {{ of: LinearImage, look: string, shown: Shown } | null} */
+  #drawn = null;
   /** @type {{ key: string, stop: AbortController, promise: Promise<void> } | null} */
   #under = null;
   element = h("div", { class: "side" }, this.#image, this.#canvas);
+
+  /** The linear image of the shown picture; null unless it was fetched. */
+  get linear() {
+    return this.#linear?.png === this.#picture.path ? this.#linear : null;
+  }
+
+  /** What its canvas shows; null while it shows the picture. */
+  get shown() {
+    return this.#canvas.hidden ? null : this.#drawn?.shown ?? null;
+  }
 
   /** The size of the image in its own pixels. */
   get size() {
@@ -57,20 +76,20 @@ export class ImageLayer {
   }
 
   /**
-   * Shows a source with its light times 2^more.
+   * Shows a source, and fetches its linear image where a layer of it is wanted; "" is its light alone.
    *
    * It aborts a pending request for another source, and waits for one for the same.
    * @param {Source} source
-   * @param {number} more
+   * @param {string | null} layer
    * @param {AbortSignal} signal
    */
-  show(source, more, signal) {
-    const key = JSON.stringify([source.png, source.version, more !== 0]);
+  show(source, layer, signal) {
+    const key = JSON.stringify([source.png, source.version, layer]);
     if (this.#under?.key === key) return this.#under.promise;
     this.#under?.stop.abort();
     const stop = new AbortController();
     const either = AbortSignal.any([signal, stop.signal]);
-    const promise = this.#load(source, more !== 0, either).finally(() => {
+    const promise = this.#load(source, layer, either).finally(() => {
       if (this.#under?.stop === stop) this.#under = null;
     });
     this.#under = { key, stop, promise };
@@ -78,18 +97,21 @@ export class ImageLayer {
   }
 
   /**
-   * Draws it with its light times 2^more; at 0, or until the light has been fetched, as a picture.
-   * @param {number} more
+   * Draws it as it is looked at; as judged, or until the light has been fetched, as a picture.
+   * @param {Look} look
    */
-  expose(more) {
-    const linear = more !== 0 && this.#linear?.png === this.#picture.path ? this.#linear : null;
+  draw(look) {
+    const linear = isAsJudged(look) ? null : this.linear;
     this.#canvas.hidden = !linear;
     this.#image.hidden = Boolean(linear);
-    if (!linear || (linear.shown === more)) return;
-    const { width, height } = linear.image;
+    const key = JSON.stringify(look);
+    if (!linear || (this.#drawn?.of === linear.image && this.#drawn.look === key)) return;
+    const { image, background, ev } = linear;
+    const { width, height } = image;
     if (this.#canvas.width !== width || this.#canvas.height !== height) Object.assign(this.#canvas, { width, height });
-    drawing(this.#canvas).putImageData(toned(linear.image, linear.ev + more), 0, 0);
-    linear.shown = more;
+    const shown = shownOf(image, look.choice, background);
+    drawing(this.#canvas).putImageData(pictureOf(shown, image, ev + look.ev, look.palette), 0, 0);
+    this.#drawn = { of: image, look: key, shown };
   }
 
   /** Aborts a pending request and frees memory. */
@@ -100,30 +122,28 @@ export class ImageLayer {
 
   /**
    * @param {Source} source
-   * @param {boolean} inLight
+   * @param {string | null} layer
    * @param {AbortSignal} signal
    */
-  async #load(source, inLight, signal) {
+  async #load(source, layer, signal) {
     const isNew = await this.#picture.show(source.png, signal);
-    if (!inLight) return;
+    if (layer === null) return;
     const known = this.#linear;
-    if (known?.png === source.png && known.version === source.version) {
+    if (known?.png === source.png && known.version === source.version && (!layer || known.layer === layer)) {
       if (source.exr ? source.version !== null || Date.now() < known.at + LINEAR_EVERY_MS : !isNew) return;
     }
-    this.#linear = {
-      png: source.png, version: source.version, at: Date.now(), shown: null,
-      ev: source.exr ? source.ev : 0,
-      image: source.exr ? await linearOf(source, source.exr, signal) : linearised(this.#image),
-    };
+    const { png, version, background = [0, 0, 0] } = source;
+    const image = source.exr ? await linearOf(source.exr, layer, signal) : linearised(this.#image);
+    this.#linear = { png, version, layer, at: Date.now(), ev: source.exr ? source.ev : 0, background, image };
   }
 }
 
 /**
- * @param {Source} source
- * @param {string} path - of its linear image
+ * @param {string} path - of a linear image
+ * @param {string} layer
  * @param {AbortSignal} signal
  */
-async function linearOf({ background = [0, 0, 0] }, path, signal) {
+async function linearOf(path, layer, signal) {
   const { blob } = await bytes(path, signal);
-  return over(await readExr(await blob.arrayBuffer()), background);
+  return readExr(await blob.arrayBuffer(), (channel) => ["", layer].includes(layerOf(channel)));
 }

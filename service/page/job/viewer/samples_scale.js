@@ -1,17 +1,15 @@
-// The scale of the map of samples: what its colours mean.
+// The scale of the map of samples.
 
 import { h, setText } from "../../shared/dom.js";
 import { whole } from "../../shared/figures.js";
+import { ScaleBar } from "./scale_bar.js";
 
 const LATIN = new TextDecoder("latin1");
 
 export class SamplesScale {
-  #least = h("output");
-  #middle = h("output");
-  #most = h("output");
-  #bar = h("span", { class: "scale" }, h("span", { class: "viridis" }), this.#least, this.#middle, this.#most);
+  #bar = new ScaleBar();
   #hint = h("span", { class: "hint" });
-  element = h("div", { class: "panel" }, this.#bar, this.#hint);
+  element = h("div", { class: "panel" }, this.#bar.element, this.#hint);
 
   /**
    * Shows the scale of a map: its file says where it ends.
@@ -20,10 +18,8 @@ export class SamplesScale {
   async show(map) {
     const texts = await textsOf(map);
     const [least, most] = ["spp_min", "spp_max"].map((name) => Number(texts.get(`plateau:${name}`)));
-    this.#bar.hidden = least === most;
-    setText(this.#least, `${whole(least)} spp`);
-    setText(this.#middle, whole(Math.sqrt(least * most)));
-    setText(this.#most, `${whole(most)} spp`);
+    this.#bar.element.hidden = least === most;
+    this.#bar.show([`${whole(least)} spp`, whole(Math.sqrt(least * most)), `${whole(most)} spp`]);
     setText(this.#hint, least === most ? `All zones have ${whole(least)} spp.` : "Equal steps of colour are equal ratios.");
   }
 }

@@ -1,6 +1,7 @@
-// Linear radiance as the job's display shows it, at any exposure; the same as metric.encode_srgb.
+// Planes as pictures: light as the job's display shows it, the same as metric.encode_srgb, or in false colours.
 
 import { drawing, h } from "../../shared/dom.js";
+import { boundsOf, luminance } from "./channels.js";
 
 const SHIFT = 12;
 /** The code of every 2¹²th positive float32 up to 1, by its bits. */
@@ -35,16 +36,84 @@ function table() {
   return codes;
 }
 
+/** @import { Shown } from "./channels.js" */
 /** @import { LinearImage } from "./exr.js" */
+/** @typedef {[red: number, green: number, blue: number]} Colour  sRGB codes */
+
+/** The exposures that false colours span, relative to white. */
+export const FALSE_EV = { least: -8, most: 4 };
+/** What has no place on a scale: not finite. @type {Colour} */
+const BROKEN = [255, 0, 255];
+/** By which the hue of an id turns: the golden ratio, so that neighbours differ. */
+const TURN = 0.618034;
 
 /**
- * The image with its light times 2^ev.
- * @param {LinearImage} image
+ * The picture of what is shown, its light times 2^ev.
+ * @param {Shown} shown
+ * @param {{ width: number, height: number }} size
+ * @param {number} ev
+ * @param {Colour[] | null} palette - the false colours; null: light as it is, data in greys
+ */
+export function pictureOf({ kind, planes }, { width, height }, ev, palette) {
+  const picture = new ImageData(width, height);
+  if (kind === "ids") paint(picture, planes[0], hue);
+  else if (kind === "light" && palette) {
+    const { least, most } = FALSE_EV;
+    paint(picture, luminance(planes), (value) => along(palette, (Math.log2(Math.max(value, 0)) + ev - least) / (most - least)));
+  } else if (kind === "light") tone(picture, planes, ev);
+  else {
+    const [least, most] = boundsOf(planes);
+    const share = (/** @type {number} */ value) => (most > least ? (value - least) / (most - least) : 0.5);
+    if (planes.length === 1 && palette) paint(picture, planes[0], (value) => along(palette, share(value)));
+    else {
+      const [red, green = red, blue = planes.length > 1 ? null : red] = planes;
+      const part = (/** @type {Float32Array | null} */ plane, /** @type {number} */ at) => (plane ? 255 * share(plane[at]) : 0);
+      paint(picture, red, (value, at) => [255 * share(value), part(green, at), part(blue, at)]);
+    }
+  }
+  return picture;
+}
+
+/**
+ * Colours each pixel by its value; one that is not finite is magenta.
+ * @param {ImageData} picture
+ * @param {Float32Array} plane
+ * @param {(value: number, at: number) => Colour} colourOf
+ */
+function paint({ data }, plane, colourOf) {
+  plane.forEach((value, at) => data.set(Number.isFinite(value) ? colourOf(value, at) : BROKEN, 4 * at));
+  for (let at = 3; at < data.length; at += 4) data[at] = 255;
+}
+
+/**
+ * The colour at a share of a palette, from its first to its last.
+ * @param {Colour[]} palette
+ * @param {number} share
+ * @returns {Colour}
+ */
+function along(palette, share) {
+  const place = Math.min(1, Math.max(0, share)) * (palette.length - 1);
+  const [one, other] = [palette[Math.floor(place)], palette[Math.ceil(place)]];
+  const mixed = (/** @type {0 | 1 | 2} */ part) => one[part] + (place % 1) * (other[part] - one[part]);
+  return [mixed(0), mixed(1), mixed(2)];
+}
+
+/**
+ * The colour of an id: neighbouring numbers have different hues.
+ * @param {number} id
+ * @returns {Colour}
+ */
+function hue(id) {
+  const wave = (/** @type {number} */ third) => 140 + 90 * Math.cos(2 * Math.PI * (((id * TURN) % 1) + third / 3));
+  return [wave(0), wave(1), wave(2)];
+}
+
+/**
+ * @param {ImageData} picture
+ * @param {Float32Array[]} planes - R, G and B, or one of them as grey
  * @param {number} ev
  */
-export function toned({ width, height, planes: { R, G, B } }, ev) {
-  const data = new ImageData(width, height);
-  const out = data.data;
+function tone({ width, height, data: out }, [R, G = R, B = R], ev) {
   const gain = 2 ** ev;
   const row = new Float32Array(width);
   const bits = new Uint32Array(row.buffer);
@@ -65,7 +134,6 @@ export function toned({ width, height, planes: { R, G, B } }, ev) {
     }
   });
   for (let at = 3; at < out.length; at += 4) out[at] = 255;
-  return data;
 }
 
 /**
@@ -84,5 +152,5 @@ export function linearised(image) {
     for (let at = 0; at < plane.length; at += 1) plane[at] = LIGHT[data[4 * at + channel]];
     return plane;
   });
-  return { width, height, planes: { R: planes[0], G: planes[1], B: planes[2] } };
+  return { width, height, planes: { R: planes[0], G: planes[1], B: planes[2] }, channels: ["R", "G", "B"] };
 }

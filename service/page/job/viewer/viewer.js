@@ -1,13 +1,17 @@
-// A job's image: the newest one, at any exposure, compared with earlier ones, and with its maps.
+// A job's image: the newest one, as light is looked at, compared with others, and with its maps.
 
 import { isAbort, isProblem } from "../../shared/api.js";
 import { h, setAttribute, setText } from "../../shared/dom.js";
 import { several, whole } from "../../shared/figures.js";
 import { zoneSize } from "../../shared/job_summary.js";
 import { messageOf } from "../../shared/notices.js";
+import { shownOf } from "./channels.js";
 import { Comparison, newestOf } from "./comparison.js";
 import { ImageLayer } from "./image_layer.js";
+import { AS_JUDGED, isAsJudged, LookPanel } from "./look.js";
+import { PixelPanel } from "./pixel_panel.js";
 import { SamplesScale } from "./samples_scale.js";
+import { slider } from "./slider.js";
 import { ZoneMap } from "./zone_map.js";
 import { Stage } from "./zoom_pan.js";
 
@@ -50,7 +54,11 @@ export class Viewer {
   #upper = new ImageLayer();
   #zones = new ZoneMap();
   #scale = new SamplesScale();
-  #stage = new Stage([this.#lower.element, this.#upper.element, this.#zones.element], (at) => this.#wipeTo(at));
+  #stage = new Stage([this.#lower.element, this.#upper.element, this.#zones.element], {
+    wipe: (share) => this.#mode === "compare" && this.#compare.wipeTo(share),
+    flip: () => this.#mode === "compare" && this.#compare.flip(),
+    point: (pixel) => this.#inspects() && this.#pixels.point(pixel),
+  });
   /**
    * The mode whose picture is in the upper layer; null before there is one.
    * @type {Mode | null}
@@ -61,17 +69,17 @@ export class Viewer {
   #asked = 0;
   #nothing = h("p", { class: "nothing-yet" });
   #caption = h("p", { class: "caption" });
-  #compare = new Comparison(() => this.#choose(), () => this.#layers());
-  #exposure = slider("Exposure", { min: -6, max: 6, step: 0.1, value: 0 }, () => this.#expose());
+  #compare;
+  #light = new LookPanel(() => this.#relook());
+  #pixels = new PixelPanel(() => this.#relook(), (pixel) => this.#stage.mark(this.#inspects() ? pixel : null));
   #overlay = slider("Overlay", { min: 0, max: 100, step: 1, value: 100 }, () => this.#layers());
-  #light;
-  #doubt = h("p", { class: "hint" });
   #panels;
   #modes;
 
   /** @param {AbortSignal} signal */
   constructor(signal) {
     this.#signal = signal;
+    this.#compare = new Comparison(() => { this.#listed = ""; this.#choose(); }, () => { this.#layers(); this.#words(); }, signal);
     const zones = h("select", {},
       h("option", { value: "estimate_fraction" }, "noise left"),
       h("option", { value: "visible_fraction" }, "changed since the first image"));
@@ -79,8 +87,6 @@ export class Viewer {
       this.#zones.measure(zones.value === "estimate_fraction" ? "estimate_fraction" : "visible_fraction");
       this.#words();
     });
-    const reset = h("button", { class: "quiet", onclick: () => { this.#exposure.input.value = "0"; this.#expose(); } }, "As judged");
-    this.#light = h("div", { class: "panel" }, this.#exposure.label, reset, this.#doubt);
     /** @type {Partial<Record<Mode, HTMLElement>>} */
     this.#panels = {
       compare: this.#compare.element,
@@ -100,8 +106,8 @@ export class Viewer {
     this.element = h("section", { class: "viewer", "aria-labelledby": "image-title" },
       h("div", { class: "viewer-head" }, h("h2", { id: "image-title" }, "Image"), modes),
       this.#nothing, this.#stage.element, this.#caption,
-      ...Object.values(this.#panels), this.#light);
-    this.#turn("image");
+      ...Object.values(this.#panels), this.#light.element, this.#pixels.element);
+    this.#turn(Comparison.isAskedFor ? "compare" : "image");
     signal.addEventListener("abort", () => {
       this.#lower.letGo();
       this.#upper.letGo();
@@ -143,14 +149,14 @@ export class Viewer {
   async #look(job) {
     const stamp = `${job.points} ${job.finished_at ?? ""}`;
     if (this.#mode === "compare" && stamp !== this.#listed) {
-      await this.#compare.list(job, this.#points, this.#signal);
+      await this.#compare.list(job, this.#points);
       this.#listed = stamp;
     }
     const mode = this.#mode;
     const [base, over] = this.#sources(job);
     await Promise.all([
-      this.#lower.show(base, this.#ev(), this.#signal),
-      over && this.#upper.show(over, this.#ev(), this.#signal),
+      this.#lower.show(base, this.#layer(), this.#signal),
+      over && this.#upper.show(over, this.#layer(), this.#signal),
     ]);
     if (over) this.#aboveOf = mode;
     if (mode === "samples" && this.#upper.file) await this.#scale.show(this.#upper.file);
@@ -179,7 +185,7 @@ export class Viewer {
     this.#mode = mode;
     for (const [name, button] of this.#modes) setAttribute(button, "aria-pressed", String(name === mode));
     for (const [name, panel] of Object.entries(this.#panels)) panel.hidden = name !== mode;
-    this.#light.hidden = !["image", "compare"].includes(mode);
+    this.#light.element.hidden = this.#pixels.element.hidden = !isOfLight(mode);
     if (isOverlaid(mode)) this.#panels[mode]?.prepend(this.#overlay.label);
     this.#zones.element.toggleAttribute("hidden", mode !== "zones");
     this.#paint();
@@ -215,33 +221,42 @@ export class Viewer {
     this.#stage.wipe(mode === "compare" ? this.#compare.percent : null, above);
   }
 
-  /** @param {number} share */
-  #wipeTo(share) {
-    if (this.#mode !== "compare") return;
-    this.#compare.wipeTo(share);
-    this.#layers();
+  // Light.
+
+  /** The layer that has to be read; null where pictures do. */
+  #layer() {
+    if (!isOfLight(this.#mode)) return null;
+    return isAsJudged(this.#light.look) && !this.#inspects() ? null : this.#light.layer;
   }
 
-  // Exposure.
-
-  /** The chosen exposure of images, relative to the judged one; 0 for maps. */
-  #ev() {
-    return this.#light.hidden ? 0 : Number(this.#exposure.input.value);
+  /** Whether pixels of the image are looked at. @returns {boolean} */
+  #inspects() {
+    return isOfLight(this.#mode) && this.#pixels.isOpen;
   }
 
-  #expose() {
+  #relook() {
     this.#paint();
-    if (this.#ev() !== 0) this.#choose();
+    if (this.#layer() !== null) this.#choose();
   }
 
   /** Updates layers, sliders and words. */
   #paint() {
-    const ev = this.#ev();
-    const sign = ev > 0 ? "+" : ev < 0 ? "−" : "";
-    setText(this.#exposure.output, `${sign}${Math.abs(ev).toFixed(1)} EV`);
-    this.#lower.expose(ev);
-    this.#upper.expose(this.#mode === "compare" ? ev : 0);
-    setText(this.#doubt, ev !== 0 && this.#mode === "compare" ? Comparison.doubt(this.#compare.sides()) : "");
+    const look = isOfLight(this.#mode) ? this.#light.look : AS_JUDGED;
+    const two = this.#mode === "compare" && this.#aboveOf === "compare" ? [this.#lower, this.#upper] : [this.#lower];
+    this.#lower.draw(look);
+    this.#upper.draw(two.length > 1 ? look : AS_JUDGED);
+    const sides = this.#job ? this.#sources(this.#job) : [];
+    const isExact = isAsJudged(look) && !this.#inspects();
+    this.#light.explain(this.#lower.shown, isExact || !isOfLight(this.#mode) ? "" : Comparison.doubt(sides));
+    const linear = two.flatMap((layer) => layer.linear ?? []);
+    if (linear.length && isOfLight(this.#mode)) this.#light.offer(linear[0].image.channels);
+    if (this.#inspects()) {
+      const all = linear.length === two.length ? linear : [];
+      this.#pixels.show(all.map(({ image, background, ev }, at) => ({
+        name: sides[at]?.name ?? "", image, shown: two[at].shown ?? shownOf(image, look.choice, background), ev: ev + look.ev,
+      })));
+    }
+    this.#stage.mark(this.#inspects() ? this.#pixels.pixel : null);
     this.#layers();
     this.#words();
   }
@@ -252,8 +267,8 @@ export class Viewer {
     const size = job.width ? `${job.width} × ${job.height}` : "";
     const spp = this.#lower.spp && this.#mode !== "compare" ? `${whole(this.#lower.spp)} spp` : "";
     const said = {
-      image: this.#ev() === 0 ? "as its display shows it" : "from the linear image",
-      compare: "drag across the image, or use the slider",
+      image: isAsJudged(this.#light.look) ? "as its display shows it" : "from the linear image",
+      compare: this.#compare.caption(),
       difference: "on the image in dim grey",
       noise: job.estimate_fraction == null ? "known from the second slice on" : "on the image in dim grey",
       samples: `zones of ${zoneSize(job)} × ${zoneSize(job)} pixels`,
@@ -273,12 +288,9 @@ function isOverlaid(mode) {
 }
 
 /**
- * @param {string} name
- * @param {{ min: number, max: number, step: number, value: number }} attributes
- * @param {() => void} act
+ * Whether a mode shows images, rather than a map.
+ * @param {Mode} mode
  */
-function slider(name, attributes, act) {
-  const input = h("input", { type: "range", ...attributes, oninput: act });
-  const output = h("output");
-  return { input, output, label: h("label", { class: "slider" }, h("span", {}, name), input, output) };
+function isOfLight(mode) {
+  return mode === "image" || mode === "compare";
 }

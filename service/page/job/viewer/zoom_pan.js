@@ -3,6 +3,10 @@
 import { h, signButton } from "../../shared/dom.js";
 
 /** @typedef {{ x: number, y: number }} Place  in shares of the frame, from its middle */
+/**
+ * What a stage tells: the pointer's share of the width while it wipes, the pixel under it, and the key that flips.
+ * @typedef {{ wipe: (share: number) => void, point: (pixel: Place) => void, flip: () => void }} Listener
+ */
 
 const MOST = 64;
 /** @type {Record<string, Place>} */
@@ -11,10 +15,11 @@ const ARROWS = { ArrowLeft: { x: 0.1, y: 0 }, ArrowRight: { x: -0.1, y: 0 }, Arr
 export class Stage {
   #sheet;
   #line = h("div", { class: "wipe", hidden: true });
+  #mark = h("div", { class: "mark", hidden: true });
   #zoomText = h("output", { class: "zoom" });
   #size = { width: 1, height: 1 };
   #view = { scale: 1, x: 0, y: 0 };
-  #onWipe;
+  #listener;
   #wiping = false;
   /** @type {HTMLElement} */
   #frame;
@@ -23,14 +28,14 @@ export class Stage {
 
   /**
    * @param {Element[]} layers - the last one is on top
-   * @param {(share: number) => void} onWipe - receives the pointer's position while it wipes
+   * @param {Listener} listener
    */
-  constructor(layers, onWipe) {
-    this.#onWipe = onWipe;
-    this.#sheet = h("div", { class: "sheet" }, layers, this.#line);
+  constructor(layers, listener) {
+    this.#listener = listener;
+    this.#sheet = h("div", { class: "sheet" }, layers, this.#mark, this.#line);
     this.#frame = h("div", {
       class: "frame", tabindex: 0, role: "group",
-      "aria-label": "Image. Plus and minus zoom, arrows move, 0 fits it, 1 shows its own pixels.",
+      "aria-label": "Image. Plus and minus zoom, arrows move, 0 fits it, 1 shows its own pixels, F flips two that are compared.",
       onkeydown: (event) => this.#key(event),
       onwheel: (event) => this.#wheel(event),
       ondblclick: (event) => this.#toggle(event),
@@ -74,6 +79,19 @@ export class Stage {
     this.#frame.classList.toggle("wiping", this.#wiping);
   }
 
+  /**
+   * Marks a pixel; null marks none.
+   * @param {Place | null} pixel - from the left and the top
+   */
+  mark(pixel) {
+    this.#mark.hidden = !pixel;
+    if (!pixel) return;
+    const { width, height } = this.#size;
+    Object.assign(this.#mark.style, {
+      left: `${(100 * pixel.x) / width}%`, top: `${(100 * pixel.y) / height}%`, width: `${100 / width}%`, height: `${100 / height}%`,
+    });
+  }
+
   // The view: its scale relative to the fitted image, and its middle in shares of the frame.
 
   /** @param {Place & { scale: number }} view */
@@ -81,25 +99,38 @@ export class Stage {
     const most = Math.max(0, (scale - 1) / 2);
     const bound = (/** @type {number} */ value) => Math.min(most, Math.max(-most, value));
     this.#view = { scale, x: bound(x), y: bound(y) };
-    const { clientWidth: width, clientHeight: height } = this.#frame;
-    this.#sheet.style.transform = `translate(${this.#view.x * width}px, ${this.#view.y * height}px) scale(${scale})`;
+    const { left, top, width, height } = this.#frame.getBoundingClientRect();
+    // Its corner lies between no two pixels of the display, so that at 1:1 it is not blurred.
+    const snapped = (/** @type {number} */ start, /** @type {number} */ length, /** @type {number} */ middle) => {
+      const corner = start + length / 2 + middle * length - (scale * length) / 2;
+      return middle * length + Math.round(corner * devicePixelRatio) / devicePixelRatio - corner;
+    };
+    const [right, down] = [snapped(left, width, this.#view.x), snapped(top, height, this.#view.y)];
+    this.#sheet.style.transform = `translate(${right}px, ${down}px) scale(${scale})`;
     this.#line.style.width = `${2 / scale}px`;
-    const shown = (scale * width) / this.#size.width;
-    this.#sheet.classList.toggle("large", shown * devicePixelRatio >= 2);
+    this.#mark.style.outlineWidth = `${1.5 / scale}px`;
+    const shown = (scale * width * devicePixelRatio) / this.#size.width;
+    this.#sheet.classList.toggle("large", shown >= 2 || Math.abs(shown - 1) < 1e-6);
     this.#frame.classList.toggle("zoomed", scale > 1);
     this.#zoomText.value = width ? `${Math.round(shown * 100)} %` : "";
+  }
+
+  /** The scale at which a pixel of the image is one of the display. */
+  #ownScale() {
+    return this.#size.width / devicePixelRatio / this.#frame.getBoundingClientRect().width;
   }
 
   /** @param {number} factor */
   #zoom(factor, at = { x: 0, y: 0 }) {
     const { scale, x, y } = this.#view;
-    const next = Math.min(MOST, Math.max(1, scale * factor));
+    const next = Math.min(MOST, Math.max(Math.min(1, this.#ownScale()), scale * factor));
     const grown = next / scale;
     this.#set({ scale: next, x: at.x - (at.x - x) * grown, y: at.y - (at.y - y) * grown });
   }
 
   #own() {
-    this.#zoom(this.#size.width / this.#frame.clientWidth / this.#view.scale);
+    const { x, y } = this.#view;
+    this.#set({ scale: this.#ownScale(), x, y });
   }
 
   /**
@@ -122,7 +153,7 @@ export class Stage {
   /** @param {MouseEvent} event */
   #toggle(event) {
     if (this.#view.scale > 1) this.#set({ scale: 1, x: 0, y: 0 });
-    else this.#zoom(Math.max(2, (2 * this.#size.width) / this.#frame.clientWidth), this.#place(event));
+    else this.#zoom(Math.max(2, 2 * this.#ownScale()), this.#place(event));
   }
 
   /** @param {PointerEvent} event */
@@ -135,12 +166,29 @@ export class Stage {
 
   /** @param {PointerEvent} event */
   #move(event) {
+    this.#point(event);
     const before = this.#pointers.get(event.pointerId);
     if (!before) return;
     const other = [...this.#pointers.values()].find(({ pointerId }) => pointerId !== event.pointerId);
     if (other) this.#pinch(before, event, other);
     else this.#drag(before, event);
     this.#pointers.set(event.pointerId, event);
+  }
+
+  /** @param {PointerEvent} event */
+  #point(event) {
+    const at = this.#onSheet(this.#place(event));
+    const pixel = { x: Math.floor(at.x * this.#size.width), y: Math.floor(at.y * this.#size.height) };
+    if (at.x >= 0 && at.y >= 0 && at.x < 1 && at.y < 1) this.#listener.point(pixel);
+  }
+
+  /**
+   * A place in shares of the image, from its corner.
+   * @param {Place} place
+   */
+  #onSheet(place) {
+    const { scale, x, y } = this.#view;
+    return { x: (place.x - x) / scale + 0.5, y: (place.y - y) / scale + 0.5 };
   }
 
   /**
@@ -150,7 +198,7 @@ export class Stage {
   #drag(before, event) {
     const { scale, x, y } = this.#view;
     const [from, to] = [this.#place(before), this.#place(event)];
-    if (this.#wiping) this.#onWipe(Math.min(1, Math.max(0, (to.x - x) / scale + 0.5)));
+    if (this.#wiping) this.#listener.wipe(Math.min(1, Math.max(0, this.#onSheet(to).x)));
     else this.#set({ scale, x: x + to.x - from.x, y: y + to.y - from.y });
   }
 
@@ -174,6 +222,7 @@ export class Stage {
     else if (event.key === "-") this.#zoom(1 / 1.5);
     else if (event.key === "0") this.#set({ scale: 1, x: 0, y: 0 });
     else if (event.key === "1") this.#own();
+    else if (event.key === "f") this.#listener.flip();
     else return;
     event.preventDefault();
   }
