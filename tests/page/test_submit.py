@@ -120,7 +120,7 @@ def test_channels_of_the_image_and_what_is_behind_it(
     form.get_by_label("Albedo").check()
     form.get_by_label("Shape ids").check()
     form.get_by_label("Precision of image.exr").select_option("half")
-    form.get_by_label("Compression").select_option("piz")
+    form.get_by_label("Its compression").select_option("piz")
     form.get_by_label("Background").fill("0.5, 0, 1")
     form.get_by_role("button", name="Render it").click()
     expect(form).to_have_url(re.compile("/jobs/[0-9a-f]{12}$"))
@@ -135,8 +135,8 @@ def test_the_form_has_every_aov_and_every_way_to_write_them(form: Page) -> None:
     shown = fieldset.locator("input").evaluate_all("all => all.map(one => one.value)")
     assert tuple(shown) == AOV_NAMES
     for name, field in ExrSpec.model_fields.items():
-        choices = form.locator(f"select[name={name}] option").all_text_contents()
-        assert choices[0] == field.default
+        choices = form.locator(f"select[name='spec.exr.{name}'] option").all_text_contents()
+        assert form.locator(f"select[name='spec.exr.{name}']").input_value() == field.default
         assert set(choices) == set(get_args(field.annotation))
 
 
@@ -153,6 +153,104 @@ def test_a_frame_of_a_guarded_sequence(form: Page, farm: NoiseFarm, scene: Path)
     spec = farm.jobs.get(form.url.rpartition("/")[2]).spec
     assert (spec.batch, spec.min_spp) == ("walk", 400)
     assert (spec.flicker_guard, spec.keep_slices) == (True, True)
+
+
+def test_all_of_a_spec_can_be_asked_for(form: Page, farm: NoiseFarm, scene: Path) -> None:
+    choose(form, scene)
+    form.get_by_label("Primaries").select_option("adobe1998")
+    form.get_by_label("Which begins at").select_option(label="the submission")
+    form.get_by_text("More", exact=True).click()
+    for label, text in (
+        ("Name", "dusk, last take"),
+        ("Pool", "night"),
+        ("Tags", "highmem, fast"),
+        ("Webhook", "https://studio.example/hooks/plateau"),
+        ("Its events", "converged, failed"),
+        ("Its secret", "whsec_" + "A" * 32),
+    ):
+        form.get_by_label(label, exact=True).fill(text)
+    form.get_by_label("Variant").select_option("scalar_rgb")
+    form.get_by_role("button", name="Render it").click()
+    expect(form).to_have_url(re.compile("/jobs/[0-9a-f]{12}$"))
+    spec = farm.jobs.get(form.url.rpartition("/")[2]).spec
+    assert (spec.name, spec.pool, spec.variant) == ("dusk, last take", "night", "scalar_rgb")
+    assert set(spec.requires) == {"highmem", "fast"}
+    assert (spec.view.primaries, spec.time_limit_from) == ("adobe1998", "submission")
+    assert spec.webhook is not None
+    assert spec.webhook.events == ("converged", "failed")
+    # What the form does not have, it need not have
+    elsewhere = {"parameters", "sensor", "rule", "watch", "zones", "frame_seed"}
+    names = form.context.new_page()
+    names.goto("/submit")
+    opened(names)
+    asked = names.locator("form [name]").evaluate_all("all => all.map(one => one.name)")
+    top = {name.split(".")[1] for name in asked if name.startswith("spec.")}
+    shown = {"allocation", "denoise", "aovs", "keep_slices", "flicker_guard"} | elsewhere
+    assert set(JobSpec.model_fields) <= top | shown
+
+
+class TestPresets:
+    def test_set_the_rule(self, form: Page, farm: NoiseFarm, scene: Path) -> None:
+        choose(form, scene)
+        form.get_by_role("button", name="To the eye's limit").click()
+        expect(form.get_by_role("radio", name="ColorVideoVDP")).to_be_checked()
+        form.get_by_role("button", name="Draft").click()
+        expect(form.get_by_label("Noise that may be left")).to_have_value("1")
+        form.get_by_role("button", name="Final").click()
+        expect(form.get_by_label("Noise that may be left")).to_have_value("0.02")
+        form.get_by_role("button", name="Draft").click()
+        form.get_by_role("button", name="Render it").click()
+        expect(form).to_have_url(re.compile("/jobs/[0-9a-f]{12}$"))
+        rule = farm.jobs.get(form.url.rpartition("/")[2]).spec.rule
+        assert rule.model_dump() == {"name": "visible", "target": 0.01, "min_spp": 32}
+
+    def test_say_what_they_take_of_this_scene(
+        self, form: Page, farm: NoiseFarm, scene: Path
+    ) -> None:
+        choose(form, scene)
+        draft, final, limit = form.locator(".presets .takes").all()
+        with farm.monitor():
+            form.get_by_role("button", name="Render 10 s of it").click()
+            farm.work(lambda: draft.inner_text() and limit.inner_text())
+        told = [int(re.sub(r"\D", "", one.inner_text().split("spp")[0])) for one in (draft, final)]
+        assert 32 <= told[0] <= told[1]
+        assert told[1] >= 200  # the rule's own least
+        for one in (draft, final, limit):
+            expect(one).to_have_text(re.compile(r"about [\d,]+ spp, .*(s|min|h)|not to be told"))
+        # The probe has left nothing behind
+        expect(form.get_by_role("button", name="Render 10 s of it")).to_be_visible()
+        left, _ = farm.jobs.search(limit=50)
+        assert left == []
+        # What was told of other parameters is forgotten
+        form.get_by_label("width", exact=True).fill("64")
+        form.get_by_label("width", exact=True).blur()
+        expect(draft).to_have_text("")
+
+    def test_a_probe_is_stopped(self, form: Page, farm: NoiseFarm, scene: Path) -> None:
+        choose(form, scene)
+        with form.expect_response(lambda answer: answer.request.method == "DELETE"):
+            with form.expect_response(lambda answer: answer.request.method == "POST"):
+                form.get_by_role("button", name="Render 10 s of it").click()
+            form.get_by_role("button", name="Stop the probe").click()
+        left, _ = farm.jobs.search(limit=50)
+        assert left == []
+
+
+def test_frames_are_one_batch(form: Page, farm: NoiseFarm, scene: Path) -> None:
+    choose(form, scene)
+    form.get_by_text("Frames: a job for each value").click()
+    form.get_by_label("Parameter", exact=True).select_option("width")
+    form.get_by_role("button", name="Render it").click()
+    expect(form.get_by_text("Say where the values begin and end")).to_be_visible()
+    for label, value in (("From", "32"), ("To, included", "64"), ("In steps of", "16")):
+        form.get_by_label(label, exact=True).fill(value)
+    expect(form.get_by_text("3 jobs, in one batch.")).to_be_visible()
+    form.get_by_text("More", exact=True).click()
+    form.get_by_label("Batch").fill("growing")
+    form.get_by_role("button", name="Render it").click()
+    expect(form).to_have_url(re.compile(r"/\?batch=growing$"))
+    jobs, _ = farm.jobs.search(batch="growing", limit=10)
+    assert sorted(int(job.spec.parameters["width"]) for job in jobs) == [32, 48, 64]
 
 
 def test_a_scene_is_dropped(form: Page) -> None:
@@ -192,7 +290,7 @@ def test_it_works_by_keyboard_alone(form: Page, scene: Path) -> None:
     chooser.value.set_files(scene)
     button = form.get_by_role("button", name="Render it")
     expect(button).to_be_visible()
-    for _ in range(30):
+    for _ in range(50):
         form.keyboard.press("Tab")
         if button.evaluate("button => button === document.activeElement"):
             break
@@ -278,5 +376,6 @@ def test_each_number_of_the_form_has_the_default_and_the_bounds_of_the_spec(form
     asked = {
         name: [float(one) * SHOWN_OVER.get(name, 1) if one else None for one in shown]
         for name, shown in form.locator("form").evaluate(NUMBERS)
+        if not name.startswith("frames.")
     }
     assert asked == {name: pytest.approx(three) for name, three in specified.items()}

@@ -34,8 +34,8 @@ _METRICS_PATIENCE_S: Final = 2.0
 
 _READING: Final = frozenset({"GET", "HEAD", "OPTIONS"})
 _METRICS: Final = "/metrics"
-#: Open, because the API's description shows the rules too, and the page's forms have no key yet.
-_RULES: Final = "/v1/rules"
+#: Open, because the API's description shows them too, and the page's forms have no key yet.
+_FOR_FORMS: Final = frozenset({"/v1/rules", "/v1/spec"})
 _JOB: Final = re.compile(r"/v1/jobs/([0-9a-f]{12})(?:/|$)")
 _BEARER: Final = re.compile(r"bearer +([^ ].*)", re.IGNORECASE)
 
@@ -147,7 +147,7 @@ class KeyGuard(Layer):
 
 def needs_key(path: str) -> bool:
     """Whether the path serves the farm's data, and not the same to everybody."""
-    return (path.startswith("/v1/") and path != _RULES) or path == _METRICS
+    return (path.startswith("/v1/") and path not in _FOR_FORMS) or path == _METRICS
 
 
 def _shown_key(scope: Scope) -> str | None:

@@ -1,15 +1,15 @@
 """Routes for the farm itself: workers, scenes, rules, health, and the meaning of problem types."""
 
-from typing import Annotated, Final, Literal
+from typing import Annotated, Any, Final, Literal
 
 from fastapi import APIRouter, Path, Query, Request, Response
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, RootModel
 from pydantic.config import JsonDict
 from pydantic.json_schema import SkipJsonSchema
 
 from plateau.farm.ledger.api_keys import KeyLimits, Role
 from plateau.farm.model.place_names import PlaceName
-from plateau.farm.model.spec import RenderVariant
+from plateau.farm.model.spec import JobSpec, RenderVariant
 from plateau.farm.wire import examples
 from plateau.farm.wire.rule_views import Rules, rules_view
 from plateau.farm.wire.views import DemandView, Health, ProblemTypeView, Scenes, SceneView, Workers
@@ -20,6 +20,17 @@ from plateau.service.api.problems import problem as problems
 from plateau.service.api.problems.problem import TYPES, Problem, documented
 
 router = APIRouter(tags=["farm"])
+
+
+class SpecSchema(RootModel[dict[str, Any]]):
+    """A JSON schema (draft 2020-12)."""
+
+    model_config = ConfigDict(
+        json_schema_extra={"examples": [{"title": "JobSpec", "type": "object", "properties": {}}]}
+    )
+
+
+_SPEC_SCHEMA: Final = SpecSchema(JobSpec.model_json_schema())
 
 
 def _all_workers(farm: Parts) -> Workers:
@@ -99,6 +110,16 @@ def list_scenes(farm: Farm) -> Scenes:
 def list_rules() -> Rules:
     """List the stopping rules that a job can name, with what a form needs to show them."""
     return rules_view()
+
+
+@router.get("/v1/spec", responses=documented(store=False))
+def get_spec_schema() -> SpecSchema:
+    """Show the JSON schema of a job's spec: its fields with their defaults, bounds and meaning.
+
+    Forms can be made from it, and editors can check specs by it. `POST /v1/jobs` also checks how
+    fields go together.
+    """
+    return _SPEC_SCHEMA
 
 
 @router.get("/healthz")

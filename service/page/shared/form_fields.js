@@ -4,11 +4,13 @@ import { Problem } from "./api.js";
 import { h, setText } from "./dom.js";
 
 /**
- * A field's value in the spec, its bounds and its texts. The input shows the value divided by `scale`.
+ * A field's value in the spec, its bounds and its texts. The input shows the value divided by `scale`;
+ * the names of a list are separated by commas, and `choices` have their titles.
  * @typedef {object} FieldAbout
  * @property {string} name
  * @property {string} label
- * @property {"number" | "text"} [type]
+ * @property {"number" | "text" | "names" | "choice"} [type]
+ * @property {Record<string, string>} [choices]
  * @property {number | string} [value]
  * @property {string} [unit]
  * @property {string} [help]
@@ -37,12 +39,15 @@ export class Field {
     this.path = `${part}.${about.name}`;
     this.name = about.name;
     const id = `field-${(count += 1)}`;
-    const { type = "number", min, max, step, maxlength, value, placeholder } = about;
-    this.input = h("input", {
-      id, type, min: this.#shown(min), max: this.#shown(max), step, maxlength, value: this.#shown(value), placeholder, name: this.path,
-      required: !about.optional, autocomplete: "off",
-      "aria-describedby": `${id}-help ${id}-wrong`,
-    });
+    const { type = "number", choices, min, max, step, maxlength, value, placeholder } = about;
+    const named = { id, name: this.path, "aria-describedby": `${id}-help ${id}-wrong` };
+    /** @type {HTMLInputElement | HTMLSelectElement} */
+    this.input = type === "choice"
+      ? h("select", named, Object.entries(choices ?? {}).map(([one, title]) => h("option", { value: one, selected: one === value }, title)))
+      : h("input", {
+        ...named, type: type === "number" ? type : "text", min: this.#shown(min), max: this.#shown(max), step, maxlength,
+        value: this.#shown(value), placeholder, required: !about.optional, autocomplete: "off",
+      });
     this.#wrong = h("p", { class: "bad", id: `${id}-wrong`, hidden: true });
     this.element = h("div", { class: "field" },
       h("label", { for: id }, about.label),
@@ -56,7 +61,14 @@ export class Field {
     const { type, scale = 1, optional } = this.#about;
     const text = this.input.value.trim();
     if (optional && text === "") return undefined;
-    return type === "text" ? text : rounded(Number(text) * scale);
+    if (type === "names") return text.split(",").map((one) => one.trim()).filter(Boolean);
+    return type === "text" || type === "choice" ? text : rounded(Number(text) * scale);
+  }
+
+  /** Shows another value of the spec. @param {number} value */
+  fill(value) {
+    this.input.value = String(this.#shown(value));
+    this.blame("");
   }
 
   /**
@@ -99,7 +111,7 @@ export function fieldsOf(part, abouts) {
 /**
  * The values of fields by name, without empty optional ones.
  * @param {Field[]} fields
- * @returns {Record<string, string | number>}
+ * @returns {Record<string, string | number | string[]>}
  */
 export function valuesOf(fields) {
   return Object.fromEntries(fields.flatMap(({ name, value }) => (value === undefined ? [] : [[name, value]])));
@@ -113,6 +125,8 @@ export function valuesOf(fields) {
 export function blame(fields, error) {
   const errors = error instanceof Problem ? error.details.errors ?? [] : [];
   const named = new Map(errors.map(({ field, message }) => [field, message]));
-  for (const field of fields) field.blame(named.get(field.path) ?? "");
-  return fields.filter(({ path }) => named.has(path));
+  // An error of a list names the place in it.
+  const wrong = (/** @type {Field} */ { path }) => named.get(path) ?? [...named].find(([name]) => name.startsWith(`${path}.`))?.[1];
+  for (const field of fields) field.blame(wrong(field) ?? "");
+  return fields.filter(wrong);
 }

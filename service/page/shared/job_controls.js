@@ -7,7 +7,6 @@ import { whole } from "./figures.js";
 import { ENDED, title } from "./job_summary.js";
 import { attempt } from "./notices.js";
 import { maySteer } from "./permissions.js";
-import { PRIORITY } from "./spec_fields.js";
 
 /**
  * Whether a job may still be paused, cancelled or given another priority, with this key.
@@ -23,7 +22,7 @@ export function mayControl(job) {
  * @param {(priority: number) => unknown} set
  */
 export function priorityForm(value, set) {
-  const input = h("input", { type: "number", ...PRIORITY, value, "aria-label": "Priority" });
+  const input = h("input", { type: "number", step: 1, value, "aria-label": "Priority" });
   return h("form", { class: "priority", onsubmit: (event) => {
     event.preventDefault();
     set(Number(input.value));

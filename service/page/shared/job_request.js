@@ -7,10 +7,11 @@ export class OneJob {
   #key = newKey();
 
   /**
-   * Resolves to the job that `request(headers)` makes. The key stays the same until it has made a job: a
+   * Resolves to the job, or the batch, that `request(headers)` makes. The key stays the same until it has made a job: a
    * refused request has made none, and one without an answer may have.
-   * @param {(headers: Record<string, string>) => Promise<Api.JobView>} request
-   * @returns {Promise<Api.JobView>}
+   * @template Made
+   * @param {(headers: Record<string, string>) => Promise<Made>} request
+   * @returns {Promise<Made>}
    */
   async make(request) {
     try {

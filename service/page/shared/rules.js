@@ -1,8 +1,10 @@
 // The stopping rules as the service describes them: the fields of their forms, and the roles of their parameters.
+// The other fields of a spec are described with them.
 
 import { get } from "./api.js";
 import { complain, recovered } from "./notices.js";
 import { sleep } from "./polling.js";
+import { describe } from "./spec_fields.js";
 
 /** @import { FieldAbout } from "./form_fields.js" */
 /** @typedef {Api.JobSpec["rule"]} Rule */
@@ -18,14 +20,15 @@ const RETRY_MS = 1000;
 export const RULES = [];
 
 /**
- * Fetches the rules, once for all screens, and tries until it succeeds; rejects when the signal aborts.
+ * Fetches the rules and the schema of a spec, once for all screens, and tries until it succeeds; rejects when the signal aborts.
  * @param {AbortSignal} signal
  */
 export async function meetRules(signal) {
   while (!RULES.length) {
     try {
-      /** @type {Api.Rules} */
-      const { rules } = await get("/v1/rules", signal);
+      /** @type {[Api.Rules, any]} */
+      const [{ rules }, schema] = await Promise.all([get("/v1/rules", signal), get("/v1/spec", signal)]);
+      describe(schema);
       RULES.splice(0, RULES.length, ...rules.map(({ parameters, ...rule }) => ({ ...rule, fields: parameters.map(field) })));
       recovered();
     } catch (error) {

@@ -1,44 +1,45 @@
-// The fields of a form for a spec, without its rules.
-// Values, `min` and `max` are those of farm/model/spec.py; a test compares them.
+// The fields of forms for a spec, without its rules: their names and texts. `describe` adds what the service's
+// schema of the spec says: defaults, bounds and choices, and the help where there is none here.
+
+import { sentence } from "./figures.js";
 
 /** @import { FieldAbout } from "./form_fields.js" */
 
-/** @type {Partial<FieldAbout>} */
-const spp = { min: 1, max: 1_000_000, step: 1 };
-
 /** @type {FieldAbout[]} */
 export const VIEW = [
-  { name: "exposure_ev", label: "Exposure", unit: "EV", value: 0, min: -100, max: 100, step: "any",
+  { name: "exposure_ev", label: "Exposure", unit: "EV",
     help: "In powers of two; noise is judged at the brightness at which it is shown." },
-  { name: "white_luminance", label: "Display white", unit: "cd/m²", value: 100, min: 0.01, max: 20000, step: "any",
+  { name: "white_luminance", label: "Display white", unit: "cd/m²",
     help: "How bright white is: about 100 for a desk, 300 for a bright monitor, 1000 for HDR." },
-  { name: "contrast", label: "Contrast", unit: ": 1", value: 1000, min: 2, max: 1e9, step: "any",
+  { name: "contrast", label: "Contrast", unit: ": 1",
     help: "White over black in a dark room. Only the rule jod knows it." },
-  { name: "ambient_lux", label: "Light on the display", unit: "lux", value: 64, min: 0, max: 100000, step: "any",
+  { name: "ambient_lux", label: "Light on the display", unit: "lux",
     help: "About 0 in a cinema, 64 in a dim room, 250 in an office. Only the rule jod knows it." },
-  { name: "field_of_view_deg", label: "Image width seen under", unit: "°", value: 45, min: 0.0001, max: 179.9, step: "any",
+  { name: "field_of_view_deg", label: "Image width seen under", unit: "°",
     help: "The nearer the eye, the larger the angle, and the finer the visible noise." },
-  { name: "pixels_per_degree", label: "Or pixels in a degree", value: "", min: 0.1, max: 1000, step: "any", optional: true,
+  { name: "pixels_per_degree", label: "Or pixels in a degree",
     help: "About 38 on a desk, 57 in a cinema, 120 on a phone, for images of any size. Empty: by the angle." },
+  { name: "primaries", label: "Primaries" },
 ];
 
 /** @type {FieldAbout[]} */
 export const LIMITS = [
-  { name: "max_spp", label: "At most", unit: "spp", value: 10000, ...spp,
-    help: "The cap: the job ends there, converged or not." },
-  { name: "step", label: "Judge every", unit: "spp", value: 100, ...spp,
+  { name: "max_spp", label: "At most", unit: "spp", help: "The cap: the job ends there, converged or not." },
+  { name: "step", label: "Judge every", unit: "spp",
     help: "Samples between two evaluations; a whole number of slices." },
-  { name: "time_limit_s", label: "Time limit", unit: "min", value: "", scale: 60, min: 0.1, max: 366 * 86_400, step: "any", optional: true,
+  { name: "time_limit_s", label: "Time limit", unit: "min", scale: 60,
     help: "The job ends after this time, without pauses. Empty: no limit." },
+  { name: "time_limit_from", label: "Which begins at", choices: { first_slice: "the first slice", submission: "the submission" },
+    help: "From the submission on, waiting for a worker counts too." },
 ];
 
 /** Of the allocation by zones. @type {FieldAbout[]} */
 export const ZONES = [
-  { name: "size", label: "Side of a zone", unit: "px", value: 16, min: 16, max: 1024, step: 16,
+  { name: "size", label: "Side of a zone", unit: "px",
     help: "Smaller zones follow the noise more closely; a multiple of 16." },
 ];
 
-/** The channels of image.exr beside colour, by their names in farm/model/aovs.py. */
+/** The channels of image.exr beside colour, by their names in a spec. */
 export const AOVS = {
   albedo: "Albedo", normal: "Normals", depth: "Depth", position: "Position", uv: "Texture coordinates",
   shape_id: "Shape ids", primitive_id: "Primitive ids",
@@ -48,19 +49,95 @@ export const LAYERS = {
   albedo: AOVS.albedo, N: AOVS.normal, Z: AOVS.depth, P: AOVS.position, uv: AOVS.uv,
   "id.shape": AOVS.shape_id, "id.primitive": AOVS.primitive_id,
 };
-/** How image.exr is written, the default first (farm/model/exr_spec.py). */
-export const EXR = { precision: ["float", "half"], compression: ["zip", "none", "rle", "zips", "piz"] };
 
-export const PRIORITY = { min: -1000, max: 1000, step: 1 };
+/** How image.exr is written. @type {FieldAbout[]} */
+export const EXR = [
+  { name: "precision", label: "Precision of image.exr" },
+  { name: "compression", label: "Its compression" },
+];
 
 /** @type {FieldAbout[]} */
 export const MORE = [
-  { name: "batch", label: "Batch", value: "", type: "text", maxlength: 100, optional: true, help: "A name that groups jobs." },
-  { name: "min_spp", label: "No sooner than", unit: "spp", value: "", ...spp, optional: true,
+  { name: "name", label: "Name", help: "What the job is called. Empty: as its scene is." },
+  { name: "batch", label: "Batch", help: "A name that groups jobs." },
+  { name: "min_spp", label: "No sooner than", unit: "spp",
     help: "The job does not converge earlier, whatever its rule says." },
-  { name: "priority", label: "Priority", value: 0, ...PRIORITY, help: "Higher priorities are served first." },
-  { name: "slice_spp", label: "Slice", unit: "spp", value: 25, min: 1, max: 4096, step: 1,
-    help: "What a worker renders at a time." },
-  { name: "seed", label: "Seed", value: 0, min: 0, max: 4095, step: 1, help: "Another seed draws other samples." },
-  { name: "sensor", label: "Sensor", value: 0, min: 0, max: 1000, step: 1, help: "The scene's camera, by its index." },
+  { name: "priority", label: "Priority", help: "Higher priorities are served first." },
+  { name: "slice_spp", label: "Slice", unit: "spp", help: "What a worker renders at a time." },
+  { name: "seed", label: "Seed", help: "Another seed draws other samples." },
+  { name: "sensor", label: "Sensor", help: "The scene's camera, by its index." },
 ];
+
+/** Which workers render it. @type {FieldAbout[]} */
+export const WORKERS = [
+  { name: "variant", label: "Variant" },
+  { name: "pool", label: "Pool" },
+  { name: "requires", label: "Tags", help: "Only workers that have all of these render it. Separated by commas." },
+];
+
+/** @type {FieldAbout[]} */
+export const NOTIFY = [
+  { name: "notify", label: "Notify", help: "Targets that the farm's operator has named, separated by commas. They hear of its end." },
+];
+
+/** @type {FieldAbout[]} */
+export const WEBHOOK = [
+  { name: "url", label: "Webhook", placeholder: "https://…", optional: true, help: "A message is sent there for each event. Empty: none." },
+  { name: "events", label: "Its events" },
+  { name: "secret", label: "Its secret" },
+];
+
+/**
+ * Completes the fields by the service's schema of a spec.
+ * @param {Schema} schema
+ */
+export function describe(schema) {
+  const parts = schema.$defs ?? {};
+  for (const fields of [LIMITS, MORE, WORKERS, NOTIFY]) complete(fields, schema);
+  for (const [fields, part] of /** @type {[FieldAbout[], string][]} */ ([
+    [VIEW, "ViewSpec"], [ZONES, "ZonesAllocation"], [EXR, "ExrSpec"], [WEBHOOK, "WebhookSpec"],
+  ])) complete(fields, parts[part]);
+}
+
+/**
+ * What is read of a JSON schema.
+ * @typedef {object} Schema
+ * @property {string} [type]
+ * @property {string} [description]
+ * @property {any} [default]
+ * @property {number} [minimum]
+ * @property {number} [maximum]
+ * @property {number} [multipleOf]
+ * @property {number} [maxLength]
+ * @property {string[]} [enum]
+ * @property {Schema} [items]
+ * @property {Schema[]} [anyOf]
+ * @property {Record<string, Schema>} [properties]
+ * @property {Record<string, Schema>} [$defs]
+ */
+
+/**
+ * @param {FieldAbout[]} fields
+ * @param {Schema | undefined} schema - of the part of the spec that has them
+ */
+function complete(fields, schema) {
+  for (const field of fields) {
+    const said = schema?.properties?.[field.name];
+    if (said) Object.assign(field, { ...described(said), ...field });
+  }
+}
+
+/**
+ * @param {Schema} said
+ * @returns {Partial<FieldAbout>}
+ */
+function described(said) {
+  const isOptional = said.anyOf?.some(({ type }) => type === "null") ?? false;
+  const { type, minimum: min, maximum: max, multipleOf, maxLength: maxlength, enum: choices } =
+    said.anyOf?.find((one) => one.type !== "null") ?? said;
+  const help = sentence((said.description ?? "").replaceAll("`", ""));
+  if (choices) return { type: "choice", value: said.default, choices: Object.fromEntries(choices.map((one) => [one, one])), help };
+  if (type === "array") return { type: "names", value: (said.default ?? []).join(", "), optional: true, help };
+  if (type === "string") return { type: "text", value: said.default ?? "", maxlength, optional: isOptional, help };
+  return { type: "number", value: said.default ?? "", min, max, step: multipleOf ?? (type === "integer" ? 1 : "any"), optional: isOptional, help };
+}

@@ -3,16 +3,15 @@
 import { get, isAbort, isProblem, Problem, upload } from "../shared/api.js";
 import { h, setText } from "../shared/dom.js";
 import { bytes, several, share } from "../shared/figures.js";
-import { blame, Field, fieldsOf, valuesOf } from "../shared/form_fields.js";
+import { blame, Field, valuesOf } from "../shared/form_fields.js";
 import { OneJob } from "../shared/job_request.js";
 import { messageOf, say } from "../shared/notices.js";
-import { fieldIn, meetRules, RULES, watchable } from "../shared/rules.js";
-import { AOVS, EXR, LIMITS, MORE, VIEW } from "../shared/spec_fields.js";
-import { AllocationChoice } from "./allocation_choice.js";
-import { DenoiseChoice } from "./denoise_choice.js";
+import { meetRules } from "../shared/rules.js";
+import { Frames } from "./frames.js";
+import { Presets } from "./presets.js";
+import { SpecForm } from "./spec_form.js";
 
 /** @import { ScreenContext } from "../main.js" */
-/** @import { RuleAbout } from "../shared/rules.js" */
 
 /**
  * @param {HTMLElement} main
@@ -24,14 +23,6 @@ export async function open(main, { signal, go }) {
   main.append(waiting);
   const scenes = get("/v1/scenes", signal).catch(() => ({ scenes: [] }));
   await meetRules(signal).then(() => waiting.replaceWith(new Submission(signal, go, scenes).element), () => {});
-}
-
-/**
- * @param {string} name
- * @param {string[]} choices
- */
-function select(name, choices) {
-  return h("select", { name }, choices.map((choice) => h("option", {}, choice)));
 }
 
 class Submission {
@@ -46,20 +37,11 @@ class Submission {
   #wanted = new OneJob();
   /** @type {Field[]} */
   #parameters = [];
-  #rules = RULES.map((rule) => this.#choice(rule));
-  #chosen = this.#rules.find((rule) => rule.default) ?? this.#rules[0];
-  #view = fieldsOf("spec.view", VIEW);
-  #allocation = new AllocationChoice();
-  #denoise = new DenoiseChoice();
-  #limits = fieldsOf("spec", LIMITS);
-  #more = fieldsOf("spec", MORE);
-  #aovs = Object.keys(AOVS).map((name) => h("input", { type: "checkbox", value: name }));
-  #precision = select("precision", EXR.precision);
-  #compression = select("compression", EXR.compression);
-  #background = new Field("spec.view", { name: "background", label: "Background", type: "text", value: "", placeholder: "0, 0, 0", optional: true,
-    help: "Linear red, green and blue behind an image with alpha, where it is judged and shown." });
-  #keep = h("input", { type: "checkbox", id: "keep-slices" });
-  #guard = h("input", { type: "checkbox", id: "flicker-guard" });
+  #frames = new Frames();
+  /** @type {Presets} */
+  #presets;
+  /** @type {SpecForm} */
+  #spec;
 
   #picker = h("input", { type: "file", accept: ".zip,.xml,application/zip,text/xml", id: "scene-file", class: "unseen",
     onchange: () => { this.#bring(this.#picker.files); this.#picker.value = ""; } }); // reset, so that the same file can be chosen again
@@ -80,6 +62,10 @@ class Submission {
   constructor(signal, go, scenes) {
     this.#signal = signal;
     this.#go = go;
+    this.#presets = new Presets((rule) => this.#spec.rule.take(rule), () => ({
+      form: (spec) => this.#form(spec), spec: { ...this.#spec.values(), max_spp: this.#spec.cap, parameters: this.#firstParameters() },
+    }), signal);
+    this.#spec = new SpecForm(this.#presets.element);
     const drop = h("label", {
       class: "drop", for: "scene-file",
       ondragover: (event) => { event.preventDefault(); drop.classList.add("over"); },
@@ -91,29 +77,11 @@ class Submission {
       },
     }, h("span", { class: "drop-call" }, "Drop a scene here, or ", h("u", {}, "choose a file")), this.#said, this.#progress);
     this.#rest = h("div", { class: "rest", hidden: true },
-      this.#parameterBox,
-      h("fieldset", {}, h("legend", {}, "When is it done?"),
-        h("div", { class: "choices", role: "radiogroup", "aria-label": "The rule that ends it" }, this.#rules.filter(({ featured }) => featured).map(({ element }) => element),
-          h("details", {}, h("summary", {}, "Other rules"), h("div", { class: "choices" }, this.#rules.filter(({ featured }) => !featured).map(({ element }) => element))))),
-      this.#allocation.element,
-      this.#denoise.element,
-      h("fieldset", {}, h("legend", {}, "How is it viewed?"), h("div", { class: "fields" }, this.#view.elements)),
-      h("fieldset", {}, h("legend", {}, "Limits"), h("div", { class: "fields" }, this.#limits.elements)),
-      h("details", {}, h("summary", {}, "More"),
-        h("div", { class: "fields" }, this.#more.elements, this.#background.element),
-        h("fieldset", { class: "watch" }, h("legend", {}, "Beside colour, image.exr has"),
-          Object.values(AOVS).map((title, place) => h("label", { class: "toggle" }, this.#aovs[place], title))),
-        h("p", { class: "check" }, h("label", {}, "Precision of image.exr ", this.#precision), h("label", {}, "Compression ", this.#compression)),
-        h("p", { class: "check" }, this.#keep, h("label", { for: "keep-slices" },
-          "Keep every slice, to compare any two points of the curve and to judge the job again (a few MB each)")),
-        h("p", { class: "check" }, this.#guard, h("label", { for: "flicker-guard" },
-          "Guard it against flicker: only jobs that stop alike may join")),
-        h("fieldset", { class: "watch" }, h("legend", {}, "Rules to watch beside it: they stop nothing, and mark the curve where they would have"),
-          watchable(this.#rules).map(({ watch, title }) => h("label", { class: "toggle" }, watch, title)))),
+      this.#parameterBox, this.#frames.element,
+      ...this.#spec.elements,
       h("p", { class: "send" }, this.#button, h("span", { class: "hint" }, "The job can be cancelled at any time; it keeps the image rendered by then.")));
     this.element = h("form", { class: "submit", novalidate: true, onsubmit: (event) => { event.preventDefault(); this.#submit(); } },
       h("h1", {}, "Submit a scene"), this.#picker, drop, this.#stored, this.#wrong, this.#summary, this.#rest);
-    this.#choose(this.#chosen.name);
     this.#listStored(scenes);
   }
 
@@ -160,7 +128,8 @@ class Submission {
     this.#blame(null);
     const name = this.#file?.name ?? "the stored scene";
     setText(this.#said, `Checking ${name} …`);
-    const form = this.#form({ parameters: valuesOf(this.#parameters), sensor: this.#more.values().sensor ?? 0 });
+    const form = this.#form({ parameters: valuesOf(this.#parameters), sensor: this.#spec.sensor });
+    this.#presets.forget();
     this.#progress.hidden = !form.has("scene");
     try {
       this.#showFound(await upload("/v1/scenes", form, {
@@ -220,6 +189,7 @@ class Submission {
 
   /** @param {string} help */
   #showParameters(help) {
+    this.#frames.offer(this.#parameters.map(({ name }) => name));
     this.#parameterBox.hidden = !this.#parameters.length;
     this.#parameterBox.replaceChildren(h("legend", {}, "Its parameters"), h("p", { class: "help" }, help),
       h("div", { class: "fields small" }, this.#parameters.map(({ element }) => element)));
@@ -240,57 +210,25 @@ class Submission {
     this.#rest.hidden = false;
   }
 
-  // When it is done.
+  // What is asked of it.
 
-  /**
-   * A rule with its radio button and fields, and the checkbox that watches it.
-   * @param {RuleAbout} rule
-   */
-  #choice(rule) {
-    const { name, title, help } = rule;
-    const { fields, elements, values } = fieldsOf("spec.rule", rule.fields);
-    const inside = h("div", { class: "fields small" }, elements);
-    const radio = h("input", { type: "radio", name: "rule", value: name, onchange: () => this.#choose(name) });
-    const watch = h("input", { type: "checkbox", checked: Boolean(fieldIn("slope", rule)) });
-    const element = h("div", { class: "choice", "data-rule": name },
-      h("label", {}, radio, h("span", {}, h("b", {}, title), h("span", { class: "help" }, help))), inside);
-    return { ...rule, fields, values, inside, radio, watch, element };
-  }
-
-  /** @param {string} name */
-  #choose(name) {
-    for (const choice of this.#rules) {
-      const isChosen = choice.name === name;
-      if (isChosen) this.#chosen = choice;
-      choice.radio.checked = isChosen;
-      choice.inside.hidden = !isChosen;
-      choice.watch.disabled = isChosen;
-    }
-  }
-
-  #spec() {
-    const { name, values } = this.#chosen;
-    const background = this.#background.value;
-    const watched = this.#rules.filter(({ watch }) => watch.checked && !watch.disabled);
-    return {
-      ...this.#limits.values(), ...this.#more.values(), ...this.#allocation.values(), ...this.#denoise.values(),
-      rule: { name, ...values() }, watch: watched.map(({ name }) => ({ name })),
-      view: { ...this.#view.values(), ...(background === undefined ? {} : { background: String(background).split(",").map(Number) }) },
-      aovs: this.#aovs.filter(({ checked }) => checked).map(({ value }) => value),
-      exr: { precision: this.#precision.value, compression: this.#compression.value },
-      parameters: valuesOf(this.#parameters), keep_slices: this.#keep.checked, flicker_guard: this.#guard.checked,
-    };
+  /** The parameters of the only job, or of the first frame. */
+  #firstParameters() {
+    const all = this.#frames.of(valuesOf(this.#parameters));
+    return Array.isArray(all) ? all[0] : all;
   }
 
   async #submit() {
     if (!this.#sha256 || this.#button.disabled) return;
     const shown = this.#fields().filter(({ input }) => input.offsetParent);
     if (!shown.every(({ input }) => input.reportValidity())) return;
+    if (this.#frames.isUnclear) { this.#frames.element.open = true; this.#frames.element.querySelector("input")?.focus(); return; }
     this.#blame(null);
     this.#button.disabled = true;
     try {
-      const job = await this.#wanted.make((headers) => upload("/v1/jobs", this.#form(this.#spec()), { signal: this.#signal, headers }));
-      this.#go(`/jobs/${job.id}`);
+      const spec = { ...this.#spec.values(), parameters: this.#frames.of(valuesOf(this.#parameters)) };
+      const made = await this.#wanted.make((headers) => upload("/v1/jobs", this.#form(spec), { signal: this.#signal, headers }));
+      this.#go("id" in made ? `/jobs/${made.id}` : `/?batch=${encodeURIComponent(made.name)}`);
     } catch (error) {
       if (isAbort(error)) return;
       this.#blame(error);
@@ -300,7 +238,7 @@ class Submission {
   }
 
   #fields() {
-    return [...this.#chosen.fields, ...this.#allocation.fields, ...this.#view.fields, ...this.#limits.fields, ...this.#more.fields, this.#background, ...this.#parameters];
+    return [...this.#spec.fields, ...this.#parameters];
   }
 
   /**

@@ -133,7 +133,7 @@ class TestAKey:
         as_("viewer")
         described = http.get("/openapi.json").json()
         paths = [path for path in described["paths"] if needs_key(path)]
-        ours = {"/healthz", "/readyz", "/v1/rules", "/problems/{slug}"}
+        ours = {"/healthz", "/readyz", "/v1/rules", "/v1/spec", "/problems/{slug}"}
         assert set(described["paths"]) - set(paths) == ours
         for path in paths:
             for method, operation in described["paths"][path].items():

@@ -102,7 +102,7 @@ function valuesAt({ width, height, planes }, shown, x, y) {
   const isInside = Number.isInteger(x) && Number.isInteger(y) && x >= 0 && y >= 0 && x < width && y < height;
   const at = y * width + x;
   const layer = shown.names.filter((name) => name in planes);
-  const names = [...new Set(["R", "G", "B", "A", ...layer])].filter((name) => name in planes);
+  const names = [...new Set([...layer, "R", "G", "B", "A"])].filter((name) => name in planes);
   const [Y] = isInside ? luminance(["R", "G", "B"].map((name) => planes[name].slice(at, at + 1))) : [NaN];
   const all = /** @type {[string, number][]} */ ([...names.map((name) => [name, planes[name][at]]), ["luminance", Y]]);
   return new Map(all.map(([name, value]) => [name, isInside ? said(value) : "–"]));

@@ -1,0 +1,79 @@
+// The fields of a job's spec, but for the scene's parameters.
+
+import { h } from "../shared/dom.js";
+import { Field, fieldsOf } from "../shared/form_fields.js";
+import { AOVS, EXR, LIMITS, MORE, NOTIFY, VIEW, WEBHOOK, WORKERS } from "../shared/spec_fields.js";
+import { AllocationChoice } from "./allocation_choice.js";
+import { DenoiseChoice } from "./denoise_choice.js";
+import { RuleChoice } from "./rule_choice.js";
+
+export class SpecForm {
+  rule = new RuleChoice();
+  #allocation = new AllocationChoice();
+  #denoise = new DenoiseChoice();
+  #view = fieldsOf("spec.view", VIEW);
+  #limits = fieldsOf("spec", LIMITS);
+  #more = fieldsOf("spec", MORE);
+  #workers = fieldsOf("spec", WORKERS);
+  #notify = fieldsOf("spec", NOTIFY);
+  #webhook = fieldsOf("spec.webhook", WEBHOOK);
+  #exr = fieldsOf("spec.exr", EXR);
+  #aovs = Object.keys(AOVS).map((name) => h("input", { type: "checkbox", value: name }));
+  #background = new Field("spec.view", { name: "background", label: "Background", type: "text", value: "", placeholder: "0, 0, 0", optional: true,
+    help: "Linear red, green and blue behind an image with alpha, where it is judged and shown." });
+  #keep = h("input", { type: "checkbox", id: "keep-slices" });
+  #guard = h("input", { type: "checkbox", id: "flicker-guard" });
+  elements;
+
+  /** @param {HTMLElement} presets - shown above the rules */
+  constructor(presets) {
+    this.elements = [
+      h("fieldset", {}, h("legend", {}, "When is it done?"), presets, this.rule.element),
+      this.#allocation.element,
+      this.#denoise.element,
+      h("fieldset", {}, h("legend", {}, "How is it viewed?"), h("div", { class: "fields" }, this.#view.elements)),
+      h("fieldset", {}, h("legend", {}, "Limits"), h("div", { class: "fields" }, this.#limits.elements)),
+      h("details", {}, h("summary", {}, "More"),
+        h("div", { class: "fields" }, this.#more.elements, this.#background.element),
+        h("fieldset", {}, h("legend", {}, "Who renders it?"), h("div", { class: "fields small" }, this.#workers.elements)),
+        h("fieldset", {}, h("legend", {}, "Who hears of it?"), h("div", { class: "fields" }, this.#notify.elements, this.#webhook.elements)),
+        h("fieldset", { class: "watch" }, h("legend", {}, "Beside colour, image.exr has"),
+          Object.values(AOVS).map((title, place) => h("label", { class: "toggle" }, this.#aovs[place], title))),
+        h("div", { class: "fields small" }, this.#exr.elements),
+        h("p", { class: "check" }, this.#keep, h("label", { for: "keep-slices" },
+          "Keep every slice, to compare any two points of the curve and to judge the job again (a few MB each)")),
+        h("p", { class: "check" }, this.#guard, h("label", { for: "flicker-guard" },
+          "Guard it against flicker: only jobs that stop alike may join")),
+        this.rule.watched),
+    ];
+  }
+
+  get fields() {
+    const groups = [this.#view, this.#limits, this.#more, this.#workers, this.#notify, this.#webhook, this.#exr];
+    return [...this.rule.fields, ...this.#allocation.fields, ...groups.flatMap(({ fields }) => fields), this.#background];
+  }
+
+  /** The chosen camera. */
+  get sensor() {
+    return this.#more.values().sensor ?? 0;
+  }
+
+  /** The most spp. */
+  get cap() {
+    return Number(this.#limits.values().max_spp);
+  }
+
+  /** The spec, without parameters. */
+  values() {
+    const background = this.#background.value;
+    const webhook = this.#webhook.values();
+    return {
+      ...this.#limits.values(), ...this.#more.values(), ...this.#workers.values(), ...this.#notify.values(),
+      ...this.#allocation.values(), ...this.#denoise.values(), ...this.rule.values(),
+      ...(webhook.url && { webhook }),
+      view: { ...this.#view.values(), ...(background === undefined ? {} : { background: String(background).split(",").map(Number) }) },
+      aovs: this.#aovs.filter(({ checked }) => checked).map(({ value }) => value),
+      exr: this.#exr.values(), keep_slices: this.#keep.checked, flicker_guard: this.#guard.checked,
+    };
+  }
+}
