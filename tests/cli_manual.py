@@ -105,16 +105,22 @@ _SHORTEST_LIST: Final = 8  #: of a spec's options, from which on a command refer
 def manual() -> str:
     """Return the page as it has to be."""
     root = typer.main.get_command(app)
-    commands = dict(_commands(root, ""))
-    listed = [name for _, _, names in TASKS for name in names]
-    missing = sorted({*commands} ^ {*listed})
-    assert not missing, f"TASKS has to name each command once: {missing}"
+    known = commands()
     parts = [_BEGIN, _contents(), _exit_codes(root.help or "")]
     for title, about, names in TASKS:
         parts += [f"## {title}\n\n{about}\n\n"]
-        parts += [_command(name, commands[name]) for name in names]
-    parts.append(_job_options(commands["submit"]))
+        parts += [_command(name, known[name]) for name in names]
+    parts.append(_job_options(known["submit"]))
     return "".join(parts).rstrip() + "\n"
+
+
+def commands() -> dict[str, Any]:
+    """Return every command by its name, in the order of the tasks."""
+    found = dict(_commands(typer.main.get_command(app), ""))
+    listed = [name for _, _, names in TASKS for name in names]
+    missing = sorted({*found} ^ {*listed})
+    assert not missing, f"TASKS has to name each command once: {missing}"
+    return {name: found[name] for name in listed}
 
 
 def _commands(group: Any, prefix: str) -> Iterator[tuple[str, Any]]:
@@ -147,7 +153,7 @@ def _exit_codes(about: str) -> str:
 
 
 def _command(name: str, command: Any) -> str:
-    about, examples = _help(command)
+    about, examples = described(command)
     taken = [one for one in command.params if not getattr(one, "hidden", False)]
     arguments = [one for one in taken if one.param_type_name == "argument"]
     options = [one for one in taken if one.param_type_name == "option" and one.name != "help"]
@@ -155,7 +161,7 @@ def _command(name: str, command: Any) -> str:
     if len(shared) < _SHORTEST_LIST:
         shared = []
     own = [one for one in options if one not in shared]
-    usage = " ".join([name, *map(_placeholder, arguments), *(["[OPTIONS]"] if options else [])])
+    usage = " ".join([name, *map(placeholder, arguments), *(["[OPTIONS]"] if options else [])])
     parts = [f"### plateau {name}\n\n    plateau {usage}\n\n{about}\n\n"]
     if examples:
         parts.append("For example:\n\n" + "".join(f"    {line}\n" for line in examples) + "\n")
@@ -170,7 +176,7 @@ def _command(name: str, command: Any) -> str:
     return "".join(parts)
 
 
-def _help(command: Any) -> tuple[str, list[str]]:
+def described(command: Any) -> tuple[str, list[str]]:
     """Return the command's description, and its examples, each a line."""
     examples: list[str] = []
     about: list[str] = []
@@ -183,13 +189,14 @@ def _help(command: Any) -> tuple[str, list[str]]:
     return "\n\n".join(about), examples
 
 
-def _placeholder(argument: Any) -> str:
+def placeholder(argument: Any) -> str:
+    """Return how a usage line names an argument."""
     name = str(argument.metavar or argument.name.upper())
     return name if argument.required or name.startswith("[") else f"[{name}]"
 
 
 def _argument_row(argument: Any) -> str:
-    name = _placeholder(argument).strip("[]")
+    name = placeholder(argument).strip("[]")
     default = "required" if argument.required else "–"
     return f"| `{name}` | {default} | {_cell(argument.help)} |\n"
 

@@ -20,7 +20,7 @@ from plateau.service.api.routes.results import router as results_router
 from plateau.service.api.routes.scenes import router as scenes_router
 from plateau.service.api.routes.webhooks import router as webhooks_router
 from plateau.study.routes import router as studies_router
-from tests import cli_manual
+from tests import cli_manual, man_page
 
 ROOT = Path(__file__).parents[1]
 
@@ -32,6 +32,7 @@ def test_every_setting_is_in_the_docs(setting: str) -> None:
 
 def test_the_manual_has_every_command_and_option() -> None:
     assert cli_manual.PAGE.read_text() == cli_manual.manual(), "`make manual` writes docs/cli.md"
+    assert man_page.PAGE.read_text() == man_page.page(), "`make manual` writes the man page"
 
 
 ROUTES = [

@@ -1,6 +1,7 @@
 """The distribution: what a wheel holds, and what works where nothing but the wheel is installed."""
 
 import json
+import os
 import shutil
 import subprocess
 import sys
@@ -14,10 +15,12 @@ from tempfile import TemporaryDirectory
 
 import pytest
 
+from tests import man_page
 from tests.support.real_farm import RealFarm
 
 ROOT = Path(__file__).parents[2]
 UV = Path(sys.executable).with_name("uv")
+CONSTRAINTS = ROOT / "constraints.txt"
 
 #: What no checkout has when it is fresh.
 LEFT_OUT = shutil.ignore_patterns(".*", "__pycache__", "*.egg-info", "build", "demo", "plateau-out")
@@ -60,10 +63,12 @@ BRINGS = {
 }
 
 
-def uv(*arguments: str | Path) -> None:
+def uv(*arguments: str | Path, **environment: str) -> None:
     """Run uv on what its cache holds, which `make setup` has filled; else with the registry."""
+    env = os.environ | environment
     for more in (["--offline"], []):
-        done = subprocess.run([UV, *arguments, *more], capture_output=True, text=True, timeout=240)
+        command = [UV, *arguments, *more]
+        done = subprocess.run(command, env=env, capture_output=True, text=True, timeout=240)
         if done.returncode == 0:
             return
     pytest.fail(done.stderr)
@@ -101,7 +106,7 @@ def install(wheel: Path) -> Iterator[Callable[[str], Path]]:
             made = environments.enter_context(TemporaryDirectory(prefix="plateau-wheel-"))
             folder = Path(made) / "environment"
             uv("venv", "--python", sys.executable, folder)
-            constraints = ("--constraint", ROOT / "constraints.txt")
+            constraints = ("--constraint", CONSTRAINTS)
             uv("pip", "install", "--python", folder, *constraints, f"{wheel}{extras}")
             return folder / "bin"
 
@@ -153,7 +158,8 @@ def test_the_wheel_holds_the_package_and_nothing_else(sources: Path, wheel: Path
         [entry_points] = [name for name in names if name.endswith("/entry_points.txt")]
         assert "plateau = plateau.cli:main" in archive.read(entry_points).decode()
     about = {name for name in names if name.startswith("plateau-") and ".dist-info/" in name}
-    assert names - about == files
+    manual = "plateau-0.1.0.data/data/share/man/man1/plateau.1"
+    assert names - about == {*files, manual}
 
 
 def test_the_source_distribution_holds_files_where_the_checkout_has_links(
@@ -167,6 +173,19 @@ def test_the_source_distribution_holds_files_where_the_checkout_has_links(
     with zipfile.ZipFile(wheel) as built_of_it:
         assert {name for name in built_of_it.namelist() if name.startswith("plateau/")} <= packed
     assert not [name for name in packed if name.startswith(("tests/", "bench/"))]
+
+
+def test_one_line_installs_the_command_with_its_manual(
+    wheel: Path, run: Callable[..., subprocess.CompletedProcess[str]], tmp_path: Path
+) -> None:
+    where = {"UV_TOOL_DIR": str(tmp_path / "tools"), "UV_TOOL_BIN_DIR": str(tmp_path / "bin")}
+    uv("tool", "install", "--python", sys.executable, "--constraints", CONSTRAINTS, wheel, **where)
+    told = run(tmp_path / "bin" / "plateau", "--version")
+    assert told.stdout.split()[-1] == metadata("plateau")["Version"], told.stderr
+    manual = tmp_path / "tools" / "plateau" / "share" / "man" / "man1" / "plateau.1"
+    assert manual.read_text() == man_page.PAGE.read_text()
+    script = run(tmp_path / "bin" / "plateau", _PLATEAU_COMPLETE="source_bash")
+    assert "complete -o default -F" in script.stdout, script.stderr
 
 
 def test_the_whole_of_it_renders_a_scene_outside_the_repository(
