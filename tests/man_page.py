@@ -1,4 +1,4 @@
-"""Writes deploy/man/plateau.1, the man page, from the commands' own help: ``make manual``."""
+"""Writes plateau/plateau.1, the man page, from the commands' own help: ``make manual``."""
 
 import re
 from importlib.metadata import version
@@ -10,7 +10,7 @@ import typer
 from plateau.cli import app
 from tests import cli_manual
 
-PAGE: Final = Path(__file__).parents[1] / "deploy" / "man" / "plateau.1"
+PAGE: Final = Path(__file__).parents[1] / "plateau" / "plateau.1"
 
 _SEE: Final = "docs/cli.md in the sources, and http://127.0.0.1:8713/docs of a running service"
 

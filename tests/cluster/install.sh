@@ -77,6 +77,12 @@ install_bare() {
   debian_redis
 }
 
+# An image, for the long form: what builds one without a daemon, and unpacks a Debian for it.
+install_image() {
+  [ "${CLUSTER_TESTS:-long}" = long ] || return 0
+  command -v buildah >/dev/null && command -v mmdebstrap >/dev/null || apt_install buildah mmdebstrap
+}
+
 # Networks that fail: losing packets, and a proxy that is slow.
 install_network() {
   command -v ip >/dev/null && command -v iptables-legacy >/dev/null || apt_install iproute2 iptables

@@ -37,7 +37,9 @@ export async function probe(form, spec, rules, signal) {
   try {
     const [strictest, ...others] = rules.toReversed();
     const asked = form({ ...spec, ...SPEC, name: "Probe", rule: strictest });
-    const first = await new OneJob().make((headers) => upload("/v1/jobs", asked, { signal: patience, headers }));
+    // The answer is waited for in any case, so that no probe is left behind.
+    const { signal: never } = new AbortController();
+    const first = await new OneJob().make((headers) => upload("/v1/jobs", asked, { signal: never, headers }));
     jobs.push(first);
     const done = await ended(first, patience);
     if (done.state === "failed") throw new Error(done.reason ?? "the probe has failed");
