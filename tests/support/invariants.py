@@ -18,7 +18,7 @@ from plateau.farm.redis import keys
 from plateau.farm.wire.views import JobView
 from plateau.metric import allowed_non_finite
 from plateau.service.judging.previews import MOST as MOST_PREVIEWS
-from tests.support.real_farm import RealFarm
+from tests.support.real_farm import Farm
 from tests.support.until import until
 
 #: The files of any job that has an image.
@@ -39,7 +39,7 @@ class Outcome:
 
 
 def outcome(
-    farm: RealFarm, job_id: str, seconds: float = 200, *, damaged: Set[str] = frozenset()
+    farm: Farm, job_id: str, seconds: float = 200, *, damaged: Set[str] = frozenset()
 ) -> Outcome:
     """The job's outcome, once it is finished; its invariants are checked."""
     until(lambda: farm.jobs.get(job_id).finished_at is not None, seconds)
@@ -118,7 +118,8 @@ def check_job(
     assert set(store.names(f"jobs/{job_id}/")) == expected
     # And Redis keeps nothing that only a running job needs
     left = set(client.scan_iter(f"{keys.job(job_id)}*", count=1000))
-    assert {key.removeprefix(keys.job(job_id)).removeprefix(":") for key in left} <= KEPT
+    kept = KEPT | ({"sealed"} if job.owner else set())
+    assert {key.removeprefix(keys.job(job_id)).removeprefix(":") for key in left} <= kept
     assert client.zscore(keys.OPEN, job_id) is None
     assert not client.sismember(keys.UNFINISHED, job_id)
 

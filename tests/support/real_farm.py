@@ -8,6 +8,7 @@ from pathlib import Path
 from types import TracebackType
 
 import psutil
+import redis
 
 from plateau.client import Client
 from plateau.farm.blobs.store import Blobs
@@ -22,7 +23,27 @@ from plateau.farm.wire.views import JobView
 BOX = Path(__file__).parents[2] / "scenes" / "box"
 
 
-class RealFarm:
+class Farm:
+    """A farm that runs somewhere, as its users and its keeper see it."""
+
+    jobs: Jobs
+    store: Blobs
+    redis_client: redis.Redis
+    client: Client
+
+    def submit(self, scene: Path = BOX, **spec: object) -> JobView:
+        return self.client.submit(scene, JobSpec.model_validate(spec))
+
+    def image(self, job: JobView) -> Pixels:
+        return decode_image(self.client.image(job.id, "image.exr"))
+
+    def curve(self, job: JobView) -> list[dict[str, object]]:
+        """The curve but for the times of its points."""
+        points: list[CurvePoint] = self.client.curve(job.id)
+        return [point.model_dump(exclude={"at"}) for point in points]
+
+
+class RealFarm(Farm):
     """Starts processes as a user would: ``python -m plateau …`` with settings by environment."""
 
     def __init__(
@@ -106,17 +127,6 @@ class RealFarm:
         del self.processes[1:]
         # One that was told before it listened is ended by the signal itself.
         assert set(codes) <= {0, -signal.SIGTERM}, f"a process did not stop cleanly: {codes}"
-
-    def submit(self, scene: Path = BOX, **spec: object) -> JobView:
-        return self.client.submit(scene, JobSpec.model_validate(spec))
-
-    def image(self, job: JobView) -> Pixels:
-        return decode_image(self.client.image(job.id, "image.exr"))
-
-    def curve(self, job: JobView) -> list[dict[str, object]]:
-        """The curve but for the times of its points."""
-        points: list[CurvePoint] = self.client.curve(job.id)
-        return [point.model_dump(exclude={"at"}) for point in points]
 
     def _start_redis(self, data: Path) -> EmbeddedRedis:
         return EmbeddedRedis(data)
