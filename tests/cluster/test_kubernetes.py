@@ -215,7 +215,7 @@ class TestExamples:
         redis = ("--bind", "10.20.0.7", "--port", "6380", "--requirepass", PASSWORD)
         node.start("redis-server", *redis, "--appendonly", "yes", "--save", "")
         (node.folder / "s3" / "renderings").mkdir(parents=True)
-        account = ("--access", S3_KEY, "--secret", S3_SECRET)
+        account = ("--access", S3_KEY, "--secret", S3_SECRET, "--region", "eu-central-1")
         node.start("versitygw", *account, "--port", "10.30.0.10:443", "posix", "s3")
         farm = Release(
             node, "external", **FITS, **SOON,
