@@ -78,7 +78,7 @@ def create(
             "--from",
             metavar="FILE",
             help="Take the key from FILE, such as a mounted secret, instead of making one. Nothing "
-            "is printed, and repeating it is harmless.",
+            "is printed, and repeating it is harmless. Waits 5 minutes for a Redis that is away.",
         ),
     ] = None,
     as_json: o.Json = False,

@@ -7,6 +7,7 @@ import json
 import os
 import re
 import secrets
+import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from datetime import datetime
@@ -20,8 +21,10 @@ from plateau.farm.ledger.api_keys import ApiKey, ApiKeys, KeyLimits, Role
 from plateau.farm.ledger.outbox import Outbox
 from plateau.farm.ledger.schema import check_schema
 from plateau.farm.model import input_errors
+from plateau.farm.model.errors import StoreUnavailable
 from plateau.farm.process.settings import Settings
 from plateau.farm.redis.acl import acl_file, rules
+from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.link import connect
 from plateau.files.out_folder import make
 from plateau.processes.data_folder import DataFolder
@@ -31,6 +34,8 @@ from plateau.terminal.tables import print_rows
 
 _COLUMNS: Final = ("id", "name", "role", "made", "last used", "requests", "open jobs", "revoked")
 _SPARE: Final = ("requests", "open jobs", "last used", "made")  # on a narrow terminal
+#: For a Redis that starts at the same time, and whose volume may have to be made first.
+_PATIENCE_S: Final = 300.0
 _REDIS_VERSION: Final = re.compile(r"(\d+)\.(\d+)(\.\d+)*")
 
 
@@ -39,14 +44,16 @@ def create(
 ) -> None:
     """Make a key and print it on standard output, and messages on standard error.
 
-    A key from a file is not printed.
+    A key from a file is not printed, and waits for a Redis that is away, for some minutes: whoever
+    deploys a farm starts it and its Redis at once.
     """
     settings = farm_settings()
     if not (name.isprintable() and name.strip() and len(name) <= 100):
         raise CommandFailed("a key's name has 1 to 100 printable characters")
     known, allowed = _role(role), _limits(settings, limits)
     shown = None if key_from is None else secret_in(key_from, "--from")
-    with _keys(settings, may_begin=True) as keys:
+    patience_s = 0.0 if shown is None else _PATIENCE_S
+    with _keys(settings, may_begin=True, patience_s=patience_s) as keys:
         first = not keys.any_made()
         if shown is None:
             key, made = keys.create(name, known, allowed)
@@ -111,20 +118,37 @@ def webhook_secret(*, renew: bool, as_json: bool) -> None:
 
 
 @contextmanager
-def _keys(settings: Settings, *, may_begin: bool = False) -> Iterator[ApiKeys]:
-    with _farm(settings, may_begin=may_begin) as client:
+def _keys(
+    settings: Settings, *, may_begin: bool = False, patience_s: float = 0.0
+) -> Iterator[ApiKeys]:
+    with _farm(settings, may_begin=may_begin, patience_s=patience_s) as client:
         yield ApiKeys(client)
 
 
 @contextmanager
-def _farm(settings: Settings, *, may_begin: bool) -> Iterator[Any]:
+def _farm(settings: Settings, *, may_begin: bool, patience_s: float = 0.0) -> Iterator[Any]:
     """A client of the farm's Redis, after a check of its data's layout."""
     data = DataFolder(settings.data)
     with ExitStack() as stack:
         url = redis_at_hand(settings, data, stack, may_begin=may_begin)
         client = stack.enter_context(connect(url))
-        check_schema(client)
+        _check(client, patience_s)
         yield client
+
+
+def _check(client: RedisClient, patience_s: float) -> None:
+    """Check the layout of the data, and wait for as long as this for a Redis that is away."""
+    deadline, told = time.monotonic() + patience_s, False
+    while True:
+        try:
+            return check_schema(client)
+        except StoreUnavailable as error:
+            if time.monotonic() >= deadline:
+                raise
+            if not told:
+                tell(f"{error}; trying again for {patience_s / 60:.0f} minutes")
+            told = True
+        time.sleep(1)
 
 
 def _named(keys: ApiKeys, given: str) -> ApiKey:

@@ -35,19 +35,21 @@ go_tool() {
   echo "$module" > "$bin/.$name"
 }
 
-# our_program NAME [LDFLAGS]: build a program of tests/cluster/kubernetes/programs, once for each state of it.
+# our_program NAME [LDFLAGS]: build a program of tests/cluster/kubernetes/programs, once for each state
+# of it. Its go.mod names what it imports; the versions of the rest follow from those.
 our_program() {
   local name=$1 bin=$PWD/.cluster-tools/bin from=tests/cluster/kubernetes/programs/$1 made
   if [ -x "$bin/$name" ] && [ "$(cat "$bin/.$name" 2>/dev/null)" = "$(cat "$from"/*)" ]; then return; fi
   need_go
   say "building $name (minutes, once)"
-  made=$(mktemp -d) && cp "$from"/* "$made/"  # Go writes down there what the versions in go.mod bring with them
-  (cd "$made" && CGO_ENABLED=0 go build -mod=mod -trimpath -gcflags='all=-N -l' -ldflags="-s -w ${2:-}" -o "$bin/$name")
+  made=$(mktemp -d) && cp "$from"/* "$made/"
+  (cd "$made" && CGO_ENABLED=0 go build -mod=mod -trimpath -gcflags='all=-N -l' \
+    -ldflags="-s -w ${2:-}" -o "$bin/$name")
   rm -r "$made"
   cat "$from"/* > "$bin/.$name"
 }
 
-# KEDA's programs, and what installs them; for the versions of the libraries that its own go.mod has.
+# KEDA's two programs, with the libraries that its own go.mod names, and the objects that install it.
 keda() {
   local bin=$PWD/.cluster-tools/bin module=github.com/kedacore/keda/v2@v2.21.0 from name
   if [ "$(cat "$bin/.keda" 2>/dev/null)" = $module ]; then return; fi
@@ -59,7 +61,7 @@ keda() {
       -o "$bin/${name%=*}" "./cmd/${name#*=}")
   done
   "$bin/kubectl" kustomize "$from/config/minimal" \
-    | sed 's|image: ghcr.io/.*|image: plateau.test/keda:2.21.0|; s|imagePullPolicy: Always|imagePullPolicy: Never|' \
+    | sed 's|image: ghcr.io/.*|image: plateau.test/keda:2.21.0|; s|\(imagePullPolicy:\) Always|\1 Never|' \
     > .cluster-tools/keda.yaml
   echo $module > "$bin/.keda"
 }
@@ -116,10 +118,11 @@ install_image() {
 install_kubernetes() {
   [ "${CLUSTER_TESTS:-long}" = long ] || return 0
   local name version=1.34.2 set="-X k8s.io/component-base/version"
-  for name in conntrack containerd debootstrap etcd ip iptables runc; do
-    PATH=$PATH:/usr/sbin:/sbin command -v $name >/dev/null && [ -x /usr/lib/cni/bridge ] && continue
-    apt_install conntrack containerd containernetworking-plugins debootstrap etcd-server iproute2 iptables runc
-    break
+  for name in conntrack containerd debootstrap etcd ip iptables runc /usr/lib/cni/bridge; do
+    if ! PATH=$PATH:/usr/sbin:/sbin command -v $name >/dev/null; then
+      apt_install conntrack containerd containernetworking-plugins debootstrap etcd-server iproute2 iptables runc
+      break
+    fi
   done
   install_chart
   our_program coredns

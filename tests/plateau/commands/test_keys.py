@@ -15,8 +15,10 @@ from plateau.client import ApiError, BadKey, Client, Unreachable
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.api_keys import ApiKeys, KeyLimits, Role
 from plateau.farm.model.states import JobState
+from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.farm.redis.link import connect
 from tests.support.commands import Command
+from tests.support.until import until
 
 READY = r"listens at (https?://[\d.]+:\d+)"
 SHOWN = re.compile(r"plateau_([0-9a-f]{12})_([0-9a-f]{64})\n")
@@ -112,6 +114,22 @@ class TestTheCommands:
             f"--from: {file} is empty"
             in say("keys", "create", "scaler", "--from", str(file), code=1)[1]
         )
+
+    def test_take_a_key_from_a_file_once_redis_is_there(self, start: Start, tmp_path: Path) -> None:
+        """As in a cluster, which starts all pods at once."""
+        file, data = tmp_path / "key", tmp_path / "redis"
+        file.write_text(f"plateau_0123456789ab_{'5' * 64}\n")
+        url = f"unix://{data}/redis.sock"
+        command = start("keys", "create", "me", "--from", str(file), PLATEAU_REDIS_URL=url)
+        command.wait_for("trying again for 5 minutes")
+        server = EmbeddedRedis(data)
+        try:
+            assert server.url == url
+            until(lambda: command.process.poll() is not None)
+        finally:
+            server.stop()
+        assert command.process.returncode == 0
+        assert "took key 0123456789ab (me)" in command.said
 
     @pytest.mark.parametrize(
         ("arguments", "words"),
