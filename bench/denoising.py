@@ -14,11 +14,12 @@ import time
 from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from bench import ROOT
+from bench.allocating.denoised_zones import looks
 from bench.allocating.denoising_tables import (
     BLEND,
     DENOISED,
@@ -29,9 +30,11 @@ from bench.allocating.denoising_tables import (
     TARGETS,
     peers_of,
     tables,
+    zones_of,
 )
 from bench.allocating.peers import PEERS, delivered
 from bench.allocating.recordings import HARD, SCENES, add_options, recorded
+from bench.allocating.truth import wrong_share
 from bench.support import markdown
 from bench.support.report import Figure, figure, last_figures, last_report, renewed, write_report
 from plateau.farm.model.plan import Plan
@@ -41,7 +44,7 @@ from plateau.metric.compiled import CompiledVisibleDifferences
 from plateau.service.monitor.denoising import oidn
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from numpy.typing import NDArray
 
@@ -60,11 +63,11 @@ _NOTES = (
 class Point:
     """An image of so many samples: the shares of its pixels that are visibly wrong."""
 
-    spp: int
+    spp: float
     wrong: dict[str, float]  #: of each kind, counted
     seen: dict[str, Evidence]
-    seconds: float  #: of the look, and of its cores
-    core_seconds: float
+    seconds: float = 0.0  #: of the look, and of its cores
+    core_seconds: float = 0.0
     is_look: bool = False  #: whether a denoised job judges it
 
     @property
@@ -85,7 +88,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     every = SCENES | HARD
     add_options(parser, choices=every)
-    parser.add_argument("--peers", action="store_true", help="measure what peers deliver alone")
+    parser.add_argument("--parts", nargs="+", choices=PARTS, default=list(PARTS))
     asked = parser.parse_args()
     kept = last_figures("denoising")
     settings = last_report("denoising")["settings"].get("scenes", {})
@@ -94,13 +97,15 @@ def main() -> None:
         recording = recorded(case, asked.pixels, asked.spp, asked.slice_spp, asked.data)
         guides = guides_of(case, asked.pixels, asked.data)
         scene = f"{name}, {asked.pixels} px"
-        asked_of = {"spp": asked.spp, "slice_spp": asked.slice_spp, "runs": asked.runs}
-        recorded_of = recording, asked.slice_spp, guides, asked.runs
-        kept = renewed(kept, peers_of(scene), figures_of_peers(*recorded_of))
-        settings[peers_of(scene)] = asked_of
-        if not asked.peers:
-            kept = renewed(kept, scene, figures(*recorded_of))
-            settings[scene] = asked_of
+        for part in asked.parts:
+            name_of, measure = PARTS[part]
+            found = measure(recording, asked.slice_spp, guides, asked.runs)
+            kept = renewed(kept, name_of(scene), found)
+            settings[name_of(scene)] = {
+                "spp": asked.spp,
+                "slice_spp": asked.slice_spp,
+                "runs": asked.runs,
+            }
     report = write_report("denoising", kept, settings={"scenes": settings}, notes=_NOTES)
     markdown.fill(markdown.DOCS / "denoising.md", tables(report))
 
@@ -175,6 +180,36 @@ def figures_of_peers(
     return found
 
 
+def figures_by_zones(
+    recording: NDArray[np.float32], slice_spp: int, guides: NDArray[np.float32], runs: int
+) -> list[Figure]:
+    """Return what the runs found where samples go by zones to where the blend is wrong."""
+    metric = CompiledVisibleDifferences(View())
+    denoise, _ = oidn.denoiser(tuple(guides), metric.view)
+    rows = []
+    for run in range(runs):
+        order = np.random.default_rng(run).permutation(len(recording))
+        rows.append(
+            [
+                Point(spp=one.spp, wrong={BLEND: one.wrong}, seen={BLEND: one.seen}, is_look=True)
+                for one in looks(recording, slice_spp, order, denoise, metric)
+            ]
+        )
+    found: list[Figure] = []
+    for target in TARGETS:
+        needed = [one for row in rows if (one := spp_at(row, BLEND, target)) is not None]
+        if len(needed) == runs:
+            found.append(figure(f"spp at {target:.2%}", needed, "spp"))
+    ends = [end for row in rows if (end := ended(row, BLEND, OWN)) is not None]
+    if len(ends) == runs:
+        found.append(figure(f"{OWN}: spp", [one.spp for one in ends], "spp"))
+        found.append(figure(f"{OWN}: wrong", [one.wrong[BLEND] for one in ends], "of the pixels"))
+        found.append(figure("looks", [len(row) for row in rows], "looks"))
+    every = [one for row in rows for one in row]
+    ratios = [one.estimate(BLEND) / one.wrong[BLEND] for one in every if one.wrong[BLEND] >= ENOUGH]
+    return [*found, figure("estimate / truth", ratios, "ratio")] if ratios else found
+
+
 def points(
     recording: NDArray[np.float32], slice_spp: int, guides: NDArray[np.float32], run: int
 ) -> list[Point]:
@@ -236,7 +271,7 @@ def point(
     noise = (np.sqrt(share) * other).astype(np.float32)
     difference = halves[0].mean - halves[1].mean
     wrong = {
-        kind: _wrong(metric, reference, noise, one, own)
+        kind: wrong_share(metric, reference, noise, one, own)
         for kind, one, own in (
             (RAW, image, difference * np.float32(0.5)),
             (DENOISED, blend.denoised, error.likely.noise),
@@ -256,27 +291,6 @@ def point(
     )
 
 
-def _wrong(
-    metric: CompiledVisibleDifferences, reference: Image, noise: Image, image: Image, own: Image
-) -> float:
-    """Return the share of an image's pixels that are visibly wrong.
-
-    The image has noise of its own. What the reference's noise makes visible beside that is taken
-    away.
-    """
-    clean = metric.percept(reference)
-
-    def visible(image: Image) -> float:
-        found = metric.compare(clean, metric.percept(image)).visible
-        return float(np.count_nonzero(found) / found.size)
-
-    by_noise = [
-        visible(reference + sign * own + noise) - visible(reference + sign * own)
-        for sign in (np.float32(1), np.float32(-1))
-    ]
-    return max(0.0, visible(image) - sum(by_noise) / 2)
-
-
 def by_peers(
     recording: NDArray[np.float32], slice_spp: int, guides: NDArray[np.float32], run: int
 ) -> dict[str, tuple[float, float]]:
@@ -294,7 +308,7 @@ def by_peers(
         other = (first + second - third - fourth) / 4
         noise = (np.sqrt(one.slices / left) * other).astype(np.float32)
         own = ((first + third - second - fourth) / 4).astype(np.float32)
-        found[one.peer] = one.spp, _wrong(metric, reference, noise, one.image, own)
+        found[one.peer] = one.spp, wrong_share(metric, reference, noise, one.image, own)
     return found
 
 
@@ -316,6 +330,13 @@ def ended(row: Sequence[Point], kind: str, name: str) -> Point | None:
             return one
     return None
 
+
+#: What is measured of a scene: the name that its figures have, and how they are made.
+PARTS: Final[dict[str, tuple[Callable[[str], str], Callable[..., list[Figure]]]]] = {
+    "frames": (str, figures),
+    "zones": (zones_of, figures_by_zones),
+    "peers": (peers_of, figures_of_peers),
+}
 
 if __name__ == "__main__":
     main()

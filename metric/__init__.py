@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
     from plateau.metric.allocation import Allocation, plan_round
-    from plateau.metric.blend import Blend, BlendError, Denoise, blended
+    from plateau.metric.blend import Blend, BlendError, Denoise, blend_error, blended
     from plateau.metric.display import Image, Mask, Primaries, View, encode_srgb
     from plateau.metric.estimate import (
         Estimate,
@@ -76,6 +76,7 @@ __all__ = [
     "VisibleDifferences",
     "allowed_non_finite",
     "allowed_pixels",
+    "blend_error",
     "blended",
     "create_rule",
     "difference_map",
@@ -97,7 +98,7 @@ __all__ = [
 
 _HOMES: Final = {
     "allocation": ("Allocation", "plan_round"),
-    "blend": ("Blend", "BlendError", "Denoise", "blended"),
+    "blend": ("Blend", "BlendError", "Denoise", "blend_error", "blended"),
     "display": ("Image", "Mask", "Primaries", "View", "encode_srgb"),
     "estimate": ("Estimate", "allowed_pixels", "estimate_from", "half_buffer_estimate"),
     "focus": ("focus_plane",),

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
@@ -24,14 +24,25 @@ if TYPE_CHECKING:
     from plateau.metric.vdp import Percept, VisibleDifferences
     from plateau.metric.zone_noise import Floats, ZoneCurves
 
-#: A round takes this share of what seems to be needed: the next image knows better.
-ROUND_SHARE: Final = 0.25
-#: The range of a round's samples, as shares of those before it.
-LEAST_ROUND, LARGEST_ROUND = 0.025, 0.25
-#: No zone's samples grow by more than this in one round, as a share of its own.
-MOST_GROWTH: Final = 0.5
 #: Every zone has at least this share of the mean: no path may have found its light yet.
 LEAST_SHARE: Final = 0.1
+
+
+class RoundSizes(NamedTuple):
+    """How many samples a round may have."""
+
+    #: As a share of what seems to be needed: the next image knows better.
+    share: float
+    #: The range, as shares of the samples before it.
+    least: float
+    largest: float
+    #: What a zone has at most, as a share of its own samples.
+    of_zone: float
+
+
+#: As long as an image costs little to judge, and where it is denoised for that.
+SMALL_ROUNDS: Final = RoundSizes(share=0.25, least=0.025, largest=0.25, of_zone=0.5)
+LARGE_ROUNDS: Final = RoundSizes(share=0.5, least=0.25, largest=0.5, of_zone=1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +68,7 @@ def plan_round(
     spp: NDArray[np.int64],
     planned: NDArray[np.int64],
     size: int,
+    sizes: RoundSizes = SMALL_ROUNDS,
 ) -> Allocation:
     """Return the zones and samples of the next round.
 
@@ -74,6 +86,8 @@ def plan_round(
         The same after all rounds that are decided already, at least `spp`.
     size
         Side of the zones in pixels. Those at the right and lower edges may be smaller.
+    sizes
+        How many samples the round may have.
 
     Raises
     ------
@@ -115,14 +129,14 @@ def plan_round(
         raise ValueError(f"{shape} zones need as many spp, not {spp.shape} and {planned.shape}")
     curves = zone_curves(metric, model, clean, estimate, size)
     total = float((planned * curves.pixels).sum())
-    least = max(LEAST_ROUND * total, float(curves.pixels.sum()))
+    least = max(sizes.least * total, float(curves.pixels.sum()))
     if model.focus is not None:
         finite = np.where(model.non_finite, np.float32(0), model.focus)
         weight = zone_sums(finite, size) / np.maximum(curves.pixels, 1)
         curves = replace(curves, visible=curves.visible * weight[..., np.newaxis])
     allowed = allowed_pixels(target, model.pixels, model.focus)
     needed = _needed(curves, spp, planned, allowed, total + least)
-    zones, more = _round(needed, planned, curves.pixels, least)
+    zones, more = _round(needed, planned, curves.pixels, least, sizes)
     return Allocation(zones, math.ceil(more), needed)
 
 
@@ -172,7 +186,11 @@ def _at(visible: Floats, logarithms: Floats) -> Floats:
 
 
 def _round(
-    needed: Floats, planned: NDArray[np.int64], pixels: Floats, least: float
+    needed: Floats,
+    planned: NDArray[np.int64],
+    pixels: Floats,
+    least: float,
+    sizes: RoundSizes,
 ) -> tuple[NDArray[np.bool_], float]:
     """Return the zones of the next round, the neediest first, and the samples per pixel of each."""
     missing = np.maximum(needed - planned, 0.0).ravel()
@@ -180,11 +198,11 @@ def _round(
     areas = pixels.ravel()
     if not missing.any():  # nothing can be seen at all: those with the fewest samples
         missing += so_far.max()
-    wanted = ROUND_SHARE * float((missing * areas).sum())
-    wanted = max(min(wanted, LARGEST_ROUND * float((so_far * areas).sum())), least)
+    wanted = sizes.share * float((missing * areas).sum())
+    wanted = max(min(wanted, sizes.largest * float((so_far * areas).sum())), least)
     # Of the first zones in this order each takes as much as the least needy of them needs.
     order = np.argsort(-missing / so_far, kind="stable")
-    each = np.minimum.accumulate(np.minimum(missing, MOST_GROWTH * so_far)[order])
+    each = np.minimum.accumulate(np.minimum(missing, sizes.of_zone * so_far)[order])
     area = np.cumsum(areas[order])
     enough = np.flatnonzero(each * area >= wanted)
     last = int(enough[0]) if enough.size else int(np.argmax(each * area))

@@ -138,12 +138,52 @@ def blended(
     >>> bool(found.weight.mean() > 0.9)
     True
     """
-    one, other = halves
-    flawed, (shown, *means) = _without_flaws(image, one.mean, other.mean)
-    noisy = _Halved(shown, means[0], means[1], one.spp / (one.spp + other.spp))
+    noisy, flawed = _halved(image, halves)
     clean = noisy.each(denoise)
     blend = _blend(noisy, clean, view)
     return blend.with_flaws(image, flawed), _error(blend, noisy, clean, view, flawed)
+
+
+def blend_error(
+    blend: Blend, image: Image, halves: tuple[Half, Half], denoise: Denoise, view: View
+) -> BlendError:
+    """Return the error of a blend by other halves of its samples than those that made it.
+
+    Parameters
+    ----------
+    blend
+        As `blended` returned it, of this image.
+    image, halves, denoise, view
+        As for `blended`; the denoiser is asked twice.
+
+    Raises
+    ------
+    ValueError
+        If the halves and the image differ in size.
+
+    Notes
+    -----
+    The noise of two splits into halves is uncorrelated: who decides by one where samples go, and by
+    the other whether they are enough, does not take chance for need. The bias is the same in both.
+
+    Examples
+    --------
+    >>> from plateau.metric import Half, View
+    >>> light = np.full((32, 32, 3), 0.5, np.float32)
+    >>> a, b, c, d = light + np.random.default_rng(1).normal(0, 0.1, (4, 32, 32, 3))
+    >>> image, own = (a + b + c + d) / 4, (Half((a + c) / 2, 8), Half((b + d) / 2, 8))
+    >>> blend, error = blended(image, own, lambda _: light, View())
+    >>> others = Half((a + b) / 2, 8), Half((c + d) / 2, 8)
+    >>> found = blend_error(blend, image, others, lambda _: light, View())
+    >>> bool(np.array_equal(found.likely.clean, error.likely.clean))
+    True
+    """
+    noisy, flawed = _halved(image, halves)
+    clean = replace(noisy, one=denoise(noisy.one), other=denoise(noisy.other))
+    if flawed.any():
+        whole = np.where(flawed[..., np.newaxis], np.float32(0), blend.image)
+        blend = replace(blend, image=whole)
+    return _error(blend, noisy, clean, view, flawed)
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,6 +209,13 @@ class _Halved:
     def both(self) -> float:
         """The variance of the image, of the sum of its halves' variances."""
         return self.share * (1 - self.share)
+
+
+def _halved(image: Image, halves: tuple[Half, Half]) -> tuple[_Halved, Mask]:
+    """Return the image and its halves without flaws, and where these were."""
+    one, other = halves
+    flawed, (shown, *means) = _without_flaws(image, one.mean, other.mean)
+    return _Halved(shown, means[0], means[1], one.spp / (one.spp + other.spp)), flawed
 
 
 def _blend(noisy: _Halved, clean: _Halved, view: View) -> Blend:

@@ -17,6 +17,8 @@ OWN = Visible.name
 RULES = (OWN, "reverse", "successive", "multiple", "myszkowski")
 #: What ends the name of a scene, where its figures are those of other renderers.
 _PEERS = ", peers"
+#: The same where samples go by zones.
+_ZONES = ", by zones"
 
 
 def peers_of(scene: str) -> str:
@@ -24,31 +26,37 @@ def peers_of(scene: str) -> str:
     return f"{scene}{_PEERS}"
 
 
+def zones_of(scene: str) -> str:
+    """Return the name of a scene whose figures are those of samples by zones."""
+    return f"{scene}{_ZONES}"
+
+
 def tables(report: dict[str, Any]) -> dict[str, str]:
     """Return every table by the name of its place in the document."""
     found = {one["name"]: one for one in report["figures"]}
     every = report["settings"]["scenes"]
-    names = [name for name in every if not name.endswith(_PEERS)]
+    names = [name for name in every if not name.endswith((_PEERS, _ZONES))]
 
     def number(scene: str, what: str, form: str = ",.0f") -> str:
         one = found.get(f"{scene}: {what}")
         return "–" if one is None else format(one["value"], form)
 
-    def times(scene: str, what: str) -> str:
-        raw, blend = (found.get(f"{scene}: {kind}: {what}") for kind in (RAW, BLEND))
-        return "–" if raw is None or blend is None else f"{raw['value'] / blend['value']:.2f}"
+    def ratio(one: str, other: str) -> str:
+        more, less = found.get(one), found.get(other)
+        return "–" if more is None or less is None else f"{more['value'] / less['value']:.2f}"
 
     def spread(scene: str, what: str) -> str:
         one = found.get(f"{scene}: {what}")
         return "–" if one is None else markdown.spread(one, 2)
 
+    wanted = (*(f"spp at {target:.2%}" for target in TARGETS), f"{OWN}: spp")
     needed = [
         [
             scene,
             *(
                 f"{number(scene, f'{RAW}: {what}')} / {number(scene, f'{BLEND}: {what}')} "
-                f"= {times(scene, what)}"
-                for what in (*(f"spp at {target:.2%}" for target in TARGETS), f"{OWN}: spp")
+                f"= {ratio(f'{scene}: {RAW}: {what}', f'{scene}: {BLEND}: {what}')}"
+                for what in wanted
             ),
             *(number(scene, f"{kind}: {OWN}: wrong", ".3%") for kind in (RAW, BLEND)),
         ]
@@ -97,7 +105,34 @@ def tables(report: dict[str, Any]) -> dict[str, str]:
         for name in names
         if peers_of(name) in every
     ]
+    by_zones = [
+        [
+            name,
+            *(
+                f"{number(name, f'{RAW}: {what}')} / {number(zones_of(name), what)} = "
+                f"{ratio(f'{name}: {RAW}: {what}', f'{zones_of(name)}: {what}')}"
+                for what in wanted
+            ),
+            number(zones_of(name), f"{OWN}: wrong", ".3%"),
+            number(zones_of(name), "looks"),
+            spread(zones_of(name), "estimate / truth"),
+        ]
+        for name in names
+        if zones_of(name) in every
+    ]
     return {
+        "denoising-zones": markdown.table(
+            [
+                "scene",
+                "0.10 % wrong",
+                "0.02 % wrong",
+                "the rule's end",
+                "wrong then",
+                "looks",
+                "estimate / truth",
+            ],
+            by_zones,
+        ),
         "denoising-peers": markdown.table(["scene", "Plateau", *PEERS], elsewhere),
         "denoising-rules": markdown.table(["scene", *(f"`{rule}`" for rule in RULES)], rules),
         "denoising-determined": markdown.table(

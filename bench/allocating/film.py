@@ -14,7 +14,7 @@ from plateau.metric.noise_model import noise_model
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from plateau.metric import Estimate, Mask, Percept, VisibleDifferences
+    from plateau.metric import Estimate, Image, Mask, Percept, VisibleDifferences
     from plateau.metric.display import Plane
     from plateau.metric.noise_model import NoiseModel
 
@@ -47,6 +47,7 @@ class Film:
                 out=self._sums[quarter, rounds + 1],
             )
         self._has: NDArray[np.intp] = np.zeros(shape[:2], np.intp)
+        self._total = self.recording.sum(axis=0, dtype=np.float64)
 
     def clear(self) -> None:
         """Take all samples away."""
@@ -74,11 +75,26 @@ class Film:
         self.exhausted |= bool((self._has > self._rounds).any())
         np.minimum(self._has, self._rounds, out=self._has)
 
-    def evidence(self, metric: VisibleDifferences, split: Any = JUDGING) -> Evidence:
-        """Return the image and these halves."""
+    def reference(self) -> tuple[Image, Image]:
+        """Return the mean of what each pixel has not, and noise like its own.
+
+        That noise is of other halves than those that judge.
+        """
+        first, second, third, fourth = self._quarters()
+        has = ROUND * self._has[..., np.newaxis]
+        left = len(self.recording) - has
+        mean = (self._total - (first + second + third + fourth)) / left
+        noise = np.sqrt(has / left) * (first + second - third - fourth) / has
+        return mean.astype(np.float32), noise.astype(np.float32)
+
+    def _quarters(self) -> list[NDArray[np.float64]]:
         height, width = self._has.shape
         rows, columns = np.arange(height)[:, np.newaxis], np.arange(width)
-        quarters = [self._sums[one][self._has, rows, columns] for one in range(ROUND)]
+        return [self._sums[one][self._has, rows, columns] for one in range(ROUND)]
+
+    def evidence(self, metric: VisibleDifferences, split: Any = JUDGING) -> Evidence:
+        """Return the image and these halves."""
+        quarters = self._quarters()
         even, odd = (
             (quarters[one] + quarters[other]) / (2 * self._has[..., np.newaxis])
             for one, other in split

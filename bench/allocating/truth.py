@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from plateau.metric import VisibleDifferences
+    from plateau.metric import Image, VisibleDifferences
     from plateau.metric.zone_noise import Floats
 
 #: Groups of slices. The larger each is, the less its noise differs from that of a finished image.
@@ -107,3 +107,24 @@ def crossing(falling: Callable[[float], float], value: float) -> float:
         middle = math.sqrt(low * high)
         low, high = (middle, high) if falling(middle) > value else (low, middle)
     return high
+
+
+def wrong_share(
+    metric: VisibleDifferences, reference: Image, noise: Image, image: Image, own: Image
+) -> float:
+    """Return the share of an image's pixels that are visibly wrong.
+
+    The image has noise of its own. What the reference's noise makes visible beside that is taken
+    away.
+    """
+    clean = metric.percept(reference)
+
+    def visible(image: Image) -> float:
+        found = metric.compare(clean, metric.percept(image)).visible
+        return float(np.count_nonzero(found) / found.size)
+
+    by_noise = [
+        visible(reference + sign * own + noise) - visible(reference + sign * own)
+        for sign in (np.float32(1), np.float32(-1))
+    ]
+    return max(0.0, visible(image) - sum(by_noise) / 2)

@@ -252,7 +252,8 @@ class Jobs:
         if job.spec.by_zones:
             with unavailable_as_farm_error():
                 stored = self._redis.zrange(keys.job(job.id, "rounds"), 0, -1)
-        points = self.curve(job.id) if job.spec.is_denoised else []
+        has_looks = job.spec.is_denoised and not job.spec.by_zones
+        points = self.curve(job.id) if has_looks else []
         return Plan.of(
             job.spec,
             job.width,

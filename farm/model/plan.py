@@ -39,7 +39,7 @@ class Plan:
     size : int or None
         Of a zone, in pixels; None where the job is allocated by frame.
     looks : Looks or None
-        The points of the curve where the image is denoised; None where it is not.
+        The points of the curve where whole films are denoised; None where they are not.
     decided : tuple of Round
         The rounds that an image has decided, from round `LAG` on.
     """
@@ -75,7 +75,7 @@ class Plan:
             width=width,
             height=height,
             size=size,
-            looks=Looks.after(looks, spec.step, whole) if spec.is_denoised else None,
+            looks=Looks.after(looks, spec.step, whole) if spec.is_denoised and not size else None,
             decided=() if size is None else tuple(decided),
         )
 

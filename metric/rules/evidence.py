@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
-from plateau.metric.allocation import Allocation, plan_round
+from plateau.metric.allocation import LARGE_ROUNDS, SMALL_ROUNDS, Allocation, plan_round
 from plateau.metric.cvvdp import LEAST_SIZE
 from plateau.metric.display import as_image, finite_pixels
 from plateau.metric.estimate import Estimate, allowed_pixels, estimate_from
@@ -151,18 +151,26 @@ class Evidence:
     ) -> Allocation | None:
         """Return the next round of samples by zones; None without halves.
 
-        The parameters are those of `plateau.metric.allocation.plan_round`.
+        The parameters are those of `plateau.metric.allocation.plan_round`. Rounds of a denoised
+        image are large. Where its likely error is small enough, they go where it may be greater.
         """
         if self._model is None or self.estimate is None:
             return None
+        model, clean = self._model
+        estimate = self.estimate
+        if self.error is not None and estimate.pixels <= self.allowed_pixels(target):
+            model = self._focused(self.error.greatest)
+            estimate = estimate_from(self.metric, model, clean)
         return plan_round(
             self.metric,
-            *self._model,
-            self.estimate,
+            model,
+            clean,
+            estimate,
             target,
             spp=spp,
             planned=planned,
             size=size,
+            sizes=SMALL_ROUNDS if self.error is None else LARGE_ROUNDS,
         )
 
     def forecast(self, target: float, *, guess: int | None = None) -> Forecast | None:

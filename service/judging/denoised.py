@@ -32,25 +32,31 @@ class DenoisingTask:
     halves: tuple[Half, Half]
     guides: tuple[Pixels, ...]  #: albedo and normal, (height, width, 3) float32 each; or none
     view: View
+    others: tuple[Half, Half] | None = None  #: two other halves, by which zones are chosen
 
     @classmethod
-    def of(cls, merge: Merge, spec: JobSpec) -> DenoisingTask:
-        """Return the task for a merged image of two slices or more."""
+    def of(cls, merge: Merge, spec: JobSpec, *, is_point: bool) -> DenoisingTask:
+        """Return the task for a merged image of two slices or more.
+
+        `is_point` says whether it is a point of the curve, by zones the end of a round.
+        """
         halves = merge.halves()
         assert halves is not None
         return cls(
             merge.image(),
-            (Half(*halves[0]), Half(*halves[1])),
+            _as_halves(halves),
             guides_in(merge.layers()) if spec.is_guided else (),
             View(**spec.view.of_display()),
+            _as_halves(merge.other_halves()) if spec.by_zones and is_point else None,
         )
 
     def arrays(self) -> Arrays:
         """Return what `restored` takes."""
+        halves = (*self.halves, *(self.others or ()))
         return {
             "image": self.image,
-            "halves": np.stack([half.mean for half in self.halves]),
-            "spp": np.array([half.spp for half in self.halves]),
+            "halves": np.stack([half.mean for half in halves]),
+            "spp": np.array([half.spp for half in halves]),
             "guides": np.stack(self.guides) if self.guides else np.zeros(0, np.float32),
             "view": np.array(json.dumps(asdict(self.view))),
         }
@@ -58,12 +64,13 @@ class DenoisingTask:
     @classmethod
     def restored(cls, arrays: Arrays) -> DenoisingTask:
         """Return the task with these arrays."""
-        one, other = map(Half, arrays["halves"], arrays["spp"].tolist())
+        one, other, *others = map(Half, arrays["halves"], arrays["spp"].tolist())
         return cls(
             arrays["image"],
             (one, other),
             tuple(arrays["guides"]),
             View(**json.loads(str(arrays["view"]))),
+            (others[0], others[1]) if others else None,
         )
 
 
@@ -74,33 +81,38 @@ class Denoised:
     blend: Blend
     error: BlendError
     denoiser: str  #: its name, version and settings
+    others: BlendError | None = None  #: the error by other halves, by which zones are chosen
 
     def arrays(self) -> Arrays:
         """Return what `restored` takes."""
-        likely, greatest = self.error.likely, self.error.greatest
+        errors = (self.error, *((self.others,) if self.others else ()))
+        models = [model for error in errors for model in (error.likely, error.greatest)]
         return {
             "image": self.blend.image,
             "denoised": self.blend.denoised,
             "weight": self.blend.weight,
             "denoiser": np.array(self.denoiser),
-            "clean": likely.clean,  # of both: only the noise differs
-            "non_finite": likely.non_finite,
-            "likely": likely.noise,
-            "greatest": greatest.noise,
+            "clean": models[0].clean,  # of all: only the noise differs
+            "non_finite": models[0].non_finite,
+            "noises": np.stack([model.noise for model in models]),
         }
 
     @classmethod
     def restored(cls, arrays: Arrays) -> Denoised:
         """Return the answer with these arrays."""
-        models = (
-            NoiseModel(arrays["clean"], arrays[name], arrays["non_finite"])
-            for name in ("likely", "greatest")
+        likely, greatest, *others = (
+            NoiseModel(arrays["clean"], noise, arrays["non_finite"]) for noise in arrays["noises"]
         )
         return cls(
             Blend(arrays["image"], arrays["denoised"], arrays["weight"]),
-            BlendError(*models),
+            BlendError(likely, greatest),
             str(arrays["denoiser"]),
+            BlendError(*others) if others else None,
         )
+
+
+def _as_halves(halves: tuple[tuple[Pixels, float], tuple[Pixels, float]]) -> tuple[Half, Half]:
+    return Half(*halves[0]), Half(*halves[1])
 
 
 def guides_in(layers: Mapping[str, Pixels]) -> tuple[Pixels, ...]:

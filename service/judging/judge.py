@@ -122,7 +122,10 @@ class Judge:
         forecast, decided = None, None
         if self._target and not flaw:
             if plan is not None and merge.zone_spp is not None:
-                chosen_by = replace(evidence, halves=_as_halves(*merge.other_halves()))
+                if denoised is None:
+                    chosen_by = replace(evidence, halves=_as_halves(*merge.other_halves()))
+                else:
+                    chosen_by = replace(evidence, error=denoised.others)
                 allotted = allotment(chosen_by, self._target, plan, merge.zone_spp)
                 decided, at = allotted.round, allotted.forecast_spp
                 forecast = Forecast(at, None, None)

@@ -183,7 +183,8 @@ class JobRun:
             else:
                 self._denoising_failures = 0
                 return True
-        task = DenoisingTask.of(self._merge, self._known.job.spec)
+        is_point = self._known.plan.is_point(slices)
+        task = DenoisingTask.of(self._merge, self._known.job.spec, is_point=is_point)
         try:
             self._being_denoised = slices, self._denoising.start(self.owned.job_id, task)
         except TooLarge as too_large:

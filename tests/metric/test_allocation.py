@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from plateau.metric import Half, View
-from plateau.metric.allocation import LARGEST_ROUND, LEAST_ROUND, LEAST_SHARE, plan_round
+from plateau.metric.allocation import LARGE_ROUNDS, LEAST_SHARE, SMALL_ROUNDS, plan_round
 from plateau.metric.compiled import CompiledVisibleDifferences
 from plateau.metric.estimate import allowed_pixels, estimate_from
 from plateau.metric.noise_model import noise_model
@@ -39,9 +39,11 @@ class Film:
         clean = METRIC.percept(model.clean)
         return model, clean, estimate_from(METRIC, model, clean)
 
-    def plan(self, planned=None, target=TARGET):
+    def plan(self, planned=None, target=TARGET, sizes=SMALL_ROUNDS):
         planned = self.spp if planned is None else planned
-        return plan_round(METRIC, *self.judged(), target, spp=self.spp, planned=planned, size=SIZE)
+        return plan_round(
+            METRIC, *self.judged(), target, spp=self.spp, planned=planned, size=SIZE, sizes=sizes
+        )
 
     @property
     def mean(self):
@@ -80,13 +82,14 @@ def test_a_plan_depends_on_its_arguments_alone(uneven):
     assert first.spp == second.spp
 
 
-def test_a_round_is_neither_tiny_nor_huge(uneven):
+@pytest.mark.parametrize("sizes", [SMALL_ROUNDS, LARGE_ROUNDS])
+def test_a_round_is_neither_tiny_nor_huge(uneven, sizes):
     one = film(uneven, 200)
     for target in (1e-4, 1e-3, 1e-2, 0.9):
-        plan = one.plan(target=target)
+        plan = one.plan(target=target, sizes=sizes)
         samples = plan.spp * one.of_pixels(plan.zones).mean()
-        assert samples >= max(LEAST_ROUND * one.mean, 1)
-        assert samples <= LARGEST_ROUND * one.mean * 1.5  # the last zone may be more than is left
+        assert samples >= max(sizes.least * one.mean, 1)
+        assert samples <= sizes.largest * one.mean * 1.5  # the last zone may be more than is left
 
 
 def test_samples_in_flight_are_counted(uneven):

@@ -156,11 +156,6 @@ class SharedSpec(Strict):
         return self
 
     def _check_zones(self) -> None:
-        if self.is_denoised:
-            raise ValueError(
-                "an image by zones cannot be denoised yet: choose the allocation frame, or "
-                "denoise none"
-            )
         if self.variant != "auto" and not renderers.variant_named(self.variant).renders_in_parts:
             raise ValueError(
                 f"{self.variant} renders whole films alone: choose the allocation frame, or "

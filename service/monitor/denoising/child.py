@@ -7,7 +7,7 @@ from typing import BinaryIO
 
 import numpy as np
 
-from plateau.metric import blended
+from plateau.metric import blend_error, blended
 from plateau.service.judging.denoised import Arrays, Denoised, DenoisingTask
 from plateau.service.monitor.denoising import oidn
 
@@ -24,7 +24,9 @@ def main() -> None:
 def denoised(task: DenoisingTask) -> Denoised:
     """Return the image of the task denoised, and its error."""
     denoise, words = oidn.denoiser(task.guides, task.view)
-    return Denoised(*blended(task.image, task.halves, denoise, task.view), words)
+    blend, error = blended(task.image, task.halves, denoise, task.view)
+    others = task.others and blend_error(blend, task.image, task.others, denoise, task.view)
+    return Denoised(blend, error, words, others)
 
 
 def write(stream: BinaryIO, arrays: Arrays) -> None:

@@ -33,6 +33,12 @@ HEIGHT, WIDTH = 32, 96
 PIXELS = HEIGHT * WIDTH
 ZONES = {"allocation": {"name": "zones", "size": 16}, "step": 40, "slice_spp": 10}
 JOB = {**ZONES, "rule": {"name": "visible", "target": 0.02}, "max_spp": 4000}
+DENOISED = {
+    **JOB,
+    "rule": {"name": "visible", "target": 0.01, "min_spp": 1},
+    "denoise": {"name": "oidn", "guides": False},
+}
+EITHER = pytest.mark.parametrize("spec", [JOB, DENOISED], ids=["as it is", "denoised"])
 
 
 class Lopsided:
@@ -71,8 +77,11 @@ def farm(client: redis.Redis, redis_url: str, tmp_path: Path) -> LopsidedFarm:
     return LopsidedFarm(client, redis_url, tmp_path, sigma=0.15)
 
 
-def test_noisy_zones_have_more_samples_than_calm_ones(farm: NoiseFarm) -> None:
-    done = finished(farm, **JOB)
+@EITHER
+def test_noisy_zones_have_more_samples_than_calm_ones(
+    farm: NoiseFarm, spec: dict[str, object]
+) -> None:
+    done = finished(farm, **spec)
     assert done.state is JobState.CONVERGED
     layers = decode_layers(farm.picture(done, "image.exr"))
     spp = layers["spp"]
@@ -80,9 +89,10 @@ def test_noisy_zones_have_more_samples_than_calm_ones(farm: NoiseFarm) -> None:
     assert (spp.min(), spp.max()) == (done.spp_min, done.spp_max)
     assert done.spp == int(spp.mean())
     # As whole frames it needs more
-    frame = finished(farm, **{**JOB, "allocation": {"name": "frame"}})
+    frame = finished(farm, **{**spec, "allocation": {"name": "frame"}})
     assert frame.state is JobState.CONVERGED
     assert frame.spp > spp.mean()
+    assert ("denoised.weight" in layers) == (spec is DENOISED)
 
 
 def test_its_curve_has_the_mean_and_the_least_and_the_most(farm: NoiseFarm) -> None:
@@ -101,11 +111,12 @@ def test_its_curve_has_the_mean_and_the_least_and_the_most(farm: NoiseFarm) -> N
     assert done.samples_saved == 4000 * PIXELS - curve[-1].samples
 
 
+@EITHER
 def test_its_image_depends_on_no_monitor_and_no_order(
-    farm: NoiseFarm, monkeypatch: pytest.MonkeyPatch
+    farm: NoiseFarm, monkeypatch: pytest.MonkeyPatch, spec: dict[str, object]
 ) -> None:
     save_every_time(monkeypatch)
-    one, other = finished(farm, **JOB), farm.submit(**JOB)
+    one, other = finished(farm, **spec), farm.submit(**spec)
     finish_by_many_monitors(farm, other)
     assert farm.jobs.get(other.id).reason == one.reason
     assert curve(farm, other) == curve(farm, one)
@@ -127,8 +138,11 @@ def test_at_its_cap_it_is_exhausted_and_never_above(farm: NoiseFarm) -> None:
     assert 400 < done.spp <= 410
 
 
-def test_one_that_is_cancelled_says_the_least_and_the_most_of_its_image(farm: NoiseFarm) -> None:
-    job = farm.submit(**{**ZONES, "rule": {"name": "visible", "target": 1e-6}})
+@EITHER
+def test_one_that_is_cancelled_says_the_least_and_the_most_of_its_image(
+    farm: NoiseFarm, spec: dict[str, object]
+) -> None:
+    job = farm.submit(**{**spec, "rule": {"name": "visible", "target": 1e-6}})
     with farm.monitor():
         farm.work(lambda: farm.jobs.get(job.id).points >= 4)
         # Given a slice after the end of a round
