@@ -33,9 +33,10 @@ class DenoisingTask:
     guides: tuple[Pixels, ...]  #: albedo and normal, (height, width, 3) float32 each; or none
     view: View
     others: tuple[Half, Half] | None = None  #: two other halves, by which zones are chosen
+    is_draft: bool = False  #: whether the halves alone are to be denoised
 
     @classmethod
-    def of(cls, merge: Merge, spec: JobSpec, *, is_point: bool) -> DenoisingTask:
+    def of(cls, merge: Merge, spec: JobSpec, *, is_point: bool, is_draft: bool) -> DenoisingTask:
         """Return the task for a merged image of two slices or more.
 
         `is_point` says whether it is a point of the curve, by zones the end of a round.
@@ -48,6 +49,7 @@ class DenoisingTask:
             guides_in(merge.layers()) if spec.is_guided else (),
             View(**spec.view.of_display()),
             _as_halves(merge.other_halves()) if spec.by_zones and is_point else None,
+            is_draft,
         )
 
     def arrays(self) -> Arrays:
@@ -59,6 +61,7 @@ class DenoisingTask:
             "spp": np.array([half.spp for half in halves]),
             "guides": np.stack(self.guides) if self.guides else np.zeros(0, np.float32),
             "view": np.array(json.dumps(asdict(self.view))),
+            "is_draft": np.array(self.is_draft),
         }
 
     @classmethod
@@ -71,6 +74,7 @@ class DenoisingTask:
             tuple(arrays["guides"]),
             View(**json.loads(str(arrays["view"]))),
             (others[0], others[1]) if others else None,
+            bool(arrays["is_draft"]),
         )
 
 
@@ -82,6 +86,7 @@ class Denoised:
     error: BlendError
     denoiser: str  #: its name, version and settings
     others: BlendError | None = None  #: the error by other halves, by which zones are chosen
+    is_draft: bool = False  #: whether only the halves were denoised
 
     def arrays(self) -> Arrays:
         """Return what `restored` takes."""
@@ -92,6 +97,7 @@ class Denoised:
             "denoised": self.blend.denoised,
             "weight": self.blend.weight,
             "denoiser": np.array(self.denoiser),
+            "is_draft": np.array(self.is_draft),
             "clean": models[0].clean,  # of all: only the noise differs
             "non_finite": models[0].non_finite,
             "noises": np.stack([model.noise for model in models]),
@@ -108,6 +114,7 @@ class Denoised:
             BlendError(likely, greatest),
             str(arrays["denoiser"]),
             BlendError(*others) if others else None,
+            bool(arrays["is_draft"]),
         )
 
 

@@ -112,7 +112,9 @@ class JobRun:
             case steps.MergeSlice():
                 return self._merge_slice()
             case steps.DenoiseImage():
-                return known.with_denoised(is_done=self._denoise())
+                is_done, found = self._denoise(), self._denoised_image()
+                is_draft = found is not None and found.is_draft
+                return known.with_denoised(is_done=is_done, is_draft=is_draft)
             case steps.JudgeImage():
                 return self._judge_image()
             case steps.RecordPoint():
@@ -158,7 +160,8 @@ class JobRun:
     def _denoise(self) -> bool:
         """Return whether the merged image is denoised; have it denoised unless it is by now.
 
-        An ended job whose image cannot be denoised has it as it is.
+        Where a draft will do, it is one, unless the rule may end the job by it. An ended job whose
+        image cannot be denoised has it as it is.
 
         Raises
         ------
@@ -172,19 +175,27 @@ class JobRun:
                 return False
             self._being_denoised = None
             try:
-                self._denoised = slices, future.result()
+                found = future.result()
             except DenoisingFailed as failed:
                 self._denoising_failures += 1
                 _LOG.warning("the image of %d slices was not denoised: %s", slices, failed)
                 if self._denoising_failures >= MAX_TRIES and has_ended:
+                    self._denoised = slices, None
                     return True
                 if self._denoising_failures >= MAX_TRIES:
                     raise ValueError(f"the image cannot be denoised: {failed}") from failed
             else:
                 self._denoising_failures = 0
-                return True
-        is_point = self._known.plan.is_point(slices)
-        task = DenoisingTask.of(self._merge, self._known.job.spec, is_point=is_point)
+                self._denoised = slices, found
+                if not found.is_draft or not self._judge.may_end(self._merge, found):
+                    return True
+        known = self._known
+        task = DenoisingTask.of(
+            self._merge,
+            known.job.spec,
+            is_point=known.plan.is_point(slices),
+            is_draft=known.may_be_drafted and self._denoised[0] != slices,
+        )
         try:
             self._being_denoised = slices, self._denoising.start(self.owned.job_id, task)
         except TooLarge as too_large:

@@ -60,6 +60,7 @@ class Known:
     answer: Answer | None = None  #: the rules' answer, until every step that it causes is taken
     recorded: bool = False  #: whether the curve has the point of that answer
     denoised: int = 0  #: slices in the image that was denoised last
+    is_draft: bool = False  #: whether only the halves of that image were
     flaw: str | None = None  #: of the merged image; "" for none, None if not inspected
     planned: int = -1  #: slices before this one are planned; −1 before the first plan
     shown_spp: int = 0  #: of the image that this monitor showed last
@@ -113,7 +114,21 @@ class Known:
     @property
     def is_to_be_denoised(self) -> bool:
         """Whether the merged image is denoised before anybody judges it, or has it as a result."""
-        return self.job.spec.is_denoised and self.merged > 1 and self.denoised != self.merged
+        if not self.job.spec.is_denoised or self.merged <= 1:
+            return False
+        is_result = self.job.state.ended and not self.is_to_be_judged
+        return self.denoised != self.merged or (self.is_draft and is_result)
+
+    @property
+    def may_be_drafted(self) -> bool:
+        """Whether a draft of the denoised image may be all that the rules need.
+
+        One is enough to say how much is wrong, unless that ends the job. Rules that compare images
+        need all of one kind.
+        """
+        spec = self.job.spec
+        waits_for_noise = spec.rule.behaviour.noise_target is not None and not spec.watch
+        return self.is_to_be_judged and waits_for_noise and not self.at_cap
 
     @property
     def is_seen(self) -> bool:
@@ -232,11 +247,11 @@ class Known:
         """The partial of the next slice is lost or damaged, so no later slice can be merged."""
         return replace(self, in_hand=0, ledger=Ledger.READ, lost=True)
 
-    def with_denoised(self, *, is_done: bool) -> "Known":
-        """The merged image is denoised, or being denoised."""
+    def with_denoised(self, *, is_done: bool, is_draft: bool = False) -> "Known":
+        """The merged image is denoised, as a draft or wholly, or being denoised."""
         if not is_done:
             return replace(self, is_being_denoised=True)
-        return replace(self, denoised=self.merged)
+        return replace(self, denoised=self.merged, is_draft=is_draft)
 
     def with_answer(self, answer: Answer, at_s: float) -> "Known":
         """The rules have judged the merged image."""

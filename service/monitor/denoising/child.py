@@ -24,9 +24,10 @@ def main() -> None:
 def denoised(task: DenoisingTask) -> Denoised:
     """Return the image of the task denoised, and its error."""
     denoise, words = oidn.denoiser(task.guides, task.view)
-    blend, error = blended(task.image, task.halves, denoise, task.view)
+    blend, error = blended(task.image, task.halves, denoise, task.view, is_draft=task.is_draft)
     others = task.others and blend_error(blend, task.image, task.others, denoise, task.view)
-    return Denoised(blend, error, words, others)
+    words += ", of halves" if task.is_draft else ""
+    return Denoised(blend, error, words, others, task.is_draft)
 
 
 def write(stream: BinaryIO, arrays: Arrays) -> None:

@@ -74,8 +74,27 @@ def killed(most: int) -> Iterator[list[int]]:
         watcher.join()
 
 
-def test_what_is_judged_is_what_is_delivered(farm: NoiseFarm) -> None:
+@pytest.fixture
+def asked(monkeypatch: pytest.MonkeyPatch) -> list[DenoisingTask]:
+    """What the monitors ask to be denoised."""
+    tasks: list[DenoisingTask] = []
+    start = process.Denoising.start
+
+    def noted(self: process.Denoising, job_id: str, task: DenoisingTask) -> object:
+        tasks.append(task)
+        return start(self, job_id, task)
+
+    monkeypatch.setattr(process.Denoising, "start", noted)
+    return tasks
+
+
+def test_what_is_judged_is_what_is_delivered(farm: NoiseFarm, asked: list[DenoisingTask]) -> None:
     done, raw = finished(farm, **JOB), finished(farm, **RAW)
+    # A draft is enough for a look that ends nothing
+    drafts = [one.is_draft for one in asked]
+    assert drafts[0]
+    assert not drafts[-1]
+    assert len(drafts) - drafts.count(False) <= done.points
     assert (done.state, raw.state) == (JobState.CONVERGED, JobState.CONVERGED)
     assert done.spp < raw.spp
     # The image is the blend of what the file has beside it
@@ -86,6 +105,7 @@ def test_what_is_judged_is_what_is_delivered(farm: NoiseFarm) -> None:
     np.testing.assert_allclose(colour(found), blend, atol=1e-6)
     said = header(farm.picture(done, "image.exr"))
     assert said["plateau:denoiser"].startswith("Open Image Denoise 2.")
+    assert "of halves" not in said["plateau:denoiser"]
     # And the curve says what denoising gives
     first = farm.jobs.curve(done.id)[0]
     assert first.raw_estimate_pixels > first.estimate_pixels
@@ -170,16 +190,20 @@ def test_alpha_stays_and_what_is_behind_it_is_not_in_the_colour(
     assert np.abs(colour(green)[uncovered]).max() < 0.1
 
 
-def test_one_that_is_cancelled_is_denoised_as_far_as_it_came(farm: NoiseFarm) -> None:
+@pytest.mark.parametrize("more", [0, 1], ids=["at a look", "after a look"])
+def test_one_that_is_cancelled_is_denoised_as_far_as_it_came(
+    farm: NoiseFarm, asked: list[DenoisingTask], more: int
+) -> None:
     job = farm.submit(**NEVER)
     with farm.monitor():
         farm.work(lambda: farm.jobs.get(job.id).points >= 1)
-        farm.render(1)
+        farm.render(more)
         farm.jobs.cancel(job.id)
         until(lambda: farm.is_finished(job))
     done = farm.jobs.get(job.id)
-    assert done.image_spp > farm.jobs.curve(job.id)[-1].spp
+    assert done.image_spp >= farm.jobs.curve(job.id)[-1].spp + 10 * more
     assert layers(farm, done)["denoised.weight"].max() > 0
+    assert not asked[-1].is_draft
 
 
 def test_a_single_slice_is_delivered_as_it_is(farm: NoiseFarm) -> None:
