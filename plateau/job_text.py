@@ -190,6 +190,8 @@ def summary(job: Job, now: datetime, waits_for: str | None = None) -> str:
     rows = [("state", job.state.value), ("reason", job.reason)]
     if waits_for:
         rows.append(("workers", f"it {waits_for}"))
+    if job.spec.blocked:
+        rows.append(("blocked", ", ".join(job.spec.blocked)))
     if job.width is not None:
         denoised = ", denoised" if job.spec.is_denoised else ""
         image = f"{job.width}×{job.height}, {job.variant}, {title_with_parameters(job)}{denoised}"

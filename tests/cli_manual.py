@@ -47,12 +47,15 @@ TASKS: Final[tuple[tuple[str, str, tuple[str, ...]], ...]] = (
             "With an API key, a submitter controls its own jobs, an admin those of everybody, and "
             "the workers."
         ),
-        ("cancel", "pause", "resume", "priority", "archive", "delete", "restore", "drain"),
+        ("cancel", "pause", "resume", "priority", "archive", "delete", "restore", "drain", "block"),
     ),
     (
         "Continue ended jobs",
-        "Both commands make a new job from the samples of an ended one, which stays as it is.",
-        ("continue", "rejudge"),
+        (
+            "Each makes a new job from an ended one, which stays as it is: `continue` and "
+            "`rejudge` from its samples, `retry` from its scene."
+        ),
+        ("continue", "rejudge", "retry"),
     ),
     (
         "Batches",

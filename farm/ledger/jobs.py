@@ -16,11 +16,13 @@ from plateau.farm.model.errors import (
     IllegalTransition,
     JobEnded,
     JobNotFound,
+    TooManyBlocked,
     TooManyJobs,
     TooManyNeeds,
 )
 from plateau.farm.model.fit import Kind
 from plateau.farm.model.job import BEFORE_ALL_EVENTS, CurvePoint, Event, Job, LogEntry
+from plateau.farm.model.place_names import MOST_BLOCKED
 from plateau.farm.model.plan import Plan
 from plateau.farm.model.rounds import Round
 from plateau.farm.model.spec import JobSpec
@@ -30,7 +32,16 @@ from plateau.farm.model.worker import Worker
 from plateau.farm.redis import keys
 from plateau.farm.redis.client import RedisClient
 from plateau.farm.redis.commands.command import Command
-from plateau.farm.redis.commands.jobs import Create, End, Made, Moved, Pause, Reprioritise, Resume
+from plateau.farm.redis.commands.jobs import (
+    Block,
+    Create,
+    End,
+    Made,
+    Moved,
+    Pause,
+    Reprioritise,
+    Resume,
+)
 from plateau.farm.redis.link import now_ms, unavailable_as_farm_error
 from plateau.farm.redis.scripts import Scripts
 
@@ -225,6 +236,31 @@ class Jobs:
             if moved.state == "missing":
                 raise JobNotFound(job_id)
             raise JobEnded(job_id, moved.state, self.story(job_id))
+        return self.get(job_id)
+
+    def block(self, job_id: str, worker: str, *, undo: bool = False) -> Job:
+        """Keep a worker (its id), or a machine (its host), from the job's slices; or undo that.
+
+        It finishes the slice that it has. Repeating it is harmless.
+
+        Raises
+        ------
+        JobNotFound, JobEnded
+            There is no such job, or it has ended.
+        TooManyBlocked, TooManyNeeds
+            As many workers are blocked as may be; or open jobs need too many different workers.
+        """
+        answer = self._scripts.run(
+            Block(job=job_id, worker=worker, blocks=not undo, most=MOST_BLOCKED)
+        )
+        if answer.outcome == "illegal":
+            if answer.state == "missing":
+                raise JobNotFound(job_id)
+            raise JobEnded(job_id, answer.state, self.story(job_id))
+        if answer.outcome == "too many":
+            raise TooManyBlocked(job_id, answer.has)
+        if answer.outcome == "too varied":
+            raise TooManyNeeds(answer.has)
         return self.get(job_id)
 
     def results(self, job_id: str) -> str:

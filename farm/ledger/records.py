@@ -189,6 +189,9 @@ def _spec(fields: dict[str, str]) -> JobSpec:
     spec = stored_spec(fields["spec"])
     if "priority" in fields:
         spec = spec.model_copy(update={"priority": int(fields["priority"])})
+    if "blocked" in fields:
+        blocked = tuple(filter(None, fields["blocked"].split(",")))
+        spec = spec.model_copy(update={"blocked": blocked})
     return spec
 
 

@@ -12,6 +12,7 @@ from typing import Final
 from plateau.farm.model.job import Job
 from plateau.farm.model.place_names import DEFAULT_POOL
 from plateau.farm.model.spec import SharedSpec
+from plateau.farm.model.worker import Worker
 
 #: The variant of a job that is not pinned to one yet.
 ANY: Final = "auto"
@@ -52,21 +53,45 @@ def _names(text: str) -> tuple[str, ...]:
 
 
 def need(spec: SharedSpec) -> str:
-    """A job's pool and tags, as Redis has them."""
-    return f"{spec.pool} {','.join(spec.requires)}".rstrip()
+    """A job's pool, tags and blocked workers, as Redis has them."""
+    blocked = f" !{','.join(spec.blocked)}" if spec.blocked else ""
+    return f"{spec.pool} {','.join(spec.requires)}".rstrip() + blocked
 
 
-def waits_for(job: Job, kinds: Iterable[Kind]) -> str | None:
-    """The worker that the job waits for, in words; None if one of these kinds may render it."""
+def blocked_in(need: str) -> tuple[str, ...]:
+    """The blocked workers of a need."""
+    return _names(need.partition("!")[2])
+
+
+def serves(worker: Worker, job: Job) -> bool:
+    """Whether the worker takes work, and may render the job."""
+    return (
+        not worker.drained
+        and worker.trouble is None
+        and not {worker.id, worker.host} & set(job.spec.blocked)
+        and Kind(worker.variants, worker.pool, worker.tags).serves(job)
+    )
+
+
+def waits_for(job: Job, kinds: Iterable[Kind], workers: Iterable[Worker] = ()) -> str | None:
+    """The worker that the job waits for, in words; None if one of these kinds may render it.
+
+    Where workers are blocked for the job, it is the living `workers` that count.
+    """
     if job.state.value not in {"queued", "rendering"} or job.held:
         return None
-    if any(kind.serves(job) for kind in kinds):
+    if job.spec.blocked:
+        is_served = any(serves(worker, job) for worker in workers)
+    else:
+        is_served = any(kind.serves(job) for kind in kinds)
+    if is_served:
         return None
     variant = job.variant or job.spec.variant
     wanted = [
         "" if variant == ANY else f"that renders {variant}",
         "" if job.spec.pool == DEFAULT_POOL else f"in pool {job.spec.pool}",
         f"with tags {', '.join(job.spec.requires)}" if job.spec.requires else "",
+        "that is not blocked for it" if job.spec.blocked else "",
     ]
     which = " ".join(filter(None, ["a worker", *wanted]))
     return f"waits for {which}: there is none that takes work"

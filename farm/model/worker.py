@@ -63,6 +63,9 @@ class Worker(_Record):
     drained: bool = Field(
         False, description="it takes no more slices, and finishes the one that it has"
     )
+    blocked_for: tuple[str, ...] = Field(
+        (), description="jobs that have not ended and that it must not render, by their ids"
+    )
     core_hours: float | None = Field(
         None,
         description="what the slices cost that it has rendered since its start: their time, times "

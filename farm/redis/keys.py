@@ -16,7 +16,8 @@ plateau:waiting           zset    queues, "PRIORITY CLASS", in which a job waits
 plateau:waiting:Q         zset    each owner's next job in queue Q                     its jobs'
 plateau:waiting:Q:ID      zset    each batch's, and each single job, of key ID or ""   its jobs'
 plateau:waiting:Q:ID:NAME zset    the jobs of a batch that wait, scored by number      its jobs'
-plateau:needs             hash    pool and tags that open jobs need → how many jobs     the jobs'
+plateau:needs             hash    pool, tags and blocked workers of open jobs → how     the jobs'
+                                  many jobs
 plateau:late              zset    "ID CLASS" of jobs, scored by when the slice that     till then
                                   holds up their image is late (ms)
 plateau:kinds             zset    pool, variants and tags of workers that take work,   1 h
@@ -151,7 +152,7 @@ WAKE_WEBHOOKS: Final = PREFIX + "wake:webhooks"
 #: Before the name of a target of notifications, as a receiver.
 NOTIFIED: Final = "notify:"
 
-#: Most different needs (pool and tags) of open jobs: a lease may look at each.
+#: Most different needs (pool, tags, blocked workers) of open jobs: a lease may look at each.
 MOST_NEEDS: Final = 64
 
 #: The consumer group of every job's slices.

@@ -143,6 +143,7 @@ WORKER: Final[dict[str, Any]] = {
     "last_error": "slice 3: the render process was ended by SIGSEGV while rendering a pass",
     "trouble": None,
     "drained": False,
+    "blocked_for": ["9d01c2aa4be7"],
     "started_at": "2026-11-21T08:00:00Z",
     "seen_at": _AT,
 }
@@ -225,6 +226,7 @@ JOB: Final[dict[str, Any]] = {
         "events": f"{_ROOT}/events",
         "image_png": f"{_ROOT}/image.png",
         "cancel": f"{_ROOT}/cancel",
+        "retry": f"{_ROOT}/retry",
     },
 }
 
@@ -308,8 +310,8 @@ PROBLEM_DETAILS: Final = {
     f"alike; this one differs from job {JOB_ID}: rule.target is 0.001 here, and 0.0002 "
     "there; ask for the same, or name another batch",
     "job-ended": f"job {JOB_ID} is converged; only a job that has not ended can be changed",
-    "job-not-ended": f"job {JOB_ID} is rendering; only a job that has ended can be archived or "
-    "deleted: cancel it first",
+    "job-not-ended": f"job {JOB_ID} is rendering; only a job that has ended can be archived, "
+    "deleted or tried again: cancel it first",
     "cannot-cancel": f"job {JOB_ID} is converged; only a job that has not ended can be cancelled",
     "upload-too-large": "the request has more than 1,075,838,976 bytes; PLATEAU_MAX_UPLOAD_GB "
     "sets the limit",
@@ -331,9 +333,11 @@ PROBLEM_DETAILS: Final = {
     "(`plateau gc --scenes-unused-for DAYS`)",
     "too-many-jobs": "the key has 1,000 jobs that have not ended, and may have 1,000; wait for one "
     "to end, or cancel one",
-    "too-many-needs": "jobs that have not ended need 64 different combinations of pool and tags of "
-    "workers, which is the most that a farm takes; wait for some to end, or ask for a combination "
-    "that others have",
+    "too-many-needs": "jobs that have not ended need 64 different combinations of pool, tags and "
+    "blocked workers, which is the most that a farm takes; wait for some to end, or ask for a "
+    "combination that others have",
+    "too-many-blocked": f"16 workers are blocked for job {JOB_ID}, and no more can be; let another "
+    "one render it again, or drain it",
     "internal-error": "Plateau met an error that it did not expect; the API's log has the details",
     "unreadable-job": f"this Plateau cannot read job {JOB_ID}: 'resting' is not a valid JobState",
     "spoiled-file": f"what was stored as jobs/{JOB_ID}/results/0000400-7-final/image.exr is "

@@ -260,6 +260,7 @@ def job_view(
         "resume": f"{root}/resume",
         "archive": f"{root}/archive",
         "restore": f"{root}/restore",
+        "retry": f"{root}/retry",
         "continue": f"{root}/continue",
         "rejudge": f"{root}/rejudge",
         "webhooks": f"{root}/webhooks",

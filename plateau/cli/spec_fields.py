@@ -26,6 +26,7 @@ def spec_fields(
     primaries: str | None = None,
     time_limit: float | None = None,
     require: list[str] | None = None,
+    block: list[str] | None = None,
     aov: list[str] | None = None,
     exr_precision: str | None = None,
     exr_compression: str | None = None,
@@ -54,6 +55,7 @@ def spec_fields(
         **named_alike,
         time_limit_s=time_limit,
         requires=require or None,
+        blocked=block or None,
         aovs=aov or None,
         exr=exr or None,
         parameters=dict(map(_definition, define)) if define else None,
@@ -145,6 +147,7 @@ _OPTIONS: Final = {
     "name": "rule",
     "aovs": "aov",
     "requires": "require",
+    "blocked": "block",
     "precision": "exr-precision",
     "compression": "exr-compression",
 }

@@ -1,4 +1,4 @@
-"""Calls that continue an ended job."""
+"""Calls that continue an ended job, or try it again."""
 
 import secrets
 from typing import Any
@@ -8,7 +8,7 @@ from plateau.farm.wire.views import JobView
 
 
 class ContinuingCalls(Calls):
-    """Continuing ended jobs: with more samples, or with another judgement."""
+    """Continuing ended jobs, with more samples or another judgement, and trying them again."""
 
     def continue_job(
         self, job_id: str, changes: dict[str, Any] | None = None, *, idempotency_key: str = ""
@@ -55,6 +55,19 @@ class ContinuingCalls(Calls):
             ``unknown-job``, ``invalid-spec``; ``cannot-continue`` if no slices were kept.
         """
         return self._new_job(f"/v1/jobs/{job_id}/rejudge", changes, idempotency_key)
+
+    def retry(self, job_id: str, *, idempotency_key: str = "") -> JobView:
+        """Try the ended job again on other workers; returns the new job.
+
+        It has the same scene and spec, without the webhook. The workers on which tries of the old
+        one failed are blocked for it.
+
+        Raises
+        ------
+        ApiError
+            ``unknown-job``; ``job-not-ended``; ``too-many-needs``.
+        """
+        return self._new_job(f"/v1/jobs/{job_id}/retry", None, idempotency_key)
 
     def _new_job(self, path: str, changes: dict[str, Any] | None, key: str) -> JobView:
         headers = {"Idempotency-Key": key or secrets.token_hex(16)}

@@ -39,6 +39,7 @@ from plateau.service.api.points.images import PointImages
 from plateau.service.api.points.stored_files import StoredFiles
 from plateau.service.api.problems.handlers import add_problem_handlers
 from plateau.service.api.routes import batches as routes_batches
+from plateau.service.api.routes import blocking as routes_blocking
 from plateau.service.api.routes import continuing as routes_continue
 from plateau.service.api.routes import farm as routes_farm
 from plateau.service.api.routes import images as routes_images
@@ -127,6 +128,7 @@ def create_app(
         routes_visibility,
         routes_batches,
         routes_continue,
+        routes_blocking,
         routes_results,
         routes_images,
         routes_previews,

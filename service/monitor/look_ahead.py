@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Final
 
-from plateau.farm.model.fit import Kind
+from plateau.farm.model.fit import Kind, serves
 from plateau.farm.model.job import Job
 from plateau.farm.model.plan import Plan
 from plateau.farm.model.spec import JobSpec
@@ -20,10 +20,11 @@ class Crew:
     """The living workers that take work."""
 
     def __init__(self, workers: Iterable[Worker]) -> None:
+        self._workers = [
+            worker for worker in workers if not worker.drained and worker.trouble is None
+        ]
         self._kinds = Counter(
-            Kind(worker.variants, worker.pool, worker.tags)
-            for worker in workers
-            if not worker.drained and worker.trouble is None
+            Kind(worker.variants, worker.pool, worker.tags) for worker in self._workers
         )
 
     def enough(self, job: Job) -> int:
@@ -31,7 +32,10 @@ class Crew:
 
         Each worker renders one and has the next one waiting; one more is being merged.
         """
-        fit = sum(count for kind, count in self._kinds.items() if kind.serves(job))
+        if job.spec.blocked:
+            fit = sum(serves(worker, job) for worker in self._workers)
+        else:
+            fit = sum(count for kind, count in self._kinds.items() if kind.serves(job))
         return 2 * max(1, fit) + 1
 
 

@@ -61,6 +61,11 @@ def test_each_worker_says_what_it_does(visit: Visit, farm: NoiseFarm, client: re
     ]
     page.get_by_role("button", name="Resume w-2").click()
     expect(second).to_contain_text("idle")
+    # One is blocked for the job that it renders, and shows for which it is
+    first.get_by_role("button", name="Block for box").click()
+    page.get_by_role("button", name="Block it").click()
+    expect(first.locator(".blocks")).to_have_text("Blocked for box.")
+    assert farm.jobs.get(job.id).spec.blocked == ("w-1",)
     # And what each renders is one step away
     first.get_by_role("link", name="box").first.click()
     expect(page.get_by_role("heading", name="box")).to_be_visible()

@@ -447,6 +447,12 @@ def _(world: World) -> Callable[[], object]:
     return lambda: world.jobs.set_priority(job, 7)
 
 
+@case("block", lambda job: job.spec.blocked == ("w-1",))
+def _(world: World) -> Callable[[], object]:
+    job = world.leased().job_id
+    return lambda: world.jobs.block(job, "w-1")
+
+
 @case("guard", lambda batch: batch.guard.guarded, answers_before=6)
 def _(world: World) -> Callable[[], object]:
     world.job(batch="frames")

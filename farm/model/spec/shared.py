@@ -7,7 +7,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from plateau.farm.model import renderers
 from plateau.farm.model.aovs import AOV_NAMES, AOVS, GUIDED_SPP, GUIDES, AovName
-from plateau.farm.model.place_names import DEFAULT_POOL, PlaceName, Tags
+from plateau.farm.model.place_names import DEFAULT_POOL, PlaceName, Tags, WorkerNames
 from plateau.farm.model.seeds import JOB_SEEDS
 from plateau.farm.model.spec.allocation import AllocationSpec, FrameAllocation
 from plateau.farm.model.spec.denoise import DenoiseSpec, NoDenoising, OidnDenoising
@@ -91,6 +91,10 @@ class SharedSpec(Strict):
     pool: PlaceName = Field(default=DEFAULT_POOL, description="only workers of this pool render it")
     requires: Tags = Field(
         default=(), description="only workers that have all of these tags render it"
+    )
+    blocked: WorkerNames = Field(
+        default=(),
+        description="workers that must not render it, by their ids, or machines, by their hosts",
     )
     seed: int = Field(
         default=0,

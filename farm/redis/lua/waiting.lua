@@ -7,7 +7,8 @@
 -- entry is a party's next job. Its score is the spp that the party has leased at this priority and above;
 -- among equal scores the member decides, whose text sorts by age.
 --
---   need   "POOL", or "POOL TAG,TAG"           class  "VARIANT NEED"
+--   need   "POOL", "POOL TAG,TAG", and " !WORKER,WORKER" where some are blocked for the job
+--   class  "VARIANT NEED"
 --   queue  "PRIORITY CLASS"                    kind   "POOL VARIANT,VARIANT TAG,TAG" of a worker
 
 function Waiting.key(queue, owner, batch)
@@ -76,14 +77,24 @@ local function is_among(one, these)
   return string.find(',' .. these .. ',', ',' .. one .. ',', 1, true) ~= nil
 end
 
--- The variant with which workers of this kind render jobs of this class, or nil.
-function Waiting.variant_of(kind, class)
+-- Is the worker, or its machine, blocked for jobs of this class? A worker's id begins with its machine.
+function Waiting.is_blocked(worker, class)
+  local blocked = string.find(class, '!', 1, true) and string.match(class, '!(%S*)$')
+  if not blocked then return false end
+  local host = string.match(worker, '^(.+)%-%d+%-%x+$')
+  return is_among(worker, blocked) or host ~= nil and is_among(host, blocked)
+end
+
+-- The variant with which workers of this kind render jobs of this class, or nil: also where this `worker`,
+-- if it is given, is blocked for them.
+function Waiting.variant_of(kind, class, worker)
   local pool, variants, tags = string.match(kind, '^(%S+) (%S*) (%S*)$')
-  local wanted, in_pool, required = string.match(class, '^(%S+) (%S+) ?(%S*)$')
+  local wanted, in_pool, required = string.match(class, '^(%S+) (%S+) ?([^!]*)')
   if pool ~= in_pool then return nil end
-  for tag in string.gmatch(required, '[^,]+') do
+  for tag in string.gmatch(required, '[^, ]+') do
     if not is_among(tag, tags) then return nil end
   end
+  if worker and Waiting.is_blocked(worker, class) then return nil end
   if wanted == 'auto' then return string.match(variants, '^[^,]+') end
   return is_among(wanted, variants) and wanted or nil
 end
@@ -95,26 +106,28 @@ function Waiting.note_idle(worker, kind)
   redis.call('SADD', IDLE_KINDS, kind)
 end
 
--- Wake idle workers of a kind for this many slices; returns the slices without a worker. Workers in the set
--- that found other work or died are not counted.
-local function wake_kind(kind, slices)
+-- Wake idle workers of a kind for this many slices of a class; returns the slices without a worker. Workers
+-- in the set that found other work or died are not counted, and blocked ones stay in it.
+local function wake_kind(kind, class, slices)
+  local idle, blocked = IDLE .. ':' .. kind, {}
   while slices > 0 do
-    local worker = redis.call('SPOP', IDLE .. ':' .. kind)
-    if not worker then
-      redis.call('SREM', IDLE_KINDS, kind)
-      return slices
-    end
-    if redis.call('HDEL', IDLE, worker) == 1 then
+    local worker = redis.call('SPOP', idle)
+    if not worker then break end
+    if Waiting.is_blocked(worker, class) then
+      blocked[#blocked + 1] = worker
+    elseif redis.call('HDEL', IDLE, worker) == 1 then
       slices = slices - redis.call('PUBLISH', wake_worker_key(worker), 'planned')
     end
   end
-  return 0
+  for _, worker in ipairs(blocked) do redis.call('SADD', idle, worker) end
+  if redis.call('EXISTS', idle) == 0 then redis.call('SREM', IDLE_KINDS, kind) end
+  return math.max(0, slices)
 end
 
 -- Wake as many idle workers as there are slices for them.
 local function wake_workers(class, slices)
   for _, kind in ipairs(redis.call('SMEMBERS', IDLE_KINDS)) do
-    if slices > 0 and Waiting.variant_of(kind, class) then slices = wake_kind(kind, slices) end
+    if slices > 0 and Waiting.variant_of(kind, class) then slices = wake_kind(kind, class, slices) end
   end
 end
 

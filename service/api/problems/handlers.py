@@ -18,6 +18,7 @@ from plateau.farm.model.errors import (
     JobNotEnded,
     JobNotFound,
     StoreUnavailable,
+    TooManyBlocked,
     TooManyJobs,
     TooManyNeeds,
     UnevenBatch,
@@ -47,6 +48,7 @@ _AS_THEY_ARE: Final[dict[type[Exception], tuple[ProblemType, str]]] = {
     JobNotFound: (problems.UNKNOWN_JOB, "; GET /v1/jobs lists those there are"),
     UnreadableJob: (problems.UNREADABLE_JOB, ""),
     BatchNotFound: (problems.UNKNOWN_BATCH, "; GET /v1/batches lists those there are"),
+    TooManyBlocked: (problems.TOO_MANY_BLOCKED, "; let another one render it again, or drain it"),
     WorkerNotFound: (problems.UNKNOWN_WORKER, "; GET /v1/workers lists those there are"),
     CannotContinue: (problems.CANNOT_CONTINUE, ""),
     SpoiledBlob: (problems.SPOILED_FILE, ""),
@@ -124,8 +126,8 @@ def add_problem_handlers(app: FastAPI, unknown_page: Callable[[], Response]) -> 
     @app.exception_handler(JobNotEnded)
     def answer_not_ended(request: Request, error: JobNotEnded) -> JSONResponse:
         detail = (
-            f"job {error.job_id} is {error.state}; only a job that has ended can be archived or "
-            "deleted: cancel it first"
+            f"job {error.job_id} is {error.state}; only a job that has ended can be archived, "
+            "deleted or tried again: cancel it first"
         )
         problem = Problem(problems.JOB_NOT_ENDED, detail, state=error.state)
         return problem.response(request.url.path)

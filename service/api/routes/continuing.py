@@ -39,10 +39,7 @@ _ROUTE: Final[dict[str, Any]] = {
     "openapi_extra": {"parameters": idempotency.PARAMETERS},
     "responses": {
         201: {
-            "headers": {
-                **idempotency.REPLAYED,
-                "Location": {"schema": {"type": "string"}, "description": "path of the new job"},
-            }
+            "headers": idempotency.NEW_JOB,
         },
         **documented(
             problems.MALFORMED_REQUEST,

@@ -35,7 +35,7 @@ _SPEC_SCHEMA: Final = SpecSchema(JobSpec.model_json_schema())
 
 def _all_workers(farm: Parts) -> Workers:
     workers = farm.jobs.workers()
-    return Workers(workers=workers, refused=farm.workers.refused(workers))
+    return Workers(workers=farm.workers.with_blocks(workers), refused=farm.workers.refused(workers))
 
 
 @router.get("/v1/workers", responses=documented())

@@ -40,8 +40,12 @@ router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
 def shown(jobs: list[Job], farm: Parts, who: Caller) -> list[JobView]:
     """The jobs as the caller sees them, with what those wait for that no worker can render."""
     kinds = [] if all(job.state.ended for job in jobs) else farm.jobs.kinds()
+    blocks = any(job.spec.blocked for job in jobs if not job.state.ended)
+    workers = farm.jobs.workers() if blocks else []
     return [
-        job_view(job, waits_for(job, kinds), to_owner=who.made(job.owner), price=farm.price)
+        job_view(
+            job, waits_for(job, kinds, workers), to_owner=who.made(job.owner), price=farm.price
+        )
         for job in jobs
     ]
 

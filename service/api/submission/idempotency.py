@@ -33,6 +33,12 @@ REPLAYED: Final[dict[str, Any]] = {
     }
 }
 
+#: The headers of an answer that made a job.
+NEW_JOB: Final[dict[str, Any]] = {
+    **REPLAYED,
+    "Location": {"schema": {"type": "string"}, "description": "path of the new job"},
+}
+
 
 def idempotency_key(request: Request) -> str:
     """The request's key, or ""."""

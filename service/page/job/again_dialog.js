@@ -1,12 +1,12 @@
 // Submitting a job's scene again, with another spec.
 
-import { upload } from "../shared/api.js";
+import { send, upload } from "../shared/api.js";
 import { openForm } from "../shared/dialogs.js";
 import { h } from "../shared/dom.js";
 import { OneJob } from "../shared/job_request.js";
 import { ENDED, title } from "../shared/job_summary.js";
 import { complain } from "../shared/notices.js";
-import { maySubmit } from "../shared/permissions.js";
+import { maySteer, maySubmit } from "../shared/permissions.js";
 
 /**
  * The button for it; null while the job runs.
@@ -42,22 +42,21 @@ function ask(job, go) {
 }
 
 /**
- * A button that submits a job's scene again at once, as it was; null if the key may not.
+ * A button that tries a job again at once, on workers on which it did not fail; null if the key may not.
  * @param {Api.JobView} job
  * @param {(path: string) => void} go
  */
 export function tryAgainButton(job, go) {
-  if (!maySubmit()) return null;
-  const { webhook: _, ...spec } = job.spec;  // its path may be hidden
+  if (!maySteer(job)) return null;
   const wanted = new OneJob();
   return h("button", { class: "primary", onclick: async () => {
     try {
-      const next = await submitAgain(job, JSON.stringify(spec), wanted);
+      const next = await wanted.make((headers) => send("POST", job.links.retry, undefined, headers));
       go(`/jobs/${next.id}`);
     } catch (error) {
       complain(error, true);
     }
-  } }, "Try again");
+  } }, "Try again on another worker");
 }
 
 /**

@@ -9,7 +9,7 @@ import { tryAgainButton } from "./again_dialog.js";
 /** What to do: where the scene is at fault, where renderers died, and otherwise. */
 const ADVICE = {
   failed: "No worker can render the scene as it is. Mend it, and submit it again.",
-  died: "The renderer died. Most often a machine has too little memory for the scene: a smaller image needs less. If only some machines are at fault, drain their workers, and try again.",
+  died: "The renderer died. Most often a machine has too little memory for the scene: a smaller image needs less. If only some machines are at fault, try again: those workers are then blocked for the new job.",
   none: "Change what is named above, and submit it again.",
 };
 

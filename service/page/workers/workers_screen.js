@@ -1,18 +1,19 @@
 // The list of living workers: what each does, and its troubles.
 
 import { get, send } from "../shared/api.js";
+import { block } from "../shared/blocked_workers.js";
 import { confirmed } from "../shared/dialogs.js";
 import { h, KeyedList, setAttribute, setText } from "../shared/dom.js";
 import { ago, bytes, duration, percent, several, three, whole } from "../shared/figures.js";
 import { title } from "../shared/job_summary.js";
 import { attempt } from "../shared/notices.js";
-import { maySteerWorkers } from "../shared/permissions.js";
+import { maySteer, maySteerWorkers } from "../shared/permissions.js";
 import { repeat } from "../shared/polling.js";
 
 const EVERY_MS = 2000;
 
 /** @import { Screen } from "../main.js" */
-/** @typedef {Api.Worker & { nameOf: (job: string) => string }} NamedWorker  with the names of its jobs */
+/** @typedef {Api.Worker & { jobOf: (id: string) => Api.JobView | null }} NamedWorker  with its jobs */
 
 /** @type {Screen} */
 export function open(main, { signal }) {
@@ -26,19 +27,19 @@ export function open(main, { signal }) {
   const refusals = h("ul", { class: "refused", "aria-label": "Refused", hidden: true });
   main.append(refusals);
   const rows = new KeyedList(list, (/** @type {NamedWorker} */ worker) => new WorkerRow(worker, refresh));
-  /** @type {Map<string, string>} */
-  const names = new Map();
+  /** @type {Map<string, Api.JobView | null>} */
+  const jobs = new Map();
 
   async function refresh() {
     /** @type {Api.Workers} */
     const { workers, refused } = await get("/v1/workers", signal);
-    const named = workers.flatMap(({ job, last_slices: last }) => [...(job ? [job] : []), ...last.map((one) => one.job)]);
-    const unknown = new Set(named.filter((id) => !names.has(id)));
+    const named = workers.flatMap(({ job, blocked_for: blocked, last_slices: last }) => [...(job ? [job] : []), ...blocked, ...last.map((one) => one.job)]);
+    const unknown = new Set(named.filter((id) => !jobs.has(id)));
     await Promise.all([...unknown].map(async (id) => {
-      names.set(id, await get(`/v1/jobs/${id}`, signal).then(title, () => id));
+      jobs.set(id, await get(`/v1/jobs/${id}`, signal).catch(() => null));
     }));
     workers.sort((a, b) => a.id.localeCompare(b.id));
-    rows.show(workers.map((worker) => ({ ...worker, nameOf: (/** @type {string} */ id) => names.get(id) ?? id })), ({ id }) => id);
+    rows.show(workers.map((worker) => ({ ...worker, jobOf: (/** @type {string} */ id) => jobs.get(id) ?? null })), ({ id }) => id);
     const busy = workers.filter(({ job }) => job).length;
     const rate = workers.reduce((sum, worker) => sum + (worker.job ? worker.samples_per_s ?? 0 : 0), 0);
     setText(summary, workers.length
@@ -66,10 +67,12 @@ class WorkerRow {
   #last = h("ol", { class: "last-slices" });
   #slices = h("details", {}, h("summary", {}, "Last slices"), this.#last);
   #trouble = h("p", { class: "bad" });
+  #blocks = h("p", { class: "summary blocks" });
   #drain = h("button");
   #worker;
+  #refresh;
   element = h("li", { class: "worker" },
-    h("div", {}, this.#name, this.#where), this.#does, this.#rate, this.#done, this.#drain, this.#trouble, this.#machine, this.#slices);
+    h("div", {}, this.#name, this.#where), this.#does, this.#rate, this.#done, this.#drain, this.#trouble, this.#machine, this.#blocks, this.#slices);
 
   /**
    * @param {NamedWorker} worker
@@ -77,6 +80,7 @@ class WorkerRow {
    */
   constructor(worker, refresh) {
     this.#worker = worker;
+    this.#refresh = refresh;
     this.#drain.addEventListener("click", async () => {
       const { id, drained } = this.#worker;
       const tell = (/** @type {string} */ what, /** @type {string} */ done) => attempt(() => send("POST", `/v1/workers/${encodeURIComponent(id)}/${what}`), done, refresh);
@@ -101,7 +105,7 @@ class WorkerRow {
     setAttribute(this.#does, "data-busy", String(Boolean(job)));
     if (job) {
       setAttribute(this.#job, "href", `/jobs/${job}`);
-      setText(this.#job, worker.nameOf(job));
+      setText(this.#job, nameOf(worker, job));
       const text = [slice == null ? "" : `, slice ${slice}`, worker.drained ? ", its last" : ""].join("");
       if (this.#does.firstChild !== this.#job) this.#does.replaceChildren(this.#job, this.#rest);
       setText(this.#rest, text);
@@ -114,18 +118,44 @@ class WorkerRow {
     this.#trouble.hidden = !(trouble || error);
     setText(this.#machine, used(worker));
     this.#machine.hidden = !this.#machine.textContent;
+    this.#showBlocks(worker);
     this.#showSlices(worker);
   }
 
   /** @param {NamedWorker} worker */
-  #showSlices({ last_slices: last, nameOf }) {
+  #showBlocks(worker) {
+    const { id, job, blocked_for: blocked, jobOf } = worker;
+    const rendered = job && !blocked.includes(job) ? jobOf(job) : null;
+    const offered = rendered && maySteer(rendered) ? rendered : null;
+    const key = [offered?.id, ...blocked].join();
+    if (this.#blocks.dataset.shown === key) return;
+    this.#blocks.dataset.shown = key;
+    this.#blocks.hidden = !offered && !blocked.length;
+    this.#blocks.replaceChildren(
+      ...blocked.flatMap((one) => ["Blocked for ", h("a", { href: `/jobs/${one}` }, nameOf(worker, one)), ". "]),
+      offered ? h("button", { onclick: () => block(offered, id, this.#refresh) }, `Block for ${title(offered)}`) : "");
+  }
+
+  /** @param {NamedWorker} worker */
+  #showSlices(worker) {
+    const last = worker.last_slices;
     this.#slices.hidden = !last.length;
-    const items = last.map(({ job, slice, spp, render_s: seconds }) => ({ job, name: nameOf(job), text: `, slice ${slice}: ${whole(spp)} spp in ${duration(seconds)}` }));
+    const items = last.map(({ job, slice, spp, render_s: seconds }) => ({ job, name: nameOf(worker, job), text: `, slice ${slice}: ${whole(spp)} spp in ${duration(seconds)}` }));
     const shown = JSON.stringify(items);
     if (this.#last.dataset.shown === shown) return;
     this.#last.dataset.shown = shown;
     this.#last.replaceChildren(...items.map(({ job, name, text }) => h("li", {}, h("a", { href: `/jobs/${job}` }, name), text)));
   }
+}
+
+/**
+ * The title of a job, or its id if it is not known.
+ * @param {NamedWorker} worker
+ * @param {string} id
+ */
+function nameOf({ jobOf }, id) {
+  const job = jobOf(id);
+  return job ? title(job) : id;
 }
 
 /**

@@ -21,7 +21,7 @@ from plateau.farm.model.states import MAX_TRIES, JobState
 from plateau.farm.process.stop import Stop
 from plateau.farm.redis import keys
 from plateau.farm.redis.commands import slices as commands
-from plateau.farm.redis.commands.jobs import End, Pause, Reprioritise, Resume
+from plateau.farm.redis.commands.jobs import Block, End, Pause, Reprioritise, Resume
 from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.farm.redis.link import connect
 from plateau.farm.redis.scripts import Scripts
@@ -81,6 +81,7 @@ class History:
             slice_spp=(25, 100)[b // 4 % 2],
             pool=("default", "default", "far")[a // 36 % 3],
             requires=((), (), ("gpu",), ("gpu", "highmem"))[b // 8 % 4],
+            blocked=((), (), ("cpu",), ("cpu", "gpu"))[b // 32 % 4],
         )
         owner = ("", "0123456789ab", "cafecafecafe")[a // 12 % 3]
         job = self.jobs.create(spec, name="box", scene_sha256="00", owner=owner).job
@@ -112,6 +113,14 @@ class History:
         else:
             scripts.run(End(job=owned.job_id, target="cancelled", reason="cancelled"))
 
+    def block(self, a: int, b: int) -> None:
+        """Block a worker for a job, or let it render the job again."""
+        if self.made:
+            owned, _ = self.made[a % len(self.made)]
+            worker = sorted(WORKERS)[b % len(WORKERS)]
+            blocks = Block(job=owned.job_id, worker=worker, blocks=b // 4 % 2 == 0, most=16)
+            Scripts(self.client).run(blocks)
+
     # Slices
 
     def lease(self, a: int, b: int) -> None:
@@ -129,7 +138,7 @@ class History:
         while offer.again:
             self.stop_the_clock()
             late = late_slices(self.client, kind, worker, {job_id for job_id, _ in self.late})
-            expected = scan(self.client, kind, self.loaded[worker], in_turn=b % 2 == 1)
+            expected = scan(self.client, kind, worker, self.loaded[worker], in_turn=b % 2 == 1)
             if expected is None:  # then the slice that holds up another job's image
                 expected = min(late, default=None)
             offer = Scripts(self.client).run(lease)
@@ -244,7 +253,7 @@ class History:
             self.owners.reject(owned, records[b % len(records)], "its partial is spoiled")
 
 
-def scan(client: redis.Redis, kind: Kind, loaded: str, *, in_turn: bool) -> str | None:
+def scan(client: redis.Redis, kind: Kind, worker: str, loaded: str, *, in_turn: bool) -> str | None:
     """The job that the next slice is of, by looking at every open one, its stream included."""
     of_owner: dict[str, int] = defaultdict(int)
     in_group: dict[object, int] = defaultdict(int)
@@ -260,7 +269,7 @@ def scan(client: redis.Redis, kind: Kind, loaded: str, *, in_turn: bool) -> str 
         in_group[group] += len(pending) * int(job["slice_spp"])
         stale = [one for one in pending if one["time_since_delivered"] >= LEASE_S * 1000]
         if (
-            suits(kind, job)
+            suits(kind, worker, job)
             and job["state"] in {JobState.QUEUED, JobState.RENDERING}
             and "held" not in job
             and (stale or int(job["ready"]) > 0)
@@ -273,7 +282,7 @@ def scan(client: redis.Redis, kind: Kind, loaded: str, *, in_turn: bool) -> str 
     return found[0][3] if found else None
 
 
-def suits(kind: Kind, job: dict[str, str]) -> bool:
+def suits(kind: Kind, worker: str, job: dict[str, str]) -> bool:
     spec, wanted = (
         JobSpec.model_validate_json(job["spec"]),
         job.get("variant", job["asked_variant"]),
@@ -282,6 +291,7 @@ def suits(kind: Kind, job: dict[str, str]) -> bool:
         (wanted == "auto" or wanted in kind.variants)
         and spec.pool == kind.pool
         and all(tag in kind.tags for tag in spec.requires)
+        and worker not in job.get("blocked", ",".join(spec.blocked)).split(",")
     )
 
 
@@ -291,7 +301,7 @@ def late_slices(client: redis.Redis, kind: Kind, worker: str, dawdling: set[str]
     for job_id in dawdling.intersection(client.zrange(keys.OPEN, 0, -1)):
         job, slices = client.hgetall(keys.job(job_id)), keys.job(job_id, "slices")
         waits = int(job["ready"]) - int(job["planned"]) + int(job["issued"])
-        if job["state"] != JobState.RENDERING or not suits(kind, job) or waits:
+        if job["state"] != JobState.RENDERING or not suits(kind, worker, job) or waits:
             continue
         pending = client.xpending_range(slices, keys.GROUP, "-", "+", 1000)
         if any(one["time_since_delivered"] >= LEASE_S * 1000 for one in pending):
@@ -352,7 +362,10 @@ def note_what_ran_out(client: redis.Redis) -> None:
 
 
 NUMBERS = st.integers(0, 2**16)
-KINDS = ["create", "plan", "steer", "commit", "give_up", "run_out", "renew", "reject", "dawdle"]
+KINDS = [
+    *("create", "plan", "steer", "block", "commit", "give_up"),
+    *("run_out", "renew", "reject", "dawdle"),
+]
 HISTORIES = st.lists(
     st.tuples(st.sampled_from([*KINDS, *["lease"] * len(KINDS)]), NUMBERS, NUMBERS),
     min_size=20,

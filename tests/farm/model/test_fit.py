@@ -8,14 +8,16 @@ from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.ownership import Ownerships
 from plateau.farm.ledger.queue import SliceQueue
 from plateau.farm.ledger.workers import Workers
-from plateau.farm.model.errors import TooManyNeeds
+from plateau.farm.model.errors import JobEnded, JobNotFound, TooManyBlocked, TooManyNeeds
 from plateau.farm.model.fit import Kind, waits_for
 from plateau.farm.model.job import Job
+from plateau.farm.model.place_names import MOST_BLOCKED
 from plateau.farm.model.spec import BatchSpec, JobSpec
 from plateau.farm.process.settings import Settings
 from plateau.farm.process.stop import Stop
 from plateau.farm.redis import keys
 from plateau.farm.redis.wake import Wake
+from tests.farm.ledger.test_workers import about as described
 
 LLVM = ("llvm_ad_rgb", "scalar_rgb")
 
@@ -26,6 +28,7 @@ class Farm:
     def __init__(self, client: redis.Redis) -> None:
         self.client = client
         self.jobs = Jobs(client)
+        self.workers = Workers(client)
 
     def job(self, **spec: object) -> Job:
         job = self.jobs.create(JobSpec(**spec), name="box", scene_sha256="00").job
@@ -44,11 +47,11 @@ class Farm:
         return "" if found is None else found.job_id
 
     def lives(self, name: str, *tags: str, pool: str = "default", **about: object) -> None:
-        about = {"variants": LLVM, "pool": pool, "tags": tags, **about}
+        about = {**described(name), "variants": LLVM, "pool": pool, "tags": tags, **about}
         self.queue(name).heartbeat(about, ())
 
     def words(self, job: Job) -> str | None:
-        return waits_for(self.jobs.get(job.id), self.jobs.kinds())
+        return waits_for(self.jobs.get(job.id), self.jobs.kinds(), self.jobs.workers())
 
 
 @pytest.fixture
@@ -93,6 +96,80 @@ class TestALease:
             assert farm.queue(name, *tags).lease(LLVM, None, in_turn=False) is None
         farm.job(requires=("gpu",))
         assert {name for name, wake in wakes.items() if wake.wait(0.05, stop)} == {"gpu"}
+
+
+class TestBlocked:
+    """A worker that is blocked for a job leaves its slices to others."""
+
+    @pytest.mark.parametrize("name", ["vm-23618-bc86", "vm"])
+    def test_it_gets_other_jobs_until_it_may_render_it_again(self, farm: Farm, name: str) -> None:
+        def given(worker: str) -> str:
+            lease = farm.queue(worker).lease(LLVM, None, in_turn=False)
+            return "" if lease is None else lease.job_id
+
+        first, second = farm.job(priority=5), farm.job()
+        for _ in range(2):  # repeating it is harmless
+            assert farm.jobs.block(first.id, name).spec.blocked == (name,)
+        assert given("vm-23618-bc86") == second.id
+        assert given("vm2-1-aaaa") == first.id
+        # One whose scene it has loaded, too
+        worker = farm.queue("vm-23618-bc86")
+        lease = worker.lease(LLVM, first.id, in_turn=True)
+        assert lease is not None
+        assert lease.job_id == second.id
+        for _ in range(2):
+            assert farm.jobs.block(first.id, name, undo=True).spec.blocked == ()
+        assert given("vm-23618-bc86") == first.id
+
+    def test_it_is_not_woken_and_others_are(self, farm: Farm) -> None:
+        stop, wakes = Stop(), {}
+        for name in ("one-1-aa", "one-2-bb", "two-1-cc"):
+            wakes[name] = Wake(farm.client, keys.wake_worker(name))
+            wakes[name].wait(0.0, stop)
+            assert farm.queue(name).lease(LLVM, None, in_turn=False) is None
+        farm.job(blocked=("one",))
+        assert {name for name, wake in wakes.items() if wake.wait(0.05, stop)} == {"two-1-cc"}
+        # They are still idle, and woken for another job
+        farm.job()
+        woken = {name for name, wake in wakes.items() if wake.wait(0.05, stop)}
+        assert {"one-1-aa", "one-2-bb"} <= woken
+
+    def test_a_job_whose_workers_are_all_blocked_says_so(self, farm: Farm) -> None:
+        job = farm.job(requires=("gpu",))
+        farm.lives("west", "gpu")
+        farm.jobs.block(job.id, "west")
+        words = "waits for a worker with tags gpu that is not blocked for it: there is none that "
+        assert (farm.words(job), farm.jobs.census().jobs_unserved) == (words + "takes work", 1)
+        # Its slices are demand for workers with its tags, whatever they are called
+        assert farm.jobs.census().demand_for(tags=["gpu"]).waiting == 4
+        assert farm.jobs.census().demand_for(tags=[]).waiting == 0
+        farm.lives("east", "gpu")
+        assert (farm.words(job), farm.jobs.census().jobs_unserved) == (None, 0)
+        # And a worker says for which jobs it is blocked
+        alive = {one.id: one.blocked_for for one in farm.workers.with_blocks(farm.jobs.workers())}
+        assert alive == {"west": (job.id,), "east": ()}
+
+    def test_a_limited_number_and_only_until_the_end(self, farm: Farm) -> None:
+        job = farm.job(blocked=tuple(f"w{n}" for n in range(MOST_BLOCKED)))
+        with pytest.raises(TooManyBlocked, match="16 workers are blocked for job"):
+            farm.jobs.block(job.id, "another")
+        farm.jobs.block(job.id, "w3", undo=True)
+        farm.jobs.block(job.id, "another")
+        farm.jobs.cancel(job.id)
+        with pytest.raises(JobEnded):
+            farm.jobs.block(job.id, "w4")
+        with pytest.raises(JobNotFound):
+            farm.jobs.block("0" * 12, "w4")
+        assert farm.client.hlen(keys.NEEDS) == 0
+
+    def test_blocks_count_among_the_different_needs(self, farm: Farm) -> None:
+        first, job = farm.job(), farm.job()
+        for number in range(1, keys.MOST_NEEDS):
+            farm.job(pool=f"p{number}")
+        with pytest.raises(TooManyNeeds, match="64 different"):
+            farm.jobs.block(job.id, "w")
+        farm.jobs.cancel(first.id)
+        farm.jobs.cancel(job.id)
 
 
 class TestWords:

@@ -48,20 +48,33 @@ function for_farm.census(it)
     end
   end
 
-  -- Jobs without a suitable living worker that takes work.
-  local kinds = redis.call('ZRANGEBYSCORE', KINDS, now() - it.alive_ms, '+inf')
-  local unserved = 0
-  for class, jobs_of_it in pairs(classes) do
-    local is_served = false
-    for _, kind in ipairs(kinds) do is_served = is_served or Waiting.variant_of(kind, class) ~= nil end
-    if not is_served then unserved = unserved + jobs_of_it end
-  end
-
-  local workers = {idle = 0, rendering = 0, out_of_service = 0}
+  local workers, kind_of = {idle = 0, rendering = 0, out_of_service = 0}, {}
   for _, id in ipairs(redis.call('ZRANGEBYSCORE', WORKERS, now() - it.alive_ms, '+inf')) do
     local about = cjson.decode(redis.call('HGET', worker_key(id), 'about') or '{}')
     local state = given(about.trouble) and 'out_of_service' or given(about.job) and 'rendering' or 'idle'
     workers[state] = workers[state] + 1
+    if not given(about.trouble) and redis.call('HEXISTS', worker_key(id), 'drained') == 0 then
+      kind_of[id] = Waiting.kind_of(about)
+    end
+  end
+
+  -- Jobs without a suitable living worker that takes work.
+  local kinds = redis.call('ZRANGEBYSCORE', KINDS, now() - it.alive_ms, '+inf')
+  local function is_served(class)
+    if string.find(class, '!', 1, true) then
+      for worker, kind in pairs(kind_of) do
+        if Waiting.variant_of(kind, class, worker) then return true end
+      end
+      return false
+    end
+    for _, kind in ipairs(kinds) do
+      if Waiting.variant_of(kind, class) then return true end
+    end
+    return false
+  end
+  local unserved = 0
+  for class, jobs_of_it in pairs(classes) do
+    if not is_served(class) then unserved = unserved + jobs_of_it end
   end
 
   local monitors, owned = 0, 0

@@ -31,7 +31,7 @@ function for_workers.lease(it)
     for _, queue in ipairs(redis.call('ZREVRANGE', WAITING, 0, -1)) do
       local priority, class = string.match(queue, '^(%S+) (.+)$')
       if at and priority ~= at then break end
-      local suits = Waiting.variant_of(kind, class)
+      local suits = Waiting.variant_of(kind, class, worker)
       if suits and queue == its_queue then return loaded, suits end
       if suits then
         local first = redis.call('ZRANGE', Waiting.key(queue), 0, 0, 'WITHSCORES')
@@ -75,7 +75,7 @@ function for_workers.lease(it)
     local jobs = redis.call('ZRANGE', LATE, 0, MOST_LATE - 1, 'WITHSCORES')
     for i = 1, #jobs, 2 do
       local id, class = string.match(jobs[i], '^(%S+) (.+)$')
-      if variants[class] == nil then variants[class] = Waiting.variant_of(kind, class) or false end
+      if variants[class] == nil then variants[class] = Waiting.variant_of(kind, class, worker) or false end
       local suits, wait_ms, slice = variants[class], jobs[i + 1] - at
       if suits and wait_ms > 0 then return nil, nil, nil, math.min(soonest or wait_ms, wait_ms) end
       if suits then
