@@ -40,7 +40,7 @@ from plateau.rules import MOST_SPP, as_offered
 #: The fields of a spec that determine the samples, ...
 _SAMPLING: Final = ("slice_spp", "variant", "seed", "sensor", "parameters", "allocation")
 #: ... that the new job does not inherit, ...
-_OWN: Final = ("batch", "flicker_guard", "webhook", "notify")
+_OWN: Final = ("batch", "flicker_guard", "webhook", "notify", "after")
 #: ... and that all points of a curve have in common.
 _JUDGING: Final = ("view", "step", "zones", "denoise")
 
@@ -193,8 +193,8 @@ def changed_spec(spec: JobSpec, changes: dict[str, Any]) -> dict[str, Any]:
     """The fields of the spec with these changes: a JSON merge patch (RFC 7396), with one exception.
 
     Objects are merged and null means the default. The exception: a rule, an allocation or a
-    denoising with a name replaces the whole of it. The batch, the guard, the webhook and the
-    targets of notifications are not inherited.
+    denoising with a name replaces the whole of it. The batch, the guard, the webhook, the
+    targets of notifications and the jobs that it came after are not inherited.
     """
     had: dict[str, Any] = _merged(spec.model_dump(mode="json"), dict.fromkeys(_OWN))
     merged: dict[str, Any] = _merged(had, changes, JobSpec.model_fields)
@@ -235,6 +235,10 @@ def check(job: Job, remains: Remains, spec: JobSpec) -> None:
     CannotContinue
         It cannot; the message says why, and what would be possible.
     """
+    if spec.after:
+        raise CannotContinue(
+            job.id, "a job that continues another renders at once, so it comes after nothing"
+        )
     for name in _SAMPLING:
         if getattr(spec, name) != getattr(job.spec, name):
             raise CannotContinue(

@@ -13,6 +13,7 @@ from plateau.farm.ledger.totals import Census, take_census
 from plateau.farm.ledger.usage import usage
 from plateau.farm.ledger.workers import ALIVE_S
 from plateau.farm.model.errors import (
+    CannotFollow,
     IllegalTransition,
     JobEnded,
     JobNotFound,
@@ -87,6 +88,8 @@ class Jobs:
             It needs another pool or other tags than all open jobs, whose needs are many already.
         UnevenBatch
             Its batch is guarded, and the job would stop otherwise than the batch's jobs.
+        CannotFollow
+            A job or batch of `spec.after` is unknown, or has not ended well.
         """
         return self.create_all(
             [spec],
@@ -129,16 +132,19 @@ class Jobs:
                     guarded=specs[0].flicker_guard,
                     compared=compared,
                     jobs=jobs,
+                    after=specs[0].after,
                 )
             )
         return self.created(made)
 
     def created(self, made: Made) -> Created:
-        """The script's answer to a request for new jobs, or `TooManyJobs`, or `TooManyNeeds`."""
+        """The script's answer to a request for new jobs; raises as `create` does."""
         if made.outcome == "too many":
             raise TooManyJobs(made.has, made.most)
         if made.outcome == "too varied":
             raise TooManyNeeds(made.has)
+        if made.outcome == "cannot follow":
+            raise CannotFollow(made.after, made.state)
         return Created(
             job=self.get(made.job),
             repeated=made.outcome == "repeated",

@@ -117,6 +117,7 @@ def _job(fields: dict[str, str], sealed: dict[str, str]) -> Job:
         height=int(height) if height else None,
         spp=spp,
         held="held" in fields and fields["state"] == JobState.QUEUED,
+        awaits=int(fields.get("awaits", 0)),
         image_spp=_image_spp(fields),
         committed_spp=committed_spp(fields, spec.slice_spp),
         points=int(fields["points"]),

@@ -11,6 +11,7 @@
     ├── JobEnded           the job has ended and cannot be changed any more; carries its story
     ├── JobNotEnded        the job has not ended, so it cannot be archived or deleted
     ├── CannotContinue     no job can continue this one in the wanted way
+    ├── CannotFollow       no job can wait for this job or batch
     ├── FenceLost          another monitor owns the job now
     ├── WorkerNotFound     no worker of that id lives
     ├── TooManyJobs        the API key has as many open jobs as it may
@@ -150,6 +151,20 @@ class CannotContinue(FarmError):
     def __init__(self, job_id: str, why: str) -> None:
         super().__init__(f"job {job_id} cannot be continued: {why}")
         self.job_id = job_id
+
+
+class CannotFollow(FarmError):
+    """No job can wait for this job or batch to end well."""
+
+    def __init__(self, name: str, state: str) -> None:
+        known = {
+            "missing": f"there is no job and no batch {name!r}",
+            "deleted": f"job {name} was deleted; restore it first",
+            "failed": f"{name} failed, so nothing can come after it",
+            "cancelled": f"{name} was cancelled, so nothing can come after it",
+            "lost": f"Redis has lost {name}",
+        }
+        super().__init__(known[state])
 
 
 class FenceLost(FarmError):

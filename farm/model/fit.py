@@ -74,12 +74,16 @@ def serves(worker: Worker, job: Job) -> bool:
 
 
 def waits_for(job: Job, kinds: Iterable[Kind], workers: Iterable[Worker] = ()) -> str | None:
-    """The worker that the job waits for, in words; None if one of these kinds may render it.
+    """The worker or the jobs that a job waits for, in words; None if it may be rendered.
+
+    It may be if one of these kinds of workers fits.
 
     Where workers are blocked for the job, it is the living `workers` that count.
     """
     if job.state.value not in {"queued", "rendering"} or job.held:
         return None
+    if job.awaits:
+        return job.reason
     if job.spec.blocked:
         is_served = any(serves(worker, job) for worker in workers)
     else:

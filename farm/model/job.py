@@ -133,6 +133,9 @@ class Job(_Record):
     held: bool = Field(
         False, description="whether it is queued and held back, until it or its batch is resumed"
     )
+    awaits: int = Field(
+        0, description="how many of `spec.after` have not ended yet; `reason` names them"
+    )
     image_spp: int | None = Field(
         None, description="samples per pixel of the newest image that can be fetched, if any can"
     )

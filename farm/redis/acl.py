@@ -94,6 +94,8 @@ _MONITOR: Final = (
     keys.DELETED,
     keys.BATCHES,
     keys.GUARDED,
+    keys.GATES,
+    f"{PREFIX}gate:*",
     keys.batch("*"),
     keys.SCENES,
     keys.SCENES_USED,

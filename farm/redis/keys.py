@@ -35,6 +35,9 @@ plateau:jobs:deleted      zset    deleted jobs, which are in no batch, scored so
 plateau:batches           zset    batch name, scored by the number of its newest job   its jobs'
 plateau:batches:guarded   set     batches whose jobs must all stop alike               its jobs'
 plateau:batch:NAME        zset    the batch's jobs, scored as in plateau:jobs          its jobs'
+plateau:gate:GATE         set     jobs that wait for the gate, "job ID" or "batch      till open
+                                  NUMBER NAME"; see after.lua
+plateau:gates             zset    gates of batches, scored by their numbers            till open
 plateau:scenes            hash    scene SHA-256 → JSON summary                         the scene's
 plateau:scenes:used       zset    scene SHA-256, scored by its last use (ms)           the scene's
 plateau:scene:SHA:going   string  set while the scene's blob is being removed          5 min
@@ -78,6 +81,7 @@ plateau:job:ID:paces      hash    worker → ms for which it had its last slice,
 plateau:job:ID:outrun     hash    entry whose slice another try committed → the worker  till end
                                   of that try; till its own worker reports
 plateau:job:ID:ledger     hash    slice index → JSON of its commit                     the job's
+plateau:job:ID:after      zset    gates that it waits for, in the order of its spec    till open
 plateau:job:ID:rounds     zset    JSON of each round that an image has decided, by     the job's
                                   zones; scored by the index of its first slice
 plateau:job:ID:seeds      zset    "first-last" of each commit, scored by first         till done
@@ -126,6 +130,7 @@ ARCHIVED: Final = PREFIX + "jobs:archived"
 DELETED: Final = PREFIX + "jobs:deleted"
 BATCHES: Final = PREFIX + "batches"
 GUARDED: Final = PREFIX + "batches:guarded"
+GATES: Final = PREFIX + "gates"
 SCENES: Final = PREFIX + "scenes"
 SCENES_USED: Final = PREFIX + "scenes:used"
 SWEPT: Final = PREFIX + "swept"
@@ -162,7 +167,7 @@ GROUP: Final = "workers"
 JOB_PARTS: Final = (
     *("slices", "lost", "leases", "paces", "outrun", "ledger", "seeds", "deaths", "spoiled"),
     *("curve", "events", "log", "sealed", "digests", "webhook", "deliveries", "tries"),
-    *("owner", "fence", "rounds"),
+    *("owner", "fence", "rounds", "after"),
 )
 
 
@@ -246,7 +251,7 @@ local function job_key(id, part)
   if part then return PREFIX .. 'job:' .. id .. ':' .. part end
   return PREFIX .. 'job:' .. id
 end
-local BATCHES, GUARDED = '{BATCHES}', '{GUARDED}'
+local BATCHES, GUARDED, GATES = '{BATCHES}', '{GUARDED}', '{GATES}'
 local STUDIES, STUDIES_ASKED = '{STUDIES}', '{STUDIES_ASKED}'
 local function study_key(id, part)
   return PREFIX .. 'study:' .. id .. (part and ':' .. part or '')

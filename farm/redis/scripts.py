@@ -38,6 +38,7 @@ _NAMESPACES: Final = {
     "Slice": "slices",
     "Member": "members",
     "New": "new_jobs",
+    "After": "after",
 }
 #: The subjects of commands: for workers, and all others.
 _FOR_WORKERS: Final = ("lease", "slices", "workers")

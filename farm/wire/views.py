@@ -25,7 +25,9 @@ class JobView(Job):
     model_config = ConfigDict(frozen=True, extra="ignore", json_schema_extra=_shows(examples.JOB))
 
     waits_for: str | None = Field(
-        None, description="what kind of worker it waits for, in words, where none lives that fits"
+        None,
+        description="in words, the jobs and batches that it comes after, or the kind of worker "
+        "that it waits for where none lives that fits",
     )
     cost: Cost | None = Field(
         None, description="in money; null where the service has no price, and in webhooks"
@@ -233,8 +235,8 @@ def job_view(
 ) -> JobView:
     """The job as the API shows it.
 
-    `waits_for` names the worker that it lacks. Only its owner sees the path of its webhook, which
-    is often a secret. Without a `price`, it shows no money.
+    `waits_for` names the worker that it lacks, or the jobs that it comes after. Only its owner sees
+    the path of its webhook, which is often a secret. Without a `price`, it shows no money.
     """
     if job.spec.webhook is not None and not to_owner:
         spec = job.spec.model_copy(update={"webhook": job.spec.webhook.hidden()})

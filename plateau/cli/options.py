@@ -66,7 +66,7 @@ Json = Annotated[bool, typer.Option("--json", help="Print JSON, for scripts.")]
 NoCurve = Annotated[bool, typer.Option("--no-curve", help="Show progress without the curve.")]
 
 #: Options that choose among many workers and jobs; useless for a single job.
-AMONG_MANY: Final = ("pool", "require", "block", "priority", "batch", "flicker_guard")
+AMONG_MANY: Final = ("pool", "require", "block", "after", "priority", "batch", "flicker_guard")
 
 #: A `plateau.farm.model.spec.JobSpec`, made by `takes_spec`. Its module is imported only when a
 #: command runs.
@@ -238,6 +238,14 @@ def spec_from_options(
     ] = None,
     require: Annotated[
         list[str] | None, typer.Option(help="Tag that a worker must have; may be repeated.")
+    ] = None,
+    after: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="ID|BATCH",
+            help="Job, or batch, that must have ended well before this one starts; may be "
+            "repeated.",
+        ),
     ] = None,
     block: Annotated[
         list[str] | None,

@@ -7,6 +7,7 @@ from typing import Final
 
 from plateau.client.errors import TimedOut
 from plateau.client.jobs import submitted
+from plateau.client.short_ids import with_whole_ids
 from plateau.client.transport import Calls
 from plateau.farm.model.spec import BatchSpec, JobSpec, SharedSpec, parameter_strings
 from plateau.farm.wire.batch_views import (
@@ -62,7 +63,7 @@ class BatchCalls(Calls):
         plateau.farm.bundle.BundleError, ApiError
             As for `Client.submit`; ``uneven-batch`` if the flicker guard refuses the jobs.
         """
-        spec = spec or JobSpec()
+        spec = with_whole_ids(spec or JobSpec(), self._transport.whole_id)
         shared = {name: getattr(spec, name) for name in SharedSpec.model_fields}
         entries = tuple({**spec.parameters, **values} for values in parameters)
         asked = BatchSpec(**shared, parameters=entries, same_seeds=same_seeds)

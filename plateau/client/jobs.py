@@ -7,7 +7,7 @@ from contextlib import ExitStack
 from typing import Any, Final
 from urllib.parse import quote
 
-from plateau.client.short_ids import whole_id
+from plateau.client.short_ids import whole_id, with_whole_ids
 from plateau.client.transport import Calls, Model, Transport
 from plateau.farm.model.job import LogEntry
 from plateau.farm.model.spec import JobSpec
@@ -62,6 +62,7 @@ class JobCalls(Calls):
             ``broken-scene``, ``unknown-scene``, ``upload-too-large``, ``idempotency-key-reused``.
         """
         spec = spec_of(spec, fields)
+        spec = with_whole_ids(spec, self._transport.whole_id)
         values, request = [spec.parameter_strings()], spec.as_request()
         return submitted(self._transport, JobView, scene, request, values, idempotency_key)
 

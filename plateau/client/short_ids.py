@@ -1,12 +1,13 @@
 """Shortened ids of jobs, as in git."""
 
 import re
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from itertools import islice
 from typing import Final
 
 from plateau.client.errors import BadId
 from plateau.farm.model.job import Job
+from plateau.farm.model.spec import JobSpec
 
 _PREFIX: Final = re.compile(r"[0-9a-f]{4,11}")
 #: A prefix is searched among this many of the newest jobs.
@@ -31,3 +32,20 @@ def whole_id(given: str, jobs: Iterable[Job]) -> str:
         more = ", …" if len(found) > _SHOWN else ""
         raise BadId(f"{given} may be {', '.join(found[:_SHOWN])}{more}: give more of it")
     return found[0]
+
+
+def with_whole_ids(spec: JobSpec, whole: Callable[[str], str]) -> JobSpec:
+    """The spec with whole ids of the jobs that it comes after; batches keep their names.
+
+    `whole` returns the id of a prefix, or raises `BadId`.
+    """
+    return spec.model_copy(
+        update={"after": tuple(_job_or_batch(name, whole) for name in spec.after)}
+    )
+
+
+def _job_or_batch(name: str, whole: Callable[[str], str]) -> str:
+    try:
+        return whole(name)
+    except BadId:
+        return name  # the service says if it is no batch, either

@@ -324,7 +324,10 @@ class TestWhatIsRefused:
         choose(form, tmp_path / "large.xml")
         expect(form.locator(".wrong")).to_contain_text("more than")
 
-    def test_a_field_that_does_not_fit_is_named_and_focused(self, form: Page, scene: Path) -> None:
+    def test_a_field_that_does_not_fit_is_named_and_focused(
+        self, form: Page, farm: NoiseFarm, scene: Path
+    ) -> None:
+        first = farm.submit("first", batch="evening").id
         choose(form, scene)
         form.get_by_text("More", exact=True).click()
         form.get_by_label("Priority").fill("5")
@@ -333,8 +336,13 @@ class TestWhatIsRefused:
         expect(form.locator(".wrong")).to_contain_text("min_spp must not be above max_spp")
         # What was typed is still there, and can be mended
         form.get_by_label("No sooner than").fill("50")
+        form.get_by_label("After", exact=True).fill("nobody")
+        form.get_by_role("button", name="Render it").click()
+        expect(form.get_by_text("there is no job and no batch 'nobody'").first).to_be_visible()
+        form.get_by_label("After", exact=True).fill(f"{first}, evening")
         form.get_by_role("button", name="Render it").click()
         expect(form).to_have_url(re.compile("/jobs/[0-9a-f]{12}$"))
+        assert farm.jobs.get(form.url.rpartition("/")[2]).spec.after == (first, "evening")
 
     def test_a_parameter_that_the_scene_needs_is_asked_for(
         self, form: Page, tmp_path: Path

@@ -65,6 +65,9 @@ def test_each_worker_says_what_it_does(visit: Visit, farm: NoiseFarm, client: re
     first.get_by_role("button", name="Block for box").click()
     page.get_by_role("button", name="Block it").click()
     expect(first.locator(".blocks")).to_have_text("Blocked for box.")
+    after = farm.submit("comp", after=(job.id,))
+    waiting = visit(f"/jobs/{after.id}", expected={404}).page
+    expect(waiting.locator(".reason")).to_have_text(f"It waits for job box.zip ({job.id}).")
     assert farm.jobs.get(job.id).spec.blocked == ("w-1",)
     # And what each renders is one step away
     first.get_by_role("link", name="box").first.click()

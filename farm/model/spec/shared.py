@@ -38,6 +38,15 @@ def _each_once(names: tuple[AovName, ...]) -> tuple[AovName, ...]:
 
 Aovs = Annotated[tuple[AovName, ...], AfterValidator(_each_once)]
 
+#: The most jobs and batches that a job waits for.
+MOST_AFTER: Final = 16
+
+After = Annotated[
+    tuple[Annotated[str, Field(min_length=1, max_length=100)], ...],
+    Field(max_length=MOST_AFTER),
+    AfterValidator(lambda names: tuple(dict.fromkeys(names))),
+]
+
 #: Samples per pixel.
 Spp = Annotated[int, Field(ge=1, le=MOST_SPP)]
 
@@ -91,6 +100,12 @@ class SharedSpec(Strict):
     pool: PlaceName = Field(default=DEFAULT_POOL, description="only workers of this pool render it")
     requires: Tags = Field(
         default=(), description="only workers that have all of these tags render it"
+    )
+    after: After = Field(
+        default=(),
+        description="ids of jobs and names of batches: it waits until all of them, a batch with "
+        "the jobs that it has now, have converged or were exhausted, and their results are "
+        "written; if one fails or is cancelled, it is cancelled too",
     )
     blocked: WorkerNames = Field(
         default=(),

@@ -20,11 +20,20 @@ class Made:
     """The answer to a request for new jobs."""
 
     outcome: Literal[
-        "created", "repeated", "conflict", "changed", "missing", "too varied", "too many"
+        "created",
+        "repeated",
+        "conflict",
+        "changed",
+        "missing",
+        "too varied",
+        "too many",
+        "cannot follow",
     ]
     job: str = ""  #: the first, if created, repeated or in conflict
     has: int = 0  #: open jobs, or different needs, if too many
     most: int = 0  #: open jobs that are allowed
+    after: str = ""  #: what cannot be followed: a name, or a job in words
+    state: str = ""  #: and how it stands: ``missing``, ``deleted``, ``lost`` or a job's state
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,6 +53,7 @@ class Create(CreationCommand[Made]):
     """Create jobs, many of one batch or a single one; all or none."""
 
     jobs: tuple[NewJob, ...]
+    after: tuple[str, ...]  #: jobs and batches that must have ended well before
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ from starlette.routing import compile_path
 from plateau.farm.model.errors import (
     BatchNotFound,
     CannotContinue,
+    CannotFollow,
     IllegalTransition,
     Incompatible,
     JobEnded,
@@ -31,7 +32,7 @@ from plateau.service.api.points.stored_files import SpoiledBlob
 from plateau.service.api.problems import problem as problems
 from plateau.service.api.problems.framework_errors import in_our_words
 from plateau.service.api.problems.problem import Problem, ProblemType, unavailable
-from plateau.service.api.problems.spec_checks import invalid_request
+from plateau.service.api.problems.spec_checks import invalid_field, invalid_request
 
 #: The problem of a refused transition, and what is possible instead, by the state aimed at.
 _REFUSALS: Final = {
@@ -143,6 +144,11 @@ def add_problem_handlers(app: FastAPI, unknown_page: Callable[[], Response]) -> 
         problem = Problem(
             problems.TOO_MANY_JOBS, detail, open_jobs=error.open_jobs, limit=error.most
         )
+        return problem.response(request.url.path)
+
+    @app.exception_handler(CannotFollow)
+    def answer_cannot_follow(request: Request, error: CannotFollow) -> JSONResponse:
+        problem = invalid_field(problems.INVALID_SPEC, "spec.after", str(error))
         return problem.response(request.url.path)
 
     @app.exception_handler(TooManyNeeds)

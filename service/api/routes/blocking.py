@@ -79,14 +79,15 @@ def retry_job(
     """Try an ended job again on other workers, as a new job.
 
     The new job has the same scene and spec. The workers on which tries of the old one failed are
-    blocked for it; `waits_for` says so where no other lives. It does not inherit the webhook.
+    blocked for it; `waits_for` says so where no other lives. It does not inherit the webhook, and
+    waits for no other job.
     """
     old = farm.job(job_id)
     if not old.state.ended:
         raise JobNotEnded(old.id, old.state.value)
     failed = {one.worker for one in farm.jobs.log(old.id) if one.what in _AT_FAULT}
     blocked = sorted({*old.spec.blocked, *failed})[:MOST_BLOCKED]
-    spec = old.spec.model_copy(update={"blocked": tuple(blocked), "webhook": None})
+    spec = old.spec.model_copy(update={"blocked": tuple(blocked), "webhook": None, "after": ()})
     created = farm.jobs.create(
         spec,
         name=old.name,

@@ -127,9 +127,9 @@ def continue_job(job_id: JobId, asker: Annotated[Asker, Depends()], changes: Cha
     No sample is rendered twice: the new job takes over those of the old one, which stays as it is.
     If the old job kept its slices, they are judged anew, so the view, step and zones may change
     too. Otherwise the new job continues from the sums, which are kept for PLATEAU_KEEP_SUMS_DAYS.
-    The new job does not inherit the batch, the webhook and the targets of notifications. A cap with
-    which scalar_rgb would have drawn other samples is refused; the detail names the caps that
-    continue the same samples.
+    The new job does not inherit the batch, the webhook, the targets of notifications and `after`. A
+    cap with which scalar_rgb would have drawn other samples is refused; the detail names the caps
+    that continue the same samples.
     """
     return asker.start(*asker.look_at(job_id), changes.root)
 

@@ -119,6 +119,16 @@ def test_a_worker_is_blocked_for_a_job_that_is_tried_again(
     assert plateau.retry(job, idempotency_key="k").id == again.id
 
 
+def test_a_job_comes_after_others_by_their_first_letters(
+    plateau: Client, client: redis.Redis
+) -> None:
+    job = StagedJob(client, batch="cafe").id
+    after = plateau.submit("scenes:box", after=(job[:5], "cafe")).spec.after
+    assert after == (job, "cafe")
+    batch = plateau.submit_batch("scenes:box", [{"width": 9}], JobSpec(after=(job[:5],)))
+    assert plateau.job(batch.job_ids[0]).spec.after == (job,)
+
+
 def test_problems_have_types(plateau: Client, client: redis.Redis) -> None:
     with pytest.raises(UnknownJob) as caught:
         plateau.job("0123456789ab")

@@ -171,6 +171,32 @@ def test_a_failed_job_is_tried_again_on_other_workers(
     assert again["waits_for"].startswith("waits for a worker that is not blocked for it")
 
 
+def test_a_job_waits_for_others(http: httpx.Client) -> None:
+    first = submitted(http, '{"name": "box", "batch": "walk"}')
+    second = submitted(http, f'{{"after": ["{first["id"]}", "walk"], "name": "comp"}}')
+    words = f"waits for job box ({first['id']}), batch walk"
+    assert (second["awaits"], second["waits_for"], second["reason"]) == (2, words, words)
+    assert http.get("/metrics").text.count("plateau_jobs_unserved 1.0") == 1  # the first alone
+    for spec, why in (
+        ('{"after": ["0123456789ab"]}', "there is no job and no batch '0123456789ab'"),
+        ('{"after": [""]}', "must not be empty"),
+        ('{"after": "walk"}', "spec.after"),
+        (f'{{"after": {[*map(str, range(17))]}}}'.replace("'", '"'), "at most 16"),
+    ):
+        scene = {"scene": ("a.xml", SCENE_XML)}
+        answer = http.post("/v1/jobs", files=scene, data={"spec": spec})
+        detail = problem(answer, 422, "invalid-spec")["detail"]
+        assert detail.startswith("spec.after"), detail
+        assert why in detail, detail
+    http.post(first["links"]["cancel"])
+    scene = {"scene": ("a.xml", SCENE_XML)}
+    answer = http.post("/v1/jobs", files=scene, data={"spec": '{"after": ["walk"]}'})
+    assert (
+        "was cancelled, so nothing can come after it"
+        in problem(answer, 422, "invalid-spec")["detail"]
+    )
+
+
 def test_a_need_too_many_is_a_problem(http: httpx.Client) -> None:
     for number in range(MOST_NEEDS + 1):
         scene = {"scene": ("a.xml", SCENE_XML)}

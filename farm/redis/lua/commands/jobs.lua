@@ -1,7 +1,8 @@
 -- Create a job, or many of one batch: all or none, and once for each idempotency key.
 -- Returns 'created', 'repeated' or 'conflict', each with the first job; 'changed' (the batch is guarded, and
 -- these were not compared with its newest job); 'too varied' with the number of different needs of open
--- jobs; or 'too many' with the owner's open jobs, and the most that it may have.
+-- jobs; 'too many' with the owner's open jobs, and the most that it may have; or 'cannot follow' with one
+-- that they were to wait for, and how it stands.
 function for_farm.create(it)
   local first = it.jobs[1]
   local made = New.made_before(it.idempotency, it.digest)
@@ -9,8 +10,13 @@ function for_farm.create(it)
   if New.joins_unseen(it.batch, it.guarded, it.compared) then return {outcome = 'changed'} end
   local refused = New.too_many_jobs(#it.jobs, first.fields) or New.needs_too_much(first.fields)
   if refused then return refused end
+  local gates, unmet = After.gates(it.after)
+  if unmet then return unmet end
   New.remember_request(it.idempotency, it.digest, first.id)
-  for _, job in ipairs(it.jobs) do New.job(job, it.priority, 'created') end
+  for _, job in ipairs(it.jobs) do
+    New.job(job, it.priority, 'created')
+    After.wait(job.id, gates)
+  end
   return {outcome = 'created', job = first.id}
 end
 

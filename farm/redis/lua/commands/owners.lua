@@ -138,6 +138,7 @@ function for_farm.finish(it)
   redis.call('SREM', UNFINISHED, id)
   redis.call('DEL', job_key(id, 'owner'), job_key(id, 'seeds'))
   Outbox.announce(id, 'finished', {})
+  After.settle(id)
   return 'finished'
 end
 
@@ -154,6 +155,7 @@ function for_farm.abandon(it)
   redis.call('SREM', UNFINISHED, id)
   redis.call('DEL', job_key(id, 'owner'))
   redis.call('PUBLISH', WAKE_WORKERS, 'ended ' .. id)
+  After.settle(id)
   Waiting.file_all_anew()  -- the job's queue is unknown
   return 'abandoned'
 end
