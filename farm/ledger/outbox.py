@@ -25,6 +25,7 @@ from plateau.farm.redis.commands.webhooks import (
     DueDelivery,
     FarmSecrets,
     Redeliver,
+    RenewDelivery,
     RenewFarmSecret,
     SettleDelivery,
     TakeDelivery,
@@ -89,8 +90,13 @@ class Taken:
 
     @property
     def target(self) -> str | None:
-        """The name of the target that is notified; None where it goes to the job's webhook."""
-        return _target(self.receiver)
+        """The name of the target that is notified; None where none is."""
+        return _after(keys.NOTIFIED, self.receiver)
+
+    @property
+    def command(self) -> str | None:
+        """The name of the command that is started; None where none is."""
+        return _after(keys.STARTED, self.receiver)
 
     @property
     def job(self) -> Job:
@@ -142,11 +148,12 @@ class Outbox:
         error: str,
         took_s: float,
         delay_s: float = 0.0,
+        words: str | None = None,
     ) -> bool:
         """Report how the try ended; False where the lease was lost, and nothing was done.
 
-        A ``failed`` one is tried again after `delay_s`. `status`, `error` and `took_s` are for the
-        log.
+        A ``failed`` one is tried again after `delay_s`. `status` (of a command, its exit code),
+        `error` and `took_s` are for the log, `words` of a command for its event.
         """
         answer = self._scripts.run(
             SettleDelivery(
@@ -158,9 +165,21 @@ class Outbox:
                 status=status,
                 error=error,
                 ms=round(took_s * 1000),
+                words=words,
             )
         )
         return answer == "settled"
+
+    def renew(self, taken: Taken, lease_s: float) -> bool:
+        """Keep the lease on a delivery for this long from now; False where it was lost."""
+        return self._scripts.run(
+            RenewDelivery(
+                job=taken.job_id,
+                number=taken.number,
+                token=taken.token,
+                lease_ms=round(lease_s * 1000),
+            )
+        )
 
     def deliveries(self, job_id: str) -> list[Delivery]:
         """The job's newest hundred messages, by number, with their newest tries."""
@@ -177,7 +196,7 @@ class Outbox:
                 pipe.zscore(keys.webhooks_due(one), f"{job_id}:{number}")
             due = pipe.execute()
         return [
-            _delivery(job_id, number, found, at, tries, _target(one))
+            _delivery(job_id, number, found, at, tries, one)
             for number, at, one in zip(numbers, due, to, strict=True)
         ]
 
@@ -188,7 +207,7 @@ class Outbox:
         return next((one for one in self.deliveries(job_id) if one.number == number), None)
 
     def _secrets(self, due: DueDelivery) -> tuple[str, ...]:
-        if _target(due.receiver) is not None:
+        if due.receiver.startswith((keys.NOTIFIED, keys.STARTED)):
             return ()
         return (due.secret,) if due.secret else self.farm_secrets()
 
@@ -209,8 +228,8 @@ class Outbox:
         return renewed
 
 
-def _target(receiver: str) -> str | None:
-    return receiver.removeprefix(keys.NOTIFIED) if receiver.startswith(keys.NOTIFIED) else None
+def _after(prefix: str, receiver: str) -> str | None:
+    return receiver.removeprefix(prefix) if receiver.startswith(prefix) else None
 
 
 def _delivery(
@@ -219,7 +238,7 @@ def _delivery(
     found: dict[str, str],
     due: float | None,
     tries: list[tuple[str, dict[str, str]]],
-    target: str | None,
+    receiver: str,
 ) -> Delivery:
     message = json.loads(found[str(number)])
     state: Any = found[f"{number} state"]
@@ -229,7 +248,8 @@ def _delivery(
         number=number,
         id=message_id(job_id, number),
         event=message["event"],
-        target=target,
+        target=_after(keys.NOTIFIED, receiver),
+        command=_after(keys.STARTED, receiver),
         at=moment(message["at"]),
         state=state,
         next_try_at=moment(due) if state == "waiting" and due is not None else None,

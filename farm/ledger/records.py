@@ -170,6 +170,8 @@ def new_job(
     }
     if spec.notify:
         fields["notify"] = " ".join(spec.notify)
+    if spec.then:
+        fields["then"] = " ".join(spec.then)
     if spec.webhook is not None:
         secret = spec.webhook.secret
         fields["webhook_receiver"] = spec.webhook.receiver

@@ -76,9 +76,8 @@ def serves(worker: Worker, job: Job) -> bool:
 def waits_for(job: Job, kinds: Iterable[Kind], workers: Iterable[Worker] = ()) -> str | None:
     """The worker or the jobs that a job waits for, in words; None if it may be rendered.
 
-    It may be if one of these kinds of workers fits.
-
-    Where workers are blocked for the job, it is the living `workers` that count.
+    `kinds` are those of the living workers. Where some are blocked for the job, the living
+    `workers` themselves count.
     """
     if job.state.value not in {"queued", "rendering"} or job.held:
         return None

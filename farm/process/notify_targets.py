@@ -2,16 +2,10 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Final
-
-from pydantic import TypeAdapter, ValidationError
 
 from plateau.farm.model.errors import FarmError
-from plateau.farm.model.place_names import PlaceName
+from plateau.farm.process.named_lines import read_named_lines
 from plateau.farm.process.settings import Settings
-
-_NAME: Final = TypeAdapter(PlaceName)
 
 
 class BadTargets(FarmError):
@@ -56,35 +50,15 @@ def read_targets(settings: Settings) -> Targets:
         target that it lacks.
     """
     path = settings.notify_file
-    urls = {} if path is None else _read(path)
+    try:
+        urls = {} if path is None else read_named_lines(path, _url, "a URL of apprise")
+    except ValueError as error:
+        raise BadTargets(f"PLATEAU_NOTIFY_FILE: {error}") from None
     for name in settings.notify:
         if name not in urls:
             raise BadTargets(f"PLATEAU_NOTIFY: {UnknownTarget(name, urls)}")
     return Targets(urls, settings.notify)
 
 
-def _read(path: Path) -> dict[str, str]:
-    try:
-        lines = path.read_text(encoding="utf-8").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise BadTargets(f"PLATEAU_NOTIFY_FILE: {path} cannot be read: {error}") from None
-    found: dict[str, str] = {}
-    for number, line in enumerate(map(str.strip, lines), 1):
-        if not line or line.startswith("#"):
-            continue
-        name, _, url = line.partition(" ")
-        if not _is_name(name) or "://" not in url or name in found:
-            raise BadTargets(
-                f"PLATEAU_NOTIFY_FILE: line {number} of {path} must be a new name, a blank and a "
-                "URL of apprise"
-            )
-        found[name] = url.strip()
-    return found
-
-
-def _is_name(text: str) -> bool:
-    try:
-        _NAME.validate_python(text)
-    except ValidationError:
-        return False
-    return True
+def _url(text: str) -> str | None:
+    return text if "://" in text else None

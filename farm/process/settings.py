@@ -194,6 +194,15 @@ class Settings(BaseSettings):
     notify: Annotated[Tags, NoDecode] = Field(
         (), description="those of them, separated by commas, that are notified of every job"
     )
+    commands_file: _File = Field(
+        None,
+        repr=False,
+        description="a file with the commands that jobs may start at their ends, for the API and "
+        "the monitors: lines of a name, a blank and a command",
+    )
+    command_limit_s: float = Field(
+        3600.0, gt=0, le=7 * _DAY_S, description="after this time a monitor ends such a command"
+    )
     alive_file: Path | None = Field(
         None,
         description="a file that a worker or a monitor touches at each heartbeat, for probes; it "

@@ -71,6 +71,14 @@ def submit(
             "whole batch, has ended; may be repeated.",
         ),
     ] = None,
+    then: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME",
+            help="Command, named by the farm's operator, that is started once the job has ended, "
+            "in whichever state; may be repeated.",
+        ),
+    ] = None,
     url: o.Url = None,
     as_json: o.Json = False,
 ) -> None:
@@ -85,9 +93,9 @@ def submit(
     """
     from plateau.commands.batches import submit as submit_batch
     from plateau.commands.jobs import submit as run
-    from plateau.commands.webhooks import with_targets, with_webhook
+    from plateau.commands.webhooks import with_names, with_webhook
 
-    spec = with_targets(with_webhook(spec, webhook, webhook_event or ()), notify or ())
+    spec = with_names(with_webhook(spec, webhook, webhook_event or ()), notify=notify, then=then)
     if zipped and not each:
         raise typer.BadParameter("--zipped combines the values of --each: give some")
     if parameters is None and not each:

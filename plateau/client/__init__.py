@@ -26,6 +26,7 @@ from plateau.client.errors import (
     Unreachable,
 )
 from plateau.client.events import (
+    CommandEvent,
     FinishedEvent,
     ImageEvent,
     PointEvent,
@@ -43,6 +44,7 @@ __all__ = [
     "BrokenScene",
     "Client",
     "ClientError",
+    "CommandEvent",
     "Damaged",
     "FinishedEvent",
     "ImageEvent",

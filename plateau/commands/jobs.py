@@ -212,7 +212,7 @@ def _state(name: str | None) -> JobState | None:
 
 
 def _warn_of_waiting(jobs: Sequence[JobView]) -> None:
-    """Name on standard error the jobs that no worker can render."""
+    """Name on standard error the jobs that wait for others, or that no worker can render."""
     for job in jobs[:_WAITING]:
         tell(f"job {job.id} {job.waits_for}")
     if len(jobs) > _WAITING:

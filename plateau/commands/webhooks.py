@@ -37,19 +37,20 @@ def with_webhook(spec: JobSpec, url: str | None, events: Sequence[str]) -> JobSp
         raise CommandFailed(f"{name}: {input_errors.message(found)}") from None
 
 
-def with_targets(spec: JobSpec, names: Sequence[str]) -> JobSpec:
-    """The spec with these targets of notifications."""
+def with_names(spec: JobSpec, **fields: Sequence[str] | None) -> JobSpec:
+    """The spec with these names that the operator gives: of targets, and of commands."""
+    given = {field: tuple(names) for field, names in fields.items() if names}
     try:
-        found = JobSpec.model_validate({"notify": tuple(names)})
+        found = JobSpec.model_validate(given)
     except ValidationError as error:
-        message = input_errors.message(error.errors()[0])
-        raise CommandFailed(f"--notify: {message}") from None
-    return spec.model_copy(update={"notify": found.notify})
+        first = error.errors()[0]
+        raise CommandFailed(f"--{first['loc'][0]}: {input_errors.message(first)}") from None
+    return spec.model_copy(update={field: getattr(found, field) for field in given})
 
 
 def undelivered(client: Client, job: JobView) -> list[str]:
     """A line for each message about the job that was tried and not delivered."""
-    if job.spec.webhook is None and not job.spec.notify:
+    if job.spec.webhook is None and not job.spec.notify and not job.spec.then:
         return []
     return [
         f"{one.number} ({_what(one)}): {one.state.replace('-', ' ')} after {_tries(one)}, "
@@ -91,7 +92,8 @@ def _row(one: Delivery) -> tuple[str, ...]:
 
 
 def _what(one: Delivery) -> str:
-    return one.event if one.target is None else f"{one.event} → {one.target}"
+    receiver = one.target or one.command
+    return one.event if receiver is None else f"{one.event} → {receiver}"
 
 
 def _tries(one: Delivery) -> str:

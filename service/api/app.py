@@ -18,6 +18,7 @@ from plateau.farm.ledger.scene_index import SceneIndex
 from plateau.farm.ledger.visibility import Visibilities
 from plateau.farm.ledger.workers import Workers
 from plateau.farm.process.addresses import Receivers
+from plateau.farm.process.allowed_commands import AllowedCommands
 from plateau.farm.process.notify_targets import Targets
 from plateau.farm.redis.client import RedisClient
 from plateau.farm.wire.costs import Price
@@ -71,6 +72,7 @@ def create_app(
     access: Access = Access.UNTIL_KEYS,
     webhook_allow: tuple[str, ...] = (),
     targets: Targets | None = None,
+    commands: AllowedCommands | None = None,
     price: Price | None = None,
 ) -> FastAPI:
     """Make the API over this Redis and this blob store; it closes the hub and the checks.
@@ -118,6 +120,7 @@ def create_app(
         workers=Workers(client),
         receivers=Receivers(webhook_allow),
         targets=targets or Targets(),
+        commands=commands or AllowedCommands(),
         price=price,
     )
     app.state.parts = parts

@@ -20,6 +20,7 @@ from plateau.farm.bundle import BundleLimits, known_plugins
 from plateau.farm.ledger.api_keys import ApiKeys
 from plateau.farm.model.errors import StoreUnavailable
 from plateau.farm.process.addresses import is_loopback
+from plateau.farm.process.allowed_commands import read_commands
 from plateau.farm.process.notify_targets import read_targets
 from plateau.farm.process.settings import Settings
 from plateau.farm.redis.link import connect
@@ -108,7 +109,7 @@ def run(
         max_bytes=round(settings.max_upload_gb * 2**30), plugins=known_plugins(settings.plugins)
     )
     checks = SceneChecks(limits)
-    targets = read_targets(settings)
+    targets, commands = read_targets(settings), read_commands(settings)
     client = connect(settings.redis_url)
     access = access_at(host, ApiKeys(client), open_to_all=open_to_all)
     if tls is not None:
@@ -126,6 +127,7 @@ def run(
         access=access,
         webhook_allow=settings.webhook_allow,
         targets=targets,
+        commands=commands,
         price=Price.if_set(settings),
     )
     descriptors = raise_descriptor_limit()

@@ -8,6 +8,7 @@ import uvicorn
 
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.bundle import BundleLimits
+from plateau.farm.process.allowed_commands import AllowedCommands
 from plateau.farm.process.notify_targets import Targets
 from plateau.farm.redis.link import connect
 from plateau.farm.wire.costs import Price
@@ -30,6 +31,7 @@ def live_api(
     access: Access = Access.UNTIL_KEYS,
     webhook_allow: tuple[str, ...] = (),
     targets: Targets | None = None,
+    commands: AllowedCommands | None = None,
     grace_s: int = 8,
     price: Price | None = None,
 ) -> Iterator[str]:
@@ -48,6 +50,7 @@ def live_api(
         access=access,
         webhook_allow=webhook_allow,
         targets=targets,
+        commands=commands,
         price=price,
     )
     config = server_config(app, grace_s=grace_s, log_level="critical")

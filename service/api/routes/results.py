@@ -151,7 +151,8 @@ async def get_events(
     be the final one; `point` (a point of the curve); `slice` (index, worker); `trouble` (index,
     worker, cause: a worker died on a slice, or a partial was lost); and `finished`, once all
     results are written, after which the stream ends. An event's `id` resumes the stream. With
-    `Accept: application/json`, the answer lists the events so far.
+    `Accept: application/json`, the answer lists the events so far, and also `command` (name,
+    exit_code, words) for each command of `spec.then` that has ended.
     """
     farm = parts_of(request)
     media_type = chosen(accept, (_SSE, _JSON))
@@ -160,8 +161,10 @@ async def get_events(
     if media_type == _JSON:
         happened = Happened(events=await run_in_threadpool(farm.jobs.events, job.id, start))
         return Response(happened.model_dump_json(), media_type=_JSON, headers={"Vary": "Accept"})
-    if job.finished_at is not None and not await run_in_threadpool(farm.jobs.events, job.id, start):
-        return Response(status_code=204)
+    if job.finished_at is not None:  # what comes after `finished`, no stream has
+        left = await run_in_threadpool(farm.jobs.events, job.id, start)
+        if all(one.type != "finished" for one in left):
+            return Response(status_code=204)
     return StreamingResponse(
         _frames(farm, job.id, start, who),
         media_type=_SSE,

@@ -77,7 +77,7 @@ function fetched(path, options = {}) {
  * @param {AbortSignal} [signal]
  */
 export async function get(path, signal) {
-  return (await fetched(path, { signal })).json();
+  return (await fetched(path, { signal, headers: { Accept: "application/json" } })).json();
 }
 
 /**
