@@ -188,7 +188,7 @@ def amount(core_hours: float, money: tuple[float, str] | None = None) -> str:
 def summary(job: Job, now: datetime, waits_for: str | None = None) -> str:
     """A job in a few lines; `waits_for` says which worker it lacks, if any."""
     rows = [("state", job.state.value), ("reason", job.reason)]
-    if waits_for and not job.awaits:  # otherwise the reason says it
+    if waits_for and waits_for != job.reason:  # otherwise the reason says it
         rows.append(("workers", f"it {waits_for}"))
     if job.spec.blocked:
         rows.append(("blocked", ", ".join(job.spec.blocked)))

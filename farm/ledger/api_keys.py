@@ -58,6 +58,12 @@ class KeyLimits(BaseModel):
     open_jobs: int | None = Field(
         ge=1, le=1_000_000_000, description="most jobs that have not ended; null: any"
     )
+    jobs_at_once: int | None = Field(
+        None,
+        ge=1,
+        le=1_000_000_000,
+        description="most jobs that are rendered at once, further ones wait; null: any",
+    )
     scenes_bytes: int | None = Field(
         None, ge=1, le=2**60, description="most bytes of scenes that it has stored; null: any"
     )

@@ -118,6 +118,7 @@ def _job(fields: dict[str, str], sealed: dict[str, str]) -> Job:
         spp=spp,
         held="held" in fields and fields["state"] == JobState.QUEUED,
         awaits=int(fields.get("awaits", 0)),
+        awaits_turn="turn" in fields,
         image_spp=_image_spp(fields),
         committed_spp=committed_spp(fields, spec.slice_spp),
         points=int(fields["points"]),
@@ -168,6 +169,8 @@ def new_job(
         "points": 0,
         "machine_ms": 0,
     }
+    if spec.at_once is not None:
+        fields["at_once"] = spec.at_once
     if spec.notify:
         fields["notify"] = " ".join(spec.notify)
     if spec.then:

@@ -81,7 +81,7 @@ def waits_for(job: Job, kinds: Iterable[Kind], workers: Iterable[Worker] = ()) -
     """
     if job.state.value not in {"queued", "rendering"} or job.held:
         return None
-    if job.awaits:
+    if job.awaits or job.awaits_turn:
         return job.reason
     if job.spec.blocked:
         is_served = any(serves(worker, job) for worker in workers)

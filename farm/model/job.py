@@ -136,6 +136,11 @@ class Job(_Record):
     awaits: int = Field(
         0, description="how many of `spec.after` have not ended yet; `reason` names them"
     )
+    awaits_turn: bool = Field(
+        False,
+        description="whether it waits for its turn: as many jobs of its key or its batch are "
+        "rendered as may be at once",
+    )
     image_spp: int | None = Field(
         None, description="samples per pixel of the newest image that can be fetched, if any can"
     )

@@ -96,6 +96,12 @@ class Settings(BaseSettings):
         le=1_000_000_000,
         description="how many jobs of a new API key may be open at once",
     )
+    key_jobs_at_once: int | None = Field(
+        None,
+        ge=1,
+        le=1_000_000_000,
+        description="how many jobs of a new API key may be rendered at once; unset, any",
+    )
     lease_s: float = Field(
         15.0, gt=0, le=_DAY_S, description="a lease not renewed for this long may be reclaimed"
     )

@@ -97,6 +97,7 @@ _MONITOR: Final = (
     keys.GUARDED,
     keys.GATES,
     f"{PREFIX}gate:*",
+    f"{PREFIX}turns:*",
     keys.batch("*"),
     keys.SCENES,
     keys.SCENES_USED,

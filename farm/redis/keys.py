@@ -37,6 +37,9 @@ plateau:batches:guarded   set     batches whose jobs must all stop alike        
 plateau:batch:NAME        zset    the batch's jobs, scored as in plateau:jobs          its jobs'
 plateau:gate:GATE         set     jobs that wait for the gate, "job ID" or "batch      till open
                                   NUMBER NAME"; see after.lua
+plateau:turns:had:GROUP   set     jobs that have their turn in the group, "key ID" or    till done
+                                  "batch NAME"; see turns.lua
+plateau:turns:held:GROUP  zset    jobs that wait for theirs, the next first            till theirs
 plateau:gates             zset    gates of batches, scored by their numbers            till open
 plateau:scenes            hash    scene SHA-256 → JSON summary                         the scene's
 plateau:scenes:used       zset    scene SHA-256, scored by its last use (ms)           the scene's
@@ -82,6 +85,7 @@ plateau:job:ID:outrun     hash    entry whose slice another try committed → th
                                   of that try; till its own worker reports
 plateau:job:ID:ledger     hash    slice index → JSON of its commit                     the job's
 plateau:job:ID:after      zset    gates that it waits for, in the order of its spec    till open
+plateau:job:ID:turns      set     groups in which it has its turn, or waits for it     till done
 plateau:job:ID:rounds     zset    JSON of each round that an image has decided, by     the job's
                                   zones; scored by the index of its first slice
 plateau:job:ID:seeds      zset    "first-last" of each commit, scored by first         till done
@@ -169,7 +173,7 @@ GROUP: Final = "workers"
 JOB_PARTS: Final = (
     *("slices", "lost", "leases", "paces", "outrun", "ledger", "seeds", "deaths", "spoiled"),
     *("curve", "events", "log", "sealed", "digests", "webhook", "deliveries", "tries"),
-    *("owner", "fence", "rounds", "after"),
+    *("owner", "fence", "rounds", "after", "turns"),
 )
 
 

@@ -39,6 +39,7 @@ _NAMESPACES: Final = {
     "Member": "members",
     "New": "new_jobs",
     "After": "after",
+    "Turn": "turns",
 }
 #: The subjects of commands: for workers, and all others.
 _FOR_WORKERS: Final = ("lease", "slices", "workers")

@@ -72,6 +72,13 @@ def create(
             help="Jobs that it may have open at once.", show_default="PLATEAU_KEY_OPEN_JOBS"
         ),
     ] = None,
+    jobs_at_once: Annotated[
+        int | None,
+        typer.Option(
+            help="Jobs that are rendered at once; further ones wait for their turn.",
+            show_default="PLATEAU_KEY_JOBS_AT_ONCE",
+        ),
+    ] = None,
     key_from: Annotated[
         Path | None,
         typer.Option(
@@ -101,6 +108,7 @@ def create(
             "upload_gb": upload_gb,
             "scenes_gb": scenes_gb,
             "open_jobs": open_jobs,
+            "jobs_at_once": jobs_at_once,
         },
         key_from=key_from,
         as_json=as_json,

@@ -66,7 +66,16 @@ Json = Annotated[bool, typer.Option("--json", help="Print JSON, for scripts.")]
 NoCurve = Annotated[bool, typer.Option("--no-curve", help="Show progress without the curve.")]
 
 #: Options that choose among many workers and jobs; useless for a single job.
-AMONG_MANY: Final = ("pool", "require", "block", "after", "priority", "batch", "flicker_guard")
+AMONG_MANY: Final = (
+    "pool",
+    "require",
+    "block",
+    "after",
+    "priority",
+    "batch",
+    "at_once",
+    "flicker_guard",
+)
 
 #: A `plateau.farm.model.spec.JobSpec`, made by `takes_spec`. Its module is imported only when a
 #: command runs.
@@ -265,6 +274,12 @@ def spec_from_options(
         str | None, typer.Option(help="What the job is called.", show_default="as its scene is")
     ] = None,
     batch: Annotated[str | None, typer.Option(help="Batch that the job belongs to.")] = None,
+    at_once: Annotated[
+        int | None,
+        typer.Option(
+            help="Most jobs of the batch that are rendered at once; others wait for their turn."
+        ),
+    ] = None,
     flicker_guard: Annotated[
         bool,
         typer.Option(

@@ -90,6 +90,13 @@ class SharedSpec(Strict):
     batch: str | None = Field(
         default=None, min_length=1, max_length=100, description="a name that groups jobs"
     )
+    at_once: int | None = Field(
+        default=None,
+        ge=1,
+        le=1000,
+        description="while so many jobs of its batch are rendered that have such a limit, it waits "
+        "for its turn, by priority and age",
+    )
     flicker_guard: bool = Field(
         default=False,
         description="guard the batch: every job of it has to stop alike (rule, min_spp, step, "

@@ -68,9 +68,12 @@ function After.gates(names)
   return gates
 end
 
--- A new job waits for these gates.
+-- A new job waits for these gates, or for its turn.
 function After.wait(id, gates)
-  if #gates == 0 then return end
+  if #gates == 0 then
+    Turn.ask(id)
+    return
+  end
   for i, gate in ipairs(gates) do
     redis.call('ZADD', job_key(id, 'after'), i, gate)
     redis.call('SADD', gate_key(gate), id)
@@ -99,10 +102,7 @@ local function open(gate)
       note_wait(id)
     else
       redis.call('HDEL', job_key(id), 'awaits')
-      redis.call('HSET', job_key(id), 'reason', 'waiting for a worker')
-      changed[id], has_more[id] = true, true
-      Outbox.announce(id, 'state', {from = 'queued', to = 'queued',
-                                    reason = 'all that it waited for has ended well'})
+      if Turn.ask(id) then Job.may_begin(id, 'all that it waited for has ended well') end
     end
   end
 end
@@ -131,6 +131,7 @@ end
 -- A job is done, or lost: what waited for it, or for its batch, goes on or is cancelled.
 function After.settle(id)
   wait_no_more(id)
+  Turn.give_back(id)
   local how = standing(id)
   if how == 'well' then open('job ' .. id) else shut('job ' .. id, id, how) end
   local batch, place = unpack(redis.call('HMGET', job_key(id), 'batch', 'number'))

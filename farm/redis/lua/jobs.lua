@@ -137,6 +137,13 @@ function Job.end_with(id, target, reason)
   return true, state
 end
 
+-- A queued job that had to wait may be rendered from now on.
+function Job.may_begin(id, why)
+  redis.call('HSET', job_key(id), 'reason', 'waiting for a worker')
+  changed[id], has_more[id] = true, true
+  Outbox.announce(id, 'state', {from = 'queued', to = 'queued', reason = why})
+end
+
 -- Is this the token of the monitor that owns the job?
 function Job.is_owned(id, token)
   return redis.call('GET', job_key(id, 'owner')) == token

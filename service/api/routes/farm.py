@@ -171,6 +171,7 @@ _KEY: Final[JsonDict] = {
         "burst": 200,
         "upload_bytes": 500_000_000,
         "open_jobs": 10_000,
+        "jobs_at_once": 20,
         "scenes_bytes": 53_687_091_200,
     },
 }

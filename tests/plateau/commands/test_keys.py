@@ -96,6 +96,7 @@ class TestTheCommands:
             "burst": 9,
             "upload_bytes": 2**29,
             "open_jobs": 10_000,
+            "jobs_at_once": None,
             "scenes_bytes": 50 * 2**30,
         }
 
