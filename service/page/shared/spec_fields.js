@@ -80,8 +80,9 @@ export const WORKERS = [
 ];
 
 /** @type {FieldAbout[]} */
-export const NOTIFY = [
+export const AT_ITS_END = [
   { name: "notify", label: "Notify", help: "Targets that the farm's operator has named, separated by commas. They hear of its end." },
+  { name: "then", label: "Then", help: "Commands that the farm's operator allows, by their names, separated by commas. They are started at its end." },
 ];
 
 /** @type {FieldAbout[]} */
@@ -97,7 +98,7 @@ export const WEBHOOK = [
  */
 export function describe(schema) {
   const parts = schema.$defs ?? {};
-  for (const fields of [LIMITS, MORE, WORKERS, NOTIFY]) complete(fields, schema);
+  for (const fields of [LIMITS, MORE, WORKERS, AT_ITS_END]) complete(fields, schema);
   for (const [fields, part] of /** @type {[FieldAbout[], string][]} */ ([
     [VIEW, "ViewSpec"], [ZONES, "ZonesAllocation"], [EXR, "ExrSpec"], [WEBHOOK, "WebhookSpec"],
   ])) complete(fields, parts[part]);

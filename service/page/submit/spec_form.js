@@ -2,7 +2,7 @@
 
 import { h } from "../shared/dom.js";
 import { Field, fieldsOf } from "../shared/form_fields.js";
-import { AOVS, EXR, LIMITS, MORE, NOTIFY, VIEW, WEBHOOK, WORKERS } from "../shared/spec_fields.js";
+import { AOVS, AT_ITS_END, EXR, LIMITS, MORE, VIEW, WEBHOOK, WORKERS } from "../shared/spec_fields.js";
 import { AllocationChoice } from "./allocation_choice.js";
 import { DenoiseChoice } from "./denoise_choice.js";
 import { RuleChoice } from "./rule_choice.js";
@@ -15,7 +15,7 @@ export class SpecForm {
   #limits = fieldsOf("spec", LIMITS);
   #more = fieldsOf("spec", MORE);
   #workers = fieldsOf("spec", WORKERS);
-  #notify = fieldsOf("spec", NOTIFY);
+  #atItsEnd = fieldsOf("spec", AT_ITS_END);
   #webhook = fieldsOf("spec.webhook", WEBHOOK);
   #exr = fieldsOf("spec.exr", EXR);
   #aovs = Object.keys(AOVS).map((name) => h("input", { type: "checkbox", value: name }));
@@ -36,7 +36,7 @@ export class SpecForm {
       h("details", {}, h("summary", {}, "More"),
         h("div", { class: "fields" }, this.#more.elements, this.#background.element),
         h("fieldset", {}, h("legend", {}, "Who renders it?"), h("div", { class: "fields small" }, this.#workers.elements)),
-        h("fieldset", {}, h("legend", {}, "Who hears of it?"), h("div", { class: "fields" }, this.#notify.elements, this.#webhook.elements)),
+        h("fieldset", {}, h("legend", {}, "Who hears of it, and what comes then?"), h("div", { class: "fields" }, this.#atItsEnd.elements, this.#webhook.elements)),
         h("fieldset", { class: "watch" }, h("legend", {}, "Beside colour, image.exr has"),
           Object.values(AOVS).map((title, place) => h("label", { class: "toggle" }, this.#aovs[place], title))),
         h("div", { class: "fields small" }, this.#exr.elements),
@@ -49,7 +49,7 @@ export class SpecForm {
   }
 
   get fields() {
-    const groups = [this.#view, this.#limits, this.#more, this.#workers, this.#notify, this.#webhook, this.#exr];
+    const groups = [this.#view, this.#limits, this.#more, this.#workers, this.#atItsEnd, this.#webhook, this.#exr];
     return [...this.rule.fields, ...this.#allocation.fields, ...groups.flatMap(({ fields }) => fields), this.#background];
   }
 
@@ -68,7 +68,7 @@ export class SpecForm {
     const background = this.#background.value;
     const webhook = this.#webhook.values();
     return {
-      ...this.#limits.values(), ...this.#more.values(), ...this.#workers.values(), ...this.#notify.values(),
+      ...this.#limits.values(), ...this.#more.values(), ...this.#workers.values(), ...this.#atItsEnd.values(),
       ...this.#allocation.values(), ...this.#denoise.values(), ...this.rule.values(),
       ...(webhook.url && { webhook }),
       view: { ...this.#view.values(), ...(background === undefined ? {} : { background: String(background).split(",").map(Number) }) },
