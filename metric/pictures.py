@@ -128,21 +128,22 @@ def samples_map(spp: NDArray[Any]) -> NDArray[np.uint8]:
     return codes.astype(np.uint8)
 
 
-def heat_map(heat: Plane) -> NDArray[np.uint8]:
+def heat_map(heat: Plane, most: float = _MOST_HEAT) -> NDArray[np.uint8]:
     """Return where a person would see an error, as indices of `SAMPLES_PALETTE`, (H, W).
 
     Parameters
     ----------
     heat
         The map of `plateau.metric.cvvdp.Quality`, (H, W) of 0 or more: what is lost, over 10 JOD.
-        From `_MOST_HEAT` on all pixels have the last colour.
+    most
+        The value from which on all pixels have the last colour; by default 3 JOD are lost there.
 
     Examples
     --------
     >>> heat_map(np.array([[0, 0.15, 0.3, 1]], np.float32)).tolist()
     [[0, 128, 255, 255]]
     """
-    codes: NDArray[Any] = np.rint(255 * np.minimum(heat / np.float32(_MOST_HEAT), 1))
+    codes: NDArray[Any] = np.rint(255 * np.minimum(heat / np.float32(most), 1))
     return codes.astype(np.uint8)
 
 

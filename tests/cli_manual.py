@@ -63,7 +63,7 @@ TASKS: Final[tuple[tuple[str, str, tuple[str, ...]], ...]] = (
             "A batch is several jobs under one name, such as the frames of an animation: "
             "[animation.md](animation.md)."
         ),
-        ("batches", "batch", "movie"),
+        ("batches", "batch", "shot", "movie"),
     ),
     (
         "Ask observers",

@@ -105,6 +105,11 @@ def preview(job_id: str, spp: int) -> str:
     return f"{previews(job_id)}{spp:07d}.png"
 
 
+def flicker_map(shot_id: str, look: int) -> str:
+    """The name of the map of where a look has seen noise in the shot with this first frame."""
+    return f"{of_job(shot_id)}shot/flicker-{look:04d}.png"
+
+
 def spp_of_preview(name: str) -> int:
     """The spp in the name that `preview` gave."""
     return int(name.rpartition("/")[2].removesuffix(".png"))

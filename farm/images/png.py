@@ -2,7 +2,7 @@
 
 import io
 import zlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -49,6 +49,45 @@ def encode_png(
     for keyword, text in (texts or {}).items():
         chunks.add_text(keyword, text)
     picture.save(stream, "PNG", compress_level=1, compress_type=zlib.Z_RLE, pnginfo=chunks)
+    return stream.getvalue()
+
+
+def encode_film(pictures: Sequence[bytes], fps: float, longest: int) -> bytes:
+    """Return PNG files as one animated PNG, which plays for ever.
+
+    Parameters
+    ----------
+    pictures
+        The frames, of one size, 1 or more.
+    fps
+        Frames per second.
+    longest
+        The most pixels of the longer side; larger frames are scaled down.
+
+    Raises
+    ------
+    ValueError
+        One is no PNG file, or damaged.
+    """
+    frames = []
+    for content in pictures:
+        try:
+            with Image.open(io.BytesIO(content), formats=("PNG",)) as picture:
+                frame = picture.convert("RGB")
+        except (UnidentifiedImageError, OSError, SyntaxError, ValueError) as error:
+            raise ValueError(f"not a readable PNG file: {error}") from error
+        frame.thumbnail((longest, longest), Image.Resampling.BOX)
+        frames.append(frame)
+    stream = io.BytesIO()
+    frames[0].save(
+        stream,
+        "PNG",
+        save_all=True,
+        append_images=frames[1:],
+        duration=1000 / fps,
+        loop=0,
+        compress_level=1,
+    )
     return stream.getvalue()
 
 

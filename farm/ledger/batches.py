@@ -9,9 +9,11 @@ from enum import Enum
 from typing import Final
 
 from plateau.farm.ledger import guarded_batches, records
+from plateau.farm.ledger.shots import ShotRecord, Shots, summary
 from plateau.farm.model.batch import Batch, BatchLine, Member, Steered, summarise
 from plateau.farm.model.errors import BatchNotFound, UnevenBatch
 from plateau.farm.model.job import moment
+from plateau.farm.model.shot import Shot
 from plateau.farm.model.spec import JobSpec, stored_spec
 from plateau.farm.model.states import JobState
 from plateau.farm.redis import keys
@@ -28,7 +30,7 @@ _AT_ONCE: Final = 250
 #: The fields of a job's hash that a summary needs.
 _FIELDS: Final = (
     *("state", "spec", "spp", "committed", "committed_samples", "slice_spp", "machine_ms"),
-    *("latest", "width", "height"),
+    *("latest", "width", "height", "shot"),
     *("created_at", "started_at", "ended_at", "finished_at", "held", "samples_saved"),
 )
 
@@ -47,6 +49,7 @@ class Batches:
     def __init__(self, client: RedisClient) -> None:
         self._redis = client
         self._scripts = Scripts(client)
+        self.shots = Shots(client)
 
     def page(
         self, *, before: int | None = None, limit: int = 20
@@ -77,7 +80,26 @@ class Batches:
         if not members:
             raise BatchNotFound(name)
         now = moment(int(seconds) * 1000 + int(microseconds) / 1000)
-        return summarise(name, members, guarded=bool(guarded), now=now)
+        return summarise(
+            name, members, guarded=bool(guarded), now=now, shot=self._newest_shot(members)
+        )
+
+    def shot(self, name: str) -> ShotRecord | None:
+        """The newest shot of the batch, or None where it has none; `BatchNotFound` without it."""
+        with unavailable_as_farm_error():
+            job_ids = self._redis.zrevrange(keys.batch(name), 0, -1)
+            pipe = self._redis.pipeline(transaction=False)
+            for job_id in job_ids:
+                pipe.hget(keys.job(job_id), "shot")
+            found = next(filter(None, pipe.execute()), None)
+        if not job_ids:
+            raise BatchNotFound(name)
+        return None if found is None else self.shots.get(found)
+
+    def _newest_shot(self, members: list[Member]) -> Shot | None:
+        found = next((one.shot for one in reversed(members) if one.shot is not None), None)
+        record = None if found is None else self.shots.get(found)
+        return None if record is None else summary(record)
 
     def guard(self, name: str, check: Callable[[str, str | None], None] = lambda *_: None) -> Batch:
         """Let the batch take only jobs that stop as its own do; repeating it is harmless.
@@ -211,6 +233,7 @@ def _member(job_id: str, fields: dict[str, str | None], specs: dict[str, JobSpec
         estimate_fraction=latest.get("estimate_fraction"),
         expected_spp=latest.get("expected_spp"),
         film=(int(width), int(height)) if width and height else None,
+        shot=fields["shot"],
         machine_s=int(fields["machine_ms"] or 0) / 1000,
         samples_saved=int(fields["samples_saved"] or 0),
         created_at=moment(fields["created_at"] or 0),

@@ -40,7 +40,7 @@ from plateau.rules import MOST_SPP, as_offered
 #: The fields of a spec that determine the samples, ...
 _SAMPLING: Final = ("slice_spp", "variant", "seed", "sensor", "parameters", "allocation")
 #: ... that the new job does not inherit, ...
-_OWN: Final = ("batch", "at_once", "flicker_guard", "webhook", "notify", "after", "then")
+_OWN: Final = ("batch", "at_once", "flicker_guard", "shot", "webhook", "notify", "after", "then")
 #: ... and that all points of a curve have in common.
 _JUDGING: Final = ("view", "step", "zones", "denoise")
 
@@ -193,7 +193,7 @@ def changed_spec(spec: JobSpec, changes: dict[str, Any]) -> dict[str, Any]:
     """The fields of the spec with these changes: a JSON merge patch (RFC 7396), with one exception.
 
     Objects are merged and null means the default. The exception: a rule, an allocation or a
-    denoising with a name replaces the whole of it. The batch, the guard, the webhook, the
+    denoising with a name replaces the whole of it. The batch, the guard, the shot, the webhook, the
     targets of notifications, the commands and the jobs that it came after are not inherited.
     """
     had: dict[str, Any] = _merged(spec.model_dump(mode="json"), dict.fromkeys(_OWN))

@@ -120,6 +120,8 @@ class Jobs:
             records.new_job(spec, name=name, scene_sha256=scene_sha256, owner=owner, notes=notes)
             for spec in specs
         )
+        if specs[0].shot is not None:
+            jobs = records.as_shot(jobs)
         made = Made(outcome="changed")
         while made.outcome == "changed":  # another job has joined the batch since it was compared
             compared = guarded_batches.compared(self._redis, batch, specs[0]) if batch else ""

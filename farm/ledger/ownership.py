@@ -15,6 +15,7 @@ from plateau.farm.ledger.queue import SliceRecord
 from plateau.farm.ledger.records import slice_record
 from plateau.farm.model.errors import FenceLost, IllegalTransition
 from plateau.farm.model.rounds import Round
+from plateau.farm.model.shot import FrameWait
 from plateau.farm.model.states import JobState
 from plateau.farm.redis import keys
 from plateau.farm.redis.client import RedisClient
@@ -124,10 +125,18 @@ class Ownerships:
         """The job's last checkpoint, if it has one."""
         return checkpoint_of(self._redis, job_id)
 
-    def save_checkpoint(self, owned: Ownership, checkpoint: Checkpoint) -> None:
-        """Note the job's last checkpoint."""
-        known = checkpoint.model_dump_json()
-        self._checked(Save(job=owned.job_id, token=owned.token, checkpoint=known))
+    def save_checkpoint(
+        self, owned: Ownership, checkpoint: Checkpoint, waits: FrameWait | None = None
+    ) -> None:
+        """Note the job's last checkpoint, and that it waits with that for a look at its shot."""
+        self._checked(
+            Save(
+                job=owned.job_id,
+                token=owned.token,
+                checkpoint=checkpoint.model_dump_json(),
+                waits=None if waits is None else waits.model_dump_json(),
+            )
+        )
 
     def glimpse(self, job_id: str) -> str | None:
         """The blob of the first pass of the job's first slice, as long as it has no results."""

@@ -12,6 +12,7 @@ from plateau.farm.blobs import store as blobs
 from plateau.farm.model import fit
 from plateau.farm.model.errors import UnreadableJob
 from plateau.farm.model.job import CurvePoint, Event, Job, moment
+from plateau.farm.model.shot import FrameAnswer, FrameOfShot, FrameWait
 from plateau.farm.model.spec import JobSpec, stored_spec
 from plateau.farm.model.spec.whole_slices import fitted
 from plateau.farm.model.states import JobState
@@ -138,6 +139,7 @@ def _job(fields: dict[str, str], sealed: dict[str, str]) -> Job:
         continues=fields.get("continues"),
         continued_spp=int(fields.get("continued_spp", 0)),
         paused_s=int(fields.get("paused_ms", 0)) / 1000,
+        in_shot=frame_of_shot(fields),
         **times,
         **filed,
     )
@@ -182,6 +184,23 @@ def new_job(
         fields["webhook_url"] = spec.webhook.url
         fields["webhook_secret"] = "" if secret is None else secret.get_secret_value()
     return NewJob(secrets.token_hex(6), fields)
+
+
+def frame_of_shot(fields: Mapping[str, str | None]) -> FrameOfShot | None:
+    """How a frame of a shot stands; None of another job."""
+    shot, waits, answer = map(fields.get, ("shot", "shot_waits", "shot_answer"))
+    if not shot:
+        return None
+    return FrameOfShot(
+        id=shot,
+        waits=FrameWait.model_validate_json(waits) if waits else None,
+        answer=FrameAnswer.model_validate_json(answer) if answer else None,
+    )
+
+
+def as_shot(jobs: tuple[NewJob, ...]) -> tuple[NewJob, ...]:
+    """These jobs as the frames of one shot."""
+    return tuple(NewJob(job.id, {**job.fields, "shot": jobs[0].id}) for job in jobs)
 
 
 def _notes(fields: dict[str, str]) -> tuple[str, ...]:

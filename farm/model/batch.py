@@ -10,6 +10,7 @@ from typing import Final
 from pydantic import BaseModel, ConfigDict, Field
 
 from plateau.farm.model.flicker import Value, differences, stops_by
+from plateau.farm.model.shot import Shot
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
 
@@ -98,6 +99,7 @@ class Batch(_Record):
         "cannot be said",
     )
     guard: Guard
+    shot: Shot | None = Field(None, description="its newest shot, if it is one")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -113,6 +115,7 @@ class Member:
     estimate_fraction: float | None
     expected_spp: int | None
     film: tuple[int, int] | None
+    shot: str | None = None  #: of which it is a frame
     machine_s: float
     samples_saved: int
     created_at: datetime
@@ -141,7 +144,9 @@ class Steered:
     why_not: str | None
 
 
-def summarise(name: str, members: list[Member], *, guarded: bool, now: datetime) -> Batch:
+def summarise(
+    name: str, members: list[Member], *, guarded: bool, now: datetime, shot: Shot | None = None
+) -> Batch:
     """The batch of these jobs, at least one, in the order in which they were made."""
     ended = [member.ended_at for member in members if member.ended_at is not None]
     started = [member.started_at for member in members if member.started_at is not None]
@@ -161,6 +166,7 @@ def summarise(name: str, members: list[Member], *, guarded: bool, now: datetime)
         ended_at=max(ended) if len(ended) == len(members) else None,
         forecast_end_at=_forecast(members, now),
         guard=_guard(members, guarded=guarded),
+        shot=shot,
     )
 
 

@@ -5,6 +5,7 @@ from typing import Final, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from plateau.farm.model.shot import FrameOfShot
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
 
@@ -207,6 +208,7 @@ class Job(_Record):
     continued_spp: int = Field(
         0, description="up to this spp, samples and points of the curve are that job's"
     )
+    in_shot: FrameOfShot | None = Field(None, description="of a frame of a shot: how it stands")
     created_at: datetime
     started_at: datetime | None = None
     paused_at: datetime | None = Field(None, description="since when it is paused, where it is")

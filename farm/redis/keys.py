@@ -102,6 +102,9 @@ plateau:job:ID:digests    hash    blob, without jobs/ID/ → SHA-256 of its byte
 plateau:job:ID:webhook    hash    its webhook's receiver, url and secret                the job's
 plateau:job:ID:deliveries hash    number → JSON of a webhook's message, its state, …   the job's
 plateau:job:ID:tries      stream  how tries of deliveries ended, ~1000                 the job's
+plateau:job:ID:shot       hash    of a shot's first frame: ``frames`` (JSON of ids), the  the job's
+                                  number of ``looks``, ``look:0`` … (JSON), ``why``;
+                                  ``over`` once it was the last
 plateau:job:ID:owner      string  fencing token of the monitor that owns the job       15 s
 plateau:job:ID:fence      string  counter: fencing tokens given out                    the job's
 ========================= ======= ==================================================== =========
@@ -173,7 +176,7 @@ GROUP: Final = "workers"
 JOB_PARTS: Final = (
     *("slices", "lost", "leases", "paces", "outrun", "ledger", "seeds", "deaths", "spoiled"),
     *("curve", "events", "log", "sealed", "digests", "webhook", "deliveries", "tries"),
-    *("owner", "fence", "rounds", "after", "turns"),
+    *("owner", "fence", "rounds", "after", "turns", "shot"),
 )
 
 

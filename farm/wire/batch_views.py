@@ -27,6 +27,7 @@ def _links(name: str) -> dict[str, str]:
         "archive": f"{root}/archive",
         "restore": f"{root}/restore",
         "guard": f"{root}/guard",
+        "shot": f"{root}/shot",
     }
 
 
@@ -69,6 +70,7 @@ BATCH: Final[dict[str, Any]] = {
         "estimate_fraction": {"least": 0.00018, "most": 0.00018, "mean": 0.00018},
         "jump": None,
     },
+    "shot": None,
     "links": _LINKS,
 }
 STEERED: Final[dict[str, Any]] = {

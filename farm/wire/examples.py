@@ -279,6 +279,7 @@ PROBLEM_DETAILS: Final = {
     "unknown-path": "nothing is served at /problems/none; /docs lists what is",
     "unknown-job": f"there is no job '{JOB_ID}'; GET /v1/jobs lists those there are",
     "unknown-worker": f"there is no worker {_WORKER!r}; GET /v1/workers lists those there are",
+    "no-shot": "the batch 'exposures' is no shot: submit its frames with `shot`",
     "unknown-batch": "there is no batch 'exposures'; GET /v1/batches lists those there are",
     "unknown-study": "there is no study '9c1f47be02d8'; GET /v1/studies lists those there are",
     "unknown-observer": "nobody takes part in study 9c1f47be02d8 as 'o-7f3a'; PUT "

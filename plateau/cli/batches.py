@@ -48,6 +48,26 @@ def batch(
 
 
 @app.command()
+def shot(
+    name: Annotated[str, typer.Argument(help="The batch's name.", metavar="NAME")],
+    url: o.Url = None,
+    as_json: o.Json = False,
+) -> None:
+    """Show how good the frames of a batch are as a shot, and what each was given.
+
+    For example:
+      plateau shot walk
+
+    A shot is a batch that was submitted with --shot. Its quality is that of the video against the
+    converged one, in JOD: 10 is the best, and at 9 three of four people prefer the converged one. A
+    frame waits once its own rule is satisfied.
+    """
+    from plateau.commands.shots import show as run
+
+    run(name, url=url, as_json=as_json)
+
+
+@app.command()
 def movie(
     name: Annotated[str, typer.Argument(help="The batch's name.", metavar="NAME")],
     out: Annotated[

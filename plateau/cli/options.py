@@ -75,6 +75,7 @@ AMONG_MANY: Final = (
     "batch",
     "at_once",
     "flicker_guard",
+    "shot",
 )
 
 #: A `plateau.farm.model.spec.JobSpec`, made by `takes_spec`. Its module is imported only when a
@@ -286,6 +287,15 @@ def spec_from_options(
             "--flicker-guard", help="Refuse jobs that stop differently from the rest of the batch."
         ),
     ] = False,
+    shot: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FPS",
+            help="Judge the jobs of --each or --parameters as the frames of a shot too, until each "
+            "moment has 9.5 JOD in motion; 24:target=9 for another quality, 24:target=none to "
+            "judge the shot and give no frame more samples for it.",
+        ),
+    ] = None,
     keep_slices: Annotated[
         bool,
         typer.Option("--keep-slices", help="Keep every slice, for `judge`, `rejudge` and studies."),

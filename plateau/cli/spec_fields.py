@@ -16,6 +16,7 @@ def spec_fields(
     watch: list[str] | None = None,
     allocation: str | None = None,
     denoise: str | None = None,
+    shot: str | None = None,
     exposure: float | None = None,
     white_luminance: float | None = None,
     contrast: float | None = None,
@@ -65,6 +66,7 @@ def spec_fields(
         watch=[_named(one, "a rule") for one in watch] if watch else None,
         allocation=_named(allocation, "an allocation") if allocation else None,
         denoise=_named(denoise, "a denoiser") if denoise else None,
+        shot=_shot(shot) if shot else None,
         view=view or None,
     )
 
@@ -133,6 +135,18 @@ def _named(text: str, what: str) -> dict[str, str | int | float]:
     return given
 
 
+def _shot(text: str) -> dict[str, Any]:
+    """A shot from its text: ``FPS``, ``FPS:target=JOD`` or ``FPS:target=none``."""
+    fps, _, target = text.partition(":")
+    given: dict[str, Any] = {"fps": _number(fps)}
+    if target:
+        name, _, jod = target.partition("=")
+        if name != "target" or not jod:
+            raise typer.BadParameter(f"--shot takes FPS, or FPS:target=JOD, not {text!r}")
+        given["target"] = None if jod == "none" else _number(jod)
+    return given
+
+
 def _number(text: str) -> str | int | float:
     """The number that the text stands for; any other text as it is."""
     for kind in (int, float):
@@ -150,6 +164,7 @@ _OPTIONS: Final = {
     "aovs": "aov",
     "requires": "require",
     "blocked": "block",
+    "fps": "shot",
     "precision": "exr-precision",
     "compression": "exr-compression",
 }

@@ -152,6 +152,7 @@ class AsyncClient:
     retry = _awaited(Client.retry)
     scenes = _awaited(Client.scenes)
     set_priority = _awaited(Client.set_priority)
+    shot = _awaited(Client.shot)
     slice_log = _awaited(Client.slice_log)
     slices = _awaited(Client.slices)
     submit = _awaited(Client.submit)

@@ -17,6 +17,7 @@ from plateau.farm.wire.batch_views import (
     BatchView,
     batch_path,
 )
+from plateau.farm.wire.shot_views import ShotView, shot_path
 from plateau.files.scene_at_hand import SceneAtHand
 
 #: The most that the service puts on one page.
@@ -74,6 +75,16 @@ class BatchCalls(Calls):
     def batch(self, name: str) -> BatchView:
         """The current state of the batch, summed over its jobs; `Client.all_jobs` has the jobs."""
         return self._transport.read(BatchView, batch_path(name))
+
+    def shot(self, name: str) -> ShotView:
+        """The newest shot of the batch, frame by frame, and each judgement of it.
+
+        Raises
+        ------
+        ApiError
+            ``no-shot`` if its jobs were not submitted as a shot.
+        """
+        return self._transport.read(ShotView, shot_path(name))
 
     def batches(self, *, cursor: str | None = None, limit: int = 20) -> BatchPage:
         """A page of batches, those with the newest jobs first; `limit` is at most 100."""

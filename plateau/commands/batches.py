@@ -11,6 +11,7 @@ from rich.console import Console
 
 from plateau import job_text
 from plateau.client import ApiError, Client
+from plateau.commands import shots
 from plateau.commands.connect import connect
 from plateau.commands.outputs import write_results
 from plateau.errors import CommandFailed, tell
@@ -221,6 +222,8 @@ def _summary(batch: BatchView) -> str:
         more = ", …" if guard.missed_jobs > _SHOWN else ""
         missed = f"{guard.missed_jobs:,} ended short of the target: "
         rows.append(("missed", missed + ", ".join(guard.missed[:_SHOWN]) + more))
+    if batch.shot is not None:
+        rows.append(("shot", shots.said(batch.shot)))
     if guard.estimate_fraction is not None:
         left = _extent(guard.estimate_fraction, figures.percent)
         rows.append(("noise left", f"{left} of the pixels, in the jobs that converged"))

@@ -31,13 +31,14 @@ def batch_progress_on(console: Console) -> Iterator[Show]:
 
 
 def _on_lines(console: Console) -> Show:
-    shown: dict[JobState, int] = {}
+    shown: tuple[dict[JobState, int], str] = {}, ""
 
     def show(batch: BatchView) -> None:
         nonlocal shown
-        if batch.states != shown:
-            shown = batch.states
-            line = "  ".join(filter(None, (in_states(batch.states), _left(batch))))
+        now = batch.states, _shot(batch)
+        if now != shown:
+            shown = now
+            line = "  ".join(filter(None, (in_states(batch.states), _shot(batch), _left(batch))))
             console.print(line, markup=False, highlight=False, soft_wrap=True)
 
     return show
@@ -55,7 +56,16 @@ def _lines(batch: BatchView) -> Group:
     state = in_states(batch.states)
     if not batch.guard.even:
         state += f"   not even: `plateau batch {batch.name}` says why"
+    if shot := _shot(batch):
+        state += f"   {shot}"
     return Group(Text.assemble((batch.name, "bold"), f"  {state}"), bar)
+
+
+def _shot(batch: BatchView) -> str:
+    """How good the shot was when it was judged last; "" of one that was not."""
+    if batch.shot is None or batch.shot.jod is None:
+        return ""
+    return f"shot {batch.shot.jod:.2f} JOD, at worst {batch.shot.low_moment_jod:.2f}"
 
 
 def _left(batch: BatchView) -> str:

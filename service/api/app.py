@@ -50,6 +50,7 @@ from plateau.service.api.routes import previews as routes_previews
 from plateau.service.api.routes import report as routes_report
 from plateau.service.api.routes import results as routes_results
 from plateau.service.api.routes import scenes as routes_scenes
+from plateau.service.api.routes import shots as routes_shots
 from plateau.service.api.routes import usage as routes_usage
 from plateau.service.api.routes import visibility as routes_visibility
 from plateau.service.api.routes import webhooks as routes_webhooks
@@ -130,6 +131,7 @@ def create_app(
         routes_jobs,
         routes_visibility,
         routes_batches,
+        routes_shots,
         routes_continue,
         routes_blocking,
         routes_results,

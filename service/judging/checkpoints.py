@@ -15,6 +15,7 @@ from plateau.farm.blobs import store as blobs
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.ownership import Checkpoint, Ownership, Ownerships
 from plateau.farm.model.errors import CorruptPartial
+from plateau.farm.model.shot import FrameWait
 from plateau.farm.model.spec import JobSpec
 from plateau.service.judging.merge import Merge
 
@@ -45,8 +46,11 @@ class Checkpoints:
         """Note that the sums contain this partial."""
         self._contained.append(partial)
 
-    def save(self, merge: Merge, judge: Judge) -> None:
-        """Save the sums and the rules' memory, then delete the partials in them."""
+    def save(self, merge: Merge, judge: Judge, waits: FrameWait | None = None) -> None:
+        """Save the sums and the rules' memory, then delete the partials in them.
+
+        `waits` says with what a frame waits for a look at its shot.
+        """
         numbers, images = judge.memory()
         content = _pack(
             {"rules": numbers, "film": merge.about()},
@@ -58,7 +62,7 @@ class Checkpoints:
             slices=merge.slices,
         )
         self._blobs.put(saved.blob, content)
-        self._owners.save_checkpoint(self._owned, saved)
+        self._owners.save_checkpoint(self._owned, saved, waits)
         before, self._last = self._last, saved
         if before is not None and before.blob != saved.blob:
             self._delete_own(before.blob)
@@ -109,9 +113,21 @@ def read_sums(
     CorruptPartial
         Its bytes are not those that were saved.
     """
+    return unpacked_sums(stored_sums(store, checkpoint), checkpoint.slices, spec)
+
+
+def stored_sums(store: Blobs, checkpoint: Checkpoint) -> bytes:
+    """Return the bytes of a checkpoint; raises as `read_sums`."""
     content = store.get(checkpoint.blob)
     if hashlib.sha256(content).hexdigest() != checkpoint.sha256:
         raise CorruptPartial(f"the checkpoint {checkpoint.blob} is not what was saved")
+    return content
+
+
+def unpacked_sums(
+    content: bytes, slices: int, spec: JobSpec
+) -> tuple[Merge, tuple[dict[str, Any], dict[str, NDArray[Any]]]]:
+    """Return what `read_sums` does, of the bytes of a checkpoint of so many slices."""
     about, arrays = _unpack(content)
     images = {
         name.removeprefix("rule:"): image
@@ -119,7 +135,7 @@ def read_sums(
         if name.startswith("rule:")
     }
     merge = Merge.of(spec)
-    merge.restore(checkpoint.slices, arrays, about.get("film", {}))
+    merge.restore(slices, arrays, about.get("film", {}))
     return merge, (about["rules"], images)
 
 

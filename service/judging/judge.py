@@ -47,6 +47,8 @@ def warm_up() -> None:
     metric.denoised(image, image)
     eye = ColorVideoVDP(DISPLAYS["standard_fhd"])
     eye.compare(eye.percept(image), eye.percept(image))
+    frame = eye.video(24).percept(image)
+    eye.compare(frame, frame, heat=True)
 
 
 #: Rules that every job's judge evaluates, so that a continuation has their memory.

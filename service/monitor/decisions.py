@@ -20,6 +20,7 @@ from plateau.service.monitor.steps import (
     EndJob,
     FinalImage,
     FinishJob,
+    HoldFrame,
     InspectImage,
     JudgeImage,
     MergeSlice,
@@ -80,13 +81,26 @@ def _answer(known: Known) -> Answer:
     return known.answer
 
 
+def _reason(known: Known) -> str:
+    frame = known.job.in_shot
+    said = "" if frame is None or frame.answer is None else f"; {frame.answer.words}"
+    return f"{_answer(known).reason}{said}"
+
+
+def _is_short(known: Known) -> bool:
+    """Whether its cap kept its shot from becoming good."""
+    frame = known.job.in_shot
+    is_good = frame is None or frame.answer is None or frame.answer.good
+    return known.at_cap and not is_good
+
+
 def _converge(known: Known) -> Step:
     answer = _answer(known)
-    return EndJob(JobState.CONVERGED, answer.reason, answer.numbers, with_image=True)
+    return EndJob(JobState.CONVERGED, _reason(known), answer.numbers, with_image=True)
 
 
 def _reach_the_cap(known: Known) -> Step:
-    reason = f"reached the cap of {known.job.spec.max_spp} spp; {_answer(known).reason}"
+    reason = f"reached the cap of {known.job.spec.max_spp} spp; {_reason(known)}"
     return EndJob(JobState.EXHAUSTED, reason, with_image=True)
 
 
@@ -103,7 +117,7 @@ def _run_out_of_time(known: Known) -> Step:
 OPEN: Final = (
     Row(
         "a turn begins and workers may soon wait",
-        lambda known: known.ledger is Ledger.UNREAD and known.lacks_slices,
+        lambda known: known.ledger is Ledger.UNREAD and known.lacks_slices and not known.is_held,
         _plan,
     ),
     # A point of the curve. Its answer stays known until all of this is done.
@@ -118,15 +132,19 @@ OPEN: Final = (
         lambda known: EndJob(JobState.FAILED, _answer(known).flaw or "", with_image=True),
     ),
     Row(
+        "it would end, and a look at its shot has to come first",
+        lambda known: known.is_held and not known.is_waiting,
+        HoldFrame(),
+    ),
+    Row("it waits for that look", lambda known: known.is_held, Wait()),
+    Row(
         "the rule is satisfied, by more than the samples of the job that this one continues",
-        lambda known: (
-            known.answer is not None and known.answer.stop and known.spp > known.job.continued_spp
-        ),
+        lambda known: known.is_satisfied and known.may_end and not _is_short(known),
         _converge,
     ),
     Row(
         "the cap is reached",
-        lambda known: known.answer is not None and known.at_cap,
+        lambda known: known.answer is not None and known.at_cap and known.may_end,
         _reach_the_cap,
     ),
     Row(

@@ -15,6 +15,7 @@ from plateau.farm.ledger.queue import SliceRecord
 from plateau.farm.ledger.totals import MonitorWork
 from plateau.farm.model.errors import FenceLost, IllegalTransition
 from plateau.farm.model.rounds import Round
+from plateau.farm.model.shot import FrameWait
 from plateau.farm.model.states import MAX_TRIES, JobState
 from plateau.service.judging.checkpoints import Checkpoints
 from plateau.service.judging.denoised import Denoised, DenoisingTask
@@ -81,6 +82,12 @@ class JobRun:
             saved=recovered,
             saved_at_s=time.monotonic(),
         )
+        self._known = self._known.with_wait()
+
+    @property
+    def waits_for_shot(self) -> bool:
+        """Whether all that it knows is in its checkpoint, with which it waits for a look."""
+        return self._known.is_held and self._known.is_waiting
 
     def advance(self, crew: Crew) -> bool:
         """Do everything that can be done now; returns whether the job is finished.
@@ -121,6 +128,8 @@ class JobRun:
                 return self._record_point()
             case steps.ShowAndSave(show, save):
                 return self._show_and_save(show=show, save=save)
+            case steps.HoldFrame():
+                return self._hold()
             case steps.ShowFirstSlice():
                 self._show(known)
                 return replace(known, shown_spp=known.spp)
@@ -247,6 +256,25 @@ class JobRun:
             self._checkpoints.save(self._merge, self._judge)
             known = replace(known, saved=known.merged, saved_at_s=time.monotonic())
         return replace(known, answer=None)
+
+    def _hold(self) -> Known:
+        """Show the image and save the sums, with which the frame waits for a look at its shot."""
+        known, answer = self._known, self._known.answer
+        assert answer is not None
+        if known.spp != known.shown_spp:
+            self._show(known)
+        waits = FrameWait(
+            spp=known.spp,
+            stop=answer.stop,
+            reason=answer.reason,
+            numbers=answer.numbers,
+        )
+        self._checkpoints.save(self._merge, self._judge, waits)
+        now_s = time.monotonic()
+        known = replace(
+            known, shown_spp=known.spp, shown_at_s=now_s, saved=known.merged, saved_at_s=now_s
+        )
+        return known.read_again(self._jobs.get(self.owned.job_id))
 
     def _show(self, known: Known, denoised: Denoised | None = None) -> None:
         is_point = known.plan.is_point(known.merged)

@@ -93,6 +93,33 @@ class Known:
         return self.plan.is_complete and self.merged == self.plan.stop
 
     @property
+    def may_end(self) -> bool:
+        """Whether the merged image may be the last, as far as the job's shot is concerned."""
+        frame = self.job.in_shot
+        return frame is None or frame.may_end(self.spp)
+
+    @property
+    def is_satisfied(self) -> bool:
+        """Whether the rule is, by more than the samples of the job that this one continues."""
+        is_new = self.spp > self.job.continued_spp
+        return self.answer is not None and self.answer.stop and is_new
+
+    @property
+    def is_held(self) -> bool:
+        """Whether the merged image would be the last, and its shot is to be looked at before."""
+        frame = self.job.in_shot
+        if frame is None or self.answer is None or not (self.is_satisfied or self.at_cap):
+            return False
+        return not self.may_end and not frame.must_go_on(self.spp)
+
+    @property
+    def is_waiting(self) -> bool:
+        """Whether the frame waits with the merged image, which a checkpoint has."""
+        frame = self.job.in_shot
+        waits = None if frame is None else frame.waits
+        return waits is not None and waits.spp == self.spp and self.saved == self.merged
+
+    @property
     def lacks_slices(self) -> bool:
         """Whether so few slices are planned that workers may soon wait.
 
@@ -104,7 +131,16 @@ class Known:
     @property
     def stop(self) -> int:
         """The first slice that should not be planned yet."""
-        return self.ahead.stop(self.plan, self.merged, self.enough)
+        return self._ahead_of_shot.stop(self.plan, self.merged, self.enough)
+
+    @property
+    def _ahead_of_shot(self) -> LookAhead:
+        """The look-ahead, to where a look at its shot has asked for samples."""
+        frame = self.job.in_shot
+        needs = None if frame is None or frame.answer is None else frame.answer.needs_spp
+        if needs is None or self.ahead.expected_spp is None:
+            return self.ahead
+        return self.ahead.expecting(max(needs, self.ahead.expected_spp))
 
     @property
     def is_to_be_judged(self) -> bool:
@@ -196,6 +232,15 @@ class Known:
         return is_needed and not self.lost and self.merged < self.final_slices
 
     # The outcomes of steps that change several fields
+
+    def with_wait(self) -> "Known":
+        """The sums were recovered: those with which a frame waits have the rules' answer, too."""
+        frame = self.job.in_shot
+        waits = None if frame is None else frame.waits
+        if waits is None or self.merged == 0 or waits.spp != self.spp:
+            return self
+        answer = Answer(waits.stop, waits.reason, waits.numbers, flaw=None, expected_spp=None)
+        return replace(self, answer=answer, recorded=True)
 
     def turn(self, job: Job, enough: int, at_s: float) -> "Known":
         """The job was read and its turn begins: what earlier turns read no longer counts."""

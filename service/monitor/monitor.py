@@ -13,6 +13,7 @@ from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.members import process_id, sign_on
 from plateau.farm.ledger.ownership import Ownership, Ownerships
+from plateau.farm.ledger.shots import Shots
 from plateau.farm.ledger.totals import MonitorWork
 from plateau.farm.model.errors import BlobsUnavailable, FenceLost, Incompatible, StoreUnavailable
 from plateau.farm.process import log
@@ -28,6 +29,7 @@ from plateau.service.judging.judge import warm_up
 from plateau.service.monitor.denoising.process import Denoising
 from plateau.service.monitor.job_run import JobRun, give_up
 from plateau.service.monitor.look_ahead import Crew
+from plateau.service.monitor.shots.tending import Tending
 from plateau.service.monitor.sweeper import sweeping
 from plateau.service.monitor.turns import IDLE_S, RETRY_S, Turns
 from plateau.service.monitor.webhooks.deliverers import delivering
@@ -63,6 +65,7 @@ class Monitor:
         self._runs: dict[str, JobRun] = {}
         self._turns = Turns(time.monotonic)
         self._denoising = Denoising()
+        self._tending = Tending(Shots(client), store)
         self._others: set[str] = set()  # jobs that other monitors owned a moment ago
         self._others_due = float("-inf")  # when to look at them again
         self._taken_at = float("-inf")  # when this monitor last looked for jobs
@@ -90,7 +93,7 @@ class Monitor:
                 try:
                     self._look(hinted)
                     wait_s = self._turns.wait_s
-                    if self._denoising.is_busy:
+                    if self._denoising.is_busy or self._tending.is_busy:
                         wait_s = min(wait_s, _DENOISED_S)
                     hinted = self._wake.wait(wait_s, stop) | self._denoising.done()
                     backoff.reset()
@@ -99,6 +102,7 @@ class Monitor:
                     stop.wait(backoff.delay_s())
         finally:
             self._denoising.close()
+            self._tending.close()
             over.set()
             renewer.join()
             self._disown()
@@ -130,6 +134,18 @@ class Monitor:
                 return
             with log.concerning(job_id):
                 self._bring_forward(self._owned[job_id], crew)
+        self._tend()
+
+    def _tend(self) -> None:
+        """Look at the shots whose frames wait; their troubles do not stop other jobs."""
+        try:
+            self._tending.advance()
+        except BlobsUnavailable as error:
+            _LOG.warning("a shot waits: %s", error)
+        except (Incompatible, StoreUnavailable):
+            raise
+        except Exception:  # noqa: BLE001  (one shot's trouble must not hurt the others)
+            _LOG.exception("a shot waits: it could not be looked at")
 
     def _take(self, hinted: set[str]) -> None:
         """Take the jobs without an owner.
@@ -173,12 +189,15 @@ class Monitor:
         if done:
             del self._owned[job_id]
             self._runs.pop(job_id, None)
+            self._tending.remove(job_id)
 
     def _advance(self, owned: Ownership, crew: Crew) -> bool:
         """Advance one job, or give it up; returns whether it is finished."""
         try:
             run = self._runs.get(owned.job_id)
             if run is None:
+                if self._is_waiting(owned.job_id):
+                    return False
                 run = JobRun(
                     owned,
                     self._jobs,
@@ -189,7 +208,11 @@ class Monitor:
                     keeps_sums=self._keeps_sums,
                 )
                 self._runs[owned.job_id] = run
-            return run.advance(crew)
+            done = run.advance(crew)
+            if run.waits_for_shot:  # all that it has is stored, and its sums are large
+                del self._runs[owned.job_id]
+                self._is_waiting(owned.job_id)
+            return done
         except FenceLost as lost:
             _LOG.warning("%s", lost)
             return True
@@ -198,6 +221,15 @@ class Monitor:
         except Exception as error:  # noqa: BLE001  (one job's trouble must not hurt the others)
             _LOG.exception("the job cannot continue")
             return give_up(owned, self._owners, f"the merge cannot continue: {error}")
+
+    def _is_waiting(self, job_id: str) -> bool:
+        """Note whether the job is a frame that waits for a look at its shot."""
+        job = self._jobs.get(job_id)
+        if job.in_shot is None or not job.in_shot.is_waiting or job.state.ended:
+            self._tending.remove(job_id)
+            return False
+        self._tending.add(job_id, job.in_shot.id)
+        return True
 
     def _living(self) -> Crew:
         """The living workers, counted anew every two seconds."""

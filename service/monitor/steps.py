@@ -52,6 +52,11 @@ class ShowAndSave:
 
 
 @dataclass(frozen=True)
+class HoldFrame:
+    """Show the merged image and save the sums: the frame waits with them for a look at its shot."""
+
+
+@dataclass(frozen=True)
 class ShowFirstSlice:
     """Show the image of the first slice, long before the first point of the curve."""
 
@@ -126,6 +131,7 @@ Step = (
     | JudgeImage
     | RecordPoint
     | ShowAndSave
+    | HoldFrame
     | ShowFirstSlice
     | ShowGlimpse
     | ReadClock

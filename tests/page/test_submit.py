@@ -179,7 +179,7 @@ def test_all_of_a_spec_can_be_asked_for(form: Page, farm: NoiseFarm, scene: Path
     assert spec.webhook is not None
     assert spec.webhook.events == ("converged", "failed")
     # What the form does not have, it need not have
-    elsewhere = {"parameters", "sensor", "rule", "watch", "zones", "frame_seed"}
+    elsewhere = {"parameters", "sensor", "rule", "watch", "zones", "frame_seed", "shot"}
     names = form.context.new_page()
     names.goto("/submit")
     opened(names)

@@ -25,7 +25,7 @@ from tests.support.until import until
 RESULTS = ("image.exr", "image.png", "thumbnail.png", "facts.json")
 
 #: What Redis keeps of a job that is finished.
-KEPT = {"", "ledger", "rounds", "seeds", "curve", "events", "log", "digests", "fence"}
+KEPT = {"", "ledger", "rounds", "seeds", "curve", "events", "log", "digests", "fence", "shot"}
 
 
 @dataclass(frozen=True)
@@ -109,6 +109,9 @@ def check_job(
     previews = set(store.names(blobs.previews(job_id)))
     assert len(previews) <= MOST_PREVIEWS
     expected |= previews
+    shot = client.hgetall(keys.job(job_id, "shot"))
+    if shot and int(shot["looks"]):  # the map of the last look at it
+        expected.add(blobs.flicker_map(job_id, int(shot["looks"]) - 1))
     # Of all that is served, Redis knows what its bytes are
     for blob in previews | {f"{jobs.results(job_id)}/{name}" for name in RESULTS if job.spp}:
         assert sha256(store.get(blob)).hexdigest() == jobs.sha256(blob)

@@ -16,11 +16,14 @@ from plateau.farm.ledger.outbox import Outbox
 from plateau.farm.ledger.ownership import Checkpoint, Ownership, Ownerships
 from plateau.farm.ledger.queue import Committed, Lease, SliceQueue, SliceRecord
 from plateau.farm.ledger.scene_index import SceneIndex
+from plateau.farm.ledger.shots import Shots
 from plateau.farm.ledger.totals import MonitorWork, note_sweep
 from plateau.farm.ledger.visibility import Visibilities
 from plateau.farm.ledger.workers import Workers
 from plateau.farm.model.errors import FenceLost
-from plateau.farm.model.spec import JobSpec
+from plateau.farm.model.job import utc_now
+from plateau.farm.model.shot import FrameAnswer, FrameWait, ShotLook
+from plateau.farm.model.spec import BatchSpec, JobSpec
 from plateau.farm.model.states import JobState, Visibility
 from plateau.farm.redis import keys
 from plateau.farm.redis.commands.members import ApiHeartbeat, Pair
@@ -40,6 +43,17 @@ SPEC: Final[dict[str, Any]] = {"step": 100, "slice_spp": 50, "max_spp": 1000}
 RESULTS: Final = "jobs/0123456789ab/results/0000050-1-final"
 SHA256: Final = {"image.png": "ab" * 32, "image.exr": "cd" * 32}
 ABOUT: Final[dict[str, Any]] = {"id": WORKER, "variants": ["scalar_rgb"]}
+LOOK: Final = ShotLook(
+    at=utc_now(),
+    spp=(50, 50),
+    jod=9.0,
+    low_jod=8.9,
+    frames=(9.0, 9.0),
+    low_frames=(8.9, 8.9),
+    worst_frame=0,
+    asked=(0,),
+    seconds=1.0,
+)
 
 
 class World:
@@ -301,6 +315,27 @@ def _(world: World) -> Callable[[], object]:
 def _(world: World) -> Callable[[], object]:
     world.committed()
     return lambda: world.owners.save_checkpoint(world.owned, CHECKPOINT)
+
+
+@case("save: a frame waits for a look at its shot")
+def _(world: World) -> Callable[[], object]:
+    world.committed(batch="walk", at_once=1)
+    world.job(owned=False, batch="walk", at_once=1)
+    waits = FrameWait(spp=50, stop=True, reason="levelled off", numbers={})
+    return lambda: world.owners.save_checkpoint(world.owned, CHECKPOINT, waits)
+
+
+@case("answer_frames")
+def _(world: World) -> Callable[[], object]:
+    asked = {**SPEC, "batch": "walk", "shot": {"fps": 24}, "parameters": [{"frame": 0}] * 2}
+    specs = BatchSpec.model_validate(asked).job_specs("walk")
+    Jobs(world.direct).create_all(specs, name="walk", scene_sha256="00")
+    record = Batches(world.direct).shot("walk")
+    assert record is not None
+    first, last = (frame.job_id for frame in record.frames)
+    more = FrameAnswer(spp=50, needs_spp=100, good=True, words="it is noisy")
+    answers = {first: more, last: None}
+    return lambda: Shots(world.lossy).answer(record, LOOK, "it is noisy", answers)
 
 
 @case("end")

@@ -2,7 +2,8 @@
 
 `python -m bench.support.bare.shot_child SHOT FRAMES FOLDER` writes FOLDER/FRAME.npz for each frame
 that is not there yet: slices of a few spp, (slices, H, W, 3) float32, with seeds of their own and
-with those of every other frame; and an independent reference.
+with those of every other frame; and an independent reference. With a fourth argument it writes so
+many slices with seeds of their own, and nothing else.
 """
 
 from __future__ import annotations
@@ -20,12 +21,15 @@ SLICES, SLICE_SPP = 8, 8
 REFERENCE_PASSES, REFERENCE_SPP = 4, 128
 #: What moves: the camera, the ball, or the lamp.
 SHOTS = ("camera", "object", "light")
+#: A board slides below the lamp, so that the last frames are noisier.
+UNEVEN = "board"
 #: The first seeds: of slices that differ from frame to frame, and of references.
 _OWN, _REFERENCE = 1_000, 1_000_000
 
 
 def main() -> None:
     shot, frames, folder = sys.argv[1], int(sys.argv[2]), Path(sys.argv[3])
+    slices = int(sys.argv[4]) if len(sys.argv) > 4 else SLICES
     import mitsuba as mi
 
     mi.set_variant("llvm_ad_rgb")
@@ -39,15 +43,17 @@ def main() -> None:
         def rendered(seed: int, spp: int, scene: Any = scene) -> Any:
             return np.array(mi.render(scene, spp=spp, seed=seed), np.float32)
 
-        own = _OWN + frame * SLICES
+        own = _OWN + frame * slices
+        images: dict[str, Any] = {
+            "own": np.stack([rendered(own + i, SLICE_SPP) for i in range(slices)])
+        }
         passes = range(
             _REFERENCE + frame * REFERENCE_PASSES, _REFERENCE + (frame + 1) * REFERENCE_PASSES
         )
-        images = {
-            "own": np.stack([rendered(own + i, SLICE_SPP) for i in range(SLICES)]),
-            "same": np.stack([rendered(i, SLICE_SPP) for i in range(SLICES)]),
-            "reference": np.mean([rendered(seed, REFERENCE_SPP) for seed in passes], axis=0),
-        }
+        if len(sys.argv) == 4:
+            images["same"] = np.stack([rendered(i, SLICE_SPP) for i in range(slices)])
+            reference = [rendered(seed, REFERENCE_SPP) for seed in passes]
+            images["reference"] = np.mean(reference, axis=0)
         part = file.with_suffix(".part")
         with part.open("wb") as out:
             np.savez(out, **images)
@@ -68,7 +74,7 @@ def room(shot: str, time_s: float) -> dict[str, Any]:
         place = mi.ScalarTransform4f().translate(at).rotate(axis, degrees).scale([1.8, 1.8, 1])
         return {"type": "rectangle", "to_world": place, "bsdf": bsdf}
 
-    moved = {name: time_s if name == shot else 0.0 for name in SHOTS}
+    moved = {name: time_s if name == shot else 0.0 for name in (*SHOTS, UNEVEN)}
     eye = [-0.3 + 0.35 * moved["camera"], 0.1, 4.2]
     ball = [-0.7 + 0.8 * moved["object"], -0.6, 0.3 + 0.2 * math.sin(3 * moved["object"])]
     lamp = [-0.6 + 0.7 * moved["light"], 0.98, 0.2]
@@ -78,7 +84,7 @@ def room(shot: str, time_s: float) -> dict[str, Any]:
         "color1": {"type": "rgb", "value": [0.7, 0.65, 0.6]},
         "to_uv": mi.ScalarTransform4f().scale([9, 9, 1]),
     }
-    return {
+    found: dict[str, Any] = {
         "type": "scene",
         "integrator": {"type": "path", "max_depth": 5},
         "sensor": {
@@ -117,6 +123,12 @@ def room(shot: str, time_s: float) -> dict[str, Any]:
             "emitter": {"type": "area", "radiance": {"type": "rgb", "value": [60, 54, 44]}},
         },
     }
+    if shot == UNEVEN:
+        place = mi.ScalarTransform4f().translate([-2.2 + 1.3 * moved[UNEVEN], 0.8, 0.2])
+        bsdf = {"type": "twosided", "bsdf": diffuse(0.7, 0.7, 0.7)}
+        board = place.rotate([1, 0, 0], 90).scale([0.8, 0.5, 1])
+        found["board"] = {"type": "rectangle", "to_world": board, "bsdf": bsdf}
+    return found
 
 
 if __name__ == "__main__":

@@ -20,6 +20,7 @@ from plateau.farm.model.spec.rule_specs import (
     VisibleSpec,
 )
 from plateau.farm.model.spec.shared import MOST_S, Priority, RenderVariant, SharedSpec, Variant
+from plateau.farm.model.spec.shot import ShotSpec
 from plateau.farm.model.spec.view import PLACES, ViewSpec
 
 __all__ = [
@@ -39,6 +40,7 @@ __all__ = [
     "ReverseSpec",
     "RuleSpec",
     "SharedSpec",
+    "ShotSpec",
     "SuccessiveSpec",
     "Variant",
     "ViewSpec",

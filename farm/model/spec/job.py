@@ -7,6 +7,7 @@ from pydantic import BeforeValidator, Field, model_validator
 from plateau.farm.model.passes import MOST_SLICE_SPP
 from plateau.farm.model.seeds import JOB_SEEDS, SeedSchedule
 from plateau.farm.model.spec.shared import SharedSpec
+from plateau.farm.model.spec.shot import LEAST_FRAMES
 
 #: A list of parameters makes at most so many jobs.
 MAX_ENTRIES: Final = 1000
@@ -100,6 +101,15 @@ class BatchSpec(SharedSpec):
         "what moves, where it is seen more; by default the first job has the seed `seed`, and each "
         "further one the next",
     )
+
+    @model_validator(mode="after")
+    def _has_frames(self) -> "BatchSpec":
+        if self.shot is not None and len(self.parameters) < LEAST_FRAMES:
+            raise ValueError(
+                f"a shot has {LEAST_FRAMES} frames or more, and `parameters` an entry for each: "
+                f"it has {len(self.parameters)}"
+            )
+        return self
 
     def job_specs(self, batch: str) -> list[JobSpec]:
         """The spec of each job, in a batch of this name."""

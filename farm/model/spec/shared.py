@@ -14,6 +14,7 @@ from plateau.farm.model.spec.denoise import DenoiseSpec, NoDenoising, OidnDenois
 from plateau.farm.model.spec.exr import ExrSpec
 from plateau.farm.model.spec.rule_model import Strict
 from plateau.farm.model.spec.rule_specs import RuleSpec, VisibleSpec
+from plateau.farm.model.spec.shot import ShotSpec
 from plateau.farm.model.spec.view import ViewSpec
 from plateau.farm.model.spec.webhook import WebhookSpec
 from plateau.rules import MOST_SPP, SlopeLimit
@@ -102,6 +103,11 @@ class SharedSpec(Strict):
         description="guard the batch: every job of it has to stop alike (rule, min_spp, step, "
         "view, denoise), and one that does not is refused, now and later",
     )
+    shot: ShotSpec | None = Field(
+        default=None,
+        description="the batch is a shot, whose frames are judged as a video too: `parameters` is "
+        "a list with an entry for each frame, in their order",
+    )
     variant: Variant = Field(
         default="auto",
         description="a renderer's variant, such as llvm_ad_rgb (also as mitsuba:llvm_ad_rgb); auto "
@@ -179,6 +185,8 @@ class SharedSpec(Strict):
             )
         if self.by_zones:
             self._check_zones()
+        if self.shot is not None:
+            self._check_shot()
         if self.view.focus is not None and self.noise_target is None and not self.by_zones:
             raise ValueError(
                 "a focus weighs the noise that is left, for which no rule of the job waits: choose "
@@ -194,6 +202,17 @@ class SharedSpec(Strict):
             raise ValueError(
                 f"{self.variant} renders whole films alone: choose the allocation frame, or "
                 "another variant"
+            )
+
+    def _check_shot(self) -> None:
+        if self.by_zones:
+            raise ValueError(
+                "zones have samples where a still shows noise, and not where a shot does: choose "
+                "the allocation frame, or no shot"
+            )
+        if self.is_denoised:
+            raise ValueError(
+                "a shot of denoised frames cannot be judged yet: denoise none, or no shot"
             )
 
     @property

@@ -18,7 +18,7 @@ _Spec = TypeVar("_Spec", bound=SharedSpec)
 _MOST_CHANGE: Final = 4
 #: By zones, the slices of a step form halves in two ways.
 _QUARTERS: Final = 4
-#: Where the image is denoised, they form halves.
+#: Where the image is denoised, or a frame of a shot, they form halves.
 _HALVES: Final = 2
 _MOST_SLICE_SPP: Final = 4096
 
@@ -48,7 +48,7 @@ def fitted(spec: _Spec, *, keep_slices: bool = False) -> _Spec:
     >>> fit.max_spp, fit.slice_spp, fit.step
     (975, 25, 100)
     """
-    least = _HALVES if spec.is_denoised else 1
+    least = _HALVES if spec.is_denoised or spec.shot is not None else 1
     whole = _Whole(
         of_step=_QUARTERS if spec.by_zones else least,
         of_cap=0 if spec.by_zones else least,  # by zones the plan ends at any cap

@@ -95,6 +95,7 @@ class Save(OwnerCommand[Literal["saved", "fenced"]]):
     """Note the job's last checkpoint."""
 
     checkpoint: str  #: JSON
+    waits: str | None  #: JSON of a `plateau.farm.model.shot.FrameWait`, if it does
 
 
 @dataclass(frozen=True, kw_only=True)

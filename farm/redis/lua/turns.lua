@@ -1,6 +1,6 @@
 -- Turns: of the jobs of an API key, or of a batch, no more may be rendered at once than their limit says. A
 -- job has its turn from when it may be rendered until its results are written, in each of its groups:
--- "key ID" and "batch NAME".
+-- "key ID" and "batch NAME". A frame has none while it waits for a look at its shot.
 
 local function had_key(group) return PREFIX .. 'turns:had:' .. group end
 local function held_key(group) return PREFIX .. 'turns:held:' .. group end

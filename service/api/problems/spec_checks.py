@@ -8,6 +8,7 @@ from pydantic import ValidationError
 from plateau.farm.model import input_errors
 from plateau.farm.model.seeds import SeedsExhausted
 from plateau.farm.model.spec import JobSpec, SharedSpec
+from plateau.farm.model.spec.shot import LEAST_SIDE
 from plateau.farm.process.addresses import ReceiverRefused, Receivers
 from plateau.farm.process.allowed_commands import AllowedCommands, UnknownCommand
 from plateau.farm.process.notify_targets import Targets, UnknownTarget
@@ -77,6 +78,21 @@ def check_seeds(spec: JobSpec, width: int, height: int, field: str = "spec") -> 
         spec.seed_schedule(variant, width, height)
     except SeedsExhausted as error:
         raise invalid_field(problems.INVALID_SPEC, field, str(error)) from error
+
+
+def check_film_sizes(sizes: Sequence[tuple[int, int]], fields: Sequence[str]) -> None:
+    """Refuse a shot whose films differ in size, or are too small; `fields` name the frames."""
+    for size, field in zip(sizes, fields, strict=False):
+        width, height = size
+        if min(size) < LEAST_SIDE:
+            message = f"makes a film of {width}×{height}: the frames of a shot have at least "
+            message += f"{LEAST_SIDE}×{LEAST_SIDE} pixels"
+            raise invalid_field(problems.INVALID_SPEC, field, message)
+        if size != sizes[0]:
+            first_width, first_height = sizes[0]
+            message = f"makes a film of {width}×{height}, and {fields[0]} one of "
+            message += f"{first_width}×{first_height}: the frames of a shot have one size"
+            raise invalid_field(problems.INVALID_SPEC, field, message)
 
 
 def with_targets(spec: AnySpec, targets: Targets) -> AnySpec:

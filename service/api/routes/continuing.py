@@ -31,7 +31,7 @@ from plateau.service.api.routes.jobs import JobId, shown
 from plateau.service.api.submission import idempotency
 from plateau.service.api.submission.idempotency import IdempotencyKey
 from plateau.service.api.submission.merge_patch import merge_patch
-from plateau.service.api.submission.submitted_spec import check_names
+from plateau.service.api.submission.submitted_spec import check_alone, check_names
 
 router = APIRouter(prefix="/v1/jobs/{job_id}", tags=["jobs"])
 
@@ -108,6 +108,7 @@ class Asker:
         spec = with_targets(spec, self.farm.targets)
         check_commands(spec, self.farm.commands)
         check_names(spec)
+        check_alone(spec)
         check(job, remains, spec)
         new = self.farm.continuations.start(
             job,

@@ -39,6 +39,7 @@ def submitted_spec(text: str | bytes) -> JobSpec | BatchSpec:
     except ValidationError as error:
         raise invalid_spec(error) from error
     check_names(spec)
+    check_alone(spec)
     return spec
 
 
@@ -48,6 +49,13 @@ def _plain(text: str | bytes) -> str | bytes:
         return json.dumps(whole_numbers(json.loads(text)))
     except (ValueError, RecursionError):
         return text
+
+
+def check_alone(spec: JobSpec | BatchSpec) -> None:
+    """Refuse a shot of one job."""
+    if isinstance(spec, JobSpec) and spec.shot is not None:
+        message = "is of a batch: give `parameters` as a list with an entry for each frame"
+        raise invalid_field(problems.INVALID_SPEC, "spec.shot", message)
 
 
 def check_names(spec: SharedSpec) -> None:

@@ -34,6 +34,7 @@ from plateau.service.api.problems.framework_errors import MOST_FIELD_BYTES, MOST
 from plateau.service.api.problems.problem import CLIENT_GONE, Problem
 from plateau.service.api.problems.spec_checks import (
     check_commands,
+    check_film_sizes,
     check_seeds,
     check_webhook,
     invalid_field,
@@ -273,6 +274,8 @@ async def _checked(turn: Turn, file: BinaryIO, spec: JobSpec | BatchSpec) -> Sce
         found = await turn.check(file, asked, total_s=_MOST_CHECKING_S)
     except BundleError as error:
         raise _broken(error) from error
+    if spec.shot is not None:
+        check_film_sizes(found.sizes, list(entries))
     fields = iter(entries)
     for (width, height), one in zip(found.sizes, entries.values(), strict=False):
         check_seeds(one, width, height, next(fields) or "spec")

@@ -14,9 +14,23 @@ from pydantic.fields import FieldInfo
 
 from plateau.farm.model.spec import JobSpec, ViewSpec
 from plateau.farm.model.spec.rule_specs import SPECS
+from plateau.farm.model.spec.shot import LEAST_SIDE, ShotSpec
 from plateau.metric import View
+from plateau.metric.cvvdp import LEAST_SIZE
+from plateau.metric.cvvdp.video import LEAST_FPS, MOST_FPS
 from plateau.rules import DEFAULT, rules
 from tests import rule_files
+
+
+def test_a_shot_is_within_what_the_metric_judges() -> None:
+    fps, target = (ShotSpec.model_fields[name].metadata for name in ("fps", "target"))
+    assert [one for one in fps if isinstance(one, Ge | Le)] == [Ge(LEAST_FPS), Le(MOST_FPS)]
+    jod = SPECS["jod"].model_fields["target"]
+    assert [one for one in target if isinstance(one, Ge | Le)] == [
+        one for one in jod.metadata if isinstance(one, Ge | Le)
+    ]
+    assert ShotSpec.model_fields["target"].default == jod.default
+    assert LEAST_SIDE == LEAST_SIZE
 
 
 def test_rules_and_their_defaults_agree() -> None:

@@ -231,6 +231,26 @@ class TestTheCommandLine:
         code, _, error = command("submit", str(walk), "--batch", "w", "--min-spp", "500")
         assert (code, "min_spp is 500 here, and not set there" in error) == (1, True)
 
+    def test_submits_a_shot_and_shows_it(self, walk: Path) -> None:
+        submitted = ("submit", str(walk), "--each", "frame=0..2", "--batch", "w", "--shot")
+        for text, words in (
+            ("24:goal=9", "--shot takes FPS, or FPS:target=JOD"),
+            ("fast", "--shot: must be a number"),
+            ("24:target=11", "--target: "),
+        ):
+            code, _, error = command(*submitted, text)
+            assert (code, words in " ".join(error.split())) == (2, True), error
+        assert command(*submitted, "24:target=none")[0] == 0
+        code, out, _ = command("shot", "w")
+        assert code == 0
+        assert "3 frames at 24 per second, rendering: 0 of them wait" in out
+        assert out.count("queued") == 3
+        found = json.loads(command("shot", "w", "--json")[1])
+        assert (found["fps"], found["target"]) == (24, None)
+        assert "3 frames at 24 per second" in command("batch", "w")[1]
+        code, _, error = command("submit", str(walk), "--shot", "24")
+        assert (code, "give `parameters` as a list" in error) == (1, True)
+
     def test_submits_the_entries_of_a_file(
         self, walk: Path, plateau: Client, tmp_path: Path
     ) -> None:

@@ -288,6 +288,66 @@ class TestAGuardedBatch:
         assert http.post(links["guard"], headers=one).json()["guard"]["guarded"] is True
 
 
+class TestAShot:
+    @pytest.mark.parametrize(
+        ("spec", "field", "words"),
+        [
+            (frames(16, 17, shot={"fps": 24}), "spec.parameters.1", "17×9, and spec.parameters.0"),
+            (frames(16, shot={"fps": 24}), "spec", "has 2 frames or more"),
+            (frames(3, 3, shot={"fps": 24}), "spec.parameters.0", "at least 4×4 pixels"),
+            (frames(16, 16, shot={"fps": 0}), "spec.shot.fps", "at least 1"),
+            (frames(16, 16, shot={"fps": 481}), "spec.shot.fps", "at most 480"),
+            (frames(16, 16, shot={}), "spec.shot.fps", "missing"),
+            (frames(16, 16, shot={"fps": 24, "target": 10}), "spec.shot.target", "at most 9.99"),
+            (
+                frames(16, 16, shot={"fps": 24}, allocation={"name": "zones"}),
+                "spec",
+                "choose the allocation frame",
+            ),
+            (
+                frames(16, 16, shot={"fps": 24}, denoise={"name": "oidn"}),
+                "spec",
+                "denoise none",
+            ),
+            (
+                {"parameters": {"w": 16}, "shot": {"fps": 24}},
+                "spec.shot",
+                "give `parameters` as a list",
+            ),
+        ],
+    )
+    def test_that_cannot_be_judged_is_refused(
+        self, http: httpx.Client, spec: dict[str, Any], field: str, words: str
+    ) -> None:
+        refused = problem(submit(http, WIDE, spec), 422, "invalid-spec")
+        assert [one["field"] for one in refused["errors"]] == [field]
+        assert words in refused["detail"], refused["detail"]
+        assert http.get("/v1/jobs").json()["jobs"] == []
+
+    def test_is_shown_frame_by_frame(self, http: httpx.Client) -> None:
+        shot = {"fps": 23.976, "target": 9}
+        made = submit(http, WIDE, frames(16, 16, batch="walk", shot=shot)).json()
+        assert made["shot"]["state"] == "rendering"
+        # One that joins later is no frame of it
+        assert submit(http, WIDE, frames(17, batch="walk")).status_code == 201
+        found = http.get(http.get(batch_path("walk")).json()["links"]["shot"]).json()
+        assert (found["fps"], found["target"], found["frames"], found["looks"]) == (23.976, 9, 2, 0)
+        assert [one["job"] for one in found["by_frame"]] == made["job_ids"]
+        job = http.get(f"/v1/jobs/{made['job_ids'][1]}").json()
+        assert job["in_shot"] == {"id": made["job_ids"][0], "waits": None, "answer": None}
+        for picture in ("film", "flicker"):
+            problem(http.get(found["links"][picture]), 404, "no-image-yet")
+        # Nor is one that tries a frame again
+        http.post(f"/v1/jobs/{job['id']}/cancel")
+        again = http.post(f"/v1/jobs/{job['id']}/retry").json()
+        assert (again["spec"]["batch"], again["in_shot"]) == ("walk", None)
+        assert http.get(found["links"]["self"]).json()["id"] == found["id"]
+        submit(http, WIDE, frames(16, 16, batch="still"))
+        for path in ("shot", "shot/film.png", "shot/flicker.png"):
+            problem(http.get(f"/v1/batches/still/{path}"), 404, "no-shot")
+            problem(http.get(f"/v1/batches/none/{path}"), 404, "unknown-batch")
+
+
 class TestSteering:
     def test_says_what_became_of_each(self, http: httpx.Client, client: redis.Redis) -> None:
         batch = submit(http, WIDE, frames(32, 32, batch="b")).json()

@@ -203,6 +203,8 @@ def test_every_header_that_is_read_is_there(operations: list[Operation]) -> None
         ("/v1/jobs/{job_id}/rejudge", "idempotency-key"),
         ("/v1/jobs/{job_id}/retry", "idempotency-key"),
         (f"{job}/events", "last-event-id"),
+        ("/v1/batches/{name}/shot/film.png", "if-none-match"),
+        ("/v1/batches/{name}/shot/flicker.png", "if-none-match"),
         *(
             (f"{job}/{name}", "if-none-match")
             for name in (
@@ -354,7 +356,7 @@ class TestTheRequestExamples:
     def test_are_understood_where_they_are_parameters(
         self, http: httpx.Client, client: redis.Redis, operations: list[Operation]
     ) -> None:
-        job = StagedJob(client, batch="exposures")
+        job = StagedJob(client, batch="exposures", shot={"fps": 24})
         study_id = staged_study(client)
         for method, path, described in operations:
             if method != "GET":

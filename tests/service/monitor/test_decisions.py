@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from plateau.farm.model.job import Job
 from plateau.farm.model.plan import Plan
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
@@ -58,6 +59,17 @@ AT_THE_CAP = replace(
     RECORDED, job=made_job(spec={"max_spp": 100}), plan=Plan.of(JobSpec(max_spp=100))
 )
 
+
+def frame(spec: dict[str, object] | None = None, **stands: object) -> Job:
+    """A frame of a shot, and how it stands there."""
+    return made_job(spec=spec or {}, in_shot={"id": "0" * 12, **stands})
+
+
+#: What a look at a shot says of a frame with an image of 100 spp.
+ASKED = {"spp": 100, "needs_spp": 200, "good": True, "words": "the shot is noisy"}
+MAY_END = {"spp": 100, "needs_spp": None, "good": True, "words": "the shot is good"}
+WAITS = {"spp": 100, "stop": True, "reason": "levelled off", "numbers": {}}
+
 #: A job whose image is denoised.
 DENOISED = known(job=made_job(spec={"denoise": {"name": "oidn"}}), merged=4)
 
@@ -80,6 +92,37 @@ CASES: list[tuple[Known, steps.Step]] = [
     (
         AT_THE_CAP,
         steps.EndJob(JobState.EXHAUSTED, "reached the cap of 100 spp; too noisy", None, True),
+    ),
+    # A frame waits for a look at its shot before it ends, by its rule or at its cap
+    (replace(RECORDED, answer=STOP, job=frame()), steps.HoldFrame()),
+    (replace(AT_THE_CAP, job=frame({"max_spp": 100})), steps.HoldFrame()),
+    (replace(RECORDED, answer=STOP, job=frame(waits=WAITS), saved=3), steps.HoldFrame()),
+    (replace(RECORDED, answer=STOP, job=frame(waits=WAITS), planned=-1), steps.Wait()),
+    (
+        replace(RECORDED, answer=STOP, job=frame(waits=WAITS, answer=ASKED)),
+        steps.ShowAndSave(False, False),
+    ),
+    (
+        replace(RECORDED, answer=STOP, job=frame(waits=WAITS, answer=MAY_END)),
+        steps.EndJob(JobState.CONVERGED, "levelled off; the shot is good", {"slope": 0.0}, True),
+    ),
+    # Its sums were lost after that, and it does not end with fewer
+    (
+        replace(RECORDED, answer=STOP, job=frame(answer={**MAY_END, "spp": 200})),
+        steps.ShowAndSave(False, False),
+    ),
+    (
+        replace(
+            AT_THE_CAP,
+            answer=STOP,
+            job=frame({"max_spp": 100}, waits=WAITS, answer={**MAY_END, "good": False}),
+        ),
+        steps.EndJob(
+            JobState.EXHAUSTED,
+            "reached the cap of 100 spp; levelled off; the shot is good",
+            None,
+            True,
+        ),
     ),
     # The job that this one continues had been stopped there already
     (

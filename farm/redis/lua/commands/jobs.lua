@@ -17,6 +17,7 @@ function for_farm.create(it)
     New.job(job, it.priority, 'created')
     After.wait(job.id, gates)
   end
+  if first.fields.shot then New.shot(it.jobs) end
   return {outcome = 'created', job = first.id}
 end
 

@@ -105,11 +105,15 @@ function for_farm.note_blob(it)
   return 'noted'
 end
 
--- The owner notes the job's last checkpoint.
+-- The owner notes the job's last checkpoint, and that the job waits with it for a look at its shot.
 -- Returns 'saved' or 'fenced'.
 function for_farm.save(it)
   if not Job.is_owned(it.job, it.token) then return 'fenced' end
   redis.call('HSET', job_key(it.job), 'checkpoint', it.checkpoint)
+  if it.waits then
+    redis.call('HSET', job_key(it.job), 'shot_waits', it.waits)
+    Turn.give_back(it.job)  -- to the frames that it waits for
+  end
   return 'saved'
 end
 

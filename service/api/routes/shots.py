@@ -1,0 +1,134 @@
+"""Routes of shots: batches whose frames are judged as a video."""
+
+import hashlib
+import math
+from typing import Any, Final
+
+from fastapi import APIRouter, Request, Response
+from fastapi.responses import StreamingResponse
+
+from plateau.farm.blobs import store as blobs
+from plateau.farm.ledger.shots import ShotRecord, by_frame
+from plateau.farm.wire.shot_views import ShotView, shot_view
+from plateau.service.api.http.etags import REVALIDATE, IfNoneMatch, not_modified, strong
+from plateau.service.api.http.layers import HEADERS_ONLY
+from plateau.service.api.http.parameters import BatchName
+from plateau.service.api.http.served_blobs import PNG, blob_response
+from plateau.service.api.parts import Farm, Parts
+from plateau.service.api.points.stored_files import SpoiledBlob
+from plateau.service.api.problems import problem as problems
+from plateau.service.api.problems.problem import Problem, documented
+
+router = APIRouter(prefix="/v1/batches/{name}/shot", tags=["batches"])
+
+#: The most pixels of the longer side of a film's frames, and of all of them together.
+_LONGEST: Final = 512
+_MOST_PIXELS: Final = 64_000_000
+
+_PROBLEMS: Final = (problems.UNKNOWN_BATCH, problems.NO_SHOT)
+_PICTURE: Final[dict[int | str, dict[str, Any]]] = {
+    200: {
+        "description": "the file's bytes",
+        "content": {PNG: {"schema": {"type": "string", "format": "binary"}}},
+        "headers": {name: {"schema": {"type": "string"}} for name in ("ETag", "Cache-Control")},
+    },
+    304: {"description": "`If-None-Match` names the file that would be sent"},
+    **documented(*_PROBLEMS, problems.NO_IMAGE_YET, problems.SPOILED_FILE),
+}
+
+
+@router.get("", responses=documented(*_PROBLEMS))
+def get_shot(name: BatchName, farm: Farm) -> ShotView:
+    """Show the newest shot of a batch: its frames, and how it was judged as a video.
+
+    A frame waits once its own rule is satisfied. When all frames wait, the shot is judged, by the
+    noise that is seen in motion. Frames that are seen at moments which are not good enough then
+    have more samples, until no moment is below the target, or all of these have reached their cap.
+    """
+    record = _shot(name, farm)
+    shot = by_frame(record, farm.batches.shots.looks(record.id))
+    if shot is None:
+        raise _no_shot(name)
+    return shot_view(name, shot)
+
+
+@router.get("/flicker.png", response_class=StreamingResponse, responses=_PICTURE)
+def get_flicker_png(name: BatchName, request: Request, farm: Farm, has: IfNoneMatch) -> Response:
+    """Show where the last judgement has seen noise in motion, from dark blue to yellow.
+
+    It is the mean over all frames; yellow is where it is seen most.
+    """
+    while True:
+        record = _shot(name, farm)
+        last = record.last
+        if last is None or last.flicker_sha256 is None:
+            detail = f"the shot of {name!r} was not judged yet: that takes all of its frames"
+            raise Problem(problems.NO_IMAGE_YET, detail)
+        sha256, blob = last.flicker_sha256, blobs.flicker_map(record.id, record.looks - 1)
+        headers = {"ETag": strong(sha256), "Cache-Control": REVALIDATE}
+        try:
+            return blob_response(blob, sha256, PNG, headers, farm, has, request)
+        except FileNotFoundError as error:
+            if _shot(name, farm).looks == record.looks:  # and no newer look has replaced it
+                raise SpoiledBlob(blob) from error
+
+
+@router.get("/film.png", response_class=Response, responses=_PICTURE)
+def get_film_png(name: BatchName, request: Request, farm: Farm, has: IfNoneMatch) -> Response:
+    """Play the newest image of each frame as an animated PNG of at most 512 pixels a side.
+
+    The frame before stands in for one without an image, and the first image for those before it.
+    """
+    # Imported at the first use: Pillow and numpy take a part of the API's start.
+    from plateau.farm.images.png import encode_film
+
+    record = _shot(name, farm)
+    assert record.spec is not None
+    assert record.spec.shot is not None
+    shown = [farm.jobs.results(frame.job_id) for frame in record.frames]
+    tag = strong(hashlib.sha256("\n".join(shown).encode()).hexdigest())
+    headers = {"ETag": tag, "Cache-Control": REVALIDATE}
+    if has.has(tag):
+        return not_modified(headers)
+    pictures = _pictures(shown, farm)
+    if not pictures:
+        raise Problem(problems.NO_IMAGE_YET, f"no frame of the shot of {name!r} has an image yet")
+    if has.anything:
+        return not_modified(headers)
+    if HEADERS_ONLY in request.scope:
+        return Response(media_type=PNG, headers=headers)
+    longest = min(_LONGEST, math.isqrt(_MOST_PIXELS // len(pictures)))
+    film = encode_film(pictures, record.spec.shot.fps, longest)
+    return Response(film, media_type=PNG, headers=headers)
+
+
+def _pictures(shown: list[str], farm: Parts) -> list[bytes]:
+    """The pictures of these sets of results; the last one again for a set that is not there."""
+    pictures: list[bytes] = []
+    waiting = 0
+    for results in shown:
+        blob = f"{results}/image.png"
+        try:
+            picture = farm.files.content(blob, farm.jobs.sha256(blob)) if results else None
+        except FileNotFoundError:  # a newer set has just replaced it
+            picture = None
+        if picture is not None:
+            pictures += [picture] * (waiting + 1)
+            waiting = 0
+        elif pictures:
+            pictures.append(pictures[-1])
+        else:
+            waiting += 1
+    return pictures
+
+
+def _shot(name: str, farm: Parts) -> ShotRecord:
+    record = farm.batches.shot(name)
+    if record is None or record.spec is None:
+        raise _no_shot(name)
+    return record
+
+
+def _no_shot(name: str) -> Problem:
+    detail = f"the batch {name!r} is no shot: submit its frames with `shot`"
+    return Problem(problems.NO_SHOT, detail)

@@ -1,0 +1,90 @@
+"""The process that looks at a shot: its frames come on the standard input, its answer goes out.
+
+The input is a JSON document and then the sums of the frames, as checkpoints have them, in the order
+in which the eye sees them: first those that come before the first one. Each follows its length.
+"""
+
+import json
+import os
+import struct
+import sys
+from collections.abc import Sequence
+from typing import IO, Any, Final
+
+import numpy as np
+
+from plateau.farm.model.spec import JobSpec, stored_spec
+from plateau.metric import Half, View
+from plateau.metric.compiled import CompiledVisibleDifferences
+from plateau.metric.cvvdp import ColorVideoVDP
+from plateau.metric.noise_model import NoiseModel, noise_model
+from plateau.metric.quality import display_of
+from plateau.metric.shots import frame_weights, samples_needed, shot_quality
+from plateau.service.judging.checkpoints import unpacked_sums
+
+#: Below the monitor, as a worker's renderer is.
+_NICENESS: Final = 10
+_LENGTH: Final = struct.Struct("<Q")
+
+
+def main() -> None:
+    """Look at the shot on the standard input."""
+    os.nice(_NICENESS)
+    about = json.loads(_read_part(sys.stdin.buffer))
+    spec, spp = stored_spec(json.dumps(about["spec"])), about["spp"]
+    shot = spec.shot
+    assert shot is not None
+    view = View(**spec.view.of_display())
+    quality = shot_quality(
+        ColorVideoVDP(display_of(view, about["width"])),
+        shot.fps,
+        _Frames(sys.stdin.buffer, spec, view, about["slices"]),
+        view=view,
+        heat=True,
+    )
+    worst = int(np.argmin(quality.low_frames))
+    answer = {
+        "jod": quality.jod,
+        "low_jod": quality.low_jod,
+        "frames": quality.frames,
+        "low_frames": quality.low_frames,
+        "worst_frame": int(frame_weights(shot.fps, len(spp))[worst].argmax()),
+        "needed": spp,
+    }
+    if shot.target is not None:
+        answer["needed"] = samples_needed(quality, shot.fps, shot.target, spp)
+    assert quality.heat is not None
+    np.savez(sys.stdout.buffer, about=np.array(json.dumps(answer)), heat=quality.heat)
+    sys.stdout.buffer.flush()
+
+
+class _Frames(Sequence["NoiseModel"]):
+    """The noise models of the frames, each read when its turn comes: one is in memory."""
+
+    def __init__(self, stream: IO[bytes], spec: JobSpec, view: View, slices: list[int]) -> None:
+        self._stream, self._spec, self._slices = stream, spec, slices
+        self._metric = CompiledVisibleDifferences(view)
+
+    def __len__(self) -> int:
+        return len(self._slices)
+
+    def __getitem__(self, place: Any) -> Any:
+        merge, _ = unpacked_sums(_read_part(self._stream), self._slices[place], self._spec)
+        halves = merge.halves()
+        assert halves is not None  # a frame of one slice is not looked at
+        return noise_model(self._metric, merge.image(), (Half(*halves[0]), Half(*halves[1])))
+
+
+def write_part(stream: IO[bytes], content: bytes) -> None:
+    """Write a part of the input."""
+    stream.write(_LENGTH.pack(len(content)))
+    stream.write(content)
+
+
+def _read_part(stream: IO[bytes]) -> bytes:
+    (length,) = _LENGTH.unpack(stream.read(_LENGTH.size))
+    return stream.read(length)
+
+
+if __name__ == "__main__":
+    main()
