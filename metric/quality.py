@@ -7,14 +7,17 @@ N, noise like the image's own, for the error: ColorVideoVDP compares T with T + 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from plateau.metric.cvvdp import ColorVideoVDP, Display
 from plateau.metric.display import displayed
 
 if TYPE_CHECKING:
-    from plateau.metric.display import View
+    from plateau.metric.cvvdp import Quality as Comparison
+    from plateau.metric.display import Plane, View
     from plateau.metric.noise_model import NoiseModel
 
 #: The quality of an image in which nobody sees an error, in JOD.
@@ -41,6 +44,8 @@ class Quality:
     jod: float
     #: It is at least this in about nine cases of ten.
     low_jod: float
+    #: Where a person would see the noise, (H, W) float32 of 0 or more: what is lost, over 10 JOD.
+    heat: Plane | None = field(default=None, repr=False, compare=False)
 
 
 class QualityModel:
@@ -78,14 +83,23 @@ class QualityModel:
         self._model, self._view = model, view
         self._eye = ColorVideoVDP(display_of(view, model.clean.shape[1]))
         self._clean = self._eye.percept(displayed(model.clean, view))
-        jods = [self.at(amount) for amount in (1.0, -1.0)]
-        jod = sum(jods) / 2
-        self.quality = Quality(jod, BEST_JOD - (BEST_JOD - min(jods)) * (1 + MODEL_ERROR))
+        one, other = (self._compared(amount, heat=True) for amount in (1.0, -1.0))
+        lost = BEST_JOD - min(one.jod, other.jod)
+        assert one.heat is not None  # as asked
+        assert other.heat is not None
+        self.quality = Quality(
+            jod=(one.jod + other.jod) / 2,
+            low_jod=BEST_JOD - lost * (1 + MODEL_ERROR),
+            heat=(one.heat + other.heat) / np.float32(2),
+        )
 
     def at(self, amount: float) -> float:
         """Return the quality in JOD with `amount` times the noise: ±1 is the present noise."""
-        noisy = self._model.finite_noisy(amount)
-        return self._eye.compare(self._clean, self._eye.percept(displayed(noisy, self._view))).jod
+        return self._compared(amount, heat=False).jod
+
+    def _compared(self, amount: float, *, heat: bool) -> Comparison:
+        noisy = self._eye.percept(displayed(self._model.finite_noisy(amount), self._view))
+        return self._eye.compare(self._clean, noisy, heat=heat)
 
     def forecast(self, target: float, *, spp: int) -> int | None:
         """Return the spp at which the quality reaches a target in JOD; None if out of reach.

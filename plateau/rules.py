@@ -140,6 +140,8 @@ class StoppingRule:
     #: What its value is and its unit, where a point of the curve does not have that anyway.
     quantity: ClassVar[str] = ""
     unit: ClassVar[str] = ""
+    #: Whether that is the quality by ColorVideoVDP: jobs with the rule have a map of it.
+    by_quality: ClassVar[bool] = False
     #: The text after "It stopped by itself at N spp" on the page. {noise_left}, {slope},
     #: {slope_limit} and the name of any parameter stand for figures. If it is empty, or a figure is
     #: unknown, the page shows the verdict's reason.

@@ -15,6 +15,7 @@ _EXAMPLE: Final[JsonDict] = {
     "featured": False,
     "quantity": "",
     "unit": "",
+    "by_quality": False,
     "stopped": "",
     "parameters": [
         {
@@ -68,6 +69,10 @@ class RuleView(BaseModel):
         "that anyway"
     )
     unit: str = Field(description="of these values")
+    by_quality: bool = Field(
+        description="whether they are the quality by ColorVideoVDP; a job with the rule has "
+        "quality.png"
+    )
     stopped: str = Field(
         description="what follows 'It stopped by itself at N spp', where it says more than the "
         "job's reason; {noise_left}, {slope}, {slope_limit} and {PARAMETER} stand for figures"
@@ -95,6 +100,7 @@ def rules_view() -> Rules:
                 featured=rule.featured,
                 quantity=rule.quantity,
                 unit=rule.unit,
+                by_quality=rule.by_quality,
                 stopped=rule.stopped,
                 parameters=[
                     ParameterView(

@@ -252,6 +252,7 @@ def job_view(
         "image_exr": f"{root}/image.exr",
         "difference_png": f"{root}/difference.png",
         "noise_png": f"{root}/noise.png",
+        "quality_png": f"{root}/quality.png",
         "spp_png": f"{root}/spp.png",
         "non_finite_png": f"{root}/non-finite.png",
         "thumbnail_png": f"{root}/thumbnail.png",

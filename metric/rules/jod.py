@@ -60,6 +60,7 @@ class Jod(Rule):
     continues: ClassVar[bool] = True
     quantity: ClassVar[str] = "quality"
     unit: ClassVar[str] = "JOD"
+    by_quality: ClassVar[bool] = True
 
     #: The quality to reach, in JOD.
     target: float = parameter(

@@ -15,7 +15,16 @@ from plateau.client import ApiError
 from plateau.errors import CommandFailed, ExtraMissing, needs
 from plateau.farm.model.job import CurvePoint, utc_now
 from plateau.farm.wire.views import JobView, SliceView
-from plateau.files.job_folder import IMAGES, NOISE_MAP, SLICES, SPP_MAP, begin, in_turn, whole
+from plateau.files.job_folder import (
+    IMAGES,
+    NOISE_MAP,
+    QUALITY_MAP,
+    SLICES,
+    SPP_MAP,
+    begin,
+    in_turn,
+    whole,
+)
 
 _KEPT: Final = "plateau-kept-"
 
@@ -128,6 +137,8 @@ def _fetch(client: Source, job: JobView, folder: Path) -> _Fetched:
     begin(folder, job.id, lambda path: _is_one_of(slices, path))
     for name in IMAGES:
         if name == SPP_MAP and not job.spec.by_zones:
+            continue
+        if name == QUALITY_MAP and not (job.spec.by_quality and "quality_png" in job.links):
             continue
         if name == NOISE_MAP and "noise_png" not in job.links:
             continue

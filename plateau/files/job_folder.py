@@ -19,9 +19,14 @@ from plateau.errors import CommandFailed
 
 #: What an older service does not know.
 NOISE_MAP: Final = "noise.png"
+#: What only a job has that goes by ColorVideoVDP.
+QUALITY_MAP: Final = "quality.png"
 #: What only a job that is allocated by zones has.
 SPP_MAP: Final = "spp.png"
-IMAGES: Final = ("image.exr", "image.png", "difference.png", NOISE_MAP, SPP_MAP, "non-finite.png")
+IMAGES: Final = (
+    *("image.exr", "image.png", "difference.png"),
+    *(NOISE_MAP, QUALITY_MAP, SPP_MAP, "non-finite.png"),
+)
 #: The files of a job, beside the folder of its slices.
 RESULTS: Final = (*IMAGES, "curve.csv", "curve.png", "summary.txt", "summary.json")
 SLICES: Final = "slices"

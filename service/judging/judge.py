@@ -32,7 +32,7 @@ from plateau.rules import CURVE, DEFAULT
 from plateau.service.judging.allotment import allotment
 from plateau.service.judging.denoised import Denoised
 from plateau.service.judging.merge import Merge
-from plateau.service.judging.result_files import flaw_of
+from plateau.service.judging.result_files import NoiseMaps, flaw_of
 
 
 def warm_up() -> None:
@@ -46,7 +46,7 @@ def warm_up() -> None:
         metric.compare(reference, metric.percept(image))
     metric.denoised(image, image)
     eye = ColorVideoVDP(DISPLAYS["standard_fhd"])
-    eye.compare(eye.percept(image), eye.percept(image))
+    eye.compare(eye.percept(image), eye.percept(image), heat=True)
     frame = eye.video(24).percept(image)
     eye.compare(frame, frame, heat=True)
 
@@ -89,10 +89,11 @@ class Judge:
             rule.name: create_rule(**rule.model_dump()) for rule in (spec.rule, *spec.watch)
         }
         self._shown = tuple(self._rules)
+        self._by_quality = spec.by_quality
         self._zones = spec.zones
         # Of the last evaluation, each with its spp
         self._curve_map: tuple[int, NDArray[np.bool_]] | None = None
-        self._noise_map: tuple[int, NDArray[np.float32] | None] | None = None
+        self._noise_maps: tuple[int, NoiseMaps] | None = None
         self._focus = spec.view.focus
         self._target = spec.noise_target or create_rule(DEFAULT).noise_target
         for name in REMEMBERED_ANYWAY:
@@ -123,7 +124,7 @@ class Judge:
         flaw = flaw_of(evidence.image) if curve["non_finite_pixels"] else None
         # An image that cannot be a result has no estimate, which would be one of its other pixels.
         estimate = None if flaw else evidence.estimate
-        self._noise_map = merge.spp, None if estimate is None else estimate.visible
+        self._noise_maps = merge.spp, self._maps_of(evidence, estimate)
         forecast, decided = None, None
         if self._target and not flaw:
             if plan is not None and merge.zone_spp is not None:
@@ -232,21 +233,21 @@ class Judge:
         difference = self._metric.compare(self._metric.percept(first), evidence.percept)
         return difference.visible & evidence.finite if difference.non_finite else difference.visible
 
-    def noise_map(
-        self, merge: Merge, denoised: Denoised | None = None
-    ) -> NDArray[np.float32] | None:
-        """Return where noise is left to see, as `Estimate.visible` has it.
-
-        It is that of the merged image, or of the image denoised. None where nobody knows it: of a
-        single slice, or of an image that cannot be a result.
-        """
-        if self._noise_map is None or self._noise_map[0] != merge.spp:
+    def noise_maps(self, merge: Merge, denoised: Denoised | None = None) -> NoiseMaps:
+        """Return where noise is left to see in the merged image, or in the image denoised."""
+        if self._noise_maps is None or self._noise_maps[0] != merge.spp:
             evidence = self._evidence(merge)
             if denoised is not None:
                 evidence = _of_denoised(evidence, denoised)
             estimate = None if flaw_of(evidence.image) else evidence.estimate
-            self._noise_map = merge.spp, None if estimate is None else estimate.visible
-        return self._noise_map[1]
+            self._noise_maps = merge.spp, self._maps_of(evidence, estimate)
+        return self._noise_maps[1]
+
+    def _maps_of(self, evidence: Evidence, estimate: Estimate | None) -> NoiseMaps:
+        if estimate is None:
+            return NoiseMaps()
+        quality = evidence.quality if self._by_quality else None
+        return NoiseMaps(estimate.visible, None if quality is None else quality.heat)
 
     def _zone_fractions(
         self, visible: NDArray[np.bool_], estimate: Estimate | None

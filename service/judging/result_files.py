@@ -3,7 +3,7 @@
 They depend on the image and its facts alone, so a damaged file can be made again to the byte.
 """
 
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,7 @@ from plateau.metric import (
     allowed_non_finite,
     difference_map,
     encode_srgb,
+    heat_map,
     noise_map,
     non_finite_map,
     non_finite_pixels,
@@ -36,10 +37,20 @@ _CAUSES: Final = (
 )
 
 
+class NoiseMaps(NamedTuple):
+    """Where noise is left to see; None where nobody knows it.
+
+    That is so of a single slice, and of an image that cannot be a result.
+    """
+
+    visible: NDArray[np.float32] | None = None  #: as `Estimate.visible` has it
+    heat: NDArray[np.float32] | None = None  #: by ColorVideoVDP, where a rule of the job goes by it
+
+
 def result_files(
     merge: Merge,
     visible: Mask | None,
-    noise: NDArray[np.float32] | None,
+    noise: NoiseMaps,
     facts: Facts,
     spec: JobSpec,
     blend: Blend | None = None,
@@ -56,7 +67,7 @@ def result_files(
         Where it differs visibly from the first image of the curve, (height, width) bool; None
         before there is one.
     noise
-        Where noise is left to see, as `Judge.noise_map` returns it.
+        Where noise is left to see, as `Judge.noise_maps` returns it.
     facts
         The metadata.
     spec
@@ -88,8 +99,10 @@ def result_files(
         files["spp.png"] = spp_png(spp_map, facts)
     if visible is not None:
         files["difference.png"] = encode_png(difference_map(picture, visible), MAP_PALETTE)
-    if noise is not None:
-        files["noise.png"] = encode_png(noise_map(picture, noise), MAP_PALETTE)
+    if noise.visible is not None:
+        files["noise.png"] = encode_png(noise_map(picture, noise.visible), MAP_PALETTE)
+    if noise.heat is not None:
+        files["quality.png"] = encode_png(heat_map(noise.heat), SAMPLES_PALETTE)
     return files
 
 

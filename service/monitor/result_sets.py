@@ -123,7 +123,7 @@ class ResultSets:
         compressed: bool,
     ) -> dict[str, bytes]:
         blend = None if denoised is None else denoised.blend
-        maps = judge.visible_map(merge, blend), judge.noise_map(merge, denoised)
+        maps = judge.visible_map(merge, blend), judge.noise_maps(merge, denoised)
         files = result_files(merge, *maps, facts, self._spec, blend, compressed=compressed)
         return {
             **files,

@@ -88,6 +88,8 @@ def check_job(
     is_broken = (job.non_finite_pixels or 0) > allowed_non_finite(plan.pixels)
     if job.spp and plan.slices_of(job.spp) > 1 and not is_broken:
         expected.add(f"{jobs.results(job_id)}/noise.png")
+        if job.spec.by_quality:
+            expected.add(f"{jobs.results(job_id)}/quality.png")
     if job.spec.by_zones:
         expected.add(f"{jobs.results(job_id)}/spp.png")
     if job.spec.keep_slices:

@@ -248,6 +248,11 @@ class SharedSpec(Strict):
         return next((target for target in targets if target is not None), None)
 
     @property
+    def by_quality(self) -> bool:
+        """Whether one of its rules goes by the quality by ColorVideoVDP."""
+        return any(one.behaviour.by_quality for one in (self.rule, *self.watch))
+
+    @property
     def slope_limit(self) -> SlopeLimit | None:
         """The slope of the curve for which the first of its rules waits."""
         limits = (one.behaviour.slope_limit for one in (self.rule, *self.watch))

@@ -16,7 +16,7 @@ from plateau.service.judging.checkpoints import read_sums
 from plateau.service.judging.facts import FILE, Facts, decode_facts, old_facts
 from plateau.service.judging.films import checked_partial
 from plateau.service.judging.merge import Merge
-from plateau.service.judging.result_files import result_files
+from plateau.service.judging.result_files import NoiseMaps, result_files
 
 if TYPE_CHECKING:
     from plateau.service.judging.judge import Judge
@@ -25,6 +25,8 @@ _LOG = logging.getLogger(__name__)
 
 #: The most values of a film that is merged for this; one of 2560 × 1440 pixels takes 0.6 GB.
 MOST_VALUES: Final = 2560 * 1440 * 4
+
+_OF_NOISE: Final = ("noise.png", "quality.png")
 
 _Memory = tuple[dict[str, Any], dict[str, NDArray[Any]]]
 
@@ -51,7 +53,7 @@ def remade(blob: str, sha256: str, jobs: Jobs, store: Blobs) -> bytes | None:
     files = result_files(
         merge,
         _judge(job, memory).visible_map(merge) if picture == "difference.png" else None,
-        _judge(job, memory).noise_map(merge) if picture == "noise.png" else None,
+        _judge(job, memory).noise_maps(merge) if picture in _OF_NOISE else NoiseMaps(),
         facts,
         job.spec,
         compressed=folder.endswith(blobs.FINAL),

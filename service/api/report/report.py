@@ -29,6 +29,8 @@ CAPTIONS: Final = {
     "image.png": "The merged image, as the job's display shows it.",
     "difference.png": "Orange: changed since the first image of the curve, as a person sees it.",
     "noise.png": "Orange: noise that is left to see; darker, where it is as likely as not.",
+    "quality.png": "Where a person would see the noise, by ColorVideoVDP: from dark blue, nowhere, "
+    "to yellow, as much as 3 JOD and more.",
     "spp.png": "From dark blue to yellow: zones with few samples, and with many.",
     "non-finite.png": "Magenta: pixels that are NaN; blue: infinite ones.",
 }

@@ -61,6 +61,15 @@ def get_noise_png(request: Request, job_id: JobId, farm: Farm, has: IfNoneMatch)
     return _image("noise.png", PNG, job_id, farm, has, request)
 
 
+@router.get("/quality.png", **_PNG)
+def get_quality_png(request: Request, job_id: JobId, farm: Farm, has: IfNoneMatch) -> Response:
+    """Show where a person would see the noise, by ColorVideoVDP, if a rule of the job goes by it.
+
+    From dark blue, nowhere, to yellow, as much as 3 JOD and more.
+    """
+    return _image("quality.png", PNG, job_id, farm, has, request)
+
+
 @router.get("/spp.png", **_PNG)
 def get_spp_png(request: Request, job_id: JobId, farm: Farm, has: IfNoneMatch) -> Response:
     """Show how many samples each pixel has, from dark blue to yellow, if the job is by zones.
@@ -144,7 +153,12 @@ def _no_image(job: Job, name: str) -> Problem:
     lost = job.state.ended and job.points  # the difference map comes with the first point
     if name == "difference.png" and job.image_spp and not lost:
         detail = _no_difference(job)
-    elif name == "noise.png" and job.image_spp:
+    elif name == "quality.png" and not job.spec.by_quality:
+        detail = (
+            f"no rule of job {job.id} goes by ColorVideoVDP; judged again with --watch jod, its "
+            "curve has the quality in JOD"
+        )
+    elif name in {"noise.png", "quality.png"} and job.image_spp:
         detail = (
             f"job {job.id} is {job.state.value} and has an image of {job.image_spp} spp, whose "
             "noise nobody knows yet: that takes two slices, and an image without broken pixels"

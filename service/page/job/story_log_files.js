@@ -5,7 +5,7 @@ import { block } from "../shared/blocked_workers.js";
 import { h, setText, table } from "../shared/dom.js";
 import { clock, duration, several, sharesOf, whole } from "../shared/figures.js";
 import { mayControl } from "../shared/job_controls.js";
-import { zoneSize } from "../shared/job_summary.js";
+import { isByQuality, zoneSize } from "../shared/job_summary.js";
 import { complain } from "../shared/notices.js";
 
 const EVERY_MS = 4000;
@@ -90,6 +90,7 @@ export class Records {
     const ofPoints = [
       ["difference.png", "Difference", "what has changed since the first image", links.difference_png],
       ...(noise == null ? [] : [["noise.png", "Noise", "where noise is left to see", links.noise_png]]),
+      ...(noise == null || !isByQuality(job) ? [] : [["quality.png", "Quality", "where a person would see the noise", links.quality_png]]),
       ["curve.csv", "CSV", "the points of the curve", `${links.self}/curve.csv`],
     ];
     const ofBroken = [["non-finite.png", "Broken", "where the image is NaN or infinite", links.non_finite_png]];

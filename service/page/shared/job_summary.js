@@ -1,7 +1,7 @@
 // Values derived from a job's JSON: its title, rules, duration and savings.
 
 import { duration, roughly } from "./figures.js";
-import { valueIn } from "./rules.js";
+import { ruleNamed, valueIn } from "./rules.js";
 
 /** @import { Rule } from "./rules.js" */
 
@@ -106,6 +106,14 @@ export function zoneSize({ spec: { allocation } }) {
  */
 export function rulesOf(job) {
   return [job.spec.rule, ...job.spec.watch];
+}
+
+/**
+ * Whether a rule of the job goes by the quality by ColorVideoVDP.
+ * @param {Api.JobView} job
+ */
+export function isByQuality(job) {
+  return rulesOf(job).some(({ name }) => ruleNamed(name)?.by_quality);
 }
 
 /**

@@ -214,6 +214,7 @@ def test_every_header_that_is_read_is_there(operations: list[Operation]) -> None
                 "image.exr",
                 "difference.png",
                 "noise.png",
+                "quality.png",
                 "spp.png",
                 "non-finite.png",
                 "thumbnail.png",

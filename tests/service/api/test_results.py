@@ -109,6 +109,7 @@ class TestImages:
             ("image.exr", "image/x-exr"),
             ("difference.png", "image/png"),
             ("noise.png", "image/png"),
+            ("quality.png", "image/png"),
         ],
     )
     def test_come_as_they_are_stored(
@@ -144,6 +145,8 @@ class TestImages:
         assert "with the first point of its curve, at 200 spp" in found["detail"]
         found = problem(http.get(f"/v1/jobs/{job.id}/noise.png"), 404, "no-image-yet")
         assert "whose noise nobody knows yet: that takes two slices" in found["detail"]
+        found = problem(http.get(f"/v1/jobs/{job.id}/quality.png"), 404, "no-image-yet")
+        assert "no rule of job" in found["detail"]
         # When the job ends so
         job.end(JobState.CANCELLED, "cancelled by a user")
         found = problem(http.get(f"/v1/jobs/{job.id}/difference.png"), 404, "no-image-yet")

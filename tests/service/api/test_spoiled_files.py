@@ -22,9 +22,10 @@ from tests.support.until import until
 
 PICTURES = (
     *("image.exr", "image.png", "thumbnail.png"),
-    *("difference.png", "noise.png", "non-finite.png"),
+    *("difference.png", "noise.png", "quality.png", "non-finite.png"),
 )
-SPEC = {"step": 20, "slice_spp": 10, "max_spp": 40, "rule": {"name": "fixed", "spp": 40}}
+FIXED = {"name": "fixed", "spp": 40}
+SPEC = {"step": 20, "slice_spp": 10, "max_spp": 40, "rule": FIXED, "watch": [{"name": "jod"}]}
 
 
 @pytest.fixture
@@ -210,7 +211,7 @@ def test_a_report_says_which_picture_is_damaged(
     spoil(farm, f"{farm.jobs.results(job.id)}/difference.png")
     report = api.get(f"/v1/jobs/{job.id}/report.html").text
     assert "difference.png is damaged in the farm's store" in report
-    assert report.count("data:image/png") == 3
+    assert report.count("data:image/png") == 4
 
 
 def test_a_job_that_goes_on_shows_no_damaged_image_of_the_first(

@@ -60,6 +60,26 @@ def test_an_image_between_two_points_has_its_own(farm: NoiseFarm) -> None:
     assert left(farm, ended) == pytest.approx(evidence.estimate.pixels, abs=1)
 
 
+def test_a_rule_of_the_eye_of_today_has_a_map_of_its_own(farm: NoiseFarm) -> None:
+    noisy, clear = (
+        finished(
+            farm,
+            step=50,
+            rule={"name": "fixed", "spp": spp},
+            watch=[{"name": "jod"}],
+            max_spp=spp,
+            view={"pixels_per_degree": 40},
+        )
+        for spp in (100, 400)
+    )
+
+    def lost(job: Job) -> float:
+        with Image.open(io.BytesIO(farm.picture(job, "quality.png"))) as picture:
+            return float(np.asarray(picture).mean())  # as indices of its colours
+
+    assert lost(noisy) > 1.2 * lost(clear) > 0
+
+
 def test_a_single_slice_has_none(farm: NoiseFarm) -> None:
     job = finished(farm, step=25, rule={"name": "fixed", "spp": 25}, max_spp=25)
     with pytest.raises(FileNotFoundError):

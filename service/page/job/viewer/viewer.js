@@ -3,13 +3,14 @@
 import { isAbort, isProblem } from "../../shared/api.js";
 import { h, setAttribute, setText } from "../../shared/dom.js";
 import { several, whole } from "../../shared/figures.js";
-import { zoneSize } from "../../shared/job_summary.js";
+import { isByQuality, zoneSize } from "../../shared/job_summary.js";
 import { messageOf } from "../../shared/notices.js";
 import { shownOf } from "./channels.js";
 import { Comparison, newestOf } from "./comparison.js";
 import { ImageLayer } from "./image_layer.js";
 import { AS_JUDGED, isAsJudged, LookPanel } from "./look.js";
 import { PixelPanel } from "./pixel_panel.js";
+import { QualityScale } from "./quality_scale.js";
 import { SamplesScale } from "./samples_scale.js";
 import { slider } from "./slider.js";
 import { ZoneMap } from "./zone_map.js";
@@ -19,17 +20,21 @@ import { Stage } from "./zoom_pan.js";
 
 /** A fetch that takes longer is announced. */
 const SOON_MS = 400;
-/** @typedef {"image" | "compare" | "difference" | "noise" | "samples" | "broken" | "zones"} Mode */
+/** @typedef {"image" | "compare" | "difference" | "noise" | "quality" | "samples" | "broken" | "zones"} Mode */
 /** @type {[Mode, string][]} */
 const MODES = [
   ["image", "Image"],
   ["compare", "Compare"],
   ["difference", "Difference"],
   ["noise", "Noise"],
+  ["quality", "Quality"],
   ["samples", "Samples"],
   ["broken", "Broken"],
   ["zones", "Zones"],
 ];
+
+/** @type {Mode[]} */
+const ALWAYS = ["image", "compare", "difference", "noise", "zones"];
 
 /**
  * Maps over the image, by mode: the link, and whether a job has the map.
@@ -38,6 +43,7 @@ const MODES = [
 const MAPS = {
   difference: { link: "difference_png", of: (job) => job.points },
   noise: { link: "noise_png", of: (job) => job.estimate_fraction != null },
+  quality: { link: "quality_png", of: (job) => isByQuality(job) && job.estimate_fraction != null },
   samples: { link: "spp_png", of: (job) => job.image_spp },
   broken: { link: "non_finite_png", of: (job) => job.non_finite_pixels },
 };
@@ -94,13 +100,14 @@ export class Viewer {
         h("span", { class: "hint" }, "Orange: changed since the first image, as a person sees it.")),
       noise: h("div", { class: "panel" },
         h("span", { class: "hint" }, "Orange: noise that a person could still see; darker, where that is as likely as not.")),
+      quality: new QualityScale().element,
       samples: this.#scale.element,
       broken: h("div", { class: "panel" },
         h("span", { class: "hint" }, "Magenta: NaN. Blue: infinite. No sample repairs such a pixel; look for its emitter, texture or material.")),
       zones: h("div", { class: "panel" }, h("label", {}, h("span", {}, "By zones"), zones)),
     };
     this.#modes = new Map(MODES.map(([mode, text]) =>
-      [mode, h("button", { "data-mode": mode, hidden: mode === "broken" || mode === "samples", onclick: () => this.#turn(mode) }, text)]));
+      [mode, h("button", { "data-mode": mode, hidden: !ALWAYS.includes(mode), onclick: () => this.#turn(mode) }, text)]));
     const modes = h("div", { class: "modes", role: "group", "aria-label": "What is shown" }, [...this.#modes.values()]);
     this.#stage.element.hidden = true;
     this.element = h("section", { class: "viewer", "aria-labelledby": "image-title" },
@@ -124,6 +131,7 @@ export class Viewer {
     this.#points = points;
     this.#zones.show(job, points[points.length - 1]);
     this.#modes.get("broken")?.toggleAttribute("hidden", !job.non_finite_pixels);
+    this.#modes.get("quality")?.toggleAttribute("hidden", !isByQuality(job));
     this.#modes.get("samples")?.toggleAttribute("hidden", !zoneSize(job));
     if (!job.image_spp) {
       setText(this.#nothing, job.finished_at ? "The job ended without an image." : "Its first image comes with its first samples.");
@@ -271,6 +279,7 @@ export class Viewer {
       compare: this.#compare.caption(),
       difference: "on the image in dim grey",
       noise: job.estimate_fraction == null ? "known from the second slice on" : "on the image in dim grey",
+      quality: job.estimate_fraction == null ? "known from the second slice on" : "where a person would see the noise",
       samples: `zones of ${zoneSize(job)} × ${zoneSize(job)} pixels`,
       broken: `${several(job.non_finite_pixels ?? 0, "pixel")} of the last judged image`,
       zones: this.#zones.caption(),
@@ -284,7 +293,7 @@ export class Viewer {
  * @param {Mode} mode
  */
 function isOverlaid(mode) {
-  return mode === "difference" || mode === "noise" || mode === "samples";
+  return mode === "difference" || mode === "noise" || mode === "quality" || mode === "samples";
 }
 
 /**
