@@ -16,6 +16,9 @@ from tests.page.conftest import Visit
 from tests.support.noise_farm import NoiseFarm
 from tests.support.staged_job import StagedJob
 
+#: Of its lease: no worker of these goes away, however slow the test is.
+HOUR = 3600
+
 MACHINE = {
     "cores": 8,
     "load": 0.934,
@@ -34,9 +37,9 @@ def test_each_worker_says_what_it_does(visit: Visit, farm: NoiseFarm, client: re
     busy = {**about("w-1"), **place, "job": job.id, "slice": 3, "samples_per_s": 2.5e6}
     done = {"job": job.id, "slice": 2, "spp": 25, "render_s": 0.61}
     busy |= {"machine": MACHINE, "core_hours": 0.25, "last_slices": [done]}
-    SliceQueue(client, "w-1", 60).heartbeat(busy, ())
+    SliceQueue(client, "w-1", HOUR).heartbeat(busy, ())
     error = {"last_error": "slice 2: <b>SIGSEGV</b>"}
-    SliceQueue(client, "w-2", 60).heartbeat({**about("w-2"), **error}, ())
+    SliceQueue(client, "w-2", HOUR).heartbeat({**about("w-2"), **error}, ())
     first, second = page.locator('[data-worker="w-1"]'), page.locator('[data-worker="w-2"]')
     expect(first).to_contain_text("box, slice 3")
     expect(first).to_contain_text("2.5 M")
@@ -99,6 +102,6 @@ def test_who_was_refused_is_told_of(visit: Visit, farm: NoiseFarm, client: redis
     expect(told).to_contain_text("It is too old: install Plateau 0.4.0 here")
     # Until a worker of that machine is let in
     start = {"host": socket.gethostname(), "started_at": datetime.now(timezone.utc).isoformat()}
-    SliceQueue(client, "w-1", 60).heartbeat({**about("w-1"), **start, "plateau": "0.4.0"}, ())
+    SliceQueue(client, "w-1", HOUR).heartbeat({**about("w-1"), **start, "plateau": "0.4.0"}, ())
     expect(told).to_have_count(0)
     expect(page.locator('[data-worker="w-1"]')).to_contain_text("Plateau 0.4.0")

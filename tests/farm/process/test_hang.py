@@ -2,7 +2,7 @@
 
 import os
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Set
 from pathlib import Path
 
 import psutil
@@ -28,13 +28,14 @@ def soon(monkeypatch: pytest.MonkeyPatch) -> None:
 def watch(store: Blobs) -> Iterator[Watch]:
     """Makes a `Hang`, and sees its tests of the disk end."""
     made: list[Hang] = []
+    others = {one.pid for one in psutil.Process().children()}  # of earlier tests
 
     def make(thread: threading.Thread) -> Hang:
         made.append(Hang(thread, store))
         return made[-1]
 
     yield make
-    until(lambda: not any(one.is_seen() for one in made) and not _tests_of_disks())
+    until(lambda: not any(one.is_seen() for one in made) and not _tests_of_disks(others))
 
 
 @pytest.fixture
@@ -112,10 +113,12 @@ def test_a_thread_that_waits_for_another_does_not(watch: Watch) -> None:
     thread.join()
 
 
-def _tests_of_disks() -> list[psutil.Process]:
-    """The processes that test disks, and those that ended and were not heard."""
+def _tests_of_disks(others: Set[int]) -> list[psutil.Process]:
+    """The processes that test disks, and those that ended and were not heard, but for `others`."""
     found = []
     for one in psutil.Process().children():
+        if one.pid in others:
+            continue
         try:
             if "plateau.farm.process.disk_probe" in one.cmdline():
                 found.append(one)

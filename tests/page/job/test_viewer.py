@@ -14,7 +14,7 @@ from plateau.farm.model.job import Job
 from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.farm.redis.link import connect
 from tests.page.conftest import Visit
-from tests.page.job.test_job import pixels, png
+from tests.page.job.test_job import is_shown, pixels, png
 from tests.support.browser import Visitor
 from tests.support.live_api import live_api
 from tests.support.noise_farm import SIZE, NoiseFarm
@@ -236,7 +236,7 @@ class TestTwoJobs:
         for number, job in enumerate((two.one, two.other)):
             layer = page.locator(".side img").nth(number)
             expect(layer).to_be_visible()
-            assert (pixels(layer) == png(two.farm.picture(job, "image.png"))).all()
+            is_shown(layer, png(two.farm.picture(job, "image.png")))
         expect(page).to_have_url(re.compile(f"{two.one.id}\\?with={two.other.id}$"))
         one, other = f"dusk {two.one.id[:6]}", f"dawn {two.other.id[:6]}"
         caption = page.locator(".caption")
