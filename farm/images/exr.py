@@ -28,6 +28,8 @@ _COMPRESSIONS: Final[dict[Compression, Any]] = {
     "zip": OpenEXR.ZIP_COMPRESSION,
     "piz": OpenEXR.PIZ_COMPRESSION,
 }
+#: The first bytes of every EXR file.
+_MAGIC: Final = b"v/1\x01"
 _LARGEST_HALF: Final = 65504.0
 
 _ATTRIBUTES: Final[dict[str, type]] = {
@@ -220,6 +222,8 @@ def decode_image(content: bytes, layer: str | None = None) -> Pixels:
 @contextmanager
 def _opened(content: bytes) -> Iterator[OpenEXR.File]:
     """Open an EXR file; whatever OpenEXR raises for a damaged one becomes a ValueError in words."""
+    if not content.startswith(_MAGIC):
+        raise ValueError("it is not an EXR file")
     damaged = "the EXR file is damaged or cut short"
     try:
         opened = OpenEXR.File(io.BytesIO(content), separate_channels=True)

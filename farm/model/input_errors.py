@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Any, Final
 if TYPE_CHECKING:
     from pydantic_core import ErrorDetails
 
+#: How the message about an unknown rule, allocation or denoiser begins; its names follow.
+UNKNOWN_NAME: Final = "must have the name"
 #: The message for each pattern; a test finds patterns without one.
 PATTERNS: Final = {
     r"^[0-9]{4}-[0-9]{2}-[0-9]{2}"
@@ -62,7 +64,7 @@ def _bound(words: str, name: str) -> Callable[[Mapping[str, Any]], str]:
 
 def _alternatives(listed: str) -> str:
     """Pydantic's ``'a', 'b' or 'c'`` without its quotes."""
-    return listed.replace("'", "")
+    return listed.replace("'", "") or "empty"
 
 
 def _one_of(about: Mapping[str, Any]) -> str:
@@ -70,9 +72,8 @@ def _one_of(about: Mapping[str, Any]) -> str:
 
 
 def _unknown_tag(about: Mapping[str, Any]) -> str:
-    return (
-        f"there is none called {about['tag']!r}; there are {_alternatives(about['expected_tags'])}"
-    )
+    *names, last = _alternatives(about["expected_tags"]).split(", ")
+    return f"{UNKNOWN_NAME} {', '.join(names)} or {last}"
 
 
 def _tag_missing(about: Mapping[str, Any]) -> str:
@@ -124,6 +125,8 @@ _WORDS: Final[dict[str, str | Callable[[Mapping[str, Any]], str]]] = {
     "less_than": _bound("below", "lt"),
     "less_than_equal": _bound("at most", "le"),
     "finite_number": "must be a finite number",
+    "multiple_of": _bound("a multiple of", "multiple_of"),
+    "none_required": "must be null",
     "int_type": _WHOLE,
     "int_parsing": _WHOLE,
     "int_from_float": _WHOLE,

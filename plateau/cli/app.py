@@ -80,6 +80,19 @@ class Command(typer.core.TyperCommand):
             self._of_rules = rule_options.add(self.params)
         return super().get_params(ctx)
 
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Read the arguments; say what is wrong with a value in plain words."""
+        try:
+            found: list[str] = super().parse_args(ctx, args)
+        except typer.BadParameter as error:
+            errors = getattr(error.__cause__, "errors", None)  # of a ValidationError
+            if errors is not None:
+                from plateau.farm.model import input_errors
+
+                error.message = input_errors.message(errors()[0])
+            raise
+        return found
+
     def invoke(self, ctx: Any) -> Any:
         """Run the command; an expected error is one line on standard error and an exit code."""
         try:

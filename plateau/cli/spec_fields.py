@@ -47,7 +47,7 @@ def spec_fields(
         field_of_view_deg=field_of_view,
         pixels_per_degree=pixels_per_degree,
         primaries=primaries,
-        background=_colour(background) if background else None,
+        background=None if background is None else _colour(background),
         focus=_focus(focus) if focus else None,
     )
     if field_of_view is not None:
@@ -62,11 +62,11 @@ def spec_fields(
         aovs=aov or None,
         exr=exr or None,
         parameters=dict(map(_definition, define)) if define else None,
-        rule=_named(rule, "a rule") if rule else None,
+        rule=None if rule is None else _named(rule, "a rule"),
         watch=[_named(one, "a rule") for one in watch] if watch else None,
-        allocation=_named(allocation, "an allocation") if allocation else None,
-        denoise=_named(denoise, "a denoiser") if denoise else None,
-        shot=_shot(shot) if shot else None,
+        allocation=None if allocation is None else _named(allocation, "an allocation"),
+        denoise=None if denoise is None else _named(denoise, "a denoiser"),
+        shot=None if shot is None else _shot(shot),
         view=view or None,
     )
 
@@ -160,7 +160,6 @@ _OPTIONS: Final = {
     "exposure_ev": "exposure",
     "field_of_view_deg": "field-of-view",
     "time_limit_s": "time-limit",
-    "name": "rule",
     "aovs": "aov",
     "requires": "require",
     "blocked": "block",
@@ -172,16 +171,19 @@ _OPTIONS: Final = {
 
 def _message(location: tuple[int | str, ...], kind: str, message: str) -> str:
     """The error of a field, as the error of its option."""
+    from plateau.farm.model import input_errors
+
     if not location:
         return message
     if kind == "union_tag_invalid":
-        return f"--{location[0]}: {message.replace('none called', 'no rule', 1)}"
+        return f"--{location[0]}: {message.replace(input_errors.UNKNOWN_NAME, 'must be', 1)}"
     name = next(str(one) for one in reversed(location) if isinstance(one, str))
     option = f"--{_OPTIONS.get(name, name).replace('_', '-')}"
-    rule = next((str(one) for one in location[1:-1] if isinstance(one, str)), "")
-    if location[0] in {"rule", "watch"} and name not in rule_options.owners():
-        what = "the rule has no such parameter" if kind == "extra_forbidden" else message
-        return f"--{location[0]} {rule}:{name}: {what}"
+    named = next((str(one) for one in location[1:-1] if isinstance(one, str)), "")
+    is_rule = location[0] in {"rule", "watch"}
+    if location[0] in {"allocation", "denoise"} or (is_rule and name not in rule_options.owners()):
+        what = "there is no such parameter" if kind == "extra_forbidden" else message
+        return f"--{location[0]} {named}:{name}: {what}"
     if kind == "extra_forbidden":
-        return f"{option} is not an option of the rule {location[1]}"
+        return f"{option} is not an option of the rule {named}"
     return f"{option}: {message}"

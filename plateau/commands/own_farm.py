@@ -129,10 +129,8 @@ def _check_variant(variant: str, cache: Path) -> None:
         return
     tried = [one.detail for one in choice.tried if one.variant == variant]
     raise CommandFailed(
-        f"this machine cannot render with {variant}"
-        + (f" ({tried[0]})" if tried else "")
-        + f", only with {' and '.join(choice.of_mitsuba)}: leave --variant out, or see "
-        "`plateau doctor`"
+        f"this machine cannot render with {variant}{f' ({tried[0]})' if tried else ''}; it can "
+        f"with {', '.join(choice.of_mitsuba)}: leave --variant out, or see `plateau doctor`"
     )
 
 

@@ -111,6 +111,7 @@ def test_what_was_saved_is_the_same_share(
     job.point(200, 9)
     job.end()
     job.finish(200)
+    client.hset(keys.job(job.id), "continued_spp", 100)  # which another job has paid for
     monkeypatch.setenv("PLATEAU_URL", url)
     shown = rows("show", job.id)
     page = visit(f"/jobs/{job.id}", expected={404}).page
@@ -119,6 +120,9 @@ def test_what_was_saved_is_the_same_share(
     if rule == "visible":
         assert shown["saved"] == "96.3 % of the cap, 4,051,200 samples"
         expect(page.locator(".facts")).to_contain_text("96.3 %")
+        expect(page.locator(".facts")).to_contain_text("about 3 min 31 s of machine time")
     else:
         assert "saved" not in shown
         expect(page.locator(".facts")).not_to_contain_text("saved")
+    # 100 spp of 768 pixels in 4 s
+    expect(page.locator(".facts")).to_contain_text("0.0192 M")

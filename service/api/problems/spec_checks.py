@@ -39,6 +39,11 @@ def _invalid(kind: ProblemType, details: Sequence[Any], within: tuple[str, ...])
     for one in details:
         # A request's location starts with its place: path, query or body.
         location = one["loc"] if within else one["loc"][1:] or one["loc"]
+        if not within and one["loc"][0] == "query":
+            if one["type"] == "none_required":  # of an optional one, and no query has a null
+                continue
+            # A query has lists and no objects: other names are those of types.
+            location = (*location[:1], *(part for part in location[1:] if isinstance(part, int)))
         field = ".".join((*within, *_names(location)))
         found.setdefault(field, []).append(input_errors.message(one))
     errors = [

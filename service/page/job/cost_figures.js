@@ -22,7 +22,8 @@ export class CostFigures {
       cost ? `for ${three(hours)} core hours` : "machine time times the threads of the workers");
     this.#set("broken", job.non_finite_pixels ? "broken" : "", `${whole(job.non_finite_pixels ?? 0)} px`,
       "NaN or infinite, left out of what is counted");
-    const rate = job.machine_s ? (job.committed_spp * imagePixels(job)) / job.machine_s : 0;
+    const rendered = (job.committed_spp - job.continued_spp) * imagePixels(job);
+    const rate = job.machine_s ? rendered / job.machine_s : 0;
     this.#set("rate", rate ? "rate" : "", `${three(rate / 1e6)} M`, "samples per second and worker");
   }
 

@@ -157,7 +157,6 @@ export function took(job) {
  */
 export function savings(job) {
   if (!job.samples_saved) return null;
-  const rendered = (job.committed_spp - job.continued_spp) * imagePixels(job);
-  const seconds = rendered > 0 ? (job.machine_s * job.samples_saved) / rendered : 0;
+  const seconds = job.core_hours ? (job.machine_s * job.saved_core_hours) / job.core_hours : 0;
   return { fraction: job.samples_saved / (job.spec.max_spp * imagePixels(job)), samples: job.samples_saved, machine: seconds ? duration(seconds) : "" };
 }

@@ -53,5 +53,6 @@ def test_what_is_no_focus_is_refused(
 def test_so_is_what_is_no_picture(tmp_path: Path) -> None:
     for name in ("a.png", "a.exr"):
         (tmp_path / name).write_text("a picture")
-        with pytest.raises(CommandFailed, match=f"{name} cannot be read"):
+        with pytest.raises(CommandFailed, match=f"{name} cannot be read") as refused:
             focus_of(tmp_path / name)
+    assert str(refused.value).endswith("it is not an EXR file")

@@ -131,6 +131,20 @@ class TestAQueryParameter:
         found = problem(http.get("/v1/jobs", params={name: value}), 422, "invalid-request")
         assert [one["field"] for one in found["errors"]] == [name]
 
+    @pytest.mark.parametrize(
+        ("query", "field", "message"),
+        [
+            ("pool=", "pool", "must not be empty"),
+            ("tag=night&tag=a%20b", "tag.1", "must begin with a letter or a digit"),
+        ],
+    )
+    def test_of_several_types_is_named_as_the_caller_does(
+        self, http: httpx.Client, query: str, field: str, message: str
+    ) -> None:
+        [error] = problem(http.get(f"/v1/demand?{query}"), 422, "invalid-request")["errors"]
+        assert error["field"] == field
+        assert error["message"].startswith(message)
+
     @pytest.mark.parametrize("after", ["٣-٣", f"{2**64}-0", f"0-{2**64}", "0-0\n"])
     def test_that_redis_would_refuse_is_refused_before(
         self, http: httpx.Client, client: redis.Redis, after: str
