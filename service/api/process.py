@@ -38,6 +38,8 @@ from plateau.service.api.scene_checks.pool import SceneChecks
 
 #: How long requests may take to end when the API stops, in seconds; streams end at once.
 _GRACE_S: Final = 5
+#: The longest that a client may leave an answer unread, in seconds.
+UNREAD_S: Final = 300.0
 _TICK_S: Final = 1.0  #: between two updates of the answers' date
 
 #: How to keep others from reading keys on the network.
@@ -198,6 +200,9 @@ def listen(host: str, port: int) -> socket.socket:
     listener = socket.socket(family, socket.SOCK_STREAM, socket.IPPROTO_TCP)
     try:
         listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        if hasattr(socket, "TCP_USER_TIMEOUT"):  # Linux; its connections inherit it
+            timeout_ms = int(UNREAD_S * 1000)
+            listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, timeout_ms)
         listener.bind((host.strip("[]"), port))
     except OSError as error:
         listener.close()

@@ -3,8 +3,9 @@
 uvicorn closes a connection that is silent after an answer, but waits for ever for a first request
 and for the rest of a slow one. And asyncio, which cannot accept connections while the process has
 no descriptor left, logs that thousands of times (python/cpython#151615). So here a request's head
-has ten seconds, and the number of connections is limited below that of descriptors. A body or a
-stream of events may take any time.
+has ten seconds, its body has a least rate, and the number of connections is limited below that of
+descriptors. A stream of events may take any time; the kernel ends one that nobody reads (`listen`
+in `plateau.service.api.process`).
 """
 
 import asyncio
@@ -36,6 +37,11 @@ _UNREADABLE: Final = Problem(
 
 #: The longest time of a request's head, or of a TLS handshake, in seconds.
 HEAD_S: Final = 10.0
+#: The longest silence within a request's body, in seconds.
+BODY_S: Final = 60.0
+#: The least rate of a body, in bytes per second: a byte gives the next ones this time, up to
+#: `BODY_S`. So a byte a minute does not hold a connection.
+BODY_RATE: Final = 1000.0
 #: The most connections that one process can serve well.
 _MOST_CONNECTIONS: Final = 10_000
 #: Descriptors for other uses: Redis, the blob store, logs, connections about to be refused.
@@ -74,7 +80,7 @@ def backlog(descriptors: int) -> int:
 
 
 class Connection(H11Protocol):
-    """A connection with a deadline for the heads of its requests.
+    """A connection with a deadline for the heads and the bodies of its requests.
 
     It always uses h11, because HTTP parsers differ in what they accept. A connection beyond
     uvicorn's `limit_concurrency` is answered 503 before it sends a request.
@@ -82,7 +88,9 @@ class Connection(H11Protocol):
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
         super().__init__(*arguments, **options)
-        self._deadline: asyncio.TimerHandle | None = None
+        self._awaited: object = None  #: the client's state in h11: what it has to send
+        self._deadline = 0.0
+        self._timer: asyncio.TimerHandle | None = None
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         """Accept the connection, or refuse it above the limit."""
@@ -93,9 +101,9 @@ class Connection(H11Protocol):
             self._watch()
 
     def data_received(self, data: bytes) -> None:
-        """Parse the data, then set or clear the deadline."""
+        """Parse the data, then set, move or clear the deadline."""
         super().data_received(data)
-        self._watch()
+        self._watch(len(data))
 
     def on_response_complete(self) -> None:
         """Set the deadline for the next request."""
@@ -104,7 +112,7 @@ class Connection(H11Protocol):
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Clear the deadline."""
-        self._forget_deadline()
+        self._stop_timer()
         super().connection_lost(exc)
 
     def send_400_response(self, msg: str) -> None:  # noqa: ARG002  (the problem says more)
@@ -128,17 +136,31 @@ class Connection(H11Protocol):
                 self.transport.write(self.conn.send(event) or b"")
         self.transport.close()
 
-    def _watch(self) -> None:
-        """Set the deadline while a head is awaited; clear it once the head is complete."""
-        if self.conn.their_state is not h11.IDLE:
-            self._forget_deadline()
-        elif self._deadline is None and not self.transport.is_closing():
-            self._deadline = self.loop.call_later(HEAD_S, self.timeout_keep_alive_handler)
+    def _watch(self, received: int = 0) -> None:
+        """Set the deadline of a head or a body; move that of a body by the bytes received."""
+        now, awaited = self.loop.time(), self.conn.their_state
+        if awaited is self._awaited and awaited is h11.SEND_BODY:
+            self._deadline = min(now + BODY_S, self._deadline + received / BODY_RATE)
+        elif awaited is not self._awaited:
+            self._awaited = awaited
+            self._stop_timer()
+            if awaited in {h11.IDLE, h11.SEND_BODY} and not self.transport.is_closing():
+                self._deadline = now + (HEAD_S if awaited is h11.IDLE else BODY_S)
+                self._timer = self.loop.call_at(self._deadline, self._look_at_clock)
 
-    def _forget_deadline(self) -> None:
-        if self._deadline is not None:
-            self._deadline.cancel()
-            self._deadline = None
+    def _look_at_clock(self) -> None:
+        """Close the connection if the deadline has passed."""
+        if self.flow.read_paused:  # the app is slow, and not the client
+            self._deadline = self.loop.time() + BODY_S
+        if self._deadline > self.loop.time():
+            self._timer = self.loop.call_at(self._deadline, self._look_at_clock)
+        else:
+            self.transport.close()
+
+    def _stop_timer(self) -> None:
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
 
 
 class Loop(asyncio.SelectorEventLoop):

@@ -7,6 +7,7 @@ from fastapi import FastAPI, Request, Response
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
 from starlette.exceptions import HTTPException
+from starlette.requests import ClientDisconnect
 from starlette.routing import compile_path
 
 from plateau.farm.model.errors import (
@@ -155,6 +156,10 @@ def add_problem_handlers(app: FastAPI, unknown_page: Callable[[], Response]) -> 
     def answer_too_many_needs(request: Request, error: TooManyNeeds) -> JSONResponse:
         detail = f"{error}; wait for some to end, or ask for a combination that others have"
         return Problem(problems.TOO_MANY_NEEDS, detail).response(request.url.path)
+
+    @app.exception_handler(ClientDisconnect)
+    def answer_nobody(_: Request, __: ClientDisconnect) -> Response:
+        return Response(status_code=problems.CLIENT_GONE)
 
     @app.exception_handler(Exception)
     def answer_unexpected(request: Request, _: Exception) -> JSONResponse:

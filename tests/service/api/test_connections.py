@@ -1,8 +1,9 @@
-"""Connections that ask for nothing are closed, and more than there may be are refused in words."""
+"""Connections that do nothing are closed, and more than there may be are refused in words."""
 
 import asyncio
 import contextlib
 import http.client
+import logging
 import resource
 import socket
 import ssl
@@ -19,6 +20,7 @@ import pytest
 import trustme
 
 from plateau.farm.blobs.store import Blobs
+from plateau.service.api import process
 from plateau.service.api.http import server
 from tests.service.api.test_jobs import BOX, submit
 from tests.support.live_api import live_api
@@ -103,6 +105,20 @@ def bytes_of_a_second_head(connection: socket.socket) -> None:
     trickle(connection)
 
 
+LAST = b"\r\n--edge--\r\n"
+
+
+def body_of(connection: socket.socket, length: int) -> None:
+    """Begin an upload of a file of this length."""
+    part = b'--edge\r\nContent-Disposition: form-data; name="scene"; filename="a.xml"\r\n\r\n'
+    head = (
+        "POST /v1/jobs HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n"
+        f"Content-Length: {len(part) + length + len(LAST)}\r\n"
+        "Content-Type: multipart/form-data; boundary=edge\r\n\r\n"
+    )
+    connection.sendall(head.encode() + part)
+
+
 class TestAHead:
     @pytest.mark.parametrize(
         "story",
@@ -140,16 +156,6 @@ class TestAHead:
     def test_has_no_say_in_uploads_and_streams(self, url: str) -> None:
         with httpx.Client(base_url=url, trust_env=False, verify=False, timeout=MOST_S) as http:
             job = submit(http, BOX).json()["id"]
-            body = (
-                b'--edge\r\nContent-Disposition: form-data; name="scene"; filename="a.xml"\r\n\r\n'
-                + BOX
-                + b"\r\n--edge--\r\n"
-            )
-            head = (
-                "POST /v1/jobs HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n"
-                f"Content-Length: {len(body)}\r\n"
-                "Content-Type: multipart/form-data; boundary=edge\r\n\r\n"
-            )
             # Given a stream of events, and an upload of which half has come
             with (
                 http.stream("GET", f"/v1/jobs/{job}/events") as events,
@@ -157,17 +163,76 @@ class TestAHead:
             ):
                 parts = events.iter_lines()
                 assert next(parts)
-                uploading.sendall(head.encode() + body[:100])
+                body_of(uploading, len(BOX))
+                uploading.sendall(BOX[:100])
                 # When connections that ask for nothing have come and gone since
                 for _ in range(2):
                     with connected(url) as idle:
                         silent(idle)
                 # Then the upload can go on
-                uploading.sendall(body[100:])
+                uploading.sendall(BOX[100:] + LAST)
                 assert b" 201 Created" in rest(uploading).partition(b"\r\n")[0]
                 # And the stream tells what happens
                 http.post(f"/v1/jobs/{job}/cancel")
                 assert any("cancelled" in line for line in parts)
+
+
+class TestABody:
+    def test_that_stops_ends_the_connection(
+        self, url: str, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+    ) -> None:
+        monkeypatch.setattr(server, "BODY_S", 1.0)
+        with connected(url) as connection:
+            body_of(connection, 10**6)
+            assert rest(connection) == b""
+        # And so does one that comes a byte at a time
+        with connected(url) as connection:
+            body_of(connection, 10**6)
+            trickle(connection)
+        # And both are counted as requests of clients that have gone, and are no errors
+        given_up = '_count{method="POST",route="/v1/jobs",status="4xx"} 2.0'
+        with httpx.Client(base_url=url, trust_env=False) as http:
+            until(lambda: given_up in http.get("/metrics").text)
+        assert [one.message for one in caplog.records if one.levelno >= logging.ERROR] == []
+
+    def test_may_take_long_at_its_least_rate(
+        self, url: str, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        # Given a clock that can be put forward
+        clock, ahead_s = server.Loop.time, 0.0
+        monkeypatch.setattr(server.Loop, "time", lambda loop: clock(loop) + ahead_s)
+        with connected(url) as uploading, httpx.Client(trust_env=False) as http:
+            body_of(uploading, 250_000)
+            # When there are 50,000 bytes every 40 s
+            for _ in range(5):
+                ahead_s += 40
+                uploading.sendall(bytes(50_000))
+                # This is answered once those are read
+                assert http.get(f"{url}/healthz", headers={"Connection": "close"}).is_success
+            # Then the upload is read to its end, after 200 s
+            uploading.sendall(LAST)
+            assert b" 422 " in rest(uploading).partition(b"\r\n")[0]
+
+
+def test_an_answer_that_nobody_reads_ends_the_connection(
+    redis_url: str, api_store: Blobs, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(process, "UNREAD_S", 0.5)
+    with live_api(redis_url, api_store) as url, socket.socket() as connection:
+        # Given a client with room for little, which asks for more than the kernel keeps
+        connection.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        address = urlsplit(url)
+        connection.connect((address.hostname or "", address.port or 0))
+        connection.sendall(b"GET /openapi.json HTTP/1.1\r\nHost: localhost\r\n\r\n" * 50)
+        ours = connection.getsockname()
+
+        def is_served() -> bool:
+            found = psutil.Process().net_connections("tcp")
+            return any(one.raddr == ours and one.status != "CLOSE_WAIT" for one in found)
+
+        # When it reads nothing, then the API has no such connection any more
+        assert connection.recv(1)
+        until(lambda: not is_served())
 
 
 @pytest.fixture
