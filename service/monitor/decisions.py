@@ -249,14 +249,12 @@ ENDED: Final = (
     ),
     Row(
         "the rules must see a point that the curve already has, and its image is to be denoised",
-        lambda known: (
-            known.is_to_be_judged and known.spp <= known.job.spp and known.is_to_be_denoised
-        ),
+        lambda known: known.is_to_be_recalled and known.is_to_be_denoised,
         DenoiseImage(),
     ),
     Row(
         "the rules must see a point that the curve already has",
-        lambda known: known.is_to_be_judged and known.spp <= known.job.spp,
+        lambda known: known.is_to_be_recalled,
         JudgeImage(),
     ),
     Row(

@@ -152,8 +152,17 @@ class Known:
         """Whether the merged image is denoised before anybody judges it, or has it as a result."""
         if not self.job.spec.is_denoised or self.merged <= 1:
             return False
-        is_result = self.job.state.ended and not self.is_to_be_judged
-        return self.denoised != self.merged or (self.is_draft and is_result)
+        return self.denoised != self.merged or (self.is_draft and self.is_result)
+
+    @property
+    def is_to_be_recalled(self) -> bool:
+        """Whether the rules have to see a point that the curve of the ended job already has."""
+        return self.is_to_be_judged and self.spp <= self.job.spp
+
+    @property
+    def is_result(self) -> bool:
+        """Whether the merged image is one of an ended job, and no rule has to see it."""
+        return self.job.state.ended and not self.is_to_be_recalled
 
     @property
     def may_be_drafted(self) -> bool:
@@ -164,7 +173,8 @@ class Known:
         """
         spec = self.job.spec
         waits_for_noise = spec.rule.behaviour.noise_target is not None and not spec.watch
-        return self.is_to_be_judged and waits_for_noise and not self.at_cap
+        is_judged = self.is_to_be_judged and not self.is_result
+        return is_judged and waits_for_noise and not self.at_cap
 
     @property
     def is_seen(self) -> bool:

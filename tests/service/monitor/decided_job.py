@@ -293,7 +293,7 @@ class DecidingMonitor:
                 # It is done at the next turn
                 asked, self.denoising = self.denoising, self.sums
                 goes_on = not (job.rules.answer(spp).stop or job.rules.flaw(spp) or known.at_cap)
-                self.is_draft = known.is_to_be_judged and goes_on
+                self.is_draft = known.is_to_be_judged and not known.is_result and goes_on
                 return known.with_denoised(is_done=asked == self.sums, is_draft=self.is_draft)
             case steps.JudgeImage():
                 assert not spec.is_denoised or known.denoised == self.sums

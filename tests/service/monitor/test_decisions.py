@@ -270,6 +270,15 @@ def test_what_was_seen_of_an_image_does_not_hold_of_the_next() -> None:
     assert known(merged=3, in_hand=1, flaw="").with_slice_merged().flaw is None
 
 
+def test_a_draft_is_no_result() -> None:
+    # Of a job that was cancelled at a point that the curve lacks, or after one that it has
+    for spp, judged in ((75, 0), (100, 4)):
+        drafted = ended_denoised(spp, merged=4, judged=judged, denoised=4, is_draft=True)
+        drafted = replace(drafted, ledger=READ, concluded=False)
+        assert next_step(drafted) == steps.DenoiseImage()
+        assert not drafted.may_be_drafted
+
+
 # Whatever happens.
 
 
