@@ -1,5 +1,5 @@
 # Two commands are enough on a fresh machine: `make demo` and `make test`.
-.PHONY: demo test test-long test-faults test-cluster check bench screenshots manual setup clean
+.PHONY: demo test test-long test-faults test-cluster test-blender check bench screenshots manual setup clean
 .DEFAULT_GOAL := help
 
 BIN := .venv/bin
@@ -14,7 +14,7 @@ demo: setup  ## Render scenes:box until it has converged; results in ./demo
 	$(BIN)/plateau render scenes:box -D width=256 -D height=256 -o demo
 
 test: setup  ## Run every test that a newcomer's machine can run
-	$(BIN)/python -m pytest --ignore tests/cluster -n auto --dist loadfile \
+	$(BIN)/python -m pytest --ignore tests/cluster --ignore tests/blender -n auto --dist loadfile \
 	  --no-loadscope-reorder --durations 20
 
 test-cluster: setup  ## More than one machine: S3, Slurm, Kubernetes, networks (root on Debian); PARTS="s3 slurm"
@@ -30,6 +30,10 @@ test-faults: setup  ## The long fault suite; FAULT_MINUTES=30 FAULT_SEED=7 for t
 	LONG_TESTS=1 FAULT_MINUTES=$(or $(FAULT_MINUTES),5) FAULT_SEED=$(or $(FAULT_SEED),1) \
 	  $(BIN)/python -m pytest -s tests/faults tests/farm/bundle/test_bundle_fuzz.py tests/service/api/test_hostile_uploads.py \
 	  tests/service/api/test_api_fuzz.py
+
+test-blender: setup  ## Blender's Cycles, in .venv-blender (2 GB, of which 400 MB are fetched; Python 3.11)
+	bash tests/blender/install.sh
+	.venv-blender/bin/python -m pytest tests/blender --durations 10
 
 check: export DENO_NO_UPDATE_CHECK = 1
 check: setup  ## Style, types and the import law: what CI runs before the tests
@@ -56,4 +60,4 @@ manual: setup  ## Write docs/cli.md and the man page from the help of the comman
 	$(BIN)/python -m tests.rule_files
 
 clean:  ## Remove .venv and caches
-	rm -rf .venv .mypy_cache .ruff_cache .pytest_cache .import_linter_cache demo
+	rm -rf .venv .venv-blender .mypy_cache .ruff_cache .pytest_cache .import_linter_cache demo

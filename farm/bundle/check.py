@@ -1,13 +1,14 @@
 """Checks uploaded scenes without a renderer, and unpacks them.
 
-An upload is a file of one of the formats of `plateau.farm.bundle.formats`: a Mitsuba XML, a zip of
-one with its meshes and textures, or an analytic scene. Nothing in it is trusted. The API checks it
-before it stores it, and a worker checks the archive again as it unpacks it. Neither runs a renderer
-or reads a mesh.
+An upload is a file of one of the formats of `plateau.farm.bundle.formats`: a Mitsuba XML or a
+Blender file, a zip of one with its meshes and textures, or an analytic scene. Nothing in it is
+trusted. The API checks it before it stores it, and a worker checks the archive again as it unpacks
+it. Neither runs a renderer or reads a mesh.
 
 The check refuses what reaches beyond the bundle (paths, links, libraries that Mitsuba would load),
 what costs too much (bombs, include cycles, huge films), and unknown plugins where the limits name
-the known ones. Only Mitsuba, in a child process, judges a plugin's values.
+the known ones. Only Mitsuba, in a child process, judges a plugin's values; and only Blender reads
+what is in a Blender file.
 """
 
 import os
@@ -18,8 +19,8 @@ from pathlib import Path
 from typing import IO, BinaryIO, Literal
 
 from plateau.farm.bundle.archive import Archive
-from plateau.farm.bundle.entry import find_entry
-from plateau.farm.bundle.formats import FORMATS, MITSUBA_XML, SceneFormat
+from plateau.farm.bundle.entry import find_entry, is_blend
+from plateau.farm.bundle.formats import BLEND, FORMATS, MITSUBA_XML, SceneFormat
 from plateau.farm.bundle.limits import BundleError, BundleLimits
 from plateau.farm.bundle.tree import Bundle, Parts
 
@@ -34,16 +35,17 @@ _DEFAULT_LIMITS = BundleLimits()
 class SceneSummary:
     """What a check learned of an upload."""
 
-    kind: Literal["xml", "json", "zip"]
+    kind: Literal["xml", "json", "blend", "zip"]
     renderer: str
     #: the name of the scene's own file in the bundle
     entry: str
     #: number of files in the bundle, and their size in bytes when unpacked
     files: int
     bytes_unpacked: int
-    #: size of the image in pixels: the film of the chosen sensor, or its crop window
-    width: int
-    height: int
+    #: size of the image in pixels: the film of the chosen sensor, or its crop window; None where
+    #: the renderer alone can tell
+    width: int | None
+    height: int | None
     #: number of sensors
     sensors: int
     #: the scene's parameters with their defaults
@@ -91,7 +93,7 @@ def inspect_each(
     with _opened(source) as stream:
         bundle = _bundle(stream, limits)
         entry = _entry(bundle, limits)
-        scene_format = MITSUBA_XML if isinstance(bundle, Archive) else bundle.format
+        scene_format = _format_in(bundle, entry)
         for parameters, sensor in asked:
             found = scene_format.check(bundle, entry, parameters, sensor, limits)
             yield SceneSummary(
@@ -175,7 +177,7 @@ def _bundle(stream: BinaryIO, limits: BundleLimits) -> Archive | _LoneFile:
     size = stream.seek(0, os.SEEK_END)
     stream.seek(0)
     if size == 0:
-        raise BundleError("empty", "the upload is empty; send a Mitsuba XML, or a zip of one")
+        raise BundleError("empty", "the upload is empty; send a scene, or a zip of one")
     if size > limits.max_bytes:
         raise BundleError(
             "too-large", f"the upload has {size} bytes; {limits.max_bytes} are allowed"
@@ -203,10 +205,16 @@ def format_of(stream: BinaryIO, file: str | None = None) -> SceneFormat | None:
             return one
     raise BundleError(
         "not-a-scene",
-        "it is neither XML nor a zip archive, or it is damaged; give a Mitsuba XML, or a zip of "
-        "one",
+        "it is neither XML nor a Blender file nor a zip archive, or it is damaged; give a Mitsuba "
+        "XML, a .blend, or a zip of one",
         file=file,
     )
+
+
+def _format_in(bundle: Archive | _LoneFile, entry: Parts) -> SceneFormat:
+    if isinstance(bundle, Archive):
+        return BLEND if is_blend(entry) else MITSUBA_XML
+    return bundle.format
 
 
 def _entry(bundle: Archive | _LoneFile, limits: BundleLimits) -> Parts:

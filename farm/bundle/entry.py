@@ -1,8 +1,9 @@
-"""Which XML of a bundle is the scene."""
+"""Which file of a bundle is the scene."""
 
 from dataclasses import dataclass, field
 
 from plateau.farm.bundle.archive import Archive
+from plateau.farm.bundle.blend import SCENE_BLEND
 from plateau.farm.bundle.limits import BundleError, BundleLimits, brief
 from plateau.farm.bundle.parameters import Parameters
 from plateau.farm.bundle.tree import EscapeError, Parts, find, put_first
@@ -15,11 +16,12 @@ _MACOS_FOLDER = "__MACOSX"
 
 
 def find_entry(archive: Archive, limits: BundleLimits) -> Parts:
-    """Return the scene's XML in an archive.
+    """Return the scene's XML in an archive, or its Blender file where it has no such XML.
 
     Candidates are the XML files with the root `<scene>` that no other includes: `scene.xml` at the
     top, or in the one folder at the top; otherwise the file at the shallowest level. A job's
-    parameters do not matter, so that one bundle is one scene.
+    parameters do not matter, so that one bundle is one scene. Blender files may link to each other
+    and are all candidates; the name is `scene.blend`.
 
     Raises
     ------
@@ -34,14 +36,28 @@ def find_entry(archive: Archive, limits: BundleLimits) -> Parts:
     skims = {path: _skim(archive, path, budget, limits) for path in documents}
     scenes = [path for path, skim in skims.items() if skim.root == "scene"]
     if not scenes:
+        blends = [path for path in files if is_blend(path)]
+        if blends:
+            return _chosen(archive, blends, files, SCENE_BLEND)
         raise BundleError(
-            "not-a-scene", "the archive has no Mitsuba scene: an .xml file that starts with <scene>"
+            "not-a-scene",
+            "the archive has no scene: an .xml file that starts with <scene>, or a .blend",
         )
     included = {path for skim in skims.values() for path in skim.includes}
     # If each is included by another, reading the scene reports the cycle.
     candidates = [path for path in scenes if path not in included] or scenes
+    return _chosen(archive, candidates, files, SCENE_XML)
+
+
+def is_blend(path: Parts) -> bool:
+    """Return whether a file goes by the name of Blender's."""
+    return path[-1].casefold().endswith(".blend")
+
+
+def _chosen(archive: Archive, candidates: list[Parts], files: list[Parts], name: str) -> Parts:
+    """Return the candidate of that name at the top, or else the one at the shallowest level."""
     tops = {path[0] for path in files}
-    named = {(SCENE_XML,)} | {(top, SCENE_XML) for top in tops if len(tops) == 1}
+    named = {(name,)} | {(top, name) for top in tops if len(tops) == 1}
     for path in sorted(named.intersection(candidates), key=len):
         return path
     shallowest = min(len(path) for path in candidates)
@@ -51,7 +67,7 @@ def find_entry(archive: Archive, limits: BundleLimits) -> Parts:
         raise BundleError(
             "ambiguous-scene",
             f"{len(candidates)} files could be the scene ({shown}); "
-            f"name the right one {SCENE_XML} and put it at the top",
+            f"name the right one {name} and put it at the top",
         )
     return candidates[0]
 

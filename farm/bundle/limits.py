@@ -9,7 +9,7 @@ _MAX_SHOWN = 100
 #: Every code that a `BundleError` may carry, and what it stands for. Clients switch on these.
 CODES = {
     "analytic-field": "an analytic scene has an unknown field, or a value that it cannot have",
-    "ambiguous-scene": "several XML files of the bundle could be the scene",
+    "ambiguous-scene": "several files of the bundle could be the scene",
     "bad-parameter": "a job parameter's name or value is malformed",
     "duplicate-entry": "two entries have one name, or names that differ in case alone",
     "empty": "the upload holds nothing",
@@ -21,7 +21,7 @@ CODES = {
     "missing-file": "a referenced file or folder is not in the bundle",
     "native-code": "an entry is a shared library, which Mitsuba would load as a plugin",
     "no-sensor": "the scene has no sensor of that index",
-    "not-a-scene": "the upload is neither a Mitsuba XML nor a zip that holds one",
+    "not-a-scene": "the upload is neither a scene nor a zip that holds one",
     "path-escape": "an entry or a reference leaves the bundle",
     "plugin-name": "a plugin's type is a path, not a name",
     "too-large": "the upload is too large",

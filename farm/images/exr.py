@@ -1,11 +1,13 @@
 """EXR files: partials, which merge by addition, and images."""
 
+from __future__ import annotations
+
 import io
 import json
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import Any, Final, Literal
+from typing import TYPE_CHECKING, Any, Final, Literal
 
 import numpy as np
 import OpenEXR
@@ -14,8 +16,11 @@ from numpy.typing import NDArray
 from plateau.farm.images.channels import Channels
 from plateau.farm.images.layers import read_layer
 from plateau.farm.model.errors import CorruptPartial
-from plateau.farm.model.spec.exr import Compression
 from plateau.farm.model.zones import Zone
+
+# A render child, which cannot open the rules that specs know, reads films too.
+if TYPE_CHECKING:
+    from plateau.farm.model.spec.exr import Compression
 
 Pixels = NDArray[np.float32]
 #: The attributes of a file's header, by name.
@@ -193,7 +198,7 @@ def _as_half(values: Pixels) -> NDArray[np.float16]:
 
 
 def decode_layers(content: bytes) -> dict[str, Pixels]:
-    """Return each channel of an EXR file's first part: (height, width) float32 by name.
+    """Return each channel of an EXR file, of all its parts: (height, width) float32 by name.
 
     Raises
     ------
@@ -201,7 +206,11 @@ def decode_layers(content: bytes) -> dict[str, Pixels]:
         The content is no EXR file, or a damaged one.
     """
     with _opened(content) as file:
-        return {name: one.pixels.astype(np.float32) for name, one in file.channels().items()}
+        return {
+            name: one.pixels.astype(np.float32)
+            for part in file.parts
+            for name, one in part.channels.items()
+        }
 
 
 def decode_image(content: bytes, layer: str | None = None) -> Pixels:

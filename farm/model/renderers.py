@@ -17,6 +17,7 @@ from typing import Final, Literal, get_args
 
 MITSUBA: Final = "mitsuba"
 ANALYTIC: Final = "analytic"
+CYCLES: Final = "cycles"
 
 #: Every variant by its stored and shown name.
 RenderVariant = Literal[
@@ -24,6 +25,7 @@ RenderVariant = Literal[
     "llvm_ad_rgb",
     "cuda_ad_rgb",
     "analytic:numpy",
+    "cycles:cpu",
     "scalar_spectral",
     "scalar_spectral_polarized",
     "llvm_ad_mono",
@@ -45,12 +47,14 @@ class VariantFacts:
 
     renderer: str  #: its package in `plateau.worker.renderers`
     own_name: str  #: the renderer's own name of the variant
-    #: seeds of independent samples (`plateau.farm.model.seeds`): any distinct ones, or those of
-    #: Mitsuba's scalar variants
-    seeds: Literal["distinct", "scalar"] = "distinct"
+    #: seeds of independent samples (`plateau.farm.model.seeds`): any distinct ones, those of
+    #: Mitsuba's scalar variants, or places in sequences of samples
+    seeds: Literal["distinct", "scalar", "sequences"] = "distinct"
     renders_in_parts: bool = True  #: pass by parts, so that a pass may have any number of samples
+    renders_zones: bool = True  #: parts of a film, as jobs that are allocated by zones need them
     on_gpu: bool = False  #: whether it renders on a GPU, whose driver a confined child cannot use
     works_everywhere: bool = False  #: wherever its renderer can be loaded: it needs no library
+    package: str = ""  #: the Python package that has its renderer; "" for a part of Plateau
 
     @property
     def backend(self) -> str:
@@ -61,15 +65,28 @@ class VariantFacts:
 def _facts(shown: RenderVariant) -> VariantFacts:
     if shown == "analytic:numpy":
         return VariantFacts(renderer=ANALYTIC, own_name="numpy", works_everywhere=True)
+    if shown == "cycles:cpu":
+        return VariantFacts(
+            renderer=CYCLES,
+            own_name="cpu",
+            seeds="sequences",
+            renders_zones=False,
+            works_everywhere=True,
+            package="bpy",
+        )
     if shown.startswith("scalar"):
         return VariantFacts(
             renderer=MITSUBA,
             own_name=shown,
             seeds="scalar",
             renders_in_parts=False,
+            renders_zones=False,
             works_everywhere=True,
+            package=MITSUBA,
         )
-    return VariantFacts(renderer=MITSUBA, own_name=shown, on_gpu=shown.startswith("cuda"))
+    return VariantFacts(
+        renderer=MITSUBA, own_name=shown, on_gpu=shown.startswith("cuda"), package=MITSUBA
+    )
 
 
 VARIANTS: Final[dict[RenderVariant, VariantFacts]] = {

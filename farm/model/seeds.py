@@ -3,7 +3,7 @@
 A slice is a fixed list of passes. Passes are counted through the whole job, and the number of a
 pass decides its seed, so a slice is a pure function of the schedule and its index. Which seeds give
 independent samples depends on the variant, see `plateau.farm.model.renderers`: most take any that
-are distinct, and Mitsuba's scalar ones do not.
+are distinct, and Mitsuba's scalar and Cycles' variants do not.
 
 **Mitsuba's JIT variants** (``llvm_*``, ``cuda_*``) are rendered by our kernel
 (`plateau.worker.renderers.mitsuba.kernel`). It starts a sample's random numbers from a bijection of
@@ -28,12 +28,22 @@ and always on the same PCG32 stream. Three things follow:
    Equally spaced starts repeat the same distances, and their correlations add up: at 333×255 the
    variance of 256 merged passes was 1.88 times what independence gives. Starts in a scrambled order
    repeat no distance, the signs cancel, and the factor was 1.02. Hence `_scramble`.
+
+**Cycles** (`plateau.worker.renderers.cycles`) draws the samples of a pixel from low-discrepancy
+sequences, and can render any stretch of one. Samples of one sequence lie apart from each other, so
+they are *not* independent: the more there are, the more the difference of two halves of them
+exceeds the error of their mean. A job therefore has two sequences, with scrambles of their own: one
+for the slices with an even index, one for those with an odd one. These are the halves by which a
+monitor estimates the noise that is left. A slice takes up its sequence where its predecessor of
+that half has ended, so that its place does not depend on the job's cap. The seed of a pass is the
+number of its first sample, counted through all sequences of all jobs.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import accumulate
 from typing import NamedTuple
 
 from plateau.farm.model.passes import (
@@ -52,6 +62,9 @@ JOB_SEEDS = 2**12
 
 #: Distinct seeds: the passes set aside for each job seed.
 JIT_PASSES_PER_JOB_SEED = 2**32 // JOB_SEEDS
+
+#: Sequences: the samples set aside for each of the two halves of a job.
+SEQUENCE_SAMPLES = 2**32 // JOB_SEEDS // 2
 
 
 class SeedsExhausted(ValueError):
@@ -74,10 +87,11 @@ class Pass(NamedTuple):
 
 
 class SeedRange(NamedTuple):
-    """The pass numbers of one slice, both ends included; disjoint between a job's slices.
+    """The numbers of one slice, both ends included; disjoint between a job's slices.
 
-    Numbers count passes in the variant's sequence of seeds, job seed included. A JIT pass's seed
-    *is* its number; a scalar pass's seed is a one-to-one scramble of it.
+    They count passes in the variant's sequence of seeds, job seed included. A JIT pass's seed *is*
+    its number; a scalar pass's seed is a one-to-one scramble of it. Of Cycles they count samples,
+    and a pass's seed is the number of its first one.
     """
 
     first: int
@@ -129,16 +143,22 @@ class SeedSchedule:
                 raise ValueError(f"{name} must be at least 1, not {getattr(self, name)}")
         if self.job_seed < 0:
             raise ValueError(f"job_seed must be 0 or more, not {self.job_seed}")
-        if self.most_slice_spp and not variant_named(self.variant).renders_in_parts:
+        if self.most_slice_spp and not variant_named(self.variant).renders_zones:
             raise SeedsExhausted(
                 f"{self.variant} renders whole films alone, and the job is allocated by zones: "
-                "choose the allocation frame, or an LLVM or CUDA variant"
+                f"choose the allocation frame{', or an LLVM or CUDA variant' * self._seeds.scarce}"
             )
         needed, offered = self._passes_per_job, self._seeds.passes_per_job
         if needed > offered:
             raise SeedsExhausted(
                 f"{self.max_spp} spp in slices of {self.slice_spp} take {needed} passes, and "
                 f"{self._seeds.described} has distinct seeds for {offered}: {self._remedy}"
+            )
+        if self._draws_sequences and -(-self.slices // 2) * self.slice_spp > SEQUENCE_SAMPLES:
+            raise SeedsExhausted(
+                f"{self.max_spp} spp in slices of {self.slice_spp} are more than the two sequences "
+                f"of {SEQUENCE_SAMPLES} samples that {self.variant} has for a job: lower max_spp "
+                "or slice_spp"
             )
         if self._first_frames_seed >= self._job_seeds:
             raise SeedsExhausted(
@@ -180,7 +200,12 @@ class SeedSchedule:
         if not 0 <= index < self._most_slices:
             raise ValueError(f"slice {index} is outside the job's {self._most_slices} slices")
         job_seed = (self._first_frames_seed + self.frame_seed) % self._job_seeds
-        first = job_seed * self._passes_per_job_seed + self._passes_before(index)
+        reserved = job_seed * self._passes_per_job_seed
+        if self._draws_sequences:
+            half, place = index % 2, index // 2 * self.slice_spp
+            first = reserved + half * SEQUENCE_SAMPLES + place
+            return SeedRange(first, first + self.slice_spp - 1)
+        first = reserved + self._passes_before(index)
         return SeedRange(first, first + len(self.pass_spp(index, spp)) - 1)
 
     @property
@@ -202,8 +227,16 @@ class SeedSchedule:
         `spp` as for `pass_spp`.
         """
         first, last = self.seed_range(index, spp)
+        each_spp = self.pass_spp(index, spp)
+        if self._draws_sequences:
+            starts = accumulate(each_spp[:-1], initial=first)
+            return tuple(map(Pass, each_spp, starts))
         seeds = map(self._seeds.seed, range(first, last + 1))
-        return tuple(map(Pass, self.pass_spp(index, spp), seeds))
+        return tuple(map(Pass, each_spp, seeds))
+
+    @property
+    def _draws_sequences(self) -> bool:
+        return variant_named(self.variant).seeds == "sequences"
 
     @cached_property
     def _seeds(self) -> _DistinctSeeds | _ScalarSeeds:

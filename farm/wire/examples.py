@@ -320,7 +320,7 @@ PROBLEM_DETAILS: Final = {
     "and spec, as curl -F scene=@scene.zip -F 'spec={}' does",
     "invalid-request": "limit: must be at most 200",
     "invalid-spec": "spec.max_spp: must be at least 1",
-    "no-scene": "send a Mitsuba XML or a zip of one as the part scene, or the SHA-256 of a stored "
+    "no-scene": "send a scene or a zip of one as the part scene, or the SHA-256 of a stored "
     "scene as the part scene_sha256",
     "unknown-scene": f"no scene {SCENE_SHA256} is stored here; send the file itself as the part "
     "scene",

@@ -157,8 +157,12 @@ class SceneView(BaseModel):
     sha256: str = Field(description="of the uploaded file; `scene_sha256` of a new job")
     name: str
     bytes: int = Field(description="size of the uploaded file")
-    width: int | None = Field(None, description="film width in pixels, as first submitted")
-    height: int | None = Field(None, description="film height in pixels, as first submitted")
+    width: int | None = Field(
+        None,
+        description="film width in pixels, as first submitted; null where the renderer alone can "
+        "tell, as of a Blender file",
+    )
+    height: int | None = Field(None, description="film height in pixels, likewise")
 
 
 class Scenes(BaseModel):
@@ -174,10 +178,10 @@ class SceneFound(SceneView):
 
     model_config = ConfigDict(json_schema_extra=_shows(examples.SCENE_FOUND))
 
-    kind: Literal["xml", "json", "zip"] = Field(
-        description="a single file of XML or JSON (an analytic scene), or a zip"
+    kind: Literal["xml", "json", "blend", "zip"] = Field(
+        description="a single file of XML, JSON (an analytic scene) or Blender's, or a zip"
     )
-    entry: str = Field(description="the scene's XML, by its name in the bundle")
+    entry: str = Field(description="the scene's own file, by its name in the bundle")
     files: int = Field(description="how many files there are")
     bytes_unpacked: int = Field(description="and their size when unpacked")
     sensors: int = Field(description="how many sensors the scene has")

@@ -27,8 +27,8 @@ Scene = Annotated[
     typer.Argument(
         callback=_scene,
         autocompletion=complete.scene_files,
-        help=f"A Mitsuba XML, a zip, a folder with a scene.xml, an analytic scene (JSON), or an "
-        f"example scene: scenes:NAME, where NAME is {', '.join(scenes.NAMES)}.",
+        help=f"A Mitsuba XML, a Blender file, a zip, a folder with one of them, an analytic scene "
+        f"(JSON), or an example scene: scenes:NAME, where NAME is {', '.join(scenes.NAMES)}.",
     ),
 ]
 _job_id = partial(
@@ -160,7 +160,7 @@ def spec_from_options(
         str | None,
         typer.Option(
             help="auto; scalar_rgb, llvm_ad_rgb or cuda_ad_rgb; spectral, mono or polarized in the "
-            "place of rgb (docs/renderers.md); or analytic:numpy.",
+            "place of rgb (docs/renderers.md); analytic:numpy; or cycles:cpu.",
             show_default="auto",
             autocompletion=complete.variants,
         ),

@@ -8,7 +8,9 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
+from importlib.metadata import version
 from pathlib import Path
+from typing import Final
 
 from plateau.exit_codes import ExitCode
 from plateau.farm.blobs.probe import check_create_once
@@ -20,7 +22,15 @@ from plateau.farm.redis.url import without_password
 from plateau.processes.read_settings import farm_settings
 from plateau.service.monitor.denoising import oidn
 from plateau.worker.confinement.confine import try_here
-from plateau.worker.supervisor.variants import VariantChoice, choose
+from plateau.worker.supervisor.variants import (
+    BLENDER_MISSING,
+    VariantChoice,
+    choose,
+    is_installed,
+    probe,
+)
+
+_CYCLES: Final = "cycles:cpu"
 
 
 @dataclass(frozen=True)
@@ -38,7 +48,7 @@ def doctor(*, as_json: bool) -> int:
     settings = farm_settings()
     choice = choose(settings.cache, every=True)
     checks = [*_machine(), *_stores(settings), *_folders(settings), *_variants(choice)]
-    checks += [_denoiser(), *_confinement()]
+    checks += [_blender(), _denoiser(), *_confinement()]
     can_render = all(check.ok for check in checks if check.needed)
     shown = _without_passwords(settings)
     if as_json:
@@ -107,17 +117,24 @@ def _folders(settings: Settings) -> Iterator[Check]:
 
 
 def _variants(choice: VariantChoice) -> Iterator[Check]:
-    variants = {probe.variant for probe in choice.tried}
+    variants = {one.variant for one in choice.tried}
     if "cuda_ad_rgb" not in variants:
         yield Check("CUDA", "no driver found", ok=False)
     if "llvm_ad_rgb" not in variants:
         detail = "no library found; with one (apt install libllvm19) rendering is 3 times as fast"
         yield Check("LLVM", detail, ok=False)
-    for probe in choice.tried:
-        library = "" if probe.library is None else f", {probe.library}"
-        yield Check(f"{probe.variant}{library}", probe.detail, ok=probe.ok)
-    works = any(probe.ok for probe in choice.tried)
+    for one in choice.tried:
+        library = "" if one.library is None else f", {one.library}"
+        yield Check(f"{one.variant}{library}", one.detail, ok=one.ok)
+    works = any(one.ok for one in choice.tried)
     yield Check("workers render with", choice.why, ok=works, needed=True)
+
+
+def _blender() -> Check:
+    if not is_installed(_CYCLES):
+        return Check(_CYCLES, BLENDER_MISSING, ok=False)
+    tried = probe(_CYCLES, None)
+    return Check(_CYCLES, f"Blender {version('bpy')}; {tried.detail}", ok=tried.ok)
 
 
 def _denoiser() -> Check:

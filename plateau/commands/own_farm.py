@@ -16,7 +16,7 @@ from plateau.processes.data_folder import DataFolder, is_in_use
 from plateau.processes.interrupts import Interrupts
 from plateau.processes.read_settings import read_settings
 from plateau.processes.tree import Door, Tree
-from plateau.worker.supervisor.variants import choose
+from plateau.worker.supervisor.variants import BLENDER_MISSING, choose, is_installed
 
 if TYPE_CHECKING:
     from plateau.client import Client
@@ -45,11 +45,11 @@ def checked_settings(scene: Path, spec: JobSpec) -> "Settings":
     with pack(scene, spec.parameter_strings()) as packed:
         found = inspect_bundle(packed.file, parameters=spec.parameter_strings(), sensor=spec.sensor)
     try:
-        variant_for(spec.variant, found.renderer)
+        variant = variant_for(spec.variant, found.renderer)
     except ValueError as error:
         raise CommandFailed(str(error)) from error
     settings = read_settings()
-    _check_variant(spec.variant, settings.cache)
+    _check_variant(variant, settings.cache)
     return settings
 
 
@@ -124,6 +124,8 @@ def _check_variant(variant: str, cache: Path) -> None:
     """
     if variant == "auto":
         return
+    if not is_installed(variant):
+        raise CommandFailed(f"this machine cannot render with {variant}: {BLENDER_MISSING}")
     choice = choose(cache)
     if variant in choice.variants:
         return

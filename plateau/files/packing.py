@@ -2,7 +2,8 @@
 
 The files are found by the same walk with which the farm checks a bundle. They keep their relative
 places: the bundle starts at the folder that contains all of them, so `../textures/wood.png` still
-leads from the scene to its texture.
+leads from the scene to its texture. Blender alone knows the files to which one of its own refers: a
+folder with such a file is packed whole.
 
 The same scene always has the same bytes, and thus the same SHA-256, so it is stored once.
 """
@@ -20,14 +21,14 @@ from typing import IO, BinaryIO, cast
 
 from plateau.farm.bundle import BundleError, BundleLimits
 from plateau.farm.bundle.archive import Archive
+from plateau.farm.bundle.blend import SCENE_BLEND
 from plateau.farm.bundle.check import format_of
-from plateau.farm.bundle.entry import SCENE_XML, find_entry
+from plateau.farm.bundle.entry import SCENE_XML, find_entry, is_blend
 from plateau.farm.bundle.formats import MITSUBA_XML
 from plateau.farm.bundle.references import Reference
 from plateau.farm.bundle.tree import Kind, Parts
 from plateau.farm.bundle.walk import read_scene
 
-_XML = "application/xml"
 _ZIP = "application/zip"
 #: The first time that a zip can express; any fixed time would do.
 _TIMESTAMP = (1980, 1, 1, 0, 0, 0)
@@ -35,7 +36,7 @@ _FILE_ATTRIBUTES = 0o100644 << 16
 _FOLDER_ATTRIBUTES = 0o040755 << 16 | 0x10  # 0x10 is a folder to DOS
 _UNIX = 3
 #: Files that are already compressed are not deflated.
-_COMPRESSED = frozenset((".exr", ".jpg", ".jpeg", ".png", ".serialized"))
+_COMPRESSED = frozenset((".blend", ".exr", ".jpg", ".jpeg", ".png", ".serialized", ".vdb"))
 #: Entries of at least this many bytes are written in the 64-bit format.
 _ZIP64_BYTES = 2**30
 _COPY_BYTES = 2**20
@@ -66,8 +67,8 @@ def pack(path: Path, *parameters: Mapping[str, str]) -> Packed:
     Parameters
     ----------
     path
-        A Mitsuba XML; a folder with a `scene.xml`; or a zip or an analytic scene, which are not
-        changed.
+        A Mitsuba XML; a folder with a `scene.xml` or a Blender file; or a zip, a Blender file or
+        an analytic scene, which are not changed.
     parameters
         Sets of values of the scene's `$parameters`, since these can choose files. The files of all
         sets are packed, as the jobs of a batch need them.
@@ -79,8 +80,10 @@ def pack(path: Path, *parameters: Mapping[str, str]) -> Packed:
         it.
     """
     if path.is_dir():
+        if not (path / SCENE_XML).is_file() and (blend := _blend_of(path)) is not None:
+            return _with_its_folder(blend)
         path = path / SCENE_XML
-        missing = "there is no such file: a folder with one is a scene"
+        missing = "there is no such file: a folder with one is a scene, or with a .blend"
     else:
         missing = "there is no such file; `scenes:box` is a scene to try"
     if not path.is_file():
@@ -88,7 +91,7 @@ def pack(path: Path, *parameters: Mapping[str, str]) -> Packed:
     with path.open("rb") as file:
         scene_format = format_of(file, str(path))
     if scene_format is not MITSUBA_XML:
-        media_type = _ZIP if scene_format is None else f"application/{scene_format.kind}"
+        media_type = _ZIP if scene_format is None else scene_format.media_type
         return Packed(path.open("rb"), media_type, path.name, (path,))
     disk = _Disk()
     entry = disk.parts(path)
@@ -97,22 +100,56 @@ def pack(path: Path, *parameters: Mapping[str, str]) -> Packed:
     for values in dict.fromkeys(tuple(one.items()) for one in parameters) or [()]:
         references |= dict.fromkeys(read_scene(disk, entry, dict(values), _LIMITS).references)
     if not references:
-        return Packed(path.open("rb"), _XML, f"{_name(path)}.xml", (path,))
+        return Packed(path.open("rb"), MITSUBA_XML.media_type, f"{_name(path)}.xml", (path,))
     for reference in references:
         _check_keeps_its_place(disk, reference)
-    layout = _Layout.of(entry, references)
+    return _packed(disk, _Layout.of(entry, references), f"{_name(path)}.zip")
+
+
+def _packed(disk: "_Disk", layout: "_Layout", name: str) -> Packed:
+    """Return the archive of a layout, in which the farm finds the scene."""
     with ExitStack() as until_it_is_good:
         bundle = cast("BinaryIO", until_it_is_good.enter_context(tempfile.TemporaryFile()))
         _write(bundle, disk, layout)
         _check_entry(bundle, layout)
         until_it_is_good.pop_all()
     files = tuple(disk.path(parts) for parts in layout.files)
-    return Packed(bundle, _ZIP, f"{_name(path)}.zip", files)
+    return Packed(bundle, _ZIP, name, files)
+
+
+def _blend_of(folder: Path) -> Path | None:
+    """Return the Blender file that is a folder's scene; None where there is none."""
+    blends = sorted(path for path in folder.iterdir() if path.suffix.casefold() == ".blend")
+    named = [path for path in blends if path.name == SCENE_BLEND] or blends
+    if len(named) > 1:
+        raise BundleError(
+            "ambiguous-scene",
+            f"{len(named)} files could be the scene ({', '.join(one.name for one in named[:5])}); "
+            f"name the right one {SCENE_BLEND}",
+            file=str(folder),
+        )
+    return named[0] if named else None
+
+
+def _with_its_folder(blend: Path) -> Packed:
+    """Return a Blender file with all that lies in its folder but hidden files and backups."""
+    disk = _Disk()
+    entry = disk.parts(blend)
+    top = entry[:-1]
+    files = [
+        disk.parts(path)
+        for path in sorted(disk.path(top).rglob("*"))
+        if path.is_file()
+        and not path.suffix.startswith(".blend1")
+        and not any(part.startswith(".") for part in path.relative_to(disk.path(top)).parts)
+    ]
+    return _packed(disk, _Layout(top, entry, tuple(files), ()), f"{_name(blend)}.zip")
 
 
 def _name(path: Path) -> str:
-    """What a Mitsuba XML is called: a ``scene.xml`` as its folder is."""
-    return path.resolve().parent.name if path.name == SCENE_XML else path.stem
+    """What a scene is called: a ``scene.xml`` or ``scene.blend`` as its folder is."""
+    named_by_folder = path.name in (SCENE_XML, SCENE_BLEND)
+    return path.resolve().parent.name if named_by_folder else path.stem
 
 
 class _Disk:
@@ -213,7 +250,7 @@ def _info(name: str, attributes: int) -> zipfile.ZipInfo:
 
 
 def _check_entry(file: BinaryIO, layout: _Layout) -> None:
-    """Refuse a bundle in which the farm would take another XML for the scene."""
+    """Refuse a bundle in which the farm would take another file for the scene."""
     archive = Archive(file, file.seek(0, os.SEEK_END), _LIMITS)
     expected = layout.inside(layout.entry)
     found = find_entry(archive, _LIMITS)
@@ -222,6 +259,6 @@ def _check_entry(file: BinaryIO, layout: _Layout) -> None:
         raise BundleError(
             "ambiguous-scene",
             f"the farm would take {archive.label(found)} for the scene; rename the scene "
-            f"{SCENE_XML}",
+            f"{SCENE_BLEND if is_blend(expected) else SCENE_XML}",
             file=archive.label(expected),
         )

@@ -51,9 +51,10 @@ def render(
     Parameters
     ----------
     scene
-        A Mitsuba XML, a zip, a folder with ``scene.xml``, an analytic scene; ``scenes:NAME``, an
-        example; or a dict, as ``mitsuba.load_dict`` takes it. A dict may have bitmaps, tensors,
-        volume grids, numpy and Dr.Jit arrays, transforms and meshes.
+        A Mitsuba XML, a Blender file, a zip, a folder with ``scene.xml`` or a Blender file, an
+        analytic scene; ``scenes:NAME``, an example; or a dict, as ``mitsuba.load_dict`` takes it.
+        A dict may have bitmaps, tensors, volume grids, numpy and Dr.Jit arrays, transforms and
+        meshes.
     spec
         How the scene is sampled, judged and stopped.
     farm

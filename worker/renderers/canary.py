@@ -16,6 +16,10 @@ _TOLERANCE: Final = 0.05
 _BLOCK: Final = 8  #: pixels
 _BITS_SHOWN: Final = 12
 
+#: Of the known sphere, in units of the scene, and of R, G and B.
+SPHERE_RADIUS: Final = 0.7
+SPHERE_REFLECTANCE: Final = (0.2, 0.5, 0.8)
+
 
 class CanaryWrong(Exception):
     """The image is far from the known one; the message says where."""
@@ -57,6 +61,30 @@ class Canary:
                 f"a known image is wrong in {wrong.any(axis=-1).mean():.0%} of its blocks: "
                 f"{'RGB'[at[-1]]} is {found[at]:.3g} where {known[at]:.3g} is right"
             )
+
+
+def known_sphere(size: int, weights: tuple[float, ...] | None = None) -> NDArray[np.float64]:
+    """Return the converged image of a diffuse sphere in white light, (size, size, 3).
+
+    A diffuse convex body under radiance 1 has its reflectance as radiance, and nothing lies behind
+    it that is not 1. The view is orthographic, two units wide, and the sphere in its middle.
+
+    Parameters
+    ----------
+    size : int
+        Pixels of each side.
+    weights : tuple of 3 float, optional
+        Those of R, G and B in the luminance, for renderers that know nothing else.
+    """
+    parts = 16
+    at = (np.arange(size * parts) + 0.5) / (size * parts) * 2 - 1
+    inside = at[:, None] ** 2 + at**2 < SPHERE_RADIUS**2
+    covered = inside.reshape(size, parts, size, parts).mean(axis=(1, 3))
+    reflectance = np.asarray(SPHERE_REFLECTANCE)
+    if weights is not None:
+        reflectance = np.full(3, reflectance @ np.asarray(weights))
+    known: NDArray[np.float64] = 1 - covered[..., None] * (1 - reflectance)
+    return known
 
 
 def _blocks(image: NDArray[np.floating]) -> NDArray[np.float64]:

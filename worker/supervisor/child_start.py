@@ -53,6 +53,7 @@ def start(
     kernels.mkdir(parents=True, exist_ok=True)
     environment = plain_environment()
     environment["HOME"] = str(home.absolute())
+    environment["TMPDIR"] = str(kernels.absolute())
     if llvm_library is not None:
         environment["DRJIT_LIBLLVM_PATH"] = llvm_library
     return subprocess.Popen(

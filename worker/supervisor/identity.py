@@ -10,6 +10,7 @@ import platform
 import tempfile
 from collections.abc import Iterable, Mapping
 from importlib.metadata import version
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Final
 
@@ -27,6 +28,7 @@ def of(libraries: Iterable[str]) -> dict[str, Any]:
     return {
         "plateau": versions.plateau(),
         **{name: version(name) for name in _PACKAGES},
+        "bpy": version("bpy") if find_spec("bpy") else None,
         "cpu": cpu(),
         "cpu flags": hashlib.sha256(_cpuinfo("flags").encode()).hexdigest(),
         "landlock": landlock.abi(),

@@ -9,7 +9,7 @@ import contextlib
 import time
 from datetime import datetime, timezone
 from functools import cache as once
-from importlib.metadata import PackageNotFoundError, version
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Final
 
@@ -81,7 +81,7 @@ class Kinds:
         parts.append("a GPU" if known.on_gpu else identity.cpu())
         if variant in self._known:
             parts.append(f"bits {self._known[variant]['bits']}")
-        return f"{_release(known.renderer)} ({'; '.join(parts)})".replace(",", "")
+        return f"{_release(known.renderer, known.package)} ({'; '.join(parts)})".replace(",", "")
 
     def _remember(self, tried: Probe) -> None:
         self._known[tried.variant] = {"bits": tried.bits, "checked": time.time()}
@@ -97,9 +97,6 @@ class Kinds:
 
 
 @once
-def _release(renderer: str) -> str:
+def _release(renderer: str, package: str) -> str:
     """The name and version of a renderer, which may be a part of Plateau."""
-    try:
-        return f"{renderer} {version(renderer)}"
-    except PackageNotFoundError:
-        return f"{renderer} {versions.plateau()}"
+    return f"{renderer} {version(package) if package else versions.plateau()}"

@@ -16,9 +16,10 @@ import sys
 import tempfile
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
+from importlib.util import find_spec
 from itertools import takewhile
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from plateau.farm.model.renderers import MITSUBA, VARIANTS, variant_named
 from plateau.farm.process.lifecycle import die_with_parent
@@ -27,8 +28,10 @@ from plateau.worker.supervisor.llvm_libraries import llvm_libraries, system_libr
 
 CUDA, LLVM, SCALAR = "cuda_ad_rgb", "llvm_ad_rgb", "scalar_rgb"
 
-#: The variants that a worker offers without a trial, wherever its renderer can be loaded.
-_EVERYWHERE = tuple(name for name, known in VARIANTS.items() if known.works_everywhere)
+#: Why there are no variants of Cycles.
+BLENDER_MISSING: Final = (
+    "Blender's Python module is not installed; pip install 'plateau[blender]' (Python 3.11 or 3.13)"
+)
 
 #: A probe takes about two seconds, but far longer on a loaded machine or while a driver starts.
 _PROBE_TIMEOUT_S = 120.0
@@ -77,14 +80,25 @@ class VariantChoice:
     def variants(self) -> tuple[str, ...]:
         """All variants known to work here, the best first."""
         working = [probe.variant for probe in self.tried if probe.ok]
+        everywhere = [
+            name
+            for name, known in VARIANTS.items()
+            if known.works_everywhere and is_installed(name)
+        ]
         backends = {variant_named(one).backend for one in working}
         alike = (name for name, known in VARIANTS.items() if known.backend in backends)
-        return tuple(dict.fromkeys((*working, *_EVERYWHERE, *alike)))
+        return tuple(dict.fromkeys((*working, *everywhere, *alike)))
 
     @property
     def of_mitsuba(self) -> tuple[str, ...]:
         """The Mitsuba variants among them."""
         return tuple(one for one in self.variants if variant_named(one).renderer == MITSUBA)
+
+
+def is_installed(variant: str) -> bool:
+    """Return whether the package that has a variant's renderer is there; it is not imported."""
+    package = variant_named(variant).package
+    return not package or find_spec(package) is not None
 
 
 def choose(cache: Path, *, every: bool = False) -> VariantChoice:
@@ -123,7 +137,7 @@ def probe(variant: str, library: str | None, timeout_s: float = _PROBE_TIMEOUT_S
         environment["DRJIT_LIBLLVM_PATH"] = library
     # A cached kernel of another LLVM would hide that this one cannot compile it.
     with tempfile.TemporaryDirectory(prefix="plateau-probe-") as empty:
-        environment["DRJIT_CACHE_DIR"] = empty
+        environment["DRJIT_CACHE_DIR"] = environment["TMPDIR"] = empty
         try:
             done = subprocess.run(
                 [sys.executable, "-s", "-m", "plateau.worker.child.probe", variant],

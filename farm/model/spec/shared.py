@@ -198,7 +198,7 @@ class SharedSpec(Strict):
         return self
 
     def _check_zones(self) -> None:
-        if self.variant != "auto" and not renderers.variant_named(self.variant).renders_in_parts:
+        if self.variant != "auto" and not renderers.variant_named(self.variant).renders_zones:
             raise ValueError(
                 f"{self.variant} renders whole films alone: choose the allocation frame, or "
                 "another variant"

@@ -83,7 +83,7 @@ def _answer(upload: BinaryIO, question: dict[str, Any]) -> dict[str, Any]:
     used_s = time.process_time()
     _, hard = resource.getrlimit(resource.RLIMIT_CPU)
     resource.setrlimit(resource.RLIMIT_CPU, (math.ceil(used_s + cpu_s), hard))
-    sizes: list[tuple[int, int]] = []
+    sizes: list[tuple[int | None, int | None]] = []
     answer: dict[str, Any] = {"sizes": sizes}
     asked = [(values, sensor) for values, sensor in question["asked"]]
     try:

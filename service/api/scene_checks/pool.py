@@ -47,7 +47,8 @@ class Checked:
     """The result of a check with several sets of values."""
 
     summary: SceneSummary | None  #: with the first set; None if that was refused
-    sizes: list[tuple[int, int]]  #: width and height in pixels, for each set before the error
+    #: width and height in pixels, for each set before the error; None where nobody can tell yet
+    sizes: list[tuple[int | None, int | None]]
     error: BundleError | None  #: the error with the next set
 
     @classmethod

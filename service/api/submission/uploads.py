@@ -107,7 +107,7 @@ def _scene(upload: UploadFile | str | None, sha256: UploadFile | str | None) -> 
     if not upload and not sha256:
         raise Problem(
             problems.NO_SCENE,
-            "send a Mitsuba XML or a zip of one as the part scene, or the SHA-256 of a stored "
+            "send a scene or a zip of one as the part scene, or the SHA-256 of a stored "
             "scene as the part scene_sha256",
         )
     if upload and sha256:
@@ -276,9 +276,16 @@ async def _checked(turn: Turn, file: BinaryIO, spec: JobSpec | BatchSpec) -> Sce
         raise _broken(error) from error
     if spec.shot is not None:
         check_film_sizes(found.sizes, list(entries))
+    if found.summary is not None:
+        try:
+            variant = variant_for(spec.variant, found.summary.renderer)
+        except ValueError as error:
+            raise invalid_field(problems.INVALID_SPEC, "spec.variant", str(error)) from error
     fields = iter(entries)
-    for (width, height), one in zip(found.sizes, entries.values(), strict=False):
-        check_seeds(one, width, height, next(fields) or "spec")
+    for (width, height), entry in zip(found.sizes, entries.values(), strict=False):
+        one = entry.model_copy(update={"variant": variant})
+        # Where the size is not known, the seeds do not depend on it.
+        check_seeds(one, width or 1, height or 1, next(fields) or "spec")
     if found.error is not None:
         raise _broken(found.error, next(fields)) from found.error
     if len(found.sizes) < len(asked):
@@ -288,10 +295,6 @@ async def _checked(turn: Turn, file: BinaryIO, spec: JobSpec | BatchSpec) -> Sce
         )
         raise invalid_field(problems.INVALID_SPEC, "spec.parameters", message)
     assert found.summary is not None  # a spec has at least one entry
-    try:
-        variant_for(spec.variant, found.summary.renderer)
-    except ValueError as error:
-        raise invalid_field(problems.INVALID_SPEC, "spec.variant", str(error)) from error
     return found.summary
 
 

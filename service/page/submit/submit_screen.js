@@ -43,11 +43,11 @@ class Submission {
   /** @type {SpecForm} */
   #spec;
 
-  #picker = h("input", { type: "file", accept: ".zip,.xml,application/zip,text/xml", id: "scene-file", class: "unseen",
+  #picker = h("input", { type: "file", accept: ".zip,.xml,.blend,application/zip,text/xml", id: "scene-file", class: "unseen",
     onchange: () => { this.#bring(this.#picker.files); this.#picker.value = ""; } }); // reset, so that the same file can be chosen again
   #stored = h("select", { class: "stored", "aria-label": "A stored scene", hidden: true, onchange: () => { this.#takeStored(); } }, h("option", { value: "" }, "or take one that is stored…"));
   #progress = h("progress", { max: 1, value: 0, "aria-label": "Upload", hidden: true });
-  #said = h("p", { class: "drop-said" }, "A Mitsuba XML, or a zip of one with its meshes and textures");
+  #said = h("p", { class: "drop-said" }, "A Mitsuba XML or a Blender file, or a zip of one with its meshes and textures");
   #wrong = h("p", { class: "bad wrong", role: "alert", tabindex: -1, hidden: true });
   #summary = h("dl", { class: "found" });
   #parameterBox = h("fieldset", { hidden: true });
@@ -164,7 +164,7 @@ class Submission {
     setText(this.#said, "Another one? Drop it here.");
     const rows = [
       ["Scene", found.name],
-      ["Image", `${found.width} × ${found.height} pixels`],
+      ["Image", found.width ? `${found.width} × ${found.height} pixels` : ""],
       ["Holds", found.kind === "zip" ? `${several(found.files, "file")}, ${bytes(found.bytes_unpacked ?? 0)} unpacked; the scene is ${found.entry}` : bytes(found.bytes)],
       ["Cameras", found.sensors > 1 ? String(found.sensors) : ""],
     ];
@@ -174,7 +174,7 @@ class Submission {
       this.#showParameters("The scene's parameters with their defaults, which your values replace.");
     }
     this.#rest.hidden = false;
-    say(`${found.name} is checked: ${found.width} by ${found.height} pixels.`);
+    say(`${found.name} is checked${found.width ? `: ${found.width} by ${found.height} pixels` : ""}.`);
   }
 
   /**

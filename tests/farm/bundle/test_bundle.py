@@ -315,10 +315,10 @@ BAD = [
     Bad("empty", io.BytesIO(), "upload is empty"),
     Bad("empty", zipped({}), "no files"),
     Bad("too-large", xml(), "bytes; 10 are allowed", kwargs=limits(max_bytes=10)),
-    Bad("not-a-scene", io.BytesIO(b"\x89PNG\r\n"), "neither XML nor a zip"),
+    Bad("not-a-scene", io.BytesIO(b"\x89PNG\r\n"), "neither XML nor a Blender file nor a zip"),
     Bad("not-a-scene", io.BytesIO(b"<shape/>"), "<shape>, not <scene>", "scene.xml", 1),
-    Bad("not-a-scene", zipped(MESH), "no Mitsuba scene"),
-    Bad("not-a-scene", zipped({"a.xml": b"<bsdf/>", "b.xml": b"oops"}), "no Mitsuba scene"),
+    Bad("not-a-scene", zipped(MESH), "no scene: an"),
+    Bad("not-a-scene", zipped({"a.xml": b"<bsdf/>", "b.xml": b"oops"}), "no scene: an"),
     Bad("ambiguous-scene", zipped({"a.xml": scene(), "b.xml": scene()}), r"a\.xml, b\.xml"),
     # The archive's directory
     Bad("zip-malformed", io.BytesIO(b"PK\x03\x04 and so on"), "is damaged"),

@@ -4,7 +4,9 @@ import json
 import os
 import subprocess
 import sys
+from importlib.machinery import ModuleSpec
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
@@ -292,3 +294,13 @@ class TestMemory:
 def test_the_supervisors_side_never_imports_mitsuba():
     script = "import sys, plateau.worker.supervisor.variants; sys.exit('mitsuba' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", script], check=False).returncode == 0
+
+
+def test_variants_of_a_package_that_is_not_installed_are_not_offered(monkeypatch):
+    works = VariantChoice(SCALAR, None, "", (Probe(SCALAR, None, ok=True, detail=""),))
+    monkeypatch.setitem(sys.modules, "bpy", None)  # as Python marks what cannot be imported
+    assert "cycles:cpu" not in works.variants
+    there = ModuleType("bpy")
+    there.__spec__ = ModuleSpec("bpy", None)
+    monkeypatch.setitem(sys.modules, "bpy", there)
+    assert "cycles:cpu" in works.variants

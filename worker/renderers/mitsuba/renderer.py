@@ -11,7 +11,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from plateau.worker.renderers.canary import Canary, CanaryWrong
+from plateau.worker.renderers.canary import Canary, CanaryWrong, known_sphere
 from plateau.worker.renderers.contract import Load, Loaded, SceneError
 from plateau.worker.renderers.mitsuba.kernel import Kernel
 from plateau.worker.renderers.mitsuba.scene_prep import prepare, scene_errors, with_aovs
@@ -26,8 +26,6 @@ if TYPE_CHECKING:
 
 _CANARY = "canary.xml"
 _CANARY_SPP = 64
-#: Of that scene: a diffuse sphere in white light from everywhere, seen without perspective.
-_RADIUS, _REFLECTANCE = 0.7, (0.2, 0.5, 0.8)
 _LUMINANCE = (0.2126, 0.7152, 0.0722)  # of Rec. 709, which is all that mono variants know
 
 
@@ -56,7 +54,8 @@ class Renderer:
         folder = Path(__file__).parent
         self.load(Load(folder=str(folder), entry=_CANARY, parameters={}))
         (film,) = self.render([(_CANARY_SPP, 1)], is_cancelled=lambda: False)
-        truth = known_sphere(film.shape[0], is_mono="mono" in self._variant)
+        weights = _LUMINANCE if "mono" in self._variant else None
+        truth = known_sphere(film.shape[0], weights)
         return Canary(film=film, truth=truth, spp=_CANARY_SPP)
 
     def load(self, request: Load) -> Loaded:
@@ -105,23 +104,6 @@ class Renderer:
         self._prepared = self._kernel = self._request = None
         gc.collect()
         dr.flush_malloc_cache()
-
-
-def known_sphere(size: int, *, is_mono: bool) -> NDArray[np.float64]:
-    """Return the converged image of the scene in ``canary.xml``, (size, size, 3).
-
-    A diffuse convex body under radiance 1 has its reflectance as radiance, and nothing lies behind
-    it that is not 1.
-    """
-    parts = 16
-    at = (np.arange(size * parts) + 0.5) / (size * parts) * 2 - 1
-    inside = at[:, None] ** 2 + at**2 < _RADIUS**2
-    covered = inside.reshape(size, parts, size, parts).mean(axis=(1, 3))
-    reflectance = np.asarray(_REFLECTANCE)
-    if is_mono:
-        reflectance = np.full(3, reflectance @ np.asarray(_LUMINANCE))
-    known: NDArray[np.float64] = 1 - covered[..., None] * (1 - reflectance)
-    return known
 
 
 def _differ_in_aovs_alone(one: Load | None, other: Load) -> bool:

@@ -1,0 +1,91 @@
+"""Blender files, as far as they are known without Blender.
+
+A file is one of Blender's by its first characters, or compressed by gzip (before Blender 3.0) or
+Zstandard (since). What is in it is known to Blender alone, which a worker runs: the size of the
+image, the cameras and the frames. A job's parameters may set these.
+"""
+
+from __future__ import annotations
+
+import re
+import zlib
+from collections.abc import Mapping
+from typing import IO, Final
+
+from plateau.farm.bundle.limits import BundleError, BundleLimits, shown
+
+#: The scene where a bundle has several Blender files.
+SCENE_BLEND: Final = "scene.blend"
+
+_MAGIC: Final = b"BLENDER"
+_GZIP: Final = b"\x1f\x8b"
+_ZSTANDARD: Final = b"\x28\xb5\x2f\xfd"
+#: How such a file begins.
+BEGINS: Final = (_MAGIC, _GZIP, _ZSTANDARD)
+
+#: The parameters that a job may set, with what each has to be.
+PARAMETERS: Final = {
+    "width": "a whole number of pixels, at least 1",
+    "height": "a whole number of pixels, at least 1",
+    "frame": "a whole number from -1048574 to 1048574",
+    "camera": "the name of a camera of the scene",
+}
+#: Blender's own bounds of frames (`bpy.types.Scene.frame_current`).
+_MOST_FRAME: Final = 1_048_574
+_WHOLE: Final = re.compile(r"-?[0-9]{1,8}", re.ASCII)
+_MAX_NAME: Final = 255
+_BEGINNING_BYTES: Final = 2**12
+
+
+def check_blend(
+    stream: IO[bytes], parameters: Mapping[str, str], limits: BundleLimits
+) -> tuple[int | None, int | None]:
+    """Return the width and height that the parameters set; None for the file's own.
+
+    Raises
+    ------
+    BundleError
+        It is no Blender file, or a parameter is unknown or has a value that it cannot have.
+    """
+    beginning = stream.read(_BEGINNING_BYTES)
+    if beginning.startswith(_GZIP):
+        beginning = _unpacked(beginning)
+    if not beginning.startswith((_MAGIC, _ZSTANDARD)):
+        raise BundleError(
+            "not-a-scene", "the file is compressed, and no Blender file; save it again in Blender"
+        )
+    for name, value in parameters.items():
+        _check(name, value)
+    size = [int(parameters[name]) if name in parameters else None for name in ("width", "height")]
+    width, height = size
+    if (width or 1) * (height or 1) > limits.max_pixels:
+        raise BundleError(
+            "film-size",
+            f"a film of {width or '…'}×{height or '…'} pixels is too large: {limits.max_pixels} "
+            "pixels are allowed",
+        )
+    return width, height
+
+
+def _check(name: str, value: str) -> None:
+    if name not in PARAMETERS:
+        raise BundleError(
+            "unknown-parameter",
+            f"a Blender file has no parameter {shown(name)}; it has {', '.join(PARAMETERS)}",
+        )
+    if name == "camera":
+        fits = 0 < len(value) <= _MAX_NAME and value.isprintable()
+    else:
+        least = -_MOST_FRAME if name == "frame" else 1
+        fits = _WHOLE.fullmatch(value) is not None and least <= int(value) <= (
+            _MOST_FRAME if name == "frame" else 2**26
+        )
+    if not fits:
+        raise BundleError("bad-parameter", f"{name} must be {PARAMETERS[name]}, not {shown(value)}")
+
+
+def _unpacked(beginning: bytes) -> bytes:
+    try:
+        return zlib.decompressobj(wbits=31).decompress(beginning, len(_MAGIC))
+    except zlib.error:
+        return b""

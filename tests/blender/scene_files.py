@@ -1,0 +1,93 @@
+"""Makes the Blender files of these tests, in a process of its own: python FILE WHAT PATH."""
+
+import sys
+from pathlib import Path
+
+import bpy
+
+SCRIPT = "import bpy\nbpy.context.scene.render.resolution_x = 7\n"
+
+
+def plain() -> None:
+    """A red ball on a grey floor, under a lamp; the ball moves from frame to frame."""
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    scene = bpy.context.scene
+    scene.render.engine = "CYCLES"
+    scene.render.resolution_x, scene.render.resolution_y = 64, 48
+    bpy.ops.mesh.primitive_plane_add(size=8)
+    _paint((0.6, 0.6, 0.6, 1))
+    bpy.ops.mesh.primitive_uv_sphere_add(radius=0.8, location=(0, 0, 0.8))
+    _paint((0.8, 0.2, 0.1, 1))
+    ball = bpy.context.object
+    ball.keyframe_insert("location", frame=1)
+    ball.location.x = 3
+    ball.keyframe_insert("location", frame=11)
+    bpy.ops.object.light_add(type="AREA", location=(2, -2, 4))
+    bpy.context.object.data.energy = 300
+    bpy.ops.object.camera_add(location=(0, 0, 6))
+    bpy.context.object.name = "above"
+    bpy.ops.object.camera_add(location=(4, -4, 3), rotation=(1.1, 0, 0.785))
+    bpy.context.object.name = "aside"
+    scene.camera = bpy.context.object
+
+
+def transparent() -> None:
+    plain()
+    bpy.context.scene.render.film_transparent = True
+
+
+def eevee() -> None:
+    plain()
+    bpy.context.scene.render.engine = "BLENDER_EEVEE"
+
+
+def flat() -> None:
+    """The ball is as a driver that never ran leaves it."""
+    plain()
+    bpy.data.objects["Sphere"].scale.z = 0
+
+
+def scripted() -> None:
+    """A script that Blender runs on opening, and a driver in Python, where both are trusted."""
+    flat()
+    text = bpy.data.texts.new("hostile.py")
+    text.from_string(SCRIPT)
+    text.use_module = True
+    driver = bpy.data.objects["Sphere"].driver_add("scale", 2).driver
+    driver.type = "SCRIPTED"
+    driver.expression = "float(__import__('os').getpid() > 0)"
+
+
+def textured() -> None:
+    """The floor's texture is a file beside the scene."""
+    plain()
+    target = Path(sys.argv[2])
+    image = bpy.data.images.new("tiles", 4, 4)
+    image.pixels = [0.1, 0.9, 0.1, 1.0] * 16
+    (target.parent / "textures").mkdir(exist_ok=True)
+    image.filepath_raw = str(target.parent / "textures" / "tiles.png")
+    image.file_format = "PNG"
+    image.save()
+    image.filepath = "//textures/tiles.png"
+    material = bpy.data.objects["Plane"].data.materials[0]
+    node = material.node_tree.nodes.new("ShaderNodeTexImage")
+    node.image = image
+    shader = material.node_tree.nodes["Principled BSDF"]
+    material.node_tree.links.new(node.outputs["Color"], shader.inputs["Base Color"])
+
+
+def _paint(colour: tuple[float, ...]) -> None:
+    material = bpy.data.materials.new("paint")
+    if material.node_tree is None:
+        material.use_nodes = True
+    material.node_tree.nodes["Principled BSDF"].inputs["Base Color"].default_value = colour
+    bpy.context.object.data.materials.append(material)
+
+
+if __name__ == "__main__":
+    {one.__name__: one for one in (plain, flat, transparent, eevee, scripted, textured)}[
+        sys.argv[1]
+    ]()
+    bpy.ops.wm.save_as_mainfile(
+        filepath=sys.argv[2], compress=sys.argv[1] == "transparent", relative_remap=False
+    )

@@ -1,0 +1,153 @@
+"""Cycles in a real render child: pure passes, one sequence for each half, and what is refused."""
+
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from plateau.farm.model.seeds import SEQUENCE_SAMPLES, Pass, SeedSchedule
+from plateau.worker.renderers.contract import Loaded, SceneError
+from plateau.worker.supervisor.child_process import Film, RenderChild
+from plateau.worker.supervisor.child_start import ChildLimits
+
+VARIANT = "cycles:cpu"
+
+
+class Child:
+    """A confined render child that can open what lies in its folder of scenes."""
+
+    def __init__(self, folder: Path, threads: int = 2) -> None:
+        self.scenes = folder / "scenes"
+        self.scenes.mkdir(parents=True, exist_ok=True)
+        limits = ChildLimits(
+            threads=threads, memory_bytes=0, load_timeout_s=120, pass_timeout_s=120
+        )
+        self.process = RenderChild(VARIANT, None, limits, folder / "home", [self.scenes])
+
+    def load(self, blend: Path, *, aovs: tuple[str, ...] = (), **parameters: object) -> Loaded:
+        shutil.copytree(blend.parent, self.scenes, dirs_exist_ok=True)
+        strings = {name: str(value) for name, value in parameters.items()}
+        return self.process.load(self.scenes, blend.name, strings, 0, aovs)
+
+    def film(self, *passes: tuple[int, int]) -> Film:
+        return self.process.render(tuple(Pass(*one) for one in passes))[0]
+
+
+@contextmanager
+def _child(folder: Path, threads: int = 2) -> Iterator[Child]:
+    child = Child(folder, threads)
+    try:
+        yield child
+    finally:
+        child.process.kill()
+
+
+@pytest.fixture(scope="module")
+def child(tmp_path_factory) -> Iterator[Child]:
+    with _child(tmp_path_factory.mktemp("child")) as one:
+        yield one
+
+
+def _mean(film: Film) -> np.ndarray:
+    return film[..., :3].astype(np.float64) / film[..., 3:4]
+
+
+def test_the_slices_of_a_half_are_stretches_of_one_sequence(child, blend):
+    scene = child.load(blend("plain"))
+    assert (scene.width, scene.height, scene.channels) == (64, 48, ("R", "G", "B", "W"))
+    assert any("Plateau decides" in note for note in scene.notes)
+    # Given the passes of a job's first two even slices, as its ledger numbers them
+    schedule = SeedSchedule(VARIANT, 64, 48, 16, 10_000, job_seed=3)
+    assert [schedule.seed_range(k).first % SEQUENCE_SAMPLES for k in (0, 2)] == [0, 16]
+    even = [_mean(child.film(*schedule.passes(k))) for k in (0, 2)]
+    # When the sequence's first 32 samples are rendered at once
+    whole = child.film((32, schedule.seed_range(0).first))
+    # Then they are the same samples
+    assert (whole[..., 3] == 32).all()
+    assert np.abs((even[0] + even[1]) / 2 - _mean(whole)).max() < 1e-6 * max(1, whole.max() / 32)
+    # And the other half has others
+    odd = _mean(child.film(*schedule.passes(1)))
+    assert np.abs(odd - even[0]).mean() > 1e-3
+    again = _mean(child.film(*schedule.passes(0)))
+    assert np.array_equal(again, even[0])
+
+
+def test_bits_depend_neither_on_threads_nor_on_bands(blend, tmp_path):
+    # A pass of so many samples has several bands, whose sizes follow the speed
+    films = []
+    for threads in (1, 3):
+        with _child(tmp_path / str(threads), threads) as child:
+            child.load(blend("plain"), width=211, height=157)
+            films.append(child.film((24, 5)))
+    assert films[0].tobytes() == films[1].tobytes()
+
+
+def test_a_film_has_alpha_and_a_denoisers_guides(child, blend):
+    scene = child.load(blend("transparent"), aovs=("albedo", "normal"), camera="above")
+    assert scene.channels == (
+        *("R", "G", "B", "W", "A", "albedo.R", "albedo.G", "albedo.B", "N.X", "N.Y", "N.Z"),
+    )
+    film = child.film((16, 0)) / 16
+    # In the corner is the floor, which looks upwards
+    np.testing.assert_allclose(film[0, 0, 4], 1, atol=1e-6)
+    np.testing.assert_allclose(film[0, 0, 8:], (0, 0, 1), atol=1e-4)
+    np.testing.assert_allclose(film[0, 0, 5:8], 0.6, atol=0.05)
+    # And seen from aside, it still does; beyond it is nothing
+    child.load(blend("transparent"), aovs=("albedo", "normal"), camera="aside")
+    film = child.film((16, 0)) / 16
+    np.testing.assert_allclose(film[-1, 0, 8:], (0, 0, 1), atol=1e-4)
+    assert film[0, 0, 4] == 0
+
+
+def test_parameters_choose_size_frame_and_camera(child, blend):
+    scene = child.load(blend("plain"), width=40, height=30, camera="above")
+    assert (scene.width, scene.height) == (40, 30)
+    first = child.film((8, 0))
+    child.load(blend("plain"), width=40, height=30, camera="above", frame=5)
+    moved = child.film((8, 0))
+
+    def red_column(film: Film) -> float:
+        red = np.clip(film[..., 0] - 2 * film[..., 1], 0, None)
+        return float((red.sum(axis=0) * np.arange(40)).sum() / red.sum())
+
+    assert red_column(moved) > red_column(first) + 5
+    with pytest.raises(SceneError, match=r"no camera 'below'; it has above, aside"):
+        child.load(blend("plain"), camera="below")
+
+
+def test_scripts_and_python_drivers_of_a_file_do_not_run(child, blend):
+    child.load(blend("flat"))
+    flat = child.film((4, 0))
+    scene = child.load(blend("scripted"))
+    assert scene.width == 64
+    assert np.array_equal(child.film((4, 0)), flat)
+
+
+def test_a_missing_texture_is_named_before_anything_is_rendered(blend, tmp_path):
+    with _child(tmp_path) as child:
+        alone = tmp_path / "alone" / "shot.blend"
+        alone.parent.mkdir()
+        shutil.copy(blend("textured"), alone)
+        with pytest.raises(SceneError, match=r"sent with: textures/tiles\.png; pack them"):
+            child.load(alone)
+        child.load(blend("textured"), camera="above")
+        red, green, blue = _mean(child.film((16, 0)))[0, 0]
+        assert green > 3 * red
+        assert green > 3 * blue
+
+
+@pytest.mark.parametrize(
+    ("name", "says"),
+    [("eevee", "BLENDER_EEVEE; set it to Cycles"), ("cut", "Blender: ")],
+)
+def test_what_cycles_cannot_render_is_refused_in_words(child, blend, tmp_path, name, says):
+    path = tmp_path / "shot.blend"
+    if name == "cut":
+        path.write_bytes(blend("plain").read_bytes()[:9000])
+    else:
+        shutil.copy(blend(name), path)
+    with pytest.raises(SceneError, match=says):
+        child.load(path)

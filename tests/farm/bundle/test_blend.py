@@ -1,0 +1,67 @@
+"""Blender files, as far as they are known without Blender."""
+
+import gzip
+import io
+
+import pytest
+
+from plateau.farm.bundle import BundleError, inspect_bundle, unpack_bundle
+from tests.support.bundles import scene, zipped
+
+#: How Blender 5 begins a file, and how Zstandard does.
+BLEND = b"BLENDER17-01v0501" + bytes(100)
+ZSTANDARD = b"\x28\xb5\x2f\xfd" + bytes(100)
+
+
+@pytest.mark.parametrize(
+    "content", [BLEND, ZSTANDARD, gzip.compress(BLEND, mtime=0)], ids=["plain", "zstd", "gzip"]
+)
+def test_it_is_known_by_its_first_characters(content, tmp_path):
+    found = inspect_bundle(io.BytesIO(content))
+    assert (found.kind, found.renderer, found.entry) == ("blend", "cycles", "scene.blend")
+    # Blender alone knows more
+    assert (found.width, found.height, found.sensors, found.parameters) == (None, None, 1, {})
+    assert unpack_bundle(io.BytesIO(content), tmp_path / "scene") == "scene.blend"
+    assert (tmp_path / "scene" / "scene.blend").read_bytes() == content
+
+
+def test_parameters_set_what_is_known():
+    given = {"width": "40", "height": "30", "frame": "-12", "camera": "Über uns"}
+    found = inspect_bundle(io.BytesIO(BLEND), parameters=given)
+    assert (found.width, found.height) == (40, 30)
+
+
+@pytest.mark.parametrize(
+    ("content", "given", "sensor", "code", "says"),
+    [
+        (gzip.compress(b"text", mtime=0), {}, 0, "not-a-scene", "compressed, and no Blender"),
+        (b"\x1f\x8b" + bytes(50), {}, 0, "not-a-scene", "compressed, and no Blender file"),
+        (BLEND, {"samples": "4"}, 0, "unknown-parameter", "has width, height, frame, camera"),
+        (BLEND, {"width": "0"}, 0, "bad-parameter", "width must be a whole number"),
+        (BLEND, {"height": "1e3"}, 0, "bad-parameter", "height must be a whole number"),
+        (BLEND, {"frame": "2000000"}, 0, "bad-parameter", "frame must be a whole number"),
+        (BLEND, {"camera": "\n"}, 0, "bad-parameter", "camera must be the name of a camera"),
+        (BLEND, {"width": "9000", "height": "9000"}, 0, "film-size", "9000×9000 pixels is too"),
+        (BLEND, {}, 1, "no-sensor", "other cameras by the parameter camera"),
+    ],
+)
+def test_what_it_cannot_be_is_refused_at_the_door(content, given, sensor, code, says):
+    with pytest.raises(BundleError, match=says) as refused:
+        inspect_bundle(io.BytesIO(content), parameters=given, sensor=sensor)
+    assert refused.value.code == code
+
+
+def _in_zip(**files: bytes) -> str:
+    return inspect_bundle(zipped(files)).entry
+
+
+def test_a_zip_may_have_one_with_what_it_links_to():
+    files = {"shot/shot.blend": BLEND, "shot/textures/wood.png": b"\x89PNG"}
+    found = inspect_bundle(zipped(files))
+    assert (found.kind, found.renderer, found.entry) == ("zip", "cycles", "shot/shot.blend")
+    # Of several, one has the name
+    assert _in_zip(**{"scene.blend": BLEND, "props.blend": BLEND}) == "scene.blend"
+    with pytest.raises(BundleError, match=r"name the right one scene\.blend"):
+        _in_zip(**{"shot.blend": BLEND, "props.blend": BLEND})
+    # A Mitsuba scene may have the Blender file beside it from which it was made
+    assert _in_zip(**{"scene.xml": scene(), "shot.blend": BLEND}) == "scene.xml"
