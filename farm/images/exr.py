@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from plateau.farm.images.channels import Channels
 from plateau.farm.images.layers import read_layer
+from plateau.farm.images.look import Look
 from plateau.farm.model.errors import CorruptPartial
 from plateau.farm.model.zones import Zone
 
@@ -52,6 +53,7 @@ _IDS: Final = "plateau:ids"
 _ZONES: Final = "plateau:zones"
 _BORDER: Final = "plateau:border"
 _RENDERER: Final = "plateau:renderer"
+_LOOK: Final = "plateau:look"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,7 +62,8 @@ class Partial:
 
     `pixels` is (height, width, channels) float32, in the order of `channels`. A slice of `zones`
     has (pixels, channels) instead: zone after zone, each with its `border` and row by row.
-    `renderer` is the renderer's name and version; older partials have "" there.
+    `renderer` is the renderer's name and version; older partials have "" there. The first slice of
+    a job whose scene has a view transform has it as `look`.
     """
 
     job_id: str
@@ -75,6 +78,7 @@ class Partial:
     zones: tuple[Zone, ...] = ()
     border: int = 0
     renderer: str = ""
+    look: Look | None = None
 
 
 def encode_partial(partial: Partial) -> bytes:
@@ -94,6 +98,8 @@ def encode_partial(partial: Partial) -> bytes:
     attributes |= {_CHANNELS: json.dumps(names), _IDS: json.dumps(partial.channels.ids)}
     if partial.renderer:
         attributes[_RENDERER] = partial.renderer
+    if partial.look is not None:
+        attributes[_LOOK] = partial.look.as_text()
     pixels = partial.pixels
     if partial.zones:
         attributes |= {_ZONES: json.dumps(partial.zones), _BORDER: partial.border}
@@ -118,6 +124,7 @@ def decode_partial(content: bytes) -> Partial:
             pixels = np.stack([planes[name].pixels for name in channels.names], axis=-1)
             zones = tuple(Zone(*map(int, one)) for one in json.loads(header.get(_ZONES, "[]")))
             border = int(header.get(_BORDER, 0))
+            look = Look.from_text(str(header[_LOOK])) if _LOOK in header else None
         job, index, first, last, spp, variant, scene = (
             of_type(header[f"plateau:{name}"]) for name, of_type in _ATTRIBUTES.items()
         )
@@ -135,6 +142,7 @@ def decode_partial(content: bytes) -> Partial:
         channels=channels,
         zones=zones,
         border=border,
+        look=look,
         renderer=str(header.get(_RENDERER, "")),
     )
 

@@ -138,6 +138,8 @@ def judge_series(series: Series, spec: JobSpec) -> Judged:
         Too many of its pixels are NaN or infinite, as would fail a job.
     """
     judge, merge = Judge(spec), replace(Merge.of(spec), slice_spp=series.spp)
+    if series.partials:
+        merge.look = decode_partial(series.files[0].read_bytes()).look
     points: list[CurvePoint] = []
     for path, film in zip(series.files, series.films(), strict=True):
         try:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from plateau.farm.images.channels import BLACK, Channels, Colour
 from plateau.farm.images.exr import Partial, Pixels
+from plateau.farm.images.look import Look
 from plateau.farm.model.aovs import AOVS, GUIDES
 from plateau.farm.model.plan import Plan
 from plateau.farm.model.spec import SharedSpec
@@ -35,10 +36,13 @@ class Merge:
     slice_spp: int
     zone_size: int | None = None  #: in pixels; None where all slices have the whole film
     background: Colour = BLACK  #: behind an image with alpha
+    exposure_ev: float = 0.0  #: under which the image will be seen; it matters to a look alone
+    has_look: bool = True  #: whether the image is seen through its scene's look, if that has one
     slices: int = 0  #: in the sums: the slices 0 … slices − 1
     channels: Channels = field(default_factory=Channels)
     #: How the slices were made: first_seed, last_seed, variant, renderer. Empty if not known.
     origin: dict[str, str] = field(default_factory=dict)
+    look: Look | None = None  #: the view transform of the scene
     _total: NDArray[np.float64] | None = field(default=None, repr=False)
     _even: NDArray[np.float64] | None = field(default=None, repr=False)
     _other: NDArray[np.float64] | None = field(default=None, repr=False)
@@ -51,6 +55,8 @@ class Merge:
             slice_spp=spec.slice_spp,
             zone_size=Plan.of(spec).size,
             background=spec.view.background,
+            exposure_ev=spec.view.exposure_ev,
+            has_look=not spec.is_denoised,
         )
 
     @property
@@ -136,6 +142,8 @@ class Merge:
     def add_partial(self, partial: Partial) -> None:
         """Add the next slice as its worker uploaded it; raises as `add`."""
         is_known = bool(self.origin) or not self.slices
+        if not self.slices:
+            self.look = partial.look if self.has_look else None
         if self.zone_size is None:
             self.add(partial.pixels, partial.channels)
         else:
@@ -181,7 +189,8 @@ class Merge:
     def image(self) -> Pixels:
         """Return the image that is judged: (height, width, 3) float32 linear radiance.
 
-        An image with alpha is over the background.
+        An image with alpha is over the background. An image with a look is the light that it makes
+        of a display.
         """
         assert self._total is not None
         return self._seen(self._film(self._total))
@@ -266,6 +275,8 @@ class Merge:
         arrays: dict[str, NDArray[Any]] = {"total": self._total, "even": self._even}
         if self._sampled is not None:
             arrays |= {"spp": self._sampled.spp, "even_spp": self._sampled.even_spp}
+        if self.look is not None:
+            arrays["look"] = self.look.table
         return arrays if self._other is None else {**arrays, "other": self._other}
 
     def about(self) -> dict[str, Any]:
@@ -274,6 +285,7 @@ class Merge:
             "channels": self.channels.names,
             "ids": self.channels.ids,
             "origin": self.origin,
+            **({} if self.look is None else {"look_gain": self.look.gain}),
             **({} if self._sampled is None else {"canvas": self._sampled.canvas.about()}),
         }
 
@@ -287,6 +299,8 @@ class Merge:
         self.slices = slices
         self._total, self._even = arrays["total"], arrays["even"]
         self._other = arrays.get("other")
+        if "look" in arrays:
+            self.look = Look(arrays["look"], about["look_gain"])
         if "canvas" in about:
             canvas = Canvas.restored(about["canvas"])
             self._sampled = Sampled(canvas, arrays["spp"], arrays["even_spp"])
@@ -301,4 +315,5 @@ class Merge:
         return canvas.assembled(total, all_spp if spp is None else spp, self.channels)
 
     def _seen(self, total: NDArray[np.float64]) -> Pixels:
-        return self.channels.seen_in(total, self.background)
+        image = self.channels.seen_in(total, self.background)
+        return image if self.look is None else self.look.seen(image, self.exposure_ev)

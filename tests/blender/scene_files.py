@@ -31,6 +31,13 @@ def plain() -> None:
     scene.camera = bpy.context.object
 
 
+def filmic() -> None:
+    """Seen through Filmic with high contrast, a stop brighter."""
+    plain()
+    view = bpy.context.scene.view_settings
+    view.view_transform, view.look, view.exposure = "Filmic", "High Contrast", 1.0
+
+
 def transparent() -> None:
     plain()
     bpy.context.scene.render.film_transparent = True
@@ -84,8 +91,19 @@ def _paint(colour: tuple[float, ...]) -> None:
     bpy.context.object.data.materials.append(material)
 
 
-if __name__ == "__main__":
-    {one.__name__: one for one in (plain, flat, transparent, eevee, scripted, textured)}[
+def show(blend: str, exr: str, png: str) -> None:
+    """Save a linear image as Blender shows it through the view transform of a scene."""
+    bpy.ops.wm.open_mainfile(filepath=blend, load_ui=False)
+    settings = bpy.context.scene.render.image_settings
+    settings.file_format, settings.color_mode, settings.color_depth = "PNG", "RGB", "8"
+    bpy.context.scene.render.dither_intensity = 0
+    bpy.data.images.load(exr).save_render(png, scene=bpy.context.scene)
+
+
+if __name__ == "__main__" and sys.argv[1] == "show":
+    show(*sys.argv[2:])
+elif __name__ == "__main__":
+    {one.__name__: one for one in (plain, flat, filmic, transparent, eevee, scripted, textured)}[
         sys.argv[1]
     ]()
     bpy.ops.wm.save_as_mainfile(

@@ -2,22 +2,28 @@
 
 import json
 import shutil
+import subprocess
+import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import pytest
+from PIL import Image
 
 from plateau.farm.images.exr import decode_image
+from tests.blender.conftest import MAKER
 from tests.support.commands import Command
 
 
-def _rendered(scene: Path, out: Path, *options: str) -> dict[str, object]:
+def _rendered(scene: Path, out: Path, *options: str) -> dict[str, Any]:
     arguments = ("render", str(scene), "-o", str(out), "--threads", "1", *options)
     command = Command(*arguments, folder=out.parent)
     try:
         assert command.exit_code(240) == 0, command.said
     finally:
         command.end()
-    summary: dict[str, object] = json.loads((out / "summary.json").read_text())
+    summary: dict[str, Any] = json.loads((out / "summary.json").read_text())
     return summary
 
 
@@ -32,6 +38,23 @@ def test_the_image_does_not_depend_on_the_workers(blend, tmp_path):
     one, other = map(decode_image, images)
     assert np.array_equal(one, other)
     assert one.mean() > 0.01
+
+
+@pytest.mark.parametrize(("name", "words"), [("plain", "(AgX)"), ("filmic", "(Filmic, look High")])
+def test_it_is_seen_through_the_view_transform_of_the_scene(blend, tmp_path, name, words):
+    out = tmp_path / "out"
+    found = _rendered(blend(name), out, "--spp", "100", "--max-spp", "100")
+    assert any(words in note for note in found["notes"])
+    # Blender shows the linear image that was delivered alike, to two code values of 255
+    picture = tmp_path / "blender.png"
+    command = [sys.executable, str(MAKER), "show", str(blend(name)), str(out / "image.exr")]
+    subprocess.run([*command, str(picture)], check=True, capture_output=True)
+    ours, theirs = (
+        np.asarray(Image.open(one).convert("RGB")).astype(int)
+        for one in (out / "image.png", picture)
+    )
+    assert np.abs(ours - theirs).max() <= 2
+    assert len(np.unique(ours)) > 50
 
 
 def test_a_folder_is_sent_with_its_textures_and_converges(blend, tmp_path):

@@ -145,6 +145,9 @@ class Loaded:
         film has the value of the pixel's first sample, and not a sum.
     border : int
         How many pixels beyond its own a sample contributes to, to each side.
+    look : str
+        The scene's view transform, as `plateau.farm.images.look.Look.as_text` has it; "" where the
+        image is seen as it is.
     """
 
     kind: ClassVar = "loaded"
@@ -154,6 +157,7 @@ class Loaded:
     channels: tuple[str, ...] = CHANNELS
     ids: tuple[str, ...] = ()
     border: int = 0
+    look: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)

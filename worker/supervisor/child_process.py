@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plateau.farm.images.channels import Channels
+from plateau.farm.images.look import Look
 from plateau.farm.model.renderers import variant_named
 from plateau.farm.model.seeds import Pass
 from plateau.farm.model.zones import Zone, pixels_of
@@ -152,6 +153,8 @@ class RenderChild:
         try:
             channels = Channels(scene.channels, scene.ids)
             channels.check_size(scene.width, scene.height)
+            if scene.look:
+                Look.from_text(scene.look)
         except ValueError as error:  # an honest child says nothing of the kind
             self.kill()
             raise ChildDied(f"the render process said {scene!r}: {error}") from error

@@ -13,6 +13,7 @@ from plateau.farm.blobs import store as blobs
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.images.channels import Channels
 from plateau.farm.images.exr import Partial, encode_partial
+from plateau.farm.images.look import Look
 from plateau.farm.ledger.queue import Committed, Lease, SliceQueue, SliceRecord
 from plateau.farm.model.errors import StoreUnavailable
 from plateau.farm.model.zones import Zone
@@ -226,5 +227,8 @@ def _encoded(rendered: Rendered | Glimpse, spp: int, last_seed: int) -> bytes:
             zones=rendered.zones,
             border=rendered.scene.border if rendered.zones else 0,
             renderer=rendered.kind,
+            look=Look.from_text(rendered.scene.look)
+            if rendered.scene.look and lease.index == 0
+            else None,
         )
     )

@@ -18,7 +18,11 @@ from plateau.service.api.points import KeptSlice
 if TYPE_CHECKING:
     from plateau.farm.images.channels import Colour
     from plateau.farm.images.exr import Pixels
+    from plateau.farm.images.look import Look
     from plateau.service.api.points.sums import PointSums
+
+    #: Makes a file of an image, and of the function that returns its scene's look.
+    Encode = Callable[[Pixels, Callable[[], Look | None]], bytes]
 
 #: The largest film of R, G, B and W, cinema's 4K; merging it takes 0.4 GB.
 MOST_PIXELS: Final = 4096 * 2160
@@ -46,7 +50,7 @@ class PointImages:
         self,
         job_id: str,
         slices: Sequence[KeptSlice],
-        encode: Callable[[Pixels], bytes],
+        encode: Encode,
         is_gone: Callable[[], Awaitable[bool]],
         background: Colour = (0.0, 0.0, 0.0),
         zone_size: int | None = None,
@@ -54,9 +58,9 @@ class PointImages:
         """The merged image of a job's first slices as a file; None once the client has left.
 
         `encode` makes a file of a (height, width, 3) float32 linear image, which is over
-        `background` where it has alpha. `zone_size` is that of a job that is allocated by zones, in
-        pixels. Raises `TooManyWait`, or `SliceLost` if a slice is gone or
-        damaged.
+        `background` where it has alpha, and is given a function that returns the view transform of
+        the scene, if it has one. `zone_size` is that of a job that is allocated by zones, in
+        pixels. Raises `TooManyWait`, or `SliceLost` if a slice is gone or damaged.
         """
         if self._waiting >= MOST_WAITING:
             raise TooManyWait
@@ -84,7 +88,7 @@ class PointImages:
         self,
         job_id: str,
         slices: Sequence[KeptSlice],
-        encode: Callable[[Pixels], bytes],
+        encode: Encode,
         background: Colour,
         zone_size: int | None,
         gone: threading.Event,
@@ -94,11 +98,12 @@ class PointImages:
 
         if self._sums is None:
             self._sums = PointSums(self._blobs)
-        image = self._sums.image(
+        sums = self._sums
+        image = sums.image(
             job_id,
             slices,
             is_given_up=lambda: gone.is_set() or self._closed.is_set(),
             background=background,
             zone_size=zone_size,
         )
-        return None if image is None else encode(image)
+        return None if image is None else encode(image, lambda: sums.look(slices))

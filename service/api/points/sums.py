@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.images.channels import BLACK, Channels, Colour
 from plateau.farm.images.exr import Partial, Pixels
+from plateau.farm.images.look import Look
 from plateau.farm.model.errors import CorruptPartial
 from plateau.service.api.points import KeptSlice, SliceLost
 from plateau.service.judging.films import checked_partial
@@ -81,6 +82,10 @@ class PointSums:
             return None
         self._remember((job_id, done), found)
         return found.channels.seen_in(found.total, background) if done == len(slices) else None
+
+    def look(self, slices: Sequence[KeptSlice]) -> Look | None:
+        """The view transform of the job's scene, if it has one; raises `SliceLost`."""
+        return self._partial(0, slices[0]).look
 
     def _remembered(self, job_id: str, slices: int) -> tuple[int, Sum | None]:
         """The number of slices in the longest usable sum, and that sum: a copy if it will grow."""

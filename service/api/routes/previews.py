@@ -32,6 +32,8 @@ from plateau.service.judging import previews
 
 if TYPE_CHECKING:
     from plateau.farm.images.exr import Pixels
+    from plateau.farm.images.look import Look
+    from plateau.service.api.points.images import Encode
 
 router = APIRouter(prefix="/v1/jobs/{job_id}/previews", tags=["results"])
 
@@ -107,7 +109,7 @@ async def get_preview_exr(
     return await _merged(request, job, spp, farm, (EXR, headers, _exr(job, spp)), has=has)
 
 
-_File = tuple[str, dict[str, str], "Callable[[Pixels], bytes]"]
+_File = tuple[str, dict[str, str], "Encode"]
 
 
 async def _merged(
@@ -183,20 +185,23 @@ def _points(job: Job, plan: Plan) -> list[int]:
 # The encoders are imported at their first use, as in `plateau.service.api.points.images`.
 
 
-def _png(job: Job, spp: int) -> "Callable[[Pixels], bytes]":
-    def encoded(image: "Pixels") -> bytes:
+def _png(job: Job, spp: int) -> "Encode":
+    def encoded(image: "Pixels", look_of: "Callable[[], Look | None]") -> bytes:
         from plateau.farm.images.png import encode_png
         from plateau.metric import encode_srgb
         from plateau.service.judging.facts import identity, png_texts
 
-        picture = encode_srgb(image, job.spec.view.exposure_ev)
+        exposure_ev = job.spec.view.exposure_ev
+        look = None if job.spec.is_denoised else look_of()
+        seen = image if look is None else look.seen(image, exposure_ev)
+        picture = encode_srgb(seen, exposure_ev)
         return encode_png(picture, texts=png_texts(identity(job, spp)))
 
     return encoded
 
 
-def _exr(job: Job, spp: int) -> "Callable[[Pixels], bytes]":
-    def encoded(image: "Pixels") -> bytes:
+def _exr(job: Job, spp: int) -> "Encode":
+    def encoded(image: "Pixels", _: object) -> bytes:
         from plateau.farm.images.exr import encode_image
         from plateau.service.judging.facts import exr_header, identity
 

@@ -28,7 +28,7 @@ from tests.support.until import until
 SLICES = 6
 
 
-def plain(image: Pixels) -> bytes:
+def plain(image: Pixels, _: object) -> bytes:
     return image.tobytes()
 
 

@@ -28,7 +28,7 @@ REQUESTS = [
 ]
 ANSWERS = [
     contract.Ready(stays_open=("the kernel has no Landlock",)),
-    contract.Loaded(width=3, height=2, notes=("a note",)),
+    contract.Loaded(width=3, height=2, notes=("a note",), look="1.0 AAAA"),
     contract.Loaded(
         width=3, height=2, channels=(*contract.CHANNELS, "Z", "id.shape"), ids=("id.shape",)
     ),

@@ -113,7 +113,13 @@ class Renderer:
         for name, aov in AOVS.items():
             if name in aovs:
                 channels += aov.channels
-        return Loaded(width=one.width, height=one.height, channels=tuple(channels), notes=one.notes)
+        return Loaded(
+            width=one.width,
+            height=one.height,
+            channels=tuple(channels),
+            notes=one.notes,
+            look="" if one.look is None else one.look.as_text(),
+        )
 
     def _next_rows(self, one: PreparedScene, top: int, spp: int) -> int:
         """Return how many rows to render next, so that the parts of a pass are of one size."""

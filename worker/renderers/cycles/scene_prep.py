@@ -12,9 +12,12 @@ from typing import TYPE_CHECKING, Any, Final
 from plateau.farm.bundle import BundleLimits
 from plateau.worker.renderers.contract import SceneError
 from plateau.worker.renderers.cycles.blender import blender, bpy
+from plateau.worker.renderers.cycles.view import baked, described
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
+
+    from plateau.farm.images.look import Look
 
 #: The samples of a sequence, of which each pass renders some: the same for every job, since a
 #: stretch of samples may depend on it.
@@ -36,6 +39,8 @@ class PreparedScene:
         The view layer that is rendered.
     width, height : int
         Pixels of the film.
+    look : Look or None
+        The scene's view transform; None where the image is seen as it is.
     notes : tuple of str
         What was changed in the scene, a sentence each.
     """
@@ -44,6 +49,7 @@ class PreparedScene:
     layer: Any
     width: int
     height: int
+    look: Look | None
     notes: tuple[str, ...]
 
     @property
@@ -100,8 +106,14 @@ def prepare(scene: Any, parameters: Mapping[str, str], threads: int) -> Prepared
     notes = [*_leave_to_plateau(scene), *_reduce_to_one_image(scene)]
     layer = _only_layer(scene, notes)
     render.threads_mode, render.threads = "FIXED", threads
+    look = baked(scene)
+    if look is not None:
+        notes.append(
+            f"The scene is seen through its view transform ({described(scene)}), where the job is "
+            "not denoised; image.exr is linear."
+        )
     _write_films(render)
-    return PreparedScene(scene, layer, width, height, tuple(notes))
+    return PreparedScene(scene, layer, width, height, look, tuple(notes))
 
 
 def _set_parameters(scene: Any, parameters: Mapping[str, str]) -> None:
