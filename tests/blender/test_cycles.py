@@ -1,11 +1,15 @@
 """Cycles in a real render child: pure passes, one sequence for each half, and what is refused."""
 
 import shutil
+import subprocess
+import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
+import psutil
 import pytest
 
 from plateau.farm.model.seeds import SEQUENCE_SAMPLES, Pass, SeedSchedule
@@ -83,6 +87,23 @@ def test_bits_depend_neither_on_threads_nor_on_bands(blend, tmp_path):
             child.load(blend("plain"), width=211, height=157)
             films.append(child.film((24, 5)))
     assert films[0].tobytes() == films[1].tobytes()
+
+
+def test_any_band_is_what_it_is_in_the_whole_film(blend):
+    # 40 bands of each of nine heights, drawn at random with a fixed seed
+    command = [sys.executable, "-m", "tests.blender.bands", str(blend("plain"))]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.stdout.splitlines() == ["done"], done.stdout + done.stderr[-2000:]
+
+
+def test_a_child_that_waits_uses_no_processor(blend, tmp_path):
+    with _child(tmp_path, threads=1) as child:
+        child.load(blend("plain"))
+        child.film((4, 0))
+        process = psutil.Process(child.process.pid)
+        before = sum(process.cpu_times()[:2])
+        time.sleep(1)
+        assert sum(process.cpu_times()[:2]) - before < 0.25
 
 
 def test_a_film_has_alpha_and_a_denoisers_guides(child, blend):

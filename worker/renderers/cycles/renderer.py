@@ -145,8 +145,10 @@ class Renderer:
         render, cycles = one.scene.render, one.scene.cycles
         cycles.seed, cycles.sample_offset = divmod(seed, SEQUENCE_SAMPLES)
         cycles.sample_subset_length = spp
-        render.border_max_y = 1 - top / one.height  # counted from below
-        render.border_min_y = 1 - (top + rows) / one.height
+        # Counted from below, and a quarter of a pixel above the border: Blender rounds down.
+        lowest = one.height - top - rows
+        render.border_min_y = (lowest + 0.25) / one.height
+        render.border_max_y = (lowest + rows + 0.25) / one.height
         render.filepath = f"/proc/self/fd/{self._file}"
         os.ftruncate(self._file, 0)
         with blender():

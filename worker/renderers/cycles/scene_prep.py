@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 #: stretch of samples may depend on it.
 _SAMPLES: Final = 2**20
 _MOST_NAMES: Final = 20
+_LEAST_THREADS: Final = 2
 #: Images whose pixels are in a file.
 _FROM_FILES: Final = ("FILE", "SEQUENCE", "MOVIE", "TILED")
 
@@ -105,7 +106,8 @@ def prepare(scene: Any, parameters: Mapping[str, str], threads: int) -> Prepared
         raise SceneError("the scene has no camera; add one, or name one by the parameter camera")
     notes = [*_leave_to_plateau(scene), *_reduce_to_one_image(scene)]
     layer = _only_layer(scene, notes)
-    render.threads_mode, render.threads = "FIXED", threads
+    # With one thread, a thread of Blender's TBB spins for ever (seen in Blender 5.0.1).
+    render.threads_mode, render.threads = "FIXED", max(_LEAST_THREADS, threads)
     look = baked(scene)
     if look is not None:
         notes.append(
