@@ -9,6 +9,7 @@ The same scene always has the same bytes, and thus the same SHA-256, so it is st
 """
 
 import os
+import re
 import shutil
 import tempfile
 import zipfile
@@ -40,6 +41,8 @@ _COMPRESSED = frozenset((".blend", ".exr", ".jpg", ".jpeg", ".png", ".serialized
 #: Entries of at least this many bytes are written in the 64-bit format.
 _ZIP64_BYTES = 2**30
 _COPY_BYTES = 2**20
+#: What Blender calls the versions before of a file.
+_BACKUP = re.compile(r"\.blend[0-9]+")
 _LIMITS = BundleLimits()
 
 
@@ -140,7 +143,7 @@ def _with_its_folder(blend: Path) -> Packed:
         disk.parts(path)
         for path in sorted(disk.path(top).rglob("*"))
         if path.is_file()
-        and not path.suffix.startswith(".blend1")
+        and not _BACKUP.fullmatch(path.suffix)
         and not any(part.startswith(".") for part in path.relative_to(disk.path(top)).parts)
     ]
     return _packed(disk, _Layout(top, entry, tuple(files), ()), f"{_name(blend)}.zip")

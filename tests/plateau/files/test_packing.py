@@ -236,7 +236,7 @@ def test_mitsuba_loads_what_was_packed_checked_and_unpacked(project: Path, tmp_p
 
 
 def test_a_folder_with_a_blender_file_is_packed_whole(tmp_path: Path):
-    files = ("shot.blend", "shot.blend1", "textures/wood.png", ".git/config")
+    files = ("shot.blend", "shot.blend2", "textures/wood.png", ".git/config")
     for name in files:
         (tmp_path / "shot" / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / "shot" / name).write_bytes(b"BLENDER17-01v0501")
