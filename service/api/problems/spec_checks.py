@@ -85,11 +85,15 @@ def check_seeds(spec: JobSpec, width: int, height: int, field: str = "spec") -> 
         raise invalid_field(problems.INVALID_SPEC, field, str(error)) from error
 
 
-def check_film_sizes(sizes: Sequence[tuple[int, int]], fields: Sequence[str]) -> None:
+def check_film_sizes(sizes: Sequence[tuple[int | None, int | None]], fields: Sequence[str]) -> None:
     """Refuse a shot whose films differ in size, or are too small; `fields` name the frames."""
     for size, field in zip(sizes, fields, strict=False):
         width, height = size
-        if min(size) < LEAST_SIDE:
+        if width is None or height is None:
+            message = "the frames of a shot have one size, which the renderer alone knows of this "
+            message += "scene: set the parameters width and height"
+            raise invalid_field(problems.INVALID_SPEC, field, message)
+        if min(width, height) < LEAST_SIDE:
             message = f"makes a film of {width}×{height}: the frames of a shot have at least "
             message += f"{LEAST_SIDE}×{LEAST_SIDE} pixels"
             raise invalid_field(problems.INVALID_SPEC, field, message)
