@@ -14,7 +14,8 @@ from contextlib import contextmanager
 from typing import IO, BinaryIO, cast
 
 from plateau.farm.bundle.limits import MIB, BundleError, BundleLimits
-from plateau.farm.bundle.tree import Bundle, Parts, is_absolute, leaves_upwards
+from plateau.farm.bundle.placed import LIST_NAME, MOST_LIST_BYTES, Placed
+from plateau.farm.bundle.tree import Bundle, Parts, is_absolute, leaves_upwards, parts_below
 
 #: The longest component of a name on every common file system.
 _MAX_COMPONENT_BYTES = 255
@@ -87,11 +88,21 @@ class Archive(Bundle):
             )
         if sum(info.compress_size for info in infos) > size:
             raise BundleError("zip-bomb", "the archive's entries overlap; pack it again")
+        self.placed = self._placed() if (LIST_NAME,) in self.files else None
+
+    def absolute(self, reference: str) -> Parts | None:
+        """Return where ``{ROOT}/PATH`` leads; None for all else."""
+        for root in self.placed.roots if self.placed else ():
+            if reference == f"{{{root}}}" or reference.startswith(f"{{{root}}}/"):
+                return parts_below((root,), reference[len(root) + 2 :])
+        return None
 
     @contextmanager
     def open(self, path: Parts) -> Iterator[IO[bytes]]:
         """Open a file for reading; damaged data raises a `BundleError`."""
         name = self.label(path)
+        if path not in self._infos:
+            raise BundleError("missing-file", "the bundle names it, and has to hold it", file=name)
         try:
             stream = self._zip.open(self._infos[path])
         except _BAD_HEADER as error:
@@ -126,6 +137,27 @@ class Archive(Bundle):
             self.files[path] = info.file_size
             self._infos[path] = info
         self.folders.update(path[:depth] for depth in range(len(path)))
+
+    def _placed(self) -> Placed:
+        """Take the files that the bundle names into the tree."""
+        if self.files[(LIST_NAME,)] > MOST_LIST_BYTES:
+            raise BundleError(
+                "too-large", f"it has more than {MOST_LIST_BYTES} bytes", file=LIST_NAME
+            )
+        with self.open((LIST_NAME,)) as stream:
+            placed = Placed.from_json(stream.read(MOST_LIST_BYTES))
+        if len(placed.files) > self._limits.max_entries:
+            raise _too_many(len(placed.files), self._limits)
+        for name, content in placed.files.items():
+            path = _checked_name(name, self._limits)
+            if self._seen.setdefault(_folded(path), name) != name or path in self._infos:
+                raise BundleError("duplicate-entry", "the bundle has the name twice", file=name)
+            self.files[path] = content.bytes
+            self.folders.update(path[:depth] for depth in range(len(path)))
+        self._refuse_files_as_folders()
+        if tuple(placed.entry.split("/")) not in self._infos:
+            raise BundleError("missing-file", "the scene is not in the bundle", file=LIST_NAME)
+        return placed
 
     def _refuse_files_as_folders(self) -> None:
         folders = {_folded(path) for path in self.folders}

@@ -39,7 +39,8 @@ class SceneSummary:
     renderer: str
     #: the name of the scene's own file in the bundle
     entry: str
-    #: number of files in the bundle, and their size in bytes when unpacked
+    #: number of files in the bundle, and their size in bytes when unpacked; with those that it
+    #: names in scene roots
     files: int
     bytes_unpacked: int
     #: size of the image in pixels: the film of the chosen sensor, or its crop window; None where
@@ -50,6 +51,8 @@ class SceneSummary:
     sensors: int
     #: the scene's parameters with their defaults
     parameters: dict[str, str] = field(default_factory=dict)
+    #: the scene roots in which it has files
+    roots: tuple[str, ...] = ()
 
 
 def inspect_bundle(
@@ -102,6 +105,7 @@ def inspect_each(
                 entry=bundle.label(entry),
                 files=len(bundle.files),
                 bytes_unpacked=sum(bundle.files.values()),
+                roots=bundle.placed.roots if bundle.placed else (),
                 **vars(found),
             )
 
@@ -140,7 +144,7 @@ def unpack_bundle(
             made = folder.joinpath(*path)
             made.mkdir()
             made.chmod(0o755)
-        for path, declared_bytes in sorted(bundle.files.items()):
+        for path, declared_bytes in sorted(bundle.held.items()):
             with bundle.open(path) as packed:
                 written_bytes = _write(packed, folder.joinpath(*path), declared_bytes)
             if written_bytes != declared_bytes:
@@ -188,7 +192,7 @@ def _bundle(stream: BinaryIO, limits: BundleLimits) -> Archive | _LoneFile:
     return _LoneFile(stream, size, scene_format)
 
 
-def format_of(stream: BinaryIO, file: str | None = None) -> SceneFormat | None:
+def format_of(stream: IO[bytes], file: str | None = None) -> SceneFormat | None:
     """Return the format of a file, open at its start, by its first characters; None for a zip.
 
     Raises

@@ -21,13 +21,16 @@ def find_entry(archive: Archive, limits: BundleLimits) -> Parts:
     Candidates are the XML files with the root `<scene>` that no other includes: `scene.xml` at the
     top, or in the one folder at the top; otherwise the file at the shallowest level. A job's
     parameters do not matter, so that one bundle is one scene. Blender files may link to each other
-    and are all candidates; the name is `scene.blend`.
+    and are all candidates; the name is `scene.blend`. A bundle that names files in scene roots
+    names the scene, too.
 
     Raises
     ------
     BundleError
         No file is the scene (`not-a-scene`), or several at that level (`ambiguous-scene`).
     """
+    if archive.placed is not None:
+        return tuple(archive.placed.entry.split("/"))
     files = sorted(path for path in archive.files if path[0] != _MACOS_FOLDER)
     documents = [path for path in files if path[-1].casefold().endswith(".xml")]
     if documents == [(SCENE_XML,)]:

@@ -58,8 +58,7 @@ class References:
         except EscapeError:
             raise BundleError(
                 "path-escape",
-                f"{shown(text)} leads out of the bundle; put the file into it and name it by a "
-                f"relative path",
+                f"{shown(text)} {self._tree.outside}",
                 file=file,
                 line=line,
             ) from None

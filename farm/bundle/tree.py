@@ -5,11 +5,14 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from typing import IO, Literal, Protocol
 
+from plateau.farm.bundle.placed import Placed
+
 Parts = tuple[str, ...]
 Kind = Literal["file", "folder"]
 
 #: The kernel finds nothing by a longer name (PATH_MAX).
 _MAX_PATH_CHARACTERS = 4096
+OUT_OF_THE_BUNDLE = "leads out of the bundle; put the file into it and name it by a relative path"
 
 
 class Tree(Protocol):
@@ -17,6 +20,8 @@ class Tree(Protocol):
 
     #: where a missing file is missing and what to do, for error messages
     remedy: str
+    #: what a file outside is outside of and what to do, likewise
+    outside: str
 
     def kind(self, path: Parts) -> Kind | None:
         """Return what lies at a path, or None where nothing does."""
@@ -34,10 +39,20 @@ class Tree(Protocol):
 class Bundle:
     """The files and folders of an upload, by their paths; half of a `Tree`."""
 
+    outside = OUT_OF_THE_BUNDLE
+
     def __init__(self) -> None:
         #: files with their unpacked size in bytes, as the upload declares it
         self.files: dict[Parts, int] = {}
         self.folders: set[Parts] = {()}
+        #: the list of those of them that it names, and does not hold
+        self.placed: Placed | None = None
+
+    @property
+    def held(self) -> dict[Parts, int]:
+        """Those of `files` that the upload holds."""
+        named = self.placed.files if self.placed else {}
+        return {path: size for path, size in self.files.items() if self.label(path) not in named}
 
     def kind(self, path: Parts) -> Kind | None:
         """Return what lies at a path, or None where nothing does."""
@@ -89,11 +104,11 @@ def find(tree: Tree, bases: Sequence[Parts], reference: str) -> Found:
     EscapeError
         A candidate leaves the tree.
     """
-    if is_absolute(reference):
-        absolute = tree.absolute(reference)
-        if absolute is None:
-            raise EscapeError
+    absolute = tree.absolute(reference)
+    if absolute is not None:
         return Found(absolute, tree.kind(absolute), frozenset(), lookups=1)
+    if is_absolute(reference):
+        raise EscapeError
     if len(reference) > _MAX_PATH_CHARACTERS:
         return Found(None, None, frozenset(), lookups=1)
     components = [part for part in reference.split("/") if part not in ("", ".")]
@@ -124,6 +139,19 @@ def _follow(
         else:
             here = (*here, component)
     return here
+
+
+def parts_below(folder: Parts, rest: str) -> Parts:
+    """Return where the rest of an absolute reference leads, below a folder.
+
+    Raises
+    ------
+    EscapeError
+        It has a `..` component.
+    """
+    if leaves_upwards(rest):
+        raise EscapeError
+    return (*folder, *(part for part in rest.split("/") if part not in ("", ".")))
 
 
 def put_first(folder: Parts, folders: tuple[Parts, ...]) -> tuple[Parts, ...]:

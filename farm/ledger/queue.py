@@ -7,7 +7,7 @@ from enum import Enum
 from pydantic import BaseModel, ConfigDict
 
 from plateau.farm.model.fit import Kind
-from plateau.farm.model.place_names import DEFAULT_POOL
+from plateau.farm.model.place_names import DEFAULT_POOL, MOST_BLOCKED
 from plateau.farm.model.rounds import Round
 from plateau.farm.model.spec import JobSpec, stored_spec
 from plateau.farm.model.states import MAX_TRIES
@@ -207,9 +207,14 @@ class SliceQueue:
         *,
         cause: str = "",
         unfit: bool = False,
+        blocked: bool = False,
         said: str = "",
     ) -> None:
-        """Give the slice back for the next worker; `unfit` because this one can render nothing."""
+        """Give the slice back for the next worker.
+
+        This one is `unfit` if it can render nothing. It is `blocked` for the job if it can render
+        others; with too many blocked workers the job fails.
+        """
         self._scripts.run(
             HandBack(
                 job=lease.job_id,
@@ -218,6 +223,7 @@ class SliceQueue:
                 index=lease.index,
                 what="unfit" if unfit else "handed-back",
                 cause=cause,
+                most_blocked=MOST_BLOCKED if blocked else 0,
                 machine_ms=round(machine_s * 1000),
                 threads=self._threads,
                 said=said,

@@ -27,6 +27,7 @@
     │   ├── WrongLayout        another Plateau has changed the layout meanwhile
     │   ├── OldProcesses       a migration would shut out processes that live
     │   └── Refused            the farm speaks other versions of the protocol
+    ├── FilesDiffer        this machine does not have the files of a scene root that a job names
     └── CorruptBlob        a blob does not match its name
         └── CorruptPartial     a partial does not match its ledger record
 """
@@ -294,6 +295,10 @@ class Refused(Incompatible):
             f"{versions.spoken(versions.OLDEST, versions.NEWEST)} (Plateau {versions.plateau()}). "
             f"It is {what_to_do}"
         )
+
+
+class FilesDiffer(FarmError):
+    """This machine does not have the files of a scene root that a job names; others may."""
 
 
 class CorruptBlob(FarmError):

@@ -10,6 +10,7 @@ from pydantic import BeforeValidator, Field, SecretStr, ValidationInfo, field_va
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
 from plateau.farm.model.place_names import DEFAULT_POOL, PlaceName, Tags
+from plateau.farm.model.scene_roots import SceneRoot, read_roots, root_tag
 
 LogFormat = Literal["text", "json"]
 
@@ -152,6 +153,11 @@ class Settings(BaseSettings):
     tags: Annotated[Tags, NoDecode] = Field(
         (), description="what jobs may require of a worker, separated by commas, as gpu,highmem"
     )
+    scene_roots: Annotated[tuple[SceneRoot, ...], NoDecode] = Field(
+        (),
+        description="scene roots, for the API and the workers, separated by commas: NAME=PATH, and "
+        "|PATH for each path by which other platforms know it",
+    )
     keep_results_days: float | None = Field(
         None,
         ge=0,
@@ -263,6 +269,21 @@ class Settings(BaseSettings):
     @classmethod
     def _separate_words(cls, given: object) -> object:
         return tuple(given.replace(",", " ").split()) if isinstance(given, str) else given
+
+    @field_validator("scene_roots", mode="before")
+    @classmethod
+    def _read_roots(cls, given: object) -> object:
+        return read_roots(given) if isinstance(given, str) else given
+
+    @property
+    def all_tags(self) -> Tags:
+        """A worker's tags, with those of its scene roots."""
+        return (*self.tags, *(root_tag(root.name) for root in self.scene_roots))
+
+    @property
+    def hashes(self) -> Path:
+        """The table of the hashes of files in scene roots."""
+        return self.cache / "hashes.sqlite"
 
     @field_validator("webhook_allow", mode="before")
     @classmethod

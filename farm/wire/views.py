@@ -168,9 +168,14 @@ class SceneView(BaseModel):
 class Scenes(BaseModel):
     """The stored scenes."""
 
-    model_config = ConfigDict(json_schema_extra=_shows({"scenes": [examples.SCENE]}))
+    model_config = ConfigDict(
+        json_schema_extra=_shows({"scenes": [examples.SCENE], "roots": ["assets"]})
+    )
 
     scenes: list[SceneView]
+    roots: list[str] = Field(
+        [], description="the service's scene roots: a scene in one is named `{ROOT}/PATH`"
+    )
 
 
 class SceneFound(SceneView):

@@ -87,6 +87,7 @@ def submit(
     For example:
       plateau submit scenes:box --max-spp 2000 --batch tuesday
       plateau watch $(plateau submit scene.zip -D width=512) -o out
+      plateau submit '{assets}/shots/walk/scene.xml' --max-spp 4000
       plateau submit walk.zip --each frame=0..99 --batch walk --min-spp 400
       plateau watch --batch walk -o frames
       plateau submit scene.zip --webhook https://studio.example/plateau --webhook-event finished

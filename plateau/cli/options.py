@@ -27,8 +27,9 @@ Scene = Annotated[
     typer.Argument(
         callback=_scene,
         autocompletion=complete.scene_files,
-        help=f"A Mitsuba XML, a Blender file, a zip, a folder with one of them, an analytic scene "
-        f"(JSON), or an example scene: scenes:NAME, where NAME is {', '.join(scenes.NAMES)}.",
+        help="A Mitsuba XML, a Blender file, a zip, a folder with one of them, an analytic scene "
+        f"(JSON), or an example scene: scenes:NAME, where NAME is {', '.join(scenes.NAMES)}. A "
+        "service also takes one where it lies: {ROOT}/PATH, in a scene root.",
     ),
 ]
 _job_id = partial(

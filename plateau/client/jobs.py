@@ -1,5 +1,6 @@
 """Calls that submit, show, list and steer jobs."""
 
+import os
 import re
 import secrets
 from collections.abc import Iterable, Iterator, Mapping
@@ -19,6 +20,7 @@ from plateau.files.scene_at_hand import SceneAtHand, scene_file
 #: The most that the service puts on one page.
 _LARGEST_PAGE: Final = 200
 _SHA256: Final = re.compile(r"[0-9a-f]{64}")
+_IN_ROOT: Final = re.compile(r"\{[^{}/]+\}(/|$)")
 
 
 class JobCalls(Calls):
@@ -42,7 +44,8 @@ class JobCalls(Calls):
         ----------
         scene
             An XML, a zip, a folder with ``scene.xml``; ``scenes:NAME``, an example; a Mitsuba
-            dict; or the SHA-256 of a stored scene.
+            dict; the SHA-256 of a stored scene; or ``{ROOT}/PATH``, one in a scene root of the
+            service.
         spec
             How it is sampled, judged and stopped.
         idempotency_key
@@ -307,6 +310,8 @@ def submitted(
     with ExitStack() as stack:
         if isinstance(scene, str) and _SHA256.fullmatch(scene):
             parts["scene_sha256"] = (None, scene)
+        elif isinstance(scene, str | os.PathLike) and _IN_ROOT.match(str(scene)):
+            parts["scene_path"] = (None, str(scene))
         else:
             path = stack.enter_context(scene_file(scene))
             packed = stack.enter_context(pack(path, *values))

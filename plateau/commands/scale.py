@@ -74,7 +74,7 @@ def slurm(
                 ),
                 policy=Policy(limits),
                 pool=settings.pool,
-                tags=settings.tags,
+                tags=settings.all_tags,
                 from_priority=from_priority,
                 dry_run=dry_run,
                 tell=partial(_tell, as_json=as_json),

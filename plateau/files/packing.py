@@ -27,15 +27,11 @@ from plateau.farm.bundle.check import format_of
 from plateau.farm.bundle.entry import SCENE_XML, find_entry, is_blend
 from plateau.farm.bundle.formats import MITSUBA_XML
 from plateau.farm.bundle.references import Reference
-from plateau.farm.bundle.tree import Kind, Parts
+from plateau.farm.bundle.tree import OUT_OF_THE_BUNDLE, Kind, Parts
 from plateau.farm.bundle.walk import read_scene
+from plateau.farm.bundle.zip_entries import zip_entry
 
 _ZIP = "application/zip"
-#: The first time that a zip can express; any fixed time would do.
-_TIMESTAMP = (1980, 1, 1, 0, 0, 0)
-_FILE_ATTRIBUTES = 0o100644 << 16
-_FOLDER_ATTRIBUTES = 0o040755 << 16 | 0x10  # 0x10 is a folder to DOS
-_UNIX = 3
 #: Files that are already compressed are not deflated.
 _COMPRESSED = frozenset((".blend", ".exr", ".jpg", ".jpeg", ".png", ".serialized", ".vdb"))
 #: Entries of at least this many bytes are written in the 64-bit format.
@@ -159,6 +155,7 @@ class _Disk:
     """The whole disk as a tree, from its root."""
 
     remedy = "does not exist"
+    outside = OUT_OF_THE_BUNDLE
 
     def parts(self, path: Path) -> Parts:
         # Resolve the links of the folder, as the kernel does for `..`, but not those of the file.
@@ -233,23 +230,15 @@ def _write(file: BinaryIO, disk: _Disk, layout: _Layout) -> None:
     """Write the archive: names in order, no times, no owners."""
     with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
         for folder in layout.folders:
-            info = _info("/".join(layout.inside(folder)) + "/", _FOLDER_ATTRIBUTES)
-            archive.writestr(info, b"")
+            archive.writestr(zip_entry("/".join(layout.inside(folder)) + "/"), b"")
         for parts in layout.files:
             path = disk.path(parts)
-            info = _info("/".join(layout.inside(parts)), _FILE_ATTRIBUTES)
+            info = zip_entry("/".join(layout.inside(parts)))
             if path.suffix.lower() not in _COMPRESSED:
                 info.compress_type = zipfile.ZIP_DEFLATED
             big = path.stat().st_size >= _ZIP64_BYTES
             with path.open("rb") as source, archive.open(info, "w", force_zip64=big) as target:
                 shutil.copyfileobj(source, target, _COPY_BYTES)
-
-
-def _info(name: str, attributes: int) -> zipfile.ZipInfo:
-    info = zipfile.ZipInfo(name, date_time=_TIMESTAMP)
-    info.create_system = _UNIX
-    info.external_attr = attributes
-    return info
 
 
 def _check_entry(file: BinaryIO, layout: _Layout) -> None:

@@ -54,6 +54,7 @@ from plateau.service.api.routes import shots as routes_shots
 from plateau.service.api.routes import usage as routes_usage
 from plateau.service.api.routes import visibility as routes_visibility
 from plateau.service.api.routes import webhooks as routes_webhooks
+from plateau.service.api.scene_checks.placing import Placing
 from plateau.service.api.scene_checks.pool import SceneChecks
 
 _DESCRIPTION: Final = """
@@ -74,6 +75,7 @@ def create_app(
     webhook_allow: tuple[str, ...] = (),
     targets: Targets | None = None,
     commands: AllowedCommands | None = None,
+    placing: Placing | None = None,
     price: Price | None = None,
 ) -> FastAPI:
     """Make the API over this Redis and this blob store; it closes the hub and the checks.
@@ -122,6 +124,7 @@ def create_app(
         receivers=Receivers(webhook_allow),
         targets=targets or Targets(),
         commands=commands or AllowedCommands(),
+        placing=placing or Placing(),
         price=price,
     )
     app.state.parts = parts

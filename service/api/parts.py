@@ -23,6 +23,7 @@ from plateau.farm.wire.costs import Price
 from plateau.service.api.events.hub import EventHub
 from plateau.service.api.points.images import PointImages
 from plateau.service.api.points.stored_files import StoredFiles
+from plateau.service.api.scene_checks.placing import Placing
 from plateau.service.api.scene_checks.pool import SceneChecks
 
 _JOB_ID: Final = re.compile(r"[0-9a-f]{12}")
@@ -41,6 +42,7 @@ class Parts:
     files: StoredFiles
     points: PointImages
     checks: SceneChecks
+    placing: Placing  #: scenes where they lie
     hub: EventHub
     outbox: Outbox
     workers: Workers

@@ -34,6 +34,7 @@ from plateau.service.api.http.server import (
     raise_descriptor_limit,
     server_config,
 )
+from plateau.service.api.scene_checks.placing import Placing
 from plateau.service.api.scene_checks.pool import SceneChecks
 
 #: How long requests may take to end when the API stops, in seconds; streams end at once.
@@ -130,6 +131,7 @@ def run(
         webhook_allow=settings.webhook_allow,
         targets=targets,
         commands=commands,
+        placing=Placing(settings.scene_roots, settings.hashes),
         price=Price.if_set(settings),
     )
     descriptors = raise_descriptor_limit()

@@ -9,8 +9,10 @@ import redis
 from playwright.sync_api import Browser, Page
 
 from plateau.farm.blobs.store import Blobs
+from plateau.farm.model.scene_roots import read_roots
 from plateau.farm.redis import keys
 from plateau.farm.redis.embedded import EmbeddedRedis
+from plateau.service.api.scene_checks.placing import Placing
 from tests.support.browser import SharedChromium, Visitor
 from tests.support.live_api import live_api
 from tests.support.noise_farm import NoiseFarm
@@ -61,7 +63,8 @@ def farm(client: redis.Redis, redis_url: str, folder: Path) -> NoiseFarm:
 @pytest.fixture(scope="session")
 def shared_url(embedded_redis: EmbeddedRedis, folder: Path) -> Iterator[str]:
     """The page on an API that all tests share."""
-    with live_api(embedded_redis.url, Blobs(str(folder / "blobs"))) as url:
+    placing = Placing(read_roots(f"assets={folder}/assets"), folder / "hashes")
+    with live_api(embedded_redis.url, Blobs(str(folder / "blobs")), placing=placing) as url:
         yield url
 
 

@@ -308,6 +308,19 @@ def test_a_stored_scene_is_used_again(visit: Visit, form: Page, scene: Path) -> 
     expect(again.locator(".found")).to_contain_text("256 × 256 pixels")
 
 
+def test_a_scene_is_named_where_it_lies(form: Page, farm: NoiseFarm, folder: Path) -> None:
+    walk = folder / "assets" / "walk"
+    walk.mkdir(parents=True, exist_ok=True)
+    (walk / "scene.xml").write_text(SCENE_XML)
+    form.get_by_label("A scene in a scene root").fill("{assets}/walk/scene.xml")
+    form.keyboard.press("Enter")
+    expect(form.locator(".found")).to_contain_text("256 × 256 pixels")
+    form.get_by_role("button", name="Render it").click()
+    expect(form).to_have_url(re.compile("/jobs/[0-9a-f]{12}$"))
+    job = farm.jobs.get(form.url.rpartition("/")[2])
+    assert (job.name, job.spec.requires) == ("walk", ("root.assets",))
+
+
 class TestWhatIsRefused:
     @pytest.fixture
     def form(self, visit: Visit) -> Page:

@@ -17,6 +17,7 @@ from plateau.service.api.app import create_app
 from plateau.service.api.events.hub import EventHub
 from plateau.service.api.http.server import server_config
 from plateau.service.api.process import listen, url_of
+from plateau.service.api.scene_checks.placing import Placing
 from plateau.service.api.scene_checks.pool import SceneChecks
 
 LARGEST_UPLOAD = 3_000_000
@@ -32,6 +33,7 @@ def live_api(
     webhook_allow: tuple[str, ...] = (),
     targets: Targets | None = None,
     commands: AllowedCommands | None = None,
+    placing: Placing | None = None,
     grace_s: int = 8,
     price: Price | None = None,
 ) -> Iterator[str]:
@@ -51,6 +53,7 @@ def live_api(
         webhook_allow=webhook_allow,
         targets=targets,
         commands=commands,
+        placing=placing,
         price=price,
     )
     config = server_config(app, grace_s=grace_s, log_level="critical")

@@ -23,7 +23,12 @@ class About:
     """
 
     def __init__(
-        self, worker_id: str, settings: Settings, variants: tuple[str, ...], threads: int
+        self,
+        worker_id: str,
+        settings: Settings,
+        variants: tuple[str, ...],
+        tags: tuple[str, ...],
+        threads: int,
     ) -> None:
         self._fixed = {
             "id": worker_id,
@@ -33,7 +38,7 @@ class About:
             "variants": variants,
             "threads": threads,
             "pool": settings.pool,
-            "tags": settings.tags,
+            "tags": tags,
             "label": settings.label,
             "started_at": datetime.now(timezone.utc).isoformat(),
         }

@@ -7,6 +7,7 @@ from typing import Final
 
 import psutil
 
+from plateau.farm.bundle.placed import path_for
 from plateau.farm.ledger.queue import Lease
 from plateau.farm.model.errors import StoreUnavailable
 from plateau.farm.model.renderers import variant_named
@@ -53,7 +54,7 @@ class RenderHost:
         """Render the lease's slice.
 
         If a job's first slice takes a while, `show` is called with its first pass. Raises the
-        errors of `RenderChild`, `SceneCache.scene` and `SeedSchedule`.
+        errors of `RenderChild`, `SceneCache.scene`, `PlacedFiles.link` and `SeedSchedule`.
         """
         child = self._child_for(lease.variant)
         scene = self._load(child, lease)
@@ -131,7 +132,8 @@ class RenderHost:
             pass_timeout_s=self._settings.pass_timeout_s,
         )
         home = self._settings.cache / "home"
-        self._child = RenderChild(variant, self._llvm_library, limits, home, [self._scenes.folder])
+        readable = [self._scenes.folder, *self._scenes.placed.folders]
+        self._child = RenderChild(variant, self._llvm_library, limits, home, readable)
         return self._child
 
     def _memory_bytes(self) -> int:
@@ -153,6 +155,10 @@ class RenderHost:
         if self._loaded is None or self._loaded[0] != wanted:
             self._loaded = None
             self._files, entry = self._scenes.scene(lease.scene_sha256)
-            loaded = child.load(self._files, entry, parameters, spec.sensor, aovs)
+            files, placed = self._files.absolute(), self._scenes.placed
+            roots = placed.link(files)
+            here = {name: path_for(value, roots, files) for name, value in parameters.items()}
+            loaded = child.load(files, entry, here, spec.sensor, aovs)
+            placed.link(files)  # they were the same while they were read
             self._loaded = (wanted, loaded)
         return self._loaded[1]

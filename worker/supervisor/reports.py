@@ -46,6 +46,14 @@ class Reports:
         """Give the slice back untouched, because this worker can render nothing."""
         self._insist(lambda: self._queue.hand_back(lease, cause=cause, unfit=True, said=tried.said))
 
+    def block(self, lease: Lease, cause: str, tried: Tried) -> None:
+        """Give the slice back, and take none of its job again."""
+        self._insist(
+            lambda: self._queue.hand_back(
+                lease, tried.seconds, cause=cause, blocked=True, said=tried.said
+            )
+        )
+
     def died(self, lease: Lease, cause: str, tried: Tried) -> None:
         """Report that the render child died on the slice."""
         self._insist(lambda: self._queue.died(lease, cause, tried.seconds, tried.said))

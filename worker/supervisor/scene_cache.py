@@ -16,6 +16,7 @@ from plateau.farm.blobs.store import Blobs
 from plateau.farm.bundle import unpack_bundle
 from plateau.farm.model.errors import CorruptBlob, StoreUnavailable
 from plateau.farm.process.durable import sync_tree
+from plateau.worker.supervisor.placed_files import NO_ROOTS, PlacedFiles
 
 #: How many scenes stay unpacked, besides those in use. The one unused for longest goes first.
 _KEPT: Final = 16
@@ -28,13 +29,18 @@ _OPENEXR: Final = b"\x76\x2f\x31\x01"
 class SceneCache:
     """A folder of unpacked scenes, named by their SHA-256; workers of one machine share it.
 
+    Files that a scene names in a scene root are no part of it: `PlacedFiles.link` links them.
+
     A scene may be read for `in_use_s` seconds after `scene` returned it; it is kept until then.
     """
 
-    def __init__(self, store: Blobs, folder: Path, in_use_s: float) -> None:
+    def __init__(
+        self, store: Blobs, folder: Path, in_use_s: float, placed: PlacedFiles = NO_ROOTS
+    ) -> None:
         self._blobs = store
         self.folder = folder
         self._in_use_s = in_use_s
+        self.placed = placed
 
     def make_folder(self) -> tuple[int, int]:
         """Make the folder if it is missing, and return its device and inode.
@@ -88,6 +94,7 @@ class SceneCache:
             with _disk_errors(self.folder):
                 (making / "files").mkdir()
                 entry = unpack_bundle(bundle, making / "files")
+                self.placed.name(making / "files", home.absolute() / "files")
                 bundle.unlink()
                 (making / "entry").write_text(entry)
                 sync_tree(making)  # else a power loss might leave a scene of empty files

@@ -9,14 +9,17 @@ import logging
 import os
 import threading
 import time
+from collections.abc import Iterable
 from contextlib import suppress
 from typing import Final
 
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.bundle import BundleError
+from plateau.farm.bundle.hashes import FileHashes
 from plateau.farm.ledger.members import note_refused, process_id, wait_for_upgrade
 from plateau.farm.ledger.queue import Lease, SliceQueue
-from plateau.farm.model.errors import CorruptBlob, Refused, StoreUnavailable
+from plateau.farm.model.errors import CorruptBlob, FilesDiffer, Refused, StoreUnavailable
+from plateau.farm.model.scene_roots import SceneRoot, root_tag
 from plateau.farm.model.seeds import SeedsExhausted
 from plateau.farm.process import log
 from plateau.farm.process.backoff import Backoff
@@ -35,6 +38,7 @@ from plateau.worker.supervisor.health import Health
 from plateau.worker.supervisor.host import RenderHost
 from plateau.worker.supervisor.kinds import Kinds
 from plateau.worker.supervisor.pace import Pace
+from plateau.worker.supervisor.placed_files import PlacedFiles
 from plateau.worker.supervisor.reports import Reports, Tried
 from plateau.worker.supervisor.scene_cache import SceneCache
 from plateau.worker.supervisor.uploader import Rendered, Uploader
@@ -65,18 +69,21 @@ class Supervisor:
         self._choice = choice
         self._client = connect(settings.redis_url)
         threads = settings.threads or len(os.sched_getaffinity(0))
+        roots = _there(settings.scene_roots)
+        tags = (*settings.tags, *(root_tag(root.name) for root in roots))
         self._queue = SliceQueue(
             self._client,
             self.id,
             settings.lease_s,
             pool=settings.pool,
-            tags=settings.tags,
+            tags=tags,
             threads=threads,
         )
         renewing = connect_to_renew(settings.redis_url, settings.lease_s)
         self._renewals = SliceQueue(renewing, self.id, settings.lease_s)
         loading_s = START_TIMEOUT_S + settings.load_timeout_s
-        scenes = SceneCache(store, settings.cache / "scenes", in_use_s=loading_s)
+        placed = PlacedFiles(roots, FileHashes(settings.hashes))
+        scenes = SceneCache(store, settings.cache / "scenes", in_use_s=loading_s, placed=placed)
         self._kinds = Kinds(settings.cache, choice)
         self._host = RenderHost(settings, threads, choice.llvm_library, scenes, self._kinds)
         self._uploader = Uploader(store, self._queue, self.id)
@@ -86,7 +93,7 @@ class Supervisor:
         self._rendering: Lease | None = None
         self._pace = Pace()
         self._turn: tuple[str, float] = ("", 0.0)  # the job rendered last, and since when
-        self._about = About(self.id, settings, choice.variants, threads)
+        self._about = About(self.id, settings, choice.variants, tags, threads)
 
     # This thread renders. Others renew the leases, listen for jobs that end, and wait for a stop.
 
@@ -193,6 +200,10 @@ class Supervisor:
             tried = self._tried(started)
             if self._is_fit(lease, f"the scene cannot be rendered: {error}", tried):
                 self._reports.fail(lease, str(error), tried)
+        except FilesDiffer as error:
+            self._about.last_error = f"job {lease.job_id}: {error}"
+            _LOG.warning("%s", error)
+            self._reports.block(lease, str(error), self._tried(started))
         except FileNotFoundError:
             tried = self._tried(started)
             absent = f"the blob store has no scene {lease.scene_sha256}"
@@ -300,6 +311,17 @@ class Supervisor:
 def _concerns(news: str, lease: Lease) -> bool:
     """Return whether the lease's job has ended, or another try of its slice was committed."""
     return news in {f"ended {lease.job_id}", f"ended {lease.job_id} {lease.entry}"}
+
+
+def _there(roots: Iterable[SceneRoot]) -> tuple[SceneRoot, ...]:
+    """Return the roots that this machine sees; jobs that need another go to other workers."""
+    there = []
+    for root in roots:
+        if root.path.is_dir():
+            there.append(root)
+        else:
+            _LOG.warning("no jobs of the scene root %s: %s is not there", root.name, root.path)
+    return tuple(there)
 
 
 def run(settings: Settings, stop: Stop) -> None:

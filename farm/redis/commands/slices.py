@@ -89,11 +89,12 @@ class Died(TryCommand[Literal["put back", "poisoned", "lost"]]):
 
 
 @dataclass(frozen=True, kw_only=True)
-class HandBack(TryCommand[Literal["put back", "lost"]]):
+class HandBack(TryCommand[Literal["put back", "failed", "lost"]]):
     """Give a slice back that nobody died on."""
 
     what: Literal["handed-back", "unfit"]
     cause: str
+    most_blocked: int  #: workers that may be blocked for the job, this one from now on; 0: not this
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -102,8 +102,11 @@ def resume_worker(worker_id: _WorkerId, farm: Farm, by: CallerOf) -> Workers:
 
 @router.get("/v1/scenes", responses=documented())
 def list_scenes(farm: Farm) -> Scenes:
-    """List the stored scenes; a job can be made from one by its SHA-256."""
-    return Scenes(scenes=[SceneView(**scene) for scene in farm.scenes.all()])
+    """List the stored scenes, from which jobs can be made by their SHA-256, and the scene roots."""
+    return Scenes(
+        scenes=[SceneView(**scene) for scene in farm.scenes.all()],
+        roots=[root.name for root in farm.placing.roots],
+    )
 
 
 @router.get("/v1/rules", responses=documented(store=False))

@@ -71,6 +71,12 @@ SUBMISSION_BODY: Final[dict[str, Any]] = {
                             "description": "a Mitsuba 3 XML, or a zip of one with its meshes and "
                             "textures",
                         },
+                        "scene_path": {
+                            "type": "string",
+                            "maxLength": 4096,
+                            "description": "instead of `scene`: one in a scene root of the "
+                            "service, `{ROOT}/PATH`",
+                        },
                         "scene_sha256": {
                             "type": "string",
                             "pattern": "^([0-9a-f]{64})?$",
@@ -85,9 +91,12 @@ SUBMISSION_BODY: Final[dict[str, Any]] = {
                             "description": "of one job, or of many where `parameters` is a list",
                         },
                     },
-                    # One of the two is needed. With anyOf, generators of clients see no parts.
+                    # One of the three is needed. With anyOf alone, generators of clients see no
+                    # parts.
                     "if": {"not": {"required": ["scene"]}},
-                    "then": {"required": ["scene_sha256"]},
+                    "then": {
+                        "anyOf": [{"required": ["scene_sha256"]}, {"required": ["scene_path"]}]
+                    },
                     "additionalProperties": False,
                 },
                 "examples": {

@@ -111,7 +111,7 @@ class SceneChecks:
         """Wait for a turn."""
         begun = asyncio.ensure_future(self._turns.acquire())
         try:
-            await _attend(begun, is_gone, patience_s=patience_s)
+            await attend(begun, is_gone, patience_s=patience_s)
         except BaseException:
             if not begun.cancel():  # the turn has just come
                 self.end()
@@ -128,7 +128,7 @@ class SceneChecks:
             self._threads, process.ask, file, asked, self.limits, given_up
         )
         try:
-            return await _attend(work, is_gone)
+            return await attend(work, is_gone)
         finally:
             try:
                 if not work.done():
@@ -170,7 +170,7 @@ class Turn:
         self.is_over = False
 
 
-async def _attend(work: "asyncio.Future[T]", is_gone: IsGone, patience_s: float = math.inf) -> T:
+async def attend(work: "asyncio.Future[T]", is_gone: IsGone, patience_s: float = math.inf) -> T:
     """Wait for the work while the client waits, and for `patience_s` at most."""
     started = time.monotonic()
     while not (await asyncio.wait([work], timeout=_ASKED_EVERY_S))[0]:

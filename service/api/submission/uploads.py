@@ -8,12 +8,10 @@ import hashlib
 import os
 import re
 import secrets
-import tempfile
 from collections.abc import AsyncIterator
-from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Annotated, BinaryIO, Final, cast
+from typing import Annotated, BinaryIO, Final
 
 from fastapi import Depends, Request
 from fastapi.concurrency import run_in_threadpool
@@ -22,9 +20,11 @@ from starlette.exceptions import HTTPException
 
 from plateau.farm.blobs import store as blob_names
 from plateau.farm.bundle import BundleError, SceneSummary
+from plateau.farm.bundle.placed import LIST_NAME
 from plateau.farm.ledger.jobs import Created
 from plateau.farm.ledger.scene_index import SceneIndex
 from plateau.farm.model.renderers import variant_for
+from plateau.farm.model.scene_roots import root_tag
 from plateau.farm.model.spec import BatchSpec, JobSpec
 from plateau.farm.model.spec.whole_slices import changes, fitted
 from plateau.service.api.access.callers import Caller, CallerOf
@@ -43,9 +43,17 @@ from plateau.service.api.problems.spec_checks import (
 from plateau.service.api.scene_checks.pool import Gone, TooManyChecks, Turn
 from plateau.service.api.scene_checks.process import CheckEnded
 from plateau.service.api.submission.idempotency import idempotency_key
+from plateau.service.api.submission.scene_parts import (
+    Scene,
+    ScenePath,
+    broken_scene,
+    opened,
+    placed_file,
+    scene_part,
+)
 from plateau.service.api.submission.submitted_spec import submitted_spec
 
-_FIELDS: Final = frozenset({"scene", "scene_sha256", "spec"})
+_FIELDS: Final = frozenset({"scene", "scene_path", "scene_sha256", "spec"})
 #: What a scene's name ends with and a job's does not.
 _SUFFIX: Final = re.compile(r"\.(zip|xml|json)$", re.IGNORECASE)
 _MAX_NAME: Final = 90  #: leaves room for the suffix of a generated batch name
@@ -53,7 +61,6 @@ _MAX_NAME: Final = 90  #: leaves room for the suffix of a generated batch name
 _MOST_CHECKING_S: Final = 60.0
 _BUSY_S: Final = 2
 _CHUNK_BYTES: Final = 1 << 20
-_SHA256: Final = re.compile(r"[0-9a-f]{64}")
 
 
 @dataclass(frozen=True)
@@ -63,7 +70,7 @@ class Submission:
     spec: JobSpec | BatchSpec  #: in whole slices
     notes: tuple[str, ...]  #: what of it was changed
     idempotency_key: str
-    scene: UploadFile | str  #: the upload, or the SHA-256 of a stored scene
+    scene: Scene
 
 
 async def submission(request: Request) -> AsyncIterator[Submission]:
@@ -93,44 +100,26 @@ async def submission(request: Request) -> AsyncIterator[Submission]:
 async def _submission(form: FormData, key: str) -> Submission:
     unknown = sorted(set(form) - _FIELDS)
     if unknown:
-        message = f"there is no part {unknown[0]!r}; the parts are scene, scene_sha256 and spec"
+        message = (
+            f"there is no part {unknown[0]!r}; the parts are scene, scene_path, scene_sha256 and "
+            "spec"
+        )
         raise invalid_field(problems.INVALID_REQUEST, unknown[0], message)
     part = form.get("spec")
     text = (await part.read(MOST_FIELD_BYTES)) if isinstance(part, UploadFile) else part
     wanted = submitted_spec(text or b"{}")
     spec = fitted(wanted)
-    scene = _scene(form.get("scene"), form.get("scene_sha256"))
+    scene = scene_part(form.get("scene"), form.get("scene_path"), form.get("scene_sha256"))
     return Submission(spec, changes(wanted, spec), key, scene)
-
-
-def _scene(upload: UploadFile | str | None, sha256: UploadFile | str | None) -> UploadFile | str:
-    if not upload and not sha256:
-        raise Problem(
-            problems.NO_SCENE,
-            "send a scene or a zip of one as the part scene, or the SHA-256 of a stored "
-            "scene as the part scene_sha256",
-        )
-    if upload and sha256:
-        message = "send either scene or scene_sha256, not both"
-        raise invalid_field(problems.INVALID_REQUEST, "scene_sha256", message)
-    if upload:
-        if isinstance(upload, str):
-            message = "must be a file: curl takes it as -F scene=@FILE, with the @"
-            raise invalid_field(problems.INVALID_REQUEST, "scene", message)
-        return upload
-    if not (isinstance(sha256, str) and _SHA256.fullmatch(sha256)):
-        message = "must be 64 lower-case hexadecimal digits"
-        raise invalid_field(problems.INVALID_REQUEST, "scene_sha256", message)
-    return sha256
 
 
 @dataclass(frozen=True)
 class StoredScene:
     """A scene that passed the check and is stored."""
 
-    sha256: str  #: of the uploaded file
+    sha256: str  #: of the uploaded file, or of the bundle that names a scene's files
     name: str
-    bytes: int  #: size of the uploaded file
+    bytes: int  #: size of that file
     summary: SceneSummary
 
 
@@ -142,19 +131,14 @@ async def stored_scene(
     A sweep spares it for at least an hour. Few scenes are fetched, hashed and checked at a time.
     """
     try:
+        if isinstance(asked.scene, ScenePath):
+            values = [one.parameter_strings() for one in _different(asked.spec).values()]
+            with await placed_file(asked.scene, values, request, farm) as file:
+                async with farm.checks.turn(request.is_disconnected) as turn:
+                    return await _checked_and_stored(turn, file, asked, farm, who)
         async with farm.checks.turn(request.is_disconnected) as turn:
-            with await run_in_threadpool(_opened, asked.scene, farm) as file:
-                sha256 = await run_in_threadpool(_sha256, file)
-                if isinstance(asked.scene, str) and sha256 != asked.scene:
-                    raise Problem(
-                        problems.UNKNOWN_SCENE,
-                        f"the copy of scene {asked.scene} that is stored here is damaged; remove "
-                        f"the blob {blob_names.scene(asked.scene)} and send the file itself as the "
-                        "part scene",
-                    )
-                summary = await _checked(turn, file, asked.spec)
-                store = partial(_stored, asked.scene, sha256, file, summary, farm, who)
-                return await run_in_threadpool(store)
+            with await run_in_threadpool(opened, asked.scene, farm) as file:
+                return await _checked_and_stored(turn, file, asked, farm, who)
     except (TooManyChecks, CheckEnded) as error:
         raise Problem(
             problems.BUSY,
@@ -165,8 +149,30 @@ async def stored_scene(
         raise HTTPException(CLIENT_GONE) from None
 
 
+async def _checked_and_stored(
+    turn: Turn, file: BinaryIO, asked: Submission, farm: Parts, who: Caller
+) -> StoredScene:
+    sha256 = await run_in_threadpool(_sha256, file)
+    if isinstance(asked.scene, str) and sha256 != asked.scene:
+        raise Problem(
+            problems.UNKNOWN_SCENE,
+            f"the copy of scene {asked.scene} that is stored here is damaged; remove the blob "
+            f"{blob_names.scene(asked.scene)} and send the file itself as the part scene",
+        )
+    summary = await _checked(turn, file, asked.spec)
+    if summary.roots and isinstance(asked.scene, UploadFile):
+        raise Problem(
+            problems.BROKEN_SCENE,
+            f"the upload has a {LIST_NAME}, which the service alone makes; name a scene in a scene "
+            "root as the part scene_path",
+            code="entry-name",
+        )
+    store = partial(_stored, asked.scene, sha256, file, summary, farm, who)
+    return await run_in_threadpool(store)
+
+
 def _stored(
-    scene: UploadFile | str,
+    scene: Scene,
     sha256: str,
     file: BinaryIO,
     summary: SceneSummary,
@@ -182,7 +188,7 @@ def _stored(
     _check_quota(sha256, size, farm.scenes, who)
     farm.scenes.use(sha256)
     farm.blobs.put_once(blob_names.scene(sha256), file, size)
-    name = _clean_name(scene.filename)
+    name = _clean_name(scene.name if isinstance(scene, ScenePath) else scene.filename)
     known = {"name": name, "bytes": size, "width": summary.width, "height": summary.height}
     farm.scenes.remember(sha256, {**known, "owner": who.id})
     return StoredScene(sha256, name, size, summary)
@@ -217,9 +223,13 @@ def create_job(asked: Submission, scene: StoredScene, farm: Parts, *, owner: str
     sha256, called = scene.sha256, _SUFFIX.sub("", scene.name) or scene.name
     digest = hashlib.sha256(f"{sha256} {asked.spec.as_request()}".encode()).hexdigest()
     variant = variant_for(asked.spec.variant, scene.summary.renderer)
+    needs = {*asked.spec.requires, *map(root_tag, scene.summary.roots)}
     specs = _job_specs(asked.spec, called)
     return farm.jobs.create_all(
-        [one.model_copy(update={"variant": variant}) for one in specs],
+        [
+            one.model_copy(update={"variant": variant, "requires": tuple(sorted(needs))})
+            for one in specs
+        ],
         name=asked.spec.name or called,
         scene_sha256=sha256,
         idempotency_key=asked.idempotency_key,
@@ -234,27 +244,6 @@ def _job_specs(spec: JobSpec | BatchSpec, scene: str) -> list[JobSpec]:
     if isinstance(spec, JobSpec):
         return [spec]
     return spec.job_specs(spec.batch or f"{scene}-{secrets.token_hex(3)}")
-
-
-def _opened(scene: UploadFile | str, farm: Parts) -> BinaryIO:
-    """The scene as an ordinary file: the spooled upload, or a fetched copy of a stored scene."""
-    if not isinstance(scene, str):
-        return os.fdopen(os.dup(scene.file.fileno()), "rb")  # fileno() moves it to disk
-    farm.scenes.use(scene)
-    with ExitStack() as on_error:
-        file = cast("BinaryIO", on_error.enter_context(tempfile.TemporaryFile()))
-        try:
-            for chunk in farm.blobs.chunks(blob_names.scene(scene)):
-                file.write(chunk)
-        except FileNotFoundError as error:
-            farm.scenes.disuse(scene)
-            raise Problem(
-                problems.UNKNOWN_SCENE,
-                f"no scene {scene} is stored here; send the file itself as the part scene",
-            ) from error
-        file.flush()  # another process reads it
-        on_error.pop_all()
-    return file
 
 
 def _sha256(file: BinaryIO) -> str:
@@ -273,7 +262,7 @@ async def _checked(turn: Turn, file: BinaryIO, spec: JobSpec | BatchSpec) -> Sce
     try:
         found = await turn.check(file, asked, total_s=_MOST_CHECKING_S)
     except BundleError as error:
-        raise _broken(error) from error
+        raise broken_scene(error) from error
     if spec.shot is not None:
         check_film_sizes(found.sizes, list(entries))
     if found.summary is not None:
@@ -287,7 +276,7 @@ async def _checked(turn: Turn, file: BinaryIO, spec: JobSpec | BatchSpec) -> Sce
         # Where the size is not known, the seeds do not depend on it.
         check_seeds(one, width or 1, height or 1, next(fields) or "spec")
     if found.error is not None:
-        raise _broken(found.error, next(fields)) from found.error
+        raise broken_scene(found.error, next(fields)) from found.error
     if len(found.sizes) < len(asked):
         message = (
             f"with {next(fields).rpartition('.')[2]} entries the scene took {_MOST_CHECKING_S:g} s "
@@ -307,16 +296,6 @@ def _different(spec: JobSpec | BatchSpec) -> dict[str, JobSpec]:
         values = frozenset(one.parameter_strings().items())
         different.setdefault(values, (f"spec.parameters.{index}", one))
     return dict(different.values())
-
-
-def _broken(error: BundleError, field: str = "") -> Problem:
-    """The problem with a scene, for the values in this field of a list."""
-    kind = problems.UPLOAD_TOO_LARGE if error.code == "too-large" else problems.BROKEN_SCENE
-    problem = Problem(kind, str(error), code=error.code, file=error.file, line=error.line)
-    if field:
-        problem.detail = f"with {field}: {error}"
-        problem.members["errors"] = [{"field": field, "message": str(error)}]
-    return problem
 
 
 def _clean_name(filename: str | None) -> str:

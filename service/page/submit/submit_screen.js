@@ -21,7 +21,7 @@ export async function open(main, { signal, go }) {
   document.title = "Submit a scene · Plateau";
   const waiting = h("div", { class: "submit" }, h("h1", {}, "Submit a scene"));
   main.append(waiting);
-  const scenes = get("/v1/scenes", signal).catch(() => ({ scenes: [] }));
+  const scenes = get("/v1/scenes", signal).catch(() => ({ scenes: [], roots: [] }));
   await meetRules(signal).then(() => waiting.replaceWith(new Submission(signal, go, scenes).element), () => {});
 }
 
@@ -30,6 +30,8 @@ class Submission {
   #go;
   /** @type {File | null} */
   #file = null;
+  /** The name of a scene in a scene root. */
+  #path = "";
   /** The SHA-256 of the scene, once the API has stored it. */
   #sha256 = "";
   /** @type {AbortController | null} */
@@ -46,6 +48,9 @@ class Submission {
   #picker = h("input", { type: "file", accept: ".zip,.xml,.blend,application/zip,text/xml", id: "scene-file", class: "unseen",
     onchange: () => { this.#bring(this.#picker.files); this.#picker.value = ""; } }); // reset, so that the same file can be chosen again
   #stored = h("select", { class: "stored", "aria-label": "A stored scene", hidden: true, onchange: () => { this.#takeStored(); } }, h("option", { value: "" }, "or take one that is stored…"));
+  #placed = h("input", { class: "placed", "aria-label": "A scene in a scene root", hidden: true, maxlength: 4096, spellcheck: false, autocomplete: "off",
+    onchange: () => { this.#takePlaced(); },
+    onkeydown: (event) => { if (event.key === "Enter") { event.preventDefault(); this.#placed.blur(); } } });
   #progress = h("progress", { max: 1, value: 0, "aria-label": "Upload", hidden: true });
   #said = h("p", { class: "drop-said" }, "A Mitsuba XML or a Blender file, or a zip of one with its meshes and textures");
   #wrong = h("p", { class: "bad wrong", role: "alert", tabindex: -1, hidden: true });
@@ -81,7 +86,7 @@ class Submission {
       ...this.#spec.elements,
       h("p", { class: "send" }, this.#button, h("span", { class: "hint" }, "The job can be cancelled at any time; it keeps the image rendered by then.")));
     this.element = h("form", { class: "submit", novalidate: true, onsubmit: (event) => { event.preventDefault(); this.#submit(); } },
-      h("h1", {}, "Submit a scene"), this.#picker, drop, this.#stored, this.#wrong, this.#summary, this.#rest);
+      h("h1", {}, "Submit a scene"), this.#picker, drop, this.#placed, this.#stored, this.#wrong, this.#summary, this.#rest);
     this.#listStored(scenes);
   }
 
@@ -89,7 +94,9 @@ class Submission {
 
   /** @param {Promise<Api.Scenes>} stored */
   async #listStored(stored) {
-    const { scenes } = await stored;
+    const { scenes, roots } = await stored;
+    this.#placed.hidden = !roots?.length;
+    this.#placed.placeholder = `or name one where it lies, as {${roots?.[0]}}/shots/walk/scene.xml`;
     this.#stored.hidden = !scenes.length;
     for (const { sha256, name, bytes: size } of scenes) {
       this.#stored.append(h("option", { value: sha256 }, `${name} (${bytes(size)}, ${sha256.slice(0, 6)})`));
@@ -98,22 +105,27 @@ class Submission {
 
   #takeStored() {
     if (!this.#stored.value) return;
-    this.#take(null, this.#stored.value);
+    this.#placed.value = "";
+    this.#take({ sha256: this.#stored.value });
+  }
+
+  #takePlaced() {
+    if (!this.#placed.value.trim()) return;
+    this.#stored.value = "";
+    this.#take({ path: this.#placed.value.trim() });
   }
 
   /** @param {FileList | null | undefined} files */
   #bring(files) {
     if (!files?.length) return;
-    this.#stored.value = "";
-    this.#take(files[0], "");
+    this.#stored.value = this.#placed.value = "";
+    this.#take({ file: files[0] });
   }
 
-  /**
-   * @param {File | null} file
-   * @param {string} sha256
-   */
-  #take(file, sha256) {
-    this.#file = file;
+  /** @param {{ file?: File, path?: string, sha256?: string }} scene */
+  #take({ file, path = "", sha256 = "" }) {
+    this.#file = file ?? null;
+    this.#path = path;
     this.#sha256 = sha256;
     this.#parameters = [];
     this.#summary.replaceChildren();
@@ -126,7 +138,7 @@ class Submission {
     const sending = (this.#sending = new AbortController());
     this.#signal.addEventListener("abort", () => sending.abort(), { once: true });
     this.#blame(null);
-    const name = this.#file?.name ?? "the stored scene";
+    const name = this.#file?.name ?? (this.#path || "the stored scene");
     setText(this.#said, `Checking ${name} …`);
     const form = this.#form({ parameters: valuesOf(this.#parameters), sensor: this.#spec.sensor });
     this.#presets.forget();
@@ -152,7 +164,9 @@ class Submission {
   /** @param {object} spec */
   #form(spec) {
     const form = new FormData();
-    if (this.#sha256) form.set("scene_sha256", this.#sha256);
+    // By its name each time: other parameters may choose other files.
+    if (this.#path) form.set("scene_path", this.#path);
+    else if (this.#sha256) form.set("scene_sha256", this.#sha256);
     else if (this.#file) form.set("scene", this.#file);
     form.set("spec", new Blob([JSON.stringify(spec)], { type: "application/json" }));
     return form;

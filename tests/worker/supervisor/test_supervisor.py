@@ -73,8 +73,9 @@ class Bench:
             redis_url=url, cache=folder / "cache", threads=2, heartbeat_s=0.2, lease_s=5.0
         )
 
-    def job(self, slices: int, scene: str = "", **spec: object) -> tuple[Job, Ownership]:
-        content = (scene or SCENE.format(integrator="path")).encode()
+    def job(self, slices: int, scene: str | bytes = "", **spec: object) -> tuple[Job, Ownership]:
+        content = scene or SCENE.format(integrator="path")
+        content = content.encode() if isinstance(content, str) else content
         sha256 = hashlib.sha256(content).hexdigest()
         self.store.put(blobs.scene(sha256), content)
         job = self.jobs.create(

@@ -133,28 +133,10 @@ end
 -- Returns 'changed', also where it was so before; 'illegal' with the state; 'too many' with the number that
 -- are blocked; or 'too varied' with the number of different needs of open jobs.
 function for_farm.block(it)
-  local id = it.job
-  if not Job.is_open(id) then
-    return {outcome = 'illegal', state = redis.call('HGET', job_key(id), 'state') or 'missing'}
+  if not Job.is_open(it.job) then
+    return {outcome = 'illegal', state = redis.call('HGET', job_key(it.job), 'state') or 'missing'}
   end
-  local need = redis.call('HGET', job_key(id), 'need') or DEFAULT_POOL
-  local base, had = string.match(need .. ' !', '^([^!]*) !(%S*)')
-  local names = it.blocks and {it.worker} or {}
-  for name in string.gmatch(had, '[^,]+') do
-    if name ~= it.worker then names[#names + 1] = name end
-  end
-  if it.blocks and #names > it.most then return {outcome = 'too many', has = #names - 1} end
-  table.sort(names)
-  local blocked = table.concat(names, ',')
-  local wanted = base .. (blocked ~= '' and ' !' .. blocked or '')
-  if wanted == need then return {outcome = 'changed'} end
-  local refused = New.needs_too_much({need = wanted})
-  if refused then return refused end
-  if redis.call('HINCRBY', NEEDS, need, -1) < 1 then redis.call('HDEL', NEEDS, need) end
-  redis.call('HINCRBY', NEEDS, wanted, 1)
-  redis.call('HSET', job_key(id), 'need', wanted, 'blocked', blocked)
-  changed[id], has_more[id] = true, true
-  return {outcome = 'changed'}
+  return Job.block(it.job, it.worker, it.blocks, it.most)
 end
 
 -- Change the priority of a job that has not ended; the next lease respects it.

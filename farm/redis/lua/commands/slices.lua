@@ -85,14 +85,20 @@ function for_workers.died(it)
   return 'put back'
 end
 
--- A worker that drains, cannot reach a store, or cannot render, gives its slice back.
--- Returns 'put back' or 'lost'.
+-- A worker that drains, cannot reach a store, or cannot render, gives its slice back. Where it alone cannot
+-- render the job, it is blocked for it; the job fails where `most_blocked` others are blocked already.
+-- Returns 'put back', 'failed' or 'lost'.
 function for_workers.hand_back(it)
   local id = it.job
   local held, tries = Slice.holds(id, it.entry, it.worker)
   if not held then
     Slice.note_if_outrun(it)
     return 'lost'
+  end
+  if it.most_blocked > 0 and Job.is_open(id)
+     and Job.block(id, it.worker, true, it.most_blocked).outcome ~= 'changed' then
+    it.reason = it.cause
+    return for_workers.fail(it)
   end
   Job.spend(it)
   Slice.put_back(id, it.entry, tries - 1)
