@@ -40,7 +40,10 @@ from plateau.rules import MOST_SPP, as_offered
 #: The fields of a spec that determine the samples, ...
 _SAMPLING: Final = ("slice_spp", "variant", "seed", "sensor", "parameters", "allocation")
 #: ... that the new job does not inherit, ...
-_OWN: Final = ("batch", "at_once", "flicker_guard", "shot", "webhook", "notify", "after", "then")
+_OWN: Final = (
+    *("batch", "at_once", "budget_core_hours", "flicker_guard", "shot"),
+    *("webhook", "notify", "after", "then"),
+)
 #: ... and that all points of a curve have in common.
 _JUDGING: Final = ("view", "step", "zones", "denoise")
 

@@ -120,6 +120,7 @@ def _job(fields: dict[str, str], sealed: dict[str, str]) -> Job:
         held="held" in fields and fields["state"] == JobState.QUEUED,
         awaits=int(fields.get("awaits", 0)),
         awaits_turn="turn" in fields,
+        has_budget="budget" in fields or "key_budget" in fields,
         image_spp=_image_spp(fields),
         committed_spp=committed_spp(fields, spec.slice_spp),
         points=int(fields["points"]),
@@ -173,6 +174,8 @@ def new_job(
     }
     if spec.at_once is not None:
         fields["at_once"] = spec.at_once
+    if spec.budget_core_hours is not None:
+        fields["budget"] = str(spec.budget_core_hours)
     if spec.notify:
         fields["notify"] = " ".join(spec.notify)
     if spec.then:

@@ -103,6 +103,13 @@ class Settings(BaseSettings):
         le=1_000_000_000,
         description="how many jobs of a new API key may be rendered at once; unset, any",
     )
+    key_core_hours_per_week: float | None = Field(
+        None,
+        gt=0,
+        le=1e9,
+        allow_inf_nan=False,
+        description="how many core hours the jobs of a new API key may cost in a week; unset, any",
+    )
     lease_s: float = Field(
         15.0, gt=0, le=_DAY_S, description="a lease not renewed for this long may be reclaimed"
     )

@@ -62,6 +62,7 @@ _QUEUE: Final = (
     keys.WAITING,
     f"{keys.WAITING}:*",
     keys.NEEDS,
+    keys.SPENT,
     keys.LATE,
     keys.KINDS,
     keys.LEASES,

@@ -40,6 +40,8 @@ plateau:gate:GATE         set     jobs that wait for the gate, "job ID" or "batc
 plateau:turns:had:GROUP   set     jobs that have their turn in the group, "key ID" or    till done
                                   "batch NAME"; see turns.lua
 plateau:turns:held:GROUP  zset    jobs that wait for theirs, the next first            till theirs
+plateau:spent             hash    "batch NAME" or "key ID WEEK" → the core ms of its    for ever, a
+                                  jobs with a budget; see budgets.lua                  week 2
 plateau:gates             zset    gates of batches, scored by their numbers            till open
 plateau:scenes            hash    scene SHA-256 → JSON summary                         the scene's
 plateau:scenes:used       zset    scene SHA-256, scored by its last use (ms)           the scene's
@@ -130,6 +132,7 @@ UNFINISHED: Final = PREFIX + "jobs:unfinished"
 WAITING: Final = PREFIX + "waiting"
 LEASES: Final = PREFIX + "leases"
 NEEDS: Final = PREFIX + "needs"
+SPENT: Final = PREFIX + "spent"
 LATE: Final = PREFIX + "late"
 KINDS: Final = PREFIX + "kinds"
 IDLE: Final = PREFIX + "idle"
@@ -261,6 +264,7 @@ local function job_key(id, part)
   if part then return PREFIX .. 'job:' .. id .. ':' .. part end
   return PREFIX .. 'job:' .. id
 end
+local SPENT = '{SPENT}'
 local BATCHES, GUARDED, GATES = '{BATCHES}', '{GUARDED}', '{GATES}'
 local STUDIES, STUDIES_ASKED = '{STUDIES}', '{STUDIES_ASKED}'
 local function study_key(id, part)

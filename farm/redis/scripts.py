@@ -40,6 +40,7 @@ _NAMESPACES: Final = {
     "New": "new_jobs",
     "After": "after",
     "Turn": "turns",
+    "Budget": "budgets",
 }
 #: The subjects of commands: for workers, and all others.
 _FOR_WORKERS: Final = ("lease", "slices", "workers")

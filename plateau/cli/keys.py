@@ -79,6 +79,13 @@ def create(
             show_default="PLATEAU_KEY_JOBS_AT_ONCE",
         ),
     ] = None,
+    core_hours_per_week: Annotated[
+        float | None,
+        typer.Option(
+            help="Core hours that its jobs may cost in a week, from Monday, UTC.",
+            show_default="PLATEAU_KEY_CORE_HOURS_PER_WEEK",
+        ),
+    ] = None,
     key_from: Annotated[
         Path | None,
         typer.Option(
@@ -109,6 +116,7 @@ def create(
             "scenes_gb": scenes_gb,
             "open_jobs": open_jobs,
             "jobs_at_once": jobs_at_once,
+            "core_hours_per_week": core_hours_per_week,
         },
         key_from=key_from,
         as_json=as_json,

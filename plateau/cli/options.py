@@ -75,6 +75,7 @@ AMONG_MANY: Final = (
     "priority",
     "batch",
     "at_once",
+    "budget_core_hours",
     "flicker_guard",
     "shot",
 )
@@ -280,6 +281,14 @@ def spec_from_options(
         int | None,
         typer.Option(
             help="Most jobs of the batch that are rendered at once; others wait for their turn."
+        ),
+    ] = None,
+    budget_core_hours: Annotated[
+        float | None,
+        typer.Option(
+            "--budget",
+            metavar="CORE_HOURS",
+            help="Core hours that the batch, or the job without one, may cost; then its jobs end.",
         ),
     ] = None,
     flicker_guard: Annotated[

@@ -166,6 +166,7 @@ _OPTIONS: Final = {
     "fps": "shot",
     "precision": "exr-precision",
     "compression": "exr-compression",
+    "budget_core_hours": "budget",
 }
 
 

@@ -98,6 +98,14 @@ class SharedSpec(Strict):
         description="while so many jobs of its batch are rendered that have such a limit, it waits "
         "for its turn, by priority and age",
     )
+    budget_core_hours: float | None = Field(
+        default=None,
+        ge=1e-9,
+        le=1e9,
+        allow_inf_nan=False,
+        description="once the jobs of its batch that have a budget, or it alone without a batch, "
+        "have cost so many core hours, it is exhausted, or cancelled if it has no slice",
+    )
     flicker_guard: bool = Field(
         default=False,
         description="guard the batch: every job of it has to stop alike (rule, min_spp, step, "

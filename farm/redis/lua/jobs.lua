@@ -6,6 +6,7 @@ function Job.spend(it)
   redis.call('HINCRBY', job_key(id), 'machine_ms', ms)
   redis.call('HINCRBY', job_key(id), 'further_core_ms', string.format('%.0f', ms * (it.threads - 1)))
   count('machine ms', ms)
+  Budget.spend(id, ms * it.threads)
 end
 
 -- Does the job have an image?

@@ -175,6 +175,7 @@ _KEY: Final[JsonDict] = {
         "upload_bytes": 500_000_000,
         "open_jobs": 10_000,
         "jobs_at_once": 20,
+        "core_hours_per_week": 500.0,
         "scenes_bytes": 53_687_091_200,
     },
 }

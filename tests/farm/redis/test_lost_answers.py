@@ -20,7 +20,7 @@ from tests.support.lost_answers import CASES, REPEATS_DIFFER, World, written_by
 from tests.support.redis_proxy import RedisProxy
 
 #: Commands that only read.
-_READ: Final = {"batches", "census"}
+_READ: Final = {"batches", "budget_used", "census"}
 
 #: What differs by the time that passes between two looks.
 _CLOCKS: Final = {"seen_at", "at", "swept at"}

@@ -97,6 +97,7 @@ class TestTheCommands:
             "upload_bytes": 2**29,
             "open_jobs": 10_000,
             "jobs_at_once": None,
+            "core_hours_per_week": None,
             "scenes_bytes": 50 * 2**30,
         }
 

@@ -152,3 +152,6 @@ function for_farm.reprioritise(it)
   Turn.place(id)
   return {outcome = 'changed'}
 end
+
+-- Return which of a job's budgets is used up, in words; '' if none is.
+function for_farm.budget_used(it) return Budget.used(it.job) end
