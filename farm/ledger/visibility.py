@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 
 from plateau.farm.ledger import guarded_batches
 from plateau.farm.model.batch import Steered
-from plateau.farm.model.errors import BatchNotFound, JobNotEnded, JobNotFound
+from plateau.farm.model.errors import BatchNotFound, JobNotEnded, JobNotFound, UnevenBatch
 from plateau.farm.model.spec import stored_spec
 from plateau.farm.model.states import JobState, Visibility
 from plateau.farm.redis import keys
@@ -87,6 +87,7 @@ class Visibilities:
                     done=done,
                     state=None if state is None else JobState(state),
                     why_not=None if done else why_not,
+                    before=Visibility(made.before) if done else None,
                 )
             )
         return steered
@@ -107,7 +108,14 @@ class Visibilities:
             batch, spec = self._redis.hmget(keys.job(job_id), "batch", "spec")
         if not is_deleted or not batch or spec is None:
             return ""
-        return guarded_batches.compared(self._redis, batch, stored_spec(spec))
+        try:
+            return guarded_batches.compared(self._redis, batch, stored_spec(spec))
+        except UnevenBatch as error:
+            error.remedy = (
+                f"job {job_id} stays deleted: fetch its results before a sweep removes it, or "
+                "submit its scene again, as the jobs of the batch are or in another batch"
+            )
+            raise
 
     def _deleted_from(self, batch: str) -> Sequence[str]:
         """The deleted jobs that were in the batch, by their number of creation."""

@@ -92,6 +92,8 @@ class UnevenBatch(FarmError):
     joins
         Whether a job was to join the batch. Otherwise the batch was to be guarded, and the values
         asked for are those of its newest job.
+    remedy
+        What to do about it, in words; "" where the batch was to be guarded.
     """
 
     def __init__(
@@ -114,6 +116,7 @@ class UnevenBatch(FarmError):
         )
         super().__init__(f"batch {batch!r} {why} job {job_id}: {'; '.join(words)}")
         self.joins = joins
+        self.remedy = "ask for the same, or name another batch" if joins else ""
         self.batch = batch
         self.job_id = job_id
         self.differs = differs

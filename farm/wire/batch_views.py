@@ -7,7 +7,7 @@ from urllib.parse import quote
 from pydantic import BaseModel, ConfigDict, Field
 
 from plateau.farm.model.batch import Batch, BatchLine, Steered
-from plateau.farm.model.states import JobState
+from plateau.farm.model.states import JobState, Visibility
 from plateau.farm.wire import examples
 
 
@@ -129,6 +129,9 @@ class SteeredJob(BaseModel):
     done: bool = Field(description="whether it is so now; perhaps it was before")
     state: JobState | None = Field(None, description="its state; null where the job was left alone")
     why_not: str | None = Field(None, description="why it was not done")
+    before: Visibility | None = Field(
+        None, description="of a job that was archived, deleted or restored: where it was before"
+    )
 
 
 class BatchSteered(BaseModel):

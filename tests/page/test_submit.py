@@ -11,7 +11,7 @@ from playwright.sync_api import Page, expect
 from pydantic import BaseModel
 
 from plateau.farm.model.aovs import AOV_NAMES
-from plateau.farm.model.spec import ExrSpec, JobSpec, RuleSpec, ViewSpec
+from plateau.farm.model.spec import PLACES, ExrSpec, JobSpec, RuleSpec, ViewSpec
 from plateau.farm.model.spec.allocation import ZonesAllocation
 from plateau.farm.wire.examples import SCENE_XML
 from tests.page.conftest import Visit
@@ -306,6 +306,17 @@ def test_a_stored_scene_is_used_again(visit: Visit, form: Page, scene: Path) -> 
     expect(stored).to_be_visible()
     stored.select_option(label=stored.locator("option").last.inner_text())
     expect(again.locator(".found")).to_contain_text("256 × 256 pixels")
+
+
+def test_a_place_fills_in_the_view(form: Page, farm: NoiseFarm, scene: Path) -> None:
+    choose(form, scene)
+    form.get_by_role("button", name="in a cinema").click()
+    expect(form.get_by_label("Or pixels in a degree")).to_have_value("57")
+    form.get_by_label("Display white").fill("60")
+    form.get_by_role("button", name="Render it").click()
+    expect(form).to_have_url(re.compile("/jobs/[0-9a-f]{12}$"))
+    view = farm.jobs.get(form.url.rpartition("/")[2]).spec.view
+    assert view == ViewSpec.model_validate({**PLACES["cinema"], "white_luminance": 60})
 
 
 def test_a_scene_is_named_where_it_lies(form: Page, farm: NoiseFarm, folder: Path) -> None:

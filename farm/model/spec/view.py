@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Annotated, Any, Final, Literal
 
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator, ConfigDict, Field
 
 from plateau.farm.model.spec.rule_model import Strict
 
@@ -61,6 +61,11 @@ PLACES: Final[Mapping[str, Mapping[str, float]]] = MappingProxyType(
 
 class ViewSpec(Strict):
     """The display and the distance at which the image is judged."""
+
+    # Forms have the places from here.
+    model_config = ConfigDict(
+        json_schema_extra={"x-places": {name: dict(view) for name, view in PLACES.items()}}
+    )
 
     exposure_ev: float = Field(
         default=0.0, ge=-100, le=100, description="exposure in EV (powers of two)"

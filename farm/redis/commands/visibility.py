@@ -12,6 +12,7 @@ class MadeVisible:
 
     outcome: Literal["done", "illegal", "changed"]
     state: str = ""  #: if illegal, the state that forbids it, or ``missing``
+    before: str = ""  #: if done, the visibility before
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -104,7 +104,7 @@ def add_problem_handlers(app: FastAPI, unknown_page: Callable[[], Response]) -> 
             {"field": f"spec.{name}", "value": asked, "others": had}
             for name, asked, had in error.differs
         ]
-        detail = f"{error}; ask for the same, or name another batch" if error.joins else str(error)
+        detail = "; ".join(filter(None, (str(error), error.remedy)))
         problem = Problem(
             problems.UNEVEN_BATCH, detail, batch=error.batch, job_id=error.job_id, differs=fields
         )

@@ -5,7 +5,7 @@ import { confirmed } from "../shared/dialogs.js";
 import { h, setAttribute } from "../shared/dom.js";
 import { several } from "../shared/figures.js";
 import { controls } from "../shared/job_controls.js";
-import { file, filingButtons, filings } from "../shared/job_filing.js";
+import { file, filingButtons, filings, putBack } from "../shared/job_filing.js";
 import { ENDED } from "../shared/job_summary.js";
 import { attempt, complain, offerUndo, say } from "../shared/notices.js";
 import { maySubmit } from "../shared/permissions.js";
@@ -13,6 +13,9 @@ import { showGuard } from "./flicker_guard.js";
 import { showShot } from "./shot_dialog.js";
 
 /** @import { Filing } from "../shared/job_filing.js" */
+
+/** Where a filing puts a job. */
+const TO = { archive: "archived", delete: "deleted", restore: "listed" };
 
 /**
  * The menu of a job.
@@ -47,11 +50,12 @@ export function batchMenu(batch, jobsNow, nameOf, refresh, filed) {
     try {
       /** @type {Api.BatchSteered} */
       const { jobs } = await (what === "delete" ? send("DELETE", path) : send("POST", `${path}/${what}`));
-      const ids = jobs.filter(({ done }) => done).map(({ job }) => job);
+      const changed = jobs.filter(({ done, before }) => done && before !== TO[what]);
+      const ids = changed.map(({ job }) => job);
       complain("");
       if (what === "restore") say(`The jobs of ${batch} are restored`);
       else offerUndo(`${several(ids.length, "job")} of ${batch} ${ids.length === 1 ? "is" : "are"} ${what}d`, async () => {
-        await send("POST", `${path}/restore`);
+        await putBack(changed);
         say(`The jobs of ${batch} are put back`);
         await filed([]);
       });

@@ -77,22 +77,43 @@ export async function each(jobs, request) {
   const done = new Set();
   /** @type {string[]} */
   const refused = [];
-  const queue = jobs.values();
-  await Promise.all(Array.from({ length: AT_ONCE }, async () => {
-    for (const job of queue) {
-      await request(job).then(() => done.add(job), (error) => refused.push(`${title(job)}: ${messageOf(error)}`));
-    }
-  }));
+  await fewAtOnce(jobs, (job) => request(job).then(() => done.add(job), (error) => refused.push(`${title(job)}: ${messageOf(error)}`)));
   complain(refused.length ? `Refused for ${refused.length} of ${several(jobs.length, "job")}. ${refused[0]}` : "", true);
   return jobs.filter((job) => done.has(job));
 }
 
 /**
- * @param {Api.JobView} job
+ * @param {{ links: Record<string, string> }} job
  * @param {Filing} what
  */
 function request({ links }, what) {
   return what === "delete" ? send("DELETE", links.self) : send("POST", links[what]);
+}
+
+/**
+ * Puts the jobs of a batch back to where they were.
+ * @param {Api.SteeredJob[]} filed
+ */
+export async function putBack(filed) {
+  const back = { listed: "restore", archived: "archive", deleted: "delete" };
+  await fewAtOnce(filed, async ({ job, before }) => {
+    const self = `/v1/jobs/${job}`;
+    const links = { self, archive: `${self}/archive`, restore: `${self}/restore` };
+    if (before) await request({ links }, /** @type {Filing} */ (back[before]));
+  });
+}
+
+/**
+ * Does something for each of these, a few at a time.
+ * @template One
+ * @param {One[]} all
+ * @param {(one: One) => Promise<unknown>} act
+ */
+async function fewAtOnce(all, act) {
+  const queue = all.values();
+  await Promise.all(Array.from({ length: AT_ONCE }, async () => {
+    for (const one of queue) await act(one);
+  }));
 }
 
 /**

@@ -82,6 +82,12 @@ export const WORKERS = [
   { name: "blocked", label: "But not", help: "Workers and machines that must not render it, by their names, separated by commas." },
 ];
 
+/**
+ * Where people look at images pixel by pixel: fields of a view by the place's name.
+ * @type {Record<string, Record<string, number>>}
+ */
+export const PLACES = {};
+
 /** @type {FieldAbout[]} */
 export const AT_ITS_END = [
   { name: "notify", label: "Notify", help: "Targets that the farm's operator has named, separated by commas. They hear of its end." },
@@ -101,6 +107,7 @@ export const WEBHOOK = [
  */
 export function describe(schema) {
   const parts = schema.$defs ?? {};
+  Object.assign(PLACES, parts.ViewSpec?.["x-places"]);
   for (const fields of [LIMITS, MORE, WORKERS, AT_ITS_END]) complete(fields, schema);
   for (const [fields, part] of /** @type {[FieldAbout[], string][]} */ ([
     [VIEW, "ViewSpec"], [ZONES, "ZonesAllocation"], [EXR, "ExrSpec"], [WEBHOOK, "WebhookSpec"],
@@ -122,6 +129,7 @@ export function describe(schema) {
  * @property {Schema[]} [anyOf]
  * @property {Record<string, Schema>} [properties]
  * @property {Record<string, Schema>} [$defs]
+ * @property {Record<string, Record<string, number>>} [x-places]
  */
 
 /**

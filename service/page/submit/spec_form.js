@@ -2,10 +2,14 @@
 
 import { h } from "../shared/dom.js";
 import { Field, fieldsOf } from "../shared/form_fields.js";
-import { AOVS, AT_ITS_END, EXR, LIMITS, MORE, VIEW, WEBHOOK, WORKERS } from "../shared/spec_fields.js";
+import { say } from "../shared/notices.js";
+import { AOVS, AT_ITS_END, EXR, LIMITS, MORE, PLACES, VIEW, WEBHOOK, WORKERS } from "../shared/spec_fields.js";
 import { AllocationChoice } from "./allocation_choice.js";
 import { DenoiseChoice } from "./denoise_choice.js";
 import { RuleChoice } from "./rule_choice.js";
+
+/** @type {Record<string, string>} */
+const TITLES = { desk: "on a desk", phone: "on a phone", cinema: "in a cinema" };
 
 export class SpecForm {
   rule = new RuleChoice();
@@ -31,7 +35,7 @@ export class SpecForm {
       h("fieldset", {}, h("legend", {}, "When is it done?"), presets, this.rule.element),
       this.#allocation.element,
       this.#denoise.element,
-      h("fieldset", {}, h("legend", {}, "How is it viewed?"), h("div", { class: "fields" }, this.#view.elements)),
+      h("fieldset", {}, h("legend", {}, "How is it viewed?"), this.#places(), h("div", { class: "fields" }, this.#view.elements)),
       h("fieldset", {}, h("legend", {}, "Limits"), h("div", { class: "fields" }, this.#limits.elements)),
       h("details", {}, h("summary", {}, "More"),
         h("div", { class: "fields" }, this.#more.elements, this.#background.element),
@@ -46,6 +50,15 @@ export class SpecForm {
           "Guard it against flicker: only jobs that stop alike may join")),
         this.rule.watched),
     ];
+  }
+
+  /** A button for each place where images are seen pixel by pixel, which fills in the view there. */
+  #places() {
+    return h("p", { class: "places", role: "group", "aria-label": "Places" }, "Pixel by pixel ",
+      Object.entries(PLACES).map(([name, view]) => h("button", { type: "button", onclick: () => {
+        for (const field of this.#view.fields) if (field.name in view) field.fill(view[field.name]);
+        say(`The view below is that of a ${name}.`);
+      } }, TITLES[name] ?? name)));
   }
 
   get fields() {

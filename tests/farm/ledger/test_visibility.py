@@ -88,7 +88,10 @@ class TestABatch:
     def test_is_put_away_as_one(self, client: redis.Redis, filing: Visibilities) -> None:
         jobs, batches = Jobs(client), Batches(client)
         done = [cancelled(jobs, batch="b") for _ in range(3)]
-        assert [one.done for one in filing.set_batch("b", ARCHIVED)] == [True] * 3
+        filing.set(done[0], ARCHIVED)
+        said = filing.set_batch("b", ARCHIVED)
+        assert [one.done for one in said] == [True] * 3
+        assert [one.before for one in said] == [ARCHIVED, LISTED, LISTED]
         # It is still there, with its jobs, which lists leave out
         assert batches.get("b").job_ids == done
         assert ids(jobs) == ids(jobs, batch="b") == []
@@ -127,8 +130,9 @@ class TestABatch:
             filing.set(job, DELETED)
         cancelled(jobs, batch="b", flicker_guard=True)
         filing.set(even, LISTED)
-        with pytest.raises(UnevenBatch, match="min_spp is 300 here"):
+        with pytest.raises(UnevenBatch, match="min_spp is 300 here") as refused:
             filing.set(uneven, ARCHIVED)
+        assert f"job {uneven} stays deleted: fetch its results before" in refused.value.remedy
         assert visibility(jobs.get(uneven)) is DELETED
         # A guard ends with the batch's last job, and comes back with the job that brought it
         guards, _ = ids(jobs, batch="b")

@@ -92,6 +92,21 @@ def test_a_batch_goes_as_one(visit: Visit, farm: NoiseFarm, jobs: dict[str, Job]
     assert farm.jobs.get(jobs["frame"].id).deleted_at is None
 
 
+def test_the_undo_of_a_batch_leaves_what_was_archived_before(
+    visit: Visit, farm: NoiseFarm, jobs: dict[str, Job]
+) -> None:
+    before, *others = (farm.jobs.cancel(farm.submit(batch="walk").id) for _ in range(2))
+    Visibilities(farm.jobs._redis).set(before.id, Visibility.ARCHIVED)
+    page = visit().page
+    choose(page, "the batch walk", "Archive")
+    expect(done(page)).to_contain_text("2 jobs of walk are archived.")
+    done(page).get_by_role("button", name="Undo").click()
+    expect(page.get_by_role("status").filter(has_text="jobs of walk are put back")).to_have_count(1)
+    put_back = [farm.jobs.get(job.id).archived_at for job in (*others, jobs["frame"])]
+    assert put_back == [None, None]
+    assert farm.jobs.get(before.id).archived_at is not None
+
+
 def test_the_screen_of_a_job_says_so_and_restores_it(
     visit: Visit, farm: NoiseFarm, jobs: dict[str, Job]
 ) -> None:

@@ -1,5 +1,5 @@
 -- List an ended job, archive it, or delete it: each takes it out of where it was. A deleted job is in no batch.
--- Returns 'done', also where it was so before; 'illegal' with the state (it has not ended) or 'missing'; or
+-- Returns 'done' with where it was before, also where that is the same; 'illegal' with the state (it has not ended) or 'missing'; or
 -- 'changed' where a deleted job is restored to a guarded batch, and was not compared with its newest job.
 function for_farm.set_visibility(it)
   local id, wanted = it.job, it.visibility
@@ -9,7 +9,7 @@ function for_farm.set_visibility(it)
   local lists = {archived = ARCHIVED, deleted = DELETED}
   local had = redis.call('HMGET', job_key(id, 'sealed'), 'archived_at', 'deleted_at')
   local before = had[2] and 'deleted' or had[1] and 'archived' or 'listed'
-  if before == wanted then return {outcome = 'done'} end
+  if before == wanted then return {outcome = 'done', before = before} end
   if before == 'deleted' then
     if New.joins_unseen(batch or '', guards == '1', it.compared) then return {outcome = 'changed'} end
     Job.join_batch(id)
@@ -23,5 +23,5 @@ function for_farm.set_visibility(it)
     redis.call('ZADD', lists[wanted], number, id)
     redis.call('HSET', job_key(id, 'sealed'), wanted .. '_at', now())
   end
-  return {outcome = 'done'}
+  return {outcome = 'done', before = before}
 end
