@@ -175,7 +175,7 @@ def _inside(name: str, value: Any, at: tuple[str, ...]) -> Any:
 
 #: Values that are maps of the user's own.
 MAPS = re.compile(
-    r"settings|workers|workerDefaults\.(environment|affinity)|.*\.(annotations|nodeSelector|labels)"
+    r"settings|sceneRoots|workers|workerDefaults\.(environment|affinity)|.*\.(annotations|nodeSelector|labels)"
     r"|.*\.resources"
 )
 

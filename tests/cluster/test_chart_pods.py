@@ -8,6 +8,7 @@ import pytest
 import typer.main
 
 from plateau.cli import app
+from plateau.farm.model.scene_roots import read_roots
 from plateau.farm.process.settings import Settings
 from tests.cluster import support_chart as chart
 from tests.cluster.support_chart import EXAMPLES, Manifest
@@ -83,6 +84,28 @@ class TestEveryPod:
         ]
         for one in chart.of_kind(found, "Deployment"):
             assert one["spec"]["selector"]["matchLabels"] in covered
+
+
+def test_scene_roots_are_mounted_to_be_read_where_scenes_are_read() -> None:
+    found = chart.manifests(chart.recorded("full"))
+    for name, pod in chart.pods(found):
+        mounts = {
+            mount["mountPath"]: mount.get("readOnly")
+            for mount in pod["containers"][0].get("volumeMounts", ())
+            if mount["mountPath"].startswith("/scenes/")
+        }
+        told = [
+            one["value"]
+            for one in pod["containers"][0].get("env", ())
+            if one["name"] == "PLATEAU_SCENE_ROOTS"
+        ]
+        if "monitor" in name or "redis" in name:
+            assert not mounts
+            assert not told
+        else:
+            [roots] = map(read_roots, told)
+            assert mounts == {str(root.path): True for root in roots}
+            assert roots[0].elsewhere == ("/Volumes/assets", "Z:/assets")
 
 
 class TestEveryProcess:

@@ -95,6 +95,15 @@ settings beside the common ones. */}}
 - name: PLATEAU_CACHE
   value: /var/cache/plateau
 {{- $settings := mergeOverwrite (dict) .root.Values.settings (.settings | default dict) }}
+{{- if has .user (list "api" "worker") }}
+{{- $roots := list }}
+{{- range $name, $root := .root.Values.sceneRoots }}
+{{- $roots = append $roots (printf "%s=%s" $name (prepend ($root.elsewhere | default list) (printf "/scenes/%s" $name) | join "|")) }}
+{{- end }}
+{{- with $roots }}
+{{- $_ := set $settings "PLATEAU_SCENE_ROOTS" (join "," .) }}
+{{- end }}
+{{- end }}
 {{- range $name := keys $settings | sortAlpha }}
 - name: {{ $name }}
   value: {{ index $settings $name | toString | quote }}
@@ -107,6 +116,20 @@ settings beside the common ones. */}}
 - {name: tmp, mountPath: /tmp}
 {{- if not .Values.blobs.s3.url }}
 - {name: blobs, mountPath: /var/lib/plateau/blobs}
+{{- end }}
+{{- end -}}
+
+{{/* Scenes where they lie, for the API and the workers. */}}
+{{- define "plateau.sceneMounts" -}}
+{{- range $name := keys .Values.sceneRoots | sortAlpha }}
+- {name: scene-{{ $name }}, mountPath: /scenes/{{ $name }}, readOnly: true}
+{{- end }}
+{{- end -}}
+
+{{- define "plateau.sceneVolumes" -}}
+{{- range $name, $root := .Values.sceneRoots }}
+- name: scene-{{ $name }}
+  persistentVolumeClaim: {claimName: {{ $root.claim }}, readOnly: true}
 {{- end }}
 {{- end -}}
 
