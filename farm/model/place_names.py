@@ -28,5 +28,8 @@ WorkerNames = Annotated[
     tuple[WorkerName, ...], Field(max_length=MOST_BLOCKED), AfterValidator(_in_order)
 ]
 
+#: The most tags of a job, or of a worker's settings.
+MOST_TAGS: Final = 16
+
 #: Sorted, each once.
-Tags = Annotated[tuple[PlaceName, ...], Field(max_length=16), AfterValidator(_in_order)]
+Tags = Annotated[tuple[PlaceName, ...], Field(max_length=MOST_TAGS), AfterValidator(_in_order)]

@@ -28,6 +28,7 @@ _LONGEST_WAIT_S: Final = 5.0
 _CONNECT_S: Final = 5.0
 #: Longest time for the service to accept a part of an upload.
 _WRITE_S: Final = 120.0
+_READING_S: Final = 4 * 3600.0  #: how long a service may read the files of a scene
 _VERSION: Final = "Plateau-Version"
 #: Statuses after which the same call may succeed in a moment.
 _AWAY: Final = frozenset({httpx.codes.SERVICE_UNAVAILABLE, httpx.codes.TOO_MANY_REQUESTS})
@@ -84,6 +85,8 @@ class Transport:
         self._once_heard_s = once_heard_s
         self._is_heard = False
         timeout = httpx.Timeout(timeout_s, connect=min(timeout_s, _CONNECT_S), write=_WRITE_S)
+        #: for a request that has the service read large files
+        self.long_timeout = httpx.Timeout(_READING_S, connect=timeout.connect)
         # No proxy of the environment: the service is on this machine or at the end of a tunnel.
         self._http = httpx.Client(
             base_url=self.url,

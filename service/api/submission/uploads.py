@@ -23,6 +23,7 @@ from plateau.farm.bundle import BundleError, SceneSummary
 from plateau.farm.bundle.placed import LIST_NAME
 from plateau.farm.ledger.jobs import Created
 from plateau.farm.ledger.scene_index import SceneIndex
+from plateau.farm.model.place_names import MOST_TAGS
 from plateau.farm.model.renderers import variant_for
 from plateau.farm.model.scene_roots import root_tag
 from plateau.farm.model.spec import BatchSpec, JobSpec
@@ -224,6 +225,9 @@ def create_job(asked: Submission, scene: StoredScene, farm: Parts, *, owner: str
     digest = hashlib.sha256(f"{sha256} {asked.spec.as_request()}".encode()).hexdigest()
     variant = variant_for(asked.spec.variant, scene.summary.renderer)
     needs = {*asked.spec.requires, *map(root_tag, scene.summary.roots)}
+    if len(needs) > MOST_TAGS:
+        message = f"has {len(needs)} tags, with those of the scene's roots; {MOST_TAGS} are allowed"
+        raise invalid_field(problems.INVALID_SPEC, "spec.requires", message)
     specs = _job_specs(asked.spec, called)
     return farm.jobs.create_all(
         [

@@ -1,6 +1,7 @@
 """Scenes where they lie, over HTTP: named, checked, listed, and refused."""
 
 import hashlib
+import json
 import os
 from collections.abc import Iterator
 from pathlib import Path
@@ -72,7 +73,7 @@ def test_a_scene_is_named_and_not_sent(
     again = studio.post("/v1/jobs", files=parts).json()
     assert again["spec"]["requires"] == ["root.assets"]
     # The client names it in the same way, and the list tells which roots there are
-    with Client(url) as client:
+    with Client(url, timeout_s=0.15) as client:  # it waits for longer while files are read
         assert client.submit("{assets}/walk/scene.xml").scene_sha256 == job["scene_sha256"]
     assert studio.get("/v1/scenes").json()["roots"] == ["assets"]
     # Another content is another scene
@@ -123,6 +124,12 @@ def test_what_is_refused_and_why(studio: httpx.Client, http: httpx.Client, asset
     out = '{"parameters": {"mesh": "/etc/passwd"}}'
     assert (
         problem(submit(studio, "{assets}/walk", out), 422, "broken-scene")["code"] == "path-escape"
+    )
+    # Nor can there be more tags than a job may have
+    tags = json.dumps({"requires": [f"t{number}" for number in range(16)]})
+    assert (
+        "has 17 tags"
+        in problem(submit(studio, "{assets}/walk", tags), 422, "invalid-spec")["detail"]
     )
     # A service without roots says so
     refused = problem(submit(http, "{assets}/walk"), 422, "invalid-request")
