@@ -75,7 +75,7 @@ AMONG_MANY: Final = (
     "priority",
     "batch",
     "at_once",
-    "budget_core_hours",
+    "budget",
     "flicker_guard",
     "shot",
 )
@@ -283,10 +283,9 @@ def spec_from_options(
             help="Most jobs of the batch that are rendered at once; others wait for their turn."
         ),
     ] = None,
-    budget_core_hours: Annotated[
+    budget: Annotated[
         float | None,
         typer.Option(
-            "--budget",
             metavar="CORE_HOURS",
             help="Core hours that the batch, or the job without one, may cost; then its jobs end.",
         ),
