@@ -50,7 +50,7 @@ def scene_part(
     if not upload and not path and not sha256:
         raise Problem(
             problems.NO_SCENE,
-            "send a Mitsuba XML or a zip of one as the part scene, the name of a scene in a scene "
+            "send a scene or a zip of one as the part scene, the name of a scene in a scene "
             "root as the part scene_path, or the SHA-256 of a stored scene as the part "
             "scene_sha256",
         )
