@@ -96,6 +96,10 @@ class Bucket:
     def settle(self, name: str) -> None:
         """Do nothing: a store acknowledges only durable blobs."""
 
+    def read(self, name: str) -> bytes:
+        """The blob's bytes."""
+        return bytes(self.open(name).bytes())
+
     def open(self, name: str) -> "obstore.GetResult":
         """The blob, to be read; this waits for the first bytes of the answer."""
         with self._gate.asking():

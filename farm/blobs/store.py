@@ -215,7 +215,7 @@ class Blobs:
     def get(self, name: str) -> bytes:
         """The blob's bytes."""
         with self._reading(name):
-            return bytes(self._place.open(name).bytes())
+            return self._place.read(name)
 
     def chunks(self, name: str) -> Iterator[bytes]:
         """The blob's bytes, a few MB at a time."""

@@ -37,7 +37,7 @@ from plateau.farm.redis.commands.owners import (
     Save,
     Show,
 )
-from plateau.farm.redis.link import unavailable_as_farm_error
+from plateau.farm.redis.link import now_ms, unavailable_as_farm_error
 from plateau.farm.redis.scripts import Scripts
 
 
@@ -78,6 +78,11 @@ class Ownerships:
         """The jobs that still need a monitor."""
         with unavailable_as_farm_error():
             return set(self._redis.smembers(keys.UNFINISHED))
+
+    def monitors(self) -> int:
+        """The number of living monitors."""
+        with unavailable_as_farm_error():
+            return len(self._redis.zrangebyscore(keys.MONITORS, now_ms(self._redis), "+inf"))
 
     def by_age(self, job_ids: set[str]) -> list[str]:
         """These jobs, the oldest first."""

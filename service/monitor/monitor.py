@@ -7,6 +7,8 @@ separate thread, so that a long evaluation does not cost it a job.
 import logging
 import threading
 import time
+from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Final
 
 from plateau.farm.blobs.store import Blobs
@@ -30,8 +32,9 @@ from plateau.service.monitor.denoising.process import Denoising
 from plateau.service.monitor.job_run import JobRun, give_up
 from plateau.service.monitor.look_ahead import Crew
 from plateau.service.monitor.shots.tending import Tending
+from plateau.service.monitor.side_by_side import SideBySide
 from plateau.service.monitor.sweeper import sweeping
-from plateau.service.monitor.turns import IDLE_S, RETRY_S, Turns
+from plateau.service.monitor.turns import IDLE_S, RETRY_S, Share, Turns
 from plateau.service.monitor.webhooks.deliverers import delivering
 
 _LOG = logging.getLogger(__name__)
@@ -50,8 +53,9 @@ class Monitor:
         self.id = process_id()
         client = self._client = connect(settings.redis_url)
         self._blobs = store
-        self._jobs = Jobs(client)
-        self._owners = Ownerships(client, settings.lease_s)
+        self._side_by_side = SideBySide(client)
+        self._jobs = Jobs(self._side_by_side.client)
+        self._owners = Ownerships(self._side_by_side.client, settings.lease_s)
         renewing = connect_to_renew(settings.redis_url, settings.lease_s)
         self._renewals = Ownerships(renewing, settings.lease_s)
         self._work = MonitorWork(renewing, self.id, settings.lease_s)
@@ -64,10 +68,12 @@ class Monitor:
         self._owned: dict[str, Ownership] = {}
         self._runs: dict[str, JobRun] = {}
         self._turns = Turns(time.monotonic)
+        self._share = Share(time.monotonic)
         self._denoising = Denoising()
         self._tending = Tending(Shots(client), store)
         self._others: set[str] = set()  # jobs that other monitors owned a moment ago
         self._others_due = float("-inf")  # when to look at them again
+        self._in_turn: set[str] = set()  # jobs that are being advanced
         self._taken_at = float("-inf")  # when this monitor last looked for jobs
         self._crew = Crew(())
         self._counted_at = float("-inf")
@@ -126,15 +132,27 @@ class Monitor:
                 return
 
     def _look(self, hinted: set[str]) -> None:
-        """Take the jobs without an owner, and advance the jobs whose turn it is."""
+        """Take the jobs without an owner, and advance the jobs whose turn it is, side by side."""
         self._take(hinted)
-        crew = self._living()
+        self._side_by_side.run(self._due(hinted, self._living()))
+        if not self._stop.is_set():
+            self._tend()
+
+    def _due(self, hinted: set[str], crew: Crew) -> Iterator[Callable[[], None]]:
+        """Yield the turns that are due; another monitor may take those after a stop."""
         for job_id in self._turns.next_jobs(self._owned, hinted):
-            if self._stop.is_set():  # another monitor may take the rest
+            if self._stop.is_set():
                 return
-            with log.concerning(job_id):
-                self._bring_forward(self._owned[job_id], crew)
-        self._tend()
+            if job_id not in self._in_turn:  # a fresh job may be in the next round already
+                yield partial(self._turn, self._owned[job_id], crew)
+
+    def _turn(self, owned: Ownership, crew: Crew) -> None:
+        self._in_turn.add(owned.job_id)
+        try:
+            with log.concerning(owned.job_id):
+                self._bring_forward(owned, crew)
+        finally:
+            self._in_turn.remove(owned.job_id)
 
     def _tend(self) -> None:
         """Look at the shots whose frames wait; their troubles do not stop other jobs."""
@@ -148,7 +166,7 @@ class Monitor:
             _LOG.exception("a shot waits: it could not be looked at")
 
     def _take(self, hinted: set[str]) -> None:
-        """Take the jobs without an owner.
+        """Take the jobs without an owner, up to this monitor's share.
 
         Other monitors' jobs are tried when they are given back, and from time to time, because a
         dead monitor gives nothing back. So monitors cost each other next to nothing.
@@ -161,8 +179,16 @@ class Monitor:
         elif now < self._taken_at + IDLE_S and hinted <= self._owned.keys() | self._others:
             return
         self._taken_at = now
-        unknown = self._owners.unfinished() - self._owned.keys() - self._others
-        for job_id in self._owners.by_age(unknown):
+        unfinished = self._owners.unfinished()
+        unknown = unfinished - self._owned.keys() - self._others
+        if not unknown:
+            return
+        for job_id in self._share.jobs_to_take(
+            self._owners.by_age(unknown),
+            self._owned,
+            jobs=len(unfinished),
+            monitors=self._owners.monitors(),
+        ):
             owned = self._owners.acquire(job_id)
             if owned is None:
                 self._others.add(job_id)

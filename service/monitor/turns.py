@@ -1,7 +1,8 @@
-"""The order in which a monitor looks at its jobs."""
+"""Which jobs a monitor takes, and the order in which it looks at them."""
 
+import math
 from collections import deque
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Sequence, Sized
 from typing import Final
 
 from plateau.farm.process.backoff import Backoff
@@ -16,6 +17,32 @@ LONGEST_IDLE_S: Final = 5.0
 ROUND_S: Final = 0.1
 #: The first and the longest wait while something is away.
 RETRY_S: Final = (0.5, 10.0)
+#: How long a free job beyond a monitor's share is left to the other monitors.
+LEFT_S: Final = 1.0
+
+
+class Share:
+    """A monitor's share of the jobs: as many as every other living monitor has.
+
+    A free job beyond it is left to the others for a moment, and then taken: they may be busy.
+    """
+
+    def __init__(self, clock: Callable[[], float]) -> None:
+        self._clock = clock
+        self._left: dict[str, float] = {}  # since when, by job
+
+    def jobs_to_take(
+        self, free: Sequence[str], owned: Sized, *, jobs: int, monitors: int
+    ) -> Iterator[str]:
+        """Yield those of the free jobs to take; `owned` grows meanwhile.
+
+        `jobs` and `monitors` are all jobs that need a monitor, and all living monitors.
+        """
+        share, now = math.ceil(jobs / max(1, monitors)), self._clock()
+        self._left = {job_id: self._left.get(job_id, now) for job_id in free}
+        for job_id in free:
+            if len(owned) < share or now >= self._left[job_id] + LEFT_S:
+                yield job_id
 
 
 class Turns:

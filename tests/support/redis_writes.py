@@ -26,8 +26,10 @@ READS: Final = {
     *("ZCARD", "ZMSCORE", "ZRANGE", "ZRANGEBYSCORE", "ZREVRANGE", "ZREVRANGEBYSCORE", "ZSCORE"),
 }
 #: And what one module alone may send: the script, and the migrations that make what it guards.
+#: `side_by_side` carries what the first of them asks for.
 RUNS_SCRIPTS: Final = {
     "farm/redis/scripts.py": {"EVALSHA", "SCRIPT"},
+    "service/monitor/side_by_side.py": {"EVALSHA", "SCRIPT"},
     "farm/ledger/schema.py": {"EVAL"},
 }
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -30,7 +31,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
 _START_S = 120.0
-#: A monitor reports its work three times in this time.
 _MONITOR_LEASE_S = 6.0
 #: Jobs that no rule ends during a measurement.
 SPEC = JobSpec(max_spp=1_000_000, rule=FixedSpec(spp=1_000_000))
@@ -49,6 +49,7 @@ class Sample:
     commands: float  #: those of scripts included
     scripts: float  #: runs
     scripts_us: float  #: of all runs
+    reads: float  #: of Redis's sockets: round trips
     log_bytes: float  #: written by Redis
     monitors_cpu_s: float
     merged_at: float  #: when monitors last reported their work, by Redis's clock
@@ -66,11 +67,21 @@ class Sample:
 class ControlPlane:
     """An embedded Redis in `folder`, and monitors, while the context lasts.
 
-    With `fsync`, every write to Redis is on disk before it is answered, as always in Plateau.
+    With `fsync`, every write to Redis is on disk before it is answered, as always in Plateau. A
+    monitor reports its work three times in `lease_s`, by default in `_MONITOR_LEASE_S`.
     """
 
-    def __init__(self, folder: Path, blobs: Path, *, monitors: int = 1, fsync: bool = True) -> None:
-        self._folder, self._blobs, self._count, self._fsync = folder, str(blobs), monitors, fsync
+    def __init__(
+        self,
+        folder: Path,
+        blobs: Path,
+        *,
+        monitors: int = 1,
+        fsync: bool = True,
+        lease_s: float | None = None,
+    ) -> None:
+        self._folder, self.blobs, self._count, self._fsync = folder, str(blobs), monitors, fsync
+        self._lease_s = lease_s or _MONITOR_LEASE_S
         self._monitors: list[psutil.Process] = []
         self._over = ExitStack()
 
@@ -83,7 +94,7 @@ class ControlPlane:
                 server: Any = self.client
                 server.config_set("appendfsync", "no")
             check_schema(self.client)
-            check_pair(self.client, Blobs(self._blobs))
+            check_pair(self.client, Blobs(self.blobs))
             self.jobs = Jobs(self.client)
             for _ in range(self._count):
                 starting.callback(_kill, self._start_monitor())
@@ -98,8 +109,8 @@ class ControlPlane:
         environment = {
             **os.environ,
             "PLATEAU_REDIS_URL": self._server.url,
-            "PLATEAU_BLOBS": self._blobs,
-            "PLATEAU_LEASE_S": str(_MONITOR_LEASE_S),
+            "PLATEAU_BLOBS": self.blobs,
+            "PLATEAU_LEASE_S": str(self._lease_s),
         }
         with (self._folder / "monitor.log").open("ab") as log:
             process = subprocess.Popen(
@@ -117,16 +128,28 @@ class ControlPlane:
         """Create jobs; return the seconds until slices of all of them were planned."""
         started = time.monotonic()
         with ThreadPoolExecutor(_HANDS) as hands:
-            made = list(hands.map(lambda _: self._add_job(), range(count)))
+            made = list(hands.map(lambda _: self.add_job(), range(count)))
         if self._count:
-            self.wait(lambda: all(self._planned(job_id) for job_id in made))
+            self.wait(lambda: all(self.planned(job_id) for job_id in made))
         return time.monotonic() - started
 
-    def _add_job(self) -> str:
+    def add_job(self) -> str:
+        """Create a job; return its id."""
         return self.jobs.create(SPEC, name="box.zip", scene_sha256="0" * 64).job.id
 
-    def _planned(self, job_id: str) -> bool:
-        return int(self.client.hget(keys.job(job_id), "planned") or 0) > 0
+    def planned(self, job_id: str) -> int:
+        """Return how many slices of the job are planned."""
+        return int(self.client.hget(keys.job(job_id), "planned") or 0)
+
+    def signal_monitors(self, number: signal.Signals) -> None:
+        """Send each monitor this signal."""
+        for process in self._monitors:
+            process.send_signal(number)
+
+    def delay_s(self) -> float:
+        """Return for how long a monitor could have worked and had no core, on average."""
+        texts = [Path(f"/proc/{one.pid}/schedstat").read_text() for one in self._monitors]
+        return sum(int(text.split()[1]) for text in texts) / 1e9 / len(texts)
 
     @contextmanager
     def workers(self, count: int, *, render_s: float, size: int) -> Iterator[list[Slice]]:
@@ -137,9 +160,7 @@ class ControlPlane:
             started = []
             for number in range(crews):
                 workers = count // crews + (number < count % crews)
-                crew = Crew(
-                    self._server.url, self._blobs, f"crew-{number}", workers, render_s, size
-                )
+                crew = Crew(self._server.url, self.blobs, f"crew-{number}", workers, render_s, size)
                 started.append(over.enter_context(_crew(crew)))
             for process in started:  # all import and connect at the same time
                 if _pipe(process.stdout).readline() != "ready\n":
@@ -155,9 +176,9 @@ class ControlPlane:
     def sample(self) -> Sample:
         """Return the costs so far."""
         pipe = self.client.pipeline(transaction=False)
-        for section in ("cpu", "commandstats", "persistence"):
+        for section in ("cpu", "commandstats", "persistence", "stats"):
             pipe.info(section)
-        cpu, commands, persistence = pipe.execute()
+        cpu, commands, persistence, stats = pipe.execute()
         scripts = commands.get("cmdstat_evalsha", {"calls": 0, "usec": 0})
         spent = [process.cpu_times() for process in self._monitors]
         return Sample(
@@ -166,6 +187,7 @@ class ControlPlane:
             commands=sum(one["calls"] for one in commands.values()),
             scripts=scripts["calls"],
             scripts_us=scripts["usec"],
+            reads=stats["total_reads_processed"],
             log_bytes=persistence["aof_current_size"],
             monitors_cpu_s=sum(one.user + one.system for one in spent),
             **self._done_by_monitors(),

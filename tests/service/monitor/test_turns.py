@@ -5,7 +5,15 @@ from collections import Counter
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from plateau.service.monitor.turns import IDLE_S, LONGEST_IDLE_S, RETRY_S, ROUND_S, Turns
+from plateau.service.monitor.turns import (
+    IDLE_S,
+    LEFT_S,
+    LONGEST_IDLE_S,
+    RETRY_S,
+    ROUND_S,
+    Share,
+    Turns,
+)
 
 
 class Clock:
@@ -127,3 +135,28 @@ def test_every_job_has_a_turn_however_many_hints_there_are(
         had.update(found)
         looking.wait()
     assert set(had) == set(looking.owned)
+
+
+def test_a_monitor_takes_its_share_and_what_the_others_leave() -> None:
+    clock, owned = Clock(), ["mine"]
+    share = Share(clock)
+
+    def take(*free: str, jobs: int, monitors: int) -> None:
+        for job_id in share.jobs_to_take(free, owned, jobs=jobs, monitors=monitors):
+            owned.append(job_id)  # noqa: PERF402  (the share looks at it meanwhile)
+
+    # Given two monitors and six jobs, three of which are free and two of which the other one has
+    take("a", "b", "c", jobs=6, monitors=2)
+    assert owned == ["mine", "a", "b"]
+    # What is left is taken when the other monitor did not take it within a moment
+    clock.now_s += LEFT_S / 2
+    take("c", "d", jobs=7, monitors=2)
+    assert owned == ["mine", "a", "b", "c"]  # of seven, four are a share
+    take("d", "e", jobs=8, monitors=2)
+    assert owned == ["mine", "a", "b", "c"]
+    clock.now_s += LEFT_S
+    take("d", "e", "f", jobs=9, monitors=2)
+    assert owned == ["mine", "a", "b", "c", "d", "e"]
+    # One that is alone takes all at once
+    take("f", "g", jobs=8, monitors=1)
+    assert owned[-2:] == ["f", "g"]
