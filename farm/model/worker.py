@@ -72,6 +72,11 @@ class Worker(_Record):
         "its threads",
     )
     last_slices: tuple[RenderedSlice, ...] = Field((), description="the newest five, newest first")
+    kinds: tuple[str, ...] = Field(
+        (),
+        description="what its bits depend on, for each variant that it has tried: renderer, "
+        "library, processor, and the bits of a known image",
+    )
     machine: Machine | None = Field(None, description="null for a worker of an older Plateau")
     started_at: datetime
     seen_at: datetime

@@ -37,6 +37,7 @@ def test_each_worker_says_what_it_does(visit: Visit, farm: NoiseFarm, client: re
     busy = {**about("w-1"), **place, "job": job.id, "slice": 3, "samples_per_s": 2.5e6}
     done = {"job": job.id, "slice": 2, "spp": 25, "render_s": 0.61}
     busy |= {"machine": MACHINE, "core_hours": 0.25, "last_slices": [done]}
+    busy["kinds"] = ["mitsuba 3.9.1 (llvm_ad_rgb; a processor; bits 3f1c09ab27de)"]
     SliceQueue(client, "w-1", HOUR).heartbeat(busy, ())
     error = {"last_error": "slice 2: <b>SIGSEGV</b>"}
     SliceQueue(client, "w-2", HOUR).heartbeat({**about("w-2"), **error}, ())
@@ -67,6 +68,8 @@ def test_each_worker_says_what_it_does(visit: Visit, farm: NoiseFarm, client: re
     ]
     page.get_by_role("button", name="Resume w-2").click()
     expect(second).to_contain_text("idle")
+    first.get_by_text("What its bits depend on").click()
+    expect(first).to_contain_text("bits 3f1c09ab27de")
     # One is blocked for the job that it renders, and shows for which it is
     first.get_by_role("button", name="Block for box").click()
     page.get_by_role("button", name="Block it").click()

@@ -68,7 +68,9 @@ class About:
         samples = pixels * one.lease.spp
         self._samples_per_s = samples / one.render_s
 
-    def told(self, rendering: Lease | None, trouble: str | None) -> dict[str, object]:
+    def told(
+        self, rendering: Lease | None, trouble: str | None, kinds: tuple[str, ...]
+    ) -> dict[str, object]:
         """Return the fields of `plateau.farm.model.worker.Worker`, while this slice is rendered."""
         return {
             **self._fixed,
@@ -78,6 +80,7 @@ class About:
             "samples_per_s": self._samples_per_s,
             "core_hours": self._render_s * self._threads / 3600,
             "last_slices": tuple(self._slices),
+            "kinds": kinds,
             "machine": self.machine.now(),
             "last_error": self.last_error,
             "trouble": trouble,

@@ -83,6 +83,10 @@ class Kinds:
             parts.append(f"bits {self._known[variant]['bits']}")
         return f"{_release(known.renderer, known.package)} ({'; '.join(parts)})".replace(",", "")
 
+    def names(self) -> tuple[str, ...]:
+        """Return the names of all kinds that the worker is known to be."""
+        return tuple(map(self.named, tuple(self._known)))
+
     def _remember(self, tried: Probe) -> None:
         self._known[tried.variant] = {"bits": tried.bits, "checked": time.time()}
         self._memory.write(self._known)

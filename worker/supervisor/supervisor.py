@@ -287,7 +287,9 @@ class Supervisor:
             try:
                 rendering = None if hangs else self._rendering
                 leases = self._uploader.leases + ((rendering,) if rendering else ())
-                lost = self._renewals.heartbeat(self._about.told(rendering, trouble), leases)
+                lost = self._renewals.heartbeat(
+                    self._about.told(rendering, trouble, self._kinds.names()), leases
+                )
                 if rendering in lost and rendering is self._rendering:
                     self._host.cancel()
                 backoff.reset()

@@ -66,13 +66,14 @@ class WorkerRow {
   #machine = h("p", { class: "summary machine" });
   #last = h("ol", { class: "last-slices" });
   #slices = h("details", {}, h("summary", {}, "Last slices"), this.#last);
+  #kinds = h("details", {}, h("summary", {}, "What its bits depend on"));
   #trouble = h("p", { class: "bad" });
   #blocks = h("p", { class: "summary blocks" });
   #drain = h("button");
   #worker;
   #refresh;
   element = h("li", { class: "worker" },
-    h("div", {}, this.#name, this.#where), this.#does, this.#rate, this.#done, this.#drain, this.#trouble, this.#machine, this.#blocks, this.#slices);
+    h("div", {}, this.#name, this.#where), this.#does, this.#rate, this.#done, this.#drain, this.#trouble, this.#machine, this.#blocks, this.#slices, this.#kinds);
 
   /**
    * @param {NamedWorker} worker
@@ -120,6 +121,7 @@ class WorkerRow {
     this.#machine.hidden = !this.#machine.textContent;
     this.#showBlocks(worker);
     this.#showSlices(worker);
+    this.#showKinds(worker);
   }
 
   /** @param {NamedWorker} worker */
@@ -134,6 +136,14 @@ class WorkerRow {
     this.#blocks.replaceChildren(
       ...blocked.flatMap((one) => ["Blocked for ", h("a", { href: `/jobs/${one}` }, nameOf(worker, one)), ". "]),
       offered ? h("button", { onclick: () => block(offered, id, this.#refresh) }, `Block for ${title(offered)}`) : "");
+  }
+
+  /** @param {NamedWorker} worker */
+  #showKinds({ kinds }) {
+    this.#kinds.hidden = !kinds.length;
+    if (kinds.join() === this.#kinds.dataset.shown) return;
+    this.#kinds.dataset.shown = kinds.join();
+    this.#kinds.replaceChildren(this.#kinds.children[0], ...kinds.map((kind) => h("p", {}, kind)));
   }
 
   /** @param {NamedWorker} worker */

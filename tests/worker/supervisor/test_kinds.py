@@ -46,6 +46,7 @@ def remember(folder: Path, variant: str, **changed: object) -> None:
 def test_what_the_start_found_out_costs_nothing(kinds: Kinds) -> None:
     assert kinds.trouble("scalar_rgb") is None
     assert kinds.named("scalar_rgb").endswith("bits 0123456789ab)")
+    assert kinds.names() == (kinds.named("scalar_rgb"),)
 
 
 def test_another_variant_is_tested_once_for_all_workers_of_the_machine(
