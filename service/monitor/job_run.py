@@ -25,7 +25,8 @@ from plateau.service.judging.result_files import flaw_of
 from plateau.service.monitor import steps
 from plateau.service.monitor.decisions import last_step, next_step
 from plateau.service.monitor.denoising import oidn
-from plateau.service.monitor.denoising.process import Denoising, DenoisingFailed, TooLarge
+from plateau.service.monitor.denoising.process import Denoising, TooLarge
+from plateau.service.monitor.helper_process import NoAnswer
 from plateau.service.monitor.known import Answer, Known
 from plateau.service.monitor.look_ahead import Crew, LookAhead
 from plateau.service.monitor.result_sets import ResultSets
@@ -186,7 +187,7 @@ class JobRun:
             self._being_denoised = None
             try:
                 found = future.result()
-            except DenoisingFailed as failed:
+            except NoAnswer as failed:
                 self._denoising_failures += 1
                 _LOG.warning("the image of %d slices was not denoised: %s", slices, failed)
                 if self._denoising_failures >= MAX_TRIES and has_ended:

@@ -2,16 +2,12 @@
 
 import io
 import os
-import signal
-import subprocess
-import sys
-import threading
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Final
 
-from plateau.farm.process.lifecycle import die_with_parent, plain_environment
 from plateau.service.judging.denoised import Denoised, DenoisingTask
 from plateau.service.monitor.denoising import child
+from plateau.service.monitor.helper_process import HelperProcess
 
 #: Seconds that an image may take, and how many more for each pixel: some twenty times what two
 #: cores need.
@@ -27,10 +23,6 @@ def memory_bytes() -> int:
     return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
 
 
-class DenoisingFailed(Exception):
-    """The process did not answer; it may if it is asked again."""
-
-
 class TooLarge(Exception):
     """This machine has not the memory for the image."""
 
@@ -41,9 +33,7 @@ class Denoising:
     def __init__(self) -> None:
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="denoising")
         self._jobs: dict[Future[Denoised], str] = {}  # of the images that are not noted as done
-        self._lock = threading.Lock()
-        self._process: subprocess.Popen[bytes] | None = None
-        self._is_closed = False
+        self._process = HelperProcess(child.__name__)
 
     @property
     def is_busy(self) -> bool:
@@ -51,7 +41,7 @@ class Denoising:
         return bool(self._jobs)
 
     def start(self, job_id: str, task: DenoisingTask) -> "Future[Denoised]":
-        """Return the future image of a job; it fails with `DenoisingFailed`.
+        """Return the future image of a job; it fails with `NoAnswer`.
 
         Raises
         ------
@@ -77,38 +67,15 @@ class Denoising:
 
     def close(self) -> None:
         """End the process, if one runs, and start no other."""
-        with self._lock:
-            self._is_closed = True
-            if self._process is not None:
-                self._process.kill()
+        self._process.close()
         self._thread.shutdown(cancel_futures=True)
 
     def _run(self, task: DenoisingTask) -> Denoised:
         question = io.BytesIO()
         child.write(question, task.arrays())
         first_s, pixel_s = _DEADLINE_S
-        with self._lock:
-            if self._is_closed:
-                raise DenoisingFailed("the monitor stops")
-            process = self._process = subprocess.Popen(
-                [sys.executable, "-m", child.__name__],
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-                stderr=subprocess.PIPE,
-                env=plain_environment(),
-                preexec_fn=die_with_parent(signal.SIGKILL),
-                start_new_session=True,
-            )
-        try:
-            limit_s = first_s + pixel_s * task.image[..., 0].size
-            answer, words = process.communicate(question.getvalue(), limit_s)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.communicate()
-            raise DenoisingFailed(f"it took more than {limit_s:.0f} s") from None
-        finally:
-            self._process = None
-        if process.returncode:
-            said = words.decode(errors="replace").strip().rpartition("\n")[2]
-            raise DenoisingFailed(said or f"its process ended with status {process.returncode}")
+        answer = self._process.ask(
+            lambda stream: stream.write(question.getbuffer()),
+            first_s + pixel_s * task.image[..., 0].size,
+        )
         return Denoised.restored(child.read(io.BytesIO(answer)))

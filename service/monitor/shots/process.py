@@ -2,13 +2,10 @@
 
 import io
 import json
-import signal
-import subprocess
-import sys
-import threading
 import time
 from dataclasses import dataclass
-from typing import Any, Final
+from functools import partial
+from typing import IO, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,18 +14,14 @@ from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.ownership import Checkpoint
 from plateau.farm.model.errors import CorruptPartial
 from plateau.farm.model.spec import JobSpec
-from plateau.farm.process.lifecycle import die_with_parent, plain_environment
 from plateau.metric.cvvdp import mirrored
 from plateau.service.judging.checkpoints import stored_sums
+from plateau.service.monitor.helper_process import HelperProcess
 from plateau.service.monitor.shots import child
 
 #: Seconds that a look may take, and how many more for each pixel of each frame: some twenty times
 #: what a core needs.
 _DEADLINE_S: Final = (60.0, 1e-4)
-
-
-class LookFailed(Exception):
-    """The process did not answer; it may if it is asked again."""
 
 
 class FrameLost(Exception):
@@ -64,23 +57,18 @@ class Looking:
 
     def __init__(self, store: Blobs) -> None:
         self._blobs = store
-        self._lock = threading.Lock()
-        self._process: subprocess.Popen[bytes] | None = None
-        self._is_closed = False
+        self._process = HelperProcess(child.__name__)
 
     def close(self) -> None:
         """End the process, if one runs, and start no other."""
-        with self._lock:
-            self._is_closed = True
-            if self._process is not None:
-                self._process.kill()
+        self._process.close()
 
     def look(self, task: LookTask) -> Looked:
         """Look at the shot.
 
         Raises
         ------
-        LookFailed, FrameLost, BlobsUnavailable
+        NoAnswer, FrameLost, BlobsUnavailable
             It could not be looked at.
         """
         assert task.spec.shot is not None
@@ -88,55 +76,22 @@ class Looking:
         frames = len(task.spp)
         places = (*mirrored(task.spec.shot.fps, frames), *range(frames))
         limit_s = _DEADLINE_S[0] + _DEADLINE_S[1] * task.width * task.height * len(places)
-        with self._lock:
-            if self._is_closed:
-                raise LookFailed("the monitor stops")
-            process = self._process = subprocess.Popen(
-                [sys.executable, "-m", child.__name__],
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-                stderr=subprocess.PIPE,
-                env=plain_environment(),
-                preexec_fn=die_with_parent(signal.SIGKILL),
-                start_new_session=True,
-            )
-        deadline = threading.Timer(limit_s, process.kill)
-        deadline.start()
-        try:
-            self._feed(process, task, places)
-            answer, words = process.communicate()
-        except BaseException:
-            process.kill()
-            process.communicate()
-            raise
-        finally:
-            deadline.cancel()
-            self._process = None
-        if process.returncode:
-            said = words.decode(errors="replace").strip().rpartition("\n")[2]
-            raise LookFailed(said or f"its process ended with status {process.returncode}")
+        answer = self._process.ask(partial(self._write, task, places), limit_s)
         with np.load(io.BytesIO(answer), allow_pickle=False) as file:
             about, heat = json.loads(str(file["about"])), file["heat"]
         return Looked(about=about, heat=heat, seconds=time.monotonic() - started)
 
-    def _feed(
-        self, process: "subprocess.Popen[bytes]", task: LookTask, places: tuple[int, ...]
-    ) -> None:
-        assert process.stdin is not None
+    def _write(self, task: LookTask, places: tuple[int, ...], stream: IO[bytes]) -> None:
         about = {
             "spec": task.spec.model_dump(mode="json"),
             "width": task.width,
             "spp": task.spp,
             "slices": [checkpoint.slices for checkpoint in task.checkpoints],
         }
-        try:
-            child.write_part(process.stdin, json.dumps(about).encode())
-            for place in places:
-                try:
-                    sums = stored_sums(self._blobs, task.checkpoints[place])
-                except (FileNotFoundError, CorruptPartial) as error:
-                    raise FrameLost(place, error) from error
-                child.write_part(process.stdin, sums)
-            process.stdin.flush()
-        except BrokenPipeError:
-            pass  # its end says why
+        child.write_part(stream, json.dumps(about).encode())
+        for place in places:
+            try:
+                sums = stored_sums(self._blobs, task.checkpoints[place])
+            except (FileNotFoundError, CorruptPartial) as error:
+                raise FrameLost(place, error) from error
+            child.write_part(stream, sums)

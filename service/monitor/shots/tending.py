@@ -21,13 +21,8 @@ from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import MAX_TRIES, JobState
 from plateau.farm.redis.commands.shots import Over
 from plateau.metric import SAMPLES_PALETTE, heat_map
-from plateau.service.monitor.shots.process import (
-    FrameLost,
-    Looked,
-    LookFailed,
-    Looking,
-    LookTask,
-)
+from plateau.service.monitor.helper_process import NoAnswer
+from plateau.service.monitor.shots.process import FrameLost, Looked, Looking, LookTask
 
 _LOG = logging.getLogger(__name__)
 
@@ -167,7 +162,7 @@ class Tending:
             _LOG.warning("a shot waits to be judged: %s", error)
             self._put_off(record.id)
             return
-        except LookFailed as failed:
+        except NoAnswer as failed:
             self._failures[record.id] += 1
             _LOG.warning("a shot was not judged: %s", failed)
             if self._failures[record.id] >= MAX_TRIES:

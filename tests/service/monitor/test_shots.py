@@ -16,6 +16,7 @@ from plateau.farm.model.job import Job
 from plateau.farm.model.shot import ShotLook
 from plateau.farm.model.spec import BatchSpec
 from plateau.farm.model.states import JobState
+from plateau.service.monitor.helper_process import NoAnswer
 from plateau.service.monitor.shots import process, tending
 from tests.support.every_time import save_every_time
 from tests.support.invariants import check_job
@@ -204,7 +205,7 @@ def test_a_look_that_cannot_be_done_lets_the_frames_end_by_their_own_rules(
     farm: ShotFarm, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def fails(*_: object) -> None:
-        raise process.LookFailed("its process ended with status -9")
+        raise NoAnswer("its process ended with status -9")
 
     monkeypatch.setattr(process.Looking, "look", fails)
     monkeypatch.setattr(tending, "_AGAIN_S", 0.0)
