@@ -53,9 +53,10 @@ WRONG: tuple[Any, ...] = (
             "cuda",
             (
                 "must be auto, scalar_rgb, llvm_ad_rgb, cuda_ad_rgb, analytic:numpy, "
-                "scalar_spectral, scalar_spectral_polarized, llvm_ad_mono, llvm_ad_mono_polarized, "
-                "llvm_ad_spectral, llvm_ad_spectral_polarized, cuda_ad_mono, "
-                "cuda_ad_mono_polarized, cuda_ad_spectral or cuda_ad_spectral_polarized"
+                "cycles:cpu, scalar_spectral, scalar_spectral_polarized, llvm_ad_mono, "
+                "llvm_ad_mono_polarized, llvm_ad_spectral, llvm_ad_spectral_polarized, "
+                "cuda_ad_mono, cuda_ad_mono_polarized, cuda_ad_spectral or "
+                "cuda_ad_spectral_polarized"
             ),
         ),
         ("pool", "a b", input_errors.PATTERNS[PLACE]),
