@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from typing import IO, BinaryIO, cast
 
 from plateau.farm.bundle.limits import MIB, BundleError, BundleLimits
-from plateau.farm.bundle.placed import LIST_NAME, MOST_LIST_BYTES, Placed
+from plateau.farm.bundle.placed import LIST_NAME, MOST_LIST_BYTES, Placed, in_root
 from plateau.farm.bundle.tree import Bundle, Parts, is_absolute, leaves_upwards, parts_below
 
 #: The longest component of a name on every common file system.
@@ -92,10 +92,8 @@ class Archive(Bundle):
 
     def absolute(self, reference: str) -> Parts | None:
         """Return where ``{ROOT}/PATH`` leads; None for all else."""
-        for root in self.placed.roots if self.placed else ():
-            if reference == f"{{{root}}}" or reference.startswith(f"{{{root}}}/"):
-                return parts_below((root,), reference[len(root) + 2 :])
-        return None
+        found = in_root(reference, self.placed.roots) if self.placed else None
+        return None if found is None else parts_below((found[0],), found[1])
 
     @contextmanager
     def open(self, path: Parts) -> Iterator[IO[bytes]]:

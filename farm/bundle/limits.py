@@ -131,6 +131,10 @@ class BundleError(ValueError):
         self.file = file
         self.line = line
 
+    def to_tell(self) -> dict[str, str | int | None]:
+        """Return what `told` takes, for another process."""
+        return {"code": self.code, "message": str(self), "file": self.file, "line": self.line}
+
     @classmethod
     def told(cls, *, code: str, message: str, file: str | None, line: int | None) -> "BundleError":
         """An error that another process reported, with its message unchanged."""

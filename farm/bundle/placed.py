@@ -97,10 +97,16 @@ def with_paths(xml: bytes, roots: Iterable[str], folder: Path) -> bytes:
 
 def path_for(value: str, roots: Iterable[str], folder: Path) -> str:
     """Return a job parameter, likewise."""
+    found = in_root(value, roots)
+    return value if found is None else f"{folder / found[0]}{found[1]}"
+
+
+def in_root(value: str, roots: Iterable[str]) -> tuple[str, str] | None:
+    """Return the root of ``{ROOT}`` or ``{ROOT}/PATH``, and the rest with its slash; or None."""
     for name in roots:
         if value == f"{{{name}}}" or value.startswith(f"{{{name}}}/"):
-            return f"{folder / name}{value[len(name) + 2 :]}"
-    return value
+            return name, value[len(name) + 2 :]
+    return None
 
 
 def _value_that_begins(prefix: str, flags: str = "") -> bytes:

@@ -245,7 +245,7 @@ class JobRun:
         self._owners.append_point(self.owned, known.spp, self._point, decided)
         return known.with_point(decided, self._point["expected_spp"])
 
-    def _show_and_save(self, *, show: bool, save: bool) -> Known:
+    def _show_and_save(self, *, show: bool, save: bool, waits: FrameWait | None = None) -> Known:
         known = self._known
         if show:
             began_s = time.monotonic()
@@ -255,7 +255,7 @@ class JobRun:
                 known, shown_spp=known.spp, shown_at_s=now_s, shown_in_s=now_s - began_s
             )
         if save:
-            self._checkpoints.save(self._merge, self._judge)
+            self._checkpoints.save(self._merge, self._judge, waits)
             known = replace(known, saved=known.merged, saved_at_s=time.monotonic())
         return replace(known, answer=None)
 
@@ -263,20 +263,14 @@ class JobRun:
         """Show the image and save the sums, with which the frame waits for a look at its shot."""
         known, answer = self._known, self._known.answer
         assert answer is not None
-        if known.spp != known.shown_spp:
-            self._show(known)
         waits = FrameWait(
             spp=known.spp,
             stop=answer.stop,
             reason=answer.reason,
             numbers=answer.numbers,
         )
-        self._checkpoints.save(self._merge, self._judge, waits)
-        now_s = time.monotonic()
-        known = replace(
-            known, shown_spp=known.spp, shown_at_s=now_s, saved=known.merged, saved_at_s=now_s
-        )
-        return known.read_again(self._jobs.get(self.owned.job_id))
+        known = self._show_and_save(show=known.spp != known.shown_spp, save=True, waits=waits)
+        return replace(known, answer=answer).read_again(self._jobs.get(self.owned.job_id))
 
     def _show(self, known: Known, denoised: Denoised | None = None) -> None:
         is_point = known.plan.is_point(known.merged)

@@ -94,12 +94,7 @@ def _answer(upload: BinaryIO, question: dict[str, Any]) -> dict[str, Any]:
             if time.process_time() - used_s > turn_s:
                 break
     except BundleError as error:
-        answer["error"] = {
-            "code": error.code,
-            "message": str(error),
-            "file": error.file,
-            "line": error.line,
-        }
+        answer["error"] = error.to_tell()
     except MemoryError:
         answer["out_of_memory"] = True
     answer["cpu_s"] = time.process_time() - used_s

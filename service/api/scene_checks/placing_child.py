@@ -42,12 +42,7 @@ def main() -> None:
         with os.fdopen(int(sys.argv[1]), "wb") as target:
             write_placed(found, roots, FileHashes(Path(question["hashes"])), target)
     except BundleError as error:
-        answer["error"] = {
-            "code": error.code,
-            "message": str(error),
-            "file": error.file,
-            "line": error.line,
-        }
+        answer["error"] = error.to_tell()
     except OSError as error:
         answer["unreadable"] = str(error)
     json.dump(answer, sys.stdout)
