@@ -120,7 +120,8 @@ def _tests_of_disks(others: Set[int]) -> list[psutil.Process]:
         if one.pid in others:
             continue
         try:
-            if "plateau.farm.process.disk_probe" in one.cmdline():
+            command = one.cmdline()  # empty for one that is about to be a zombie
+            if not command or "plateau.farm.process.disk_probe" in command:
                 found.append(one)
         except psutil.ZombieProcess:
             found.append(one)
