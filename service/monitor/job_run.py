@@ -3,7 +3,6 @@
 import logging
 import time
 from collections import deque
-from concurrent.futures import Future
 from dataclasses import replace
 from typing import Any
 
@@ -16,17 +15,16 @@ from plateau.farm.ledger.totals import MonitorWork
 from plateau.farm.model.errors import FenceLost, IllegalTransition
 from plateau.farm.model.rounds import Round
 from plateau.farm.model.shot import FrameWait
-from plateau.farm.model.states import MAX_TRIES, JobState
+from plateau.farm.model.states import JobState
 from plateau.service.judging.checkpoints import Checkpoints
-from plateau.service.judging.denoised import Denoised, DenoisingTask
+from plateau.service.judging.denoised import Denoised
 from plateau.service.judging.films import Films
 from plateau.service.judging.judge import Judge
 from plateau.service.judging.result_files import flaw_of
 from plateau.service.monitor import steps
 from plateau.service.monitor.decisions import last_step, next_step
-from plateau.service.monitor.denoising import oidn
-from plateau.service.monitor.denoising.process import Denoising, TooLarge
-from plateau.service.monitor.helper_process import NoAnswer
+from plateau.service.monitor.denoising.job_image import JobImage
+from plateau.service.monitor.denoising.process import Denoising
 from plateau.service.monitor.known import Answer, Known
 from plateau.service.monitor.look_ahead import Crew, LookAhead
 from plateau.service.monitor.result_sets import ResultSets
@@ -57,13 +55,8 @@ class JobRun:
         self._owners = owners
         self._blobs = store
         self._work = work
-        self._denoising = denoising
         job = jobs.get(owned.job_id)
-        if job.spec.is_denoised and not oidn.is_installed():
-            raise ValueError(oidn.MISSING)
-        self._being_denoised: tuple[int, Future[Denoised]] | None = None  # and of how many slices
-        self._denoised: tuple[int, Denoised | None] = 0, None  # the last one, and of how many
-        self._denoising_failures = 0  # one after the other
+        self._image = JobImage(job.id, is_denoised=job.spec.is_denoised, denoising=denoising)
         self._judge = Judge(job.spec)
         self._point: dict[str, Any] = {}  # the last judgement's
         self._in_hand: deque[SliceRecord] = deque()  # committed and not yet merged
@@ -120,7 +113,8 @@ class JobRun:
             case steps.MergeSlice():
                 return self._merge_slice()
             case steps.DenoiseImage():
-                is_done, found = self._denoise(), self._denoised_image()
+                is_done = self._image.denoise(self._merge, self._judge, known)
+                found = self._image.of(self._merge)
                 is_draft = found is not None and found.is_draft
                 return known.with_denoised(is_done=is_done, is_draft=is_draft)
             case steps.JudgeImage():
@@ -168,63 +162,10 @@ class JobRun:
         self._checkpoints.note(record.blob)
         return self._known.with_slice_merged()
 
-    def _denoise(self) -> bool:
-        """Return whether the merged image is denoised; have it denoised unless it is by now.
-
-        Where a draft will do, it is one, unless the rule may end the job by it. An ended job whose
-        image cannot be denoised has it as it is.
-
-        Raises
-        ------
-        ValueError
-            It could not be denoised several times or is too large, and the job has not ended.
-        """
-        slices, has_ended = self._merge.slices, self._known.job.state.ended
-        if self._being_denoised is not None and self._being_denoised[0] == slices:
-            future = self._being_denoised[1]
-            if not future.done():
-                return False
-            self._being_denoised = None
-            try:
-                found = future.result()
-            except NoAnswer as failed:
-                self._denoising_failures += 1
-                _LOG.warning("the image of %d slices was not denoised: %s", slices, failed)
-                if self._denoising_failures >= MAX_TRIES and has_ended:
-                    self._denoised = slices, None
-                    return True
-                if self._denoising_failures >= MAX_TRIES:
-                    raise ValueError(f"the image cannot be denoised: {failed}") from failed
-            else:
-                self._denoising_failures = 0
-                self._denoised = slices, found
-                if not found.is_draft or not self._judge.may_end(self._merge, found):
-                    return True
-        known = self._known
-        task = DenoisingTask.of(
-            self._merge,
-            known.job.spec,
-            is_point=known.plan.is_point(slices),
-            is_draft=known.may_be_drafted and self._denoised[0] != slices,
-        )
-        try:
-            self._being_denoised = slices, self._denoising.start(self.owned.job_id, task)
-        except TooLarge as too_large:
-            _LOG.warning("%s", too_large)
-            if not has_ended:
-                raise ValueError(f"the image cannot be denoised: {too_large}") from too_large
-        return self._being_denoised is None
-
-    def _denoised_image(self) -> Denoised | None:
-        """The merged image denoised, if it is."""
-        slices, denoised = self._denoised
-        return denoised if slices == self._merge.slices else None
-
     def _judge_image(self) -> Known:
         with self._work.evaluations.timed():
-            judgement = self._judge.judge(
-                self._merge, self._known.plan, denoised=self._denoised_image()
-            )
+            denoised = self._image.of(self._merge)
+            judgement = self._judge.judge(self._merge, self._known.plan, denoised=denoised)
         self._point, self._decided = judgement.point, judgement.decided
         verdict = judgement.verdict
         return self._known.with_answer(
@@ -249,7 +190,7 @@ class JobRun:
         known = self._known
         if show:
             began_s = time.monotonic()
-            self._show(known, self._denoised_image())
+            self._show(known, self._image.of(self._merge))
             now_s = time.monotonic()
             known = self._known = replace(
                 known, shown_spp=known.spp, shown_at_s=now_s, shown_in_s=now_s - began_s
@@ -312,7 +253,7 @@ class JobRun:
             self._known.job,
             self._merge,
             self._judge,
-            self._denoised_image(),
+            self._image.of(self._merge),
             state=state,
             reason=reason,
         )
