@@ -5,8 +5,9 @@ import os
 import sqlite3
 import stat
 import time
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 from typing import Final
 
@@ -77,23 +78,23 @@ class FileHashes:
         return Content(status.st_size, sha256)
 
     def _known(self, path: Path, state: str) -> str | None:
-        found = self._open.execute(
-            "SELECT sha256 FROM hashes WHERE path = ? AND state = ?", (str(path), state)
-        ).fetchone()
+        with self._opened() as table:
+            found = table.execute(
+                "SELECT sha256 FROM hashes WHERE path = ? AND state = ?", (str(path), state)
+            ).fetchone()
         return None if found is None else str(found[0])
 
     def _remember(self, path: Path, state: str, sha256: str) -> None:
         row = (str(path), state, sha256)
-        with self._open as transaction:
-            transaction.execute("INSERT OR REPLACE INTO hashes VALUES (?, ?, ?)", row)
+        with self._opened() as table, table:
+            table.execute("INSERT OR REPLACE INTO hashes VALUES (?, ?, ?)", row)
 
-    @cached_property
-    def _open(self) -> sqlite3.Connection:
+    @contextmanager
+    def _opened(self) -> Iterator[sqlite3.Connection]:
         self._table.parent.mkdir(parents=True, exist_ok=True)
-        # Made in one thread and used in another: a worker's.
-        table = sqlite3.connect(self._table, timeout=_WAIT_S, check_same_thread=False)
-        table.execute(_TABLE)
-        return table
+        with closing(sqlite3.connect(self._table, timeout=_WAIT_S)) as table:
+            table.execute(_TABLE)
+            yield table
 
 
 def _state(status: os.stat_result) -> str:

@@ -15,6 +15,7 @@ from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.model.spec import JobSpec
 from plateau.farm.model.states import JobState
 from tests.plateau.cli.test_cli import plateau as command
+from tests.support.movies import pictures
 from tests.support.staged_job import StagedJob
 
 
@@ -52,9 +53,7 @@ def shot(client: redis.Redis, store: Blobs, plateau: Client) -> Shot:
 def greys(path: Path) -> list[int]:
     """How bright the pictures of a movie are, in tens."""
     with av.open(str(path)) as movie:
-        return [
-            round(frame.to_ndarray(format="gray").mean() / 10) for frame in movie.decode(video=0)
-        ]
+        return [round(picture.mean() / 10) for picture in pictures(movie, "gray")]
 
 
 def test_a_movie_plays_the_frames_by_their_numbers(shot: Shot, tmp_path: Path) -> None:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from plateau.errors import CommandFailed
 from plateau.files.movie import SUFFIXES, write_movie
+from tests.support.movies import pictures
 
 
 def ramps(count: int = 5, height: int = 47, width: int = 63) -> Iterator[NDArray[np.uint8]]:
@@ -32,7 +33,7 @@ def test_a_movie_shows_the_pictures_in_their_colours(tmp_path: Path, suffix: str
     with av.open(str(path)) as movie:
         (stream,) = movie.streams
         assert stream.average_rate == rate
-        shown = [frame.to_ndarray(format="rgb24").astype(int) for frame in movie.decode(stream)]
+        shown = [picture.astype(int) for picture in pictures(movie, "rgb24")]
     for frame, picture in zip(shown, ramps(), strict=True):
         assert frame.shape == (48, 64, 3)  # H.264 and VP9 halve the sides of colour
         # A wrong matrix or range of colours would differ by ten and more
