@@ -9,24 +9,26 @@ the first frame come those that follow it, mirrored, as noise would otherwise st
 
 from __future__ import annotations
 
+from collections import defaultdict
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from plateau.metric.cvvdp import Quality, mirrored, video_jod
-from plateau.metric.cvvdp.video import temporal_filters
+from plateau.metric.cvvdp.video import Video, temporal_filters
 from plateau.metric.display import displayed
+from plateau.metric.noise_model import NoiseModel
 from plateau.metric.quality import BEST_JOD, FIRST_POWER, MODEL_ERROR
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from numpy.typing import NDArray
 
+    from plateau.metric.blend import BlendError
     from plateau.metric.cvvdp import ColorVideoVDP
     from plateau.metric.display import Plane, View
-    from plateau.metric.noise_model import NoiseModel
 
 #: A frame is seen at a moment if it has this share of the weight of the frame that has the most.
 _SEEN = 0.5
@@ -57,7 +59,7 @@ class ShotQuality:
 def shot_quality(
     eye: ColorVideoVDP,
     fps: float,
-    models: Sequence[NoiseModel],
+    models: Sequence[NoiseModel | BlendError],
     *,
     view: View | None = None,
     heat: bool = False,
@@ -71,10 +73,11 @@ def shot_quality(
     fps
         Frames per second, from 1 to 480.
     models
-        The noise model of each frame, in order. A sequence that makes its items when asked has one
-        in memory at a time. The same halves of the slices have to make the noise of all frames, so
-        that it is as alike from frame to frame as the shot's. Pixels that are not finite count as
-        equal.
+        The noise model of each frame, in order; of a denoised frame the error of its blend, whose
+        greatest counts for what the shot surely has. A sequence that makes its items when asked has
+        one in memory at a time. The same halves of the slices have to make the noise of all frames,
+        so that it is as alike from frame to frame as the shot's. Pixels that are not finite count
+        as equal.
     view
         As the frames are displayed; by default they are as the display shows them.
     heat
@@ -103,44 +106,65 @@ def shot_quality(
     """
     if not models:
         raise ValueError("a shot without frames has no quality")
-    clean, *noisy = (eye.video(fps) for _ in range(3))
+    clean, noisy = eye.video(fps), defaultdict[_Side, Video](lambda: eye.video(fps))
     before = mirrored(fps, len(models))
-    sides: tuple[list[Quality], list[Quality]] = [], []
+    seen = defaultdict[_Side, list[Quality]](list)
     total: Plane | None = None
     for number, place in enumerate((*before, *range(len(models)))):
-        model = models[place]
-        image = model.clean
+        sides = _sides(models[place])
+        image = next(iter(sides.values())).clean
         reference = clean.percept(image if view is None else displayed(image, view))
-        is_shown = number >= len(before)
-        for amount, video, qualities in zip((1.0, -1.0), noisy, sides, strict=True):
-            image = model.finite_noisy(amount)
-            percept = video.percept(image if view is None else displayed(image, view))
-            if not is_shown:
+        for side, model in sides.items():
+            image = model.finite_noisy(side.amount)
+            percept = noisy[side].percept(image if view is None else displayed(image, view))
+            if number < len(before):
                 continue
-            quality = eye.compare(reference, percept, heat=heat)
+            quality = eye.compare(reference, percept, heat=heat and not side.is_greatest)
             if quality.heat is not None:
                 total = quality.heat if total is None else total + quality.heat
-            qualities.append(Quality(quality.jod, quality.differences, None))
-    jods = [video_jod(side) for side in sides]
-    pairs = [(up.jod, down.jod) for up, down in zip(*sides, strict=True)]
-    pairs = [pairs[moment] for moment in _whole_moments(len(before), len(pairs))]
+            seen[side].append(Quality(quality.jod, quality.differences, None))
+    jods = {side: video_jod(qualities) for side, qualities in seen.items()}
+    moments = [
+        {side: qualities[moment].jod for side, qualities in seen.items()}
+        for moment in _whole_moments(len(before), len(models))
+    ]
     return ShotQuality(
-        jod=sum(jods) / 2,
-        low_jod=_at_least(min(jods)),
-        frames=tuple(sum(pair) / 2 for pair in pairs),
-        low_frames=tuple(_at_least(min(pair)) for pair in pairs),
-        heat=None if total is None else total / np.float32(2 * len(pairs)),
+        jod=_likely(jods),
+        low_jod=_at_least(jods),
+        frames=tuple(map(_likely, moments)),
+        low_frames=tuple(map(_at_least, moments)),
+        heat=None if total is None else total / np.float32(2 * len(models)),
     )
+
+
+class _Side(NamedTuple):
+    """A video that is compared with that of all T."""
+
+    is_greatest: bool  #: whether its noise is the greatest that is possible, or what is likely
+    amount: float  #: 1 for T + N, -1 for T - N
+
+
+def _sides(found: NoiseModel | BlendError) -> dict[_Side, NoiseModel]:
+    models = (found,) if isinstance(found, NoiseModel) else (found.likely, found.greatest)
+    return {
+        _Side(is_greatest, amount): model
+        for is_greatest, model in zip((False, True), models, strict=False)
+        for amount in (1.0, -1.0)
+    }
+
+
+def _likely(jods: Mapping[_Side, float]) -> float:
+    return sum(jod for side, jod in jods.items() if not side.is_greatest) / 2
+
+
+def _at_least(jods: Mapping[_Side, float]) -> float:
+    return BEST_JOD - (BEST_JOD - min(jods.values())) * (1 + MODEL_ERROR)
 
 
 def _whole_moments(before: int, frames: int) -> list[int]:
     """Return for each moment itself, or the first one of which the eye has no mirrored frame."""
     first = before if frames > before else 0
     return [max(moment, first) for moment in range(frames)]
-
-
-def _at_least(jod: float) -> float:
-    return BEST_JOD - (BEST_JOD - jod) * (1 + MODEL_ERROR)
 
 
 def frame_weights(fps: float, frames: int) -> NDArray[np.float64]:

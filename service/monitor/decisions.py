@@ -140,6 +140,16 @@ OPEN: Final = (
     ),
     Row("it waits for that look", lambda known: known.is_held, Wait()),
     Row(
+        "the image with which it ends is being denoised",
+        lambda known: known.answer is not None and known.is_being_denoised,
+        Wait(),
+    ),
+    Row(
+        "a look has let it end, whose sums alone were kept meanwhile",
+        lambda known: known.would_end and known.may_end and known.is_to_be_denoised,
+        DenoiseImage(),
+    ),
+    Row(
         "the rule is satisfied, by more than the samples of the job that this one continues",
         lambda known: known.is_satisfied and known.may_end and not _is_short(known),
         _converge,
@@ -233,9 +243,11 @@ OPEN: Final = (
 
 def _conclude(known: Known) -> Step:
     image: FinalImage = "merged" if known.merged else "shown" if known.is_seen else "none"
-    lost = f"the image has {known.spp} spp: a slice was lost after the job had ended"
-    notes = (*known.job.notes, lost) if known.lost else known.job.notes
-    return ConcludeJob(image, known.spp if known.merged else known.job.spp, notes)
+    spp, notes = known.spp if known.merged else known.job.spp, known.job.notes
+    if known.lost or spp < known.job.spp:
+        when = "after the job had ended" if known.lost else "and not rendered again before the end"
+        notes = (*notes, f"the image has {spp} spp: a slice was lost {when}")
+    return ConcludeJob(image, spp, notes)
 
 
 ENDED: Final = (

@@ -106,10 +106,15 @@ class Known:
         return self.answer is not None and self.answer.stop and is_new
 
     @property
+    def would_end(self) -> bool:
+        """Whether the merged image would be the last, as far as the job alone is concerned."""
+        return self.answer is not None and (self.is_satisfied or self.at_cap)
+
+    @property
     def is_held(self) -> bool:
         """Whether the merged image would be the last, and its shot is to be looked at before."""
         frame = self.job.in_shot
-        if frame is None or self.answer is None or not (self.is_satisfied or self.at_cap):
+        if frame is None or not self.would_end:
             return False
         return not self.may_end and not frame.must_go_on(self.spp)
 

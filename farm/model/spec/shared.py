@@ -218,10 +218,6 @@ class SharedSpec(Strict):
                 "zones have samples where a still shows noise, and not where a shot does: choose "
                 "the allocation frame, or no shot"
             )
-        if self.is_denoised:
-            raise ValueError(
-                "a shot of denoised frames cannot be judged yet: denoise none, or no shot"
-            )
 
     @property
     def by_zones(self) -> bool:

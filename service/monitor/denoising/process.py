@@ -9,9 +9,10 @@ from plateau.service.judging.denoised import Denoised, DenoisingTask
 from plateau.service.monitor.denoising import child
 from plateau.service.monitor.helper_process import HelperProcess
 
-#: Seconds that an image may take, and how many more for each pixel: some twenty times what two
-#: cores need.
-_DEADLINE_S: Final = (60.0, 2e-4)
+#: Seconds that an image may take for each pixel: some twenty times what two cores need.
+PIXEL_S: Final = 2e-4
+#: And those that it may take beside.
+_START_S: Final = 60.0
 #: Bytes of memory that the process takes, and those for each pixel.
 _MEMORY: Final = (7e7, 430.0)
 #: Those of the network for each pixel, and where it begins to denoise in tiles.
@@ -73,9 +74,6 @@ class Denoising:
     def _run(self, task: DenoisingTask) -> Denoised:
         question = io.BytesIO()
         child.write(question, task.arrays())
-        first_s, pixel_s = _DEADLINE_S
-        answer = self._process.ask(
-            lambda stream: stream.write(question.getbuffer()),
-            first_s + pixel_s * task.image[..., 0].size,
-        )
+        limit_s = _START_S + PIXEL_S * task.image[..., 0].size
+        answer = self._process.ask(lambda stream: stream.write(question.getbuffer()), limit_s)
         return Denoised.restored(child.read(io.BytesIO(answer)))

@@ -14,13 +14,15 @@ from typing import IO, Any, Final
 import numpy as np
 
 from plateau.farm.model.spec import JobSpec, stored_spec
-from plateau.metric import Half, View
+from plateau.metric import BlendError, Half, View
 from plateau.metric.compiled import CompiledVisibleDifferences
 from plateau.metric.cvvdp import ColorVideoVDP
 from plateau.metric.noise_model import NoiseModel, noise_model
 from plateau.metric.quality import display_of
 from plateau.metric.shots import frame_weights, samples_needed, shot_quality
 from plateau.service.judging.checkpoints import unpacked_sums
+from plateau.service.judging.denoised import DenoisingTask
+from plateau.service.monitor.denoising.child import denoised
 
 #: Below the monitor, as a worker's renderer is.
 _NICENESS: Final = 10
@@ -58,8 +60,8 @@ def main() -> None:
     sys.stdout.buffer.flush()
 
 
-class _Frames(Sequence["NoiseModel"]):
-    """The noise models of the frames, each read when its turn comes: one is in memory."""
+class _Frames(Sequence["NoiseModel | BlendError"]):
+    """The errors of the frames as they are delivered, each read when its turn comes."""
 
     def __init__(self, stream: IO[bytes], spec: JobSpec, view: View, slices: list[int]) -> None:
         self._stream, self._spec, self._slices = stream, spec, slices
@@ -70,6 +72,9 @@ class _Frames(Sequence["NoiseModel"]):
 
     def __getitem__(self, place: Any) -> Any:
         merge, _ = unpacked_sums(_read_part(self._stream), self._slices[place], self._spec)
+        if self._spec.is_denoised:
+            task = DenoisingTask.of(merge, self._spec, is_point=False, is_draft=False)
+            return denoised(task).error
         halves = merge.halves()
         assert halves is not None  # a frame of one slice is not looked at
         return noise_model(self._metric, merge.image(), (Half(*halves[0]), Half(*halves[1])))

@@ -16,6 +16,7 @@ from plateau.farm.model.errors import CorruptPartial
 from plateau.farm.model.spec import JobSpec
 from plateau.metric.cvvdp import mirrored
 from plateau.service.judging.checkpoints import stored_sums
+from plateau.service.monitor.denoising.process import PIXEL_S
 from plateau.service.monitor.helper_process import HelperProcess
 from plateau.service.monitor.shots import child
 
@@ -75,7 +76,10 @@ class Looking:
         started = time.monotonic()
         frames = len(task.spp)
         places = (*mirrored(task.spec.shot.fps, frames), *range(frames))
-        limit_s = _DEADLINE_S[0] + _DEADLINE_S[1] * task.width * task.height * len(places)
+        first_s, pixel_s = _DEADLINE_S
+        if task.spec.is_denoised:
+            pixel_s += PIXEL_S
+        limit_s = first_s + pixel_s * task.width * task.height * len(places)
         answer = self._process.ask(partial(self._write, task, places), limit_s)
         with np.load(io.BytesIO(answer), allow_pickle=False) as file:
             about, heat = json.loads(str(file["about"])), file["heat"]

@@ -305,11 +305,6 @@ class TestAShot:
                 "choose the allocation frame",
             ),
             (
-                frames(16, 16, shot={"fps": 24}, denoise={"name": "oidn"}),
-                "spec",
-                "denoise none",
-            ),
-            (
                 {"parameters": {"w": 16}, "shot": {"fps": 24}},
                 "spec.shot",
                 "give `parameters` as a list",

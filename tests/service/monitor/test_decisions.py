@@ -75,6 +75,13 @@ ASKED = {"spp": 100, "needs_spp": 200, "good": True, "words": "the shot is noisy
 MAY_END = {"spp": 100, "needs_spp": None, "good": True, "words": "the shot is good"}
 WAITS = {"spp": 100, "stop": True, "reason": "levelled off", "numbers": {}}
 
+#: One that may end, of which another monitor has the sums with which it waited, and no more.
+RESTORED = replace(
+    RECORDED,
+    answer=STOP,
+    job=frame({"denoise": {"name": "oidn"}}, waits=WAITS, answer=MAY_END),
+)
+
 #: A job whose image is denoised.
 DENOISED = known(job=made_job(spec={"denoise": {"name": "oidn"}}), merged=4)
 
@@ -128,6 +135,13 @@ CASES: list[tuple[Known, steps.Step]] = [
             None,
             True,
         ),
+    ),
+    # Its image is denoised anew by a monitor that has read its sums
+    (RESTORED, steps.DenoiseImage()),
+    (replace(RESTORED, is_being_denoised=True), steps.Wait()),
+    (
+        replace(RESTORED, denoised=RECORDED.merged),
+        steps.EndJob(JobState.CONVERGED, "levelled off; the shot is good", {"slope": 0.0}, True),
     ),
     # The job that this one continues had been stopped there already
     (
@@ -252,6 +266,15 @@ CASES: list[tuple[Known, steps.Step]] = [
         ended(ledger=READ, merged=3, lost=True, concluded=False),
         steps.ConcludeJob(
             "merged", 75, ("the image has 75 spp: a slice was lost after the job had ended",)
+        ),
+    ),
+    # Its curve goes farther, and the slice that was lost is rendered no more
+    (
+        ended(ledger=READ, merged=3, spp=100, concluded=False),
+        steps.ConcludeJob(
+            "merged",
+            75,
+            ("the image has 75 spp: a slice was lost and not rendered again before the end",),
         ),
     ),
     (ended(ledger=READ, merged=3, concluded=True), steps.ShowAndSave(False, True)),

@@ -9,7 +9,7 @@ import pytest
 import redis
 
 from plateau.farm.blobs import store as blobs
-from plateau.farm.images.exr import Pixels, decode_image
+from plateau.farm.images.exr import Pixels, decode_image, decode_layers
 from plateau.farm.ledger.queue import Lease
 from plateau.farm.ledger.shots import ShotRecord, Shots, summary
 from plateau.farm.model.job import Job
@@ -34,6 +34,8 @@ SHOT = {
 FRAMES, NOISY = 14, 4
 #: Of a target that the first image meets.
 EASY = {"fps": 24, "target": 2}
+#: Of one that takes more samples.
+GOOD = {"fps": 24, "target": 9.9}
 
 
 class ShotFarm(NoiseFarm):
@@ -141,6 +143,37 @@ def test_the_noisy_frame_gets_samples_until_each_moment_is_good(
         images = (farm.picture(one, "image.exr") for one in (job, farm.jobs.get(frame)))
         assert len(set(map(pixels, images))) == 1
         check_job(farm.jobs, farm.store, farm.jobs._redis, frame)
+
+
+def test_denoised_frames_are_judged_as_they_are_delivered(
+    farm: ShotFarm, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # Given a shot, and the same one denoised
+    raw = farm.submit_shot(5, shot=GOOD, max_spp=40)
+    farm.finish_shot()
+    asked: dict[str, object] = {"shot": GOOD, "denoise": {"name": "oidn", "guides": False}}
+    frames = farm.submit_shot(5, **asked)
+    done = farm.finish_shot()
+    # Then it shows less noise at the same spp, and ends once each moment of it is good
+    noisy, first, *_, last = *farm.shots.looks(raw[0]), *farm.shots.looks(frames[0])
+    assert noisy.spp == first.spp
+    assert noisy.jod < first.jod < last.jod
+    assert min(last.low_frames) >= 9.9 > min(first.low_frames)
+    assert {job.state for job in done} == {JobState.CONVERGED}
+    for job in done:
+        check_job(farm.jobs, farm.store, farm.jobs._redis, job.id)
+        assert "denoised.weight" in decode_layers(farm.picture(job, "image.exr"))
+
+    # Again, by monitors that come and go: the same is seen, and delivered
+    save_every_time(monkeypatch)
+    again = farm.submit_shot(5, **asked)
+    finish_by_monitors_that_come_and_go(farm)
+    assert list(map(seen, farm.shots.looks(again[0]))) == list(
+        map(seen, farm.shots.looks(frames[0]))
+    )
+    for job, frame in zip(done, again, strict=True):
+        images = (farm.picture(one, "image.exr") for one in (job, farm.jobs.get(frame)))
+        assert len(set(map(pixels, images))) == 1
 
 
 def pixels(image: bytes) -> bytes:
