@@ -35,14 +35,14 @@ if TYPE_CHECKING:
     from plateau.metric.noise_model import NoiseModel
 
 #: 256 pixels over 45°, as a job's view is by default, and on a desk.
-_EYES = {
+EYES = {
     "wall": Display(5.4, 100, 0.1, 64, transfer="relative"),
     "desk": replace(DISPLAYS["standard_fhd"], transfer="relative"),
 }
 _SEEDS = {"own": "seeds of its own", "same": "the same seeds"}
 _SLICES = (2, shot_child.SLICES)
 _REFERENCE_SPP = shot_child.REFERENCE_PASSES * shot_child.REFERENCE_SPP
-_TRUE, _ESTIMATED, _ALONE = "true", "estimated", "frames alone"
+TRUE, ESTIMATED, ALONE = "true", "estimated", "frames alone"
 _FIRST, _LAST = "estimated, first frame", "estimated, last frame"
 _NOTES = [
     f"References have {_REFERENCE_SPP} spp and other seeds; their own noise is part of the truth.",
@@ -65,9 +65,9 @@ def main() -> None:
         )
         for seeds in _SEEDS:
             for slices in _SLICES:
-                frames = _Frames(folder, asked.frames, seeds, slices)
-                for view, display in _EYES.items():
-                    for what, jod in _qualities(ColorVideoVDP(display), frames).items():
+                frames = Frames(folder, asked.frames, seeds, slices)
+                for view, display in EYES.items():
+                    for what, jod in qualities(ColorVideoVDP(display), frames).items():
                         name = _name(view, shot, slices, seeds, what)
                         figures.append(Figure(name=name, value=round(jod, 3), unit="JOD"))
     settings = {"frames": asked.frames, "fps": shot_child.FPS}
@@ -75,7 +75,7 @@ def main() -> None:
     markdown.fill(markdown.DOCS / "animation.md", tables(report))
 
 
-class _Frames(Sequence["NoiseModel"]):
+class Frames(Sequence["NoiseModel"]):
     """The noise models of a shot's frames at so many slices, one in memory at a time."""
 
     def __init__(self, folder: Path, count: int, seeds: str, slices: int) -> None:
@@ -87,11 +87,14 @@ class _Frames(Sequence["NoiseModel"]):
         return len(self._files)
 
     def __getitem__(self, frame: Any) -> Any:
+        return noise_model(self._metric, self.pair(frame)[1], self.halves(frame))
+
+    def halves(self, frame: int) -> tuple[Half, Half]:
+        """Return the halves of a frame's slices."""
         with np.load(self._files[frame]) as images:
             slices = self._some(images)
         spp = shot_child.SLICE_SPP * self._slices // 2
-        even, odd = (Half(half.mean(axis=0), spp) for half in (slices[::2], slices[1::2]))
-        return noise_model(self._metric, slices.mean(axis=0), (even, odd))
+        return Half(slices[::2].mean(axis=0), spp), Half(slices[1::2].mean(axis=0), spp)
 
     def pair(self, frame: int) -> tuple[Image, Image]:
         """Return a frame's reference and its image."""
@@ -103,7 +106,7 @@ class _Frames(Sequence["NoiseModel"]):
         return slices
 
 
-def _qualities(eye: ColorVideoVDP, frames: _Frames) -> dict[str, float]:
+def qualities(eye: ColorVideoVDP, frames: Frames) -> dict[str, float]:
     """Return the quality of a shot in JOD: the truth, the estimate, and that of frames alone."""
     reference, test = eye.video(shot_child.FPS), eye.video(shot_child.FPS)
     seen, alone = [], []
@@ -115,9 +118,9 @@ def _qualities(eye: ColorVideoVDP, frames: _Frames) -> dict[str, float]:
     seen, alone = seen[len(before) :], alone[len(before) :]
     estimate = shot_quality(eye, shot_child.FPS, frames)
     return {
-        _TRUE: video_jod(seen),
-        _ESTIMATED: estimate.jod,
-        _ALONE: float(np.mean(alone)),
+        TRUE: video_jod(seen),
+        ESTIMATED: estimate.jod,
+        ALONE: float(np.mean(alone)),
         _FIRST: estimate.frames[0],
         _LAST: estimate.frames[-1],
     }
@@ -131,12 +134,12 @@ def tables(report: dict[str, Any]) -> dict[str, str]:
     """Return the table by the name of its place in the document."""
     found = {one["name"]: one["value"] for one in report["figures"]}
     rows = []
-    for view in _EYES:
+    for view in EYES:
         for shot in shot_child.SHOTS:
             jods = {
                 (seeds, what, slices): found[_name(view, shot, slices, seeds, what)]
                 for seeds in _SEEDS
-                for what in (_TRUE, _ESTIMATED, _ALONE)
+                for what in (TRUE, ESTIMATED, ALONE)
                 for slices in _SLICES
             }
             rows += [[view, shot, *_row(jods, slices)] for slices in _SLICES]
@@ -154,12 +157,12 @@ def _row(jods: dict[tuple[str, str, int], float], slices: int) -> list[str]:
     seeds of its own. What is lost falls as a power of the samples.
     """
     lost = {key: 10 - jod for key, jod in jods.items()}
-    few, many = (lost["own", _TRUE, some] for some in _SLICES)
+    few, many = (lost["own", TRUE, some] for some in _SLICES)
     power = math.log(few / many) / math.log(_SLICES[1] / _SLICES[0])
-    own, same = (lost[seeds, _TRUE, slices] for seeds in _SEEDS)
-    shown = [f"{jods['own', _ALONE, slices]:.2f}"]
-    for seeds, times in (("own", own / lost["own", _ALONE, slices]), ("same", same / own)):
-        shown += [f"{jods[seeds, what, slices]:.2f}" for what in (_TRUE, _ESTIMATED)]
+    own, same = (lost[seeds, TRUE, slices] for seeds in _SEEDS)
+    shown = [f"{jods['own', ALONE, slices]:.2f}"]
+    for seeds, times in (("own", own / lost["own", ALONE, slices]), ("same", same / own)):
+        shown += [f"{jods[seeds, what, slices]:.2f}" for what in (TRUE, ESTIMATED)]
         shown += [f"×{times ** (1 / power):.1f}"]
     return [str(slices * shot_child.SLICE_SPP), *shown]
 

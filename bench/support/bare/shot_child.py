@@ -3,7 +3,7 @@
 `python -m bench.support.bare.shot_child SHOT FRAMES FOLDER` writes FOLDER/FRAME.npz for each frame
 that is not there yet: slices of a few spp, (slices, H, W, 3) float32, with seeds of their own and
 with those of every other frame; and an independent reference. With a fourth argument it writes so
-many slices with seeds of their own, and nothing else.
+many slices with seeds of their own alone, and with a fifth a reference of so many long passes.
 """
 
 from __future__ import annotations
@@ -23,13 +23,16 @@ REFERENCE_PASSES, REFERENCE_SPP = 4, 128
 SHOTS = ("camera", "object", "light")
 #: A board slides below the lamp, so that the last frames are noisier.
 UNEVEN = "board"
+#: Of one pass of a deep reference.
+DEEP_SPP = 256
 #: The first seeds: of slices that differ from frame to frame, and of references.
-_OWN, _REFERENCE = 1_000, 1_000_000
+_OWN, _REFERENCE, _DEEP = 1_000, 1_000_000, 5_000_000
 
 
 def main() -> None:
     shot, frames, folder = sys.argv[1], int(sys.argv[2]), Path(sys.argv[3])
     slices = int(sys.argv[4]) if len(sys.argv) > 4 else SLICES
+    deep = int(sys.argv[5]) if len(sys.argv) > 5 else 0
     import mitsuba as mi
 
     mi.set_variant("llvm_ad_rgb")
@@ -54,6 +57,10 @@ def main() -> None:
             images["same"] = np.stack([rendered(i, SLICE_SPP) for i in range(slices)])
             reference = [rendered(seed, REFERENCE_SPP) for seed in passes]
             images["reference"] = np.mean(reference, axis=0)
+        if deep:
+            seeds = range(_DEEP + frame * deep, _DEEP + (frame + 1) * deep)
+            total = sum(rendered(seed, DEEP_SPP).astype(np.float64) for seed in seeds)
+            images["reference"] = (total / deep).astype(np.float32)
         part = file.with_suffix(".part")
         with part.open("wb") as out:
             np.savez(out, **images)
