@@ -8,12 +8,15 @@ import subprocess
 import tempfile
 import time
 from pathlib import Path
-from typing import BinaryIO, Final
+from typing import TYPE_CHECKING, BinaryIO, Final
 
 from plateau.farm.model.errors import StoreUnavailable
 from plateau.farm.process.durable import make_folder, sync
 from plateau.farm.process.lifecycle import die_with_parent, plain_environment
 from plateau.farm.process.log import rotate
+
+if TYPE_CHECKING:
+    import redis
 
 _START_S: Final = 30.0
 #: In bytes; Linux takes 107, macOS 103.
@@ -22,6 +25,10 @@ _STOP_S: Final = 15.0
 _BLOCK_BYTES: Final = 4096
 #: A freshly rewritten log ends in a checksum, whose last bytes may be zero.
 _CHECKSUM_BYTES: Final = 8
+#: A log that is longer than this, and than so many times the memory that the data take, is mostly
+#: of what was replaced or removed since.
+_LONG_LOG_BYTES: Final = 16_000_000
+_LONG_LOG_TIMES: Final = 4
 
 
 def find_redis_server() -> Path | None:
@@ -60,6 +67,18 @@ def _end_of_bytes(file: BinaryIO, end: int) -> int:
             return start + len(block)
         end = start
     return 0
+
+
+def _shorten_log(client: "redis.Redis") -> None:
+    """Have the server write its log anew if that is mostly history.
+
+    It does so itself when the log is twice as long as at the server's start. Without this, a server
+    that is restarted every day would let it grow for ever.
+    """
+    log = client.info("persistence")["aof_current_size"]
+    data = client.info("memory")["used_memory"]
+    if log > max(_LONG_LOG_BYTES, _LONG_LOG_TIMES * data):
+        client.bgrewriteaof()
 
 
 class EmbeddedRedis:
@@ -159,6 +178,7 @@ class EmbeddedRedis:
         while True:
             try:
                 client.ping()
+                _shorten_log(client)
                 break
             except redis.exceptions.RedisError as error:
                 if self.process.poll() is not None or time.monotonic() > deadline:

@@ -15,6 +15,7 @@ from plateau.farm.ledger.schema import await_checks
 from plateau.farm.model.errors import Incompatible
 from plateau.farm.process import log
 from plateau.farm.process.lifecycle import forget_life, shut_memory
+from plateau.farm.process.scratch import remove_left
 from plateau.farm.process.settings import Settings
 from plateau.farm.process.stop import Stop
 from plateau.farm.redis.link import connect
@@ -38,6 +39,7 @@ def run_until_signal(role: str, run: Work) -> None:
     _check_addresses(settings)
     log.set_up(role, settings.log_format)
     forget_life(settings.alive_file)
+    remove_left()
     threading.excepthook = _end_with_its_thread
     gc.freeze()  # imported modules stay: the garbage collector can skip them
     stop = StopSignals().asked

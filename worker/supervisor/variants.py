@@ -13,7 +13,6 @@ import re
 import signal
 import subprocess
 import sys
-import tempfile
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from importlib.util import find_spec
@@ -23,6 +22,7 @@ from typing import Any, Final
 
 from plateau.farm.model.renderers import MITSUBA, VARIANTS, variant_named
 from plateau.farm.process.lifecycle import die_with_parent
+from plateau.farm.process.scratch import scratch
 from plateau.worker.supervisor import identity, needed_libraries
 from plateau.worker.supervisor.llvm_libraries import llvm_libraries, system_libraries
 
@@ -136,8 +136,8 @@ def probe(variant: str, library: str | None, timeout_s: float = _PROBE_TIMEOUT_S
     if library is not None:
         environment["DRJIT_LIBLLVM_PATH"] = library
     # A cached kernel of another LLVM would hide that this one cannot compile it.
-    with tempfile.TemporaryDirectory(prefix="plateau-probe-") as empty:
-        environment["DRJIT_CACHE_DIR"] = environment["TMPDIR"] = empty
+    with scratch() as empty:
+        environment["DRJIT_CACHE_DIR"] = environment["TMPDIR"] = str(empty)
         try:
             done = subprocess.run(
                 [sys.executable, "-s", "-m", "plateau.worker.child.probe", variant],

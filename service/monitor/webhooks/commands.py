@@ -20,6 +20,7 @@ from typing import IO, Final
 from plateau.farm.ledger.outbox import Taken
 from plateau.farm.process.allowed_commands import AllowedCommands, UnknownCommand
 from plateau.farm.process.lifecycle import die_with_parent, plain_environment
+from plateau.farm.process.scratch import scratch
 from plateau.farm.wire.webhook_views import message
 
 _LOG = logging.getLogger(__name__)
@@ -81,7 +82,7 @@ class Commands:
 
     def _run(self, taken: Taken, why_not: Callable[[], str]) -> Ran:
         words = self.allowed.named(taken.command or "")
-        with tempfile.TemporaryDirectory(prefix="plateau-then-") as folder, _facts(taken) as facts:
+        with scratch() as folder, _facts(taken) as facts:
             try:
                 process = subprocess.Popen(
                     words,

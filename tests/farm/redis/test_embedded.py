@@ -8,8 +8,10 @@ import psutil
 import pytest
 
 from plateau.farm.model.errors import StoreUnavailable
+from plateau.farm.redis import embedded
 from plateau.farm.redis.embedded import EmbeddedRedis, find_redis_server
 from plateau.farm.redis.link import connect
+from tests.support.until import until
 
 
 def test_it_keeps_its_data_over_a_restart_and_a_kill(tmp_path: Path) -> None:
@@ -25,6 +27,40 @@ def test_it_keeps_its_data_over_a_restart_and_a_kill(tmp_path: Path) -> None:
     client.close()
     second.stop()
     assert not psutil.pid_exists(second.process.pid)
+
+
+def test_a_log_that_is_mostly_history_is_written_anew_at_the_start(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def log_bytes(server: EmbeddedRedis) -> int:
+        with connect(server.url) as client:
+            assert client.get("kept") == "x" * 1000
+            return int(client.info("persistence")["aof_current_size"])
+
+    server = EmbeddedRedis(tmp_path)
+    with connect(server.url) as client:
+        pipe = client.pipeline(transaction=False)
+        for number in range(8000):
+            pipe.set("kept", str(number % 10) * 1000)
+        pipe.set("kept", "x" * 1000)
+        pipe.execute()
+    long = log_bytes(server)
+    # Given a server that is restarted before its log is twice as long as at its start
+    server.process.kill()
+    server.process.wait()
+    server.start()
+    assert log_bytes(server) == long
+    # When its log counts as long
+    monkeypatch.setattr(embedded, "_LONG_LOG_BYTES", 1_000_000)
+    server.process.kill()
+    server.process.wait()
+    server.start()
+    # Then it becomes short, and the data are there, now and after another restart
+    until(lambda: log_bytes(server) < 10_000)
+    server.stop()
+    server.start()
+    assert log_bytes(server) < 10_000
+    server.stop()
 
 
 def test_a_data_folder_with_a_long_path_will_do(tmp_path: Path) -> None:
