@@ -1,5 +1,5 @@
 # Two commands are enough on a fresh machine: `make demo` and `make test`.
-.PHONY: demo test test-long test-faults test-cluster test-blender check bench screenshots manual setup clean
+.PHONY: demo test test-long test-faults test-cluster test-blender soak check bench screenshots manual setup clean
 .DEFAULT_GOAL := help
 
 BIN := .venv/bin
@@ -14,7 +14,7 @@ demo: setup  ## Render scenes:box until it has converged; results in ./demo
 	$(BIN)/plateau render scenes:box -D width=256 -D height=256 -o demo
 
 test: setup  ## Run every test that a newcomer's machine can run
-	$(BIN)/python -m pytest --ignore tests/cluster --ignore tests/blender -n auto --dist loadfile \
+	$(BIN)/python -m pytest --ignore tests/cluster --ignore tests/blender --ignore tests/soak/test_soak.py -n auto --dist loadfile \
 	  --no-loadscope-reorder --durations 20
 
 test-cluster: setup  ## More than one machine: S3, Slurm, Kubernetes, networks (root on Debian); PARTS="s3 slurm"
@@ -30,6 +30,10 @@ test-faults: setup  ## The long fault suite; FAULT_MINUTES=30 FAULT_SEED=7 for t
 	LONG_TESTS=1 FAULT_MINUTES=$(or $(FAULT_MINUTES),5) FAULT_SEED=$(or $(FAULT_SEED),1) \
 	  $(BIN)/python -m pytest -s tests/faults tests/farm/bundle/test_bundle_fuzz.py tests/service/api/test_hostile_uploads.py \
 	  tests/service/api/test_api_fuzz.py
+
+soak: setup  ## Use and strike a farm for two hours: nothing is lost, nothing grows; SOAK_MINUTES, SOAK_SEED
+	SOAK_MINUTES=$(or $(SOAK_MINUTES),120) SOAK_SEED=$(or $(SOAK_SEED),1) \
+	  $(BIN)/python -m pytest -s tests/soak/test_soak.py
 
 test-blender: setup  ## Blender's Cycles, in .venv-blender (2 GB, of which 400 MB are fetched; Python 3.11)
 	bash tests/blender/install.sh

@@ -16,7 +16,7 @@ from plateau.farm.blobs.store import Blobs
 from plateau.farm.redis.embedded import EmbeddedRedis
 from plateau.farm.redis.link import connect
 
-pytest.register_assert_rewrite("tests.support")
+pytest.register_assert_rewrite("tests.support", "tests.soak")
 
 # The repository is on sys.path, so its folders could be imported by their own names, and would be
 # loaded a second time beside `plateau.farm` and the others. None makes Python refuse that.

@@ -32,6 +32,7 @@ from bench import (
     zones,
 )
 from bench.support import markdown, report
+from tests.soak import report as soak
 
 
 def figures(name: str) -> dict[str, object]:
@@ -56,6 +57,7 @@ def tables() -> dict[str, str]:
         **eyes.tables(figures("eyes")),
         **farm.tables(figures("farm")),
         **scale.tables(figures("scale")),
+        **soak.tables(figures("soak")),
         **shot_stop.tables(figures("shot_stop")),
         **shots.tables(figures("shots")),
         **selective.tables(figures("selective")),
@@ -76,6 +78,7 @@ def tables() -> dict[str, str]:
         "allocation.md",
         "animation.md",
         "denoising.md",
+        "durability.md",
         "metric.md",
         "stopping.md",
         "paper.md",

@@ -6,18 +6,19 @@ import random
 import signal
 import subprocess
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Final
 
 import psutil
 
+from plateau.exit_codes import ExitCode
 from plateau.farm.blobs import store as blobs
 from tests.support.faulty_farm import FaultyFarm
 
-#: How many of each the farm has while all is well.
-MEMBERS: Final = {"monitor": 2, "worker": 3}
-_PAUSE_S: Final = (0.1, 1.5)  #: between two faults
+#: The commands of those that are struck, as many as the farm has while all is well.
+MEMBERS: Final = (("monitor",),) * 2 + (("worker",),) * 3
+PAUSE_S: Final = (0.1, 1.5)  #: between two faults
 _LONGEST_S: Final = 4.0  #: of a fault that lasts; a lease of these farms lasts 2 s
 
 
@@ -27,18 +28,31 @@ class Chaos:
     Parameters
     ----------
     farm
-        The farm; its monitors and workers are started here.
+        The farm; whom it strikes is started here, and there may be others.
     seed
         What happens depends on it, but not when a process comes to which point of its work.
     tell
         Takes a line for each fault.
+    members
+        The commands of those that it strikes.
+    pause_s
+        The shortest and the longest time between two faults.
     """
 
-    def __init__(self, farm: FaultyFarm, seed: int, tell: Callable[[str], None]) -> None:
+    def __init__(
+        self,
+        farm: FaultyFarm,
+        seed: int,
+        tell: Callable[[str], None],
+        members: Iterable[tuple[str, ...]] = MEMBERS,
+        pause_s: tuple[float, float] = PAUSE_S,
+    ) -> None:
         self._farm = farm
         self._random = random.Random(seed)
         self._tell = tell
-        self._members: list[tuple[str, subprocess.Popen[bytes]]] = []
+        self._pause_s = pause_s
+        self._members: list[tuple[tuple[str, ...], subprocess.Popen[bytes]]] = []
+        self._leaving: list[subprocess.Popen[bytes]] = []
         self._mend: list[tuple[float, Callable[[], None]]] = []
         self._faults = (
             (4, self.kill),
@@ -55,13 +69,12 @@ class Chaos:
         self.struck: dict[str, int] = {}
         self.damaged: set[str] = set()  #: blobs that were spoilt or lost
         self.redis_is_away = False
-        for role, count in MEMBERS.items():
-            for _ in range(count):
-                self._start(role)
+        for command in members:
+            self._start(command)
 
     def strike(self) -> None:
         """One fault, after a pause; what is due is mended before."""
-        time.sleep(self._random.uniform(*_PAUSE_S))
+        time.sleep(self._random.uniform(*self._pause_s))
         self.mend()
         weights = [weight for weight, _ in self._faults]
         (_, fault) = self._random.choices(self._faults, weights)[0]
@@ -77,6 +90,18 @@ class Chaos:
         self._mend = [one for one in self._mend if one not in due]
         for _, repair in due:
             repair()
+        for process in [one for one in self._leaving if one.poll() is not None]:
+            self._leaving.remove(process)
+            self._forget(process)
+        for member in [one for one in self._members if one[1].poll() is not None]:
+            self._members.remove(member)  # one that started while the store was away
+            self._forget(member[1])
+            self._start(member[0])
+
+    def _forget(self, process: subprocess.Popen[bytes]) -> None:
+        # One that was told to stop before it listened is ended by the signal itself.
+        assert process.returncode in {0, ExitCode.FAILED, -signal.SIGTERM}, process.args
+        self._farm.processes.remove(process)
 
     # Processes.
 
@@ -87,10 +112,10 @@ class Chaos:
         return self._end(signal.SIGTERM)
 
     def stop(self) -> str | None:
-        role, process = self._random.choice(self._members)
+        command, process = self._random.choice(self._members)
         process.send_signal(signal.SIGSTOP)
         self._later(lambda: process.send_signal(signal.SIGCONT))
-        return role
+        return command[0]
 
     def kill_render_child(self) -> str | None:
         return self._hit_a_child(signal.SIGKILL)
@@ -98,27 +123,27 @@ class Chaos:
     def stop_render_child(self) -> str | None:
         return self._hit_a_child(signal.SIGSTOP)
 
-    def _start(self, role: str) -> None:
-        # Three of these faults may well meet on one slice, and its job would rightly fail.
-        process = self._farm.start_changed(role, set={"plateau.farm.ledger.queue:MAX_TRIES": 1000})
-        self._members.append((role, process))
+    def _start(self, command: tuple[str, ...]) -> None:
+        self._members.append((command, self._farm.start_patient(*command)))
 
     def _end(self, number: signal.Signals) -> str:
-        role, process = member = self._random.choice(self._members)
+        command, process = member = self._random.choice(self._members)
         self._members.remove(member)
         process.send_signal(number)
         process.send_signal(signal.SIGCONT)  # where it was stopped
         if number == signal.SIGKILL:
             process.wait()
             self._farm.processes.remove(process)
-        self._start(role)
-        return role
+        else:
+            self._leaving.append(process)
+        self._start(command)
+        return command[0]
 
     def _hit_a_child(self, number: signal.Signals) -> str | None:
         children = [
             child
-            for role, process in self._members
-            if role == "worker"
+            for command, process in self._members
+            if command[0] == "worker"
             for child in _children(process)
         ]
         if not children:
@@ -178,10 +203,12 @@ class Chaos:
         path = self._some_blob()
         if path is None:
             return None
-        with contextlib.suppress(FileNotFoundError):
-            content = bytearray(path.read_bytes())
-            content[self._random.randrange(len(content))] ^= 1 << self._random.randrange(8)
-            path.write_bytes(content)
+        with contextlib.suppress(FileNotFoundError), path.open("r+b") as file:
+            where = self._random.randrange(path.stat().st_size)
+            file.seek(where)
+            byte = file.read(1)[0] ^ 1 << self._random.randrange(8)
+            file.seek(where)
+            file.write(bytes([byte]))
         return self._damaged(path)
 
     def lose_a_blob(self) -> str | None:

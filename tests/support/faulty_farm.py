@@ -67,6 +67,15 @@ class FaultyFarm(RealFarm):
         """Start a process with changes of `tests.support.stages`, such as `set` or `clock_s`."""
         return self._start_on(changes, role, *arguments, **environment)
 
+    def start_patient(self, role: str, *arguments: str) -> subprocess.Popen[bytes]:
+        """Start a process for which a slice may be tried a thousand times.
+
+        Three faults at random may well meet on one slice, and its job would rightly fail.
+        """
+        return self.start_changed(
+            role, *arguments, set={"plateau.farm.ledger.queue:MAX_TRIES": 1000}
+        )
+
     def _start_on(
         self,
         stage: dict[str, Any],
