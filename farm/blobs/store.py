@@ -4,6 +4,7 @@ import re
 import threading
 import time
 from collections.abc import Iterator
+from concurrent.futures import Future
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO, Final, NamedTuple
@@ -216,6 +217,11 @@ class Blobs:
         """The blob's bytes."""
         with self._reading(name):
             return self._place.read(name)
+
+    def result_of(self, read: "Future[bytes]") -> bytes:
+        """The bytes that another thread reads by `get`, for which this one waits in its place."""
+        with self._calling(FileNotFoundError):
+            return read.result()
 
     def chunks(self, name: str) -> Iterator[bytes]:
         """The blob's bytes, a few MB at a time."""

@@ -2,10 +2,11 @@
 
 import hashlib
 import logging
-from typing import Final
+from collections.abc import Iterable
+from typing import Final, Protocol
 
 from plateau.farm.blobs import store as blobs
-from plateau.farm.blobs.store import Blobs
+from plateau.farm.blobs.read_ahead import Series
 from plateau.farm.images.exr import Partial, decode_partial
 from plateau.farm.ledger.ownership import Ownership, Ownerships
 from plateau.farm.ledger.queue import SliceRecord
@@ -24,7 +25,14 @@ _MOST_BORDER: Final = 16
 _LOG = logging.getLogger(__name__)
 
 
-def checked_partial(store: Blobs, blob: str, sha256: str) -> Partial:
+class Reads(Protocol):
+    """What reads blobs."""
+
+    def get(self, name: str) -> bytes:
+        """Return a blob; raises as `Blobs.get`."""
+
+
+def checked_partial(store: Reads, blob: str, sha256: str) -> Partial:
     """Return a partial, as its worker uploaded it.
 
     Raises
@@ -45,11 +53,19 @@ def checked_partial(store: Blobs, blob: str, sha256: str) -> Partial:
 class Films:
     """The partials of a job's slices, for the monitor that owns the job."""
 
-    def __init__(self, owned: Ownership, owners: Ownerships, store: Blobs, spec: JobSpec) -> None:
+    def __init__(self, owned: Ownership, owners: Ownerships, series: Series, spec: JobSpec) -> None:
         self._spec = spec
         self._owned = owned
         self._owners = owners
-        self._blobs = store
+        self._series = series
+
+    def expect(self, records: Iterable[SliceRecord]) -> None:
+        """Say of which slices the partials come next, in their order."""
+        self._series.expect(one.blob for one in records if blobs.is_partial(one.blob))
+
+    def let_go(self) -> None:
+        """Keep no partial in memory until the next is asked for."""
+        self._series.let_go()
 
     def partial(self, record: SliceRecord, plan: Plan) -> Partial | None:
         """Return the slice's partial, or None if it is lost, is damaged or lacks AOVs.
@@ -64,7 +80,7 @@ class Films:
         """
         with concerning(self._owned.job_id, record.index):
             try:
-                partial = checked_partial(self._blobs, record.blob, record.sha256)
+                partial = checked_partial(self._series, record.blob, record.sha256)
                 self._check_zones(partial, plan)
                 return self._complete(partial, record)
             except FileNotFoundError as error:

@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from plateau.farm.blobs import store as blobs
+from plateau.farm.blobs.read_ahead import ReadAhead
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.ownership import Ownership, Ownerships
@@ -45,6 +46,7 @@ class JobRun:
         jobs: Jobs,
         owners: Ownerships,
         store: Blobs,
+        ahead: ReadAhead,
         work: MonitorWork,
         denoising: Denoising,
         *,
@@ -61,7 +63,7 @@ class JobRun:
         self._point: dict[str, Any] = {}  # the last judgement's
         self._in_hand: deque[SliceRecord] = deque()  # committed and not yet merged
         self._decided: Round | None = None  # by the image that was judged last
-        self._films = Films(owned, owners, store, job.spec)
+        self._films = Films(owned, owners, ahead.series(), job.spec)
         self._results = ResultSets(owned, owners, store, job.spec)
         self._checkpoints = Checkpoints(owned, owners, store, keep_slices=job.spec.keep_slices)
         self._merge = self._checkpoints.recover(job.spec, self._judge)
@@ -91,10 +93,13 @@ class JobRun:
         """
         job = self._jobs.get(self.owned.job_id)
         self._known = self._known.turn(job, crew.enough(job), time.monotonic())
-        while not isinstance(step := next_step(self._known), steps.Wait):
-            self._known = self._after(step)
-            if isinstance(step, steps.FinishJob):
-                return True
+        try:
+            while not isinstance(step := next_step(self._known), steps.Wait):
+                self._known = self._after(step)
+                if isinstance(step, steps.FinishJob):
+                    return True
+        finally:
+            self._films.let_go()
         return False
 
     def _after(self, step: steps.Step) -> Known:
@@ -106,6 +111,7 @@ class JobRun:
                 return replace(known, planned=stop)
             case steps.ReadLedger(slices):
                 self._in_hand = deque(self._owners.committed(self.owned.job_id, slices))
+                self._films.expect(self._in_hand)
                 if self._in_hand and not known.plan.pixels:
                     job = self._jobs.get(self.owned.job_id)
                     known = known.with_film(job.width, job.height)

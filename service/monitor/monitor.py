@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Final
 
+from plateau.farm.blobs.read_ahead import ReadAhead
 from plateau.farm.blobs.store import Blobs
 from plateau.farm.ledger.jobs import Jobs
 from plateau.farm.ledger.members import process_id, sign_on
@@ -53,6 +54,7 @@ class Monitor:
         self.id = process_id()
         client = self._client = connect(settings.redis_url)
         self._blobs = store
+        self._ahead = ReadAhead(store)
         self._side_by_side = SideBySide(client)
         self._jobs = Jobs(self._side_by_side.client)
         self._owners = Ownerships(self._side_by_side.client, settings.lease_s)
@@ -109,6 +111,7 @@ class Monitor:
         finally:
             self._denoising.close()
             self._tending.close()
+            self._ahead.close()
             over.set()
             renewer.join()
             self._disown()
@@ -229,6 +232,7 @@ class Monitor:
                     self._jobs,
                     self._owners,
                     self._blobs,
+                    self._ahead,
                     self._work,
                     self._denoising,
                     keeps_sums=self._keeps_sums,
