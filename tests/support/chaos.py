@@ -63,7 +63,7 @@ class Chaos:
             (2, self.kill_redis),
             (1, self.stop_redis),
             (1, self.take_the_store_away),
-            (2, self.spoil_a_blob),
+            (2, self.damage_a_blob),
             (1, self.lose_a_blob),
         )
         self.struck: dict[str, int] = {}
@@ -199,7 +199,7 @@ class Chaos:
         self._later(bring_back)
         return "and bring it back"
 
-    def spoil_a_blob(self) -> str | None:
+    def damage_a_blob(self) -> str | None:
         path = self._some_blob()
         if path is None:
             return None
