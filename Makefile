@@ -14,8 +14,8 @@ demo: setup  ## Render scenes:box until it has converged; results in ./demo
 	$(BIN)/plateau render scenes:box -D width=256 -D height=256 -o demo
 
 test: setup  ## Run every test that a newcomer's machine can run
-	$(BIN)/python -m pytest --ignore tests/cluster --ignore tests/blender --ignore tests/soak/test_soak.py -n auto --dist loadfile \
-	  --no-loadscope-reorder --durations 20
+	$(BIN)/python -m pytest --ignore tests/cluster --ignore tests/blender --ignore tests/soak/test_soak.py \
+	  -n auto --dist loadfile --no-loadscope-reorder --durations 20
 
 test-cluster: setup  ## More than one machine: S3, Slurm, Kubernetes, networks (root on Debian); PARTS="s3 slurm"
 	bash tests/cluster/install.sh $(PARTS)
@@ -31,7 +31,7 @@ test-faults: setup  ## The long fault suite; FAULT_MINUTES=30 FAULT_SEED=7 for t
 	  $(BIN)/python -m pytest -s tests/faults tests/farm/bundle/test_bundle_fuzz.py tests/service/api/test_hostile_uploads.py \
 	  tests/service/api/test_api_fuzz.py
 
-soak: setup  ## Use and strike a farm for two hours: nothing is lost, nothing grows; SOAK_MINUTES, SOAK_SEED
+soak: setup  ## A farm in use and under faults for two hours: nothing lost, nothing grows; SOAK_MINUTES=30 SOAK_SEED=7
 	SOAK_MINUTES=$(or $(SOAK_MINUTES),120) SOAK_SEED=$(or $(SOAK_SEED),1) \
 	  $(BIN)/python -m pytest -s tests/soak/test_soak.py
 
