@@ -87,7 +87,7 @@ def tables(report: Mapping[str, Any]) -> dict[str, str]:
     rows = [
         ["date, machine", f"{report['at'][:10]}, {about['cores']} cores, {about['cpu']}"],
         ["minutes of faults", f"{found['minutes']:g}"],
-        ["jobs compared", f"{sum(jobs.values()):g}: {_listed(jobs)}"],
+        ["jobs checked", f"{sum(jobs.values()):g}: {_listed(jobs)}"],
         ["faults", f"{sum(faults.values()):g}: {_listed(faults)}"],
         ["users' calls of the API", f"{found[_CALLS]:g}"],
         ["messages that a receiver got", f"{found['messages of webhooks']:g}"],
